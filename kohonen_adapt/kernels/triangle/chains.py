@@ -1,7 +1,8 @@
-"""Look up where nodes are on chains, the pieces of outline that they slide on, and how far they may go there.
+"""Positions and parameters of nodes on the curve segments of a geometry.
 
-A node on a chain is moved in its parameter, and its position is looked up, so it cannot drift. The parameter is arc
-length on straight chains and on arcs of circles; along a table it is what the table was made with.
+A node on a segment moves by its parameter and is placed at the position of the parameter, so the node cannot
+drift. The parameter is the arc length on straight segments and on circular arcs, and the parameter of the table on
+tabled segments. The code calls a segment a chain.
 """
 
 import math
@@ -31,18 +32,17 @@ from kohonen_adapt.kernels.arrays import (
 )
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 
-BISECTIONS = 45  # to the nearest point between two knots: that many bits
+BISECTIONS = 45  # of a span between knots, one bit of the nearest point each
 
 
 @inner_kernel
 def point_at(chains, c, parameter):
-    """The position that belongs to a parameter."""
     x, y = chains.place[c, ORIGIN_X], chains.place[c, ORIGIN_Y]
     tx, ty = chains.place[c, DIRECTION_X], chains.place[c, DIRECTION_Y]
     if chains.flags[c, SHAPE] == STRAIGHT:
         return x + parameter * tx, y + parameter * ty
     if chains.flags[c, SHAPE] == ROUND:
-        # from the origin along a chord: exact however large the radius
+        # along a chord from the origin, exact for any radius
         half = 0.5 * chains.place[c, CURVATURE] * parameter
         sine, cosine = math.sin(half), math.cos(half)
         chord = 2.0 * sine / chains.place[c, CURVATURE]
@@ -54,7 +54,6 @@ def point_at(chains, c, parameter):
 
 @inner_kernel
 def tangent_at(chains, c, parameter):
-    """The unit vector along the chain at a parameter."""
     tx, ty = chains.place[c, DIRECTION_X], chains.place[c, DIRECTION_Y]
     if chains.flags[c, SHAPE] == ROUND:
         angle = chains.place[c, CURVATURE] * parameter
@@ -70,7 +69,10 @@ def tangent_at(chains, c, parameter):
 
 @inner_kernel
 def nearest_parameter(chains, c, x, y, near):
-    """The parameter of the point of chain c that is nearest to (x, y); on a table looked for from `near` on."""
+    """Return the parameter of the point of segment `c` nearest to (x, y).
+
+    The search on a tabled segment begins at the parameter `near`.
+    """
     if chains.flags[c, SHAPE] == TABLED:
         return nearest_on_table(chains, c, x, y, near)
     ux, uy = x - chains.place[c, ORIGIN_X], y - chains.place[c, ORIGIN_Y]
@@ -92,7 +94,6 @@ def nearest_parameter(chains, c, x, y, near):
 
 @inner_kernel
 def parameter_of(position, constraints, c, v):
-    """The parameter of a node on chain c; one that does not slide there is at one of its ends."""
     if constraints.kind[v] == SLIDING and constraints.chain[v, OWN] == c:
         return constraints.parameter[v]
     x, y, chains = position[v, 0], position[v, 1], constraints.chains
@@ -103,14 +104,12 @@ def parameter_of(position, constraints, c, v):
 
 @inner_kernel
 def distance_to_chain(chains, c, x, y, near):
-    """Squared distance from (x, y) to the chain's nearest point, and the parameter of that point."""
     parameter = nearest_parameter(chains, c, x, y, near)
     return squared_to_parameter(chains, c, parameter, x, y), parameter
 
 
 @inner_kernel
 def way_along(chains, c, start, end):
-    """How far it is from one parameter to another; on a loop the shorter way round."""
     way = end - start
     if chains.flags[c, CLOSED]:
         if way > 0.5 * chains.place[c, LENGTH]:
@@ -122,7 +121,6 @@ def way_along(chains, c, start, end):
 
 @inner_kernel
 def gone_along(chains, c, start, way):
-    """The parameter so far from another; a loop begins anew at its end."""
     parameter = start + way
     if chains.flags[c, CLOSED]:
         if parameter < 0.0:
@@ -134,7 +132,6 @@ def gone_along(chains, c, start, way):
 
 @inner_kernel
 def middle_on_chain(position, constraints, c, a, b):
-    """The middle of the stretch of chain c between two nodes on it, and its parameter: (x, y, parameter)."""
     chains = constraints.chains
     start, end = parameter_of(position, constraints, c, a), parameter_of(position, constraints, c, b)
     parameter = gone_along(chains, c, start, 0.5 * way_along(chains, c, start, end))
@@ -144,7 +141,10 @@ def middle_on_chain(position, constraints, c, a, b):
 
 @inner_kernel
 def within_reach(position, elements, star, chains, c, v, x, y):
-    """Whether node v at (x, y) on chain c makes no facet that is both longer than may be and longer than before."""
+    """Return True if node `v` at (x, y) makes no facet too long.
+
+    A facet is too long if longer than the reach of segment `c` and longer than before.
+    """
     reach = chains.place[c, REACH]
     if reach == np.inf:
         return True
@@ -165,7 +165,6 @@ def within_reach(position, elements, star, chains, c, v, x, y):
 
 @inner_kernel
 def knot_before(chains, c, parameter):
-    """The last knot of a tabled chain, its end not counted, that is not beyond a parameter."""
     low, high = chains.row[c], chains.row[c + 1] - 1
     while high - low > 1:
         middle = (low + high) // 2
@@ -178,13 +177,16 @@ def knot_before(chains, c, parameter):
 
 @inner_kernel
 def span_share(knot, k, parameter):
-    """Where between knots k and k + 1 a parameter lies, 0 to 1."""
     return (parameter - knot[k, AT]) / (knot[k + 1, AT] - knot[k, AT])
 
 
 @inner_kernel
 def on_span(knot, k, share):
-    """Position between knots k and k + 1 and derivative by the share, of the cubic with the same at the knots."""
+    """Return position and derivative of the cubic Hermite polynomial of span `k`.
+
+    The result is (x, y, dx, dy) at the fraction `share` of the span from knot k to k + 1. The derivative is by the
+    fraction.
+    """
     width, r = knot[k + 1, AT] - knot[k, AT], 1.0 - share
     h0, h1 = r * r * (1.0 + 2.0 * share), share * share * (1.0 + 2.0 * r)
     g0, g1 = width * share * r * r, -width * share * share * r
@@ -199,7 +201,6 @@ def on_span(knot, k, share):
 
 @inner_kernel
 def nearest_on_table(chains, c, x, y, near):
-    """The parameter of the nearest point: over ever nearer knots from `near` on, then in the spans beside the last."""
     knot, k, best = chains.knot, knot_before(chains, c, near), np.inf
     distance = squared_to_knot(knot, k, x, y)
     for way in (1, -1):
@@ -220,7 +221,6 @@ def nearest_on_table(chains, c, x, y, near):
 
 @inner_kernel
 def next_knot(chains, c, k, way):
-    """The next knot of a chain that way; at its end that end, on a loop the first one again, which the last one is."""
     first, last = chains.row[c], chains.row[c + 1] - 1
     k += way
     if chains.flags[c, CLOSED]:
@@ -230,21 +230,18 @@ def next_knot(chains, c, k, way):
 
 @inner_kernel
 def squared_to_knot(knot, k, x, y):
-    """Squared distance from (x, y) to a knot."""
     dx, dy = x - knot[k, AT_X], y - knot[k, AT_Y]
     return dx * dx + dy * dy
 
 
 @inner_kernel
 def squared_to_parameter(chains, c, parameter, x, y):
-    """Squared distance from (x, y) to the point of a chain at a parameter."""
     px, py = point_at(chains, c, parameter)
     return (x - px) * (x - px) + (y - py) * (y - py)
 
 
 @inner_kernel
 def nearest_in_span(knot, k, x, y):
-    """The parameter between knots k and k + 1 where the way to (x, y) is square to the curve, or the nearer end."""
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):
         share = 0.5 * (low + high)
@@ -258,7 +255,6 @@ def nearest_in_span(knot, k, x, y):
 
 @kernel
 def look_up(constraints, nodes, out):
-    """Look up where sliding nodes are to be by their parameters, (k, 2)."""
     for i in range(nodes.shape[0]):
         v = nodes[i]
         chain = np.int64(constraints.chain[v, OWN])
@@ -267,7 +263,7 @@ def look_up(constraints, nodes, out):
 
 @kernel
 def farthest_from_facets(position, elements, constraints):
-    """How far at most a curve is from its facets, looked at in the middle of each: the sagitta of an arc; and which."""
+    """Return the largest sagitta of all facets and the index of its segment."""
     chains, farthest, which = constraints.chains, 0.0, np.int64(-1)
     for e in range(elements.node.shape[0]):
         for k in range(3):

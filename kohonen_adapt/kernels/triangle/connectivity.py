@@ -1,4 +1,4 @@
-"""Link elements to their nodes and neighbours, find corners and edges in them, and go from one to the next."""
+"""Corners, edges, neighbours and stars of triangles."""
 
 import numpy as np
 
@@ -7,7 +7,6 @@ from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 
 @inner_kernel
 def corner_of(node, e, v):
-    """Local number of node v in element e."""
     if node[e, 0] == v:
         return 0
     return 1 if node[e, 1] == v else 2
@@ -15,7 +14,6 @@ def corner_of(node, e, v):
 
 @inner_kernel
 def corner_towards(neighbour, e, other):
-    """Local number of the corner of e whose opposite edge is shared with the element `other`."""
     for k in range(3):
         if neighbour[e, k] == other:
             return k
@@ -24,7 +22,11 @@ def corner_towards(neighbour, e, other):
 
 @inner_kernel
 def rows_with(star, v, w):
-    """The rows of the star of v whose elements have w, each with the third node of its element; -1 of one not there."""
+    """Return two rows of the star of `v` and the third nodes of their elements.
+
+    The elements contain the edge from `v` to `w`. The result is (row, node, row, node), first the row with `w` ahead,
+    then the row with `w` behind, with -1 for a missing row.
+    """
     ahead, one, behind, other = np.int64(-1), np.int64(-1), np.int64(-1), np.int64(-1)
     for row in range(star.start[v], star.start[v + 1]):
         if star.ahead[row] == w:
@@ -36,7 +38,6 @@ def rows_with(star, v, w):
 
 @inner_kernel
 def row_beside(rows, third):
-    """Which of the two rows of `rows_with` has this third node, or -1."""
     if third == rows[1]:
         return rows[0]
     return rows[2] if third == rows[3] else -1
@@ -44,14 +45,13 @@ def row_beside(rows, third):
 
 @inner_kernel
 def corners_around(node, e, k, other):
-    """The ends p and q of the edge opposite to corner k of e, that corner r, and s opposite in the element `other`."""
+    """Return edge ends p, q and the opposite nodes r of `e` and s of `other`."""
     p, q, r = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3]), np.int64(node[e, k])
     return p, q, r, node[other, 0] + node[other, 1] + node[other, 2] - p - q
 
 
 @inner_kernel
 def joined(node, neighbour, e, v, other):
-    """Whether an edge joins node v of element e to the other node; looks at the elements around v, both ways from e."""
     for way in (1, 2):
         at = e
         while at >= 0:
@@ -66,7 +66,6 @@ def joined(node, neighbour, e, v, other):
 
 @kernel
 def find_starts(node, start):
-    """Find where the elements around every node begin when they are listed node by node, (n + 1,)."""
     for v in range(start.shape[0]):
         start[v] = 0
     for e in range(node.shape[0]):
@@ -78,7 +77,6 @@ def find_starts(node, start):
 
 @kernel
 def fill_star(node, star, first, last, cursor):
-    """List the elements around the nodes `first` to `last` by number, from the starts; `cursor` (n,) is scratch."""
     for v in range(first, last):
         cursor[v] = star.start[v]
     for e in range(node.shape[0]):
@@ -92,7 +90,6 @@ def fill_star(node, star, first, last, cursor):
 
 @kernel
 def spread_starts(elements, start, queue):
-    """For elements without a start (-1) that of the nearest element of their region, over edges."""
     first, last = 0, 0
     for e in range(start.shape[0]):
         if start[e] >= 0:

@@ -1,13 +1,17 @@
-"""Lower Ritz functionals of P1 functions by sweeps that move nodes.
+"""Descent of functionals of P1 functions by moves of single nodes.
 
-The functional int c/2 |grad u|^2 - f u - g . grad u of an element (v, a, b), counter-clockwise with doubled area D, is
+On an element (v, a, b), counter-clockwise with doubled area D, the functional int c/2 |grad u|^2 - f u - g . grad
+u is
 
     c |n|^2 / (4 D) - f D (u_v + u_a + u_b) / 6 - g . Jn / 2,    n = u_v (b - a) + u_a (x_v - b) + u_b (a - x_v),
 
-where J turns by a right angle, grad u = Jn / D. D and n are affine in the position and the value of v, so |n|^2 / D is
-jointly convex in both: Newton's method fits, and only the source f can make a Hessian indefinite. Nonlinear material
-has an energy density W(|grad u|^2) in place of c/2 |grad u|^2, an energy D W / 2 convex in the values, and the rate W',
-half of the secant coefficient, in place of a constant; moves are proposed by the same derivatives and judged by W.
+where J turns by a right angle and grad u = Jn / D. D and n are affine in the position and the value of v, so |n|^2
+/ D is jointly convex in both. Newton's method is therefore suitable, and only the source f can make a Hessian
+indefinite.
+
+A nonlinear material has an energy density W(|grad u|^2) in place of c/2 |grad u|^2, so the energy D W / 2 is
+convex in the values. The derivative W', half the secant coefficient, replaces c/2. The same derivatives propose
+moves, and W accepts or rejects them.
 """
 
 import math
@@ -30,19 +34,21 @@ from kohonen_adapt.kernels.triangle.chains import point_at
 from kohonen_adapt.kernels.triangle.geometry import may_move
 from kohonen_adapt.kernels.triangle.varying_flux import half_flux, half_flux_rates
 
-ROUNDING = 1e-13  # of the sum of the magnitudes of what is added up: less is no gain
-HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
-OVERSTEP = 1.6  # of Newton's step: neighbours follow, as in successive over-relaxation; 8 sweeps do the work of 16
-TRIES = 4  # of a Newton step of a value, each half of the one before
-LEAST_CURVATURE = 0.3  # of the larger principal one: flatter directions count as curved as that, or steps are too wild
+ROUNDING = 1e-13  # minimum gain as a fraction of the summed magnitudes of all terms
+HALVINGS = 3  # of a rejected step
+OVERSTEP = 1.6  # relaxation of Newton's step, as in successive over-relaxation: halves the number of sweeps
+TRIES = 4  # lengths of a Newton step of a value, each half the previous length
+LEAST_CURVATURE = (
+    0.3  # minimum curvature as a fraction of the larger principal curvature, limits steps in flat directions
+)
 
 
 @kernel
 def descend_nodes(position, star, constraints, trials, order, floor):
-    """Move nodes, in the given order, to where the functional of their stars is lower; returns the gain of the moves.
+    """Move nodes in the given order and return the gain by the moves.
 
-    A node's own values follow: each is what minimises its functional, or where it is given along a chain what the chain
-    says. What better values at the same place gain does not count.
+    The value of a node follows its move. A free value minimises the functional, and a Dirichlet value is interpolated
+    on the segment. Decreases by new values alone do not count.
     """
     gain, two = 0.0, trials.other.value.shape[0] > 0
     for node in order:
@@ -61,10 +67,15 @@ def descend_nodes(position, star, constraints, trials, order, floor):
 
 @inner_kernel
 def derivatives(position, star, trial, v):
-    """The functional of the star of v with its gradient and Hessian in (x, y, w), w the change of v's own value.
+    """Return the functional of the star of `v` with first and second derivatives.
 
-    Returns (sum of magnitudes, value, by x, y, w, by xx, xy, yy, xw, yw, ww). Values are taken relative to v's own:
-    what that adds to the load depends on the area of the star alone, which no move changes.
+    The variables are the position (x, y) of `v` and the change w of its value. Values are relative to the value of
+    `v`, which shifts the functional by a constant, because no move changes the area of the star.
+
+    Returns
+    -------
+    size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww
+        Sum of magnitudes of all terms, functional, gradient and Hessian.
     """
     x, y, own = position[v, 0], position[v, 1], trial.value[v]
     size, total, by_x, by_y, by_w = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -81,13 +92,13 @@ def derivatives(position, star, trial, v):
         nx, ny = beta * ax - alpha * bx, beta * ay - alpha * by
         qx, qy = inverse * nx, inverse * ny
         energy = 0.5 * weight * (nx * nx + ny * ny)
-        # derivatives of n by x, y, w less q times those of the doubled area
+        # dn/dx - q dD/dx and dn/dy - q dD/dy with the doubled area D
         x_x, x_y = difference + qx * ey, qy * ey
         y_x, y_y = -qx * ex, difference - qy * ex
         if trial.laws.number[e] >= 0:
             density, rate, bend = stored(trial.laws, trial.laws.number[e], qx * qx + qy * qy)
             weight, energy = rate * inverse, 0.5 * doubled * density
-            # as if of a constant coefficient, and what that leaves of W is carried by the area, and bends along grad u
+            # additions to the terms of a constant coefficient: the rest of W times the area, and d2W/ds2 along grad u
             rest, bend = 0.5 * density - 0.5 * rate * (qx * qx + qy * qy), 2.0 * bend * inverse
             square_x, square_y, square_w = qx * x_x + qy * x_y, qx * y_x + qy * y_y, qx * ex + qy * ey
             by_x -= rest * ey
@@ -125,10 +136,7 @@ def derivatives(position, star, trial, v):
 
 @inner_kernel
 def quadratic(position, star, trial, v, x, y):
-    """The functional of the star with v at (x, y), as c + r w + k w^2 / 2 in the change w of v's value: (c, r, k).
-
-    That is `parabola` without laws; were it asked for instead, a polish would take a seventh longer.
-    """
+    # the same as `parabola` without laws, because calls of `parabola` make a polish a seventh slower
     own = trial.value[v]
     c, r, k = 0.0, 0.0, 0.0
     for j in range(star.start[v], star.start[v + 1]):
@@ -148,7 +156,6 @@ def quadratic(position, star, trial, v, x, y):
 
 @inner_kernel
 def eliminated(slope):
-    """Of what `derivatives` returns, the own value at its best: (sum of magnitudes, value, by x, y, by xx, xy, yy)."""
     size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
     by_x, by_y = by_x - xw * by_w / ww, by_y - yw * by_w / ww
     return size, total - 0.5 * by_w * by_w / ww, by_x, by_y, xx - xw * xw / ww, xy - xw * yw / ww, yy - yw * yw / ww
@@ -156,7 +163,6 @@ def eliminated(slope):
 
 @inner_kernel
 def move_free(position, star, trials, v, floor):
-    """Move a free node by a step with its values eliminated, or half as far until it is a gain; returns the gain."""
     trial, other, two = trials.one, trials.other, trials.other.value.shape[0] > 0
     slope = derivatives(position, star, trial, v)
     _, _, _, _, by_w, _, _, _, xw, yw, ww = slope
@@ -200,13 +206,13 @@ def move_free(position, star, trials, v, floor):
 
 @inner_kernel
 def newton_step(by_x, by_y, xx, xy, yy):
-    """Newton's step, overdone, downhill even where the Hessian is not positive: by its eigenvalues' magnitudes."""
+    """Return an over-relaxed Newton step with the magnitudes of the eigenvalues."""
     mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
     radius = math.hypot(half, xy)
     least = LEAST_CURVATURE * (abs(mean) + radius)
     if not least > 0.0:
         return 0.0, 0.0
-    # the inverse has the same eigenvectors: a multiple of the identity and one of the Hessian without its mean
+    # The inverse has the same eigenvectors, so a sum of multiples of the identity and of the deviatoric Hessian.
     high, low = 1.0 / max(least, abs(mean + radius)), 1.0 / max(least, abs(mean - radius))
     along, across = -0.5 * OVERSTEP * (high + low), 0.0
     if radius > 0.0:
@@ -216,10 +222,6 @@ def newton_step(by_x, by_y, xx, xy, yy):
 
 @inner_kernel
 def along_line(slope, tx, ty, given, rate):
-    """The same along a direction, where a given value changes at that rate, and how the value follows then.
-
-    Returns (sum of magnitudes, value, slope, curvature, rate of the value).
-    """
     size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
     mixed = tx * xw + ty * yw
     if not given:
@@ -230,13 +232,11 @@ def along_line(slope, tx, ty, given, rate):
 
 @inner_kernel
 def value_on_chain(trial, chain, parameter):
-    """What a chain on which values are given says."""
     return trial.on_chain[chain, 0] + trial.on_chain[chain, 1] * parameter
 
 
 @inner_kernel
 def move_on_chain(position, star, constraints, trials, v, floor):
-    """Move a node along a straight chain in the same way; its values are eliminated, or looked up where given."""
     trial, other, two = trials.one, trials.other, trials.other.value.shape[0] > 0
     chain, parameter, given = np.int64(constraints.chain[v, OWN]), constraints.parameter[v], trial.fixed[v]
     tx, ty = constraints.chains.place[chain, DIRECTION_X], constraints.chains.place[chain, DIRECTION_Y]
@@ -290,10 +290,6 @@ def move_on_chain(position, star, constraints, trials, v, floor):
 
 @inner_kernel
 def parabola(position, star, trial, v, x, y, w):
-    """The functional of the star with v at (x, y) and its value changed by w, and its two derivatives by w: (c, r, k).
-
-    The value is relative to v's own, as of `derivatives`.
-    """
     c, r, k = 0.0, 0.0, 0.0
     for j in range(star.start[v], star.start[v + 1]):
         e, a, b = np.int64(star.element[j]), np.int64(star.ahead[j]), np.int64(star.behind[j])
@@ -306,10 +302,6 @@ def parabola(position, star, trial, v, x, y, w):
 
 @inner_kernel
 def triangle_parabola(position, trial, e, a, b, x, y, own, w):
-    """The functional of a triangle in e of (x, y), a and b, where the value is own + w, and its derivatives by w.
-
-    Values are taken relative to `own`.
-    """
     ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
     alpha, beta = trial.value[a] - own, trial.value[b] - own
     ex, ey = bx - ax, by - ay
@@ -330,7 +322,6 @@ def triangle_parabola(position, trial, e, a, b, x, y, own, w):
 
 @inner_kernel
 def improve_value(position, star, trial, v):
-    """Change the value of v by Newton's step, or beside nonlinear material half as far until the functional falls."""
     x, y = position[v, 0], position[v, 1]
     c, r, k = parabola(position, star, trial, v, x, y, 0.0)
     w = -r / k
@@ -343,9 +334,10 @@ def improve_value(position, star, trial, v):
 
 @inner_kernel
 def least_parabola(position, star, trial, v, x, y, w, given):
-    """A parabola c + r w + k w^2 / 2 with the least value that is found from w for v at (x, y), and at its place.
+    """Return c, r, k of a parabola c + r w + k w^2 / 2 for `v` at (x, y).
 
-    It is the better one of w and of one step of Newton's method from there; where the value is given that of w.
+    Position and value of the minimum are the better of `w` and of one Newton step from `w`. The parabola of a
+    Dirichlet value is constant.
     """
     c, r, k = parabola(position, star, trial, v, x, y, w)
     if given:

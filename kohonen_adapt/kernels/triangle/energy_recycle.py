@@ -1,8 +1,8 @@
-"""Weigh splits of edges against collapses by what they do to a functional, and do both in pairs.
+"""Exchange of splits for collapses by functionals of P1 functions.
 
-A split gains what the best value of its node takes off, a collapse costs what the elements around it then have more
-than before, all other values held. Elements that one of them changes are locked for the others: as no two share an
-element, the functional falls by the sum of all gains less the sum of all costs.
+The gain of a split is the decrease by the best value at the new node. The cost of a collapse is the increase on
+the elements around the node, with all other values held. Every operation locks the elements that change. As no two
+operations share an element, the functional falls by the sum of all gains less the sum of all costs.
 """
 
 import numpy as np
@@ -24,10 +24,6 @@ from kohonen_adapt.kernels.triangle.surgery import (
 
 @inner_kernel
 def halves_parabola(mesh, trial, e, k, x, y, own, w):
-    """The functional of e, its edge opposite to corner k split at (x, y), in the change w of the value there from own.
-
-    Returns (sum of magnitudes, value, by w, by ww).
-    """
     node = mesh.elements.node
     a, b, c = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3]), np.int64(node[e, k])
     one, one_by_w, one_by_ww = triangle_parabola(mesh.position, trial, e, c, a, x, y, own, w)
@@ -37,7 +33,6 @@ def halves_parabola(mesh, trial, e, k, x, y, own, w):
 
 @inner_kernel
 def split_parabola(mesh, trial, e, k, x, y, own, w):
-    """The same of both elements at the edge."""
     size, total, slope, stiffness = halves_parabola(mesh, trial, e, k, x, y, own, w)
     other = np.int64(mesh.elements.neighbour[e, k])
     if other >= 0:
@@ -49,9 +44,9 @@ def split_parabola(mesh, trial, e, k, x, y, own, w):
 
 @inner_kernel
 def best_of_split(mesh, trial, e, k, x, y):
-    """Sum of magnitudes, what the best value of a new node at (x, y) takes off one functional, and this value.
+    """Return the magnitudes, the gain and the best value of a node at (x, y).
 
-    In nonlinear material it is the value after one step of Newton's method.
+    In nonlinear materials the value is approximated by one step of Newton's method.
     """
     a, b = np.int64(mesh.elements.node[e, (k + 1) % 3]), np.int64(mesh.elements.node[e, (k + 2) % 3])
     own = 0.5 * (trial.value[a] + trial.value[b])
@@ -64,7 +59,6 @@ def best_of_split(mesh, trial, e, k, x, y):
 
 @inner_kernel
 def gain_of_split(mesh, trials, e, k, x, y):
-    """What the best values of a new node at (x, y) take off, 0 if that is rounding, and these values."""
     size, gain, value = best_of_split(mesh, trials.one, e, k, x, y)
     other = 0.0
     if trials.other.value.shape[0] > 0:
@@ -75,7 +69,6 @@ def gain_of_split(mesh, trials, e, k, x, y):
 
 @kernel
 def weigh_splits(mesh, trials, offers, floor, first, last):
-    """Work out what a split of every edge of the elements `first` to `last` gains, 0 where none is allowed."""
     elements, inner, fixed = mesh.elements, mesh.constraints.inner, trials.one.fixed
     node = elements.node
     for e in range(first, last):
@@ -86,7 +79,7 @@ def weigh_splits(mesh, trials, offers, floor, first, last):
                 continue
             a, b = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3])
             if fixed[a] and fixed[b] and (inner[a] or inner[b]):
-                continue  # given inside a region: who knows what between them
+                continue  # between Dirichlet nodes inside a region the values of the user are not available
             x, y, _ = midpoint(mesh, c, a, b)
             gain, _, _ = gain_of_split(mesh, trials, e, k, x, y)
             if gain > 0.0 and may_split(mesh, e, k, floor, x, y):
@@ -95,12 +88,8 @@ def weigh_splits(mesh, trials, offers, floor, first, last):
 
 @inner_kernel
 def merged_functional(position, star, trial, v, w):
-    """The functional of what is left around v when it has gone into w, inf where an element is overturned.
-
-    Values are taken relative to v's.
-    """
     x, y, own, total = position[w, 0], position[w, 1], trial.value[w], 0.0
-    shift = 3.0 * (own - trial.value[v])
+    shift = 3.0 * (own - trial.value[v])  # of the load, because all values are relative to the value of v
     for j in range(star.start[v], star.start[v + 1]):
         e, a, b = np.int64(star.element[j]), np.int64(star.ahead[j]), np.int64(star.behind[j])
         if a == w or b == w:
@@ -115,7 +104,6 @@ def merged_functional(position, star, trial, v, w):
 
 @inner_kernel
 def star_functional(position, star, trial, v):
-    """The functional around v, relative to its value, less what may be rounding of it."""
     total, size = 0.0, 0.0
     for j in range(star.start[v], star.start[v + 1]):
         e, a, b = np.int64(star.element[j]), np.int64(star.ahead[j]), np.int64(star.behind[j])
@@ -127,7 +115,6 @@ def star_functional(position, star, trial, v):
 
 @kernel
 def weigh_collapses(mesh, star, trials, offers, most, floor, first, last):
-    """Work out the least cost below `most` of a collapse of each of the nodes `first` to `last`."""
     position, elements, constraints = mesh.position, mesh.elements, mesh.constraints
     two = trials.other.value.shape[0] > 0
     for v in range(first, last):
@@ -143,21 +130,20 @@ def weigh_collapses(mesh, star, trials, offers, most, floor, first, last):
             for i in range(2):
                 w = np.int64(star.behind[j] if i else star.ahead[j])
                 c = elements.chain[e, (k + 2 - i) % 3]
-                # everyone around a free node is ahead of it once; along a chain there are two
+                # every neighbour of a free node is `ahead` once; a sliding node has two neighbours on its curve
                 if c != constraints.chain[v, OWN] if sliding else i == 1:
                     continue
                 after = merged_functional(position, star, trials.one, v, w)
                 if two:
                     after += merged_functional(position, star, trials.other, v, w)
                 cost = after - before
-                # the checks take longer
+                # after the cost, because the checks take longer
                 if cost < least and collapsed_quality(mesh, v, w, np.inf, floor) > 0.0:
                     offers.cost[v], offers.into[v], least = cost, w, cost
 
 
 @inner_kernel
 def lock_around(mesh, v, locked):
-    """Lock the elements around v."""
     around = mesh.scratch.around
     for i in range(gather_around(mesh, v, around)):
         locked[around[i]] = True
@@ -165,7 +151,6 @@ def lock_around(mesh, v, locked):
 
 @inner_kernel
 def is_locked(mesh, v, locked):
-    """Whether an element around v is locked."""
     around = mesh.scratch.around
     for i in range(gather_around(mesh, v, around)):
         if locked[around[i]]:
@@ -175,7 +160,6 @@ def is_locked(mesh, v, locked):
 
 @inner_kernel
 def cheapest_left(mesh, offers, nodes, at, gain, floor):
-    """The first place from `at` on of a node that may still be collapsed; -1 where none costs less than the gain."""
     while at < len(nodes) and gain > offers.cost[nodes[at]]:
         v = nodes[at]
         w = np.int64(offers.into[v])
@@ -187,10 +171,10 @@ def cheapest_left(mesh, offers, nodes, at, gain, floor):
 
 @kernel
 def exchange(mesh, trials, offers, edges, nodes, floor):
-    """Split edges, the largest gain first, each for the cheapest collapse that is left, while that costs less.
+    """Split edges in exchange for cheaper collapses.
 
-    `edges` are 3 e + k, in order of their gains, `nodes` in order of their costs; values of new nodes are put into the
-    trials. Returns how many pairs, and what they took off the functional.
+    `edges` are 3 e + k by decreasing gain, and `nodes` are by increasing cost. The values of new nodes are stored in
+    the trials. Return the number of pairs and the decrease of the functional.
     """
     elements, locked, pairs, lowered, at = mesh.elements, offers.locked, 0, 0.0, 0
     for edge in edges:
@@ -204,7 +188,7 @@ def exchange(mesh, trials, offers, edges, nodes, floor):
         gain = offers.gain[e, k]
         at = cheapest_left(mesh, offers, nodes, at, gain, floor)
         if at < 0:
-            return pairs, lowered  # what follows gains less
+            return pairs, lowered  # later edges gain less
         v = nodes[at]
         w = np.int64(offers.into[v])
         at += 1

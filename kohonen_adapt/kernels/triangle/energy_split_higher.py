@@ -1,8 +1,8 @@
-"""Weigh splits of edges by what they take off functionals of functions of order 2 or 3, new coefficients eliminated.
+"""Gains of edge splits by functionals of order 2 or 3.
 
-A split keeps the function, a polynomial in every half, and then lowers the functional over the value of the new node,
-the sides at it and the bubbles around it, where values are given along the edge, and are linear, over the others of
-these.
+A split keeps the function, a polynomial on each half. Then the functional is minimised over the value of the new
+node, the coefficients of the sides at the node and the bubbles of the elements around. On an edge with Dirichlet
+values, which are linear, the value of the node and the coefficients of the edge are kept.
 """
 
 import numpy as np
@@ -26,14 +26,13 @@ from kohonen_adapt.kernels.triangle.descend_higher import (
 from kohonen_adapt.kernels.triangle.flip_higher import put
 from kohonen_adapt.kernels.triangle.surgery import gather_around, may_split, midpoint
 
-# An edge ab is split at p, between corners c and d: the ends of the sides opposite to the corners 2 and 1 of the
-# elements (p, c, a), (p, b, c), (p, d, b) and (p, a, d) beside p, as places among a, b, c, d.
+# Edge ab, between the corners c and d, is split at p. A row has the indices among a, b, c, d of the ends of the sides
+# opposite to corners 2 and 1 of the elements (p, c, a), (p, b, c), (p, d, b) and (p, a, d).
 ENDS = ((2, 0), (1, 2), (3, 1), (0, 3))
 
 
 @inner_kernel
 def number_split(block, degrees, both, known):
-    """Number the unknowns of a split, the value of its node first, but none on an edge that is `known`."""
     place, sign, rows, halves = block.place, block.sign, 4 if both else 2, 2 if known else 0
     count = 1 + degrees * ((4 if both else 3) - halves)
     for j in range(rows):
@@ -41,7 +40,7 @@ def number_split(block, degrees, both, known):
             place[j, i], sign[j, i] = -1, 1.0
         place[j, 0] = 0
         for side in range(1, 3 if degrees > 0 else 1):
-            s = ENDS[j][2 - side] - halves  # those of the ends of the edge come first
+            s = ENDS[j][2 - side] - halves  # sides to a and b precede sides to c and d
             place[j, EVEN + side] = 1 + degrees * s if s >= 0 else -1
             if degrees == 2 and s >= 0:
                 place[j, ODD + side], sign[j, ODD + side] = 2 + 2 * s, 1.0 if side == 2 else -1.0
@@ -53,7 +52,6 @@ def number_split(block, degrees, both, known):
 
 @inner_kernel
 def halve_coefficients(descent, e, k, own, row):
-    """Restrict the function on e to its halves, its edge opposite to corner k split, in this row and the next one."""
     halves, local, part = descent.reference.halves, descent.block.local, descent.block.part
     gather(descent.elements.node, descent.trial.value, descent.modes, e, k, own, part)
     for half in range(2):
@@ -66,7 +64,6 @@ def halve_coefficients(descent, e, k, own, row):
 
 @inner_kernel
 def value_on(descent, e, own):
-    """The functional of e as it is, for values relative to `own`; -inf if its sides are bent less than they would."""
     node, position, block = descent.elements.node, descent.position, descent.block
     a, b, x, y = node[e, 1], node[e, 2], position[node[e, 0], 0], position[node[e, 0], 1]
     ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
@@ -79,7 +76,6 @@ def value_on(descent, e, own):
 
 @inner_kernel
 def derivatives_of_split(descent, e, k, x, y, wanted):
-    """Sum of magnitudes and value of the functional of the halves, whose coefficients stand in `Block.local`."""
     node, position, block = descent.elements.node, descent.position, descent.block
     clear(block)
     size, total, at, corner, row = 0.0, 0.0, e, k, 0
@@ -105,10 +101,10 @@ def derivatives_of_split(descent, e, k, x, y, wanted):
 
 @inner_kernel
 def gain_of_split(descents, e, k, x, y):
-    """What a split of the edge opposite to corner k of e at (x, y) gains, 0 if that is rounding.
+    """Return the decrease of the functionals by a split, or 0 if negligible.
 
-    The best coefficients of the halves are left in `Block.local`; in nonlinear material those after one step of
-    Newton's method. They are relative to the value near the node that is first on the edge.
+    The best coefficients of the halves are left in `Block.local`, relative to `value_near` of the first node of the
+    edge. In nonlinear materials they are approximated by one step of Newton's method.
     """
     gain, size = 0.0, 0.0
     for i in range(descents.number):
@@ -119,14 +115,9 @@ def gain_of_split(descents, e, k, x, y):
 
 @inner_kernel
 def change_by_split(descent, e, k, x, y):
-    """What it takes off one functional, -inf where it cannot be, and the sum of the magnitudes.
-
-    Halves of an element with curved sides, or at an axis, need not have its function, and in nonlinear material their
-    points find another energy of it: there it gains over what was.
-    """
     block, other, known = descent.block, np.int64(descent.elements.neighbour[e, k]), descent.modes.given[e, k]
     own = value_near(descent, np.int64(descent.elements.node[e, (k + 1) % 3]))
-    first = 1 if known else 0  # of the unknowns that are free
+    first = 1 if known else 0  # first free unknown
     special, bent, was = descent.shapes.special[e], descent.trial.laws.number[e] >= 0, 0.0
     if other >= 0:
         special |= descent.shapes.special[other]
@@ -151,6 +142,8 @@ def change_by_split(descent, e, k, x, y):
     gain = 0.5 * square
     if bent:
         gain = before - derivatives_of_split(descent, e, k, x, y, VALUE)[1]
+    # The halves of curved elements, or of elements at the axis, need not contain the function, and new quadrature
+    # points change the energy of a law. The gain is therefore relative to the value before the split.
     if special or bent:
         gain += was - before
     return gain, size
@@ -158,7 +151,6 @@ def change_by_split(descent, e, k, x, y):
 
 @inner_kernel
 def weigh_splits(mesh, descents, offers, floor, first, last):
-    """Work out what a split of every edge of the elements `first` to `last` gains, 0 where none is allowed."""
     elements, inner, fixed, given = (
         mesh.elements,
         mesh.constraints.inner,
@@ -182,7 +174,6 @@ def weigh_splits(mesh, descents, offers, floor, first, last):
 
 @inner_kernel
 def outer_given(descent, e, k):
-    """Whether the sides ca, bc, db and ad around the edge opposite to corner k of e are given; see `ENDS`."""
     given, other = descent.modes.given, np.int64(descent.elements.neighbour[e, k])
     if other < 0:
         return given[e, (k + 2) % 3], given[e, (k + 1) % 3], False, False
@@ -192,7 +183,6 @@ def outer_given(descent, e, k):
 
 @inner_kernel
 def put_split(mesh, descent, p, a, b, given):
-    """Put the coefficients of `Block.local` into the elements around the new node p between a and b."""
     node, modes, around, local = mesh.elements.node, descent.modes, mesh.scratch.around, descent.block.local
     for i in range(gather_around(mesh, p, around)):
         f = np.int64(around[i])

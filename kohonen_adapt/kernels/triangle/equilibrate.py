@@ -1,13 +1,13 @@
-"""Equilibrate fluxes, patch by patch.
+"""Equilibrated fluxes from local problems on vertex patches.
 
 Braess and Schoeberl, "Equilibrated residual error estimator for edge elements", Math. Comp. 77 (2008); Ern and
 Vohralik, "Polynomial-degree-robust a posteriori estimates in a unified setting", SIAM J. Numer. Anal. 53 (2015).
 
-A fan is the elements around a node in counter-clockwise order, from spoke to spoke; it is closed, or its first and last
-spoke lie on the boundary. Through spoke s the flux -J/2 + x leaves on one side and enters as J/2 + x on the other, at
-the centre, and y at the tip (both times the length of the spoke), where J is the jump of the discrete flux that the
-correction has to undo. Of the mean m = (x + y) / 2 the equilibrium of the elements leaves one number free, the
-circulation; of the tilt d = (x - y) / 2 nothing is prescribed. Both are chosen to make the energy least.
+The elements of a patch are in counter-clockwise order. The patch is closed, or its first and last edge lie on the
+boundary. Through edge s the normal flux times the length of the edge is -J/2 + x out of an element and J/2 + x
+into the next element at the vertex, and y at the other end of the edge, where J is the jump of the discrete flux.
+Equilibrium of the elements determines the means m = (x + y) / 2 up to a constant, the circulation. The tilts d =
+(x - y) / 2 are free. Tilts and circulation minimise the energy.
 """
 
 from typing import NamedTuple
@@ -19,40 +19,44 @@ from kohonen_adapt.kernels.records import record
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
 from kohonen_adapt.kernels.triangle.geometry import orientation
 
-NATURAL, GIVEN = -1, -2  # in place of a neighbour, beyond a boundary facet: no flux, or given values
+NATURAL, GIVEN = -1, -2  # in place of a neighbour at a boundary: zero flux, or Dirichlet values
 
 
 @record
 class FluxData(NamedTuple):
-    """Fluxes to be equilibrated; nodes of an element run counter-clockwise, sides are opposite to their nodes."""
+    """Discrete fluxes on t triangles.
+
+    Nodes are counter-clockwise, and a side has the index of the opposite node.
+    """
 
     point: np.ndarray  # (n, 2)
     node: np.ndarray  # (t, 3) int32
-    neighbour: np.ndarray  # (t, 3) int32: across each side, or NATURAL, or GIVEN
-    outflow: np.ndarray  # (t, 3) of the discrete flux through each side
+    neighbour: np.ndarray  # (t, 3) int32: element across each side, NATURAL or GIVEN
+    outflow: np.ndarray  # (t, 3): discrete flux through each side
     source: np.ndarray  # (t,)
     reluctivity: np.ndarray  # (t,)
 
 
 @record
 class Fan(NamedTuple):
-    """Working space for one fan of at most as many elements as any node has."""
+    """Scratch memory for one vertex patch of at most w elements."""
 
     element: np.ndarray  # (w,) int32
-    corner: np.ndarray  # (w,) int32: the place of the node in them
+    corner: np.ndarray  # (w,) int32: local index of the vertex
     jump: np.ndarray  # (w + 2,) J, zero on the boundary
     mean: np.ndarray  # (w + 2,) m
     tilt: np.ndarray  # (w + 2,) d
-    held: np.ndarray  # (w + 2,) bool: unknowns that are not free: the tilt of every spoke, then the circulation
+    held: np.ndarray  # (w + 2,) bool: fixed unknowns, the tilts of all edges followed by the circulation
     matrix: np.ndarray  # (w + 2, w + 2)
     load: np.ndarray  # (w + 2,)
-    gram: np.ndarray  # (4, 4) energies of the four boundary values of one element
-    slope: np.ndarray  # (4,)
-    values: np.ndarray  # (4,) at centre and tip of the right spoke, then of the left one
+    gram: np.ndarray  # (4, 4): energy products of the four boundary values of an element
+    slope: np.ndarray  # (4,): energy products with the field of the source
+    values: (
+        np.ndarray
+    )  # (4,): outward fluxes at the vertex and at the other end, of the right edge and then of the left edge
 
 
 def fan_of(width: int) -> Fan:
-    """Working space for fans of up to `width` elements."""
     element, corner = np.zeros((2, width), dtype=np.int32)
     jump, mean, tilt, load = np.zeros((4, width + 2))
     held, matrix = np.zeros(width + 2, dtype=np.bool_), np.zeros((width + 2, width + 2))
@@ -61,9 +65,10 @@ def fan_of(width: int) -> Fan:
 
 @kernel
 def equilibrate(data, fan, seen, correction, imbalance):
-    """Add the corrections of all fans, P1 per element (t, 3, 2); what the free nodes leave unbalanced goes to (n,).
+    """Add the P1 corrections of all patches to `correction`, shape (t, 3, 2).
 
-    `seen` (t, 3) says which corners are done, none at first.
+    The residual of the equilibrium at every node is stored in `imbalance`, shape (n,). `seen`, shape (t, 3), is
+    scratch and False at entry.
     """
     count = data.node.shape[0]
     for closed in (False, True):
@@ -80,7 +85,6 @@ def equilibrate(data, fan, seen, correction, imbalance):
 
 @inner_kernel
 def gather(data, e, k, fan, seen):
-    """List the elements of the fan that begins with corner k of element e; returns their number."""
     size = 0
     while e >= 0 and not seen[e, k]:
         seen[e, k] = True
@@ -99,7 +103,7 @@ def gather(data, e, k, fan, seen):
 
 @inner_kernel
 def balance(data, fan, size, closed):
-    """Set mean fluxes that bring every element into equilibrium, and prescribed tilts; returns what does not fit."""
+    """Set means and prescribed tilts, and return the residual of the equilibrium."""
     for s in range(size + 1):
         fan.tilt[s], fan.held[s] = 0.0, False
     fan.held[size + 1], fan.mean[0] = False, 0.0
@@ -125,14 +129,12 @@ def balance(data, fan, size, closed):
 
 @inner_kernel
 def raise_all(values, count, amount):
-    """Add the same to the first of the values."""
     for i in range(count):
         values[i] += amount
 
 
 @inner_kernel
 def march(data, fan, size):
-    """Set the means from spoke to spoke: what leaves an element is what enters it, plus the share of its source."""
     for s in range(size):
         e = fan.element[s]
         a, b, c = data.node[e, 0], data.node[e, 1], data.node[e, 2]
@@ -142,13 +144,11 @@ def march(data, fan, size):
 
 @inner_kernel
 def twice_area(point, a, b, c):
-    """Twice the area of a counter-clockwise triangle."""
     return orientation(point[a, 0], point[a, 1], point[b, 0], point[b, 1], point[c, 0], point[c, 1])
 
 
 @inner_kernel
 def minimise(data, fan, size, closed):
-    """Choose the free tilts and the circulation for the least energy of the correction."""
     spokes = size if closed else size + 1
     if closed:
         fan.held[size] = False
@@ -175,10 +175,11 @@ def minimise(data, fan, size, closed):
 
 @inner_kernel
 def measure(data, fan, s):
-    """Set the energies of the boundary values of an element, and their products with the part that its source adds.
+    """Set the matrix and the load of the energy of an element.
 
-    A field with the values P at the centre and Q at the tips, through the right spoke r and the left spoke l, is at
-    its three nodes -(P_r c + P_l b) / 2|K|, -Q_r (c - b) / 2|K| and Q_l (c - b) / 2|K|, with b and c along the spokes.
+    With normal fluxes P at the vertex and Q at the other ends, outward through the right edge r and the left edge l,
+    the field at the three nodes is -(P_r c + P_l b) / 2|K|, -Q_r (c - b) / 2|K| and Q_l (c - b) / 2|K|. The vectors b
+    and c are the right and the left edge.
     """
     e, k = fan.element[s], fan.corner[s]
     v, u, w = data.node[e, k], data.node[e, (k + 1) % 3], data.node[e, (k + 2) % 3]
@@ -202,7 +203,6 @@ def measure(data, fan, s):
 
 @inner_kernel
 def set_values(fan, right, left):
-    """Set the four values outward through the two spokes of an element."""
     fan.values[0] = -0.5 * fan.jump[right] - fan.mean[right] - fan.tilt[right]
     fan.values[1] = fan.tilt[right] - fan.mean[right]
     fan.values[2] = -0.5 * fan.jump[left] + fan.mean[left] + fan.tilt[left]
@@ -211,7 +211,6 @@ def set_values(fan, right, left):
 
 @inner_kernel
 def assemble(fan, right, left, circulation):
-    """Add the energy of one element as a function of its two tilts and the circulation."""
     ways = ((-1.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, -1.0), (-1.0, -1.0, 1.0, 1.0))
     place = (right, left, circulation)
     for i in range(3):
@@ -229,7 +228,6 @@ def assemble(fan, right, left, circulation):
 
 @inner_kernel
 def solve(matrix, load, n):
-    """Solve a small positive definite system by Cholesky's method in place; the answer stands in `load`."""
     for j in range(n):
         for k in range(j):
             matrix[j, j] -= matrix[j, k] * matrix[j, k]
@@ -250,7 +248,6 @@ def solve(matrix, load, n):
 
 @inner_kernel
 def add(data, fan, size, closed, correction):
-    """Add the field of a fan to the values at the corners of its elements."""
     point = data.point
     for s in range(size):
         e, k = fan.element[s], fan.corner[s]

@@ -1,4 +1,4 @@
-"""Flip edges until every region is constrained Delaunay, as far as the quality rule lets it (Lawson)."""
+"""Edge flips to constrained Delaunay regions under the quality rule (Lawson)."""
 
 import numpy as np
 
@@ -7,14 +7,15 @@ from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.connectivity import corner_towards, corners_around, joined
 from kohonen_adapt.kernels.triangle.geometry import FLAT, allowed, element_quality, may_join, signed_quality
 
-COCIRCULAR = 1e-10  # relative: four points this near to one circle count as on it, so that rounding decides nothing
+COCIRCULAR = 1e-10  # relative tolerance, so that rounding does not decide between four points on a circle
 
 
 @inner_kernel
 def not_delaunay(px, py, qx, qy, rx, ry, sx, sy):
-    """Whether s lies well inside the circle through p, q, r (counter-clockwise); edge pq is to be replaced by rs.
+    """Return True if s lies inside the circle through p, q, r.
 
-    The angles at r and s over the edge sum up to more than pi: sin(r + s) < 0, relative to the lengths of their legs.
+    The triangle (p, q, r) is counter-clockwise, and the edge rs is to replace pq. The angles at r and s opposite to pq
+    sum to more than pi, so sin(r + s) < 0, relative to the lengths of the legs.
     """
     ax, ay, bx, by = px - rx, py - ry, qx - rx, qy - ry
     cx, cy, dx, dy = qx - sx, qy - sy, px - sx, py - sy
@@ -26,7 +27,6 @@ def not_delaunay(px, py, qx, qy, rx, ry, sx, sy):
 
 @inner_kernel
 def should_flip(position, elements, e, k, other, floor):
-    """Whether the edge opposite to corner k of e is free, not Delaunay, and allowed to flip."""
     if elements.chain[e, k] >= 0:
         return False
     p, q, r, s = corners_around(elements.node, e, k, other)
@@ -38,11 +38,6 @@ def should_flip(position, elements, e, k, other, floor):
 
 @inner_kernel
 def may_flip(position, elements, e, k, other, floor):
-    """Whether layers and the quality rule allow the flip of the edge opposite to corner k of e.
-
-    Where the rule is switched off elements may lie on one another. Flips of overturned ones need not come to an end,
-    and the new edge may be there already: neither is done.
-    """
     node = elements.node
     p, q, r, s = corners_around(node, e, k, other)
     if not may_join(elements, e, r, s):
@@ -51,6 +46,7 @@ def may_flip(position, elements, e, k, other, floor):
     rx, ry, sx, sy = position[r, 0], position[r, 1], position[s, 0], position[s, 1]
     after = min(signed_quality(rx, ry, px, py, sx, sy), signed_quality(sx, sy, qx, qy, rx, ry))
     before = min(element_quality(position, node, e), element_quality(position, node, other))
+    # Without a floor elements may overlap: flips of inverted elements may not terminate, and rs may be an edge already.
     if after <= FLAT or before <= 0.0 or (floor == UNGUARDED and joined(node, elements.neighbour, e, r, s)):
         return False
     return allowed(after, before, floor)
@@ -58,7 +54,10 @@ def may_flip(position, elements, e, k, other, floor):
 
 @inner_kernel
 def flip_edge(elements, e, k):
-    """Replace the edge pq between e = (r, p, q) and its neighbour (s, q, p) by rs: e = (r, p, s), other = (s, q, r)."""
+    """Replace edge pq of `e` = (r, p, q) and (s, q, p) by rs.
+
+    The result is `e` = (r, p, s) and (s, q, r).
+    """
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain
     other = np.int64(neighbour[e, k])
     j = corner_towards(neighbour, other, e)
@@ -79,7 +78,6 @@ def flip_edge(elements, e, k):
 
 @inner_kernel
 def push(stack, waiting, height, e):
-    """Put an element on the stack unless it waits there already; returns the new height."""
     if waiting[e]:
         return height
     waiting[e] = True
@@ -89,7 +87,6 @@ def push(stack, waiting, height, e):
 
 @kernel
 def mark_doubtful(position, elements, first, last, doubtful):
-    """Mark which of the elements `first` to `last` have an edge, to one of higher number, that is not Delaunay."""
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain
     for e in range(first, last):
         a, b, c = node[e, 0], node[e, 1], node[e, 2]
@@ -107,10 +104,10 @@ def mark_doubtful(position, elements, first, last, doubtful):
 
 @kernel
 def flip_edges(position, elements, floor, doubtful, stack, waiting, limit):
-    """Flip until nothing is left to flip, or about `limit` times; returns the number of flips.
+    """Flip edges until none is left to flip, and return the number of flips.
 
-    `doubtful` (m,) says which elements to start from. `stack` (m,) and `waiting` (m,) False are scratch: the elements
-    whose edges are to be looked at again, because a flip changed something beside them.
+    The number of flips exceeds `limit` only slightly. `doubtful`, shape (m,), marks the elements to begin with.
+    `stack` and `waiting`, shape (m,), are scratch for the elements changed by flips, with `waiting` False at entry.
     """
     flips = 0
     for first in range(elements.node.shape[0]):

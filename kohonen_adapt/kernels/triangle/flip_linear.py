@@ -1,4 +1,4 @@
-"""Flip edges where that lowers Ritz functionals of P1 functions, the functional of `descend.py`."""
+"""Edge flips that decrease functionals of P1 functions."""
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from kohonen_adapt.kernels.triangle.varying_flux import pushed
 
 @inner_kernel
 def mark_beside(elements, e, marked):
-    """Mark the neighbours of e."""
     for k in range(3):
         if elements.neighbour[e, k] >= 0:
             marked[elements.neighbour[e, k]] = True
@@ -21,11 +20,11 @@ def mark_beside(elements, e, marked):
 
 @kernel
 def descend_flips(position, elements, trials, floor, gainful, first, last, marks):
-    """Flip every edge of the elements `first` to `last`, once in their order, whose flip lowers the functional.
+    """Flip edges of the elements `first` to `last` if the functional falls.
 
-    Only elements that are marked in `gainful` (m,) are looked at, and those where a flip beside them changed something:
-    these it marks. With `marks` nothing is flipped, and those are marked that have an edge, to one of higher number,
-    whose flip would gain. Returns (gain, flips).
+    Only elements marked in `gainful`, shape (m,), are visited, and every flip marks the neighbours. If `marks`, no
+    edge is flipped, and elements are marked whose edge to an element of greater index is gainful. Return the gain and
+    the number of flips.
     """
     gain, flips = 0.0, 0
     for e in range(first, last):
@@ -48,7 +47,6 @@ def descend_flips(position, elements, trials, floor, gainful, first, last, marks
 
 @inner_kernel
 def gain_of_flip(position, node, trials, e, k, other):
-    """What a flip of the edge opposite to corner k of e takes off the sum of functionals; 0 if that is rounding."""
     gain, size = change_by_flip(position, node, trials.one, e, k, other)
     if trials.other.value.shape[0] > 0:
         more, sized = change_by_flip(position, node, trials.other, e, k, other)
@@ -58,10 +56,6 @@ def gain_of_flip(position, node, trials, e, k, other):
 
 @inner_kernel
 def change_by_flip(position, node, trial, e, k, other):
-    """What a flip takes off one functional, nothing where it cannot be, and the sum of the magnitudes.
-
-    A constant flux adds the same to both: the mean gradient of two elements is a matter of their outline.
-    """
     value, data, laws = trial.value, trial.data, trial.laws
     p, q, r, s = corners_around(node, e, k, other)
     x, y, own = position[r, 0], position[r, 1], value[r]
@@ -83,6 +77,7 @@ def change_by_flip(position, node, trial, e, k, other):
         return 0.0, 0.0
     pulled = load * (left * (u + w) + right * (w + v) - inner * (u + v) - outer * (u + v + w))
     gain = coefficient * (before - after) + pulled
+    # Constant fluxes contribute equally before and after: the boundary of the pair determines the mean gradient.
     if data.shape[1] > CONSTANTS:
         gain += pushed(data, e, x, y, px, py, u, sx, sy, w) + pushed(data, e, x, y, sx, sy, w, qx, qy, v)
         gain -= pushed(data, e, x, y, px, py, u, qx, qy, v)
@@ -92,13 +87,12 @@ def change_by_flip(position, node, trial, e, k, other):
 
 @inner_kernel
 def dirichlet(ax, ay, u, bx, by, v):
-    """int |grad|^2 / 2 over the triangle (0, a, b) for the values 0, u, v."""
+    """Return int |grad|^2 / 2 over (0, a, b) for the nodal values 0, u, v."""
     nx, ny = v * ax - u * bx, v * ay - u * by
     return 0.25 * (nx * nx + ny * ny) / (ax * by - ay * bx)
 
 
 @inner_kernel
 def stored_in(laws, law, ax, ay, u, bx, by, v):
-    """int W over the triangle (0, a, b) for the values 0, u, v."""
     nx, ny, doubled = v * ax - u * bx, v * ay - u * by, ax * by - ay * bx
     return 0.5 * doubled * stored(laws, law, (nx * nx + ny * ny) / (doubled * doubled))[0]

@@ -1,7 +1,7 @@
-"""Split the longest edges and collapse the shortest, in pairs, at a constant number of nodes.
+"""Recycling of nodes, splits of the longest and collapses of the shortest edges.
 
-The dead-unit cure of vector quantisation (growing neural gas with utility; Fritzke 1995, 1997) on a mesh. Lengths are
-those of the metric that the density sets: the length of an edge times the root of the density along it.
+The method is the removal of dead units in vector quantisation (growing neural gas with utility; Fritzke 1995,
+1997), applied to a mesh. The length of an edge is multiplied by the root of the density along the edge.
 """
 
 import numpy as np
@@ -26,12 +26,11 @@ from kohonen_adapt.kernels.triangle.surgery import (
     split,
 )
 
-EQUAL = 1e-9  # relative: qualities this near to one another count as the same, likewise
+EQUAL = 1e-9  # relative tolerance of equal qualities, so that rounding does not decide
 
 
 @inner_kernel
 def enter(mesh, longest, shortest, a, b):
-    """Put an edge into both heaps."""
     length = metric_length(mesh, a, b)
     insert(longest, -length, a, b)
     insert(shortest, length, a, b)
@@ -39,9 +38,10 @@ def enter(mesh, longest, shortest, a, b):
 
 @inner_kernel
 def next_edge(mesh, heap, sign):
-    """Take edges out of a heap until one is still there as it was; returns element, corner, key; (-1, -1, 0) if none.
+    """Return element, corner and key of the first valid edge of a heap.
 
-    `sign` turns a metric length into the heap's key.
+    Edges that no longer exist with their length are removed. `sign` converts a metric length to a key. Return (-1, -1,
+    0) from an empty heap.
     """
     while heap.size[0] > 0:
         key, a, b = remove_first(heap)
@@ -57,7 +57,6 @@ def next_edge(mesh, heap, sign):
 
 @inner_kernel
 def flip_at(mesh, e, k):
-    """Flip the edge opposite to corner k of e, and keep an element at hand for its ends."""
     elements, pool = mesh.elements, mesh.pool
     other = np.int64(elements.neighbour[e, k])
     p, q, _, _ = corners_around(elements.node, e, k, other)
@@ -67,7 +66,6 @@ def flip_at(mesh, e, k):
 
 @inner_kernel
 def restore_delaunay(mesh, longest, shortest, floor, height):
-    """Flip around the elements on the stack until nothing is left to flip, and enter the new edges."""
     elements, scratch = mesh.elements, mesh.scratch
     node = elements.node
     while height > 0:
@@ -89,7 +87,6 @@ def restore_delaunay(mesh, longest, shortest, floor, height):
 
 @inner_kernel
 def enter_around(mesh, longest, shortest, v, height):
-    """Enter the edges of v and put the elements around it on the stack; returns its new height."""
     elements, scratch = mesh.elements, mesh.scratch
     node = elements.node
     for i in range(gather_around(mesh, v, scratch.around)):
@@ -104,7 +101,6 @@ def enter_around(mesh, longest, shortest, v, height):
 
 @kernel
 def fill_heaps(mesh, longest, shortest):
-    """Enter every edge once."""
     elements = mesh.elements
     longest.size[0] = shortest.size[0] = 0
     for e in range(elements.node.shape[0]):
@@ -118,7 +114,6 @@ def fill_heaps(mesh, longest, shortest):
 
 @inner_kernel
 def worst_around(mesh, v):
-    """The worst quality of the elements around v."""
     worst, around = 2.0, mesh.scratch.around
     for i in range(gather_around(mesh, v, around)):
         worst = min(worst, element_quality(mesh.position, mesh.elements.node, np.int64(around[i])))
@@ -127,10 +122,11 @@ def worst_around(mesh, v):
 
 @inner_kernel
 def split_and_flip(mesh, e, k, floor, x, y, parameter):
-    """Split the edge opposite to corner k of e and flip what lies opposite to the new node in halves that the quality
-    rule forbids; returns the node, -1 and the mesh as it was where some are left.
+    """Split an edge, with flips if the halves violate the quality rule.
 
-    Along an outline all elements at the end of a long edge can be too thin to be halved: nothing but this divides it.
+    The edges opposite to the new node are flipped. Return the new node, or -1 with the mesh unchanged if the halves
+    still violate the rule. Along a boundary all elements at the end of a long edge can be too thin to be halved
+    without flips.
     """
     position, elements, scratch = mesh.position, mesh.elements, mesh.scratch
     before, end, flips = quality_beside(mesh, e, k), np.int64(elements.node[e, (k + 1) % 3]), 0
@@ -158,9 +154,6 @@ def split_and_flip(mesh, e, k, floor, x, y, parameter):
 
 @inner_kernel
 def split_longest(mesh, longest, least, floor, flips):
-    """Split the longest edge that may be, with `flips` if need be, if longer than `least`; returns the new node, an end
-    of the edge, and its length.
-    """
     elements, constraints = mesh.elements, mesh.constraints
     while longest.size[0] > 0 and -longest.key[0] > least:
         e, k, key = next_edge(mesh, longest, -1.0)
@@ -170,7 +163,7 @@ def split_longest(mesh, longest, least, floor, flips):
         c = np.int64(elements.chain[e, k])
         x, y, parameter = midpoint(mesh, c, a, b)
         if c >= 0 and constraints.chains.flags[c, PAIRED]:
-            continue  # the nodes of a periodic pair are neither made nor taken away
+            continue  # nodes of periodic pairs are neither created nor removed
         if may_split(mesh, e, k, floor, x, y):
             return split(mesh, e, k, x, y, parameter), a, -key
         if flips and not is_pinned(mesh, e, k):
@@ -182,7 +175,6 @@ def split_longest(mesh, longest, least, floor, flips):
 
 @inner_kernel
 def collapse_shortest(mesh, shortest, most, longest, spared, floor):
-    """Collapse the shortest edge that may be, if shorter than `most` and not at `spared`; returns the node left."""
     while shortest.size[0] > 0 and shortest.key[0] < most:
         e, k, key = next_edge(mesh, shortest, 1.0)
         if e < 0 or not key < most:
@@ -203,12 +195,16 @@ def collapse_shortest(mesh, shortest, most, longest, spared, floor):
 
 @kernel
 def recycle(mesh, longest, shortest, missing, ratio, floor, limit):
-    """Split the longest edges, collapsing the shortest for it, while the one is more than `ratio` times the other.
+    """Exchange splits of the longest for collapses of the shortest edges.
 
-    The first `missing` splits are without a collapse: the mesh grows; if it is negative, as many nodes are taken away
-    first, as far as that is allowed. Returns splits, collapses and whether the end was
-    reached before about `limit` splits. There is one free node too many, so that the split can come first: where no
-    collapse follows it is taken back, and the number of nodes is right at any time.
+    Pairs are exchanged while the longest edge is longer than `ratio` times the shortest. The first `missing` splits
+    have no collapse, and a negative `missing` is the number of collapses without a split. A split precedes its
+    collapse, which requires a free node, and is reverted if no collapse is allowed.
+
+    Returns
+    -------
+    splits, collapses, finished
+        Numbers of operations, and True if finished before about `limit` splits.
     """
     splits = collapses = 0
     full = longest.key.shape[0]

@@ -1,7 +1,7 @@
-"""Find the winner of a training point: the nearest node that it reaches within its own region.
+"""Winners of training points, the nearest nodes visible within a region.
 
-Lowther and Mai, "On Automatic Mesh Generation using Kohonen Maps", section III: a walk from where the last winner was,
-then the check that no other node lies in the circle through the winner.
+Lowther and Mai, "On Automatic Mesh Generation using Kohonen Maps", section III: a walk from the last winner,
+followed by a check that no other node lies in the circle through the winner.
 """
 
 import numpy as np
@@ -12,26 +12,24 @@ from kohonen_adapt.kernels.triangle.chains import distance_to_chain, parameter_o
 from kohonen_adapt.kernels.triangle.geometry import squared_distance, squared_distance_to_edge
 from kohonen_adapt.kernels.triangle.locate import TOLERANCE, WALK, depth_in_element, side_of_edge, walk
 
-STRETCH = 256  # points that follow one another and may start where the one before ended
+STRETCH = 256  # consecutive points whose searches may start at the previous winner
 
 
 @inner_kernel
 def next_stamp(scratch):
-    """A stamp that nothing carries yet."""
     scratch.counter[0] += 1
     return scratch.counter[0]
 
 
 @inner_kernel
 def closest_neighbour(position, elements, star, inner, v, x, region):
-    """The neighbour of v within the region that is nearest to x, if nearer than v itself, else v."""
     best, nearest = squared_distance(position, v, x), v
     for k in range(star.start[v], star.start[v + 1]):
         if inner[v] or elements.region[star.element[k]] == region:
             distance = squared_distance(position, np.int64(star.ahead[k]), x)
             if distance < best:
                 best, nearest = distance, star.ahead[k]
-            if not inner[v]:  # around an inner node the one behind is the next element's ahead
+            if not inner[v]:  # around an inner node `behind` is `ahead` in the next row
                 distance = squared_distance(position, np.int64(star.behind[k]), x)
                 if distance < best:
                     best, nearest = distance, star.behind[k]
@@ -40,7 +38,6 @@ def closest_neighbour(position, elements, star, inner, v, x, region):
 
 @inner_kernel
 def element_in_region(elements, star, v, region):
-    """One of the elements around v that belong to the region."""
     for k in range(star.start[v], star.start[v + 1]):
         if elements.region[star.element[k]] == region:
             return star.element[k]
@@ -49,12 +46,9 @@ def element_in_region(elements, star, v, region):
 
 @inner_kernel
 def holding_element(position, elements, star, constraints, v, x, region, scratch):
-    """The element of the region that holds x: a walk that starts at v, and where that is blocked a flood.
-
-    A point between a curve and its facets may lie in no element of its region now; the one that it is behind holds it.
-    """
     e = element_in_region(elements, star, v, region)
     e, inside = walk(position, elements, e, x[0], x[1])
+    # A point between a curve and its facets may lie in no element of the region; the element at the facet counts.
     if inside or behind_curve(position, elements, constraints, e, x[0], x[1]):
         return e
     stamp, queue = next_stamp(scratch), scratch.queue
@@ -78,7 +72,6 @@ def holding_element(position, elements, star, constraints, v, x, region, scratch
 
 @inner_kernel
 def behind_curve(position, elements, constraints, e, x, y):
-    """Whether (x, y), outside of e, lies beyond a facet on a curve and no farther from that than its facets may be."""
     chains = constraints.chains
     for k in range(3):
         c = np.int64(elements.chain[e, k])
@@ -91,11 +84,11 @@ def behind_curve(position, elements, constraints, e, x, y):
 
 @inner_kernel
 def nearest_reached(position, elements, e, x, scratch):
-    """The circle check: the nearest node that x reaches from element e within its region, ties to the lowest index.
+    """Return the nearest node visible from `x` and its squared distance.
 
-    A node counts if the disc around x that just reaches it joins it to x within the region. So every element carries
-    the least distance that a way to it must go to (that of the farthest edge it crosses), elements are entered in the
-    order of it, and a node nearer than that does not count: it lies behind a slit or a corner that the disc misses.
+    A node is visible if the disc around `x` through the node connects both within the region of `e`. The reach of an
+    element is the squared distance of the farthest edge on the path to the element. Elements are entered by increasing
+    reach, and a node nearer than the reach of its element lies behind a slit or a corner. Ties go to the lowest index.
     """
     stamp, frontier, reach = next_stamp(scratch), scratch.frontier, scratch.reach
     region = elements.region[e]
@@ -143,7 +136,6 @@ def nearest_reached(position, elements, e, x, scratch):
 
 @inner_kernel
 def find_winner(neurons, v, x, region, scratch):
-    """Walk from node v to ever closer neighbours, then check the circle; returns the winner and its distance."""
     position, elements, star, constraints = neurons.position, neurons.elements, neurons.star, neurons.constraints
     while True:
         nearest = closest_neighbour(position, elements, star, constraints.inner, v, x, region)
@@ -159,12 +151,10 @@ def find_winner(neurons, v, x, region, scratch):
 def find_winners(neurons, points, region, hints, winners, distances, scratch):
     """Find the winner of every point and its distance.
 
-    `hints` has a node of the point's region to start from, best a former winner. The winner of the point before is
-    another, except at every STRETCH-th point, so that points may be cut there without a difference. The walk goes from
-    element to element to the one that holds the point. From there every edge that the circle through the nearest node
-    so far cuts is crossed. Where no such edge belongs to an outline the disc lies within the region, and the nearest
-    node found is the winner; elsewhere `find_winner` looks which nodes the point reaches. All in one body: calls would
-    cost more.
+    `hints` are start nodes in the regions of the points, preferably former winners. The search begins at the previous
+    winner if nearer, except at every STRETCH-th point, where points may be divided among threads. From the element
+    that contains the point the search crosses every edge cut by the circle through the nearest node so far.
+    `find_winner` searches again if the circle cuts a boundary.
     """
     position, elements, star, inner = neurons.position, neurons.elements, neurons.star, neurons.constraints.inner
     node, neighbour, regions, crossed = elements.node, elements.neighbour, elements.region, scratch.crossed
@@ -172,7 +162,7 @@ def find_winners(neurons, points, region, hints, winners, distances, scratch):
         x, y, own, v = points[t, 0], points[t, 1], region[t], np.int64(hints[t])
         if t % STRETCH > 0 and region[t - 1] == own:
             v = nearer(position, v, np.int64(winners[t - 1]), x, y)
-        e = int(star.element[star.start[v]])
+        e = int(star.element[star.start[v]])  # the walk is inlined, because calls would take longer
         if not inner[v]:
             e = int(element_in_region(elements, star, v, own))
         found = False
@@ -230,7 +220,7 @@ def find_winners(neurons, points, region, hints, winners, distances, scratch):
                     winner, best = int(w), distance
                 px, py = position[p, 0] - x, position[p, 1] - y
                 qx, qy = position[q, 0] - x, position[q, 1] - y
-                # f = (w, q, p): beyond its corner q lies the edge pw, beyond p the edge wq
+                # in f = (w, q, p) the edge pw is opposite to q, and wq to p
                 if cuts(px, py, wx, wy, px * wy - wx * py, best):
                     crossed[count, 0], crossed[count, 1] = f, (j + 1) % 3
                     count += 1
@@ -246,7 +236,6 @@ def find_winners(neurons, points, region, hints, winners, distances, scratch):
 
 @inner_kernel
 def nearer(position, v, other, x, y):
-    """Which of two nodes is nearer to (x, y)."""
     ax, ay = position[v, 0] - x, position[v, 1] - y
     bx, by = position[other, 0] - x, position[other, 1] - y
     return other if bx * bx + by * by < ax * ax + ay * ay else v
@@ -254,10 +243,6 @@ def nearer(position, v, other, x, y):
 
 @inner_kernel
 def cuts(px, py, qx, qy, side, best):
-    """Whether the edge from p to q, both relative to a point, comes nearer to it than the root of `best`.
-
-    `side` is their cross product; both ends are known to be no nearer.
-    """
     ux, uy = qx - px, qy - py
     length, along = ux * ux + uy * uy, -(px * ux + py * uy)
     return 0.0 < along < length and side * side < best * length

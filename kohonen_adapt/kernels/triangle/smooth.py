@@ -1,7 +1,7 @@
-"""Weigh elements with the density where nodes are now, and smooth a mesh by sweeps with these weights.
+"""Density weights of elements, and smoothing of a mesh with the weights.
 
-Chen and Xu, "Optimal Delaunay triangulations", J. Comput. Math. 22 (2004); Chen and Holst, "Efficient mesh optimization
-schemes based on optimal Delaunay triangulations", Comput. Methods Appl. Mech. Engrg. 200 (2011).
+Chen and Xu, "Optimal Delaunay triangulations", J. Comput. Math. 22 (2004); Chen and Holst, "Efficient mesh
+optimization schemes based on optimal Delaunay triangulations", Comput. Methods Appl. Mech. Engrg. 200 (2011).
 """
 
 from typing import NamedTuple
@@ -18,22 +18,21 @@ from kohonen_adapt.kernels.triangle.locate import TOLERANCE, WALK, depth_in_elem
 from kohonen_adapt.kernels.triangle.search import STRETCH, nearer
 
 RELAXATION = 0.85  # full steps overshoot where the density changes within an element
-HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
+HALVINGS = 3  # of a rejected step
 
 
 @record
 class Sites(NamedTuple):
-    """A node has one site for every region it touches: the density may differ from region to region."""
+    """Pairs of a node and a region at the node, with a density for each pair."""
 
-    start: np.ndarray  # (n + 1,) int32: the sites of node v stand in rows start[v] to start[v + 1]
+    start: np.ndarray  # (n + 1,) int32: node v has the sites start[v] to start[v + 1]
     region: np.ndarray  # (s,) int32
-    element: np.ndarray  # (s,) int32: the element of the density's own mesh that holds the node, in that region
-    factor: np.ndarray  # (s,) density^(2/3), so that the product over an element's corners is its density squared
+    element: np.ndarray  # (s,) int32: element of the region in the base mesh that contains the node
+    factor: np.ndarray  # (s,): density^(2/3), so that the product over the corners is the squared density of an element
 
 
 @kernel
 def count_sites(elements, star, start):
-    """Sum up the number of regions that every node touches to row starts."""
     start[0] = 0
     for v in range(star.start.shape[0] - 1):
         count = 0
@@ -45,7 +44,6 @@ def count_sites(elements, star, start):
 
 @inner_kernel
 def first_of_region(elements, star, v, k):
-    """Whether row k is the first of the star of v with its region."""
     region = elements.region[star.element[k]]
     for j in range(star.start[v], k):
         if elements.region[star.element[j]] == region:
@@ -55,7 +53,6 @@ def first_of_region(elements, star, v, k):
 
 @kernel
 def fill_sites(elements, star, sites):
-    """List the regions of every node, each with an element to start a search from."""
     for v in range(star.start.shape[0] - 1):
         s = sites.start[v]
         for k in range(star.start[v], star.start[v + 1]):
@@ -67,7 +64,10 @@ def fill_sites(elements, star, sites):
 
 @kernel
 def average_at_sites(area, density, elements, star, first, last, log_density):
-    """Average densities at the nodes `first` to `last`, by area and per region: the logarithm, at corners (m, 3)."""
+    """Set the logarithms of area-weighted mean densities at corners, shape (m, 3).
+
+    Each mean is over the elements of a region around a node.
+    """
     for v in range(first, last):
         for k in range(star.start[v], star.start[v + 1]):
             if not first_of_region(elements, star, v, k):
@@ -87,7 +87,6 @@ def average_at_sites(area, density, elements, star, first, last, log_density):
 
 @inner_kernel
 def factor_in_region(sites, v, region):
-    """Factor of node v as seen from one of its regions."""
     first = sites.start[v]
     for s in range(first + 1, sites.start[v + 1]):
         if sites.region[s] == region:
@@ -97,10 +96,10 @@ def factor_in_region(sites, v, region):
 
 @kernel
 def update_factors(position, first, last, sites, base_position, base, log_density):
-    """Look the density up at the sites of some nodes in the mesh it belongs to: linear in its logarithm, by region.
+    """Update the density factors of the nodes `first` to `last`.
 
-    A node that has left the element it was in is searched from where the node before it was found, if that is nearer,
-    except at every STRETCH-th node, so that nodes may be cut there without a difference.
+    The logarithm of the density is linear on each element of the base mesh. The search for a node begins at the
+    element of the previous node if nearer, except at every STRETCH-th node, where nodes may be divided among threads.
     """
     for v in range(first, last):
         for s in range(sites.start[v], sites.start[v + 1]):
@@ -119,7 +118,6 @@ def update_factors(position, first, last, sites, base_position, base, log_densit
 
 @kernel
 def multiply_factors(elements, sites, weight):
-    """Compute the square of the geometric mean of the densities at the corners of every element."""
     for e in range(elements.node.shape[0]):
         weight[e] = 1.0
         for k in range(3):
@@ -128,7 +126,6 @@ def multiply_factors(elements, sites, weight):
 
 @inner_kernel
 def element_from(position, elements, e, other, x, y):
-    """The element of e's region that holds (x, y), by a walk from another one (-1 for none) where that is nearer."""
     if other >= 0 and elements.region[other] == elements.region[e]:
         near = nearer(position, np.int64(elements.node[e, 0]), np.int64(elements.node[other, 0]), x, y)
         if near != elements.node[e, 0] and depth_in_element(position, elements.node, e, x, y) < -TOLERANCE:
@@ -140,11 +137,6 @@ def element_from(position, elements, e, other, x, y):
 
 @inner_kernel
 def nearest_element(position, elements, e, x, y):
-    """The element of e's region that holds (x, y); where a concave outline blocks the walk, the best that it came by.
-
-    From there the walk goes on through whichever neighbour holds the point deepest. Before, it goes as far as it must:
-    nodes travel the farther, in edges, the more there are.
-    """
     start, inside = np.int64(-1), False
     for _ in range(WALK):
         if inside or e == start:
@@ -168,11 +160,11 @@ def nearest_element(position, elements, e, x, y):
 
 @kernel
 def sweep(position, elements, star, constraints, weight, circumcentres, floor, order, deep, which):
-    """Move nodes to the weighted mean of the centres of the elements around them, as far as the guard lets them.
+    """Move nodes to the weighted mean of the centres of their elements, guarded.
 
-    x <- sum |K| w_K c_K / sum |K| w_K over the star, with weights w_K = rho_K^2 and c_K the circumcentre, or where
-    nothing flips the barycentre: a circumcentre far outside a stretched element would only tear at it. Of the nodes in
-    `order` those move for which `deep` is as `which` says.
+    x <- sum |K| w_K c_K / sum |K| w_K over the star, with the weights w_K = rho_K^2. The centre c_K is the
+    circumcentre, or the barycentre if no edge is flipped, because the circumcentre of a stretched element is far away.
+    Only nodes of `order` with `deep` equal to `which` move.
     """
     for node in order:
         v = np.int64(node)
@@ -197,12 +189,8 @@ def sweep(position, elements, star, constraints, weight, circumcentres, floor, o
 
 @inner_kernel
 def centre_mean(position, star, weight, circumcentres, v):
-    """Weighted mean of the circumcentres or else of the barycentres of the star of v, and the sum of the weights.
-
-    |K| c_K needs no division, so flat elements do no harm.
-    """
     x, y = position[v, 0], position[v, 1]
-    total, mean_x, mean_y = 0.0, 0.0, 0.0
+    total, mean_x, mean_y = 0.0, 0.0, 0.0  # |K| c_K needs no division, so flat elements do no harm
     for k in range(star.start[v], star.start[v + 1]):
         a, b, w = star.ahead[k], star.behind[k], weight[star.element[k]]
         ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
@@ -221,7 +209,6 @@ def centre_mean(position, star, weight, circumcentres, v):
 
 @inner_kernel
 def slide_along_chain(position, elements, star, constraints, v, way, floor):
-    """Move a node and any partner that far along their chains, or half as far until their guards agree."""
     chains, chain, moved = constraints.chains, np.int64(constraints.chain[v, OWN]), False
     for _ in range(HALVINGS + 1):
         parameter = gone_along(chains, chain, constraints.parameter[v], way)
@@ -236,7 +223,6 @@ def slide_along_chain(position, elements, star, constraints, v, way, floor):
 
 @inner_kernel
 def step_towards(position, star, v, x, y, floor):
-    """Move a free node to (x, y), or half as far until the guard agrees."""
     dx, dy = RELAXATION * (x - position[v, 0]), RELAXATION * (y - position[v, 1])
     for _ in range(HALVINGS + 1):
         if may_move(position, star, v, position[v, 0] + dx, position[v, 1] + dy, floor):

@@ -1,4 +1,4 @@
-"""Split edges and collapse them where outline, layers and quality rule allow it."""
+"""Edge splits and collapses allowed by boundaries, layers and the quality rule."""
 
 import numpy as np
 
@@ -9,14 +9,14 @@ from kohonen_adapt.kernels.triangle.connectivity import corner_of, corner_toward
 from kohonen_adapt.kernels.triangle.geometry import allowed, element_quality, may_join, signed_quality
 
 NOWHERE = -1
-SPLITTER = 2.0**29 + 1.0  # Dekker's: leaves 24 of 53 bits
+SPLITTER = 2.0**29 + 1.0  # Dekker's constant, leaves 24 of 53 bits
 
 
 @inner_kernel
 def metric_length(mesh, a, b):
-    """Square of the length of an edge in the metric, the same whichever end comes first.
+    """Return the squared length of an edge in the metric of the density.
 
-    Rounded to 24 bits, so that lengths which only rounding tells apart are the same, and it does not choose the edge.
+    The length is rounded to 24 bits, so that rounding errors do not decide between edges of equal length.
     """
     position, density = mesh.position, mesh.origins.density
     dx, dy = position[a, 0] - position[b, 0], position[a, 1] - position[b, 1]
@@ -27,7 +27,6 @@ def metric_length(mesh, a, b):
 
 @inner_kernel
 def gather_around(mesh, v, around):
-    """List the elements around v counter-clockwise, at an outline those on both ways from the anchor."""
     node, neighbour = mesh.elements.node, mesh.elements.neighbour
     count, first = 0, np.int64(mesh.pool.anchor[v])
     e = first
@@ -47,7 +46,6 @@ def gather_around(mesh, v, around):
 
 @inner_kernel
 def find_edge(mesh, a, b):
-    """An element with the edge ab and the local number of the corner opposite to it, or (-1, -1)."""
     node, around = mesh.elements.node, mesh.scratch.around
     for i in range(gather_around(mesh, a, around)):
         e = np.int64(around[i])
@@ -61,7 +59,6 @@ def find_edge(mesh, a, b):
 
 @inner_kernel
 def half_qualities(position, node, e, k, x, y):
-    """Worse quality of the two halves of element e, its edge opposite to corner k split at (x, y)."""
     a, b, c = node[e, (k + 1) % 3], node[e, (k + 2) % 3], node[e, k]
     ax, ay, bx, by = position[a, 0], position[a, 1], position[b, 0], position[b, 1]
     cx, cy = position[c, 0], position[c, 1]
@@ -70,7 +67,6 @@ def half_qualities(position, node, e, k, x, y):
 
 @inner_kernel
 def midpoint(mesh, c, a, b):
-    """The middle of an edge; on a chain the middle in its parameter, which comes third."""
     position = mesh.position
     if c < 0:
         return 0.5 * (position[a, 0] + position[b, 0]), 0.5 * (position[a, 1] + position[b, 1]), 0.0
@@ -79,14 +75,12 @@ def midpoint(mesh, c, a, b):
 
 @inner_kernel
 def is_pinned(mesh, e, k):
-    """Whether both ends of the edge opposite to corner k of e are pinned: it is not to be split."""
     node, pinned = mesh.elements.node, mesh.origins.pinned
     return pinned[node[e, (k + 1) % 3]] and pinned[node[e, (k + 2) % 3]]
 
 
 @inner_kernel
 def quality_beside(mesh, e, k):
-    """Worse quality of the elements on both sides of the edge opposite to corner k of e."""
     position, node, other = mesh.position, mesh.elements.node, np.int64(mesh.elements.neighbour[e, k])
     quality = element_quality(position, node, e)
     return min(quality, element_quality(position, node, other)) if other >= 0 else quality
@@ -94,7 +88,6 @@ def quality_beside(mesh, e, k):
 
 @inner_kernel
 def may_split(mesh, e, k, floor, x, y):
-    """Whether the edge opposite to corner k of e may be split there under the quality rule."""
     if is_pinned(mesh, e, k):
         return False
     position, elements = mesh.position, mesh.elements
@@ -107,7 +100,6 @@ def may_split(mesh, e, k, floor, x, y):
 
 @inner_kernel
 def halve(mesh, e, k, p):
-    """Give the half of e at the end of its edge opposite to corner k to a new element; p is the new node there."""
     elements, pool = mesh.elements, mesh.pool
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain
     pool.height[1] -= 1
@@ -127,7 +119,6 @@ def halve(mesh, e, k, p):
 
 @inner_kernel
 def guide(elements, constraints, e, k):
-    """Of the nodes of e one to find the middle of its edge opposite to corner k from, on the same bank of any slit."""
     c = elements.chain[e, k]
     for v in (elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]):
         if constraints.inner[v] or (c >= 0 and constraints.kind[v] == SLIDING and constraints.chain[v, OWN] == c):
@@ -137,7 +128,6 @@ def guide(elements, constraints, e, k):
 
 @inner_kernel
 def split(mesh, e, k, x, y, parameter):
-    """Split the edge opposite to corner k of e at (x, y); returns the new node."""
     elements, constraints, pool, origins = mesh.elements, mesh.constraints, mesh.pool, mesh.origins
     node, neighbour = elements.node, elements.neighbour
     a, b, other = node[e, (k + 1) % 3], node[e, (k + 2) % 3], np.int64(neighbour[e, k])
@@ -148,7 +138,7 @@ def split(mesh, e, k, x, y, parameter):
     mesh.position[p, 0], mesh.position[p, 1] = x, y
     constraints.kind[p] = FREE if c < 0 else SLIDING
     constraints.chain[p, OWN], constraints.chain[p, OTHER], constraints.parameter[p] = c, -1, parameter
-    # either end's will do; the sides' are the outermost, and a node inside with one of those could join less
+    # the level of a free end, because the level of an outermost layer would restrict the edges of an interior node
     elements.level[p] = elements.level[b if constraints.kind[b] == FREE else a]
     constraints.inner[p] = other >= 0 and elements.region[other] == elements.region[e]
     origins.density[p] = 0.5 * (origins.density[a] + origins.density[b])
@@ -168,11 +158,11 @@ def split(mesh, e, k, x, y, parameter):
 
 @inner_kernel
 def collapsed_quality(mesh, v, w, longest, floor):
-    """Worst quality around v were it merged into its neighbour w, or -1 where that is not allowed.
+    """Return the worst quality around `v` merged into `w`, or -1 if not allowed.
 
-    An interior node may go into any neighbour, one on an outline along its own chain only. The only nodes that v and w
-    have both for neighbours must be those opposite to their edge (link condition), or the mesh would be pinched. No
-    edge may become as long as the one that is split for it, or the two could go on for ever.
+    An interior node may merge into any neighbour, a boundary node only along its own segment. The common neighbours of
+    `v` and `w` must be the nodes opposite to their edge (link condition), or the mesh would be non-manifold. No new
+    edge may be as long as `longest`, the split edge, or the exchange might not terminate.
     """
     position, elements, constraints = mesh.position, mesh.elements, mesh.constraints
     node, chain, origins, scratch = elements.node, elements.chain, mesh.origins, mesh.scratch
@@ -219,21 +209,19 @@ def collapsed_quality(mesh, v, w, longest, floor):
 
 @inner_kernel
 def count_marked(mesh, w, mark):
-    """How many neighbours of w carry the mark; they are marked anew, so that none counts twice."""
     node, scratch, count = mesh.elements.node, mesh.scratch, 0
     for i in range(gather_around(mesh, w, scratch.around_other)):
         e = np.int64(scratch.around_other[i])
         k = corner_of(node, e, w)
         for other in (node[e, (k + 1) % 3], node[e, (k + 2) % 3]):
             if scratch.stamp[other] == mark:
-                scratch.stamp[other] = mark + 1
+                scratch.stamp[other] = mark + 1  # so that no neighbour counts twice
                 count += 1
     return count
 
 
 @inner_kernel
 def joins_within_reach(mesh, v, w, other, c):
-    """Whether the facet past v between two nodes that an edge of chain c is to become is no longer than it may be."""
     if c < 0:
         return True
     dx, dy = mesh.position[w, 0] - mesh.position[other, 0], mesh.position[w, 1] - mesh.position[other, 1]
@@ -243,7 +231,10 @@ def joins_within_reach(mesh, v, w, other, c):
 
 @inner_kernel
 def collapse(mesh, v, w):
-    """Merge node v into its neighbour w; returns the number of elements around v that are left, in scratch.around."""
+    """Merge node `v` into its neighbour `w`.
+
+    Return the number of remaining elements around `v`, which are listed in `scratch.around`.
+    """
     elements, pool, scratch = mesh.elements, mesh.pool, mesh.scratch
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain
     count, left = gather_around(mesh, v, scratch.around), 0

@@ -1,8 +1,8 @@
-"""Draw training points, and move the nodes around the winner of each towards it, each step guarded.
+"""Training of a Kohonen map by guarded moves of nodes towards random points.
 
-Update, neighbourhood and treatment of outlines are those of Lowther and Mai, "On Automatic Mesh Generation using
-Kohonen Maps" (sections II and III): corners of outlines go from one node to its neighbour, so that nodes travel from
-chain to chain (Fig. 3).
+Update, neighbourhood and boundaries follow Lowther and Mai, "On Automatic Mesh Generation using Kohonen Maps",
+sections II and III. A corner passes from a node to a neighbour, so that nodes move from segment to segment (Fig.
+3).
 """
 
 import numpy as np
@@ -32,10 +32,10 @@ from kohonen_adapt.kernels.triangle.search import next_stamp
 
 @kernel
 def draw_points(position, node, order, cumulated, random, points, element):
-    """Draw a random point in each of as many stretches of equal mass, in the elements in the given order.
+    """Draw a random point from each of k intervals of equal mass.
 
-    `cumulated` sums the masses up in that order; `random` (k, 3) has numbers from 0 to 1 for the place in the stretch
-    and in the element, which is filled evenly.
+    `cumulated` are the cumulative masses of the elements in `order`. `random`, shape (k, 3), are uniform numbers for
+    the position in the interval and in the element.
     """
     number, at = points.shape[0], 0
     share = cumulated[-1] / number
@@ -56,10 +56,10 @@ def draw_points(position, node, order, cumulated, random, points, element):
 
 @kernel
 def learn(neurons, lesson, rate, floor, sound, scratch):
-    """Present training points whose winners are known.
+    """Move the winners of training points and their neighbours towards the points.
 
-    Learning rate times weight is capped at 1. Stars marked `sound` need not look back. Neurons are moved here and not
-    in a function of their own: its call would take longer than its work.
+    The learning rate times the weight is limited to 1. Stars marked `sound` satisfy the floor and need no comparison
+    with the quality before.
     """
     position, elements, star, constraints = neurons.position, neurons.elements, neurons.star, neurons.constraints
     points, region, weights, winners = lesson.points, lesson.region, lesson.weights, lesson.winners
@@ -77,7 +77,7 @@ def learn(neurons, lesson, rate, floor, sound, scratch):
                 end = gather_ring(elements, star, inner, region[t], queue, first, last, stamps, stamp)
                 first, last = last, end
             step, rings[ring + 1] = rate_of_point * strength[ring], last
-            for i in range(first, last):
+            for i in range(first, last):  # moves are inlined, because calls would take longer
                 v = np.int64(queue[i])
                 if kind[v] == FREE:
                     new_x = position[v, 0] + step * (x[0] - position[v, 0])
@@ -94,7 +94,7 @@ def learn(neurons, lesson, rate, floor, sound, scratch):
                 else:
                     if constraints.chain[v, OTHER] >= 0:
                         jump(position, elements, star, constraints, v, x[0], x[1], step, floor)
-                    elif ring == 0 and constraints.chain[v, OWN] == JUNCTION:  # drawn along by others it would wander
+                    elif ring == 0 and constraints.chain[v, OWN] == JUNCTION:  # winners only, or junctions would drift
                         jump_at_junction(position, elements, star, constraints, v, x[0], x[1], step, floor)
                     continue
                 if star_tolerable(position, star, v, new_x, new_y, floor) or (
@@ -111,17 +111,13 @@ def learn(neurons, lesson, rate, floor, sound, scratch):
 
 @inner_kernel
 def gather_ring(elements, star, inner, region, queue, first, last, stamps, stamp):
-    """Append the next ring of neighbours within the region to the queue; returns its new end.
-
-    Around inner nodes every neighbour is written and only new ones are kept: which are new no branch could predict.
-    """
     end = last
     for i in range(first, last):
         v = queue[i]
         if inner[v]:
             for k in range(star.start[v], star.start[v + 1]):
                 other = star.ahead[k]
-                queue[end] = other
+                queue[end] = other  # overwritten unless new, because a branch would be unpredictable
                 end += stamps[other] != stamp
                 stamps[other] = stamp
             continue
@@ -138,10 +134,10 @@ def gather_ring(elements, star, inner, region, queue, first, last, stamps, stamp
 
 @inner_kernel
 def reach_beyond(position, elements, star, constraints, x, region, rate, strength, rings, floor, scratch):
-    """Let a point also reach those around it that lie beyond a periodic boundary, where its image is.
+    """Move nodes beyond a periodic boundary towards the image of a point.
 
-    Ring r of the nodes that it has reached stands in ``scratch.queue[rings[r] : rings[r + 1]]``. On the other side the
-    rings begin at the partners of those, each with its own number; the partners have moved already.
+    Ring r of the nodes on this side is ``scratch.queue[rings[r] : rings[r + 1]]``. The rings beyond the boundary begin
+    at the partners of these nodes with equal r. The partners themselves have moved already.
     """
     twins, queue, stamps = constraints.twins, scratch.queue, scratch.node_stamp
     reached = rings[-1]
@@ -170,7 +166,6 @@ def reach_beyond(position, elements, star, constraints, x, region, rate, strengt
 
 @inner_kernel
 def follow_image(position, elements, star, constraints, v, x, y, step, floor):
-    """Move one neuron towards (x, y), guarded; corners and those with a partner stay."""
     chains, chain = constraints.chains, np.int64(constraints.chain[v, OWN])
     if constraints.kind[v] == FREE:
         new_x, new_y = position[v, 0] + step * (x - position[v, 0]), position[v, 1] + step * (y - position[v, 1])
@@ -182,7 +177,6 @@ def follow_image(position, elements, star, constraints, v, x, y, step, floor):
 
 @inner_kernel
 def towards(constraints, chain, v, x, y, step):
-    """The parameter of a sliding node after a step towards (x, y) along its chain."""
     chains, parameter = constraints.chains, constraints.parameter[v]
     way = way_along(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
     return gone_along(chains, chain, parameter, step * way)
@@ -190,7 +184,6 @@ def towards(constraints, chain, v, x, y, step):
 
 @inner_kernel
 def follower(elements, star, constraints, corner, chain):
-    """The sliding node next to a corner on a chain, or -1; -1 as well where the corner would leave a flat ear."""
     found = np.int64(-1)
     for k in range(star.start[corner], star.start[corner + 1]):
         e, outlines = star.element[k], 0
@@ -201,7 +194,7 @@ def follower(elements, star, constraints, corner, chain):
                 outlines += 1
             if elements.chain[e, j] == chain:
                 found = star.ahead[k] + star.behind[k] - elements.node[e, j]
-        if outlines == 2:
+        if outlines == 2:  # the element would be flat without the corner
             return -1
     if found >= 0 and constraints.kind[found] == SLIDING and constraints.chain[found, OWN] == chain:
         return found
@@ -210,7 +203,6 @@ def follower(elements, star, constraints, corner, chain):
 
 @inner_kernel
 def relabel_edge(elements, star, a, b, chain):
-    """Hand the edge ab to another chain, in the elements on both sides of it."""
     for k in range(star.start[a], star.start[a + 1]):
         e = star.element[k]
         if star.ahead[k] != b and star.behind[k] != b:
@@ -222,7 +214,6 @@ def relabel_edge(elements, star, a, b, chain):
 
 @inner_kernel
 def jump(position, elements, star, constraints, v, x, y, step, floor):
-    """Let v leave a corner for the nearer chain, and its follower take over (the paper's Fig. 3)."""
     chains, onto, away = constraints.chains, np.int64(constraints.chain[v, OWN]), np.int64(constraints.chain[v, OTHER])
     corner_x, corner_y = position[v, 0], position[v, 1]
     corner, corner_away = parameter_of(position, constraints, onto, v), parameter_of(position, constraints, away, v)
@@ -244,11 +235,11 @@ def jump(position, elements, star, constraints, v, x, y, step, floor):
 
 @inner_kernel
 def jump_at_junction(position, elements, star, constraints, v, x, y, step, floor):
-    """Let v leave a junction of three chains along one; its neighbour on another takes over, and the third's end.
+    """Move node `v` from a junction of three segments onto the nearest segment.
 
-    That it can where one element is all that lies between the neighbour's chain and the third: its edge from v to the
-    third chain's next node becomes free, that from the neighbour becomes the chain's end, and the element changes
-    sides.
+    A neighbour on a second segment takes the junction if a single element lies between the second and the third
+    segment. The edge of the element from `v` to the third segment is then free, the edge from the neighbour is the end
+    of the third segment, and the element changes its region.
     """
     chains, onto, least, target = constraints.chains, np.int64(-1), np.inf, 0.0
     for k in range(star.start[v], star.start[v + 1]):
@@ -282,9 +273,8 @@ def jump_at_junction(position, elements, star, constraints, v, x, y, step, floor
 
 @inner_kernel
 def may_follow(position, elements, star, constraints, e, v, next_node, other, onto):
-    """Whether e, with v at a junction, lies between the chains of its two other nodes, and the next may take over."""
     chains, away, third = constraints.chains, chain_of_edge(elements, e, other), chain_of_edge(elements, e, next_node)
-    if away < 0 or third < 0 or onto == away or onto == third or away == third:  # noqa: SIM109 (numba knows no such in)
+    if away < 0 or third < 0 or onto == away or onto == third or away == third:  # noqa: SIM109 (numba does not support `in` here)
         return False
     if chain_of_edge(elements, e, v) >= 0:
         return False
@@ -299,13 +289,11 @@ def may_follow(position, elements, star, constraints, e, v, next_node, other, on
 
 @inner_kernel
 def chain_of_edge(elements, e, v):
-    """Chain of the edge of e opposite to its node v, -1 for none."""
     return np.int64(elements.chain[e, corner_of(elements.node, e, v)])
 
 
 @inner_kernel
 def swapped(position, star, constraints, v, next_node, onto, parameter, floor):
-    """Move v to a parameter of a chain and its follower into the corner; returns whether the quality rule allows it."""
     before = worst_of_two(position, star, v, next_node)
     corner_x, corner_y = position[v, 0], position[v, 1]
     next_x, next_y = position[next_node, 0], position[next_node, 1]
@@ -320,7 +308,6 @@ def swapped(position, star, constraints, v, next_node, onto, parameter, floor):
 
 @inner_kernel
 def worst_of_two(position, star, v, w):
-    """Worst signed quality of the stars of two nodes."""
     return min(
         worst_in_star(position, star, v, position[v, 0], position[v, 1]),
         worst_in_star(position, star, w, position[w, 0], position[w, 1]),
@@ -329,7 +316,6 @@ def worst_of_two(position, star, v, w):
 
 @inner_kernel
 def hand_over(constraints, v, next_node, onto, away, parameter):
-    """Give the corner's constraint to the follower; v slides from now on."""
     constraints.kind[next_node], constraints.kind[v] = HELD, SLIDING
     constraints.chain[next_node, OWN], constraints.chain[next_node, OTHER] = onto, away
     constraints.chain[v, OWN], constraints.chain[v, OTHER] = onto, -1

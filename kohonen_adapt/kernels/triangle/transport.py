@@ -1,7 +1,7 @@
-"""Carry all nodes at once with a flow, in steps that keep every element good.
+"""Transport of all nodes by a flow, in steps that satisfy the quality rule.
 
-Where the guard of one node asks what its move does to elements whose other nodes stand still, here all nodes of an
-element move together, so a smooth flow takes them many edge lengths far.
+The guard of a single node requires that the other nodes of its elements rest. Here all nodes of an element move
+together, so a smooth flow can move nodes over many edge lengths.
 """
 
 import math
@@ -16,7 +16,10 @@ from kohonen_adapt.kernels.triangle.geometry import FLAT, allowed, better_than, 
 
 @kernel
 def share_out(winners, region, weights, elements, star, mass):
-    """Sum up what the training points weigh, each shared by the elements of its region around its winner, (m,)."""
+    """Sum the weights of training points per element, shape (m,).
+
+    The weight of a point is divided among the elements of its region around its winner.
+    """
     for e in range(mass.shape[0]):
         mass[e] = 0.0
     for t in range(winners.shape[0]):
@@ -30,7 +33,6 @@ def share_out(winners, region, weights, elements, star, mass):
 
 @kernel
 def find_crossings(position, elements, cluster, row, column, length):
-    """List the edges between clusters that nodes may cross, with their lengths; returns how many there are."""
     count = 0
     for e in range(elements.node.shape[0]):
         for k in range(3):
@@ -45,9 +47,10 @@ def find_crossings(position, elements, cluster, row, column, length):
 
 @kernel
 def find_directions(node, constraints, cluster, count, along):
-    """Find where clusters may flow, as matrices (xx, xy, yy), (c, 3): the mean of t t^T over corners on outlines.
+    """Set the admissible directions of clusters in `along`, shape (c, 3).
 
-    t is the tangent, zero where a node is held; a cluster without such corners may flow anywhere.
+    A row is (xx, xy, yy) of the mean of t t^T over the boundary corners of a cluster, with the tangent t, or t = 0 at
+    a held node. Clusters without boundary corners may flow in all directions.
     """
     for c in range(count.shape[0]):
         count[c] = along[c, 0] = along[c, 1] = along[c, 2] = 0.0
@@ -72,7 +75,6 @@ def find_directions(node, constraints, cluster, count, along):
 
 @kernel
 def move_with_clusters(star, constraints, cluster, flow, first, last, move):
-    """Let every node move with the mean flow of the clusters around it, as far as its outline allows."""
     kind = constraints.kind
     for v in range(first, last):
         x, y, count = 0.0, 0.0, star.start[v + 1] - star.start[v]
@@ -87,7 +89,6 @@ def move_with_clusters(star, constraints, cluster, flow, first, last, move):
 
 @kernel
 def smooth_moves(star, constraints, move, first, last, smoothed):
-    """Replace every node's move by the mean of its neighbours', as far as its outline allows."""
     kind = constraints.kind
     for v in range(first, last):
         x, y, count = 0.0, 0.0, star.start[v + 1] - star.start[v]
@@ -95,7 +96,7 @@ def smooth_moves(star, constraints, move, first, last, smoothed):
             a = star.ahead[k]
             x += move[a, 0]
             y += move[a, 1]
-        if kind[v] != FREE:  # around a free one the node behind is the next element's ahead
+        if kind[v] != FREE:  # around a free node `behind` is `ahead` in the next row
             count *= 2
             for k in range(star.start[v], star.start[v + 1]):
                 b = star.behind[k]
@@ -108,7 +109,6 @@ def smooth_moves(star, constraints, move, first, last, smoothed):
 
 @inner_kernel
 def keep_to_outline(constraints, v, move):
-    """Leave of the move of node v the part along its outline; pairs stay, for their partners' sake."""
     chain = np.int64(constraints.chain[v, OWN])
     if constraints.kind[v] == HELD or constraints.chains.flags[chain, PAIRED]:
         move[v, 0], move[v, 1] = 0.0, 0.0
@@ -120,7 +120,6 @@ def keep_to_outline(constraints, v, move):
 
 @kernel
 def measure_moves(position, star, move, first, last, ratio):
-    """Measure the length of every node's move over the distance of its neighbours."""
     for v in range(first, last):
         x, y, doubled = position[v, 0], position[v, 1], 0.0
         for k in range(star.start[v], star.start[v + 1]):
@@ -131,7 +130,6 @@ def measure_moves(position, star, move, first, last, ratio):
 
 @kernel
 def step_ahead(position, constraints, move, share, first, last, ahead, parameter):
-    """Compute where nodes would be after a share of their moves; those on outlines at a parameter of their chain."""
     for v in range(first, last):
         ahead[v, 0], ahead[v, 1] = position[v, 0] + share * move[v, 0], position[v, 1] + share * move[v, 1]
         if constraints.kind[v] == SLIDING and (move[v, 0] != 0.0 or move[v, 1] != 0.0):
@@ -140,7 +138,6 @@ def step_ahead(position, constraints, move, share, first, last, ahead, parameter
 
 @kernel
 def mark_spoiled(position, ahead, node, floor, first, last, spoiled):
-    """Mark those of some elements that the step would leave worse than the quality rule allows."""
     share = least_share(floor)
     for e in range(first, last):
         a, b, c = node[e, 0], node[e, 1], node[e, 2]
@@ -151,17 +148,13 @@ def mark_spoiled(position, ahead, node, floor, first, last, spoiled):
 
 @inner_kernel
 def spoils(position, ahead, node, e, floor):
-    """Whether the step leaves element e worse than both the floor and before."""
     after = element_quality(ahead, node, e)
     return not allowed(after, element_quality(position, node, e), floor)
 
 
 @kernel
 def go_to_middle(ahead, parameter, node, star, constraints, spoiled):
-    """Put the nodes of spoiled elements in the middle of where their neighbours would be, on their outline if any.
-
-    That mends most: held back, they would spoil the elements around them, whose other nodes go on.
-    """
+    # Means repair most elements. Stopped nodes would spoil the elements around, whose other nodes move on.
     kind = constraints.kind
     for e in range(spoiled.shape[0]):
         if spoiled[e]:
@@ -180,10 +173,11 @@ def go_to_middle(ahead, parameter, node, star, constraints, spoiled):
 
 @kernel
 def slow_down(position, ahead, parameter, node, star, constraints, spoiled, ring, queue):
-    """Stop the nodes of spoiled elements, and slow those around them down, the nearer the more.
+    """Stop the nodes of spoiled elements and slow the nodes around them.
 
-    `ring` (n,) int32 says how many edges every node is from those that stand still, or how many are far enough: it goes
-    that part of its way. Once for all calls of a step, so that speeds differ as little as they do beside one element.
+    `ring`, shape (n,) int32, is the number of edges to the nearest stopped node, initially the number beyond which
+    nodes are not slowed. A node moves the fraction of its step that is `ring` over the initial number. All calls of a
+    step share `ring`, so that speeds change gradually.
     """
     last = np.int64(0)
     for e in range(spoiled.shape[0]):
@@ -196,26 +190,24 @@ def slow_down(position, ahead, parameter, node, star, constraints, spoiled, ring
         first += 1
         for k in range(star.start[v], star.start[v + 1]):
             last = slowed(position, ahead, parameter, constraints, star.ahead[k], ring[v] + 1, ring, queue, last)
-            if not constraints.inner[v]:  # else the one behind is the next element's ahead
+            if not constraints.inner[v]:  # around an inner node `behind` is `ahead` in the next row
                 last = slowed(position, ahead, parameter, constraints, star.behind[k], ring[v] + 1, ring, queue, last)
 
 
 @inner_kernel
 def slowed(position, ahead, parameter, constraints, v, rings, ring, queue, last):
-    """Slow a node down that is nearer to what stands still than it was, and queue it; returns the queue's new end."""
     if rings >= ring[v]:
         return last
     share, ring[v], queue[last] = rings / ring[v], rings, v
     x, y = (ahead[v, 0] - position[v, 0]) * share, (ahead[v, 1] - position[v, 1]) * share
     ahead[v, 0], ahead[v, 1] = position[v, 0] + x, position[v, 1] + y
-    if constraints.kind[v] == SLIDING and (x != 0.0 or y != 0.0):  # what stands still does so to the bit
+    if constraints.kind[v] == SLIDING and (x != 0.0 or y != 0.0):  # a stopped node keeps its exact position
         put_on_outline(ahead, parameter, constraints, np.int64(v))
     return last + 1
 
 
 @inner_kernel
 def put_on_outline(ahead, parameter, constraints, v):
-    """Bring a node to the nearest point of its chain; pairs stay where they are."""
     chain, chains = np.int64(constraints.chain[v, OWN]), constraints.chains
     if not chains.flags[chain, PAIRED]:
         parameter[v] = nearest_parameter(chains, chain, ahead[v, 0], ahead[v, 1], constraints.parameter[v])
@@ -224,10 +216,6 @@ def put_on_outline(ahead, parameter, constraints, v):
 
 @kernel
 def mark_too_long(position, ahead, elements, chains, spoiled):
-    """Mark the elements beside facets that the step would make longer than their curve allows, and than before.
-
-    Returns how many they are, those that were marked already apart.
-    """
     found = 0
     for e in range(spoiled.shape[0]):
         for k in range(3):
@@ -243,7 +231,6 @@ def mark_too_long(position, ahead, elements, chains, spoiled):
 
 @kernel
 def hold_back(position, ahead, node, star, floor, spoiled, queue):
-    """Leave the nodes of spoiled elements where they are, and of those that this spoils, until none is."""
     last = 0
     for e in range(spoiled.shape[0]):
         if spoiled[e]:
@@ -267,7 +254,6 @@ def hold_back(position, ahead, node, star, floor, spoiled, queue):
 
 @kernel
 def take_step(position, constraints, ahead, parameter, first, last):
-    """Move nodes to where they may go."""
     for v in range(first, last):
         if constraints.kind[v] == SLIDING and (ahead[v, 0] != position[v, 0] or ahead[v, 1] != position[v, 1]):
             constraints.parameter[v] = parameter[v]

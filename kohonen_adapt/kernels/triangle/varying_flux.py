@@ -1,17 +1,19 @@
-"""Evaluate fluxes that vary inside regions: in every element a quadratic polynomial of the place.
+"""Mean fluxes over triangles from quadratic polynomials of the position.
 
-Of a flux g that varies, int g . grad u over a triangle needs the mean alone. With c the centroid, r and s the ways from
-one corner to the others, that of a polynomial q of gradient d and Hessian H at a point o is
+The integral int g . grad u over a triangle depends on the mean of the flux g alone. With the centroid c and the
+vectors r and s from one corner to the two others, the mean of a polynomial q of gradient d and Hessian H at a
+point o is
 
-    q(o) + d . (c - o) + (c - o) H (c - o) / 2 + (r H r + s H s - r H s) / 36,
+    q(o) + d . (c - o) + (c - o) H (c - o) / 2 + (r H r + s H s - r H s) / 36.
 
-and with the corner's place it changes by a third of the gradient at the corner + (r + s) / 4. The functional lies above
-its least value by terms of second order in the size of elements. Polynomials leave out what is of third order; frozen
-constants would carry the flux along with the nodes, which is of first order, and send them all to where it is stronger.
+The derivative of the mean by the position of the corner is a third of the gradient at the corner + (r + s) / 4.
 
-Flips, splits and collapses take the polynomial of the element that is there for the triangle in its place, before and
-after, so that they are judged by one flux. The columns of the data are those of `kernels/arrays.py`; where no flux
-varies there are CONSTANTS of them, and nothing is added.
+The functional exceeds its minimum by terms of second order in the element size. Polynomials neglect terms of third
+order. Constants per element would carry the flux along with the nodes, an error of first order, and all nodes
+would move to the strongest flux.
+
+Flips, splits and collapses evaluate the polynomial of the element whose row they use, before and after. The
+columns of the data are defined in `kernels/arrays.py`. Without a varying flux the data have CONSTANTS columns.
 """
 
 from kohonen_adapt.kernels.arrays import CENTRE_X, CENTRE_Y, CONSTANTS, HALF_FLUX_X, HALF_FLUX_Y, RATES_X, RATES_Y
@@ -20,9 +22,7 @@ from kohonen_adapt.kernels.compilation import inner_kernel
 
 @inner_kernel
 def half_flux(data, e, x, y, ax, ay, bx, by):
-    """Both parts of half the mean flux, by the polynomial of e, over the triangle of (x, y) and the corners a, b from
-    there on; as it is where no flux varies.
-    """
+    """Return half the mean flux over the triangle of (x, y) and (x, y) + a, b."""
     flux_x, flux_y = data[e, HALF_FLUX_X], data[e, HALF_FLUX_Y]
     if data.shape[1] > CONSTANTS:
         cx, cy = x + (ax + bx) / 3.0 - data[e, CENTRE_X], y + (ay + by) / 3.0 - data[e, CENTRE_Y]
@@ -36,7 +36,6 @@ def half_flux(data, e, x, y, ax, ay, bx, by):
 
 @inner_kernel
 def half_flux_rates(data, e, x, y, ax, ay, bx, by):
-    """How half the mean flux of that triangle changes with (x, y): its first part by x and by y, then its second."""
     px = x + 0.25 * (ax + bx) - data[e, CENTRE_X]
     py = y + 0.25 * (ay + by) - data[e, CENTRE_Y]
     x_by_x = increase(data, e, RATES_X, 1.0, 0.0, px, py, 0.0) / 3.0
@@ -48,13 +47,11 @@ def half_flux_rates(data, e, x, y, ax, ay, bx, by):
 
 @inner_kernel
 def increase(data, e, first, x, y, xx, xy, yy):
-    """What a polynomial adds to its value at the centre, for the mean of x, y, xx / 2, xy and yy / 2 from there."""
     linear = data[e, first] * x + data[e, first + 1] * y
     return linear + data[e, first + 2] * xx + data[e, first + 3] * xy + data[e, first + 4] * yy
 
 
 @inner_kernel
 def pushed(data, e, x, y, ax, ay, u, bx, by, v):
-    """int g . grad of the function 0, u, v on the triangle of (x, y) and the corners a, b from there on."""
     flux_x, flux_y = half_flux(data, e, x, y, ax, ay, bx, by)
     return flux_y * (v * ax - u * bx) - flux_x * (v * ay - u * by)

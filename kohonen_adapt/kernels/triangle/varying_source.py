@@ -1,10 +1,11 @@
-"""Add a source that varies inside regions, in every element a polynomial of the position.
+"""Loads of a source that is a polynomial of the position in every element.
 
-The polynomial of an element is one in the affine coordinates X, Y in which the element was the reference triangle when
-the source was last sampled. The load -int f u of the element is integrated at the points of `Points`, which move with
-the element, so its derivatives by the position of a node have those of f besides those of the area. Flips, splits and
-collapses evaluate the polynomial of the element whose row they use, before and after. The columns of the data are those
-of `kernels/arrays.py`; without a varying source there are CONSTANTS of them.
+The variables of the polynomial are the affine coordinates X, Y in which the element was the reference triangle
+when the source was last sampled. The load -int f u is integrated at the points of `Points`, which move with the
+element. Derivatives by the position of a node therefore include those of f.
+
+Flips, splits and collapses evaluate the polynomial of the element whose row they use, before and after. The
+columns of the data are defined in `kernels/arrays.py`. Without a varying source the data have CONSTANTS columns.
 """
 
 from kohonen_adapt.kernels.arrays import CENTRE_X, CENTRE_Y, SOURCE_TERMS, VALUE, X_BY_X, X_BY_Y, Y_BY_X, Y_BY_Y
@@ -14,7 +15,7 @@ from kohonen_adapt.kernels.triangle.by_points import kind_of
 
 @inner_kernel
 def source_at(data, e, x, y):
-    """Return the source by the polynomial of e and its derivatives by x, y, xx, xy and yy."""
+    """Return the source at (x, y) and its derivatives by x, y, xx, xy and yy."""
     along, aside = x - data[e, CENTRE_X], y - data[e, CENTRE_Y]
     u = data[e, X_BY_X] * along + data[e, X_BY_Y] * aside
     v = data[e, Y_BY_X] * along + data[e, Y_BY_Y] * aside
@@ -23,7 +24,7 @@ def source_at(data, e, x, y):
         degree += 1
     value, by_u, by_v, uu, uv, vv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     column = data.shape[1] - 1
-    for j in range(degree, -1, -1):  # Horner's method in v, of coefficients by Horner's method in u
+    for j in range(degree, -1, -1):  # Horner's method in v, with coefficients by Horner's method in u
         p, d, dd = 0.0, 0.0, 0.0
         for _ in range(degree - j + 1):
             dd = dd * u + 2.0 * d
@@ -46,10 +47,7 @@ def source_at(data, e, x, y):
 
 @inner_kernel
 def with_source(part, descent, e, j, local, special, bend, x, y, ax, ay, bx, by, wanted):
-    """Return what `add_element` returned, `part`, with the varying source, whose derivatives are added to the block.
-
-    The first corner is at (x, y). Sides are curved by `bend` if the element is `special`.
-    """
+    """Return `part`, the result of `add_element`, with the varying source added."""
     size, total, by_x, by_y, xx, xy, yy = part
     data, block, points = descent.trial.data, descent.block, descent.points
     kind = kind_of(x, ax, bx) if descent.shapes.around else 0
@@ -66,7 +64,7 @@ def with_source(part, descent, e, j, local, special, bend, x, y, ax, ay, bx, by,
             ry += points.side[kind, q, k, 2] * bend[k, 1]
         f, f_x, f_y, f_xx, f_xy, f_yy = source_at(data, e, at_x, at_y)
         doubled, ex, ey, share = px * ry - py * rx, rx - px, ry - py, 0.5 * points.weight[kind, q]
-        # of f D by the position of the first corner
+        # derivatives of f D by the position of the first corner
         rate_x, rate_y = share * (doubled * lead * f_x - f * ey), share * (doubled * lead * f_y + f * ex)
         for i in range(points.value.shape[2]):
             value = points.value[kind, q, i]
