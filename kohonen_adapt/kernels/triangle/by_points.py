@@ -22,7 +22,6 @@ SURELY = 1.0 + 1e-9  # safety factor of `LEAST` for rounding, so that an accepte
 
 @inner_kernel
 def kind_of(x, ax, bx):
-    """Return the row of `Points` for corners at radii `x`, `x + ax`, `x + bx`."""
     near = NEAR_AXIS * max(x, x + ax, x + bx)
     first, second, third = x <= near, x + ax <= near, x + bx <= near
     count = (1 if first else 0) + (1 if second else 0) + (1 if third else 0)

@@ -1,12 +1,12 @@
 """Descent of functionals of P1 functions by moves of single nodes.
 
-On an element (v, a, b), counter-clockwise with doubled area D, the functional int c/2 |grad u|^2 - f u - g . grad
-u is
+On an element (v, a, b), counter-clockwise with doubled area D, the functional
+int c/2 |grad u|^2 - f u - g . grad u is
 
     c |n|^2 / (4 D) - f D (u_v + u_a + u_b) / 6 - g . Jn / 2,    n = u_v (b - a) + u_a (x_v - b) + u_b (a - x_v),
 
-where J turns by a right angle and grad u = Jn / D. D and n are affine in the position and the value of v, so |n|^2
-/ D is jointly convex in both. Newton's method is therefore suitable, and only the source f can make a Hessian
+where J turns by a right angle and grad u = Jn / D. D and n are affine in the position and the value of v, so
+|n|^2 / D is jointly convex in both. Newton's method is therefore suitable, and only the source f can make a Hessian
 indefinite.
 
 A nonlinear material has an energy density W(|grad u|^2) in place of c/2 |grad u|^2, so the energy D W / 2 is
@@ -38,9 +38,7 @@ ROUNDING = 1e-13  # minimum gain as a fraction of the summed magnitudes of all t
 HALVINGS = 3  # of a rejected step
 OVERSTEP = 1.6  # relaxation of Newton's step, as in successive over-relaxation: halves the number of sweeps
 TRIES = 4  # lengths of a Newton step of a value, each half the previous length
-LEAST_CURVATURE = (
-    0.3  # minimum curvature as a fraction of the larger principal curvature, limits steps in flat directions
-)
+LEAST_CURVATURE = 0.3  # minimum as a fraction of the larger principal curvature, limits steps in flat directions
 
 
 @kernel
@@ -206,7 +204,6 @@ def move_free(position, star, trials, v, floor):
 
 @inner_kernel
 def newton_step(by_x, by_y, xx, xy, yy):
-    """Return an over-relaxed Newton step with the magnitudes of the eigenvalues."""
     mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
     radius = math.hypot(half, xy)
     least = LEAST_CURVATURE * (abs(mean) + radius)
@@ -336,8 +333,8 @@ def improve_value(position, star, trial, v):
 def least_parabola(position, star, trial, v, x, y, w, given):
     """Return c, r, k of a parabola c + r w + k w^2 / 2 for `v` at (x, y).
 
-    Position and value of the minimum are the better of `w` and of one Newton step from `w`. The parabola of a
-    Dirichlet value is constant.
+    The parabola has the functional at the better of `w` and of one Newton step from `w` as its minimum there. For a
+    Dirichlet value the parabola is constant.
     """
     c, r, k = parabola(position, star, trial, v, x, y, w)
     if given:

@@ -44,10 +44,6 @@ def split_parabola(mesh, trial, e, k, x, y, own, w):
 
 @inner_kernel
 def best_of_split(mesh, trial, e, k, x, y):
-    """Return the magnitudes, the gain and the best value of a node at (x, y).
-
-    In nonlinear materials the value is approximated by one step of Newton's method.
-    """
     a, b = np.int64(mesh.elements.node[e, (k + 1) % 3]), np.int64(mesh.elements.node[e, (k + 2) % 3])
     own = 0.5 * (trial.value[a] + trial.value[b])
     size, before, slope, stiffness = split_parabola(mesh, trial, e, k, x, y, own, 0.0)

@@ -66,11 +66,6 @@ def number_merged(descent, v, w, gone):
 
 @inner_kernel
 def merged_coefficients(descent, v, w, gone, row, own):
-    """Set `Block.part` to coefficients of an element with `v` merged into `w`.
-
-    The order begins with `w`. Coefficients of sides opposite to `v` in the removed elements, rows `gone`, are reused,
-    and the unknowns are those of `Block.still`.
-    """
     elements, star, modes, block = descent.elements, descent.star, descent.modes, descent.block
     e, j, part, degrees = np.int64(star.element[row]), row - star.start[v], block.part, modes.side.shape[2]
     k = corner_of(elements.node, e, v)
@@ -194,10 +189,6 @@ def weigh_higher(mesh, descents, offers, most, floor, first, last, edges):
 
 @kernel
 def exchange_higher(mesh, descents, offers, edges, nodes, floor):
-    """Split edges in exchange for cheaper collapses, in the order of `edges`.
-
-    Return the number of pairs and the decrease of the functionals. See `exchange` for order 1.
-    """
     elements, locked, pairs, lowered, at = mesh.elements, offers.locked, 0, 0.0, 0
     for edge in edges:
         e, k = edge // 3, edge % 3

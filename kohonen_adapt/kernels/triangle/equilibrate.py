@@ -6,8 +6,8 @@ Vohralik, "Polynomial-degree-robust a posteriori estimates in a unified setting"
 The elements of a patch are in counter-clockwise order. The patch is closed, or its first and last edge lie on the
 boundary. Through edge s the normal flux times the length of the edge is -J/2 + x out of an element and J/2 + x
 into the next element at the vertex, and y at the other end of the edge, where J is the jump of the discrete flux.
-Equilibrium of the elements determines the means m = (x + y) / 2 up to a constant, the circulation. The tilts d =
-(x - y) / 2 are free. Tilts and circulation minimise the energy.
+Equilibrium of the elements determines the means m = (x + y) / 2 up to a constant, the circulation. The tilts
+d = (x - y) / 2 are free. Tilts and circulation minimise the energy.
 """
 
 from typing import NamedTuple
@@ -51,9 +51,7 @@ class Fan(NamedTuple):
     load: np.ndarray  # (w + 2,)
     gram: np.ndarray  # (4, 4): energy products of the four boundary values of an element
     slope: np.ndarray  # (4,): energy products with the field of the source
-    values: (
-        np.ndarray
-    )  # (4,): outward fluxes at the vertex and at the other end, of the right edge and then of the left edge
+    values: np.ndarray  # (4,): outward fluxes at the vertex and the other end, of the right and of the left edge
 
 
 def fan_of(width: int) -> Fan:
@@ -103,7 +101,6 @@ def gather(data, e, k, fan, seen):
 
 @inner_kernel
 def balance(data, fan, size, closed):
-    """Set means and prescribed tilts, and return the residual of the equilibrium."""
     for s in range(size + 1):
         fan.tilt[s], fan.held[s] = 0.0, False
     fan.held[size + 1], fan.mean[0] = False, 0.0

@@ -18,7 +18,6 @@ def side_of_edge(position, node, e, k, x, y):
 
 @inner_kernel
 def depth_in_element(position, node, e, x, y):
-    """Return the smallest barycentric coordinate of (x, y), negative outside."""
     least, doubled = np.inf, 0.0
     for k in range(3):
         side = side_of_edge(position, node, e, k, x, y)

@@ -38,11 +38,6 @@ def enter(mesh, longest, shortest, a, b):
 
 @inner_kernel
 def next_edge(mesh, heap, sign):
-    """Return element, corner and key of the first valid edge of a heap.
-
-    Edges that no longer exist with their length are removed. `sign` converts a metric length to a key. Return (-1, -1,
-    0) from an empty heap.
-    """
     while heap.size[0] > 0:
         key, a, b = remove_first(heap)
         if mesh.pool.anchor[a] < 0 or mesh.pool.anchor[b] < 0:

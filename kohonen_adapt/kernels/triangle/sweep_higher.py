@@ -19,11 +19,6 @@ from kohonen_adapt.kernels.triangle.geometry import may_move
 
 @kernel
 def descend_nodes_higher(descents, order, floor):
-    """Move nodes in the given order and return the gain by the moves.
-
-    Free nodes move in the plane, nodes on straight boundaries along the boundary. Decreases by new coefficients alone
-    do not count.
-    """
     kinds, chains, fixed = descents.one.constraints.kind, descents.one.constraints.chain, descents.one.trial.fixed
     gain = 0.0
     for node in order:

@@ -274,7 +274,7 @@ def jump_at_junction(position, elements, star, constraints, v, x, y, step, floor
 @inner_kernel
 def may_follow(position, elements, star, constraints, e, v, next_node, other, onto):
     chains, away, third = constraints.chains, chain_of_edge(elements, e, other), chain_of_edge(elements, e, next_node)
-    if away < 0 or third < 0 or onto == away or onto == third or away == third:  # noqa: SIM109 (numba does not support `in` here)
+    if away < 0 or third < 0 or onto == away or onto == third or away == third:  # noqa: SIM109 (numba lacks `in` here)
         return False
     if chain_of_edge(elements, e, v) >= 0:
         return False

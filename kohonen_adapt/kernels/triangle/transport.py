@@ -16,10 +16,6 @@ from kohonen_adapt.kernels.triangle.geometry import FLAT, allowed, better_than, 
 
 @kernel
 def share_out(winners, region, weights, elements, star, mass):
-    """Sum the weights of training points per element, shape (m,).
-
-    The weight of a point is divided among the elements of its region around its winner.
-    """
     for e in range(mass.shape[0]):
         mass[e] = 0.0
     for t in range(winners.shape[0]):

@@ -47,7 +47,6 @@ def source_at(data, e, x, y):
 
 @inner_kernel
 def with_source(part, descent, e, j, local, special, bend, x, y, ax, ay, bx, by, wanted):
-    """Return `part`, the result of `add_element`, with the varying source added."""
     size, total, by_x, by_y, xx, xy, yy = part
     data, block, points = descent.trial.data, descent.block, descent.points
     kind = kind_of(x, ax, bx) if descent.shapes.around else 0
