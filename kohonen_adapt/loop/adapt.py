@@ -197,7 +197,7 @@ def adapt(
     growth = Growth.of(int(mesh.nvertices), target_nodes, passes, polish and room.corrects(problem))
     settings = Settings(rules, schedule, seed, polish, growth, check_outputs(outputs, output_rtol), rtol)
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)
-    movable = room.taken_apart(mesh, rules, is_curved(problem))
+    movable = room.from_mesh(mesh, rules, is_curved(problem))
     kept = Checkpoint.at(checkpoint, mesh, problem, settings)
     expect(*room.loops(problem, settings))
     adaptation = Adaptation(problem, room, movable, settings, steps, order_of(problem))

@@ -72,7 +72,7 @@ class Room(NamedTuple):
     """Methods of the adaptive loop in one dimension."""
 
     dim: int
-    taken_apart: Callable[[Mesh, Rules, bool | None], Any]  # curved sides: True, False, None as in the input
+    from_mesh: Callable[[Mesh, Rules, bool | None], Any]  # curved sides: True, False, None as in the input
     loops: Callable[[Problem, Settings], tuple[str, ...]]  # groups of `kernels/entries.py`
     moved: Callable[..., Moved[Any]]  # as `moved_triangles`
     stated: Callable[[Ritz, Any, Mesh], tuple[Any, float]]  # functional and its value

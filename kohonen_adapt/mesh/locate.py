@@ -29,7 +29,7 @@ Tessellation: TypeAlias = Triangulation | Tetrahedralization
 class Room(NamedTuple):
     """Functions and settings to search meshes of one kind of elements."""
 
-    taken_apart: Any  # makes the arrays of a mesh
+    from_mesh: Any  # makes the arrays of a mesh
     kernels: Any
     chapters: tuple[str, ...]  # groups of kernels in `kernels/entries.py`
     crowd: int  # elements per cell of the grid; with more of them, an element meets fewer cells
@@ -124,7 +124,7 @@ def locator_of(mesh: Mesh) -> Locator:
     check_kind(mesh, bent=True, space=True)
     room = ROOMS[cell_of(mesh).dim]
     expect(*room.chapters)
-    return Locator(room.taken_apart(mesh))
+    return Locator(room.from_mesh(mesh))
 
 
 def find_elements(mesh: Mesh, x: ArrayLike) -> NDArray[np.int32]:

@@ -75,7 +75,7 @@ class Tetrahedralization:
         elements = Tetrahedra(*(array.copy() for array in self.elements))
         return replace(self, position=self.position.copy(), elements=elements, _star=None)
 
-    def become(self, position: Floats, elements: Tetrahedra) -> None:
+    def set_arrays(self, position: Floats, elements: Tetrahedra) -> None:
         self.position, self.elements, self._star = position, elements, None
 
     def volumes(self) -> Floats:

@@ -71,7 +71,7 @@ class Triangulation:
         star = self._star and Star(*(array.copy() for array in self._star))
         return replace(self, position=self.position.copy(), elements=elements, _star=star)
 
-    def become(self, position: Floats, elements: Elements) -> None:
+    def set_arrays(self, position: Floats, elements: Elements) -> None:
         self.position, self.elements = position, elements
         if self._star is not None:
             self._star = star_of(elements.node, len(position), even_cuts(len(position), LIGHT))

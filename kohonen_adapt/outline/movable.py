@@ -109,7 +109,7 @@ class MovableMesh:
         return Neurons(tri.position, tri.elements, tri.star, self.constraints)
 
     @property
-    def came_from(self) -> MeshTri:
+    def input_mesh(self) -> MeshTri:
         return self.triangulation.mesh
 
     def mesh(self) -> MeshTri:
@@ -121,7 +121,7 @@ class MovableMesh:
         return with_displacements(mesh, off)
 
     def start(self) -> MeshTri:
-        return self.mesh() if self.curved else self.came_from
+        return self.mesh() if self.curved else self.input_mesh
 
     def bent_sides(self) -> Floats:
         """Return the midside offsets of all sides, (m, 3, 2), 0 unless `curved`."""
@@ -145,12 +145,12 @@ class MovableMesh:
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         self._check_state(state)
-        self.become({name: state[name].copy() for name in STATE_NAMES})
+        self.set_arrays({name: state[name].copy() for name in STATE_NAMES})
 
-    def become(self, own: Mapping[str, NDArray[Any]]) -> None:
+    def set_arrays(self, own: Mapping[str, NDArray[Any]]) -> None:
         tri = self.triangulation
         elements, self.outline.constraints = with_state(tri.elements, self.constraints, own)
-        tri.become(own["position"], elements)
+        tri.set_arrays(own["position"], elements)
         self.outline.pinned = own["pinned"]
 
     def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:

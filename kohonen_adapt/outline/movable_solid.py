@@ -107,25 +107,25 @@ class MovableSolid:
         return Neurons(tet.position, tet.elements, tet.star, Constraints(self.freedom, self.surfaces, inner_nodes(tet)))
 
     @property
-    def came_from(self) -> MeshTet:
+    def input_mesh(self) -> MeshTet:
         return self.tetrahedralization.mesh
 
     def mesh(self) -> MeshTet:
         mesh = self.tetrahedralization.to_mesh()
-        if self.came_from.boundaries is not None:
+        if self.input_mesh.boundaries is not None:
             facet = facet_of_face(mesh, self.tetrahedralization.elements.node[self.tetrahedralization.used])
             set_boundaries(mesh, {name: self._boundary(mesh, facet, name) for name in self.patches.names})
         return mesh
 
     def start(self) -> MeshTet:
-        return self.came_from
+        return self.input_mesh
 
     def _boundary(self, mesh: MeshTet, facet: Ints, name: str) -> Ints:
         tet, used = self.tetrahedralization, self.tetrahedralization.used
         patch, manner = tet.elements.patch[used], self.patches.names[name]
         e, k = np.nonzero((patch >= 0) & np.append(manner, 0)[patch].astype(bool))
         number, first = np.unique(facet[e, k], return_index=True)
-        if not isinstance(self.came_from.boundaries[name], OrientedBoundary):
+        if not isinstance(self.input_mesh.boundaries[name], OrientedBoundary):
             return number
         e, k = e[first], k[first]
         side = turned(manner[patch[e, k]], self.on_front(used[e], k))
@@ -152,7 +152,7 @@ class MovableSolid:
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         self._check_state(state)
-        self.become({name: state[name].copy() for name in STATE_NAMES})
+        self.set_arrays({name: state[name].copy() for name in STATE_NAMES})
 
     def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         n, m = (len(state.get(name, ())) for name in ("position", "tetrahedra.node"))
@@ -173,12 +173,12 @@ class MovableSolid:
             if np.any((number == kind) & ((place < 0) | (place >= count))):
                 raise ValueError(f"freedom.place has numbers from {place.min()} to {place.max()}")
 
-    def become(self, own: Mapping[str, NDArray[Any]]) -> None:
+    def set_arrays(self, own: Mapping[str, NDArray[Any]]) -> None:
         def arrays(record: str) -> dict[str, Any]:
             return {name.removeprefix(record): array for name, array in own.items() if name.startswith(record)}
 
         tet = self.tetrahedralization
-        tet.become(own["position"], tet.elements._replace(**arrays("tetrahedra.")))
+        tet.set_arrays(own["position"], tet.elements._replace(**arrays("tetrahedra.")))
         self.freedom = self.freedom._replace(**arrays("freedom."))
 
     def settle(self) -> None:

@@ -34,11 +34,11 @@ def numbered_along_curve(movable: MovableMesh) -> Iterator[Ints | None]:
         return
     nodes, count = along_curve(tri.position), len(tri.elements.node)
     elements = along(tri.elements.node, ranks(nodes, tri.nnodes))
-    movable.become(with_rows(movable.state(), nodes, elements))
+    movable.set_arrays(with_rows(movable.state(), nodes, elements))
     try:
         yield elements
     finally:
-        movable.become(with_rows(movable.state(), ranks(nodes, tri.nnodes), ranks(elements, count)))
+        movable.set_arrays(with_rows(movable.state(), ranks(nodes, tri.nnodes), ranks(elements, count)))
 
 
 def is_scattered(triangulation: Triangulation) -> bool:

@@ -152,7 +152,7 @@ class OpenSolid:
         state = {name: array[used if name in BY_ELEMENT else kept] for name, array in self.state.items()}
         nodes, across = BY_ELEMENT[:2]
         state[nodes], state[across] = number[state[nodes]], place[state[across]]
-        movable.become(state)
+        movable.set_arrays(state)
         return kept
 
 

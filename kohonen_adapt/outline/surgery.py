@@ -95,7 +95,7 @@ class Surgery:
             kept = kept[along_curve(self.state["position"][kept])]
         used = np.flatnonzero(node[:, 0] >= 0)
         used = used[along(node[used], ranks(kept, len(anchor)))]
-        movable.become(with_rows(self.state, kept, used))
+        movable.set_arrays(with_rows(self.state, kept, used))
         return kept, used
 
 

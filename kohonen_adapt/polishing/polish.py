@@ -141,7 +141,7 @@ def polish(
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
     check_kind(mesh, bent=True, space=True)
     room = ROOMS[cell_of(mesh).dim]
-    movable = room.taken_apart(mesh, holding(rules, nodes_held(problem, mesh)), is_curved(problem))
+    movable = room.from_mesh(mesh, holding(rules, nodes_held(problem, mesh)), is_curved(problem))
     mesh = movable.start()
     expect(*room.loops(problem))
     try:
@@ -246,7 +246,7 @@ def recycle_downhill(
 class Room(NamedTuple):
     """Methods of the polish for one dimension."""
 
-    taken_apart: Callable[..., Any]
+    from_mesh: Callable[..., Any]
     loops: Callable[[Problem], tuple[str, ...]]
     stated: Callable[..., Any]
     descended: Callable[..., float]

@@ -67,7 +67,7 @@ def why_still(movable: MovableMesh | MovableSolid, schedule: Schedule | None) ->
 
 
 def with_remedy(why: str, movable: MovableMesh | MovableSolid) -> str:
-    worst = float(quality(movable.came_from).min())
+    worst = float(quality(movable.input_mesh).min())
     if why != QUALITY_RULE or worst >= movable.floor:
         return why
     return (

@@ -106,7 +106,7 @@ def scramble(solid, seed=0):
 def set_elements(solid, own, node, region, patch):
     """Let a solid become these arrays by node and these elements."""
     elements = {"node": node, "neighbour": neighbours(node), "region": region, "patch": patch}
-    solid.become({**own, **{f"tetrahedra.{name}": array for name, array in elements.items()}})
+    solid.set_arrays({**own, **{f"tetrahedra.{name}": array for name, array in elements.items()}})
 
 
 def split_edge(solid, a, b):

@@ -164,7 +164,7 @@ def test_rows_that_are_not_in_use_hold_no_point():
     node, neighbour, region, patch = (np.full((2 * count, *each.shape[1:]), -1, np.int32) for each in tet.elements)
     node[row], region[row] = tet.elements.node, tet.elements.region
     neighbour[row] = np.where(tet.elements.neighbour < 0, -1, row[tet.elements.neighbour])
-    tet.become(tet.position, tet.elements._replace(node=node, neighbour=neighbour, region=region, patch=patch))
+    tet.set_arrays(tet.position, tet.elements._replace(node=node, neighbour=neighbour, region=region, patch=patch))
     np.testing.assert_array_equal(Locator(tet).find(x), row[found])
 
 

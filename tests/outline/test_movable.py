@@ -134,7 +134,7 @@ def test_the_mesh_that_is_taken_apart_is_not_changed(build, options):
     for array in (mesh.p, mesh.t):
         array.flags.writeable = False
     movable = MovableMesh.of(mesh, Rules("recycle", **options))
-    assert movable.came_from is mesh
+    assert movable.input_mesh is mesh
     work_on(movable)
     assert_same_mesh(mesh, untouched)
     result = movable.mesh()

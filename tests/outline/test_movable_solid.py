@@ -264,7 +264,7 @@ def take_away(solid, first):
     """Collapse every node that was put in, from the last on, into a neighbour that makes no element worse than flat."""
     place = solid.tetrahedralization.position
     news = [tuple(x) for x in place.tolist()]
-    known = {tuple(x) for x in solid.came_from.p.T.tolist()}
+    known = {tuple(x) for x in solid.input_mesh.p.T.tolist()}
     for x in [x for x in news if x not in known][::-1]:
         collapse_somewhere(solid, x)
     assert solid.nnodes < len(news)
@@ -280,7 +280,7 @@ def collapse_somewhere(solid, x):
         collapse_edge(tried, a, b)
         faces = tried.tetrahedralization.elements
         if np.all(tried.tetrahedralization.volumes() > 1e-9) and same_area(tried, solid) and len(faces.node):
-            solid.become(tried.state())
+            solid.set_arrays(tried.state())
             return
 
 
@@ -333,8 +333,8 @@ def test_a_copy_and_its_original_leave_each_other_alone():
     split_edge(solid, *solid.tetrahedralization.elements.node[0, :2].tolist())
     solid.tetrahedralization.position[:] *= 2.0
     assert boundary_facts(copy.mesh()) == before
-    again = MovableSolid.of(copy.came_from, Rules())
-    again.become(solid.state())
+    again = MovableSolid.of(copy.input_mesh, Rules())
+    again.set_arrays(solid.state())
     assert boundary_facts(again.mesh()) == boundary_facts(solid.mesh())
 
 

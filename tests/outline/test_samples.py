@@ -21,7 +21,7 @@ class Projection:
         self.project = surface.project
 
 
-def taken_apart(cells):
+def from_mesh(cells):
     """A ball of radius 1 by the projections on its rim."""
     mesh = ball(cells)
     mesh = mesh.with_boundaries({"rim": mesh.boundary_facets()})
@@ -36,7 +36,7 @@ def near_rim(count, reach, seed=0):
 
 
 def test_the_nearest_sample_is_found():
-    samples, search = taken_apart(4).surfaces.samples, interpreted(nearest_sample)
+    samples, search = from_mesh(4).surfaces.samples, interpreted(nearest_sample)
     points = np.vstack([near_rim(200, 0.3), near_rim(20, 0.9), samples.point[::50]])
     rows = [search(samples, 0, *x) for x in points]
     found = np.linalg.norm(points - samples.point[rows], axis=1)
@@ -48,7 +48,7 @@ def test_the_nearest_sample_is_found():
 def test_distances_are_of_third_order_and_their_gradients_of_second():
     lengths, gradients = [], []
     for cells in (3, 6, 12):
-        solid, x = taken_apart(cells), near_rim(100, 0.1 / cells)
+        solid, x = from_mesh(cells), near_rim(100, 0.1 / cells)
         found = np.array([interpreted(signed_distance)(solid.surfaces, 0, *row) for row in x])
         radius = np.linalg.norm(x, axis=1)
         lengths.append(np.abs(found[:, 0] - (radius - 1.0)).max())
