@@ -49,7 +49,6 @@ class BoundaryTerms:
 
     @property
     def on(self) -> Mask:
-        """Curve segments with a Robin condition, (c,)."""
         return np.any([np.zeros(len(self.given), dtype=np.bool_), *self.chains.values()], axis=0)
 
     def nodes(self, triangulation: Triangulation) -> Mask:
@@ -127,7 +126,6 @@ class BoundaryTerms:
         return total, right
 
     def _of_elements(self, near: "Near") -> tuple[Floats, Floats]:
-        """Return the second (m, b, b) and first (m, b) derivatives by coefficients."""
         (m, b), kind = near.coefficients.shape, np.zeros(len(near.rows), dtype=int)
         if self.ritz.axisymmetric:
             kind = kinds_at_axis(near.corners[:, :, 0])
@@ -172,10 +170,6 @@ class Near:
     def of(
         cls, tri: Triangulation, trial: TrialFunction, bend: Floats, rows: Ints, unknown: Ints, number: Ints
     ) -> "Near":
-        """Take `rows` of the arrays of a mesh and a function.
-
-        `bend` (k, 3, 2) and `unknown` (k, b) have these rows only.
-        """
         node, chain, region = (array[rows] for array in (tri.elements.node, tri.elements.chain, tri.elements.region))
         modes = None if trial.modes is None else Modes(*(array[rows] for array in trial.modes))
         coefficients = local_coefficients(trial.values[node], modes)

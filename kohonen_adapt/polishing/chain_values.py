@@ -14,7 +14,6 @@ __all__ = ["hold_unpaired", "line_of_chains", "nodes_of_chains", "signs_of_chain
 
 
 def hold_unpaired(solution: TrialFunction, ritz: Ritz, triangulation: Triangulation, outline: Outline) -> None:
-    """Set Dirichlet flags on periodic boundaries that the mesh does not pair."""
     for name in (name for names in ritz.signs for name in names):
         sides = on_chains(triangulation.elements.chain, (outline.names[name] != 0) & ~outline.constraints.chains.paired)
         solution.fixed[np.concatenate(triangulation.elements.ends(*np.nonzero(sides)))] = True

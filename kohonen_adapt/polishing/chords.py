@@ -81,14 +81,12 @@ class Chords:
         return cls(outline, constants, known, given, cut_sources(triangulation, outline, constants, known))
 
     def moving(self, triangulation: Triangulation) -> Mask:
-        """Return the nodes that move along `known` curves at which no source ends, (n,)."""
         constraints, found = self.outline.constraints, np.zeros(triangulation.nnodes, dtype=np.bool_)
         slides = constraints.kind == SLIDING
         found[slides] = (self.known & ~self.cut)[constraints.own_chain[slides]]
         return found
 
     def slivers(self, triangulation: Triangulation) -> Slivers:
-        """Return the slivers that change the functional."""
         elements = triangulation.elements
         e, k = np.nonzero(on_chains(elements.chain, self.known & ~self.given))
         other, inwards = elements.neighbour[e, k], leans_in(triangulation, self.outline, e, k)
@@ -124,7 +122,6 @@ def cut_sources(triangulation: Triangulation, outline: Outline, constants: Float
 
 
 def leans_in(triangulation: Triangulation, outline: Outline, e: Ints, k: Ints) -> Mask:
-    """Return True, per side `k` of element `e`, if the curve is inside the element."""
     (a, b), off = triangulation.elements.ends(e, k), off_chords(triangulation, outline.constraints, e, k)
     way = triangulation.position[b] - triangulation.position[a]
     return way[:, 0] * off[:, 1] - way[:, 1] * off[:, 0] > 0.0

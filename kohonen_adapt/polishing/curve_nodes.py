@@ -40,7 +40,6 @@ def descend_curves(movable: MovableMesh, functional: Functional, trial: TrialFun
 
 
 def nearest_on_curves(movable: MovableMesh, known: Mask) -> Floats:
-    """Return the parameter distance to the next node on a curve, (n,), inf elsewhere."""
     elements, constraints = movable.triangulation.elements, movable.constraints
     e, k = np.nonzero(on_chains(elements.chain, known))
     chain, ends = elements.chain[e, k], elements.ends(e, k)

@@ -102,7 +102,6 @@ class CurvedFaces:
 
 
 def covered(position: Floats, elements: Tetrahedra, patches: Patches, e: Ints, k: Ints) -> Mask:
-    """Return True, per face `k` of element `e`, if the surface is inside the element."""
     corners = position[np.take_along_axis(elements.node[e], FACES[k], axis=1)]
     middle = corners.mean(axis=1)
     out = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

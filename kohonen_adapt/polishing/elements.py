@@ -73,7 +73,6 @@ def without_modes(m: int) -> Modes:
 
 
 def steepest(ritz: Ritz, triangulation: Triangulation, values: Floats, modes: Modes | None) -> float:
-    """Return the largest gradient of a function, divided by x if axisymmetric."""
     node = triangulation.elements.node
     coefficients, corners = local_coefficients(values[node], modes), triangulation.position[node]
     kind = kinds_of(ritz, triangulation)

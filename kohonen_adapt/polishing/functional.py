@@ -142,10 +142,6 @@ class Functional:
 
     @classmethod
     def _of_one(cls, ritz: Ritz, movable: MovableMesh, mesh: MeshTri | None, general: bool) -> "Functional":
-        """Return the functional without a dual.
-
-        `general` selects the kernels of all orders also at order 1.
-        """
         triangulation, outline = movable.triangulation, movable.outline
         mesh = movable.mesh() if mesh is None else mesh
         check_fits(ritz, mesh)
@@ -196,7 +192,6 @@ class Functional:
 
     @property
     def varies(self) -> bool:
-        """True if a source or flux varies inside regions."""
         return self.has_varying_source or callable(self.ritz.flux) or (self.dual is not None and self.dual.varies)
 
     @property

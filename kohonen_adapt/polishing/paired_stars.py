@@ -87,7 +87,6 @@ class Couples(NamedTuple):
 
     @classmethod
     def of(cls, movable: MovableMesh, sign: Floats) -> "Couples":
-        """Return all pairs of nodes on curve segments with a sign."""
         constraints = movable.constraints
         node, partner = sliding_pairs(constraints)
         known = sign[constraints.own_chain[node]] != 0.0
@@ -289,10 +288,6 @@ class Gathered(NamedTuple):
         return moved
 
     def turns(self, degrees: int, times: Floats) -> Floats:
-        """Return factors of side coefficients, (r, 1, degrees).
-
-        Odd coefficients change sign in a mirrored element.
-        """
         odd = np.where(self.mirrored, -1.0, 1.0)
         return (times[:, None] * np.stack([np.ones(len(odd)), odd], axis=1)[:, :degrees])[:, None]
 

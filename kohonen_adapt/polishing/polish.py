@@ -192,7 +192,6 @@ def descend_and_recycle(
 
 
 def rounds(plan: Sequence[int], order: int) -> list[tuple[int, bool]]:
-    """Return the sweeps after every recycling, with True if they are in `plan`."""
     more = MORE[order - 1] if len(plan) > 1 else 0
     return [(sweeps, True) for sweeps in plan[1:]] + [(plan[-1], False)] * more
 

@@ -158,7 +158,6 @@ class Descent:
         return swap_in_space(self.opened, parts, self.functional, self.trial, self.seen, self.floor)
 
     def recycle(self) -> tuple[int, float]:
-        """Exchange nodes, and return their count and the decrease of the functional."""
         self.sample_source()
         return recycle_in_space(self.opened, self.functional, self.trial, self.floor)
 

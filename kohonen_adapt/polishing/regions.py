@@ -25,7 +25,6 @@ class VariesInside(ValueError):
 
 
 def numbers_of_regions(ritz: Ritz, region: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Return the table index of every region, (nregions,), for element regions (m,)."""
     first = first_of_regions(region)
     number = np.zeros(len(region), dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
     stray = np.flatnonzero(number != number[first][region])
@@ -44,7 +43,6 @@ def first_of_regions(region: NDArray[np.int32]) -> NDArray[np.intp]:
 
 
 def constants_of(ritz: Ritz, number: NDArray[np.int64], dim: int = 2) -> Floats:
-    """Return coefficient, source and flux per region, (nregions, 2 + dim)."""
     flux = np.zeros(dim) if callable(ritz.flux) else flux_table(np.asarray(ritz.flux), dim)
     tables = (ritz.coefficient, 0.0 if callable(ritz.source) else ritz.source, *flux)
     rows = [np.broadcast_to(table, max(1, np.size(table)))[number * (np.ndim(table) > 0)] for table in tables]

@@ -177,7 +177,6 @@ class SolidFunctional:
         trial.source[:] = np.divide(load, total, out=np.zeros(shape), where=total > 0.0)
 
     def freedom(self, freedom: Freedom, fixed: Mask) -> Freedom:
-        """Return the freedom of nodes, held if their Dirichlet values cannot follow."""
         number = freedom.number
         held = freedom.pinned | ((number == INSIDE) & fixed)
         for kind, first in ((ON_PATCH, 0), (ON_RIDGE, self.patches)):

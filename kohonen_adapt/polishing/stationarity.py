@@ -72,13 +72,6 @@ def check_in_plane(
 
 
 def check_in_space(ritz: Ritz, mesh: MeshTet, values: Floats, fixed: Mask) -> None:
-    """Raise an error if the solution on tetrahedra is not stationary.
-
-    Raises
-    ------
-    ValueError
-        With the largest residual and its location.
-    """
     parts = derivatives_in_space(mesh.p[:, mesh.t], values[mesh.t], numbers_of(ritz, mesh.t.shape[1]), ritz)
     check_residual(*sums(parts, mesh.t.T, len(values)), ~fixed, mesh.p.T, mesh)
 

@@ -97,7 +97,6 @@ class Old:
         return evaluated(coefficients, share, None if self.kind is None else self.kind[element])
 
     def at(self, points: Floats, hint: Ints) -> Floats:
-        """Return the solution at points (n, 2) near elements `hint`."""
         return self.values(*self.located(points, hint))
 
 

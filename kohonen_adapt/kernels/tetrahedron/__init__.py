@@ -1,1 +1,1 @@
-"""Move, swap and exchange the nodes of meshes of tetrahedra in compiled loops."""
+"""Compiled kernels on tetrahedra."""

@@ -1,8 +1,9 @@
-"""Every array that the loops over tetrahedra share, in records: its shape, its type and what it says.
+"""Array records of the kernels on tetrahedra.
 
-Letters of shapes: n nodes, m elements, p patches, r ridges. Where no type is given it is float64. A *patch* is a
-connected set of constrained faces (outer, between regions, or named) that is smooth and carries the same names; a
-*ridge* is a curve along which patches meet, or a patch ends; nodes where ridges meet or turn are *corners*.
+Letters of shapes are n nodes, m elements, p patches and r ridges. Arrays without a type are float64. A
+*patch* is a face of the geometry, a connected and smooth set of constrained element faces (on the outer
+boundary, between regions, or named) with the same names. A *ridge* is an edge of the geometry, along which
+patches meet or end. Ridges meet or turn in *corners*.
 """
 
 from typing import NamedTuple
@@ -26,9 +27,10 @@ TWELFTH_COEFFICIENT, SOURCE_24TH, SIXTH_FLUX_X, SIXTH_FLUX_Y, SIXTH_FLUX_Z = ran
 
 @record
 class Tetrahedra(NamedTuple):
-    """Tetrahedra of positive volume; ``neighbour[e, k]`` lies across the face opposite to corner k, -1 outside.
+    """Tetrahedra of positive volume.
 
-    With corners a, b, c, d the product (b - a) . ((c - a) x (d - a)) is six times the volume.
+    ``neighbour[e, k]`` lies across the face opposite to corner k, -1 outside. Corners a, b, c, d of an element
+    satisfy (b - a) . ((c - a) x (d - a)) = 6 V.
     """
 
     node: np.ndarray  # (m, 4) int32; rows that are not in use begin with -1
@@ -39,7 +41,7 @@ class Tetrahedra(NamedTuple):
 
 @record
 class Samples(NamedTuple):
-    """Points of patches that have no formula, a tree for each (`kernels/tetrahedron/samples.py`)."""
+    """Sampled points of patches without a formula, as one k-d tree per patch."""
 
     start: np.ndarray  # (p + 1,) int32: those of patch p are in rows start[p] to start[p + 1]
     point: np.ndarray  # (s, 3)
@@ -52,7 +54,7 @@ NO_SAMPLES = Samples(np.zeros(1, dtype=np.int32), np.zeros((0, 3)), np.zeros((0,
 
 @record
 class Surfaces(NamedTuple):
-    """Where patches are, and the ridges between them."""
+    """Geometry of patches and ridges."""
 
     shape: np.ndarray  # (p,) int8: PLANE, SPHERE, CYLINDER, CONE, PROJECTED
     origin: np.ndarray  # (p, 3): a point of a plane or an axis, a centre, an apex
@@ -68,7 +70,7 @@ class Surfaces(NamedTuple):
 
 @record
 class Freedom(NamedTuple):
-    """Where each node may go."""
+    """Directions in which each node may move."""
 
     number: np.ndarray  # (n,) int8: HELD, ON_RIDGE, ON_PATCH, INSIDE
     place: np.ndarray  # (n,) int32: the ridge or patch that a node slides on, -1 for others
@@ -77,7 +79,11 @@ class Freedom(NamedTuple):
 
 @record
 class Star(NamedTuple):
-    """Elements around node v stand in rows start[v] to start[v + 1]; (v, *link) are the corners of a positive one."""
+    """Elements around every node.
+
+    Elements around node v are in rows start[v] to start[v + 1]. The corners (v, *link) of each are positively
+    oriented.
+    """
 
     start: np.ndarray  # (n + 1,) int32
     element: np.ndarray  # (4 m,) int32
@@ -85,14 +91,14 @@ class Star(NamedTuple):
 
     @classmethod
     def of(cls, nodes: int, elements: int) -> "Star":
-        """Room for a mesh with so many nodes and elements, to be filled."""
+        """Return arrays to be filled by `fill_star`."""
         shapes = (nodes + 1,), (4 * elements,), (4 * elements, 3)
         return cls(*(np.zeros(shape, dtype=np.int32) for shape in shapes))
 
 
 @record
 class Origins(NamedTuple):
-    """What surgery knows of nodes, patches and ridges beside where they are."""
+    """Data of nodes and patches for recycling."""
 
     fineness: np.ndarray  # (n,) cube root of the wanted nodes per volume
     old: np.ndarray  # (n,) int32: number before, -1 for a new node
@@ -103,7 +109,7 @@ class Origins(NamedTuple):
 
 @record
 class Cavity(NamedTuple):
-    """Scratch of surgery: what is taken out, and what is put in its place."""
+    """Scratch of surgery, with the elements to remove and to insert."""
 
     element_stamp: np.ndarray  # (m,) int64, compared with a counter that only grows, as the next one
     node_stamp: np.ndarray  # (n,) int64
@@ -126,7 +132,7 @@ class Cavity(NamedTuple):
 
     @classmethod
     def of(cls, nodes: int, elements: int) -> "Cavity":
-        """Scratch for a mesh with rows for so many nodes and elements."""
+        """Return scratch for the given numbers of rows of nodes and elements."""
         small = (MOST,), (MOST,), (MOST,), (2 * MOST, 4), (2 * MOST,), (2 * MOST, 4), (2 * MOST,)
         faces = (12 * MOST, 5), (12 * MOST,), (2, RING), (2, RING)
         ints = [np.empty(shape, dtype=np.int32) for shape in (*small, *faces)]
@@ -137,7 +143,7 @@ class Cavity(NamedTuple):
 
 @record
 class OpenTetrahedra(NamedTuple):
-    """A mesh of tetrahedra with room for more nodes and elements."""
+    """Mesh of tetrahedra with spare rows for nodes and elements."""
 
     position: np.ndarray  # (n, 3)
     elements: Tetrahedra
@@ -150,7 +156,7 @@ class OpenTetrahedra(NamedTuple):
 
 @record
 class Queue(NamedTuple):
-    """Elements whose edges and faces are to be looked at, the first come the first."""
+    """Ring buffer of elements whose edges and faces are to be searched for swaps."""
 
     waiting: np.ndarray  # (m,) int8: FREE, WAITS; ELSEWHERE or WANTED where a part must not touch it
     element: np.ndarray  # (m,) int32: a ring
@@ -158,13 +164,13 @@ class Queue(NamedTuple):
 
     @classmethod
     def of(cls, elements: int) -> "Queue":
-        """An empty queue for a mesh with rows for so many elements."""
+        """Return an empty queue for the given number of rows of elements."""
         return cls(np.zeros(elements, dtype=np.int8), np.empty(elements, dtype=np.int32), np.zeros(2, dtype=np.int64))
 
 
 @record
 class Constraints(NamedTuple):
-    """Where each node may go, and where that is."""
+    """Freedom of nodes, with the geometry."""
 
     freedom: Freedom
     surfaces: Surfaces
@@ -173,7 +179,7 @@ class Constraints(NamedTuple):
 
 @record
 class Trial(NamedTuple):
-    """A P1 function, and the functional it is judged by."""
+    """P1 function and the Ritz functional."""
 
     value: np.ndarray  # (n,)
     fixed: np.ndarray  # (n,) bool: the value is given
@@ -189,7 +195,7 @@ class Trial(NamedTuple):
 
 @record
 class Offers(NamedTuple):
-    """What splits gain and collapses cost, and where there may be any."""
+    """Gains of splits, costs of collapses, and restrictions of both."""
 
     gain: np.ndarray  # (m, 6): of a split of each edge, at one of its elements; 0 at all others
     cost: np.ndarray  # (n,): of the cheapest collapse of the node that is allowed, inf without one

@@ -1,4 +1,4 @@
-"""Walk through tetrahedra: corners, faces, the elements around a node and around an edge."""
+"""Adjacency of tetrahedra, by faces, edges and nodes."""
 
 import numpy as np
 
@@ -13,7 +13,6 @@ EDGES = np.array([[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3,
 
 @inner_kernel
 def corner_of(node, e, v):
-    """Which corner of element e node v is, -1 for none."""
     for k in range(4):
         if node[e, k] == v:
             return k
@@ -22,7 +21,6 @@ def corner_of(node, e, v):
 
 @inner_kernel
 def corner_towards(node, other, a, b, c):
-    """The corner of an element opposite to its face with these nodes, in any order."""
     for k in range(4):
         v = node[other, k]
         if v != a and v != b and v != c:
@@ -32,13 +30,15 @@ def corner_towards(node, other, a, b, c):
 
 @inner_kernel
 def fourth_node(node, e, a, b, c):
-    """The node of an element beside three."""
     return np.int64(node[e, 0]) + node[e, 1] + node[e, 2] + node[e, 3] - a - b - c
 
 
 @inner_kernel
 def gather_around(mesh, v, around):
-    """List the elements around v that hang together by faces; returns how many, -1 if there is no room for so many."""
+    """List the elements connected to v by faces, and return their count.
+
+    Returned is -1 if `around` is too small.
+    """
     node, neighbour, cavity = mesh.elements.node, mesh.elements.neighbour, mesh.cavity
     cavity.counter[0] += 1
     stamp = cavity.counter[0]
@@ -62,7 +62,6 @@ def gather_around(mesh, v, around):
 
 @inner_kernel
 def gather_edge(mesh, a, b, shell):
-    """List the elements with the edge ab; returns how many, 0 if there is none, -1 if a has too many to tell."""
     if mesh.pool.anchor[a] < 0 or mesh.pool.anchor[b] < 0:
         return 0
     count, found = gather_around(mesh, a, mesh.cavity.around), 0
@@ -76,7 +75,6 @@ def gather_edge(mesh, a, b, shell):
 
 @inner_kernel
 def face_stands(mesh, a, b, c):
-    """Whether three nodes have a constrained face: on the other bank of a slit, where all three are on its front."""
     elements, around = mesh.elements, mesh.cavity.around
     for i in range(gather_around(mesh, a, around)):
         e = np.int64(around[i])
@@ -91,14 +89,12 @@ def face_stands(mesh, a, b, c):
 
 @kernel
 def mark_pinched(mesh, star, pinched):
-    """Mark the nodes whose elements do not all hang together by faces, or are too many, (n,)."""
     for v in range(star.start.shape[0] - 1):
         pinched[v] = gather_around(mesh, v, mesh.cavity.around) != star.start[v + 1] - star.start[v]
 
 
 @kernel
 def fill_star(node, star):
-    """List the elements around every node, in ascending order; rows that are not in use begin with -1."""
     start = star.start
     nodes = start.shape[0] - 1
     for v in range(nodes + 1):

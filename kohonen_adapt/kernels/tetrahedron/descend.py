@@ -1,14 +1,17 @@
-"""Lower the Ritz functional of a P1 function on tetrahedra by sweeps that move nodes.
+"""Descent of the Ritz functional of a P1 function by moves of nodes.
 
-What `energy.py` says of an element (v, a, b, c) is, with A, B, C the ways from v to the others and al, be, ga their
-values relative to v's, made of D = A . (B x C) and n = al BxC + be CxA + ga AxB. In the position and the value w of v
+The energy of an element (v, a, b, c) in `energy.py`, with A, B, C the vectors from v to the remaining nodes
+and al, be, ga their values minus the value of v, depends on D = A . (B x C) and n = al BxC + be CxA + ga AxB.
+By the position x and the value w of v
 
-    dn/dx_k = e_k x T,   dn/dw = -S,   dD/dx = -S,   S = BxC + CxA + AxB,   T = al (B - C) + be (C - A) + ga (A - B),
+    dn/dx_k = e_k x T,   dn/dw = -S,   dD/dx = -S,   S = BxC + CxA + AxB,   T = al (B - C) + be (C - A) + ga
+    (A - B),
 
-and neither S nor T changes with x or w: D and n are affine, so |n|^2 / D is jointly convex, and with g = n / D the
-gradient of u the Hessian of c |n|^2 / (12 D) is c / (6 D) r_i . r_j, r = dn - g dD. Newton's method fits, and only the
-source can make a Hessian indefinite. Nonlinear material, D W(|g|^2) / 6, has W' / (3 D) in place of c / (6 D), and
-2 W'' / (3 D) (g . r_i)(g . r_j) more. See Thoutireddy and Ortiz, Int. J. Numer. Meth. Engng 61 (2004).
+with S and T independent of x and w. Since D and n are affine, |n|^2 / D is jointly convex. With the gradient
+g = n / D of u, the Hessian of c |n|^2 / (12 D) is c / (6 D) r_i . r_j, r = dn - g dD. Only the source can
+make a Hessian indefinite. Nonlinear material, D W(|g|^2) / 6, has W' / (3 D) instead of c / (6 D), and the
+additional term 2 W'' / (3 D) (g . r_i)(g . r_j). See Thoutireddy and Ortiz, Int. J. Numer. Meth. Engng 61
+(2004).
 """
 
 import math
@@ -41,10 +44,9 @@ DIAGONAL = 1e-20  # of the square of a matrix: smaller squares beside its diagon
 
 @kernel
 def descend_nodes(neurons, trial, order, floor):
-    """Move nodes, in the given order, to where the functional of their stars is lower; returns by how much it fell.
+    """Move nodes in order, and return the decrease of the functional.
 
-    A node's own value follows: it is what minimises the functional, or where it is given what is given there. `floor`
-    is the cube of a quality.
+    The value of a node is eliminated, or follows the Dirichlet function. `floor` is the cube of a quality.
     """
     number, fall = neurons.constraints.freedom.number, 0.0
     for node in order:
@@ -58,11 +60,12 @@ def descend_nodes(neurons, trial, order, floor):
 
 @inner_kernel
 def derivatives(neurons, trial, v):
-    """The functional of the star of v, with its gradient and Hessian in (x, y, z, w), w the change of v's own value.
+    """Return the functional of the star of v, gradient and Hessian in (x, y, z, w).
 
-    Returns (sum of magnitudes, value, worst cubed quality, whether a law has a say), (by x, y, z), by w,
-    (by xx, xy, xz, yy, yz, zz), (by xw, yw, zw), by ww. Values are taken relative to v's own: what that adds to the
-    load depends on the volume of the star in each region alone, which no move changes.
+    The unknown w is the change of the value of v. Returned are (sum of magnitudes, value, worst cubed quality,
+    True if nonlinear), the gradient by (x, y, z), by w, the Hessian by (xx, xy, xz, yy, yz, zz), by (xw, yw, zw),
+    and by ww. Values are relative to the value of v, which shifts the load by a constant, because moves do not
+    change the volume of the star in any region.
     """
     position, star, value, data = neurons.position, neurons.star, trial.value, trial.data
     x, y, z, own = position[v, 0], position[v, 1], position[v, 2], value[v]
@@ -145,10 +148,10 @@ def derivatives(neurons, trial, v):
 
 @inner_kernel
 def parabola(neurons, trial, v, x, y, z, w):
-    """The functional of the star with v at (x, y, z) and its value changed by w, its two derivatives by w, and the
-    worst cubed quality: (c, r, k, worst).
+    """Return functional, derivatives by w (first, second), and worst cubed quality.
 
-    Relative to v's own value, as of `derivatives`; without laws the derivatives tell it for every w.
+    Node v is at (x, y, z) with its value changed by w. Values are relative to the value of v as in `derivatives`.
+    Without laws the functional is a parabola in w.
     """
     position, star, value, data = neurons.position, neurons.star, trial.value, trial.data
     own = value[v] + w
@@ -192,7 +195,6 @@ def parabola(neurons, trial, v, x, y, z, w):
 
 @inner_kernel
 def with_slivers(neurons, trial, v, x, y, z, w, near):
-    """The parabola, and what slivers add to it where v is `near` some."""
     c, r, k, worst = parabola(neurons, trial, v, x, y, z, w)
     if near:
         more, by_w, ww = slivers_around(neurons, trial, v, x, y, z, w)
@@ -202,9 +204,9 @@ def with_slivers(neurons, trial, v, x, y, z, w, near):
 
 @inner_kernel
 def best_value(neurons, trial, v, place, w, bent, near):
-    """The least functional of the star with v at a place, the change of value that has it, the worst cubed quality.
+    """Return the least functional of the star, the value change, and the quality.
 
-    Beside nonlinear material, `bent`, it is the better one of w and of one step of Newton's method from there.
+    For nonlinear material (`bent`) the candidates are w and one Newton step from w.
     """
     x, y, z = place
     c, r, k, worst = with_slivers(neurons, trial, v, x, y, z, w, near)
@@ -219,10 +221,6 @@ def best_value(neurons, trial, v, place, w, bent, near):
 
 @inner_kernel
 def improve_value(neurons, trial, v, near):
-    """Change the value of v by Newton's step, beside nonlinear material half as far until it gains; returns the fall.
-
-    The step that is taken is the first that does not add to the functional.
-    """
     x, y, z = neurons.position[v, 0], neurons.position[v, 1], neurons.position[v, 2]
     c, r, k, _ = with_slivers(neurons, trial, v, x, y, z, 0.0, near)
     w = -r / k
@@ -237,10 +235,6 @@ def improve_value(neurons, trial, v, near):
 
 @inner_kernel
 def move(neurons, trial, v, floor):
-    """Move a node by a step with its value eliminated, or half as far until it is a gain; returns the fall.
-
-    A given value changes at the rate that values have along the patch or ridge.
-    """
     position, freedom, given = neurons.position, neurons.constraints.freedom, trial.fixed[v]
     (size, total, before, bent), gradient, by_w, hessian, mixed, ww = derivatives(neurons, trial, v)
     near = has_slivers(neurons, trial, v)
@@ -287,7 +281,6 @@ def move(neurons, trial, v, floor):
 
 @inner_kernel
 def reaches(neurons, v, near, x, y, z):
-    """Whether no face at v goes too far around a curved surface with v at (x, y, z)."""
     if not near:
         return True
     return within_reach(neurons.position, neurons.elements, neurons.star, neurons.constraints.surfaces, v, x, y, z)
@@ -295,7 +288,6 @@ def reaches(neurons, v, near, x, y, z):
 
 @inner_kernel
 def rates_row(constraints, v):
-    """Where `Trial.rate` has what values do along the patch or ridge of a node."""
     place = np.int64(constraints.freedom.place[v])
     if constraints.freedom.number[v] == ON_PATCH:
         return place
@@ -304,7 +296,6 @@ def rates_row(constraints, v):
 
 @inner_kernel
 def following(gradient, by_w, hessian, mixed, ww, rate):
-    """Gradient and Hessian by the position alone, where the value changes with it at this rate."""
     (gx, gy, gz), (xx, xy, xz, yy, yz, zz), (mx, my, mz), (x, y, z) = gradient, hessian, mixed, rate
     px, py, pz = mx + 0.5 * ww * x, my + 0.5 * ww * y, mz + 0.5 * ww * z
     hessian = (
@@ -320,14 +311,12 @@ def following(gradient, by_w, hessian, mixed, ww, rate):
 
 @inner_kernel
 def times(hessian, x, y, z):
-    """The Hessian times a vector."""
     xx, xy, xz, yy, yz, zz = hessian
     return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
 
 
 @inner_kernel
 def within(neurons, v, gradient, hessian):
-    """What of gradient and Hessian is in the tangent plane or along the tangent of a node."""
     surfaces, place = neurons.constraints.surfaces, np.int64(neurons.constraints.freedom.place[v])
     px, py, pz = neurons.position[v, 0], neurons.position[v, 1], neurons.position[v, 2]
     gx, gy, gz = gradient
@@ -356,10 +345,10 @@ def within(neurons, v, gradient, hessian):
 
 @inner_kernel
 def newton_step(gradient, hessian):
-    """Newton's step, overdone, downhill even where the Hessian is not positive: by its eigenvalues' magnitudes.
+    """Return an over-relaxed descent step with magnitudes of the eigenvalues.
 
-    Jacobi's method turns the axes x, y and keeps what the axes are in the old ones; the names then go round, so that
-    each pair of axes has its turn.
+    The eigenvectors are computed by Jacobi rotations in the plane of x and y. The axes are permuted cyclically
+    after each rotation, so that every pair of axes is rotated.
     """
     (gx, gy, gz), (xx, xy, xz, yy, yz, zz) = gradient, hessian
     ux, uy, uz, vx, vy, vz, wx, wy, wz = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0

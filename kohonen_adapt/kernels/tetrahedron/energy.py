@@ -1,16 +1,16 @@
-"""Work out the Ritz functional of a P1 function on tetrahedra.
+"""Ritz functional of a P1 function on tetrahedra.
 
-That of an element (a, b, c, d) with six times the volume D is, for int c/2 |grad u|^2 - f u - g . grad u,
+An element (a, b, c, d) with six times the volume D has, for int c/2 |grad u|^2 - f u - g . grad u,
 
     c |n|^2 / (12 D) - f D (u_a + u_b + u_c + u_d) / 24 - g . n / 6,    n = al BxC + be CxA + ga AxB,
 
-A, B, C the ways from a to the others, al, be, ga the differences of their values: grad u = n / D. Nonlinear material
-has D W(|grad u|^2) / 6 in place of the first term.
+with A, B, C the vectors from a to the remaining nodes, and al, be, ga the differences of their values, so
+that grad u = n / D. Nonlinear material has D W(|grad u|^2) / 6 instead of the first term.
 
-Where f varies inside regions, all elements that a change takes out and puts in have the same one f in each region, the
-weighted mean around the node or the edge that changes. What that is wrong by is of first order in the size of the
-elements, for only the difference that the change makes to u is multiplied by it. An f for each element would add what
-the faces between them sweep over times the jumps of f, which is no smaller than the gain.
+If f varies inside regions, all elements removed and inserted by a change have one f per region, the weighted
+mean around the node or the edge that changes. The error is of first order in the size of the elements,
+because only the change of u is multiplied by the error of f. One f per element would add the volume swept by
+faces times the jump of f, which is not smaller than the gain.
 """
 
 from kohonen_adapt.kernels.compilation import inner_kernel
@@ -28,7 +28,6 @@ ROUNDING = 1e-13  # of the sum of the magnitudes of what is added up: less is no
 
 @inner_kernel
 def source_around(trial, region, v):
-    """Return a 24th of the source around a node."""
     if trial.source.shape[0] > 0:
         return trial.source[v, region]
     return trial.data[region, SOURCE_24TH]
@@ -36,7 +35,6 @@ def source_around(trial, region, v):
 
 @inner_kernel
 def source_along(trial, region, a, b):
-    """Return a 24th of the source around an edge."""
     if trial.source.shape[0] > 0:
         return 0.5 * (trial.source[a, region] + trial.source[b, region])
     return trial.data[region, SOURCE_24TH]
@@ -44,9 +42,9 @@ def source_along(trial, region, a, b):
 
 @inner_kernel
 def element_energy(position, trial, region, load, a, b, c, d):
-    """Return the functional of an element of positive volume, and the sum of the magnitudes that it is made of.
+    """Return the functional of an element, and the sum of magnitudes of its terms.
 
-    The load is a 24th of the source.
+    `load` is a 24th of the source.
     """
     value, data = trial.value, trial.data
     ax, ay, az = position[a, 0], position[a, 1], position[a, 2]
@@ -69,7 +67,6 @@ def element_energy(position, trial, region, load, a, b, c, d):
 
 @inner_kernel
 def stored_in(trial, region, six, square):
-    """What is stored in an element with six times the volume `six` and |n|^2."""
     law = trial.laws.number[region]
     if law >= 0:
         return six * stored(trial.laws, law, square / (six * six))[0] / 6.0
@@ -78,8 +75,9 @@ def stored_in(trial, region, six, square):
 
 @inner_kernel
 def tilts_along(trial, ways, p, q, r):
-    """What the function has to do with the energy of any tetrahedron on a triangle: be U - al V, which is the same for
-    all apexes, and the sum of its three values. `ways` are those of `ways_along`.
+    """Return the part of n of a triangle, its first value, and the sum of its values.
+
+    The part be U - al V is the same for all tetrahedra on the triangle, with U and V of `ways_along`.
     """
     (ux, uy, uz), (vx, vy, vz), _, _ = ways
     value = trial.value
@@ -90,8 +88,10 @@ def tilts_along(trial, ways, p, q, r):
 
 @inner_kernel
 def energy_on(trial, region, load, ways, tilts, way, value, side):
-    """The functional of the tetrahedron of a triangle and the node with that value at the end of the way W from its
-    first one, on the `side` that U x V points to (1) or on the other (-1): n = W x (be U - al V) + ga U x V.
+    """Return the functional of the tetrahedron of a triangle and a node.
+
+    The node has a value and the vector `way` W from the first node of the triangle, which gives n = W x (be U -
+    al V) + ga U x V. `side` is 1 if U x V points to the node, otherwise -1.
     """
     (tx, ty, tz), at_first, values = tilts
     wx, wy, wz = way

@@ -1,8 +1,9 @@
-"""Weigh splits of edges against collapses by what they do to a functional, and do both in pairs.
+"""Recycling by energy on tetrahedra, with splits and collapses in pairs.
 
-As `kernels/triangle/energy_recycle.py`: a split gains what the best value of its node takes off, a collapse costs what
-the elements around it then have more than before, all other values held. Here a pair is weighed again before it is
-done, as there are so many elements around a node that hardly one pair would leave the others what they were worth.
+As in `kernels/triangle/energy_recycle.py`, the gain of a split is the decrease of the functional at the best
+value of the new node, and the cost of a collapse is the increase of the functional around the node, with all
+other values fixed. On tetrahedra every pair is evaluated again before the exchange, because almost every
+exchange changes the gains of other pairs.
 """
 
 import numpy as np
@@ -37,10 +38,11 @@ SHRUNK = 0.8  # of what a split gained when all were weighed: what has become le
 
 @inner_kernel
 def halves_parabola(position, trial, region, a, b, c, d, w):
-    """The functional of an element whose edge ab is split half-way, at the change w of the value there from the mean.
+    """Return the functional of an element with edge ab split at its midpoint.
 
-    With gradient G, and S_i / D those of the functions of the corners, the half with a has G + 2 w S_b / D, the half
-    with b G + 2 w S_a / D. Returns (sum of magnitudes, value, by w, by ww).
+    The value at the midpoint is the mean plus w. With the gradient G and the gradients S_i / D of the shape
+    functions, the half at a has the gradient G + 2 w S_b / D, and the half at b has G + 2 w S_a / D. Returned are
+    (sum of magnitudes, value, first and second derivative by w).
     """
     value, data = trial.value, trial.data
     ax, ay, az = position[a, 0], position[a, 1], position[a, 2]
@@ -76,8 +78,10 @@ def halves_parabola(position, trial, region, a, b, c, d, w):
 
 @inner_kernel
 def half_energy(trial, region, six, square, along, across):
-    """What is stored in half an element with the gradient n / D, and its derivatives by the value whose function has
-    the gradient 2 s / D, for |n|^2, n . s and |s|^2.
+    """Return the stored energy of half an element, and two derivatives by a value.
+
+    The gradient is n / D, and the shape function of the value has the gradient 2 s / D. Arguments are |n|^2, n .
+    s and |s|^2.
     """
     law = trial.laws.number[region]
     if law < 0:
@@ -90,7 +94,6 @@ def half_energy(trial, region, six, square, along, across):
 
 @inner_kernel
 def split_parabola(mesh, trial, shell, count, a, b, w):
-    """The same of all elements with the edge ab; and whether one of them has a law."""
     size = total = slope = stiffness = 0.0
     bent, node = False, mesh.elements.node
     for i in range(count):
@@ -106,7 +109,6 @@ def split_parabola(mesh, trial, shell, count, a, b, w):
 
 @inner_kernel
 def other_corners(node, e, k, j):
-    """The nodes of element e beside those of its corners k and j, such that the four are positive in this order."""
     for i in range(3):
         if OPPOSITE[k, i] == j:
             return np.int64(node[e, OPPOSITE[k, (i + 1) % 3]]), np.int64(node[e, OPPOSITE[k, (i + 2) % 3]])
@@ -115,9 +117,9 @@ def other_corners(node, e, k, j):
 
 @inner_kernel
 def gain_of_split(mesh, trial, shell, count, a, b):
-    """What the best value of a new node half-way along ab takes off, 0 if that is rounding, and this value.
+    """Return the gain of a split at the midpoint of ab, and the value of the node.
 
-    In nonlinear material it is the value after one step of Newton's method.
+    The gain is 0 if below rounding errors. For nonlinear material the value is that of one Newton step.
     """
     size, before, slope, stiffness, bent = split_parabola(mesh, trial, shell, count, a, b, 0.0)
     gain, w = 0.5 * slope * slope / stiffness, -slope / stiffness
@@ -129,7 +131,6 @@ def gain_of_split(mesh, trial, shell, count, a, b):
 
 @inner_kernel
 def filled_slivers(mesh, trial, shell, count, a, b):
-    """What the new node takes off for it is on the surface, and not half-way along an edge that is a chord of it."""
     gain, elements = 0.0, mesh.elements
     for i in range(count):
         e = np.int64(shell[i])
@@ -142,7 +143,10 @@ def filled_slivers(mesh, trial, shell, count, a, b):
 
 @inner_kernel
 def list_neighbours(mesh, v, count):
-    """List the neighbours of v in `cavity.made`, the elements around it standing in `cavity.old`; returns how many."""
+    """List the neighbours of v in `cavity.made`, and return their count.
+
+    The elements around v must be in `cavity.old`.
+    """
     node, cavity, found = mesh.elements.node, mesh.cavity, 0
     cavity.counter[0] += 1
     cavity.node_stamp[v] = cavity.counter[0]
@@ -158,7 +162,6 @@ def list_neighbours(mesh, v, count):
 
 @inner_kernel
 def list_shell(mesh, count, w):
-    """List those of the elements in `cavity.old` that have node w in `cavity.around_other`; returns how many."""
     found = 0
     for i in range(count):
         if corner_of(mesh.elements.node, mesh.cavity.old[i], w) >= 0:
@@ -169,7 +172,6 @@ def list_shell(mesh, count, w):
 
 @inner_kernel
 def is_open(mesh, offers, count, a, b):
-    """Whether all patches at the edge ab, whose elements stand in `cavity.around_other`, are open."""
     for i in range(count):
         e = np.int64(mesh.cavity.around_other[i])
         for k in range(4):
@@ -181,7 +183,6 @@ def is_open(mesh, offers, count, a, b):
 
 @inner_kernel
 def halves_allowed(mesh, count, a, b, floor):
-    """Whether the elements in `cavity.around_other` may be split half-way along their edge ab."""
     position, node, before, after = mesh.position, mesh.elements.node, 2.0, 2.0
     x, y, z = position[a, 0] + position[b, 0], position[a, 1] + position[b, 1], position[a, 2] + position[b, 2]
     x, y, z = 0.5 * x, 0.5 * y, 0.5 * z
@@ -196,8 +197,10 @@ def halves_allowed(mesh, count, a, b, floor):
 
 @kernel
 def weigh_splits(mesh, trial, offers, floor, first, last):
-    """Work out what splits of the edges gain that nodes `first` to `last` have to nodes of higher number, 0 where none
-    is allowed; each stands at the first element with that edge in the list of those around the node.
+    """Compute the gains of splits of edges from nodes `first` to `last`.
+
+    Each edge belongs to its node of lower number. Its gain is stored at the first element with that edge in the
+    list of elements around the node, and is 0 if the split is not allowed.
     """
     node, cavity = mesh.elements.node, mesh.cavity
     for v in range(first, last):
@@ -217,7 +220,6 @@ def weigh_splits(mesh, trial, offers, floor, first, last):
 
 @inner_kernel
 def edge_between(node, e, a, b):
-    """Which of the edges of element e joins two of its nodes."""
     for edge in range(5):
         v, w = node[e, EDGES[edge, 0]], node[e, EDGES[edge, 1]]
         if (v == a and w == b) or (v == b and w == a):
@@ -227,7 +229,6 @@ def edge_between(node, e, a, b):
 
 @inner_kernel
 def energy_around(mesh, trial, v, count):
-    """Return the functional of the elements in `cavity.old`, around v, and the worst cubed quality of them."""
     total, worst, node = 0.0, 2.0, mesh.elements.node
     for i in range(count):
         e = np.int64(mesh.cavity.old[i])
@@ -239,8 +240,9 @@ def energy_around(mesh, trial, v, count):
 
 @inner_kernel
 def energy_merged(mesh, trial, v, w, count, least):
-    """The functional of what is left of the elements in `cavity.old`, around v, when that has gone into w; inf where
-    one were worse than `least`.
+    """Return the functional of the elements around v after merging v into w.
+
+    The elements around v must be in `cavity.old`. Returned is inf if an element would be worse than `least`.
     """
     position, elements, node, total = mesh.position, mesh.elements, mesh.elements.node, 0.0
     moved = v, position[w, 0], position[w, 1], position[w, 2], trial.value[w] - trial.value[v]
@@ -263,8 +265,9 @@ def energy_merged(mesh, trial, v, w, count, least):
 
 @inner_kernel
 def cheapest_collapse(mesh, trial, v, most, floor):
-    """The least cost below `most` of a collapse of v that is allowed, and the neighbour that it goes into; inf and -1
-    if there is none.
+    """Return the least cost below `most` of a collapse of v, and its target node.
+
+    Returned are inf and -1 if no collapse is allowed.
     """
     freedom, least, into = mesh.freedom, most, np.int64(NOWHERE)
     count = gather_around(mesh, v, mesh.cavity.old)
@@ -282,7 +285,6 @@ def cheapest_collapse(mesh, trial, v, most, floor):
 
 @kernel
 def weigh_collapses(mesh, trial, offers, most, floor, first, last):
-    """Work out the least cost below `most` of a collapse of each of the nodes `first` to `last`."""
     for v in range(first, last):
         offers.cost[v] = np.inf
         if offers.removable[v]:
@@ -291,10 +293,10 @@ def weigh_collapses(mesh, trial, offers, most, floor, first, last):
 
 @inner_kernel
 def next_collapse(mesh, trial, offers, nodes, a, b, most, floor):
-    """Find the first of some nodes whose collapse costs less than `most` and leaves the edge ab alone.
+    """Return a node with a collapse that costs less than `most` and keeps edge ab.
 
-    Returns the node, -1 if there is none, the neighbour that it goes into, and the cost. Those that can go no more are
-    marked.
+    Returned are the node, -1 if there is none, its target node, and the cost. Nodes that cannot collapse are
+    marked in `offers.removable`.
     """
     for i in range(len(nodes)):
         v = np.int64(nodes[i])
@@ -314,12 +316,11 @@ def next_collapse(mesh, trial, offers, nodes, a, b, most, floor):
 
 @kernel
 def exchange(mesh, trial, queue, offers, ends, gains, nodes, margin, floor):
-    """Split edges, the largest gain first, each for the cheapest collapse that is left, while that, `margin` times,
-    costs less.
+    """Split edges and collapse nodes in pairs while `margin` times the cost is less.
 
-    `ends` (k, 2) are of edges in order of their `gains`, `nodes` in order of their costs. Rows of nodes are used again:
-    a new one is `fresh`, and edges of nodes that are gone have no element. Values of new nodes are put into the trial,
-    what is made into the queue. Returns how many pairs, and what they took off the functional.
+    Edges `ends` (k, 2) are sorted by decreasing `gains`, `nodes` by increasing costs. Rows of removed nodes are
+    used again for new nodes, which are marked `fresh`. Values of new nodes are stored in the trial, new elements
+    enter the queue. Returned are the number of pairs and the decrease of the functional.
     """
     pairs, lowered, at = 0, 0.0, 0
     for i in range(len(ends)):

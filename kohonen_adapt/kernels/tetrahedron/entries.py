@@ -1,4 +1,4 @@
-"""List the loops over tetrahedra that Python calls, with the types that they take, in the order they are needed in."""
+"""Signatures of the kernels on tetrahedra, grouped for compilation."""
 
 from numba.types import boolean, float64, int8, int32, int64
 

@@ -1,7 +1,8 @@
-"""Let nodes leave corners: a corner goes from one node to its neighbour on another ridge (Fig. 3 of the paper).
+"""Exchange of corners of the geometry between nodes.
 
-The paper is Lowther and Mai, "On Automatic Mesh Generation using Kohonen Maps"; patches and ridges stand for its
-outlines.
+A node leaves its corner along a ridge, and its neighbour on another ridge moves into the corner (Lowther and
+Mai, "On Automatic Mesh Generation using Kohonen Maps", Fig. 3, with patches and ridges instead of boundary
+lines).
 """
 
 import numpy as np
@@ -19,11 +20,11 @@ AT_CORNER = 3  # ridges that meet in a corner which nodes may leave, at most
 
 @inner_kernel
 def jump(neurons, v, x, step, floor, scratch):
-    """Let v leave a corner along the nearest of its ridges, and its neighbour on another take over (Fig. 3).
+    """Move v from a corner onto its nearest ridge, and a neighbour into the corner.
 
-    Where three ridges meet, one face is all that may lie between that neighbour's ridge and the third: it changes to
-    the patch between the third ridge and the nearest one, and its edge from the neighbour to the third ridge's next
-    node becomes that ridge's end.
+    The neighbour is on a second ridge. At a corner of three ridges, one face may lie between the ridge of the
+    neighbour and the third ridge. The face is assigned to the patch between the third ridge and the nearest
+    ridge, and the edge from the neighbour to the next node of the third ridge is then the end of the third ridge.
     """
     position, constraints, ends = neurons.position, neurons.constraints, scratch.crossed
     count = ridges_at_corner(neurons, v, ends)
@@ -59,7 +60,10 @@ def jump(neurons, v, x, step, floor, scratch):
 
 @inner_kernel
 def ridges_at_corner(neurons, v, ends):
-    """List the next node and the number of every ridge at v; returns how many, one more than may be if there are."""
+    """List the next node and the index of every ridge at v, and return the count.
+
+    Returned is AT_CORNER + 1 if there are more ridges, or an unknown ridge.
+    """
     elements, star, count = neurons.elements, neurons.star, 0
     for k in range(star.start[v], star.start[v + 1]):
         e = star.element[k]
@@ -83,7 +87,6 @@ def ridges_at_corner(neurons, v, ends):
 
 @inner_kernel
 def on_patch_of(elements, e, v, w):
-    """Whether one of the two faces of e with both nodes is constrained."""
     for k in range(4):
         if elements.patch[e, k] >= 0 and elements.node[e, k] != v and elements.node[e, k] != w:
             return True
@@ -92,7 +95,7 @@ def on_patch_of(elements, e, v, w):
 
 @inner_kernel
 def ridge_of_edge(neurons, v, w):
-    """The ridge that the edge vw is on: -1 if it is on one patch only, -2 if none is known there."""
+    """Return the ridge of edge vw, -1 if inside a patch, -2 if unknown."""
     elements, star, freedom = neurons.elements, neurons.star, neurons.constraints.freedom
     only, sides, same = np.int64(-1), 0, True
     for k in range(star.start[v], star.start[v + 1]):
@@ -116,7 +119,6 @@ def ridge_of_edge(neurons, v, w):
 
 @inner_kernel
 def ridge_between(neurons, v, w):
-    """The ridge with just the patches that meet in the edge vw, the nearest to its middle; -2 if there is none."""
     position, surfaces, found, least = neurons.position, neurons.constraints.surfaces, np.int64(-2), np.inf
     x = 0.5 * (position[v, 0] + position[w, 0])
     y = 0.5 * (position[v, 1] + position[w, 1])
@@ -132,7 +134,6 @@ def ridge_between(neurons, v, w):
 
 @inner_kernel
 def meets_in(neurons, r, v, w):
-    """Whether the patches of ridge r are those that meet in the edge vw."""
     elements, star, meets = neurons.elements, neurons.star, neurons.constraints.surfaces.meets
     for i in range(SETS):
         if meets[r, i] >= 0 and not has_face(elements, star, v, w, meets[r, i]):
@@ -150,7 +151,6 @@ def meets_in(neurons, r, v, w):
 
 @inner_kernel
 def is_of(meets, r, p):
-    """Whether ridge r is on patch p."""
     for i in range(SETS):
         if meets[r, i] == p:
             return True
@@ -159,7 +159,6 @@ def is_of(meets, r, p):
 
 @inner_kernel
 def has_face(elements, star, v, w, p):
-    """Whether a face of patch p has both nodes."""
     for k in range(star.start[v], star.start[v + 1]):
         if star.link[k, 0] != w and star.link[k, 1] != w and star.link[k, 2] != w:
             continue
@@ -172,7 +171,6 @@ def has_face(elements, star, v, w, p):
 
 @inner_kernel
 def nearest_ridge(position, surfaces, ends, count, v, x):
-    """Which ridge at v comes nearest to x ahead of v; -1 if v itself is as near as any."""
     nearest = np.int64(-1)
     dx, dy, dz = x[0] - position[v, 0], x[1] - position[v, 1], x[2] - position[v, 2]
     best = dx * dx + dy * dy + dz * dz
@@ -192,12 +190,11 @@ def nearest_ridge(position, surfaces, ends, count, v, x):
 
 @inner_kernel
 def patch_to_take(neurons, v, f, other, ahead, onto):
-    """The patch that the face of v, f and the other node changes to as v leaves its corner along a ridge, -1 for none.
+    """Return the new patch of face (v, f, other) after v leaves its corner.
 
-    The next node `ahead` of v on that ridge stands for where v will be.
-
-    All other constrained faces at v must be on patches of that ridge, else the answer is -2. So it is where the face
-    would come between other regions than it is between.
+    Node v leaves along ridge `onto` towards the next node `ahead`. Returned is -1 if no face changes its patch,
+    and -2 if the move is not possible, because another face at v is not on patches of `onto`, or because the face
+    would be between different regions.
     """
     elements, star, meets = neurons.elements, neurons.star, neurons.constraints.surfaces.meets
     found = np.int64(-1)
@@ -217,7 +214,6 @@ def patch_to_take(neurons, v, f, other, ahead, onto):
 
 @inner_kernel
 def is_face(elements, e, j, v, f, other):
-    """Whether the face of e opposite to corner j is that of three nodes."""
     for i in range(4):
         w = elements.node[e, i]
         if i != j and w != v and w != f and w != other:
@@ -227,8 +223,10 @@ def is_face(elements, e, j, v, f, other):
 
 @inner_kernel
 def patch_beside(neurons, e, j, v, f, other, ahead, onto):
-    """The patch of a ridge with a face at the edge from v to the other node, between the regions of face j of e, and
-    that looks where face j will: where a body touches itself, one in the same plane may look the other way.
+    """Return a patch of ridge `onto` that fits face j of e, or -1.
+
+    The patch has a face at the edge from v to `other`, between the same regions and with the same orientation. At
+    a body that touches itself, coplanar patches may have opposite orientations.
     """
     elements, star, meets = neurons.elements, neurons.star, neurons.constraints.surfaces.meets
     for k in range(star.start[v], star.start[v + 1]):
@@ -250,7 +248,6 @@ def patch_beside(neurons, e, j, v, f, other, ahead, onto):
 
 @inner_kernel
 def look_alike(position, node, e, j, g, i, v, f, ahead):
-    """Whether face j of e will look to the side of face i of g once v is `ahead` and f is where v is."""
     a, b, c = np.int64(node[e, OPPOSITE[j, 0]]), np.int64(node[e, OPPOSITE[j, 1]]), np.int64(node[e, OPPOSITE[j, 2]])
     a, b, c = moved_up(a, v, f, ahead), moved_up(b, v, f, ahead), moved_up(c, v, f, ahead)
     nx, ny, nz = across_face(position, a, b, c)
@@ -260,13 +257,11 @@ def look_alike(position, node, e, j, g, i, v, f, ahead):
 
 @inner_kernel
 def moved_up(node, v, f, ahead):
-    """Which node is now where a node will be."""
     return ahead if node == v else v if node == f else node
 
 
 @inner_kernel
 def across_face(position, a, b, c):
-    """A normal of three nodes."""
     ux, uy, uz = position[b, 0] - position[a, 0], position[b, 1] - position[a, 1], position[b, 2] - position[a, 2]
     vx, vy, vz = position[c, 0] - position[a, 0], position[c, 1] - position[a, 1], position[c, 2] - position[a, 2]
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
@@ -274,14 +269,12 @@ def across_face(position, a, b, c):
 
 @inner_kernel
 def region_beyond(elements, e, j):
-    """The region across the face of e opposite to corner j, -1 outside."""
     across = elements.neighbour[e, j]
     return np.int64(elements.region[across]) if across >= 0 else np.int64(-1)
 
 
 @inner_kernel
 def relabel_face(neurons, v, f, other, patch):
-    """Give the constrained face of three nodes to another patch, on both of its sides."""
     elements, star = neurons.elements, neurons.star
     for k in range(star.start[v], star.start[v + 1]):
         e = star.element[k]
@@ -292,7 +285,6 @@ def relabel_face(neurons, v, f, other, patch):
 
 @inner_kernel
 def swapped(neurons, v, f, x, y, z, floor):
-    """Move v to (x, y, z) and its follower into the corner; returns whether quality and reach allow it."""
     position, elements, star = neurons.position, neurons.elements, neurons.star
     surfaces = neurons.constraints.surfaces
     corner_x, corner_y, corner_z = position[v, 0], position[v, 1], position[v, 2]
@@ -315,7 +307,6 @@ def swapped(neurons, v, f, x, y, z, floor):
 
 @inner_kernel
 def worst_of_two(position, star, v, w):
-    """Worst cubed quality of the stars of two nodes."""
     return min(
         star_quality(position, star, v, position[v, 0], position[v, 1], position[v, 2], -2.0),
         star_quality(position, star, w, position[w, 0], position[w, 1], position[w, 2], -2.0),

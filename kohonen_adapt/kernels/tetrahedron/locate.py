@@ -1,4 +1,4 @@
-"""Walk from element to element to the one that holds a point; where that is blocked a grid is asked."""
+"""Point location in tetrahedra by walks, with a grid as fallback."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ WALK = 128  # steps before the grid is asked; walks from the grid's hints take t
 
 @inner_kernel
 def side_of_face(position, node, e, k, x, y, z):
-    """Six times the signed volume that (x, y, z) spans with the face opposite to corner k of e; negative beyond it."""
+    """Return six times the volume of (x, y, z) and face k of e, negative outside."""
     a, b, c = node[e, (k + 1) & 3], node[e, (k + 2) & 3], node[e, (k + 3) & 3]
     ux, uy, uz = position[b, 0] - position[a, 0], position[b, 1] - position[a, 1], position[b, 2] - position[a, 2]
     vx, vy, vz = position[c, 0] - position[a, 0], position[c, 1] - position[a, 1], position[c, 2] - position[a, 2]
@@ -22,7 +22,6 @@ def side_of_face(position, node, e, k, x, y, z):
 
 @inner_kernel
 def depth_in_element(position, node, e, x, y, z):
-    """Smallest barycentric coordinate of (x, y, z) in element e: negative outside."""
     least, total = np.inf, 0.0
     for k in range(4):
         side = side_of_face(position, node, e, k, x, y, z)
@@ -33,7 +32,6 @@ def depth_in_element(position, node, e, x, y, z):
 
 @inner_kernel
 def walk(position, elements, e, x, y, z):
-    """Walk from element e towards (x, y, z) within its region; returns (element, whether that holds the point)."""
     node, region, e = elements.node, elements.region[e], np.int64(e)
     for _ in range(WALK):
         onward, most, least, total = np.int64(-1), 0.0, np.inf, 0.0
@@ -54,14 +52,12 @@ def walk(position, elements, e, x, y, z):
 
 @kernel
 def walk_each(position, elements, points, found, inside):
-    """Walk to every point from the element that `found` holds, which becomes where the walk ended."""
     for t in range(points.shape[0]):
         found[t], inside[t] = walk(position, elements, found[t], points[t, 0], points[t, 1], points[t, 2])
 
 
 @kernel
 def count_in_cells(position, node, grid):
-    """Count the elements whose bounding box meets each cell of a grid, summed up to where lists end."""
     clear_counts(grid)
     start, shape = grid.start, grid.shape
     for e in range(node.shape[0]):
@@ -75,7 +71,10 @@ def count_in_cells(position, node, grid):
 
 @kernel
 def fill_cells(position, node, grid):
-    """List the elements of every cell; `start` says where the lists end, and then where they start."""
+    """List the elements of every grid cell.
+
+    On entry `start` holds the ends of the lists, on return their starts.
+    """
     shape = grid.shape
     for e in range(node.shape[0] - 1, -1, -1):
         i0, i1, j0, j1, k0, k1 = cells_of_element(position, node, e, grid)
@@ -87,7 +86,6 @@ def fill_cells(position, node, grid):
 
 @inner_kernel
 def cells_between(position, node, e, axis, grid):
-    """First and last cell along an axis that the bounding box of element e meets."""
     low = high = position[node[e, 0], axis]
     for k in range(1, 4):
         low, high = min(low, position[node[e, k], axis]), max(high, position[node[e, k], axis])
@@ -96,7 +94,6 @@ def cells_between(position, node, e, axis, grid):
 
 @inner_kernel
 def cells_of_element(position, node, e, grid):
-    """Range of cells that the bounding box of element e meets, an empty one where the row is not in use."""
     if node[e, 0] < 0:
         return 0, -1, 0, -1, 0, -1
     i0, i1 = cells_between(position, node, e, 0, grid)
@@ -107,7 +104,6 @@ def cells_of_element(position, node, e, grid):
 
 @inner_kernel
 def best_in_cell(position, node, content, first, last, x, y, z):
-    """The element of a cell that holds (x, y, z) deepest, or -1 if none does."""
     best, deepest = -1, -TOLERANCE
     for k in range(first, last):
         depth = depth_in_element(position, node, np.int64(content[k]), x, y, z)
@@ -118,7 +114,10 @@ def best_in_cell(position, node, content, first, last, x, y, z):
 
 @kernel
 def find(position, elements, points, grid, found):
-    """Find the element that holds each point, or -1: walk from any element of its cell, else look at all of them."""
+    """Find the element of each point, -1 outside the mesh.
+
+    The walk starts at an element of the grid cell. If the walk fails, all elements of the cell are tested.
+    """
     node, start, content = elements.node, grid.start, grid.content
     for t in range(points.shape[0]):
         x, y, z = points[t, 0], points[t, 1], points[t, 2]
@@ -135,7 +134,6 @@ def find(position, elements, points, grid, found):
 
 @kernel
 def barycentric(position, node, points, found, out):
-    """Compute barycentric coordinates of every point in the element found for it; nan where there is none."""
     for t in range(points.shape[0]):
         e = np.int64(found[t])
         total = 0.0

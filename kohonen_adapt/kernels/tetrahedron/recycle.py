@@ -1,6 +1,7 @@
-"""Split the longest edges and collapse the shortest, in pairs, at a constant number of nodes.
+"""Recycling on tetrahedra, the longest edges split and the shortest collapsed.
 
-As `kernels/triangle/recycle.py`, in the metric |e|^2 (rho_a rho_b)^(1/3) of a density of nodes per volume.
+As in `kernels/triangle/recycle.py`, in the metric |e|^2 (rho_a rho_b)^(1/3) for a density rho of nodes per
+volume.
 """
 
 import numpy as np
@@ -24,7 +25,6 @@ UNLIMITED = np.inf
 
 @inner_kernel
 def enter_edge(mesh, longest, shortest, a, b):
-    """Put an edge into both heaps."""
     length = metric_length(mesh, a, b)
     insert(longest, -length, a, b)
     insert(shortest, length, a, b)
@@ -32,7 +32,6 @@ def enter_edge(mesh, longest, shortest, a, b):
 
 @inner_kernel
 def enter_edges(mesh, longest, shortest, v, higher):
-    """Put the edges of node v into both heaps, if `higher` only those to nodes of higher number."""
     node, cavity = mesh.elements.node, mesh.cavity
     count = gather_around(mesh, v, cavity.around)
     cavity.counter[0] += 1
@@ -48,7 +47,6 @@ def enter_edges(mesh, longest, shortest, v, higher):
 
 @kernel
 def fill_heaps(mesh, longest, shortest, first, last):
-    """Enter the edges from nodes `first` to `last` to nodes of higher number, those of pinched nodes perhaps not."""
     for v in range(first, last):
         if mesh.pool.anchor[v] >= 0:
             enter_edges(mesh, longest, shortest, v, True)
@@ -56,9 +54,10 @@ def fill_heaps(mesh, longest, shortest, first, last):
 
 @inner_kernel
 def next_edge(mesh, heap, sign):
-    """Take edges out of a heap until one is still there as it was; returns its ends and key, (-1, -1, 0) if none.
+    """Remove edges from a heap up to the first that still exists.
 
-    `sign` turns a metric length into the heap's key. Rows of nodes are used again, and the length tells.
+    Returned are its ends and key, (-1, -1, 0) if there is none. `sign` times the metric length is the key. Rows
+    of nodes are used again, so an edge is valid only if its length equals the key.
     """
     while heap.size[0] > 0:
         key, a, b = remove_first(heap)
@@ -71,7 +70,6 @@ def next_edge(mesh, heap, sign):
 
 @inner_kernel
 def next_split(mesh, longest, least, floor):
-    """The longest edge that may be split, if longer than `least`; returns its ends and length, (-1, -1, 0) if none."""
     while longest.size[0] > 0 and -longest.key[0] > least:
         a, b, key = next_edge(mesh, longest, -1.0)
         if a >= 0 and -key > least and prepare_split(mesh, a, b, floor) > 0:
@@ -81,7 +79,6 @@ def next_split(mesh, longest, least, floor):
 
 @inner_kernel
 def holds_edge(mesh, count, a, b):
-    """Whether one of the `count` elements to be taken out has the edge ab."""
     node, old = mesh.elements.node, mesh.cavity.old
     for i in range(count):
         if corner_of(node, old[i], a) >= 0 and corner_of(node, old[i], b) >= 0:
@@ -91,9 +88,9 @@ def holds_edge(mesh, count, a, b):
 
 @inner_kernel
 def collapse_next(mesh, queue, shortest, most, longest, a, b, floor):
-    """Collapse the shortest edge that may be, if shorter than `most` and the elements with the edge ab stay.
+    """Collapse the shortest edge shorter than `most` that keeps edge ab.
 
-    Of its two ends that goes which leaves the better worst element. Returns the one left, or -1.
+    The node whose removal leaves the better worst element is removed. Returned is the remaining node, or -1.
     """
     while shortest.size[0] > 0 and shortest.key[0] < most:
         v, w, key = next_edge(mesh, shortest, 1.0)
@@ -113,14 +110,12 @@ def collapse_next(mesh, queue, shortest, most, longest, a, b, floor):
 
 @inner_kernel
 def enter_made(mesh, queue, count):
-    """Have the elements that were made looked at for swaps."""
     for i in range(count):
         enter(queue, np.int64(mesh.cavity.made[i]))
 
 
 @inner_kernel
 def split_prepared(mesh, queue, longest, shortest, a, b, floor):
-    """Split the edge ab, which may be, and enter what is new."""
     count = prepare_split(mesh, a, b, floor)
     p = split(mesh, a, b, count)
     enter_made(mesh, queue, 2 * count)
@@ -129,11 +124,11 @@ def split_prepared(mesh, queue, longest, shortest, a, b, floor):
 
 @kernel
 def recycle(mesh, queue, longest, shortest, missing, ratio, floor, limit):
-    """Split and collapse until the longest edge in the metric is no longer than `ratio` times the shortest.
+    """Split and collapse edges up to a ratio of the longest to the shortest.
 
-    With `missing` nodes as many splits come first, without a collapse; if it is negative, collapses. `floor` is cubed.
-    Heaps and queue are kept up to date. Stops after `limit` of either kind, and for want of room. Returns (splits,
-    collapses, finished).
+    `missing` nodes are added first by splits alone, or removed by collapses if negative. `floor` is the cube of a
+    quality. Heaps and queue are updated. The loop ends after `limit` splits or collapses, or without free rows.
+    Returned are (splits, collapses, finished).
     """
     splits = collapses = 0
     while splits < limit and collapses < limit:

@@ -1,7 +1,7 @@
-"""Look up the sample of a surface that is nearest to a point, in a k-d tree without a stack.
+"""Nearest sample of a surface in a k-d tree without a stack.
 
-The trees are complete: below row i stand rows 2 i + 1 and 2 i + 2, cut across x, y, z and x again as the depth says.
-Where the last step came from tells the way on (Wald, "A Stack-Free Traversal Algorithm for Left-Balanced k-d Trees",
+The children of row i are rows 2 i + 1 and 2 i + 2 (complete trees), with cuts across x, y and z in turn. The
+next step follows from the previous row (Wald, "A Stack-Free Traversal Algorithm for Left-Balanced k-d Trees",
 2022).
 """
 
@@ -12,7 +12,6 @@ from kohonen_adapt.kernels.compilation import inner_kernel
 
 @inner_kernel
 def nearest_sample(samples, p, x, y, z):
-    """The row of the sample of patch p that is nearest to a point."""
     point, root, rows = samples.point, np.int64(samples.start[p]), samples.start[p + 1] - samples.start[p]
     here, before, depth, found, least = np.int64(0), np.int64(-1), 0, root, np.inf
     while here >= 0:

@@ -1,7 +1,7 @@
-"""Find the winner of a training point: the nearest node that it reaches within its own region.
+"""Winners of training points, each the nearest visible node in the region.
 
-Lowther and Mai, "On Automatic Mesh Generation using Kohonen Maps", section III: a walk from where the last winner was,
-then the check that no other node lies in the sphere through the winner.
+Search of Lowther and Mai, "On Automatic Mesh Generation using Kohonen Maps", section III, by a walk from a
+former winner and a check that the sphere through the winner contains no other node.
 """
 
 import numpy as np
@@ -16,27 +16,23 @@ STRETCH = 64  # points that follow one another and may start where the one befor
 
 @inner_kernel
 def next_stamp(scratch):
-    """A stamp that nothing carries yet."""
     scratch.counter[0] += 1
     return scratch.counter[0]
 
 
 @inner_kernel
 def triple(a, b, c):
-    """The triple product a . (b x c), six times the volume that three edges span."""
     return a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
 
 
 @inner_kernel
 def squared_distance(position, v, x):
-    """Squared distance from node v to the point x."""
     dx, dy, dz = x[0] - position[v, 0], x[1] - position[v, 1], x[2] - position[v, 2]
     return dx * dx + dy * dy + dz * dz
 
 
 @inner_kernel
 def element_in_region(elements, star, v, region):
-    """One of the elements around v that belong to the region."""
     for k in range(star.start[v], star.start[v + 1]):
         if elements.region[star.element[k]] == region:
             return np.int64(star.element[k])
@@ -45,7 +41,6 @@ def element_in_region(elements, star, v, region):
 
 @inner_kernel
 def descended(position, elements, star, v, x, region):
-    """The node at the end of a way from v over edges of the region, each to a nearer node than the last."""
     best = squared_distance(position, v, x)
     while True:
         nearest = v
@@ -64,7 +59,10 @@ def descended(position, elements, star, v, x, region):
 
 @inner_kernel
 def behind_surface(position, elements, surfaces, e, x):
-    """Whether x, outside of e, lies beyond a facet of e on a curved patch and no farther off that than the facet is."""
+    """Return True if x is between a curved face of e and its surface.
+
+    The distance of x to the surface must be at most that of the centroid of the face.
+    """
     for k in range(4):
         p = np.int64(elements.patch[e, k])
         if p < 0 or surfaces.shape[p] == PLANE:
@@ -87,10 +85,10 @@ def behind_surface(position, elements, surfaces, e, x):
 
 @inner_kernel
 def holding_element(neurons, v, x, region, scratch):
-    """The element of the region that holds x: a walk that starts at v, and where that is blocked one from nearer nodes.
+    """Return the element of a region that contains x.
 
-    What blocks that, too, a flood goes around. A point between a curved surface and its facets may lie in no element of
-    its region now; the one that it is behind holds it.
+    A walk starts at v, if blocked a second walk at a node nearer to x, and if blocked a flood of the region. A
+    point between a face and its curved surface belongs to the element of the face.
     """
     position, elements, star = neurons.position, neurons.elements, neurons.star
     e, inside = walk(position, elements, element_in_region(elements, star, v, region), x[0], x[1], x[2])
@@ -121,11 +119,12 @@ def holding_element(neurons, v, x, region, scratch):
 
 @inner_kernel
 def nearest_reached(position, elements, e, x, scratch):
-    """The check by a sphere: the nearest node that x reaches from e within its region, ties to the lowest index.
+    """Return the nearest node visible from x in its region, and the squared distance.
 
-    A node counts if the ball around x that just reaches it joins it to x within the region. So every element carries
-    the least distance that a way to it must go to (that of the farthest face it crosses), elements are entered in the
-    order of it, and a node nearer than that does not count: it lies behind a slit or an edge that the ball misses.
+    Ties are resolved by the lowest index. A node is visible if the ball around x with the node on its boundary
+    connects both within the region. Each element has a reach, the smallest radius of a ball that connects x to
+    the element (the largest distance to a crossed face). Elements are visited by increasing reach, and nodes
+    nearer than the reach are skipped, because a slit or an edge is in between.
     """
     stamp, frontier, reach = next_stamp(scratch), scratch.frontier, scratch.reach
     region = elements.region[e]
@@ -169,7 +168,6 @@ def nearest_reached(position, elements, e, x, scratch):
 
 @inner_kernel
 def squared_distance_to_face(position, node, e, k, x):
-    """Squared distance from x to the face of e opposite to corner k."""
     a, b, c = node[e, (k + 1) % 4], node[e, (k + 2) % 4], node[e, (k + 3) % 4]
     ax, ay, az = position[a, 0] - x[0], position[a, 1] - x[1], position[a, 2] - x[2]
     bx, by, bz = position[b, 0] - x[0], position[b, 1] - x[1], position[b, 2] - x[2]
@@ -193,7 +191,6 @@ def squared_distance_to_face(position, node, e, k, x):
 
 @inner_kernel
 def squared_distance_to_edge(ax, ay, az, bx, by, bz):
-    """Squared distance from the origin to the segment from a to b."""
     ux, uy, uz = bx - ax, by - ay, bz - az
     along, length = -(ax * ux + ay * uy + az * uz), ux * ux + uy * uy + uz * uz
     share = min(1.0, max(0.0, along / length)) if length > 0.0 else 0.0
@@ -203,7 +200,6 @@ def squared_distance_to_edge(ax, ay, az, bx, by, bz):
 
 @inner_kernel
 def find_winner(neurons, v, x, region, scratch):
-    """Walk from node v to the element that holds x, then check the sphere; returns the winner and its distance."""
     e = holding_element(neurons, v, x, region, scratch)
     winner, squared = nearest_reached(neurons.position, neurons.elements, e, x, scratch)
     return winner, np.sqrt(squared)
@@ -211,10 +207,11 @@ def find_winner(neurons, v, x, region, scratch):
 
 @kernel
 def find_winners(neurons, points, region, hints, winners, distances, scratch):
-    """Find the winner of every point and its distance.
+    """Find the winner of every point, and its distance.
 
-    `hints` has a node of the point's region to start from, best a former winner. The winner of the point before is
-    another, except at every STRETCH-th point, so that points may be cut there without a difference.
+    `hints` holds a start node in the region of each point, best a former winner. The winner of the previous point
+    is a second start, except at every STRETCH-th point, so that points can be distributed in stretches with the
+    same result.
     """
     for t in range(points.shape[0]):
         x, v = points[t], np.int64(hints[t])

@@ -1,11 +1,11 @@
-"""Count what lies between faces and curved surfaces with the material that is there: slivers of a P1 function.
+"""Slivers between faces of tetrahedra and curved surfaces, with a P1 function.
 
-A face on a sphere, cylinder or cone is a chord. On the outer side of the surface its element covers the sliver between
-both, which is of the material beyond the face, or of none; on the inner side of an outer boundary the element goes on
-into it, where values are given linearly as these do. So the functional of the same function in the true domain is that
-of the mesh and of every sliver S, its volume times the change of the density at one gradient. What is lowered is that
-and |S| more, S + |S| in all: no less than the functional of either domain. With S alone the long faces would be where
-the field does not jump, and what is worked out from the mesh would be worse for the volume that it lacks there.
+A face inscribed in a sphere, cylinder or cone is a chord. An element outside the surface covers the sliver,
+which has the material of the element inside, or none. An element inside an outer boundary is extended into
+the sliver, with a linear Dirichlet function if there is one. The functional of the function in the true
+domain is that of the mesh plus, for every sliver, S = volume times change of the density at one gradient. The
+descent lowers the functional plus S + |S|, an upper bound for both domains. With S alone the longest faces
+would be at places without a jump of the field, and results on the mesh would suffer from the missing volume.
 """
 
 import math
@@ -27,7 +27,6 @@ STILL = (-1, 0.0, 0.0, 0.0, 0.0)  # in place of a node that is moved, where it i
 
 @inner_kernel
 def where(position, node, moved):
-    """Position of a node, which may be the one that is `moved`."""
     if node == moved[0]:
         return moved[1], moved[2], moved[3]
     return position[node, 0], position[node, 1], position[node, 2]
@@ -35,13 +34,11 @@ def where(position, node, moved):
 
 @inner_kernel
 def inwards(surfaces, p, a, b):
-    """How far the middle between two points is inside a curved surface."""
     return -signed_distance(surfaces, p, 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2]))[0]
 
 
 @inner_kernel
 def gap(surfaces, p, a, b, c):
-    """The volume between a triangle and a curved surface through its corners: exact for a parabolic height."""
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
@@ -51,7 +48,10 @@ def gap(surfaces, p, a, b, c):
 
 @inner_kernel
 def density(trial, region, slope, hat):
-    """What a functional has per volume at a gradient, and both derivatives by the value whose function has that hat."""
+    """Return the functional per volume, and two derivatives by a nodal value.
+
+    `hat` is the gradient of the shape function of the node.
+    """
     (gx, gy, gz), (hx, hy, hz) = slope, hat
     data, law = trial.data, trial.laws.number[region]
     qx, qy, qz = 6.0 * data[region, SIXTH_FLUX_X], 6.0 * data[region, SIXTH_FLUX_Y], 6.0 * data[region, SIXTH_FLUX_Z]
@@ -67,8 +67,9 @@ def density(trial, region, slope, hat):
 
 @inner_kernel
 def slopes(position, elements, trial, e, moved):
-    """The gradient in element e with a node moved, that of the function of this, and six
-    times the volume.
+    """Return gradient, gradient of the shape function, and six times the volume.
+
+    The shape function is that of the node in `moved`.
     """
     node, value = elements.node, trial.value
     v, w = moved[0], moved[4]
@@ -97,7 +98,6 @@ def slopes(position, elements, trial, e, moved):
 
 @inner_kernel
 def covers(surfaces, p, a, b, c, top):
-    """Whether the element of a face abc is on the outer side of its surface, where the sliver is."""
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
@@ -109,8 +109,9 @@ def covers(surfaces, p, a, b, c, top):
 
 @inner_kernel
 def sliver(position, elements, surfaces, trial, e, k, moved):
-    """S + |S| of the sliver at the face of element e opposite to its corner k, with a node moved, and both
-    derivatives by the value of this. One that an element covers is no larger than that.
+    """Return S + abs(S) at face k of e, and two derivatives by the value in `moved`.
+
+    The volume of a covered sliver is at most that of the element.
     """
     p, node = elements.patch[e, k], elements.node
     a = where(position, node[e, OPPOSITE[k, 0]], moved)
@@ -137,7 +138,6 @@ def sliver(position, elements, surfaces, trial, e, k, moved):
 
 @inner_kernel
 def slivers_of(position, elements, surfaces, trial, e, moved):
-    """The same of all faces of an element."""
     total = by_w = ww = 0.0
     for k in range(4):
         p = elements.patch[e, k]
@@ -149,7 +149,6 @@ def slivers_of(position, elements, surfaces, trial, e, moved):
 
 @inner_kernel
 def has_slivers(neurons, trial, v):
-    """Whether an element around v has a face whose sliver is counted."""
     for j in range(neurons.star.start[v], neurons.star.start[v + 1]):
         for k in range(4):
             p = neurons.elements.patch[neurons.star.element[j], k]
@@ -160,7 +159,6 @@ def has_slivers(neurons, trial, v):
 
 @inner_kernel
 def slivers_around(neurons, trial, v, x, y, z, w):
-    """The same of all elements around v."""
     total = by_w = ww = 0.0
     surfaces, moved = neurons.constraints.surfaces, (v, x, y, z, w)
     for j in range(neurons.star.start[v], neurons.star.start[v + 1]):
@@ -172,7 +170,6 @@ def slivers_around(neurons, trial, v, x, y, z, w):
 
 @inner_kernel
 def pull_of_slivers(neurons, trial, v):
-    """The gradient of that by the place of v, by differences."""
     position, other = neurons.position, neurons.star.link[neurons.star.start[v], 0]
     x, y, z = position[v, 0], position[v, 1], position[v, 2]
     dx, dy, dz = position[other, 0] - x, position[other, 1] - y, position[other, 2] - z
@@ -185,8 +182,10 @@ def pull_of_slivers(neurons, trial, v):
 
 @inner_kernel
 def mismatch(position, elements, trial, e, k):
-    """What fills a sliver wrongly per volume: half the coefficient of what is there times the square of the difference
-    between the gradient that it has and that of the element beyond its face; 0 where there is none.
+    """Return the energy error per volume of a sliver with the wrong gradient.
+
+    The error is half the coefficient times the squared difference between the gradients on both sides of the
+    face, 0 on an outer boundary without Dirichlet values.
     """
     across, p = elements.neighbour[e, k], elements.patch[e, k]
     slope, _, _ = slopes(position, elements, trial, e, STILL)
@@ -206,9 +205,10 @@ def mismatch(position, elements, trial, e, k):
 
 @inner_kernel
 def filled_by_split(mesh, trial, e, k, a, b):
-    """What a node on the surface half-way along the edge ab of a face takes off, for it fills the face's sliver.
+    """Return the gain of a new node on the surface half-way along ab.
 
-    In the wedge that changes hands the right gradient takes the place of the wrong one, and |S| has less to count.
+    The sliver shrinks. In the volume between the old and new faces the wrong gradient is replaced by the right
+    gradient, and |S| decreases.
     """
     position, elements, surfaces, p = mesh.position, mesh.elements, mesh.surfaces, mesh.elements.patch[e, k]
     corners = OPPOSITE[k]

@@ -1,11 +1,11 @@
-"""Smooth a mesh of tetrahedra by sweeps: each node goes where the elements around it are best for the density.
+"""Smoothing of tetrahedra to a node density, by Newton's method.
 
-What is lowered is the sum over elements of w S^4 / |K|, with S the sum of the squared edges and the weight
-w = rho^(5/3). Of good elements that is, up to a constant, the squared interpolation error |K|^(5/3) rho^(5/3) of a
-function for whose second derivatives the density is optimal, as in optimal Delaunay smoothing (Chen and Xu, "Optimal
-Delaunay triangulations", J. Comput. Math. 22, 2004), times the fourth power of 1 / quality: slivers, which have good
-edges and no volume, cost ever more. In the position of one node S is quadratic and |K| linear, so the sum is convex,
-and Newton's method needs no help.
+The sum over elements of w S^4 / |K| is minimised, with S the sum of the squared edges and the weight w =
+rho^(5/3). For good elements the summand is, up to a constant, the squared interpolation error |K|^(5/3)
+rho^(5/3) of a function for whose second derivatives the density is optimal, as in optimal Delaunay smoothing
+(Chen and Xu, "Optimal Delaunay triangulations", J. Comput. Math. 22, 2004), times 1 / quality to the fourth
+power, which penalises slivers (good edges without volume). In the position of one node S is quadratic and |K|
+linear, so the sum is convex.
 """
 
 import numpy as np
@@ -25,7 +25,6 @@ HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
 
 @inner_kernel
 def star_energy(position, star, weight, v, x, y, z):
-    """The sum over the star of v were it at (x, y, z), and the worst cubed quality; if that is flat, it stops there."""
     total, worst = 0.0, 2.0
     for j in range(star.start[v], star.start[v + 1]):
         b, c, d = star.link[j, 0], star.link[j, 1], star.link[j, 2]
@@ -46,7 +45,6 @@ def star_energy(position, star, weight, v, x, y, z):
 
 @inner_kernel
 def derivatives(position, star, weight, v):
-    """Gradient, and the upper triangle of the Hessian, of the sum over the star of v by its position."""
     x, y, z = position[v, 0], position[v, 1], position[v, 2]
     gx = gy = gz = xx = xy = xz = yy = yz = zz = 0.0
     for j in range(star.start[v], star.start[v + 1]):
@@ -81,7 +79,6 @@ def derivatives(position, star, weight, v):
 
 @inner_kernel
 def step_inside(gradient, hessian):
-    """Newton's step of a node inside: minus gradient by Hessian."""
     (gx, gy, gz), (xx, xy, xz, yy, yz, zz) = gradient, hessian
     a, b, c = yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz
     d, e, f = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
@@ -95,14 +92,12 @@ def step_inside(gradient, hessian):
 
 @inner_kernel
 def along(tx, ty, tz, hessian):
-    """The Hessian times a vector."""
     xx, xy, xz, yy, yz, zz = hessian
     return xx * tx + xy * ty + xz * tz, xy * tx + yy * ty + yz * tz, xz * tx + yz * ty + zz * tz
 
 
 @inner_kernel
 def step_across(nx, ny, nz, gradient, hessian):
-    """Newton's step in the plane with that normal."""
     gx, gy, gz = gradient
     if abs(nx) <= abs(ny) and abs(nx) <= abs(nz):
         tx, ty, tz = 0.0, nz, -ny
@@ -124,7 +119,6 @@ def step_across(nx, ny, nz, gradient, hessian):
 
 @inner_kernel
 def newton_step(position, star, surfaces, freedom, weight, v):
-    """Where Newton's method would take a node, in the directions that it has."""
     x, y, z = position[v, 0], position[v, 1], position[v, 2]
     gradient, hessian = derivatives(position, star, weight, v)
     place = np.int64(freedom.place[v])
@@ -142,7 +136,6 @@ def newton_step(position, star, surfaces, freedom, weight, v):
 
 @inner_kernel
 def is_curved(surfaces, freedom, v):
-    """Whether facets on curved patches may be at a node that slides."""
     return freedom.number[v] != INSIDE and not (
         freedom.number[v] == ON_PATCH and surfaces.shape[freedom.place[v]] == PLANE
     )
@@ -150,9 +143,9 @@ def is_curved(surfaces, freedom, v):
 
 @kernel
 def smooth_nodes(neurons, weight, floor, order):
-    """Take Newton's step at nodes in order, or half of it and so on, where it lowers the sum and the guard lets it.
+    """Move nodes in order by damped Newton steps.
 
-    `weight` (m,) is rho^(5/3) up to a factor, `floor` is cubed.
+    `weight` (m,) is rho^(5/3) up to a factor, `floor` the cube of a quality.
     """
     position, elements, star = neurons.position, neurons.elements, neurons.star
     surfaces, freedom = neurons.constraints.surfaces, neurons.constraints.freedom

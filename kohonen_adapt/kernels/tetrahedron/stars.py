@@ -1,4 +1,4 @@
-"""Guard the elements around a node: no move leaves one worse than the rule allows; find what is deep in a part."""
+"""Quality guard of moved nodes, and partition of nodes."""
 
 from kohonen_adapt.kernels.arrays import UNGUARDED
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
@@ -9,9 +9,9 @@ ACROSS, UNUSED = -1, -2  # instead of the part of an element
 
 @inner_kernel
 def star_tolerable(position, star, v, x, y, z, floor):
-    """Whether all qualities in the star of v were at least the floor, and none flat, with v at (x, y, z).
+    """Return True if no element of the star is below `floor` with v at (x, y, z).
 
-    The same as asking for `star_quality` without a division; UNGUARDED switches the check off.
+    Equivalent to `star_quality` without a division. UNGUARDED disables the check.
     """
     if floor == UNGUARDED:
         return True
@@ -32,7 +32,6 @@ def star_tolerable(position, star, v, x, y, z, floor):
 
 @inner_kernel
 def may_move(position, star, v, x, y, z, floor):
-    """The guard: whether its star is, with v at (x, y, z), at least as good as min(floor, the worst there before)."""
     if star_tolerable(position, star, v, x, y, z, floor):
         return True
     if star_tolerable(position, star, v, position[v, 0], position[v, 1], position[v, 2], floor):
@@ -44,10 +43,10 @@ def may_move(position, star, v, x, y, z, floor):
 
 @kernel
 def mark_sound(position, star, floor, first, last, sound):
-    """Mark those of the nodes `first` to `last` whose stars are tolerable: their guard need not look back.
+    """Mark nodes `first` to `last` whose stars are tolerable.
 
-    Where all stars are, guarded moves keep them so. Elsewhere a neighbour may worsen a marked star within its own
-    rule; the guard is then stricter than the rule until the next time stars are marked.
+    If all stars are tolerable, guarded moves keep them tolerable. Otherwise a neighbour may worsen a marked star
+    as far as its own rule allows, and the guard is stricter than the rule up to the next marking.
     """
     for v in range(first, last):
         sound[v] = star_tolerable(position, star, v, position[v, 0], position[v, 1], position[v, 2], floor)
@@ -55,9 +54,9 @@ def mark_sound(position, star, floor, first, last, sound):
 
 @kernel
 def mark_deep(star, part, rings, deep, queue):
-    """Mark the nodes that have only nodes of their own part within so many rings, (n,).
+    """Mark the nodes that have only nodes of their own part within `rings` rings.
 
-    `part` numbers the parts, (n,); `queue` (n,) is scratch.
+    `part` (n,) is the index of the part, `queue` (n,) scratch.
     """
     last = 0
     for v in range(part.shape[0]):
@@ -86,7 +85,6 @@ def mark_deep(star, part, rings, deep, queue):
 
 @kernel
 def find_parts(node, part, of_element):
-    """Find the part of every element, (m,): that of all of its nodes, ACROSS if they differ, UNUSED for free rows."""
     for e in range(node.shape[0]):
         own = UNUSED if node[e, 0] < 0 else part[node[e, 0]]
         for k in range(1, 4):

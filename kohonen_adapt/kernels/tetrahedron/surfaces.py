@@ -1,4 +1,4 @@
-"""Put points on patches and ridges, and say in which directions nodes may go there."""
+"""Distances, projections and tangents of patches and ridges."""
 
 import math
 
@@ -25,7 +25,7 @@ NEAR = 1e-15  # of the size of the mesh's coordinates: a point this near is on b
 
 @inner_kernel
 def signed_distance(surfaces, p, x, y, z):
-    """Signed distance from a patch, and its gradient, a unit vector."""
+    """Return the signed distance from a patch, and the gradient (a unit vector)."""
     if surfaces.shape[p] == PROJECTED:
         return height_above(surfaces.samples, p, x, y, z)
     px, py, pz = x - surfaces.origin[p, 0], y - surfaces.origin[p, 1], z - surfaces.origin[p, 2]
@@ -47,7 +47,6 @@ def signed_distance(surfaces, p, x, y, z):
 
 @inner_kernel
 def height_above(samples, p, x, y, z):
-    """Signed distance from the paraboloid that touches a patch at its nearest sample, and the direction of that."""
     row = nearest_sample(samples, p, x, y, z)
     bend, nx, ny, nz = samples.bend, samples.normal[row, 0], samples.normal[row, 1], samples.normal[row, 2]
     px, py, pz = x - samples.point[row, 0], y - samples.point[row, 1], z - samples.point[row, 2]
@@ -62,14 +61,12 @@ def height_above(samples, p, x, y, z):
 
 @inner_kernel
 def onto_patch(surfaces, p, x, y, z):
-    """The nearest point of a patch."""
     distance, nx, ny, nz = signed_distance(surfaces, p, x, y, z)
     return x - distance * nx, y - distance * ny, z - distance * nz
 
 
 @inner_kernel
 def onto_ridge(surfaces, r, x, y, z):
-    """The nearest point of a line or circle; a near one of the intersection of two patches."""
     px, py, pz = x - surfaces.ridge_origin[r, 0], y - surfaces.ridge_origin[r, 1], z - surfaces.ridge_origin[r, 2]
     ax, ay, az = surfaces.ridge_axis[r, 0], surfaces.ridge_axis[r, 1], surfaces.ridge_axis[r, 2]
     along = px * ax + py * ay + pz * az
@@ -93,7 +90,6 @@ def onto_ridge(surfaces, r, x, y, z):
 
 @inner_kernel
 def onto_both(surfaces, p, q, x, y, z):
-    """A point on two patches at once: Newton's method, each step the shortest that solves both linear equations."""
     for _ in range(STEPS):
         f, ax, ay, az = signed_distance(surfaces, p, x, y, z)
         g, bx, by, bz = signed_distance(surfaces, q, x, y, z)
@@ -108,7 +104,6 @@ def onto_both(surfaces, p, q, x, y, z):
 
 @inner_kernel
 def tangent_of_ridge(surfaces, r, x, y, z):
-    """Unit vector along a ridge at a point of it."""
     ax, ay, az = surfaces.ridge_axis[r, 0], surfaces.ridge_axis[r, 1], surfaces.ridge_axis[r, 2]
     if surfaces.ridge_shape[r] == LINE:
         return ax, ay, az
@@ -124,7 +119,6 @@ def tangent_of_ridge(surfaces, r, x, y, z):
 
 @inner_kernel
 def ridge_distance(surfaces, r, x, y, z):
-    """Squared distance from a line or circle, 0 from an intersection."""
     if surfaces.ridge_shape[r] != LINE and surfaces.ridge_shape[r] != CIRCLE:
         return 0.0
     qx, qy, qz = onto_ridge(surfaces, r, x, y, z)
@@ -133,7 +127,6 @@ def ridge_distance(surfaces, r, x, y, z):
 
 @inner_kernel
 def bulges(mesh, p, a, b):
-    """Whether the middle of the edge ab would be farther off a curved patch than any may be."""
     if mesh.surfaces.shape[p] == PLANE:
         return False
     return off_patch(mesh, p, a, b) > mesh.origins.bulge[p]
@@ -141,7 +134,6 @@ def bulges(mesh, p, a, b):
 
 @inner_kernel
 def off_patch(mesh, p, a, b):
-    """How far the middle of the edge ab is off a patch."""
     position = mesh.position
     x, y, z = position[a, 0] + position[b, 0], position[a, 1] + position[b, 1], position[a, 2] + position[b, 2]
     return abs(signed_distance(mesh.surfaces, p, 0.5 * x, 0.5 * y, 0.5 * z)[0])
@@ -149,10 +141,10 @@ def off_patch(mesh, p, a, b):
 
 @inner_kernel
 def slid(position, constraints, v, dx, dy, dz):
-    """Where node v is after a step, as far as its patch or ridge lets it.
+    """Return the position of v after a step along its patch or ridge.
 
-    On planes and lines it is a step within them, so that nodes of planes across an axis keep their coordinate to the
-    last bit; what rounding adds up elsewhere is taken away when nodes are settled.
+    Steps on planes and lines are projected instead of positions, so that coordinates of nodes on planes across an
+    axis do not change. Rounding errors elsewhere are removed by the final projection.
     """
     freedom, surfaces = constraints.freedom, constraints.surfaces
     number, place = freedom.number[v], np.int64(freedom.place[v])
@@ -176,7 +168,10 @@ def slid(position, constraints, v, dx, dy, dz):
 
 @inner_kernel
 def within_reach(position, elements, star, surfaces, v, x, y, z):
-    """Whether no facet at v goes too far around its surface with v at (x, y, z): 30 degrees, or as far as before."""
+    """Return True if no face at v turns by more than 30 degrees or its former angle.
+
+    The angle is that between the surface normals at the ends of an edge, with v at (x, y, z).
+    """
     for k in range(star.start[v], star.start[v + 1]):
         e = np.int64(star.element[k])
         for j in range(4):
@@ -196,7 +191,6 @@ def within_reach(position, elements, star, surfaces, v, x, y, z):
 
 @kernel
 def measure_bulges(mesh, bulge):
-    """Measure how far middles of edges are off each patch, at most, (p,)."""
     elements = mesh.elements
     for e in range(elements.node.shape[0]):
         if elements.node[e, 0] < 0:

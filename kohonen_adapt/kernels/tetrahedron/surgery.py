@@ -1,4 +1,4 @@
-"""Split edges and collapse them: every change of a mesh of tetrahedra goes through `replace`."""
+"""Splits and collapses of edges, by `replace` for every change of the mesh."""
 
 import numpy as np
 
@@ -21,14 +21,13 @@ AT_ONCE = 4  # patches that may meet in a ridge
 
 @inner_kernel
 def metric_length(mesh, a, b):
-    """Square of the length of an edge in the metric, |e|^2 (rho_a rho_b)^(1/3), whichever end comes first."""
+    """Return the squared metric length |e|^2 (rho_a rho_b)^(1/3)."""
     fineness = mesh.origins.fineness
     return rounded(squared_distance(mesh.position, a, b) * (fineness[a] * fineness[b]))
 
 
 @inner_kernel
 def write_face(mesh, row, e, k, beyond, patch):
-    """Write a face into a row of the list of faces, its nodes in ascending order."""
     face, node = mesh.cavity.face, mesh.elements.node
     a, b, c = node[e, OPPOSITE[k, 0]], node[e, OPPOSITE[k, 1]], node[e, OPPOSITE[k, 2]]
     low, high = min(a, min(b, c)), max(a, max(b, c))
@@ -39,15 +38,14 @@ def write_face(mesh, row, e, k, beyond, patch):
 
 @inner_kernel
 def same_face(face, row, other):
-    """Whether two rows of the list have the same nodes."""
     return face[row, 2] == face[other, 2] and face[row, 1] == face[other, 1] and face[row, 0] == face[other, 0]
 
 
 @inner_kernel
 def write_border(mesh, count):
-    """List the faces between the `count` elements to be taken out and all others; returns how many.
+    """List the faces between the elements to remove and the rest of the mesh.
 
-    Each comes with the element beyond it and the corner of that, or -1.
+    Each row has the element outside and the corner of that element, or -1. Returned is the number of faces.
     """
     elements, cavity = mesh.elements, mesh.cavity
     cavity.counter[0] += 1
@@ -71,7 +69,6 @@ def write_border(mesh, count):
 
 @inner_kernel
 def faces_match(mesh, row, e, k):
-    """Whether the face of e opposite to corner k has the nodes of a row of the list of faces."""
     face, node = mesh.cavity.face, mesh.elements.node
     for j in range(3):
         v = node[e, OPPOSITE[k, j]]
@@ -82,11 +79,10 @@ def faces_match(mesh, row, e, k):
 
 @inner_kernel
 def replace(mesh, count_old, count_new):
-    """Put the tetrahedra `cavity.new` in place of the elements `cavity.old`; returns False, and does nothing, for want
-    of room.
+    """Replace the elements `cavity.old` by the tetrahedra `cavity.new`.
 
-    Faces on the border of the cavity keep the patches they have, the others have those of `cavity.patch`. Where the new
-    ones stand is in `cavity.made` then.
+    Faces on the border of the cavity keep their patches, inner faces have `cavity.patch`. The new elements are
+    listed in `cavity.made`. Returned is False, with the mesh unchanged, if there are too few free rows.
     """
     elements, cavity, pool = mesh.elements, mesh.cavity, mesh.pool
     if pool.height[1] + count_old < count_new:
@@ -112,7 +108,6 @@ def replace(mesh, count_old, count_new):
 
 @inner_kernel
 def join_face(mesh, e, k, border, faces):
-    """Join the face of a new element to one in the list, or add it for its neighbour to come; returns their number."""
     elements, cavity = mesh.elements, mesh.cavity
     write_face(mesh, faces, e, k, e, elements.patch[e, k])
     for row in range(faces):
@@ -129,10 +124,9 @@ def join_face(mesh, e, k, border, faces):
 
 @inner_kernel
 def patches_at(mesh, shell, count, a, b):
-    """Put the patches that meet at the edge ab, ascending, into `cavity.meeting`, then -1; returns how many constrained
-    faces there are, and how many patches.
+    """List the patches at edge ab in `cavity.meeting`, ascending, then -1.
 
-    `shell` has its `count` elements.
+    Returned are the numbers of constrained faces and of patches. `shell` holds the `count` elements of the edge.
     """
     elements, meeting = mesh.elements, mesh.cavity.meeting
     faces = patches = 0
@@ -160,7 +154,6 @@ def patches_at(mesh, shell, count, a, b):
 
 @inner_kernel
 def is_ridge(mesh, r):
-    """Whether the patches that meet in ridge r are those of `cavity.meeting`."""
     for i in range(AT_ONCE):
         if mesh.surfaces.meets[r, i] != mesh.cavity.meeting[i]:
             return False
@@ -169,7 +162,6 @@ def is_ridge(mesh, r):
 
 @inner_kernel
 def ridge_of(mesh, x, y, z):
-    """The ridge in which the patches of `cavity.meeting` meet, the nearest one of several, -1 for none."""
     found, least = NOWHERE, np.inf
     for r in range(mesh.surfaces.meets.shape[0]):
         if is_ridge(mesh, r):
@@ -181,7 +173,6 @@ def ridge_of(mesh, x, y, z):
 
 @inner_kernel
 def place_of_edge(mesh, shell, count, a, b):
-    """What a node on the edge ab could do, as `Freedom.number` and `Freedom.place`; HELD where that is not known."""
     faces, patches = patches_at(mesh, shell, count, a, b)
     if faces == 0:
         return INSIDE, NOWHERE
@@ -198,7 +189,6 @@ def place_of_edge(mesh, shell, count, a, b):
 
 @inner_kernel
 def put_between(mesh, p, a, b, number, place):
-    """Put node p between two others, on their patch or ridge."""
     position = mesh.position
     x, y, z = position[a, 0] + position[b, 0], position[a, 1] + position[b, 1], position[a, 2] + position[b, 2]
     x, y, z = 0.5 * x, 0.5 * y, 0.5 * z
@@ -211,8 +201,9 @@ def put_between(mesh, p, a, b, number, place):
 
 @inner_kernel
 def prepare_split(mesh, a, b, floor):
-    """Write down what splitting the edge ab by the node on top of the stack would replace; returns how many elements,
-    0 where it is not allowed.
+    """Write the elements of a split of ab to `cavity`, and return their old count.
+
+    Returned is 0 if the split is not allowed. The new node is the first free row.
     """
     elements, cavity, pool, freedom = mesh.elements, mesh.cavity, mesh.pool, mesh.freedom
     count = gather_edge(mesh, a, b, cavity.old)
@@ -243,7 +234,6 @@ def prepare_split(mesh, a, b, floor):
 
 @inner_kernel
 def split(mesh, a, b, count):
-    """Split the edge ab as it was prepared, where there is room; returns the new node."""
     pool, origins = mesh.pool, mesh.origins
     pool.height[0] -= 1
     p = np.int64(pool.free_nodes[pool.height[0]])
@@ -256,9 +246,10 @@ def split(mesh, a, b, count):
 
 @inner_kernel
 def may_leave(mesh, v, w, count):
-    """Whether v may go along its edge to w: to any neighbour from inside, else along its own patch or ridge only.
+    """Return True if v may merge into w along a permitted edge.
 
-    The `count` elements with that edge stand in `cavity.around_other`.
+    Free nodes may merge into any neighbour, others along their own patch or ridge only. The `count` elements of
+    the edge must be in `cavity.around_other`.
     """
     freedom, origins = mesh.freedom, mesh.origins
     number = freedom.number[v]
@@ -274,12 +265,12 @@ def may_leave(mesh, v, w, count):
 
 @inner_kernel
 def prepare_collapse(mesh, v, w, floor, longest):
-    """Write down what merging v into its neighbour w would replace; returns the worst quality, cubed, that would be
-    left, 0 where it is not allowed, and the numbers of elements before and after.
+    """Write the elements of a merge of v into w to `cavity`.
 
-    No new edge may be as long in the metric as `longest`. The only nodes that v and w have both for neighbours must be
-    those of the elements with their edge, and no constrained face of w may become another one (link condition), or the
-    mesh would be pinched, or a slit close.
+    Returned are the worst cubed quality, 0 if the merge is not allowed, and the numbers of old and new elements.
+    No new edge may be as long in the metric as `longest`. The link condition must hold: all common neighbours of
+    v and w are nodes of the elements at their edge, and no two constrained faces coincide. Otherwise the mesh
+    would be non-manifold, or a slit would close.
     """
     elements, cavity, position = mesh.elements, mesh.cavity, mesh.position
     count, shell = gather_around(mesh, v, cavity.old), 0
@@ -326,7 +317,6 @@ def prepare_collapse(mesh, v, w, floor, longest):
 
 @inner_kernel
 def closes_slit(mesh, w, new):
-    """Whether a constrained face with node w of the `new` elements that would be put in stands already."""
     node, patch = mesh.cavity.new, mesh.cavity.patch
     for i in range(new):
         k = corner_of(node, i, w)
@@ -340,7 +330,6 @@ def closes_slit(mesh, w, new):
 
 @inner_kernel
 def new_bulge(mesh, new, j, w):
-    """Whether a face of a new element, opposite to its corner j, has an edge from w too far off its curved patch."""
     p = np.int64(mesh.cavity.patch[new, j])
     if p < 0 or mesh.surfaces.shape[p] == PLANE:
         return False
@@ -353,7 +342,6 @@ def new_bulge(mesh, new, j, w):
 
 @inner_kernel
 def shell_nodes(mesh, v, w, count):
-    """How many nodes beside v and w the elements with their edge have, which stand in `cavity.around_other`."""
     node, cavity, found = mesh.elements.node, mesh.cavity, 0
     cavity.counter[0] += 1
     for i in range(count):
@@ -367,7 +355,6 @@ def shell_nodes(mesh, v, w, count):
 
 @inner_kernel
 def shared_neighbours(mesh, v, w, count):
-    """How many nodes are neighbours of both v, the elements around which stand in `cavity.old`, and w."""
     node, cavity, found = mesh.elements.node, mesh.cavity, 0
     around = gather_around(mesh, w, cavity.around)
     cavity.counter[0] += 2
@@ -387,7 +374,6 @@ def shared_neighbours(mesh, v, w, count):
 
 @inner_kernel
 def collapse(mesh, v, count, new):
-    """Merge v as it was prepared."""
     replace(mesh, count, new)  # there are fewer elements than before
     mesh.pool.anchor[v] = -1
     mesh.pool.free_nodes[mesh.pool.height[0]] = v

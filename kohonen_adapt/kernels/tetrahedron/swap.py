@@ -1,11 +1,11 @@
-"""Swap edges and faces until no swap makes the worst element that it touches better.
+"""Swaps of edges and faces while the worst of the touched elements improves.
 
-Edge removal: the ring of nodes around an edge is triangulated anew by the dynamic program of Klincsek ("Minimal
-triangulations of polygonal domains", Ann. Discrete Math. 9, 1980), here for the largest least quality; Shewchuk, "Two
-discrete optimization algorithms for the topological improvement of tetrahedral meshes" (2002). An edge on an outer
-patch has an open ring, one on a patch between regions has two. `kernels/tetrahedron/swap_by_energy.py` has the same for
-the least functional: where a `trial` is handed on here that is what counts, and None leaves the quality; numba compiles
-either by itself.
+Edge removal triangulates the ring of nodes around an edge by the dynamic program of Klincsek ("Minimal
+triangulations of polygonal domains", Ann. Discrete Math. 9, 1980), here for the largest worst quality
+(Shewchuk, "Two discrete optimization algorithms for the topological improvement of tetrahedral meshes",
+2002). An edge on an outer patch has an open ring, an edge on a patch between regions two rings.
+`kernels/tetrahedron/swap_by_energy.py` passes a `trial` to minimise the functional instead. With None the
+quality is maximised, and numba compiles both versions.
 """
 
 import numpy as np
@@ -30,7 +30,6 @@ RULED_OUT = -np.inf  # what a part of a ring is worth that no allowed elements f
 
 @inner_kernel
 def enter(queue, e):
-    """Put an element at the end of the queue, unless it waits already."""
     if queue.waiting[e] == FREE:
         rows = queue.element.shape[0]
         queue.element[(queue.state[0] + queue.state[1]) % rows] = e
@@ -40,7 +39,6 @@ def enter(queue, e):
 
 @inner_kernel
 def take_first(queue):
-    """Take the first element of a queue that is not empty."""
     e = np.int64(queue.element[queue.state[0]])
     queue.state[0] = (queue.state[0] + 1) % queue.element.shape[0]
     queue.state[1] -= 1
@@ -50,7 +48,7 @@ def take_first(queue):
 
 @inner_kernel
 def is_in_the_way(queue, e):
-    """Whether an element waits for its turn, or for the part of the mesh that it is in."""
+    """Return True if an element waits, and request elements of a different part."""
     if queue.waiting[e] == ELSEWHERE:
         queue.waiting[e] = WANTED
     return queue.waiting[e] != FREE
@@ -58,8 +56,10 @@ def is_in_the_way(queue, e):
 
 @inner_kernel
 def first_of_fan(mesh, e, a, b, first, second):
-    """The first element of the fan around the edge ab that e = (a, b, first, second) is in, from one constrained face
-    to the next, and its two other nodes. -1 if the fan has too many elements.
+    """Return the first element of an open fan around ab, and its two other nodes.
+
+    The fan starts at a constrained face. Element e is (a, b, first, second). Returned is -1 if the fan has too
+    many elements.
     """
     elements = mesh.elements
     for _ in range(RING):
@@ -73,10 +73,10 @@ def first_of_fan(mesh, e, a, b, first, second):
 
 @inner_kernel
 def walk_fan(mesh, queue, side, e, a, b, first, second):
-    """List the fan around the edge ab from its first element e = (a, b, first, second) on, and the ring of its nodes;
-    returns how many there are of each, or (0, 0) if they are too many, or an element waits for its turn.
+    """List the fan around ab from element e = (a, b, first, second), and its ring.
 
-    A fan that closes has as many nodes as elements, any other one more.
+    Returned are the numbers of nodes and elements, (0, 0) if too many or if an element waits. A closed fan has as
+    many nodes as elements, an open fan one more.
     """
     elements, fan, ring = mesh.elements, mesh.cavity.fan, mesh.cavity.ring
     start, count = e, 0
@@ -103,10 +103,11 @@ def walk_fan(mesh, queue, side, e, a, b, first, second):
 
 @inner_kernel
 def triangulate(mesh, trial, side, count, a, b, least):
-    """Find the triangulation of a ring of `count` nodes that is best; returns what it is worth, or RULED_OUT.
+    """Find the best triangulation of a ring of `count` nodes, and return its merit.
 
-    Elements are triangles of the ring with a and with b. Without a trial that is the cubed quality of the worst one,
-    which must be better than `least`; with one the functional of all, negative, and none may be worse than `least`.
+    Each triangle of the ring has two elements, with a and with b. Without a trial the merit is the worst cubed
+    quality, which must exceed `least`. With a trial the merit is minus the functional, and no element may be
+    worse than `least`. Otherwise the merit is RULED_OUT.
     """
     worth, apex, by_quality = mesh.cavity.worth, mesh.cavity.apex, trial is None
     for i in range(count - 1):
@@ -124,9 +125,6 @@ def triangulate(mesh, trial, side, count, a, b, least):
 
 @inner_kernel
 def worth_with(mesh, trial, side, i, j, k, a, b, least):
-    """What the part of a ring from its node i to k is worth with the triangle of i, j and k, and its best on both sides
-    of it.
-    """
     position, ring, worth = mesh.position, mesh.cavity.ring, mesh.cavity.worth
     p, q, r, before, after = ring[side, i], ring[side, j], ring[side, k], worth[side, i, j], worth[side, j, k]
     value = min(before, after)
@@ -153,10 +151,6 @@ def worth_with(mesh, trial, side, i, j, k, a, b, least):
 
 @inner_kernel
 def write_triangulation(mesh, side, count, a, b, patch, new):
-    """Write the elements of the best triangulation of a ring; returns how many there are to be put in then.
-
-    `patch` is that of the faces between the first and the last node of the ring and each end of the edge.
-    """
     cavity, ring = mesh.cavity, mesh.cavity.ring
     region = mesh.elements.region[cavity.fan[side, 0]]
     cavity.stack[0, 0], cavity.stack[0, 1], height = 0, count - 1, 1
@@ -182,7 +176,6 @@ def write_triangulation(mesh, side, count, a, b, patch, new):
 
 @inner_kernel
 def enter_fan(mesh, side, count, old):
-    """Add a fan to the elements to be taken out; returns how many these are then, and the worst quality of all."""
     cavity, worst = mesh.cavity, 2.0
     for i in range(count):
         cavity.old[old + i] = cavity.fan[side, i]
@@ -193,8 +186,10 @@ def enter_fan(mesh, side, count, old):
 
 @inner_kernel
 def other_fan(mesh, queue, a, b, nodes):
-    """List the fan beyond the faces that the first one of `nodes` nodes ends at; returns the numbers of its nodes and
-    elements, (0, 0) if there is nothing beyond, and the patch of both faces, -1 where the edge must stay.
+    """List the fan across the end faces of the first fan of `nodes` nodes.
+
+    Returned are the numbers of nodes and elements, (0, 0) outside, and the patch of both end faces, -1 if the
+    edge must stay.
     """
     elements, fan, ring = mesh.elements, mesh.cavity.fan, mesh.cavity.ring
     begin, end = np.int64(fan[0, 0]), np.int64(fan[0, nodes - 2])
@@ -215,18 +210,16 @@ def other_fan(mesh, queue, a, b, nodes):
 
 @inner_kernel
 def stays(mesh, patch, a, b, nodes):
-    """Whether an edge on a patch stays, because the one instead of it would be farther off the patch than any is."""
     p, q = np.int64(mesh.cavity.ring[0, 0]), np.int64(mesh.cavity.ring[0, nodes - 1])
     return bulges(mesh, patch, p, q) and off_patch(mesh, patch, p, q) > off_patch(mesh, patch, a, b)
 
 
 @inner_kernel
 def rings_around(mesh, queue, e, edge):
-    """List the ring of nodes around an edge of element e and the fan of its elements, two of each if it is between
-    regions.
+    """List the rings and fans around an edge of e, two of each between regions.
 
-    Returns the ends of the edge, and how many nodes and elements the first have, how many the other ones, and the patch
-    of the edge, -1 for none. No nodes where the edge must stay, or an element of the fan waits for its turn.
+    Returned are the ends of the edge and (nodes, elements, nodes and elements of the second ring, patch or -1).
+    The number of nodes is 0 if the edge must stay or an element waits.
     """
     elements = mesh.elements
     a, b = np.int64(elements.node[e, EDGES[edge, 0]]), np.int64(elements.node[e, EDGES[edge, 1]])
@@ -246,8 +239,10 @@ def rings_around(mesh, queue, e, edge):
 
 @inner_kernel
 def replace_fans(mesh, a, b, rings):
-    """Put the best triangulations of rings in place of the fans that `enter_fan` took; returns how many elements are
-    made, 0 where these would not fill a part of a plane, or close a slit, and for want of room.
+    """Replace the fans by the best triangulations, and return the number of elements.
+
+    Returned is 0 if the new elements do not fill the same volume at a plane, if a slit would close, or if there
+    are too few free rows.
     """
     nodes, found, other, found_other, patch = rings
     p, q = mesh.cavity.ring[0, 0], mesh.cavity.ring[0, nodes - 1]
@@ -267,7 +262,6 @@ def replace_fans(mesh, a, b, rings):
 
 @inner_kernel
 def enter_fans(mesh, rings):
-    """Enter all elements around an edge to be taken out; returns the worst quality of them."""
     _, found, other, found_other, _ = rings
     old, before = enter_fan(mesh, 0, found, 0)
     if other > 0:
@@ -277,9 +271,6 @@ def enter_fans(mesh, rings):
 
 @inner_kernel
 def remove_edge(mesh, queue, e, edge, below):
-    """Remove an edge of element e if that makes the worst element around it, if worse than `below`, better; returns
-    how many elements are made.
-    """
     a, b, rings = rings_around(mesh, queue, e, edge)
     if rings[0] < 3:
         return 0
@@ -294,7 +285,6 @@ def remove_edge(mesh, queue, e, edge, below):
 
 @inner_kernel
 def fills(mesh, first, last, first_new, last_new):
-    """Whether some new elements have the volume of those that they are to replace."""
     volume = change = 0.0
     for i in range(first, last):
         volume += element_volumes(mesh.position, mesh.elements.node, mesh.cavity.old[i])
@@ -305,8 +295,9 @@ def fills(mesh, first, last, first_new, last_new):
 
 @inner_kernel
 def enter_pair(mesh, queue, e, k):
-    """Enter two elements with a common face to be taken out, and the three around the edge through it that would be put
-    in; returns the worse quality of the two, or RULED_OUT where the face must stay, or the other element waits.
+    """Write the swap of face k of e to `cavity`, two elements by three.
+
+    Returned is the worst quality of the two, or RULED_OUT if the face must stay or the neighbour waits.
     """
     elements, cavity, position = mesh.elements, mesh.cavity, mesh.position
     across = np.int64(elements.neighbour[e, k])
@@ -326,7 +317,6 @@ def enter_pair(mesh, queue, e, k):
 
 @inner_kernel
 def swap_face(mesh, queue, e, k, below):
-    """Put three elements in place of two with a common face if the worst is then better; returns 3 or 0."""
     before = enter_pair(mesh, queue, e, k)
     if before == RULED_OUT or before >= below:
         return 0
@@ -339,7 +329,6 @@ def swap_face(mesh, queue, e, k, below):
 
 @inner_kernel
 def swap_at(mesh, queue, e, below):
-    """Do the first swap at element e that is good, and enter what it makes; returns whether there was one."""
     made = 0
     for edge in range(6):
         made = remove_edge(mesh, queue, e, edge, below)
@@ -357,7 +346,6 @@ def swap_at(mesh, queue, e, below):
 
 @kernel
 def enter_worse(mesh, queue, below):
-    """Enter the elements whose cubed quality is below that."""
     for e in range(mesh.elements.node.shape[0]):
         if mesh.elements.node[e, 0] >= 0 and element_quality(mesh.position, mesh.elements.node, e) < below:
             enter(queue, e)
@@ -365,11 +353,10 @@ def enter_worse(mesh, queue, below):
 
 @kernel
 def swap_waiting(mesh, queue, below, limit):
-    """Look at edges and faces of so many elements that wait, and swap where the worst of what is touched, if its cubed
-    quality is `below` that, gets better; returns the number of swaps. It is done when no element waits.
+    """Search up to `limit` waiting elements, swap, and return the number of swaps.
 
-    What a swap makes waits again: nobody else's surroundings have changed. An edge is looked at when the last of its
-    elements has its turn.
+    A swap is done if the worst touched element is below `below` (cubed quality) and improves. New elements enter
+    the queue. The queue is empty if all searches are done. An edge is searched with its last waiting element.
     """
     swaps = 0
     for _ in range(limit):

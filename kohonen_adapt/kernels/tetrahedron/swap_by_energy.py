@@ -1,8 +1,8 @@
-"""Swap edges and faces of tetrahedra until no swap lowers the functional of a function.
+"""Swaps of edges and faces while the functional decreases.
 
-As `kernels/tetrahedron/swap.py`, whose rings, fans and dynamic program these are, here for the least sum of energies of
-all that is made, none of it worse than the floor or the worst before. Edges on patches go where values on these are the
-same whichever way the edge runs: on planes, where values are free or linear.
+Rings, fans and dynamic program are those of `kernels/tetrahedron/swap.py`, here for the least energy of the
+new elements, none of them worse than the floor or the worst before. Edges on patches are swapped only if the
+values on the patch do not depend on the edge, which requires a plane with free or linear values.
 """
 
 import numpy as np
@@ -27,24 +27,18 @@ SIX_VOLUMES, ENERGY = 0, 1  # columns of what was seen of an element
 
 @inner_kernel
 def energy_of(mesh, trial, node, e, region, a, b):
-    """Return the functional of row e of some elements, and the sum of the magnitudes that it is made of.
-
-    The source is that around the edge ab.
-    """
     load = source_along(trial, region, a, b)
     return element_energy(mesh.position, trial, region, load, node[e, 0], node[e, 1], node[e, 2], node[e, 3])
 
 
 @inner_kernel
 def energy_seen(mesh, trial, e):
-    """Return the same of an element of the mesh by itself."""
     node = mesh.elements.node
     return energy_of(mesh, trial, node, e, mesh.elements.region[e], node[e, 0], node[e, 1])
 
 
 @inner_kernel
 def energy_of_old(mesh, trial, count, a, b):
-    """Return the functional of the `count` elements to be taken out, and the sum of magnitudes, for the edge ab."""
     total = size = 0.0
     for i in range(count):
         e = mesh.cavity.old[i]
@@ -55,7 +49,6 @@ def energy_of_old(mesh, trial, count, a, b):
 
 @inner_kernel
 def remove_edge_downhill(mesh, trial, queue, open_patch, e, edge, floor):
-    """Remove an edge of element e if that lowers the functional; returns how many elements are made, and the gain."""
     a, b, rings = rings_around(mesh, queue, e, edge)
     nodes, found, other, found_other, patch = rings
     if nodes < 3 or (patch >= 0 and not open_patch[patch]):
@@ -75,9 +68,6 @@ def remove_edge_downhill(mesh, trial, queue, open_patch, e, edge, floor):
 
 @inner_kernel
 def swap_face_downhill(mesh, trial, queue, e, k, floor):
-    """Put three elements in place of two with a common face if that lowers the functional; returns 3 and the gain, or
-    0 and anything.
-    """
     worst = enter_pair(mesh, queue, e, k)
     if worst == RULED_OUT:
         return 0, 0.0
@@ -96,7 +86,6 @@ def swap_face_downhill(mesh, trial, queue, e, k, floor):
 
 @inner_kernel
 def swap_downhill_at(mesh, trial, queue, open_patch, e, floor):
-    """Do the first swap at element e that lowers the functional; returns how many elements it made, and the gain."""
     for edge in range(6):
         made, gain = remove_edge_downhill(mesh, trial, queue, open_patch, e, edge, floor)
         if made > 0:
@@ -110,9 +99,9 @@ def swap_downhill_at(mesh, trial, queue, open_patch, e, floor):
 
 @kernel
 def enter_changed(mesh, trial, queue, seen, share):
-    """Enter the elements whose volume or functional has changed by more than a share since they were looked at.
+    """Add elements whose volume or functional has changed by a fraction.
 
-    `seen` (m, 2) has both of each element.
+    `seen` (m, 2) holds both values of the last search. `share` is the fraction.
     """
     for e in range(mesh.elements.node.shape[0]):
         if mesh.elements.node[e, 0] < 0 or queue.waiting[e]:
@@ -125,11 +114,11 @@ def enter_changed(mesh, trial, queue, seen, share):
 
 @kernel
 def swap_downhill(mesh, trial, queue, seen, open_patch, floor, limit):
-    """Look at edges and faces of so many elements that wait, and swap where that lowers the functional; `floor` is
-    cubed. Returns the number of swaps, and what they took off. It is done when no element waits.
+    """Search up to `limit` waiting elements, and swap while the functional decreases.
 
-    `open_patch` (p,) are the patches whose edges may be swapped. Beside a source that varies, what is made waits for
-    the next call. Each swap is judged by the source around its own edge, so swaps could undo each other for ever.
+    Returned are the number of swaps and the decrease. `floor` is the cube of a quality. `open_patch` (p,) marks
+    the patches whose edges may be swapped. With a varying source new elements wait for the next call, because
+    each swap uses the source around its own edge, and swaps could otherwise cycle.
     """
     swaps, lowered = 0, 0.0
     for _ in range(limit):

@@ -1,8 +1,8 @@
-"""Draw training points, and move the nodes around the winner of each towards it, each step guarded.
+"""Training of the map, with guarded moves of the nodes around each winner.
 
-Update, neighbourhood and treatment of outlines are those of Lowther and Mai, "On Automatic Mesh Generation using
-Kohonen Maps" (sections II and III), with patches and ridges in place of outlines: corners go from one node to its
-neighbour on another ridge, so that nodes travel from ridge to ridge (Fig. 3).
+Update, neighbourhood and boundaries are those of Lowther and Mai, "On Automatic Mesh Generation using Kohonen
+Maps" (sections II and III), with patches and ridges instead of boundary lines. Corners of the geometry pass
+from a node to its neighbour on another ridge, so that nodes move from ridge to ridge (Fig. 3).
 """
 
 import numpy as np
@@ -17,11 +17,11 @@ from kohonen_adapt.kernels.tetrahedron.surfaces import slid, within_reach
 
 @kernel
 def draw_points(position, node, order, cumulated, random, points, element):
-    """Draw a random point in each of as many stretches of equal mass, in the elements in the given order.
+    """Draw one random point per interval of equal mass.
 
-    `cumulated` sums the masses up in that order; `random` (k, 4) has numbers from 0 to 1 for the place in the stretch
-    and in the element, which is filled evenly: the unit cube is folded into the tetrahedron (Rocchini and Cignoni, J.
-    Graph. Tools 5, 2000).
+    `cumulated` holds the cumulative masses of elements in `order`. `random` (k, 4) holds uniform numbers, for the
+    position in the interval and in the element. The unit cube is folded into the tetrahedron for a uniform
+    distribution (Rocchini and Cignoni, J. Graph. Tools 5, 2000).
     """
     number, at = points.shape[0], 0
     share = cumulated[-1] / number
@@ -47,9 +47,10 @@ def draw_points(position, node, order, cumulated, random, points, element):
 
 @kernel
 def learn(neurons, lesson, rate, floor, sound, scratch):
-    """Present training points whose winners are known.
+    """Train the map with points whose winners are known.
 
-    Learning rate times weight is capped at 1. Stars marked `sound` need not look back.
+    The learning rate times the weight is at most 1. Stars marked `sound` are not compared with their former
+    quality.
     """
     position, elements, star, constraints = neurons.position, neurons.elements, neurons.star, neurons.constraints
     freedom, surfaces = constraints.freedom, constraints.surfaces
@@ -87,7 +88,6 @@ def learn(neurons, lesson, rate, floor, sound, scratch):
 
 @inner_kernel
 def gather_ring(neurons, region, scratch, first, last, stamp):
-    """Append the next ring of neighbours within the region to the queue; returns its new end."""
     elements, star, inner = neurons.elements, neurons.star, neurons.constraints.inner
     queue, stamps, end = scratch.queue, scratch.node_stamp, last
     for i in range(first, last):
