@@ -13,7 +13,7 @@ from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.history import History
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.rooms import ROOMS
+from kohonen_adapt.loop.rooms import METHODS
 from kohonen_adapt.loop.settings import PASSES, Settings
 from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.steps import Steps
@@ -189,18 +189,18 @@ def adapt(
     stop, steps = StopTest(passes, rtol, atol, output_rtol, callback), Steps(progress)
     check_problem(problem, rtol)
     check_mesh(mesh, bent=True, folded=True, space=True)
-    room = ROOMS[cell_of(mesh).dim]
+    method = METHODS[cell_of(mesh).dim]
     round_, pairs = curves_of(problem, mesh, curves), pairs_of(problem) if periodic is None else periodic
     rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, round_, pairs, layers, surfaces)
-    check_for(rules, room.dim)
+    check_for(rules, method.dim)
     rules = holding(rules.guarded(), nodes_held(problem, mesh))
-    growth = Growth.of(int(mesh.nvertices), target_nodes, passes, polish and room.corrects(problem))
+    growth = Growth.of(int(mesh.nvertices), target_nodes, passes, polish and method.corrects(problem))
     settings = Settings(rules, schedule, seed, polish, growth, check_outputs(outputs, output_rtol), rtol)
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)
-    movable = room.from_mesh(mesh, rules, is_curved(problem))
+    movable = method.from_mesh(mesh, rules, is_curved(problem))
     kept = Checkpoint.at(checkpoint, mesh, problem, settings)
-    expect(*room.loops(problem, settings))
-    adaptation = Adaptation(problem, room, movable, settings, steps, order_of(problem))
+    expect(*method.loops(problem, settings))
+    adaptation = Adaptation(problem, method, movable, settings, steps, order_of(problem))
     return adapted(adaptation, History(adaptation, stop, kept, interim))
 
 

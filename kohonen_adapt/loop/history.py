@@ -150,7 +150,7 @@ class History:
     def _test(self) -> None:
         passes = self._kept.passes
         self._steps.next_pass(len(passes))
-        stalled = self._adaptation.room.stalls(passes)
+        stalled = self._adaptation.method.stalls(passes)
         self._ending = self._stop(passes, self._kept.best.record, self.growing, stalled)
 
     def end_unmoved(self, work: Work) -> None:

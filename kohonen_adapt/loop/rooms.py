@@ -4,7 +4,7 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.loop.settings import Settings
-from kohonen_adapt.loop.step import Room
+from kohonen_adapt.loop.step import Method
 from kohonen_adapt.loop.stopping import stalls_by_estimate, stalls_by_functional
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE
 from kohonen_adapt.outline.movable import MovableMesh
@@ -26,7 +26,7 @@ from kohonen_adapt.som.moved import Moved, why_still
 from kohonen_adapt.som.relocate import loops_in_plane, move
 from kohonen_adapt.som.space import loops_in_space, move_in_space
 
-__all__ = ["ROOMS"]
+__all__ = ["METHODS"]
 
 
 def loops_for_triangles(problem: Problem, settings: Settings) -> tuple[str, ...]:
@@ -99,12 +99,12 @@ def stated_on_tetrahedra(ritz: Ritz, movable: MovableSolid, mesh: Mesh) -> tuple
     return functional, functional_value(mesh, ritz) + beyond
 
 
-ROOMS = {
-    TRIANGLE.dim: Room(
+METHODS = {
+    TRIANGLE.dim: Method(
         TRIANGLE.dim, MovableMesh.of, loops_for_triangles, moved_triangles, stated_on_triangles, carried,
         descend_and_recycle, 3, corrects_triangles, stalls_by_estimate, PLAN,
     ),
-    TETRAHEDRON.dim: Room(
+    TETRAHEDRON.dim: Method(
         TETRAHEDRON.dim, MovableSolid.of, loops_for_tetrahedra, moved_tetrahedra, stated_on_tetrahedra,
         carried_in_space, descend_and_recycle_in_space, 2, lambda problem: False,
         stalls_by_functional, PLAN_IN_SPACE,

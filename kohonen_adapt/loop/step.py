@@ -41,7 +41,7 @@ from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.density import equidistributing
 from kohonen_adapt.som.moved import Moved
 
-__all__ = ["UNSOLVED", "Adaptation", "Room", "Solved"]
+__all__ = ["UNSOLVED", "Adaptation", "Method", "Solved"]
 
 WHILE_GROWING = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
 
@@ -68,7 +68,7 @@ class Solved:
     functional: Functional | None = None
 
 
-class Room(NamedTuple):
+class Method(NamedTuple):
     """Methods of the adaptive loop in one dimension."""
 
     dim: int
@@ -95,7 +95,7 @@ class Adaptation:
     ----------
     problem
         Problem to solve.
-    room
+    method
         Methods for the dimension of the mesh.
     movable
         Current mesh, changed by `relocate` and `polish`.
@@ -108,7 +108,7 @@ class Adaptation:
     """
 
     problem: Problem
-    room: Room
+    method: Method
     movable: MovableMesh | MovableSolid
     settings: Settings
     steps: Steps
@@ -117,7 +117,7 @@ class Adaptation:
     def plan(self, functional: Functional) -> tuple[int, ...]:
         """Return the sweeps of the polish between which nodes are recycled."""
         recycles = self.settings.rules.topology == "recycle" and not functional.ritz.shapes_only
-        plan = self.room.plan if recycles else (SWEEPS,)
+        plan = self.method.plan if recycles else (SWEEPS,)
         return plan[:WHILE_GROWING] if self.settings.growth.goes_on(self.steps.number) else plan
 
     def assess(self, before: Solved | None = None, moved: Moved[Any] | None = None, polish_gain: float = 0.0) -> Solved:
@@ -172,9 +172,9 @@ class Adaptation:
             settings, number = self.settings, self.steps.number
             estimate, functional = record.estimate, solved.functional
             steers = functional is not None and not functional.ritz.shapes_only
-            by_energy = steers and number > self.room.by_density
+            by_energy = steers and number > self.method.by_density
             recycles = not by_energy or settings.growth.nodes(number, functional is not None) != self.movable.nnodes
-            return self.room.moved(self.movable, density, functional, estimate, settings, number, recycles)
+            return self.method.moved(self.movable, density, functional, estimate, settings, number, recycles)
 
     def polish(self, solved: Solved, moved: Moved[Any]) -> tuple[Moved[Any], float]:
         """Polish the moved mesh, and return all moves and the decrease of the functional."""
@@ -182,8 +182,8 @@ class Adaptation:
             if solved.functional is None:
                 return moved, 0.0
             functional = solved.functional
-            trial = self.room.carried(functional, moved.before, self.movable, moved.recycled.hint)
-            recycled, gain = self.room.lowered(self.movable, functional, trial, moved.recycled, self.plan(functional))
+            trial = self.method.carried(functional, moved.before, self.movable, moved.recycled.hint)
+            recycled, gain = self.method.lowered(self.movable, functional, trial, moved.recycled, self.plan(functional))
             return replace(moved, recycled=recycled), gain
 
     def better_outputs(self, mesh: Mesh, solution: Any) -> dict[str, float]:
@@ -215,7 +215,7 @@ class Adaptation:
         try:
             ritz = ritz_of(self.problem, mesh, solution)
             ritz = ritz if share is None else replace(ritz, share=share)
-            functional, value = self.room.stated(ritz, self.movable, mesh)
+            functional, value = self.method.stated(ritz, self.movable, mesh)
             return functional, None if ritz.shapes_only else value, ""
         except NotOffered as offered:
             return None, None, str(offered)

@@ -26,7 +26,7 @@ CHUNK = 500_000  # points per compiled call, so that Ctrl-C takes effect within 
 Tessellation: TypeAlias = Triangulation | Tetrahedralization
 
 
-class Room(NamedTuple):
+class Method(NamedTuple):
     """Functions and settings to search meshes of one kind of elements."""
 
     from_mesh: Any  # makes the arrays of a mesh
@@ -35,9 +35,9 @@ class Room(NamedTuple):
     crowd: int  # elements per cell of the grid; with more of them, an element meets fewer cells
 
 
-ROOMS = {
-    TRIANGLE.dim: Room(Triangulation.of, of_triangles, ("locating", "carrying"), 1),
-    TETRAHEDRON.dim: Room(Tetrahedralization.of, of_tetrahedra, ("space locating", "space carrying"), 8),
+METHODS = {
+    TRIANGLE.dim: Method(Triangulation.of, of_triangles, ("locating", "carrying"), 1),
+    TETRAHEDRON.dim: Method(Tetrahedralization.of, of_tetrahedra, ("space locating", "space carrying"), 8),
 }
 
 
@@ -51,7 +51,7 @@ class Locator:
 
     def __init__(self, tessellation: Tessellation) -> None:
         elements = tessellation.elements
-        self.room = ROOMS[tessellation.position.shape[1]]
+        self.method = METHODS[tessellation.position.shape[1]]
         self.position = tessellation.position.copy()
         self.elements = elements._replace(
             node=elements.node.copy(), neighbour=elements.neighbour.copy(), region=np.zeros_like(elements.region)
@@ -60,10 +60,10 @@ class Locator:
 
     def _laid_grid(self) -> Grid:
         node = self.elements.node
-        grid = Grid.over(self.position, len(node) / self.room.crowd)
-        self.room.kernels.count_in_cells(self.position, node, grid)
+        grid = Grid.over(self.position, len(node) / self.method.crowd)
+        self.method.kernels.count_in_cells(self.position, node, grid)
         grid = grid._replace(content=np.empty(grid.start[-1], dtype=np.int32))
-        self.room.kernels.fill_cells(self.position, node, grid)
+        self.method.kernels.fill_cells(self.position, node, grid)
         return grid
 
     def find(self, points: Floats) -> NDArray[np.int32]:
@@ -84,14 +84,14 @@ class Locator:
 
         def task(thread: int, first: int, last: int) -> None:
             part = slice(first, last)
-            self.room.kernels.find(self.position, self.elements, points[part], self.grid, found[part])
+            self.method.kernels.find(self.position, self.elements, points[part], self.grid, found[part])
 
         shared(task, even_cuts(len(points), FEW))
         return found
 
     def shares(self, points: Floats, found: Ints) -> Floats:
         out = np.empty((len(points), points.shape[1] + 1))
-        self.room.kernels.barycentric(self.position, self.elements.node, points, found, out)
+        self.method.kernels.barycentric(self.position, self.elements.node, points, found, out)
         return out
 
 
@@ -102,7 +102,7 @@ def holding(tessellation: Tessellation, points: Floats, start: Ints, across_outl
     outside the mesh, an element near the point is returned.
     """
     found, inside = np.array(start, dtype=np.int32), np.empty(len(points), dtype=np.bool_)
-    elements, kernels = tessellation.elements, ROOMS[points.shape[1]].kernels
+    elements, kernels = tessellation.elements, METHODS[points.shape[1]].kernels
     if across_outlines:
         elements = elements._replace(region=np.zeros_like(elements.region))
 
@@ -122,9 +122,9 @@ def holding(tessellation: Tessellation, points: Floats, start: Ints, across_outl
 
 def locator_of(mesh: Mesh) -> Locator:
     check_kind(mesh, bent=True, space=True)
-    room = ROOMS[cell_of(mesh).dim]
-    expect(*room.chapters)
-    return Locator(room.from_mesh(mesh))
+    method = METHODS[cell_of(mesh).dim]
+    expect(*method.chapters)
+    return Locator(method.from_mesh(mesh))
 
 
 def find_elements(mesh: Mesh, x: ArrayLike) -> NDArray[np.int32]:

@@ -82,9 +82,9 @@ def sufficient(corners: Floats, bent: Floats, doubled: Floats) -> Floats:
     for j, k in ((0, 1), (1, 2), (2, 0)):
         both = jacobian_coefficients(corners, bent * (sides[j] + sides[k])) - doubled[:, None]
         bow += np.minimum(both - linear[j] - linear[k], 0.0)
-    room = (1.0 - LEAST) * doubled[:, None]
+    available = (1.0 - LEAST) * doubled[:, None]
     with np.errstate(divide="ignore"):
-        found = 2.0 * room / (-fall + np.sqrt(fall**2 - 4.0 * bow * room))
+        found = 2.0 * available / (-fall + np.sqrt(fall**2 - 4.0 * bow * available))
     return np.minimum(1.0, found.min(axis=1))
 
 

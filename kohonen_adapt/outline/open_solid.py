@@ -62,9 +62,9 @@ class OpenSolid:
         """
         n, node = movable.nnodes, movable.tetrahedralization.elements.node
         rows = max(n, target) + 2
-        room = max(len(node) + len(node) // 4, int(PER_NODE * rows)) + 4 * MOST
+        capacity = max(len(node) + len(node) // 4, int(PER_NODE * rows)) + 4 * MOST
         state = {
-            name: padded(array, room if name in BY_ELEMENT else rows, UNUSED.get(name, -1))
+            name: padded(array, capacity if name in BY_ELEMENT else rows, UNUSED.get(name, -1))
             for name, array in movable.state().items()
         }
         star = star_of(node, n)
@@ -73,22 +73,23 @@ class OpenSolid:
         numbers, hint = padded(np.arange(n, dtype=np.int32), rows, -1), padded(first, rows, -1)
         bulge, pinched = np.zeros(len(movable.surfaces.shape)), np.zeros(rows, dtype=np.bool_)
         used = np.count_nonzero(node[:, 0] >= 0)
-        empty = np.append(np.flatnonzero(node[:, 0] < 0)[::-1], free_rows(len(node), room)[: room - len(node)])
-        stack = np.empty(room, dtype=np.int32)
-        stack[: room - used] = np.sort(empty)[::-1]
+        empty = np.append(np.flatnonzero(node[:, 0] < 0)[::-1], free_rows(len(node), capacity)[: capacity - len(node)])
+        stack = np.empty(capacity, dtype=np.int32)
+        stack[: capacity - used] = np.sort(empty)[::-1]
+        height = np.array([rows - n, capacity - used], dtype=np.int64)
         position, elements, freedom = records_of(state)
         mesh = OpenTetrahedra(
             position,
             elements,
             movable.surfaces,
             freedom,
-            Pool(padded(first, rows, -1), free_rows(n, rows), stack, np.array([rows - n, room - used], dtype=np.int64)),
+            Pool(padded(first, rows, -1), free_rows(n, rows), stack, height),
             Origins(fineness, numbers, hint, pinched, bulge),
-            Cavity.of(rows, room),
+            Cavity.of(rows, capacity),
         )
         mark_pinched(mesh, star, pinched)
         measure_bulges(mesh, bulge)
-        queue = Queue.of(room)
+        queue = Queue.of(capacity)
         enter_worse(mesh, queue, 1.0)
         return cls(state, mesh, queue)
 

@@ -103,8 +103,8 @@ def share_out(mesh: OpenTetrahedra, queue: Queue, part: Nodes, task: Callable[[O
     queue.waiting[(of_element == ACROSS) & (queue.waiting == FREE)] = ELSEWHERE
 
     def work(thread: int, i: int) -> float:
-        room = len(pools[i].free_elements)
-        own = Queue(queue.waiting, padded(inside[i], room, -1), np.array([0, len(inside[i])]))
+        capacity = len(pools[i].free_elements)
+        own = Queue(queue.waiting, padded(inside[i], capacity, -1), np.array([0, len(inside[i])]))
         return until_none_waits(mesh._replace(pool=pools[i], cavity=scratch[thread]), own, task)
 
     gains = by_turns(work, parts)

@@ -141,8 +141,8 @@ def _norms(history: Sequence[Pass], percent: bool) -> Floats:
 
 def _span_of(nodes: Floats) -> tuple[float, float]:
     low, high = nodes.min() / 1.3, nodes.max() * 1.3
-    room = max(1.0, SPREAD * low / high) ** 0.5
-    return float(low / room), float(high * room)
+    margin = max(1.0, SPREAD * low / high) ** 0.5
+    return float(low / margin), float(high * margin)
 
 
 def _draw_slopes(axes: Axes, nodes: Floats, errors: Floats, slope: float) -> Floats:

@@ -238,8 +238,8 @@ def indicator_scale(*indicators: ArrayLike) -> Normalize:
 
 def set_axes(axes: Axes, mesh: MeshTri, unit: str, names: tuple[str, str] = ("x", "y")) -> None:
     low, high = (in_unit(unit) * bound for bound in (mesh.p.min(axis=1), mesh.p.max(axis=1)))
-    room = 0.02 * np.max(high - low)
-    axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
+    margin = 0.02 * np.max(high - low)
+    axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin), aspect="equal")
     across, up = (f"{name} ({unit})" if unit else name for name in names)
     axes.set(xlabel=across, ylabel=up)
 

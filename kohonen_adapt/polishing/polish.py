@@ -140,15 +140,15 @@ def polish(
     check_polish(problem, sweeps, topology, seed)
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
     check_kind(mesh, bent=True, space=True)
-    room = ROOMS[cell_of(mesh).dim]
-    movable = room.from_mesh(mesh, holding(rules, nodes_held(problem, mesh)), is_curved(problem))
+    method = METHODS[cell_of(mesh).dim]
+    movable = method.from_mesh(mesh, holding(rules, nodes_held(problem, mesh)), is_curved(problem))
     mesh = movable.start()
-    expect(*room.loops(problem))
+    expect(*method.loops(problem))
     try:
-        functional = room.stated(ritz_of(problem, mesh, problem.solve(mesh)), movable, mesh)
+        functional = method.stated(ritz_of(problem, mesh, problem.solve(mesh)), movable, mesh)
     except NotOffered as reason:
         raise without_functional(reason) from None
-    room.descended(movable, functional, functional.solution.copy(), sweeps)
+    method.descended(movable, functional, functional.solution.copy(), sweeps)
     return movable.mesh()
 
 
@@ -242,7 +242,7 @@ def recycle_downhill(
     return Exchange(trial, recycled, 0.0, done.offered)
 
 
-class Room(NamedTuple):
+class Method(NamedTuple):
     """Methods of the polish for one dimension."""
 
     from_mesh: Callable[..., Any]
@@ -251,7 +251,7 @@ class Room(NamedTuple):
     descended: Callable[..., float]
 
 
-ROOMS = {
-    TRIANGLE.dim: Room(MovableMesh.of, loops_of, Functional.of_solution, descend),
-    TETRAHEDRON.dim: Room(MovableSolid.of, loops_in_space, SolidFunctional.of_solution, descend_in_space),
+METHODS = {
+    TRIANGLE.dim: Method(MovableMesh.of, loops_of, Functional.of_solution, descend),
+    TETRAHEDRON.dim: Method(MovableSolid.of, loops_in_space, SolidFunctional.of_solution, descend_in_space),
 }

@@ -19,7 +19,7 @@ from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules
 from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.som.draw import Draw
-from kohonen_adapt.som.rooms import ROOMS
+from kohonen_adapt.som.rooms import METHODS
 from kohonen_adapt.som.schedule import Schedule, check_training
 from kohonen_adapt.som.training import Trainer
 
@@ -90,9 +90,9 @@ class KohonenMap:
             raise ValueError(f"topology must be 'fixed' or 'flip'; got {topology!r}.")
         rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces)
         check_kind(mesh, bent=True, space=True)
-        room = ROOMS[cell_of(mesh).dim]
-        expect(*room.chapters)
-        solid = room.cell is TETRAHEDRON
+        method = METHODS[cell_of(mesh).dim]
+        expect(*method.chapters)
+        solid = method.cell is TETRAHEDRON
         self._movable = MovableSolid.of(mesh, rules) if solid else MovableMesh.of(mesh, rules)
         self._trainer = Trainer.of(self._movable)
 
@@ -190,7 +190,7 @@ class KohonenMap:
         return find
 
     def _located(self, find: Finder, points: ArrayLike, weights: ArrayLike | None) -> Draw:
-        rows = as_rows(points, "points", self._trainer.room.cell.dim)
+        rows = as_rows(points, "points", self._trainer.method.cell.dim)
         if len(rows) == 0:
             raise ValueError("points must hold at least one training point; got none.")
         weight = np.ones(len(rows)) if weights is None else np.array(weights, dtype=np.float64)
@@ -211,7 +211,7 @@ class KohonenMap:
     def _schedule_without_sweeps(self, schedule: Schedule | None) -> Schedule:
         if schedule is None:
             topology = "flip" if self._movable.flips else "fixed"
-            return self._trainer.room.schedule(self._movable.nnodes, topology)
+            return self._trainer.method.schedule(self._movable.nnodes, topology)
         if schedule.sweeps:
             raise ValueError(
                 f"train has no density to sweep with; got sweeps = {schedule.sweeps}. Use kohonen_adapt.relocate."

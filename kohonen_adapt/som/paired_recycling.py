@@ -47,13 +47,13 @@ def recycle_pairs(mesh: OpenMesh, target: int, both: bool, ratio: float, floor: 
     `target`. Returns the numbers of nodes added and removed.
     """
     images, wanted, splits, collapses = images_of_chains(mesh), desired_length(mesh, target), 0, 0
-    room = int(mesh.pool.height[0]) // 2 - 1
+    available = int(mesh.pool.height[0]) // 2 - 1
     if not both:
-        room = min(room, (target - int(np.count_nonzero(mesh.pool.anchor >= 0))) // 2)
+        available = min(available, (target - int(np.count_nonzero(mesh.pool.anchor >= 0))) // 2)
     for _ in range(ROUNDS if both else 0):
         collapses += collapse_short(mesh, facets_of_pairs(mesh, images), wanted / ratio, wanted * ratio, floor)
     for _ in range(ROUNDS):
-        splits += split_long(mesh, facets_of_pairs(mesh, images), wanted * ratio, floor, room - splits)
+        splits += split_long(mesh, facets_of_pairs(mesh, images), wanted * ratio, floor, available - splits)
     return 2 * splits, 2 * collapses
 
 
@@ -145,13 +145,13 @@ def merged_quality(mesh: OpenMesh, v: Ints, w: Ints, chain: Ints, longest: float
     return float(worst)
 
 
-def split_long(mesh: OpenMesh, facets: Facets, longest: float, floor: float, room: int) -> int:
+def split_long(mesh: OpenMesh, facets: Facets, longest: float, floor: float, available: int) -> int:
     length, count = lengths(mesh, facets), 0
     find, middle, may, make = (interpreted(loop) for loop in (find_edge, midpoint, may_split, split))
     twins = mesh.constraints.twins
     for i in np.argsort(-length, kind="stable"):
         chain = facets.chain[i]
-        if length[i] <= longest or count >= room or facets.element[i, 0] == facets.element[i, 1]:
+        if length[i] <= longest or count >= available or facets.element[i, 0] == facets.element[i, 1]:
             continue
         ends = list(zip(facets.start[i].tolist(), facets.end[i].tolist(), strict=True))
         sides = [find(mesh, a, b) for a, b in ends]  # a split nearby may have given the facet another element

@@ -16,13 +16,13 @@ from kohonen_adapt.kernels.triangle import geometry, search, train
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, Cell
 from kohonen_adapt.som.schedule import Schedule, Stage
 
-__all__ = ["ROOMS", "Room"]
+__all__ = ["METHODS", "Method"]
 
 MAP_IN_PLANE = "ground", "map", "transport", "locating"
 MAP_IN_SPACE = "space ground", "space map", "space moves", "space locating"
 
 
-class Room(NamedTuple):
+class Method(NamedTuple):
     """Kernels and settings of the Kohonen map for one kind of element."""
 
     cell: Cell
@@ -70,12 +70,12 @@ def schedule_in_space(nnodes: int, topology: str) -> Schedule:
     return Schedule((*stages, Stage(1, 5, (0.3, 0.1))))
 
 
-ROOMS = {
-    TRIANGLE.dim: Room(
+METHODS = {
+    TRIANGLE.dim: Method(
         TRIANGLE, MAP_IN_PLANE, train.draw_points, search.find_winners, train.learn, geometry.mark_sound,
         ordering.mark_deep, shares_in_triangles, ring_in_plane, schedule_in_plane, 5_000_000,
     ),
-    TETRAHEDRON.dim: Room(
+    TETRAHEDRON.dim: Method(
         TETRAHEDRON, MAP_IN_SPACE, train_in_space.draw_points, search_in_space.find_winners,
         train_in_space.learn, stars.mark_sound, stars.mark_deep, shares_in_tetrahedra, ring_in_space,
         schedule_in_space, 500_000,

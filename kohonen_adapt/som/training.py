@@ -24,7 +24,7 @@ from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.open_solid import swap_elements
 from kohonen_adapt.som.draw import Draw
-from kohonen_adapt.som.rooms import ROOMS, Room
+from kohonen_adapt.som.rooms import METHODS, Method
 from kohonen_adapt.som.schedule import Schedule, Stage
 from kohonen_adapt.som.training_points import Density
 from kohonen_adapt.som.transport import FLOWS, POINTS, Transport
@@ -48,7 +48,7 @@ class Trainer:
     ----------
     movable
         Mesh in training.
-    room
+    method
         Kernels and settings for its kind of element.
     order, rank
         Nodes along a space-filling curve, which is cut into parts, and the position of each node on it, shape (n,).
@@ -59,7 +59,7 @@ class Trainer:
     """
 
     movable: MovableMesh | MovableSolid
-    room: Room
+    method: Method
     order: Ints
     rank: Ints
     neurons: Neurons
@@ -71,7 +71,7 @@ class Trainer:
         order = along_curve(neurons.position).astype(np.int32)
         rank = np.empty_like(order)
         rank[order] = np.arange(len(order))
-        return cls(movable, ROOMS[neurons.position.shape[1]], order, rank, neurons, scratch_for(neurons))
+        return cls(movable, METHODS[neurons.position.shape[1]], order, rank, neurons, scratch_for(neurons))
 
     def learn(
         self, draw: Drawing, schedule: Schedule, rng: np.random.Generator, starts: Ints | None = None
@@ -135,9 +135,9 @@ class Trainer:
         """
         number, total = len(slot), 0.0
         rings = stage.radius + 2  # elements of moved nodes need one ring beyond the radius, a corner jump a second
-        parts = parts_for(self.movable.nnodes, rings, self.room.cell.dim)
+        parts = parts_for(self.movable.nnodes, rings, self.method.cell.dim)
         sound, deep = self._sound_stars(), self._deep_nodes(parts, rings)
-        batches = batches_for(stage, rate, number / self.movable.nnodes, number, self.room)
+        batches = batches_for(stage, rate, number / self.movable.nnodes, number, self.method)
         for first in range(batches):
             rows = np.arange(first, number, batches)
             batch = shown.reordered(rows)
@@ -156,13 +156,13 @@ class Trainer:
         sound = np.empty(self.movable.nnodes, dtype=np.bool_)
         arrays = self.neurons.position, self.neurons.star, self.movable.floor
         cuts = even_cuts(len(sound), FEW)
-        shared(lambda thread, first, last: self.room.mark_sound(*arrays, first, last, sound), cuts)
+        shared(lambda thread, first, last: self.method.mark_sound(*arrays, first, last, sound), cuts)
         return sound
 
     def sweep(self, weight: Floats, circumcentres: bool) -> None:
         movable = self._triangles("sweeps")
         tri, constraints, floor = movable.triangulation, movable.constraints, movable.floor
-        parts = parts_for(tri.nnodes, 1, self.room.cell.dim)
+        parts = parts_for(tri.nnodes, 1, self.method.cell.dim)
         deep = self._deep_nodes(parts, 1)
 
         def task(thread: int, first: int, last: int, which: bool = True) -> None:
@@ -181,7 +181,7 @@ class Trainer:
         if isinstance(self.movable, MovableMesh):
             paired = np.flatnonzero(self.movable.constraints.twins.partner >= 0)
             part[paired] = -1 - paired  # points near a pair change two parts of the mesh
-        self.room.mark_deep(self.neurons.star, part, rings, deep, self.scratch[0].queue)
+        self.method.mark_deep(self.neurons.star, part, rings, deep, self.scratch[0].queue)
         return deep
 
     def search(self, batch: Draw, hints: Ints) -> tuple[Ints, Floats]:
@@ -189,7 +189,7 @@ class Trainer:
 
         def task(thread: int, first: int, last: int) -> None:
             part = slice(first, last)
-            self.room.find_winners(
+            self.method.find_winners(
                 self.neurons, batch.points[part], batch.region[part], hints[part], found[part], distances[part],
                 self.scratch[thread],
             )  # fmt: skip
@@ -215,7 +215,7 @@ class Trainer:
         self, winners: Ints, radius: int, parts: int, deep: Mask, rng: np.random.Generator
     ) -> tuple[Ints, Ints]:
         n = len(deep)
-        tiles = parts * max(1, round(n / (parts * max(TILE, disc(radius, self.room)))))
+        tiles = parts * max(1, round(n / (parts * max(TILE, disc(radius, self.method)))))
         cuts, order = np.empty(2 * tiles + 1, dtype=np.int64), np.empty(len(winners), dtype=np.int32)
         sort_into_tiles(winners, self.rank, deep, n, tiles, cuts, order)
         shuffle(cuts, order, rng)
@@ -227,7 +227,7 @@ class Trainer:
         def task(thread: int, first: int, last: int) -> None:
             part, ends = slice(first, last), np.empty(stage.radius + 2, dtype=np.int64)
             shown = batch.points[part], batch.region[part], batch.weights[part], winners[part]
-            self.room.learn(self.neurons, Lesson(*shown, strength, ends), rate, floor, sound, self.scratch[thread])
+            self.method.learn(self.neurons, Lesson(*shown, strength, ends), rate, floor, sound, self.scratch[thread])
 
         shared(task, shares_of(cuts[:-1]))
         task(0, cuts[-2], cuts[-1])
@@ -256,13 +256,13 @@ def parts_for(neurons: int, rings: int, dim: int) -> int:
     return parts
 
 
-def disc(radius: int, room: Room) -> int:
-    return int(room.ring(np.arange(radius + 1)).sum())
+def disc(radius: int, method: Method) -> int:
+    return int(method.ring(np.arange(radius + 1)).sum())
 
 
-def batches_for(stage: Stage, rate: float, per_neuron: float, points: int, room: Room) -> int:
-    pull = per_neuron * rate * float(room.ring(np.arange(stage.radius + 1)) @ stage.strength()) / PULL
-    return max(1, ceil(pull), ceil(points / room.updates * disc(stage.radius, room)))
+def batches_for(stage: Stage, rate: float, per_neuron: float, points: int, method: Method) -> int:
+    pull = per_neuron * rate * float(method.ring(np.arange(stage.radius + 1)) @ stage.strength()) / PULL
+    return max(1, ceil(pull), ceil(points / method.updates * disc(stage.radius, method)))
 
 
 def scratch_for(neurons: Neurons) -> list[SearchScratch]:

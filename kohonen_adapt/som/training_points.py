@@ -23,7 +23,7 @@ from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.som.density import per_element, values_at, without_zeros
 from kohonen_adapt.som.draw import Draw
-from kohonen_adapt.som.rooms import ROOMS
+from kohonen_adapt.som.rooms import METHODS
 
 __all__ = [
     "CallableDensity",
@@ -58,9 +58,9 @@ class OfElements:
         self.position, self.elements = mesh.position.copy(), mesh.elements
         own = {name: getattr(self.elements, name).copy() for name in ("node", "neighbour", "region")}
         self.elements = self.elements._replace(**own)
-        self.room = ROOMS[self.position.shape[1]]
+        self.method = METHODS[self.position.shape[1]]
         corners = self.position[self.elements.node].transpose(2, 1, 0)
-        self.sizes = self.room.cell.determinant(corners) / factorial(self.room.cell.dim)
+        self.sizes = self.method.cell.determinant(corners) / factorial(self.method.cell.dim)
         self._order = along_curve(mesh.centroids()).astype(np.int32)
 
     def at_nodes(self) -> Floats:
@@ -78,10 +78,10 @@ class ElementSource(OfElements):
         self._cumulated = np.cumsum(self.masses[self._order])
 
     def draw(self, number: int, rng: np.random.Generator) -> Draw:
-        dim, node = self.room.cell.dim, self.elements.node
+        dim, node = self.method.cell.dim, self.elements.node
         points, element = np.empty((number, dim)), np.empty(number, dtype=np.int32)
         random = rng.random((number, dim + 1))
-        self.room.draw_points(self.position, node, self._order, self._cumulated, random, points, element)
+        self.method.draw_points(self.position, node, self._order, self._cumulated, random, points, element)
         return Draw(points, element, self.elements.region[element], np.ones(number))
 
 
@@ -166,9 +166,9 @@ class FunctionSource(OfElements):
         return points[chosen], stretch[chosen // self.share]
 
     def _points_in(self, element: NDArray[np.int32], rng: np.random.Generator) -> Floats:
-        corners = [self.position[self.elements.node[element, k]] for k in range(self.room.cell.dim + 1)]
+        corners = [self.position[self.elements.node[element, k]] for k in range(self.method.cell.dim + 1)]
         points = corners[0]
-        for share, corner in zip(self.room.shares(len(element), rng), corners[1:], strict=True):
+        for share, corner in zip(self.method.shares(len(element), rng), corners[1:], strict=True):
             points = points + share[:, None] * (corner - corners[0])
         return points
 

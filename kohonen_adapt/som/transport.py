@@ -218,8 +218,8 @@ class Transport:
             if attempt < MIDDLES:
                 go_to_middle(step.ahead, step.parameter, node, tri.star, constraints, step.spoiled)
             else:
-                room = step.spoiled, step.ring, step.queue
-                slow_down(tri.position, step.ahead, step.parameter, node, tri.star, constraints, *room)
+                scratch = step.spoiled, step.ring, step.queue
+                slow_down(tri.position, step.ahead, step.parameter, node, tri.star, constraints, *scratch)
             self._together(step)
             self._mark(step)
         while True:

@@ -10,7 +10,7 @@ from skfem import MeshTet
 
 import kohonen_adapt as ka
 from kohonen_adapt.kernels.compilation import interpreted
-from kohonen_adapt.mesh.locate import ROOMS, Locator, holding
+from kohonen_adapt.mesh.locate import METHODS, Locator, holding
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 
 
@@ -185,5 +185,5 @@ def test_shapes_for_interpolation(values, x, message):
 
 @pytest.mark.parametrize("name", ["walk_each", "count_in_cells", "fill_cells", "find", "barycentric"])
 def test_both_rooms_of_loops_are_called_alike(name):
-    loops = [getattr(room.kernels, name) for room in ROOMS.values()]
+    loops = [getattr(method.kernels, name) for method in METHODS.values()]
     assert len({str(inspect.signature(interpreted(loop))) for loop in loops}) == 1 < len(loops)
