@@ -1,4 +1,4 @@
-"""Adaptive FEM for scikit-fem: a Kohonen map moves the nodes of a mesh to where the error is."""
+"""Adaptive finite elements for scikit-fem, with nodes moved by a Kohonen map."""
 
 from kohonen_adapt import estimators
 from kohonen_adapt.io import read_curves, read_field, read_groups, read_mesh, write_mesh
@@ -71,5 +71,4 @@ __version__ = "0.4.0"
 
 
 def __dir__() -> list[str]:
-    """What is for users, without the rooms it comes from."""
     return [*__all__, "__version__"]

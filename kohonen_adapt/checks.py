@@ -1,4 +1,4 @@
-"""Check arguments with one wording for each kind of check."""
+"""Checks of arguments with uniform messages."""
 
 from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
@@ -35,47 +35,25 @@ Returned = TypeVar("Returned")
 
 
 def is_count(value: object) -> bool:
-    """Whether it is an integer of at least 0."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool) and bool(value >= 0)
 
 
 def is_number(value: object) -> bool:
-    """Whether it is a real number."""
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 
 def check_count(name: str, value: object) -> None:
-    """Refuse what is not an integer of at least 0.
-
-    Raises
-    ------
-    ValueError
-        With the name of the argument and what came.
-    """
     if not is_count(value):
         raise ValueError(f"{name} must be an integer >= 0; got {value!r}.")
 
 
 def check_tolerance(name: str, value: object) -> None:
-    """Refuse what is neither a finite number of at least 0 nor None.
-
-    Raises
-    ------
-    ValueError
-        With the name of the argument and what came.
-    """
     if value is not None and not (is_number(value) and 0.0 <= value < np.inf):  # type: ignore[operator]
         raise ValueError(f"{name} must be a finite number >= 0, or None; got {value!r}.")
 
 
 def check_hook(name: str, hook: object, told: str) -> None:
-    """Refuse what is neither a function nor None; `told` is what the function is called with.
-
-    Raises
-    ------
-    ValueError
-        With the name of the argument and what came.
-    """
+    """Raise ValueError unless `hook` is a function of the arguments `told`, or None."""
     if hook is not None and not callable(hook):
         raise ValueError(f"{name} must be a function of {told}, or None; got {hook!r}.")
 
@@ -86,14 +64,18 @@ def check_state(
     rows: Mapping[str, int],
     numbers: Mapping[str, tuple[int, int]],
 ) -> None:
-    """Refuse arrays by name that have other types and shapes than those of `now`, and numbers of what is not there.
+    """Raise ValueError for the first stored array that does not fit.
 
-    Each is to have so many `rows`; `numbers` has the least that may stand in an array, and what all must be below.
-
-    Raises
-    ------
-    ValueError
-        With the name of the first that does not fit.
+    Parameters
+    ----------
+    now
+        Arrays with the expected types and shapes, by name.
+    state
+        Stored arrays, by name.
+    rows
+        Expected length of each array.
+    numbers
+        Lower bound and exclusive upper bound of the values of an array, if any.
     """
     for name, like in now.items():
         if name not in state:
@@ -107,12 +89,12 @@ def check_state(
 
 
 def listed(names: Iterable[str]) -> str:
-    """Names for the end of a message, in order and in quotes, or "none"."""
+    """Return names for a message, sorted and quoted, or ``none``."""
     return ", ".join(repr(name) for name in sorted(names)) or "none"
 
 
 def nearest_name(given: Any, known: Iterable[str]) -> str:
-    """Return " Did you mean 'name'?" for the nearest of the known names, an empty string if none is near."""
+    """Return " Did you mean 'name'?" for the nearest known name, or an empty string."""
     names = {name.casefold(): name for name in known if isinstance(name, str)}
     near = get_close_matches(given.casefold(), list(names), 1) if isinstance(given, str) else []
     return f" Did you mean {names[near[0]]!r}?" if near else ""
@@ -121,21 +103,21 @@ def nearest_name(given: Any, known: Iterable[str]) -> str:
 def with_nearest_names(
     synonyms: Mapping[str, str],
 ) -> Callable[[Callable[Arguments, Returned]], Callable[Arguments, Returned]]:
-    """Return a decorator that suggests the nearest argument for a keyword that a function lacks.
+    """Return a decorator that suggests an argument for an unknown keyword.
 
     Parameters
     ----------
     synonyms
-        Words of the field to the arguments that have their meaning.
+        Words of the field to arguments of the same meaning.
 
     Raises
     ------
     TypeError
-        When the decorated function is called with an unknown keyword.
+        If the decorated function is called with an unknown keyword.
     """
 
     def decorated(function: Callable[Arguments, Returned]) -> Callable[Arguments, Returned]:
-        public = function.__qualname__.split(".")[0]  # for a constructor the name of its class
+        public = function.__qualname__.split(".")[0]  # the class, for a constructor
         known = [argument for argument in signature(function).parameters if argument != "self"]
 
         @wraps(function)
@@ -157,21 +139,16 @@ def point_text(point: Floats) -> str:
 
 
 def as_reals(name: str, given: ArrayLike, shape: Mapping[str, int]) -> Floats:
-    """A copy of an argument as floats.
+    """Return a copy of an argument as floats of a shape.
 
     Parameters
     ----------
     name
-        Of the argument, for messages.
+        Name of the argument, for messages.
     given
-        What came.
+        The argument.
     shape
-        The wanted shape, each length under the name by which the documentation calls it.
-
-    Raises
-    ------
-    ValueError
-        If the shape is another, or the numbers are not real.
+        Expected shape, each length under its name in the documentation.
     """
     array, wanted = np.asarray(given), tuple(shape.values())
     if array.shape != wanted:
@@ -183,12 +160,9 @@ def as_reals(name: str, given: ArrayLike, shape: Mapping[str, int]) -> Floats:
 
 
 def finite_reals(name: str, given: ArrayLike, shape: Mapping[str, int], place: str) -> Floats:
-    """The same, and every number finite; `place` is what the last axis counts, for messages: "node", "element".
+    """Return a copy of an argument as finite floats of a shape.
 
-    Raises
-    ------
-    ValueError
-        As `as_reals`, and if a number is not finite.
+    `place` is the meaning of the last axis for messages, such as "node" or "element".
     """
     array = as_reals(name, given, shape)
     bad = np.flatnonzero(~np.isfinite(array).reshape(-1, array.shape[-1]).all(axis=0))
@@ -200,31 +174,16 @@ def finite_reals(name: str, given: ArrayLike, shape: Mapping[str, int], place: s
 
 
 def finite_point(point: ArrayLike, what: str) -> tuple[float, float]:
-    """A point or vector as two floats; `what` it is begins the message.
-
-    Raises
-    ------
-    ValueError
-        If it is not two finite numbers.
-    """
     x, y = finite_coordinates(point, what, "two finite numbers (x, y)", 2)
     return x, y
 
 
 def finite_triple(point: ArrayLike, what: str) -> tuple[float, float, float]:
-    """A point or vector in space as three floats; `what` it is begins the message.
-
-    Raises
-    ------
-    ValueError
-        If it is not three finite numbers.
-    """
     x, y, z = finite_coordinates(point, what, "three finite numbers (x, y, z)", 3)
     return x, y, z
 
 
 def finite_coordinates(point: ArrayLike, what: str, wanted: str, count: int) -> list[float]:
-    """So many floats; `what` it is and what was `wanted` make the message."""
     try:
         found = [float(coordinate) for coordinate in np.asarray(point, dtype=np.float64)]
     except (TypeError, ValueError):
@@ -235,7 +194,6 @@ def finite_coordinates(point: ArrayLike, what: str, wanted: str, count: int) -> 
 
 
 def checked_points(points: ArrayLike, what: str, dimension: int = 2) -> Floats:
-    """A copy of points as floats, refused unless finite and (dimension, n); `what` they are is for messages."""
     array = np.array(points, dtype=np.float64)
     if array.ndim != 2 or len(array) != dimension:
         raise ValueError(f"{what} must have shape ({dimension}, n); got {array.shape}.")

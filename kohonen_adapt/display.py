@@ -1,4 +1,4 @@
-"""Serve every view of a mesh, whatever draws it: units of length, outlined facets, ends of a colour scale."""
+"""Units, outlines and number formats shared by plots and reports."""
 
 import numpy as np
 from skfem import MeshTri
@@ -23,31 +23,31 @@ __all__ = [
 ]
 
 UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
-"""Units of the axes, and the factors for metres; "" is for a mesh without a unit."""
+"""Units of the axes to the factors from metres; "" is for a mesh without a unit."""
 
 PARTS = 8
-"""Pieces of a bent side, and of a side of an element that has one, that are drawn straight."""
+"""Straight segments that draw a curved side."""
 
 DECADES = 3
-"""How far below the largest indicator the colours reach."""
+"""Decades of a colour scale below the largest indicator."""
 
 
 def in_unit(unit: str) -> float:
-    """The factor by which lengths of a mesh are drawn in a unit; a ValueError if it is unknown."""
+    """Return the factor from metres, or units of the mesh, to a unit of drawing."""
     if unit not in UNITS:
         raise ValueError(f"unit must be one of {', '.join(map(repr, UNITS))}; got {unit!r}.")
     return UNITS[unit]
 
 
 def outlined_facets(mesh: MeshTri) -> Ints:
-    """Facets on the rim and between elements of different subdomain names."""
+    """Return facets on the rim and between elements of different subdomain names."""
     codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], mesh.t.shape[1])
     one, other = mesh.f2t
     return np.flatnonzero((other < 0) | (codes[one] != codes[other]))
 
 
 def straight_and_bent(mesh: MeshTri, facets: Ints) -> tuple[Ints, Floats]:
-    """The straight ones of facets, and points along the bent ones, as many as look round, (2, points, bent facets)."""
+    """Return straight facets, and points on the curved facets, (2, PARTS + 1, n)."""
     off = facet_displacements(mesh)[:, facets]
     bent = np.any(off, axis=0)
     share = np.linspace(0.0, 1.0, PARTS + 1)[:, None]
@@ -56,12 +56,10 @@ def straight_and_bent(mesh: MeshTri, facets: Ints) -> tuple[Ints, Floats]:
 
 
 def counted(count: int, what: str) -> str:
-    """A number of things: 1 node, 2 nodes."""
     return f"{count} {what if count == 1 else plural(what)}"
 
 
 def plural(what: str) -> str:
-    """Several of them."""
     return {"tetrahedron": "tetrahedra", "patch": "patches"}.get(what, f"{what}s")
 
 
@@ -77,14 +75,14 @@ def significant(value: float, digits: int) -> str:
 
 
 def level_of_share(values: Floats, weights: Floats, share: float) -> float:
-    """The value that this share of the weights does not exceed."""
+    """Return the weighted quantile of `values` at the fraction `share`."""
     order = np.argsort(values)
     running = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(running, share * running[-1])])
 
 
 def lattice(divisions: int) -> tuple[Floats, Ints]:
-    """The points of a triangle whose sides are divided into so many parts, and the triangles between them.
+    """Return the points and triangles of a triangle with divided sides.
 
     Returns
     -------
@@ -103,13 +101,16 @@ def lattice(divisions: int) -> tuple[Floats, Ints]:
 
 
 def divisions_of(points: int) -> int:
-    """The divisions of the lattice that has so many points; 0 if none has."""
+    """Return the divisions of the lattice with a number of points, or 0."""
     n = round((np.sqrt(8.0 * points + 1.0) - 3.0) / 2.0)
     return n if n > 0 and (n + 1) * (n + 2) == 2 * points else 0
 
 
 def divided(mesh: MeshTri, divisions: int) -> MeshTri:
-    """Every element as a lattice with nodes of its own, numbered as (k, nelements); with the names of subdomains."""
+    """Return a mesh of divided elements that share no nodes.
+
+    The new elements are numbered as (divisions^2, nelements), and keep the names of subdomains.
+    """
     share, triangles = lattice(divisions)
     count = mesh.t.shape[1]
     p = np.einsum("iq,dik->dqk", share, mesh.p[:, mesh.t])

@@ -15,33 +15,32 @@ if sys.platform != "win32":
 
 __all__ = ["remove_drafts", "save_figure", "whole_file", "whole_files"]
 
-PREFIX, SUFFIX = ".kohonen-adapt.", ".draft"  # of the folders that files are written in
-LOCK = "kohonen-adapt.lock"  # in each of these folders, locked by the writer
+PREFIX, SUFFIX = ".kohonen-adapt.", ".draft"  # of the folders of drafts
+LOCK = "kohonen-adapt.lock"  # file in a folder of drafts, locked by the writer
 
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a draft to write, and rename it to `path` unless an exception occurs.
+    """Yield a draft to write, which is renamed to `path` unless an exception occurs.
 
     The draft is on disk before the renaming, and the name at the end, so a power cut leaves the old file or the new
-    one. A file that is replaced passes its mode on.
+    file. A file that is replaced passes its mode on.
 
     Parameters
     ----------
     path
-        The file that is wanted.
+        Final name of the file.
 
     Yields
     ------
     Path
-        A file that does not exist yet, of the same name in a folder of its own beside `path`, so that the final
-        renaming is one step of the file system.
+        A file that does not exist yet, of the same name in a new folder beside `path`, so that the renaming is atomic.
 
     Raises
     ------
     OSError
-        If the folder is missing or does not take the file, or `path` is a device. The error carries the name `path`,
-        not that of the draft.
+        If the folder is missing or read-only, or `path` is a device. The error has the name `path`, not that of the
+        draft.
     """
     if not path.parent.is_dir():
         raise FileNotFoundError(f"cannot write '{path.name}': there is no folder '{path.parent}'. Create it first.")
@@ -70,7 +69,7 @@ def whole_files(folder: Path) -> Iterator[Path]:
     Raises
     ------
     OSError
-        If the folder does not take them. The error carries the name that the file was to have.
+        If the files cannot be written. The error has the final name of the file.
     """
     try:
         with _draft_folder(folder) as draft:
@@ -87,8 +86,8 @@ def whole_files(folder: Path) -> Iterator[Path]:
 def remove_drafts(folder: Path) -> None:
     """Remove the drafts that killed processes left in a folder.
 
-    The system drops the lock of a draft when its writer ends, however that ends. So a draft whose lock can be had
-    belongs to nobody, and the others stay, like those on file systems without locks and those of other users.
+    The system drops the lock of a draft when its writer ends, in any way. So a draft whose lock is free is abandoned;
+    drafts on file systems without locks and of other users are kept.
     """
     for draft in folder.glob(f"{PREFIX}*{SUFFIX}"):
         with suppress(OSError):
@@ -96,14 +95,13 @@ def remove_drafts(folder: Path) -> None:
 
 
 def save_figure(path: Path, figure: Any) -> None:
-    """Write a figure of matplotlib."""
     with whole_file(path) as draft:
         figure.savefig(draft, format="png")
 
 
 @contextmanager
 def _draft_folder(folder: Path) -> Iterator[Path]:
-    """Yield a locked folder within `folder`, and remove it at the end.
+    """Yield a locked folder within `folder`, which is removed at the end.
 
     Files in it get the mode and the access rights of any new file, and no other user can plant a link there.
     """
@@ -135,7 +133,7 @@ def _remove_abandoned(draft: Path) -> None:
         (draft / LOCK).unlink()  # Windows refuses this while the writer has the file open
         shutil.rmtree(draft)
     elif not (draft / LOCK).exists():
-        draft.rmdir()  # the writer was killed before it had a lock, or will make another folder
+        draft.rmdir()  # its writer was killed before the lock, or will create another folder
     else:
         with (draft / LOCK).open("r+b") as lock:
             if _lock(lock, without=False):
@@ -155,7 +153,6 @@ def _lock(file: IO[bytes], without: bool) -> bool:
 
 
 def _give_name(draft: Path, path: Path) -> None:
-    """Rename a draft whose content is on disk."""
     with draft.open("rb+") as stream:
         if path.exists() and (mode := path.stat().st_mode) != draft.stat().st_mode:
             draft.chmod(mode & 0o777)
@@ -166,7 +163,7 @@ def _give_name(draft: Path, path: Path) -> None:
 def _sync_names(folder: Path) -> None:
     if sys.platform == "win32":
         return
-    with suppress(OSError):  # the file is there, and not every file system syncs folders
+    with suppress(OSError):  # some file systems cannot sync folders, and the file is written
         descriptor = os.open(folder, os.O_RDONLY)
         try:
             os.fsync(descriptor)

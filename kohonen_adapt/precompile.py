@@ -1,4 +1,4 @@
-"""Compile every kernel now, for benchmarks and for containers."""
+"""Compilation of all kernels ahead of use, for benchmarks and containers."""
 
 import numpy as np
 from skfem import Basis, ElementTriP1, ElementTriP2, MeshTri
@@ -22,21 +22,21 @@ from kohonen_adapt.som.schedule import Schedule, Stage
 __all__ = ["compile_missing", "warmup"]
 
 
-compile_ahead()  # of any first use, not of `warmup` alone
+compile_ahead()  # before any first use, not by `warmup` only
 
 
 def warmup(space: bool = False) -> None:
-    """Compile every kernel now, or load it from numba's cache.
+    """Compile all kernels now, or load them from numba's cache.
 
     Parameters
     ----------
     space
-        Whether to compile what only meshes of tetrahedra need, too.
+        True to compile the kernels of tetrahedra, too.
 
     Notes
     -----
-    Otherwise the first call of `relocate`, `adapt`, `polish`, `KohonenMap` or `interpolate` does that, which takes some
-    seconds once per installation; the caches are then found on disk. The small meshes used here are thrown away.
+    Otherwise the first call of `relocate`, `adapt`, `polish`, `KohonenMap` or `interpolate` compiles them, which takes
+    some seconds once per installation; later calls load them from the cache on disk.
 
     Examples
     --------
@@ -48,8 +48,10 @@ def warmup(space: bool = False) -> None:
     brief = Schedule((Stage(2, 1, 0.3),), rounds=1, sweeps=1)
     for topology in ("recycle", "flip", "fixed"):
         relocate(mesh, np.arange(1.0, mesh.nelements + 1.0), topology=topology, schedule=brief)
-    relocate(MeshTri.init_lshaped().refined(3), lambda x: np.exp(8.0 * x[0]))  # far around a corner: steps are mended
-    disc = MeshTri.init_circle(2)  # a circle is recognised, and nodes are put on it
+    relocate(
+        MeshTri.init_lshaped().refined(3), lambda x: np.exp(8.0 * x[0])
+    )  # uses the repair of steps around a corner
+    disc = MeshTri.init_circle(2)  # uses the recognition of circles
     relocate(disc, np.ones(disc.nelements), schedule=brief)
     relocate(
         mesh.with_subdomains({"low": lambda x: x[1] < 0.5}), np.ones(mesh.nelements), layers={"low": 1}, schedule=brief
@@ -65,20 +67,19 @@ def warmup(space: bool = False) -> None:
 
 
 def compile_missing() -> None:
-    """Compile every kernel over triangles that numba's cache lacks, for other processes.
+    """Compile all kernels over triangles that are missing in numba's cache.
 
-    None is loaded if all are in the cache. That takes a hundredth of a second, and `warmup` half a second. None is
-    compiled if the cache takes no files, because no other process would find the code.
+    Nothing is loaded if all are in the cache: the check takes 0.01 s, and `warmup` 0.5 s. Nothing is compiled if the
+    cache cannot be written, because no other process would find the code.
     """
     entries = [entry for chapter in ENTRIES if chapter not in SPACE for entry in ENTRIES[chapter]]
-    compiled = [entry for entry in entries if hasattr(entry.loop, "py_func")]  # for debugging there are plain functions
+    compiled = [entry for entry in entries if hasattr(entry.loop, "py_func")]  # plain functions if numba is disabled
     missing = [entry for entry in compiled if not is_kept(entry.loop, entry.types)]
     if missing and may_be_kept(missing[0].loop):
         warmup()
 
 
 def _polish(mesh: MeshTri, ritz: Ritz) -> None:
-    """Carry a function to where it is, and lower its energy by a sweep, by recycling, and by another sweep."""
     movable = MovableMesh.of(mesh, Rules())
     functional = Functional.of(ritz, movable, mesh)
     recycled = unchanged(movable.triangulation)
@@ -87,7 +88,7 @@ def _polish(mesh: MeshTri, ritz: Ritz) -> None:
 
 
 def _equilibrate() -> None:
-    """Equilibrate nothing in one triangle: the loop of an estimator is a kernel, too."""
+    """Run the kernel of the equilibrating estimator on one triangle."""
     point, zero = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.zeros((1, 3))
     node = np.array([[0, 1, 2]], dtype=np.int32)
     problem = FluxData(point, node, np.full_like(node, NATURAL), zero, np.zeros(1), np.ones(1))

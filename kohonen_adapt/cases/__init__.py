@@ -1,4 +1,4 @@
-"""Read and write cases: the TOML that tells the command `run` what to do."""
+"""Cases, the input files (TOML) of the command ``run``."""
 
 from kohonen_adapt.cases.contents import Case
 from kohonen_adapt.cases.settings import case_of, fitting_mesh, read_case

@@ -1,4 +1,4 @@
-"""Hold what a case says, and complete it by what its mesh file has to say."""
+"""Settings of a case, completed from its mesh file."""
 
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -26,26 +26,26 @@ __all__ = ["Case"]
 
 @dataclass(frozen=True)
 class Case:
-    """Checked settings.
+    """Checked settings of a case.
 
     Attributes
     ----------
     mesh
         The mesh file.
     scale
-        Metres per unit of it.
+        Metres per unit of the mesh file.
     stated
-        What is to be solved; `problem` knows what the mesh file has to say to it, too.
+        The problem without the mesh file; `problem` is completed from the file.
     adapt
         Arguments of `kohonen_adapt.adapt` by name.
     outputs
         Name to a function of the field.
     turn
-        Subdomain to the angle, in degrees, by which it is turned about the origin.
+        Subdomain to the angle, in degrees, of its rotation about the origin.
     rim
-        What the whole rim of the mesh is called; empty where the file has names for it.
+        Name for the whole rim of the mesh; empty if the file has names for the rim.
     file, text
-        The name of the file it was read from, and what that says; empty for a case from elsewhere.
+        Name and text of the TOML file; empty for a case without a file.
     """
 
     mesh: Path
@@ -60,29 +60,32 @@ class Case:
 
     @cached_property
     def groups(self) -> Groups:
-        """The physical groups of the mesh file, in its unit; read once, so that the file may go after the mesh is read.
+        """Physical groups of the mesh file, in its unit.
+
+        The file is read once, so it may be deleted after the mesh is read.
 
         Raises
         ------
         ValueError
             If the file is damaged.
         OSError
-            If it cannot be read.
+            If the file cannot be read.
         """
         return read_groups(self.mesh)
 
     @cached_property
     def problem(self) -> Magnetostatics | MagneticScalarPotential:
-        """What is to be solved: of the mesh file are points that its potential names, and where magnets are turned to.
+        """Problem of the case, completed from the mesh file.
 
-        Of tetrahedra it is what a case for the plane means there.
+        Points in the potential get their positions from the file, and magnets in turned subdomains are turned. On
+        tetrahedra, a case that is also valid in the plane is a problem for the scalar potential.
 
         Raises
         ------
         ValueError
-            If a magnet turns in part, or the file is damaged.
+            If only a part of a magnet is turned, or the file is damaged.
         OSError
-            If it cannot be read.
+            If the file cannot be read.
         """
         if isinstance(self.stated, MagneticScalarPotential):
             return self.stated
@@ -92,7 +95,7 @@ class Case:
 
     @property
     def goal(self) -> Goal | None:
-        """The goal of the problem."""
+        """Goal of the problem."""
         return self.problem.goal
 
     def _with_points(self, stated: Magnetostatics) -> Magnetostatics:
@@ -110,14 +113,16 @@ class Case:
 
     @cached_property
     def drawn(self) -> MeshTri:
-        """The mesh as the file has it, in metres, its rim named; its corners where sides are straight or parts turn.
+        """Mesh of the file in metres, with the name of its rim.
+
+        Midside nodes are dropped if all sides are straight, the order is 1 or a subdomain is turned.
 
         Raises
         ------
         ValueError
-            If the file is damaged, or has something else of the name of the rim.
+            If the file is damaged, or the name of the rim stands for something else.
         OSError
-            If it cannot be read.
+            If the file cannot be read.
         """
         mesh = read_mesh(self.mesh, scale=self.scale)
         check_kind(mesh, bent=True, space=True)
@@ -127,7 +132,10 @@ class Case:
 
     @property
     def labelled_outputs(self) -> dict[str, Quantity]:
-        """The outputs by name and unit, as ``pull (N/m)``: totals are per metre unless there is a depth or an axis."""
+        """Outputs by name and unit, such as ``pull (N/m)``.
+
+        Totals are per metre unless the problem has a depth or an axis of symmetry.
+        """
         potential = "Wb/m" if isinstance(self.problem, Magnetostatics) else "A"
         return {
             f"{name} ({(each.unit or potential) if each.local else self._as_total(each.unit)})": each
@@ -136,7 +144,7 @@ class Case:
 
     @property
     def energy_unit(self) -> str:
-        """Of squared indicators, whatever the depth."""
+        """Unit of squared indicators, for any depth."""
         return "J/m" if isinstance(self.problem, Magnetostatics) and not self.problem.axisymmetric else "J"
 
     def _as_total(self, unit: str) -> str:
@@ -146,40 +154,41 @@ class Case:
 
     @property
     def pinned(self) -> list[int | str]:
-        """Names and numbers of what is to stay where it is."""
+        """Names and node numbers of pinned nodes."""
         given = self.adapt.get("pinned", [])
         return [given] if isinstance(given, str) else given
 
     def pins(self, mesh: MeshTri) -> list[int | str]:
-        """The same, and the nodes of its mesh, in metres, that are in groups of points.
+        """Return pinned names and nodes, including the nodes in groups of points.
 
         Parameters
         ----------
         mesh
-            What `fitting_mesh` gives.
+            The mesh of `fitting_mesh`, in metres.
 
         Returns
         -------
         list of int and str
-            As `adapt` takes them for ``pinned``.
+            Valid as ``pinned`` of `adapt`.
         """
         return [*self.pinned, *self.groups.held(mesh.scaled(1.0 / self.scale))]
 
     def options(self, mesh: MeshTri) -> dict[str, Any]:
-        """The arguments of `adapt` for its mesh: what is pinned, and what is round, too.
+        """Return the arguments of `adapt` for a mesh, with pinned nodes and curves.
 
-        Round is what the mid-side nodes of a file of second order show, where nothing turns, and the bore of a body
-        whose torque is asked, but for boundaries of pairs and those that share facets with others that have a curve.
+        Curves of the mesh file and the bores of bodies with a torque as output are added, except on periodic boundaries
+        and on facets that already have a curve. The curves of a second-order file are those of its midside nodes, if
+        nothing is turned.
 
         Parameters
         ----------
         mesh
-            What `fitting_mesh` gives.
+            The mesh of `fitting_mesh`.
 
         Returns
         -------
         dict
-            By name.
+            Arguments by name.
         """
         if not isinstance(self.problem, Magnetostatics):
             return {**self.adapt, "pinned": self.pins(mesh)}
@@ -203,7 +212,13 @@ def _check_turn(mesh: Mesh, turn: dict[str, float]) -> None:
 
 
 def in_space(stated: Magnetostatics) -> MagneticScalarPotential:
-    """What a case that could be one of the plane says of tetrahedra; refused is what it says of the plane alone."""
+    """Return the problem for tetrahedra of a case that is also valid in the plane.
+
+    Raises
+    ------
+    ValueError
+        If the case has settings that are valid in the plane only.
+    """
     plain = Magnetostatics(stated.materials, stated.potential or {"": 0.0}, estimator=stated.estimator)
     shared = ("materials", "potential", "estimator", "goal")
     alone = [each.name for each in fields(stated) if each.name not in shared and not _same(each.name, stated, plain)]
@@ -213,16 +228,16 @@ def in_space(stated: Magnetostatics) -> MagneticScalarPotential:
 
 
 def _same(name: str, one: Magnetostatics, other: Magnetostatics) -> bool:
-    """Whether an argument is as nobody asked for, of the order by its kind: `Chosen`, or 1, as it is in space."""
+    """Return True if an argument has its default value (order 1 in space)."""
     given, default = getattr(one, name), getattr(other, name)
     return bool(given == default and type(given) is type(default)) or (name == "order" and given == 1)
 
 
 def _with_rim(mesh: MeshTri, name: str) -> MeshTri:
-    """The mesh with a name for its whole rim, holes included, unless it has that already."""
+    """Return the mesh with a name for its whole rim, including holes."""
     rim, known = mesh.boundary_facets(), (mesh.boundaries or {}).get(name)
     if known is not None and np.array_equal(np.sort(np.asarray(known)), rim):
-        return mesh  # as in a mesh that a run has written
+        return mesh  # in a mesh written by `run`
     if known is not None or name in (mesh.subdomains or {}):
         raise ValueError(
             f"rim must be a name that the mesh has not, for the whole of its rim; it has another {name!r}. Choose "

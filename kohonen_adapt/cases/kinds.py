@@ -1,4 +1,4 @@
-"""Read tables of a case as arguments: a key may hold what the argument's type says, and every error names its key."""
+"""Readers of the tables of a case, derived from the types of arguments."""
 
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -31,15 +31,21 @@ __all__ = [
 ]
 
 Reader = Callable[[Any, str], Any]
-"""Takes a value and the place of its key, and gives the value as it is meant, or a ValueError that names the place."""
+"""Function of a TOML value and the dotted key of the value, which returns the argument or raises a ValueError."""
 
-LARGEST = 2**31 - 1  # of integers: nothing that is counted here is more
+LARGEST = 2**31 - 1  # of integers
 
-SHOWN = 60  # characters of a wrong value
+SHOWN = 60  # characters of an invalid value in a message
 
 
 class UnknownKeyError(ValueError):
-    """A key that a table has not; `key` is its name."""
+    """Error for an unknown key of a table.
+
+    Attributes
+    ----------
+    key
+        The key.
+    """
 
     def __init__(self, said: str, key: str) -> None:
         super().__init__(said)
@@ -48,7 +54,19 @@ class UnknownKeyError(ValueError):
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of value: types of TOML, what they are called together, which values fit, and how to read those."""
+    """Kind of value in a case.
+
+    Attributes
+    ----------
+    types
+        Types of the value in TOML.
+    wanted
+        Description for messages.
+    fits
+        Condition on a value of these types.
+    read
+        Conversion of a valid value.
+    """
 
     types: tuple[type, ...]
     wanted: str
@@ -56,7 +74,6 @@ class Kind:
     read: Reader = lambda given, place: given
 
     def __call__(self, given: Any, place: str) -> Any:
-        """Read a value; a ValueError names the place, what was expected and what came."""
         if type(given) not in self.types or not self.fits(given):
             plain = {bool, int, float} & set(self.types)
             hint = " Write it without quotes." if isinstance(given, str) and plain and str not in self.types else ""
@@ -74,8 +91,6 @@ SCALARS = {bool: FLAG, int: INTEGER, float: NUMBER, str: TEXT}
 
 
 def table_of(read: Reader) -> Kind:
-    """A table from names of the user's to values of one kind."""
-
     def read_each(given: Any, place: str) -> dict[str, Any]:
         return {TEXT(key, f"a key of {place}"): read(value, _below(place, key)) for key, value in given.items()}
 
@@ -86,8 +101,6 @@ TABLE = table_of(lambda given, place: given)
 
 
 def list_of(kind: Kind) -> Kind:
-    """A list of values of one kind."""
-
     def read(given: Any, place: str) -> list[Any]:
         return [kind(value, f"{place}[{k}]") for k, value in enumerate(given)]
 
@@ -95,8 +108,6 @@ def list_of(kind: Kind) -> Kind:
 
 
 def tuple_of(kinds: Sequence[Kind]) -> Kind:
-    """As many values as kinds, in this order."""
-
     def read(given: Any, place: str) -> tuple[Any, ...]:
         return tuple(kind(value, f"{place}[{k}]") for k, (kind, value) in enumerate(zip(kinds, given, strict=True)))
 
@@ -115,7 +126,7 @@ VECTOR = Kind(
 
 
 def kind_of(annotation: Any) -> Kind | None:
-    """Find the kind of value that TOML may hold for an argument of that type; None if it can write none of it."""
+    """Return the kind of value for an annotation, None if TOML cannot hold any."""
     if isinstance(annotation, type) and annotation in SCALARS:
         return SCALARS[annotation]
     origin, arguments = get_origin(annotation), get_args(annotation)
@@ -134,7 +145,10 @@ def kind_of(annotation: Any) -> Kind | None:
 
 
 def kinds_of(make: Callable[..., Any], special: Mapping[str, Reader] | None = None) -> dict[str, Reader]:
-    """How to read those arguments of a class or a function that TOML can write, by annotations but for special ones."""
+    """Return readers for the arguments that TOML can hold, by their annotations.
+
+    `special` has readers that replace those of the annotations.
+    """
     readers = {
         name: (special or {}).get(name) or kind_of(each.annotation) for name, each in signature(make).parameters.items()
     }
@@ -142,9 +156,9 @@ def kinds_of(make: Callable[..., Any], special: Mapping[str, Reader] | None = No
 
 
 def read_table(given: Any, readers: Mapping[str, Reader], place: str, required: Iterable[str] = ()) -> dict[str, Any]:
-    """Read the values of a table, which has no other keys than those that have readers, and all that are required.
+    """Return the values of a table after checking its keys.
 
-    The place is where the table stands, as ``materials.iron``; empty for the case itself.
+    `place` is the dotted key of the table, such as ``materials.iron``, empty for the whole case.
     """
     entries = TABLE(given, place or "a case")
     for key in entries:
@@ -160,22 +174,21 @@ def read_table(given: Any, readers: Mapping[str, Reader], place: str, required: 
 
 
 def made(make: Callable[..., Any], given: Any, place: str, special: Mapping[str, Reader] | None = None) -> Any:
-    """Call a class or a function with the values of a table as its arguments."""
+    """Return `make` called with the values of a table as arguments."""
     required = [name for name, each in signature(make).parameters.items() if each.default is Parameter.empty]
     return called(make, read_table(given, kinds_of(make, special), place, required), place)
 
 
 def called(make: Callable[..., Any], values: Mapping[str, Any], place: str) -> Any:
-    """Call a class or a function; its errors get the place."""
     with about(place):
         try:
             return make(**values)
-        except (ArithmeticError, RuntimeError) as error:  # extreme numbers overflow, or end no iteration
+        except (ArithmeticError, RuntimeError) as error:  # extreme numbers overflow, or iterations do not converge
             raise ValueError(str(error)) from None
 
 
 def made_by_name(makers: Mapping[str, Callable[..., Any]], key: str, given: Any, place: str) -> Any:
-    """Call the class or function that one key of a table names, with the others as its arguments."""
+    """Call the maker that `key` of a table names, with its other keys as arguments."""
     said = f"one of {', '.join(map(repr, makers))}"
     entries = Kind((dict,), f"a table with a key {key}, {said}", read=TABLE)(given, place)
     name = entries.pop(key, None)
@@ -188,7 +201,7 @@ def made_by_name(makers: Mapping[str, Callable[..., Any]], key: str, given: Any,
 
 @contextmanager
 def about(place: object) -> Iterator[None]:
-    """Name the place in what is refused inside."""
+    """Add `place` to the message of a ValueError."""
     try:
         yield
     except ValueError as error:
@@ -196,8 +209,6 @@ def about(place: object) -> Iterator[None]:
 
 
 def _either(kinds: Sequence[Kind]) -> Kind:
-    """A value of one of several kinds, told apart by their types."""
-
     def read(given: Any, place: str) -> Any:
         return next(kind for kind in kinds if type(given) in kind.types)(given, place)
 
@@ -213,6 +224,6 @@ def _below(place: str, key: str) -> str:
 def _shown(given: Any) -> str:
     try:
         said = repr(given)
-    except ValueError:  # an integer of more digits than Python writes
+    except ValueError:  # an integer with more digits than Python formats
         return "a huge integer"
     return said if len(said) <= SHOWN else f"{said[:SHOWN]}..."

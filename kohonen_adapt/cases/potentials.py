@@ -1,4 +1,4 @@
-"""Read the potential of a boundary: a number, a linear expression in x and y, or a table over one of them."""
+"""Potentials of boundaries as numbers, linear expressions or tables."""
 
 import re
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ __all__ = ["POTENTIAL", "LinearPotential", "TabulatedPotential"]
 
 TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)|(?P<axis>[xy]\b)|(?P<sign>[-+*/]))")
 LONGEST = 1000  # characters
-SHOWN = 20  # characters of what is refused
-BEYOND = 1e-9  # of the width of a table: how far off its ends rounding may bring a node
-WIDE = 100.0  # times as wide as the mesh a table is in another unit
+SHOWN = 20  # characters of an invalid text in a message
+BEYOND = 1e-9  # tolerance for rounding at the ends of a table, relative to its width
+WIDE = 100.0  # ratio of the widths of table and mesh that reveals a different unit
 
 REMEDY = (
     'Write a sum of x and y (which are r and z around an axis) as "0.3*x - 0.1*y + 2e-3", without brackets; for curves '
@@ -28,32 +28,31 @@ REMEDY = (
 
 @dataclass(frozen=True)
 class LinearPotential:
-    """``A = x_slope x + y_slope y + constant``, in Wb/m of metres."""
+    """Potential ``A = x_slope x + y_slope y + constant``, in Wb/m for x and y in m."""
 
     x_slope: float
     y_slope: float
     constant: float
 
     def __call__(self, x: Floats) -> Floats:
-        """A at points (2, n), (n,)."""
         return self.x_slope * x[0] + self.y_slope * x[1] + self.constant
 
 
 @dataclass(frozen=True)
 class TabulatedPotential:
-    """A potential that is linear between points of a table over x or y.
+    """Potential that is linear between the points of a table over x or y.
 
     Parameters
     ----------
     over
         The coordinate.
     points
-        That in m, rising, and A in Wb/m.
+        Pairs of the coordinate in m, in ascending order, and A in Wb/m.
     """
 
     over: Literal["x", "y"]
     points: list[tuple[float, float]]
-    place: str  # of its key, for what it refuses
+    place: str  # dotted key, for messages
 
     def __post_init__(self) -> None:
         if len(self.points) < 2 or not (np.diff(self._columns[0]) > 0.0).all():
@@ -66,7 +65,7 @@ class TabulatedPotential:
         return np.reshape(self.points, (-1, 2)).T
 
     def check(self, mesh: MeshTri) -> None:
-        """Refuse a table that must be in another unit than the mesh."""
+        """Raise ValueError if the table is much wider than the mesh, as in another unit."""
         wide, (low, high) = np.ptp(self._columns[0]), np.sort(mesh.p["xy".index(self.over)])[[0, -1]]
         if wide > WIDE * (high - low):
             raise ValueError(
@@ -75,7 +74,6 @@ class TabulatedPotential:
             )
 
     def __call__(self, x: Floats) -> Floats:
-        """A at points (2, n), (n,); a ValueError where the table does not reach."""
         at, (places, values) = x["xy".index(self.over)], self._columns
         off = np.maximum(places[0] - at, at - places[-1])
         if off.max(initial=0.0) > BEYOND * (places[-1] - places[0]):
@@ -87,30 +85,23 @@ class TabulatedPotential:
 
 
 class _Expression:
-    """A text that is read from left to right as a linear function of x and y.
+    """Parser of linear expressions in x and y.
 
-    ``sum = product {("+" | "-") product}``, ``product = factor {("*" | "/") factor}``, ``factor = {"+" | "-"} (number |
-    "x" | "y")``, where one factor of a product at most has x or y, and none after "/".
+    The grammar is ``sum = product {("+" | "-") product}``, ``product = factor {("*" | "/") factor}``,
+    ``factor = {"+" | "-"} (number | "x" | "y")``. At most one factor of a product has x or y, and none after "/" does.
     """
 
     def __init__(self, text: str, place: str) -> None:
         self._text, self._place, self._at = text.rstrip(), place, 0
 
     def function(self) -> Value:
-        """What it stands for; a number where it has neither x nor y.
-
-        Raises
-        ------
-        ValueError
-            If it is none, with the place of the first character that cannot be.
-        """
         x, y, constant = self._sum().tolist()
         if not all(map(isfinite, (x, y, constant))):
             raise ValueError(f"{self._place} must have finite numbers; got {self._text!r}.")
         return LinearPotential(x, y, constant) if x or y else constant
 
     def _sum(self) -> Floats:
-        """Slopes over x and y, and the constant, (3,); so of all parts."""
+        """Return the slopes over x and y and the constant, shape (3,)."""
         found = self._product()
         while self._at < len(self._text):
             sign = self._taken("sign", "+-", wanted="+, -, * or /")
@@ -141,7 +132,13 @@ class _Expression:
         return np.array([0.0, 0.0, sign * float(self._taken("number", wanted="a number, x or y"))])
 
     def _taken(self, kind: str, these: str = "", wanted: str = "") -> str:
-        """The next token if it is of that kind, and one of these; else none, or a refusal where one is wanted."""
+        """Return the next token if its kind and text fit, else an empty string.
+
+        Raises
+        ------
+        ValueError
+            If the token does not fit, and `wanted`, a description for the message, is not empty.
+        """
         found = TOKEN.match(self._text, self._at)
         if found and found.lastgroup == kind and (not these or found[kind] in these):
             self._at = found.end()

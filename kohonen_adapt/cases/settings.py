@@ -1,4 +1,4 @@
-"""Read a case from TOML, and the mesh that it is to fit."""
+"""Case read from TOML, and its mesh."""
 
 import tomllib
 from collections.abc import Mapping
@@ -50,13 +50,13 @@ PROBLEM["applied_field"] = VECTOR
 """Keys of a case that are arguments of `Magnetostatics`, besides ``materials``."""
 
 SPACE = kinds_of(MagneticScalarPotential, {"potential": table_of(POTENTIAL), "applied_field": VECTOR, "goal": goal})
-"""The same of `MagneticScalarPotential`."""
+"""Keys of a case that are arguments of `MagneticScalarPotential`."""
 
 ADAPT = kinds_of(adapt, {"curves": table_of(shape), "periodic": PAIRS, "schedule": schedule})
 del ADAPT["checkpoint"]
 """Keys under ``adapt``: arguments of `kohonen_adapt.adapt`."""
 
-LARGEST = 10**6  # bytes: the parser is slow, and takes much more memory than the file
+LARGEST = 10**6  # bytes, because the parser is slow and needs much more memory than the file
 
 
 def read_case(path: Path) -> Case:
@@ -65,7 +65,7 @@ def read_case(path: Path) -> Case:
     Parameters
     ----------
     path
-        The file; paths in it are sought from its folder.
+        The file; paths in it are relative to its folder.
 
     Returns
     -------
@@ -75,9 +75,9 @@ def read_case(path: Path) -> Case:
     Raises
     ------
     ValueError
-        If it is not TOML, or not a case; the message names the file and the key.
+        If the file is not TOML, or not a case; the message names the file and the key.
     OSError
-        If it cannot be read.
+        If the file cannot be read.
     """
     if not path.is_file():
         raise FileNotFoundError(f"run expected a case; there is no file '{path}'. Make one: kohonen-adapt init MESH.")
@@ -95,21 +95,20 @@ def read_case(path: Path) -> Case:
 
 
 def _remedy(path: Path) -> str:
-    """Advise about a file that is not TOML."""
     if path.suffix.lower() in (*MSH_VERSION, ".vtu"):
         return f"That is a mesh; make a case for it: kohonen-adapt init {path}."
     return "Texts need quotes, single ones where they have a backslash; numbers have a point, not a comma."
 
 
 def case_of(given: Mapping[str, Any], folder: Path) -> Case:
-    """The settings that a table of keys stands for; the mesh file is not looked at.
+    """Return the settings in a table of keys, without reading the mesh file.
 
     Parameters
     ----------
     given
-        What the TOML says.
+        The content of the TOML file.
     folder
-        Where paths are sought from.
+        Folder of relative paths.
 
     Returns
     -------
@@ -119,7 +118,7 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
     Raises
     ------
     ValueError
-        If a key is unknown, missing, or holds a wrong value; the message names it.
+        If a key is unknown, missing, or has a wrong value; the message names the key.
     """
     readers: dict[str, Reader] = {
         "mesh": TEXT,
@@ -144,9 +143,9 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
 
 
 def _problem(values: Mapping[str, Any]) -> Magnetostatics | MagneticScalarPotential:
-    """What a case states: in space where it has vectors of three components, or a key that is of space alone.
+    """Return the problem of a case, in space if a key is valid in space only.
 
-    What could be either is stated in the plane; `Case.problem` knows the mesh.
+    Cases that are valid in both dimensions are stated in the plane; `Case.problem` converts them for tetrahedra.
     """
     solid = _keys_of_space(values["materials"], *(values.get(key) for key in ("applied_field", "goal", "symmetry")))
     if not solid:
@@ -163,7 +162,7 @@ def _problem(values: Mapping[str, Any]) -> Magnetostatics | MagneticScalarPotent
 
 
 def _keys_of_space(materials: Mapping[str, Material], applied_field: Any, goal: Any, symmetry: Any) -> list[str]:
-    """Return what of a case is for tetrahedra only, by its key."""
+    """Return the keys of a case that are valid for tetrahedra only."""
     vectors = {
         f"materials.{name}.{kind}": getattr(material, kind)
         for name, material in materials.items()
@@ -176,7 +175,7 @@ def _keys_of_space(materials: Mapping[str, Material], applied_field: Any, goal: 
 
 
 def _home_of(key: str, top: Mapping[str, Reader]) -> str:
-    """Say where a key belongs that stands elsewhere: in TOML what follows a [table] is a part of that."""
+    # In TOML, keys after a [table] belong to this table.
     if key in top:
         return f" But {key} is one of the case itself: write it above all tables."
     home = "adapt" if key in ADAPT else "materials.NAME" if key in signature(Material).parameters else ""
@@ -184,7 +183,7 @@ def _home_of(key: str, top: Mapping[str, Reader]) -> str:
 
 
 def fitting_mesh(case: Case) -> MeshTri:
-    """Read the mesh of a case, and refuse what `adapt` would refuse before it solves.
+    """Read the mesh of a case, and run the checks of `adapt` without solving.
 
     Parameters
     ----------
@@ -194,12 +193,12 @@ def fitting_mesh(case: Case) -> MeshTri:
     Returns
     -------
     MeshTri
-        In metres.
+        The mesh in metres.
 
     Raises
     ------
     ValueError
-        If the file is missing or damaged, names of the case are not in it, elements have no material or two,
+        If the file is missing or damaged, names of the case are not in the mesh, an element has no material or two,
         conditions contradict one another, or an option, the goal or an output does not fit the mesh.
     OSError
         If the file cannot be read.
@@ -207,16 +206,16 @@ def fitting_mesh(case: Case) -> MeshTri:
     _check_file(case.mesh)
     with about("mesh"):
         drawn = case.drawn
-        check_names_written(drawn)  # the results are written with the names of the mesh
-        _ = case.groups  # now, and not when hours later the results are written
+        check_names_written(drawn)  # the results have the names of the mesh
+        _ = case.groups  # read now, because the results need the groups after a long run
     _check_dimension(case.stated, drawn)
     mesh = turned_mesh(drawn, case.turn)
     if len(case.pins(mesh)) < len(case.pins(drawn)):
         raise ValueError("turn must leave groups of points where they are; the mesh file has some in what turns.")
     with about("mesh"):
-        check_overlap(mesh)  # before the problem is asked, which would blame its potential
+        check_overlap(mesh)  # before the check of the problem, whose message would concern the potential
     _check_names(case, mesh)
-    case.problem.check(corners_of(mesh))  # bent sides may fold elements over: `adapt` bends them anew
+    case.problem.check(corners_of(mesh))  # curved sides may invert elements, which `adapt` repairs
     blank = _blank(case.problem, mesh)
     if case.goal is not None:
         if case.adapt.get("rtol") is not None:
@@ -235,7 +234,6 @@ def fitting_mesh(case: Case) -> MeshTri:
 
 
 def _check_file(path: Path) -> None:
-    """Raise ValueError with the nearest name in the folder if there is no mesh file."""
     if path.is_file() or (path / HEADER).is_file():
         return
     beside = [file.name for file in path.parent.iterdir()] if path.parent.is_dir() else []
@@ -244,7 +242,6 @@ def _check_file(path: Path) -> None:
 
 
 def _check_dimension(stated: Magnetostatics | MagneticScalarPotential, mesh: Mesh) -> None:
-    """Raise ValueError if a case for tetrahedra has a mesh of triangles."""
     if isinstance(stated, MagneticScalarPotential) and cell_of(mesh) is TRIANGLE:
         keys = _keys_of_space(stated.materials, stated.applied_field, stated.goal, stated.symmetry or None)
         solid = ", ".join(keys) or "symmetry"
@@ -255,7 +252,6 @@ def _check_dimension(stated: Magnetostatics | MagneticScalarPotential, mesh: Mes
 
 
 def _check_names(case: Case, mesh: MeshTri) -> None:
-    """Refuse what is wrong with the potentials of a case, but would be clear to the author of a program."""
     problem = case.problem
     points = problem.boundaries.points if isinstance(problem, Magnetostatics) else {}
     given = problem.potential or {}
@@ -270,7 +266,7 @@ def _check_names(case: Case, mesh: MeshTri) -> None:
 
 
 def _blank(problem: Magnetostatics | MagneticScalarPotential, mesh: MeshTri) -> Field | SolidField:
-    """The field of A = 0, by elements of order 1: goals and outputs refuse it where they would refuse the solution."""
+    """Return a zero field of order 1 for checks of goals and outputs."""
     if isinstance(problem, MagneticScalarPotential):
         return problem.stated(mesh)[1]
     given = coefficients(mesh, problem.materials, problem.ampere_turns)
@@ -279,11 +275,11 @@ def _blank(problem: Magnetostatics | MagneticScalarPotential, mesh: MeshTri) -> 
 
 
 class _Checked(Exception):
-    """Ends `adapt` at its first solve: it has checked everything by then."""
+    """Exception that ends `adapt` at its first solve, after all checks."""
 
 
 class _Unsolved:
-    """A problem that ends there, and is asked for all else as it is."""
+    """Problem that raises `_Checked` instead of being solved."""
 
     def __init__(self, problem: Magnetostatics | MagneticScalarPotential) -> None:
         self._problem = problem

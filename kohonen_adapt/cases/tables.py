@@ -1,4 +1,4 @@
-"""Read the tables of a case that stand for materials, goals, outputs, curves, surfaces, motions and schedules."""
+"""Tables of a case for materials, goals, outputs, curves and schedules."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -42,14 +42,13 @@ __all__ = [
 ]
 
 Point = tuple[float, float]
-Place = tuple[float, ...]  # of two coordinates, or in space of three
+Place = tuple[float, ...]  # two or three coordinates
 Axis = Literal["x", "y", "z"]
 
 LAWS: dict[str, Callable[..., Law]] = {"brauer": Brauer, "froehlich": Froehlich, "arctan": Arctan}
 
 
 def _parallel(magnitude: float, degrees: float) -> Vector:
-    """In one direction, counter-clockwise from x."""
     return magnitude * cos(radians(degrees)), magnitude * sin(radians(degrees))
 
 
@@ -69,7 +68,7 @@ MAGNET = Kind(
 
 
 def material_in(folder: Path) -> Reader:
-    """A reader of tables under ``materials``; files of curves are sought from the folder."""
+    """Return a reader of a material, with file names of curves relative to `folder`."""
 
     def law(given: Any, place: str) -> Law:
         return _law(given, place, folder)
@@ -93,7 +92,7 @@ def _law(given: Any, place: str, folder: Path) -> Law:
 
 
 def _read(path: Path, place: str) -> Table:
-    # Nothing but a plain file: a device or a pipe would never end.
+    # Reading a device or a pipe might never end.
     try:
         if path.is_file():
             return read_bh(path)
@@ -104,21 +103,19 @@ def _read(path: Path, place: str) -> Table:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A function of a field, its unit, and the subdomains that it asks for."""
+    """Function of a field, with unit and subdomains."""
 
-    function: Callable[[Any], float]  # of a `Field`, or in space of a `SolidField`
-    unit: str  # with a depth, where it is no local one
+    function: Callable[[Any], float]  # of a `Field` or a `SolidField`
+    unit: str  # of a total with a depth, or of a local value
     bodies: tuple[str, ...] = ()
-    centre: Place | None = None  # about which the bodies are turned
-    local: bool = False  # whether it is of a point
+    centre: Place | None = None  # axis of a torque
+    local: bool = False  # value at a point
 
     def __call__(self, field: Field | SolidField) -> float:
-        """Its value."""
         return float(self.function(field))
 
 
 def _along(vector: Floats, component: Axis) -> float:
-    """A component of a vector of the field."""
     if "xyz".index(component) >= len(vector):
         raise ValueError(f"component must be one that the field has, x or y in the plane; got {component!r}.")
     return vector["xyz".index(component)]
@@ -152,7 +149,6 @@ def _flux(surface: str) -> Quantity:
 
 
 def _offering(field: Field | SolidField, name: str) -> Callable[..., float]:
-    """A method that not all fields have."""
     if not hasattr(field, name):
         raise ValueError("quantity flux_linkage is for meshes of the plane, quantity flux for tetrahedra.")
     return getattr(field, name)
@@ -171,7 +167,6 @@ def _flux_density(at: Place, component: Axis, recovered: bool = False) -> Quanti
 
 
 def _inside(value: Floats, at: Place, field: Field | SolidField) -> Any:
-    """Return the value of a field at the only point."""
     if np.isnan(value).any():
         low, high = field.mesh.p.min(axis=1), field.mesh.p.max(axis=1)
         raise ValueError(
@@ -200,7 +195,6 @@ QUANTITIES: dict[str, Callable[..., Quantity]] = {
 
 
 def quantity(given: Any, place: str) -> Quantity:
-    """Read a table under ``outputs``."""
     return made_by_name(QUANTITIES, "quantity", given, place)
 
 
@@ -213,7 +207,6 @@ GOALS: dict[str, Callable[..., Goal]] = {
 
 
 def goal(given: Any, place: str) -> Goal:
-    """Read the table ``goal``."""
     return made_by_name(GOALS, "quantity", given, place)
 
 
@@ -225,10 +218,10 @@ SHAPES: dict[str, Callable[..., Arc | Line | Spline]] = {"arc": Arc, "line": Lin
 
 
 def shape(given: Any, place: str) -> Arc | Line | Spline:
-    """Read a table under ``adapt.curves``: a curve in metres."""
     return made_by_name(SHAPES, "curve", given, place)
 
 
+# The half angle of a cone is in radians.
 SURFACES: dict[str, Callable[..., Plane | Sphere | Cylinder | Cone]] = {
     "plane": Plane,
     "sphere": Sphere,
@@ -238,7 +231,6 @@ SURFACES: dict[str, Callable[..., Plane | Sphere | Cylinder | Cone]] = {
 
 
 def surface(given: Any, place: str) -> Plane | Sphere | Cylinder | Cone:
-    """Read a table that stands for a surface, with the arguments of its class; angles are in radians."""
     return made_by_name(SURFACES, "surface", given, place)
 
 
@@ -257,7 +249,7 @@ def _pair(given: Any, place: str) -> Pair:
 PAIRS = list_of(
     Kind((list,), '["name", "name"] or ["name", "name", {motion = ...}]', lambda given: len(given) in (2, 3), _pair)
 )
-"""Pairs of boundaries, each with a table of the motion between them where that is named."""
+"""Pairs of boundaries, each with an optional table of the motion between them."""
 
 
 def _stage(given: Any, place: str) -> Stage:
@@ -268,5 +260,4 @@ STAGES = list_of(Kind((dict,), "{radius = ..., epochs = ..., learning_rate = ...
 
 
 def schedule(given: Any, place: str) -> Schedule:
-    """Read the table ``adapt.schedule``."""
     return made(Schedule, given, place, {"stages": STAGES})

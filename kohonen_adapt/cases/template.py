@@ -1,4 +1,7 @@
-"""Write a commented case for a mesh, which runs as it stands where one boundary holds most of the rim, or none any."""
+"""Commented case for a mesh.
+
+The case runs unchanged if one boundary covers more than half of the rim, or no part of the rim has a name.
+"""
 
 import json
 import re
@@ -24,14 +27,14 @@ GIVEN = {
 
 
 def case_text(mesh: Mesh, file: str, scale: float, *, points: Iterable[str] = ()) -> str:
-    """The text of a case.
+    """Return the text of a case for a mesh.
 
     Parameters
     ----------
     mesh
-        The mesh as `read_mesh` gives it at that scale.
+        The mesh of `read_mesh` at this scale.
     file
-        Its file, as the case is to name it.
+        Its file, as named in the case.
     scale
         Metres per unit of the file.
     points
@@ -40,9 +43,9 @@ def case_text(mesh: Mesh, file: str, scale: float, *, points: Iterable[str] = ()
     Returns
     -------
     str
-        TOML: every subdomain is air, and the potential 0 on the boundary that holds more than half of the rim, if one
-        does, and on the whole rim where no part of it has a name. Subdomains that overlap those, other boundaries and
-        an example of every other key are commented out.
+        TOML: every subdomain is air, and the potential is 0 on the boundary with more than half of the rim, if any, and
+        on the whole rim if no part of it has a name. Overlapping subdomains, other boundaries and an example of every
+        other key are commented out.
     """
     sizes = [f"{size:.4g}" for size in np.ptp(mesh.p, axis=1)]
     name = "template.toml" if len(mesh.p) == 2 else "template_in_space.toml"
@@ -65,7 +68,6 @@ def case_text(mesh: Mesh, file: str, scale: float, *, points: Iterable[str] = ()
 
 
 def _names(mesh: Mesh) -> dict[str, str]:
-    """What examples are about: the smallest subdomain, the boundary with most of the rim, two that may be a pair."""
     sets, part, sides = named_sets(mesh.subdomains), area(mesh), _shares(mesh)
     subdomain = min(sorted(sets), key=lambda name: float(part[sets[name]].sum()), default="coil")
     side = max(sides, key=lambda name: sides[name], default=_own_name(mesh))
@@ -81,13 +83,11 @@ def _names(mesh: Mesh) -> dict[str, str]:
 
 
 def _rim(mesh: Mesh) -> str:
-    """The key that names the whole rim, for a mesh that names no part of it."""
     line = f"rim = {_quoted(_own_name(mesh))}  # a name for the whole rim, holes included"
     return f"# {line}" if any(_shares(mesh).values()) else f"{line}: the mesh has none for any part of it"
 
 
 def _own_name(mesh: Mesh) -> str:
-    """A name that nothing in the mesh has."""
     taken = {*(mesh.boundaries or {}), *(mesh.subdomains or {})}
     return next(name for name in ("rim", *(f"rim {k}" for k in range(len(taken)))) if name not in taken)
 
@@ -111,7 +111,7 @@ def _materials(mesh: Mesh) -> Iterator[str]:
 
 
 def _partition(sets: dict[str, Ints], part: Floats) -> set[str]:
-    """Names of subdomains that do not overlap: from the smallest on or from the largest, what covers more."""
+    """Return disjoint subdomains, chosen greedily from the smallest or the largest."""
     order = sorted(sets, key=lambda name: float(part[sets[name]].sum()))
     found = [_disjoint(sets, names, len(part)) for names in (order, order[::-1])]
     return max(found, key=lambda names: sum(float(part[sets[name]].sum()) for name in names))
@@ -131,7 +131,7 @@ def _potential(mesh: Mesh) -> Iterator[str]:
     outer = max(shares, key=lambda name: shares[name], default="")
     most = shares.get(outer, 0.0)
     yield f"\n[potential]  # {GIVEN[len(mesh.p)]}"
-    if 0.0 < most <= 0.5:  # that may be a periodic side as well
+    if 0.0 < most <= 0.5:  # possibly a periodic side
         yield "# No boundary holds more than half of the rim: choose where no flux leaves, not on periodic sides."
     if most == 0.0:
         yield f"{_key(_own_name(mesh))} = 0.0"
@@ -141,13 +141,12 @@ def _potential(mesh: Mesh) -> Iterator[str]:
 
 
 def _shares(mesh: Mesh) -> dict[str, float]:
-    """Which share of the rim is in each boundary, by name."""
     sets = named_sets(mesh.boundaries)
     return {name: _share_of_rim(mesh, sets[name]) for name in sorted(sets) if len(sets[name])}
 
 
 def _share_of_rim(mesh: Mesh, rows: Ints) -> float:
-    """Which share of the rim is in a boundary; 0 if some of it is inside, where a potential cuts the field."""
+    """Return the fraction of the rim in a boundary, 0 if some facets are interior."""
     rim, corners = mesh.boundary_facets(), mesh.p[:, mesh.facets]
     size = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=0)
     if len(mesh.p) == 3:
@@ -156,7 +155,6 @@ def _share_of_rim(mesh: Mesh, rows: Ints) -> float:
 
 
 def _key(name: str) -> str:
-    """A name as a key of TOML, in quotes where it must be."""
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _quoted(name)
 
 

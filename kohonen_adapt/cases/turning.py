@@ -1,4 +1,4 @@
-"""Turn subdomains of a mesh by the angles of a case, and the magnets in them with them."""
+"""Rotation of subdomains and their magnets by the angles of a case."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -19,13 +19,13 @@ __all__ = ["turned_materials", "turned_mesh"]
 
 
 def turned_mesh(mesh: MeshTri, turn: Mapping[str, float]) -> MeshTri:
-    """The mesh with every subdomain turned by its angle in degrees about the origin, one after the other.
+    """Return the mesh with subdomains turned about the origin, angles in degrees.
 
     Raises
     ------
     ValueError
-        If `turned` refuses one, or a part of a sector is turned out of it: what the circle then adds to the rim has no
-        name, by which it could be one of a pair of sides.
+        If `turned` refuses a rotation, or a part of a sector is turned out of the sector: its new sides then have no
+        names for periodic conditions.
     """
     for name, degrees in turn.items():
         try:
@@ -44,12 +44,12 @@ def turned_mesh(mesh: MeshTri, turn: Mapping[str, float]) -> MeshTri:
 def turned_materials(
     materials: Mapping[str, Material], mesh: MeshTri, turn: Mapping[str, float]
 ) -> dict[str, Material]:
-    """The materials on the mesh turned like that: magnets in what turns point where it takes them.
+    """Return the materials, with magnets in turned subdomains turned, too.
 
     Raises
     ------
     ValueError
-        If a magnet turns in part.
+        If only a part of a magnet is turned.
     """
     found = dict(materials)
     for name, degrees in turn.items():
@@ -80,7 +80,7 @@ def _turned_vector(vector: Vector, rotation: Rotation) -> Vector:
 
 @dataclass(frozen=True)
 class _TurnedField:
-    """A field of vectors that has been turned: seen where it came from, and pointing where it has come to."""
+    """Vector field that is turned with its subdomain."""
 
     field: Callable[[Floats], ArrayLike]
     rotation: Rotation

@@ -1,1 +1,1 @@
-"""The subcommands of ``kohonen-adapt``: read arguments and files, call the library, write files and lines."""
+"""Subcommands of ``kohonen-adapt``."""

@@ -1,4 +1,4 @@
-"""Define the arguments of the command: subcommands, options, and help that says what they mean, with units."""
+"""Arguments of the command ``kohonen-adapt``."""
 
 import argparse
 import tempfile
@@ -20,10 +20,7 @@ Handler = Callable[..., int]
 
 
 def command_parser(description: str | None, version: str, run: Mapping[str, Handler]) -> argparse.ArgumentParser:
-    """The arguments of the command and of its subcommands; parsed ones hold the handler of theirs as ``run``.
-
-    The parser ends the process at arguments it does not know; without any, ``command`` is None.
-    """
+    """Return the parser of the command, with the handler of a subcommand as ``run``."""
     parser = argparse.ArgumentParser(prog="kohonen-adapt", description=description, epilog=EPILOG)
     parser.add_argument("--version", action="version", version=f"kohonen-adapt {version}")
     commands = parser.add_subparsers(metavar="COMMAND", dest="command")
@@ -187,7 +184,6 @@ def _add_sweep(commands: Any) -> None:
 
 
 def least_quality(text: str) -> LeastQuality:
-    """A number or "auto", as an option says it."""
     try:
         return "auto" if text == "auto" else float(text)
     except ValueError:
@@ -195,7 +191,6 @@ def least_quality(text: str) -> LeastQuality:
 
 
 def surfaces_of(text: str) -> dict[str, Surface]:
-    """Surfaces by the names of boundaries, as lines of TOML say them."""
     try:
         return table_of(surface)(tomllib.loads(text), "surfaces")
     except (ValueError, RecursionError) as error:
@@ -209,17 +204,15 @@ def _add_folder_or_resume(command: Any, resume: str) -> None:
 
 
 def _add_folder(command: Any, required: bool = False) -> None:
-    """Of every command that writes several files."""
     _add_file(command, "DIR", "folder for the files; created if missing", required)
 
 
 def _add_file(command: Any, what: str, said: str, required: bool = False) -> None:
-    """Of every command that writes one file."""
     command.add_argument("-o", "--out", metavar=what, type=Path, required=required, help=said)
 
 
 class _OldSpelling(argparse.Action):
-    """Takes an option by the name that it had, and keeps that for a warning."""
+    """Action for an option under its former name, which stores a warning."""
 
     def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
         setattr(namespace, self.dest, values)
@@ -227,7 +220,7 @@ class _OldSpelling(argparse.Action):
 
 
 def writable_folder(folder: Path) -> Path:
-    """Create the folder and see that it takes files, before the work and not after it."""
+    """Create the folder and check its write permission."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -237,7 +230,6 @@ def writable_folder(folder: Path) -> Path:
 
 
 def refuse_link(folder: Path) -> None:
-    """Raise FileExistsError if a folder whose files are replaced is a link."""
     if folder.is_symlink():
         raise FileExistsError(
             f"'{folder}' is a link, and files behind links are not replaced: remove the link, or choose another folder."

@@ -1,4 +1,4 @@
-"""Describe a mesh in words, and say what would go wrong with it: units, names, bad elements, thin parts."""
+"""Description of a mesh and of its faults."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -26,15 +26,14 @@ from kohonen_adapt.outline.suspects import suspects
 
 __all__ = ["described", "faults", "hints", "moving", "outlines_described", "points_described"]
 
-SHOWN = 3  # places of a kind
-GROUPS = {2: ("surface", "lines"), 3: ("volume", "surfaces")}  # whose groups become subdomains and boundaries
-LONG = 25.0  # a part is narrow whose squared outline is so many times its area, as of a rectangle of 1 by 4
-TIPS = 0.05  # of the area of a part: if less of it is one layer, that is where its sides meet
-LISTED = 6  # radii; of more than that the least and the greatest are told
+SHOWN = 3  # positions listed per fault
+GROUPS = {2: ("surface", "lines"), 3: ("volume", "surfaces")}  # groups of subdomains and boundaries
+LONG = 25.0  # squared perimeter over area of a narrow subdomain; 25 for a rectangle of 1 by 4
+TIPS = 0.05  # fraction of the area; a smaller single layer is a tip in which two sides meet
+LISTED = 6  # radii listed; of more, the range
 
 
 def described(mesh: Mesh) -> list[str]:
-    """Lines about the size, the groups, the coverage and the quality of a mesh."""
     cell, facets, angles = cell_of(mesh), *ALONE[len(mesh.p)]
     areas, value, count = area(mesh), quality(mesh), _memberships(mesh)
     worst = int(np.argmin(value))
@@ -57,13 +56,11 @@ def described(mesh: Mesh) -> list[str]:
 
 
 def points_described(groups: Groups) -> list[str]:
-    """A line about every group of points, where a case may give A by name."""
     places = {name: ", ".join(map(point_text, points.T)) for name, points in sorted(groups.places.items())}
     return [f"point '{name}': {shown} m" for name, shown in places.items()]
 
 
 def _memberships(mesh: Mesh) -> Ints:
-    """In how many subdomains every element is, (nelements,)."""
     count = np.zeros(mesh.t.shape[1], dtype=np.int64)
     for rows in named_sets(mesh.subdomains).values():
         count[rows] += 1
@@ -85,11 +82,11 @@ ALONE: dict[int, tuple[Callable[[Mesh, Ints], str], Callable[[Mesh], str]]] = {
     2: (lambda mesh, rows: "", _smallest_angle),
     3: (facets_described, angles_described),
 }
-"""Dimension to what is said of facets, and of angles."""
+"""Dimension to the descriptions of facets and of angles."""
 
 
 def moving(mesh: Mesh, surfaces: Mapping[str, Surface] | None = None) -> tuple[list[str], Iterator[str]]:
-    """Lines about where the nodes of a mesh may go, and hints; refused as `relocate` would."""
+    """Return lines on the freedom of the nodes, and hints."""
     rules = Rules(surfaces=surfaces or None)
     if cell_of(mesh) is TETRAHEDRON:
         solid = MovableSolid.of(mesh, rules)
@@ -99,7 +96,6 @@ def moving(mesh: Mesh, surfaces: Mapping[str, Surface] | None = None) -> tuple[l
 
 
 def outlines_described(movable: MovableMesh) -> list[str]:
-    """Lines about the chains of a mesh by kind, and about what its nodes may do."""
     outline, chains = movable.outline, movable.constraints.chains
     radii = 1.0 / np.abs(chains.curvature[outline.on_circles])
     splines = len(outline.straight) - np.sum(outline.straight) - len(radii)
@@ -122,7 +118,7 @@ def _radii(radii: Floats) -> str:
 
 
 def faults(mesh: Mesh, scale: float = 1.0) -> Iterator[str]:
-    """Yield a sentence for each kind of fault of a valid mesh in metres, read with that scale."""
+    """Yield a sentence for each kind of fault of a valid mesh in metres."""
     yield from unit_doubts(mesh, scale)
     yield from _names(mesh)
     for nodes, called, remedy in seams(mesh):
@@ -140,13 +136,12 @@ def faults(mesh: Mesh, scale: float = 1.0) -> Iterator[str]:
 
 
 def hints(movable: MovableMesh) -> Iterator[str]:
-    """Sentences about what may be meant and costs accuracy where it is not; of a mesh without layers."""
     yield from thin_parts(movable)
     yield from coarse_arcs(movable)
 
 
 def thin_parts(movable: MovableMesh) -> Iterator[str]:
-    """Sentences about long and narrow subdomains with one layer of elements between their sides, not at tips alone."""
+    """Yield sentences on narrow subdomains with a single layer of elements."""
     triangulation, constraints = movable.triangulation, movable.constraints
     size = area(triangulation.mesh)
     for name, rows in named_sets(triangulation.mesh.subdomains).items():
@@ -156,7 +151,7 @@ def thin_parts(movable: MovableMesh) -> Iterator[str]:
                 continue
             try:
                 bands = bands_of(triangulation, constraints, name, 2, inside)
-            except ValueError:  # no sides that face each other: it is not thin
+            except ValueError:  # no pair of facing sides, so not thin
                 continue
             for band in bands:
                 one, other = (np.isin(triangulation.elements.node, side).any(axis=1) for side in band.sides)
@@ -169,7 +164,6 @@ def thin_parts(movable: MovableMesh) -> Iterator[str]:
 
 
 def perimeter(triangulation: Triangulation, own: Mask) -> float:
-    """The length of the outline around some elements, a mask (m,)."""
     across = triangulation.elements.neighbour
     e, k = np.nonzero(own[:, None] & ((across < 0) | ~own[across]))
     a, b = triangulation.elements.ends(e, k)
@@ -177,7 +171,7 @@ def perimeter(triangulation: Triangulation, own: Mask) -> float:
 
 
 def coarse_arcs(movable: MovableMesh) -> Iterator[str]:
-    """Sentences about polygons that may be arcs of few nodes."""
+    """Yield sentences on polygons that may be coarsely meshed arcs."""
     for names, nodes, turn, (x, y), radius in suspects(movable):
         key, at = names[0] if names else "NAME", f"({x:.9g}, {y:.9g})"
         called, first = (f"boundary '{key}'", "") if names else ("an outline without a name", "name it (as lines) and ")

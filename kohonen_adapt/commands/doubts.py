@@ -13,21 +13,20 @@ from kohonen_adapt.mesh.curved import corners_of
 
 __all__ = ["case_doubts", "size_text", "unit_doubts"]
 
-LARGE, SMALL = 2.0, 2e-5  # m: devices drawn in millimetres are larger, with a scale for another unit smaller
+LARGE, SMALL = 2.0, 2e-5  # m: devices in millimetres are larger, and smaller with the scale of another unit
 LEAST_PERMEABILITY = 0.999  # diamagnetic metals have more
 MOST_REMANENCE = 3.0  # T: magnets have at most 1.5
-MOST_MILLITESLA = 3000.0  # beyond that a remanence is in gauss
-LEAST_CURRENT_DENSITY = 100.0  # A/m^2: windings have some 10^6, in A/mm^2 some 1
+MOST_MILLITESLA = 3000.0  # larger values are in gauss
+LEAST_CURRENT_DENSITY = 100.0  # A/m^2: windings have about 10^6, which is 1 A/mm^2
 LONG = 20.0  # m
 
 
 def size_text(mesh: Mesh) -> str:
-    """Return the extents of a mesh, as 0.1 x 0.2 m."""
     return f"{' x '.join(f'{size:.4g}' for size in np.ptp(mesh.p, axis=1))} m"
 
 
 def unit_doubts(mesh: Mesh, scale: float = 1.0) -> Iterator[str]:
-    """Yield a warning if the extents of a mesh in metres suit no device."""
+    """Yield a warning if a mesh in metres is too large or too small for a device."""
     extent, size = np.ptp(mesh.p, axis=1).max(), size_text(mesh)
     if extent > LARGE and scale == 1.0:
         yield f"the mesh is {size}: that looks like millimetres. If so, --scale 1e-3 (scale = 1e-3 in a case)."
@@ -40,7 +39,6 @@ def unit_doubts(mesh: Mesh, scale: float = 1.0) -> Iterator[str]:
 
 
 def case_doubts(case: Case, mesh: Mesh) -> Iterator[str]:
-    """Yield warnings about the mesh and the materials of a case that fits its mesh."""
     yield from unit_doubts(mesh, case.scale)
     problem, corners = case.problem, corners_of(mesh)
     given = coefficients(corners, problem.materials)
@@ -66,7 +64,6 @@ def case_doubts(case: Case, mesh: Mesh) -> Iterator[str]:
 
 
 def permeability_doubt(name: str, permeability: float) -> str:
-    """Return the warning about a relative permeability below 1."""
     start = f"permeability of '{name}' is relative, 1 for air; {permeability:.5g} "
     if permeability < 0.1:
         relative = permeability / VACUUM_PERMEABILITY

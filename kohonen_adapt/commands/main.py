@@ -1,4 +1,4 @@
-"""The command ``kohonen-adapt``: do what the arguments ask, and end with a status that says how it went."""
+"""The command ``kohonen-adapt``."""
 
 import argparse
 import logging
@@ -40,7 +40,7 @@ from kohonen_adapt.mesh.validity import check_mesh
 __all__ = ["main"]
 
 PACKAGE = Path(__file__).parents[1]
-# The examples come along in a wheel; in a source tree they stand beside the package.
+# A wheel contains the examples; in a source tree they are in the parent folder of the package.
 EXAMPLES = (PACKAGE / "data", PACKAGE.parent / "examples")
 
 DONE, FAILED, WRONG_USE = 0, 1, 2
@@ -52,20 +52,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     argv
-        Arguments, by default those of the process: then Ctrl-C ends the process at once, by that signal, as SIGTERM
-        does.
+        Arguments, by default those of the process: then Ctrl-C and SIGTERM end the process at once.
 
     Returns
     -------
     int
-        0 if all went well, 1 if the problem could not be solved or `check` found faults, 2 for wrong arguments and
-        files that cannot be read or written.
+        0 for success, 1 if the problem could not be solved or `check` found faults, 2 for wrong arguments and files
+        that cannot be read or written.
 
     Raises
     ------
     SystemExit
-        Where argparse ends the process: 0 after ``--help`` and ``--version``, 2 for arguments it does not know, and
-        without any, after the help.
+        If argparse ends the process: with 0 after ``--help`` and ``--version``, with 2 for unknown arguments and, after
+        the help, without arguments.
     """
     if argv is None:
         let_signals_end_the_process()
@@ -91,7 +90,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _demo(arguments: argparse.Namespace, terminal: Terminal) -> int:
-    """Adapt a case that comes along; its files are there even if there can be no picture."""
     folder, name = writable_folder(arguments.out), arguments.name
     mesh_file, fields, picture, report = (folder / f"{name}.{kind}" for kind in ("msh", "vtu", "png", "html"))
     remove_drafts(folder)
@@ -109,7 +107,6 @@ def _demo(arguments: argparse.Namespace, terminal: Terminal) -> int:
 
 
 def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
-    """Adapt a case; its files are there even if there can be no picture."""
     case = read_case(arguments.case)
     if arguments.out is None and arguments.resume is None and not arguments.dry_run:
         raise ValueError("run expected --out DIR, the folder for the files, --resume DIR, or --dry-run.")
@@ -131,7 +128,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     terminal.say(f"The best pass so far is always in {folder}; if this is cut short, go on with: {command}")
     result = run.result()
     terminal.say(result)
-    before = passes.before or adapt(mesh, case.problem, passes=0)  # a run before has solved it, and kept the mesh only
+    before = passes.before or adapt(mesh, case.problem, passes=0)  # a resumed run has only the meshes
     pictures = drawn(terminal, folder, lambda: write_pictures(case, before, result, folder))
     terminal.say(f"Files in {folder}: {', '.join([*results_of(case), *(pictures or [])])}.")
     for sentence in (goal_sentence(result.best), curve_sentence(case, result)):
@@ -145,7 +142,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
 
 @dataclass
 class _Passes:
-    """Show what pass and what step a loop is in, report finished passes, and keep the input as it was solved."""
+    """Progress of an adaptive loop, with the result of its input."""
 
     terminal: Terminal
     passes: int
@@ -166,7 +163,6 @@ class _Passes:
 
 
 def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
-    """Write a case; one that is there may hold work, so it stays."""
     path = arguments.out or arguments.mesh.with_suffix(".toml")
     if path.exists():
         raise FileExistsError(f"init does not overwrite '{path}'; choose another name with -o CASE.toml.")
@@ -182,7 +178,6 @@ def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
 
 
 def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
-    """Describe a mesh, and fail if it has faults; what is refused anyhow ends the description with an error."""
     mesh = read_mesh(arguments.mesh, scale=arguments.scale)
     check_mesh(mesh, bent=True, folded=True, space=True)
     corners = corners_of(mesh)

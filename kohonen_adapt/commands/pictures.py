@@ -1,6 +1,6 @@
-"""Draw the pictures of a run, and write the report that shows them, each whole or not at all.
+"""Pictures and report of a run.
 
-An OSError says which could not be written, a ModuleNotFoundError that there is no matplotlib.
+An OSError names the file that could not be written. A ModuleNotFoundError is raised without matplotlib.
 """
 
 import shlex
@@ -40,15 +40,15 @@ CAPTIONS = {
     SURFACE: "Flux density on the surface of the mesh",
     ANIMATION: "The mesh, pass by pass",
 }
-"""Of the pictures in a report, in its order."""
+"""Picture to caption, in the order of the report."""
 
 MILLIMETRES = 1.0  # m: smaller meshes are drawn in millimetres
 
 
 def write_pictures(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
-    """Draw the pictures and write the report that shows them, and name the files.
+    """Draw the pictures, write the report and return the names of the files.
 
-    Without matplotlib there is a report without pictures before the error.
+    Without matplotlib a report without pictures is written before the error.
     """
     command = shlex.join(["kohonen-adapt", "run", case.file or "CASE.toml", "--out", folder.name or "."])
     try:
@@ -64,18 +64,17 @@ def write_pictures(case: Case, before: AdaptResult, after: AdaptResult, folder: 
 def write_overview(
     case: Case, before: AdaptResult, after: AdaptResult, picture: Path, report: Path, command: str
 ) -> None:
-    """Draw the first of the pictures, and write the report that shows it and names a command."""
     save_figure(picture, _overview(case, before, after))
     _write_report(report, case, before, after, {CAPTIONS[PICTURE]: picture}, command)
 
 
 def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
-    from kohonen_adapt import plotting  # it needs matplotlib, the rest does not
+    from kohonen_adapt import plotting  # needs matplotlib
 
     unit, order = _length_unit(after), case.problem.order
     plane, axis = _plane_through(after), _is_axisymmetric(case)
-    names = [pin for pin in case.pinned if isinstance(pin, str)]  # nodes have other numbers now
-    slope = -order / len(after.mesh.p) * (1 if case.goal is None else 2)  # a goal's error is of twice the order
+    names = [pin for pin in case.pinned if isinstance(pin, str)]  # node numbers are no longer valid
+    slope = -order / len(after.mesh.p) * (1 if case.goal is None else 2)  # the error of a goal has twice the order
     density = density_from_indicators(before.mesh, before.indicators, order=order)
     figures = {
         PICTURE: _overview(case, before, after),
@@ -138,7 +137,6 @@ def _write_report(
 
 
 def _asked(case: Case, before: AdaptResult) -> str:
-    """Say what was to be done."""
     options, problem = case.adapt, case.problem
     target = f" and grow it to {options['target_nodes']} nodes" if "target_nodes" in options else ""
     limits = [f"{key} = {options[key]:g}" for key in ("rtol", "atol", "output_rtol") if key in options]
@@ -154,7 +152,6 @@ def _asked(case: Case, before: AdaptResult) -> str:
 
 
 def _potentials(case: Case) -> dict[str, FieldOf]:
-    """Per node; the contours of the first are the flux lines."""
     if not isinstance(case.problem, Magnetostatics):
         return {"scalar potential (A)": lambda field: field.potential}
     flux: dict[str, FieldOf] = {"flux function r A (Wb)": lambda field: field.unknown[: field.mesh.nvertices]}
@@ -165,14 +162,14 @@ def _potentials(case: Case) -> dict[str, FieldOf]:
 
 
 def _magnitude(field: Any) -> Floats:
-    """|B| in T: constant in every element, (nelements,), of higher order at the corners of each, (3, nelements)."""
+    """Return |B| in T, (nelements,), or (3, nelements) at the corners above order 1."""
     if field.elements.order == 1:
         return magnitude(field.flux_density)
     return np.hypot(*field.at_corners.flux_density).reshape(3, -1)
 
 
 def _lines_and_colours(field: Any) -> tuple[Floats, Floats]:
-    """What has the flux lines as contours, and |B|, as `draw_field_lines` takes them."""
+    """Return a function whose contours are flux lines, and |B|."""
     if field.elements.order == 1:
         return field.potential if len(field.mesh.p) == 3 else field.unknown, _magnitude(field)
     share, _ = lattice(field.elements.order)
@@ -191,7 +188,7 @@ def _length_unit(result: AdaptResult) -> str:
 
 
 def _plane_through(result: AdaptResult) -> Plane | None:
-    """Where tetrahedra are cut: across y, through the element with the largest |B|; None in the plane."""
+    """Return the plane across y through the largest |B|, or None for triangles."""
     mesh = result.mesh
     if len(mesh.p) == 2:
         return None

@@ -1,4 +1,4 @@
-"""Relocate the nodes of a mesh file by a field file, for any solver."""
+"""Relocation of the nodes of a mesh file by a field file, for any solver."""
 
 import argparse
 import re
@@ -38,13 +38,12 @@ MEANINGS: dict[str, Callable[[MeshTri, NDArray[Any]], NDArray[Any]]] = {
     "indicators": density_from_indicators,
     "sizes": density_from_sizes,
 }
-"""Meaning of a field to the function that makes a density of it."""
+"""Meaning of a field to its conversion to a density."""
 
 SOURCE = re.compile(rf"(.+?(?:{'|'.join(map(re.escape, FIELD_SUFFIXES))})):(.+)", re.IGNORECASE | re.DOTALL)
 
 
 def relocate_file(arguments: argparse.Namespace, terminal: Terminal) -> int:
-    """Read a mesh and a field on it, relocate, write the mesh with the same groups, and return the exit status."""
     out = arguments.out
     remove_drafts(writable_folder(out.parent))
     meaning, text = next((key, text) for key in MEANINGS if (text := getattr(arguments, key)) is not None)
@@ -75,7 +74,6 @@ def relocate_file(arguments: argparse.Namespace, terminal: Terminal) -> int:
 
 
 def _source(text: str, option: str) -> tuple[Path, str]:
-    """File and field of ``FIELD.vtu:name``, as it was given for an option."""
     found = SOURCE.fullmatch(text)
     if not found:
         others = ", ".join(FIELD_SUFFIXES[1:])

@@ -1,6 +1,6 @@
-"""Adapt a case in a folder: write what is best after every pass, and go on with a run that was cut short.
+"""Adaptation of a case in a folder, with results after every pass.
 
-Files are whole or not there; an OSError says which could not be written.
+Files are written whole or not at all. An OSError names the file that could not be written.
 """
 
 import csv
@@ -24,24 +24,24 @@ from kohonen_adapt.loop.table import pass_figures
 __all__ = ["CaseRun", "curve_sentence", "results_of", "write_fields"]
 
 MESH, FIELDS, INSIDE, HISTORY = "adapted.msh", "adapted.vtu", "inside.vtu", "history.csv"
-PASSES = "passes"  # folder of the finished passes, below that of the results
-ENDED = "ended.txt"  # in it: says that the run came to its end, and how
+PASSES = "passes"  # subfolder of the finished passes
+ENDED = "ended.txt"  # file in `PASSES` with the final message of a finished run
 
 
 @dataclass
 class CaseRun:
-    """One run of a case.
+    """Run of a case.
 
     Attributes
     ----------
     case, mesh
         The case and its mesh.
     folder
-        For the results; it exists.
+        Existing folder for the results.
     progress
-        As `adapt` takes it; there is the step "write" besides.
+        Function of pass and step, as for `adapt`, with the step "write" added.
     told
-        Called after every pass with the result so far, when that is written.
+        Function of the result so far, called after the files of every pass are written.
     """
 
     case: Case
@@ -53,18 +53,17 @@ class CaseRun:
 
     @property
     def passes(self) -> Path:
-        """The folder of the finished passes."""
         return self.folder / PASSES
 
     def begin(self, resume: bool, force: bool) -> int:
-        """Prepare the folder for a new run, or to go on from the last finished pass; return the finished passes.
+        """Prepare the folder for a new or a resumed run, and return the finished passes.
 
         Raises
         ------
         FileNotFoundError
-            If there is no run to go on with.
+            If there is no run to resume.
         FileExistsError
-            If the folder has the result or the passes of a run, and neither `resume` nor `force` is given, or if the
+            If the folder has the result or the passes of a run, and neither `resume` nor `force` is set, or if the
             folder of the passes is a link.
         OSError
             If files cannot be removed.
@@ -78,7 +77,7 @@ class CaseRun:
                 f"--out {self.folder}."
             )
         self.passes.mkdir(exist_ok=True)
-        remove_drafts(self.folder)  # `adapt` does it in that of the passes
+        remove_drafts(self.folder)  # `adapt` cleans the folder of the passes
         return len(self._files())
 
     def _files(self) -> list[Path]:
@@ -93,20 +92,11 @@ class CaseRun:
                 f"'{self.folder}' has {found}: go on with --resume {self.folder}, write over it with --force, or "
                 "choose another folder."
             )
-        for file in reversed(files):  # the last one first: what is left if this is cut short is a run, too
+        for file in reversed(files):  # in reverse, so that an interruption leaves a valid run
             file.unlink()
         ended.unlink(missing_ok=True)
 
     def result(self) -> AdaptResult:
-        """Adapt, and write the mesh, the fields and the table of passes of the result; groups of points stay.
-
-        Raises
-        ------
-        ValueError
-            If the finished passes are damaged or of another run, or what `adapt` refuses.
-        OSError
-            If a file cannot be written.
-        """
         case = self.case
         result = adapt(
             self.mesh,
@@ -118,7 +108,7 @@ class CaseRun:
             **case.options(self.mesh),
         )
         if self._written is not result.mesh or result.best.goal_error is not None:
-            self._write(result)  # all passes may be of a run before; the error of a goal is known at the end
+            self._write(result)  # after resuming a finished run, or with the final error of a goal
         if result.status is not Status.FAILED:
             with whole_file(self.passes / ENDED) as draft:
                 draft.write_text(f"{result.message}\n", encoding="utf-8")
@@ -130,7 +120,6 @@ class CaseRun:
         self.told(result)
 
     def _write(self, result: AdaptResult) -> None:
-        """Write what is new: the best pass if it is another, and the history."""
         self.progress(result.history[-1].number, "write")
         if self._written is result.mesh:
             _write_history(result.history, self.folder)
@@ -144,10 +133,10 @@ class CaseRun:
 
 
 def write_fields(case: Case, result: AdaptResult, mesh: Path, fields: Path) -> None:
-    """Write the mesh for Gmsh, and in metres with the fields for ParaView.
+    """Write the mesh for Gmsh, and the mesh with fields for ParaView.
 
-    The Gmsh file has the unit and the numbers of groups of the mesh that came in, so that it can take its place. In the
-    other B and H are the means of the elements.
+    The Gmsh file has the unit and group numbers of the input. The file for ParaView is in metres, with B and H as means
+    of the elements.
     """
     field = result.solution
     write_mesh(mesh, result.mesh.scaled(1.0 / case.scale), groups=case.groups)
@@ -160,7 +149,7 @@ def write_fields(case: Case, result: AdaptResult, mesh: Path, fields: Path) -> N
 
 
 def curve_sentence(case: Case, result: AdaptResult) -> str:
-    """Return how far curves are from their facets, in the unit of the mesh file; an empty string for no distance."""
+    """Return a sentence on the distance of curves from facets, empty for zero."""
     before, now = (step.sagitta / case.scale for step in (result.history[0], result.best))
     if max(before, now) == 0.0:
         return ""
@@ -169,12 +158,11 @@ def curve_sentence(case: Case, result: AdaptResult) -> str:
 
 
 def results_of(case: Case) -> list[str]:
-    """The names of the files that are there whatever can be drawn."""
     return [MESH, FIELDS, *([INSIDE] if case.problem.order > 1 else []), HISTORY]
 
 
 def _write_inside(field: Any, path: Path) -> None:
-    """Write a field of higher order for ParaView: its elements divided, with nodes of their own, so that B may jump."""
+    """Write a field of higher order on divided elements, between which B may jump."""
     share, _ = lattice(field.elements.order)
     at = field.at_each(share)
     data = {"A (Wb per m)": field.potential_at_each(share).ravel()}
@@ -184,7 +172,6 @@ def _write_inside(field: Any, path: Path) -> None:
 
 
 def _write_history(history: tuple[Pass, ...], folder: Path) -> None:
-    """Write ``history.csv``, a row for every pass."""
     rows = []
     for step in history:
         figures = pass_figures(step)

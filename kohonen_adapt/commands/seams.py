@@ -1,4 +1,4 @@
-"""Find nodes at which parts of a mesh do not join as they should: in one place, inside a facet, or touching there."""
+"""Nodes at which parts of a mesh do not join."""
 
 from collections.abc import Iterator
 
@@ -14,11 +14,11 @@ from kohonen_adapt.mesh.host import keys_of
 
 __all__ = ["seams"]
 
-SAME = 1e-9  # of the size of the mesh, or of a facet: nodes nearer than that are in the same place
+SAME = 1e-9  # tolerance for equal positions, relative to the size of the mesh or a facet
 
 
 def seams(mesh: Mesh) -> Iterator[tuple[Ints, str, str]]:
-    """Nodes of every kind of fault, what one is called, and what to say of it."""
+    """Yield the nodes, the name and the remedy of every kind of fault."""
     rim, cell = mesh.boundary_facets(), cell_of(mesh)
     yield (
         _coincident(mesh, rim),
@@ -40,14 +40,12 @@ def seams(mesh: Mesh) -> Iterator[tuple[Ints, str, str]]:
 
 
 def _coincident(mesh: Mesh, rim: Ints) -> Ints:
-    """Rim nodes in the place of others."""
     nodes = np.unique(mesh.facets[:, rim])
     found = cKDTree(mesh.p[:, nodes].T).query_pairs(SAME * np.ptp(mesh.p, axis=1).max(), output_type="ndarray")
     return nodes[np.unique(found)]
 
 
 def _hanging(mesh: Mesh, rim: Ints) -> Ints:
-    """Rim nodes on a facet of the rim, in none of its corners."""
     corners = mesh.p[:, mesh.facets[:, rim]]
     centre = corners.mean(axis=1)
     reach = np.sqrt(np.sum((corners - centre[:, None]) ** 2, axis=0).max(axis=0))
@@ -61,7 +59,7 @@ def _hanging(mesh: Mesh, rim: Ints) -> Ints:
 
 
 def _shares(corners: Floats, point: Floats) -> tuple[Floats, Floats]:
-    """Barycentric coordinates of the nearest points on facets, (d, k), and how far points (d, k) are from these."""
+    """Return barycentric coordinates of the nearest points on facets, and distances."""
     edges, off = np.moveaxis(corners[:, 1:] - corners[:, :1], 2, 0), (point - corners[:, 0]).T
     turned = edges.swapaxes(1, 2)
     share = np.linalg.solve(turned @ edges, turned @ off[:, :, None])
@@ -71,19 +69,20 @@ def _shares(corners: Floats, point: Floats) -> tuple[Floats, Floats]:
 
 
 def _crossed(mesh: Mesh, rim: Ints) -> Ints:
-    """Rim nodes with more than two lines of the rim."""
     return np.flatnonzero(np.bincount(mesh.facets[:, rim].ravel()) > 2)
 
 
 def _fanned(mesh: Mesh, rim: Ints) -> Ints:
-    """Rim nodes whose faces of the rim are not one fan, or that are on an edge of more than two of them."""
+    """Return rim nodes with several fans of rim faces, or on an edge of three faces."""
     faces = mesh.facets[:, rim]
-    ends = np.concatenate([faces[list(pair)] for pair in TRIANGLE.outward], axis=1)  # of ascending nodes or turned
+    ends = np.concatenate(
+        [faces[list(pair)] for pair in TRIANGLE.outward], axis=1
+    )  # a face may have either orientation
     _, edge = np.unique(keys_of(np.sort(ends, axis=0), mesh.p.shape[1]), return_inverse=True)
     count, order = np.bincount(edge), np.argsort(edge, kind="stable")
     crowded = ends[:, count[edge] > 2]
     pair = order[count[edge[order]] == 2].reshape(-1, 2)
-    # A fan is made of corners: face and node. Two faces that share an edge have two corners each on its ends.
+    # A fan is a connected set of corners (face, node); two faces with a common edge connect corners at both ends.
     corner = {end: _corners(faces, pair % len(rim), ends[end, pair[:, 0]]) for end in (0, 1)}
     one, other = np.concatenate([corner[0], corner[1]]).T
     graph = coo_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(faces.size, faces.size))
@@ -93,6 +92,6 @@ def _fanned(mesh: Mesh, rim: Ints) -> Ints:
 
 
 def _corners(faces: Ints, face: Ints, node: Ints) -> Ints:
-    """The number of the corner that each of these faces (k, 2) has at a node (k,), (k, 2): as rows of ``ravel``."""
+    """Return the flat index of the corner of each face (k, 2) at a node (k,)."""
     which = np.argmax(faces[:, face] == node[:, None], axis=0)
     return which * faces.shape[1] + face

@@ -1,4 +1,4 @@
-"""Describe what only a mesh of tetrahedra has: dihedral angles, and surfaces, with what its nodes may do there."""
+"""Description of the angles and surfaces of tetrahedral meshes."""
 
 from collections.abc import Iterator
 from itertools import combinations
@@ -15,13 +15,12 @@ from kohonen_adapt.outline.movable_solid import MovableSolid
 __all__ = ["angles_described", "doubtful_patches", "facets_described", "surfaces_described"]
 
 SHAPES = {PLANE: "plane", SPHERE: "sphere", CYLINDER: "cylinder", CONE: "cone"}
-SMALL = 2  # faces of a patch: a curved surface that nothing was recognised as is all such patches
-MANY = 12  # of them: fewer are corners of a drawing
-NAMED = 3  # names that are told
+SMALL = 2  # faces per patch of a curved surface that was not recognised
+MANY = 12  # patches of this size; fewer may be details of a plane drawing
+NAMED = 3  # names listed
 
 
 def facets_described(mesh: MeshTet, rows: Ints) -> str:
-    """The area of facets, and how many are inside."""
     a, b, c = (mesh.p[:, corner] for corner in mesh.facets[:, rows])
     total = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
     inside = int(np.sum(mesh.f2t[1, rows] >= 0))
@@ -29,7 +28,6 @@ def facets_described(mesh: MeshTet, rows: Ints) -> str:
 
 
 def angles_described(mesh: MeshTet) -> str:
-    """A line about the angles between faces of elements."""
     unit = hat_gradients(mesh)
     unit /= np.linalg.norm(unit, axis=0)
     cosine = [-np.sum(unit[:, i] * unit[:, j], axis=0) for i, j in combinations(range(4), 2)]
@@ -38,7 +36,6 @@ def angles_described(mesh: MeshTet) -> str:
 
 
 def surfaces_described(movable: MovableSolid) -> list[str]:
-    """Lines about the patches of a mesh by shape, and about what its nodes may do."""
     surfaces, number = movable.surfaces, movable.freedom.number
     shapes = [_counted_shape(surfaces.size[surfaces.shape == shape], said) for shape, said in SHAPES.items()]
     inside, faces, ridges, held = (np.sum(number == kind) for kind in (INSIDE, ON_PATCH, ON_RIDGE, HELD))
@@ -50,7 +47,6 @@ def surfaces_described(movable: MovableSolid) -> list[str]:
 
 
 def _counted_shape(sizes: Floats, what: str) -> str:
-    """How many patches have a shape, with their radii."""
     if not len(sizes):
         return ""
     radii = list(dict.fromkeys(f"{size:.4g}" for size in np.sort(sizes))) if what in ("sphere", "cylinder") else []
@@ -58,10 +54,10 @@ def _counted_shape(sizes: Floats, what: str) -> str:
 
 
 def doubtful_patches(movable: MovableSolid) -> Iterator[str]:
-    """A sentence about faces that may be on a curved surface, where that is not known."""
+    """Yield a sentence on small plane patches that may belong to a curved surface."""
     tet = movable.tetrahedralization
     patch, across = tet.elements.patch[tet.used], tet.elements.neighbour[tet.used]
-    share = np.where(across < 0, 1.0, 0.5)  # a face inside is one of two elements
+    share = np.where(across < 0, 1.0, 0.5)  # an interior face has two elements
     faces = np.bincount(patch[patch >= 0], share[patch >= 0], minlength=len(movable.surfaces.shape))
     small = (movable.surfaces.shape == PLANE) & (faces <= SMALL)
     if np.sum(small) >= MANY:

@@ -1,4 +1,4 @@
-"""Adapt a case for many values of its keys, several at a time, and tabulate and draw its outputs."""
+"""Adaptation of a case for many values of its keys."""
 
 import argparse
 import re
@@ -28,23 +28,23 @@ from kohonen_adapt.sweeps.sweep import sweep
 __all__ = ["sweep_case"]
 
 TABLE, PICTURE = "sweep.csv", "sweep.png"
-CASES = "cases"  # folder of the finished cases, below that of the results
+CASES = "cases"  # subfolder of the finished cases
 
 OVER = re.compile(r"(.+)=([^=:]+):([^=:]+):([^=:]+)")
 
 
 @dataclass(frozen=True)
 class CaseOutputs:
-    """The outputs of a case as a function of some of its keys, which other processes can call.
+    """Outputs of a case as a function of some of its keys, for other processes.
 
     Attributes
     ----------
     file
-        The case; paths in it are sought from its folder.
+        The case; paths in it are relative to its folder.
     text
-        What it says.
+        Text of the case.
     mesh
-        A digest of its mesh file: a sweep of another mesh is another sweep.
+        Digest of its mesh file, because a sweep of another mesh is another sweep.
     """
 
     file: Path
@@ -53,24 +53,14 @@ class CaseOutputs:
 
     @classmethod
     def of(cls, path: Path) -> "CaseOutputs":
-        """Read a case.
-
-        Raises
-        ------
-        ValueError
-            If it is none, or has no outputs.
-        OSError
-            If a file cannot be read.
-        """
         case = read_case(path)
         if not case.outputs:
             raise ValueError(f"{path}: sweep expected [outputs], what is to be known of each solution; there are none.")
-        files = [case.mesh, *sorted(case.mesh.glob("mesh.*"))]  # a folder of Elmer's has several
+        files = [case.mesh, *sorted(case.mesh.glob("mesh.*"))]  # several in a folder of Elmer
         content = b"".join(file.read_bytes() for file in files if file.is_file())
         return cls(path.resolve(), case.text, blake2b(content, digest_size=16).hexdigest())
 
     def __call__(self, **values: float) -> dict[str, float]:
-        """The outputs of the adapted case with these values, by name and unit."""
         case = self.case(values)
         mesh = fitting_mesh(case)
         result = adapt(mesh, case.problem, outputs=case.labelled_outputs, **case.options(mesh))
@@ -79,13 +69,6 @@ class CaseOutputs:
         return result.best.outputs
 
     def case(self, values: Mapping[str, float]) -> Case:
-        """The case with these values.
-
-        Raises
-        ------
-        ValueError
-            If a name is no key of a case, or a value is none for it.
-        """
         given = tomllib.loads(self.text)
         for name, value in values.items():
             given = _changed(given, _path(name), value)
@@ -93,7 +76,6 @@ class CaseOutputs:
 
 
 def sweep_case(arguments: argparse.Namespace, terminal: Terminal) -> int:
-    """Read a case, compute it for every combination of values, write and draw the outputs; return the exit status."""
     if arguments.out is None and arguments.resume is None:
         raise ValueError("sweep expected --out DIR, the folder for the files, or --resume DIR.")
     outputs, grid = CaseOutputs.of(arguments.case), dict(map(_values, arguments.over))
@@ -120,7 +102,7 @@ def sweep_case(arguments: argparse.Namespace, terminal: Terminal) -> int:
 
 
 def _draw(result: SweepResult, folder: Path) -> list[str]:
-    from kohonen_adapt.plotting import sweep_figure  # it needs matplotlib, the rest does not
+    from kohonen_adapt.plotting import sweep_figure  # needs matplotlib
 
     if not result.outputs:
         return []
@@ -129,7 +111,6 @@ def _draw(result: SweepResult, folder: Path) -> list[str]:
 
 
 def _begun(arguments: argparse.Namespace) -> Path:
-    """The folder, ready to begin anew or to go on; what is in one that has not ended is worth keeping."""
     folder: Path = arguments.resume or writable_folder(arguments.out)
     cases = folder / CASES
     refuse_link(cases)
@@ -138,21 +119,20 @@ def _begun(arguments: argparse.Namespace) -> Path:
             f"--resume expected the folder of a sweep that was begun; '{folder}' has no '{CASES}'. Begin with --out "
             f"{folder}."
         )
-    remove_drafts(folder)  # of a process that was killed
+    remove_drafts(folder)  # of killed processes
     if cases.is_dir() and not arguments.resume:
         if not (folder / TABLE).exists():
             raise FileExistsError(
                 f"'{folder}' has cases of a sweep that has not ended: go on with --resume {folder}, or delete "
                 f"'{cases}' to start anew."
             )
-        for file in [*sorted(cases.glob("*.json")), folder / TABLE]:  # what says of which sweep they are after them
+        for file in [*sorted(cases.glob("*.json")), folder / TABLE]:  # the table last: it marks a finished sweep
             file.unlink()
     return folder
 
 
 @contextmanager
 def _executor(arguments: argparse.Namespace) -> Iterator[Executor]:
-    """Who computes: a Dask cluster, or processes of this machine."""
     if not arguments.scheduler:
         with LocalPool(arguments.jobs) as pool:
             yield pool
@@ -166,7 +146,7 @@ def _executor(arguments: argparse.Namespace) -> Iterator[Executor]:
 
 
 def _values(over: str) -> tuple[str, list[float]]:
-    """Name and values of ``NAME=FIRST:LAST:COUNT``; integers where all of it is."""
+    """Return name and values of ``NAME=FIRST:LAST:COUNT``, as integers if all are."""
     try:
         name, first, last, count = OVER.fullmatch(over).groups()  # type: ignore[union-attr]
         if not np.isfinite([float(first), float(last)]).all() or int(count) < 1:
@@ -182,7 +162,6 @@ def _values(over: str) -> tuple[str, list[float]]:
 
 
 def _path(name: str) -> list[str]:
-    """The keys of a dotted key, as TOML reads it: those with a dot in them stand in quotes."""
     try:
         table = tomllib.loads(f"{name} = 0")
     except tomllib.TOMLDecodeError:
@@ -197,7 +176,6 @@ def _path(name: str) -> list[str]:
 
 
 def _changed(table: Mapping[str, Any], path: list[str], value: float) -> dict[str, Any]:
-    """The table with another value where the path leads; the rest of it is shared."""
     key, *rest = path
     if not rest:
         return {**table, key: value}

@@ -1,4 +1,4 @@
-"""Read and write mesh files with every name: Gmsh MSH 2.2 and 4.1, second order too, and those of other programs."""
+"""Read and write mesh files of Gmsh and other programs, with named groups."""
 
 from kohonen_adapt.io.content import MSH_VERSION
 from kohonen_adapt.io.elmer import HEADER

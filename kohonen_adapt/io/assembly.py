@@ -1,4 +1,4 @@
-"""Make of what a file holds a mesh with names, and its curves through the mid-side nodes of second-order triangles."""
+"""Triangle meshes and curves from the content of mesh files."""
 
 import logging
 from collections.abc import Callable
@@ -39,34 +39,34 @@ ROTATE = {
     0: "It is in the yz-plane: rotate it (Gmsh: Rotate {{0, 1, 0}, {0, 0, 0}, Pi/2} {Surface{:};}).",
     1: "It is in the xz-plane: rotate it (Gmsh: Rotate {{1, 0, 0}, {0, 0, 0}, -Pi/2} {Surface{:};}).",
 }
-"""The coordinate that a plane drawing has constant, and what to do."""
+"""Index of the constant coordinate of a plane drawing to the remedy."""
 
 FLAT = 1e-9
-"""How far from a plane z = constant a drawing may be, in sizes of the mesh."""
+"""Tolerance for a plane z = constant, relative to the size of the mesh."""
 
 TRIANGLE6 = 9
-"""Gmsh's number for triangles of three corners and, in `MIDDLES`, a node on each side."""
+"""Gmsh's number for triangles of second order; `MIDDLES` has the columns of their midside nodes."""
 
 SIDES, MIDDLES = ([0, 1], [1, 2], [2, 0]), (3, 4, 5)
 SAME = 1e-12
-"""How far, in sizes of the mesh, a node may be from where the file has it."""
+"""Tolerance for equal node positions, relative to the size of the mesh."""
 
 STRAIGHT = 1e-9
-"""How far, in lengths of its facet, a mid-side node may be off a straight one."""
+"""Tolerance for the midside node of a straight facet, relative to the length of the facet."""
 
 DIGITS = 1e-14
-"""How far, in sizes of the coordinates, it may be off because these are rounded."""
+"""Rounding error of positions, relative to the largest coordinate."""
 
 
 def to_mesh(content: Content, path: Path, scale: float) -> MeshTri:
-    """The triangles of a file as a mesh, with its groups as subdomains and boundaries.
+    """Return the triangles of a file, with groups as subdomains and boundaries.
 
-    It is a `MeshTri2` where triangles of second order have a side that is bent.
+    The mesh is a `MeshTri2` if a second-order triangle has a curved side.
 
     Raises
     ------
     ValueError
-        If the file, `path`, holds other than triangles in the xy-plane.
+        If the file, `path`, does not hold a mesh of triangles in the xy-plane.
     """
     _check_shapes(content, path)
     rows = content.of_shape(TRIANGLE)
@@ -87,7 +87,6 @@ def to_mesh(content: Content, path: Path, scale: float) -> MeshTri:
 
 
 def _with_bent_sides(mesh: MeshTri, content: Content, used: Ints, path: Path, scale: float) -> MeshTri:
-    """The `MeshTri2` with the mid-side nodes of the file, or the mesh itself where these are on their chords."""
     middle = _middles(content.rows[TRIANGLE6].nodes, used[mesh.facets.T], path)
     _check_points(content.points[np.append(used, middle)], path, "mid-side node")
     position = scale * content.points[:, :2].T
@@ -111,7 +110,7 @@ def _check_shapes(content: Content, path: Path) -> None:
 
 
 def said_of(content: Content) -> tuple[dict[str, int], str]:
-    """How many elements a file has by their shape, and that in words."""
+    """Return the number of elements by shape, and the same as text."""
     counts: dict[str, int] = {}
     for kind, rows in content.rows.items():
         counts[shape_of(kind)] = counts.get(shape_of(kind), 0) + len(rows.number)
@@ -119,9 +118,10 @@ def said_of(content: Content) -> tuple[dict[str, int], str]:
 
 
 def listed_once(rows: Rows) -> tuple[Ints, Ints]:
-    """Every element once, in the order of the numbers in the file: its corners, and which element each row is.
+    """Return the corners of every element once, and the element of each row.
 
-    MSH 2.2 lists an element of two groups twice, under two numbers.
+    Elements have the order of their numbers in the file. MSH 2.2 lists an element of two groups twice, under two
+    numbers.
     """
     corners = np.sort(rows.nodes, axis=1)
     order = np.lexsort((rows.number, *corners.T))
@@ -150,7 +150,7 @@ def _check_points(points: Floats, path: Path, what: str = "node") -> None:
 
 
 def by_name(group: Ints, item: Ints, shape: str, content: Content) -> Sets | None:
-    """Items by the name of their group; row k says that `item[k]` is in `group[k]`."""
+    """Return the items by group name, where `item[k]` is in group `group[k]`."""
     named = [tag for dimension, tag in content.names if dimension == DIMENSION[shape]]
     members = by_group(group, item)
     sets: Sets = {}
@@ -166,7 +166,7 @@ def by_name(group: Ints, item: Ints, shape: str, content: Content) -> Sets | Non
 
 
 def _boundaries(mesh: MeshTri, used: Ints, content: Content, path: Path) -> Sets | None:
-    """Facets by name, twice the number of each, and 1 more where its second element is on the left of its line."""
+    """Return ``2 * facet + side`` by name, side 1 if the second is left."""
     rows = content.of_shape(LINE)
     if len(rows.number) == 0 and not content.names:
         return None
@@ -181,9 +181,10 @@ def _boundaries(mesh: MeshTri, used: Ints, content: Content, path: Path) -> Sets
 
 
 def oriented(mesh: MeshTri | MeshTet, boundaries: Sets | None, runs_on: Callable[[Ints], bool]) -> Sets | None:
-    """Boundaries as scikit-fem has them: plain arrays on the rim, or where facets (m, d) have no direction in common.
+    """Return boundaries as scikit-fem stores them, from codes ``2 * facet + side``.
 
-    They come as twice the number of each facet, and 1 more where its second element is in front of it.
+    A boundary is an `OrientedBoundary` if some of its facets are inside the mesh and `runs_on` returns True for its
+    directed facets, shape (m, d).
     """
     made: Sets = {}
     for name, codes in (boundaries or {}).items():
@@ -195,7 +196,10 @@ def oriented(mesh: MeshTri | MeshTet, boundaries: Sets | None, runs_on: Callable
 
 
 def _runs_on(lines: Ints) -> bool:
-    """Whether most lines (m, 2) run on from others: of a program that knows no direction, half meet head to head."""
+    """Return True if most lines (m, 2) join head to tail.
+
+    Lines without direction meet head to head at half of their joints.
+    """
     starts, ends = (np.bincount(nodes, minlength=1 + lines.max(initial=0)) for nodes in lines.T)
     joint = starts + ends == 2
     return bool(np.sum(starts[joint] != 1) <= np.sum(joint) / 4)
@@ -223,12 +227,12 @@ def _report(mesh: MeshTri, content: Content, path: Path) -> None:
 
 
 def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict[str, Spline]:
-    """Splines through the end and mid-side nodes of the named boundaries of a mesh that are curved in its file.
+    """Return a spline for every named boundary that is curved in the file.
 
     Raises
     ------
     ValueError
-        If the file, `path`, holds triangles of another order, or the mesh is not that of its corners.
+        If the file, `path`, does not hold second-order triangles only, or `mesh` has other nodes than the file.
     """
     _check_order(content, path)
     mesh = corners_of(mesh)
@@ -254,7 +258,6 @@ def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict
 
 
 def is_second_order(content: Content) -> bool:
-    """Whether all triangles are of second order."""
     return {kind for kind in content.rows if shape_of(kind) == TRIANGLE} == {TRIANGLE6}
 
 
@@ -282,10 +285,7 @@ def _of_another_mesh(path: Path, why: str) -> ValueError:
 
 
 def _middles(triangles: Ints, ends: Ints, path: Path) -> Ints:
-    """The node between each of these pairs of nodes, (f, 2) -> (f,).
-
-    The triangles have it for every facet, also where a name was given after reading and the file has no line.
-    """
+    """Return the midside node of each facet with the end nodes `ends` (f, 2)."""
     middle = np.full(len(ends), -1)
     for side, between in zip(SIDES, MIDDLES, strict=True):
         facet = sets_in(ends, triangles[:, side])
@@ -297,7 +297,6 @@ def _middles(triangles: Ints, ends: Ints, path: Path) -> Ints:
 
 
 def _is_bent(segments: Ints, position: Floats) -> Mask:
-    """Tell whether a middle is off its chord by more than rounding, (f, 3) -> (f,)."""
     start, middle, end = (position[:, segments[:, k]] for k in range(3))
     chord, off = end - start, middle - start
     length = np.sqrt(np.sum(chord**2, axis=0))

@@ -1,4 +1,4 @@
-"""Hold what a mesh file says before anything is made of it, and refuse in one line a file that cannot be read."""
+"""Content of mesh files, independent of their format."""
 
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
@@ -41,21 +41,21 @@ __all__ = [
 ]
 
 MSH_VERSION = {".msh": "4.1", ".msh2": "2.2"}
-"""Suffix to version of MSH; Gmsh itself takes `.msh2` for 2.2."""
+"""Suffix to version of MSH; Gmsh uses `.msh2` for 2.2, too."""
 
-LARGEST_TAG = 2**31 - 1  # of a physical group: Gmsh has them as int
-EXACT = 2.0**53  # below it, every whole number is a float, as texts of numbers are parsed
-PACKED = 200  # times its size: what a packed file may unpack to, besides...
-ALWAYS = 2**26  # bytes: ...what any may
-SHOWN = 160  # characters of what went wrong: a file may put anything there
+LARGEST_TAG = 2**31 - 1  # of a physical group: Gmsh stores tags as int
+EXACT = 2.0**53  # smaller integers are exact as floats, to which text is parsed
+PACKED = 200  # largest ratio of unpacked data to the size of a file,
+ALWAYS = 2**26  # and bytes allowed in addition
+SHOWN = 160  # characters of a reason, which may quote the file
 
 POINT, LINE, TRIANGLE, TETRAHEDRON = "point", "line", "triangle", "tetrahedron"
 CORNERS = {POINT: 1, LINE: 2, TRIANGLE: 3, TETRAHEDRON: 4}
 OTHERS = {"quadrilateral": 2, "hexahedron": 3, "prism": 3, "pyramid": 3}
 DIMENSION = {**{shape: corners - 1 for shape, corners in CORNERS.items()}, **OTHERS}
-"""Dimension of every shape; a mesh is made of triangles or tetrahedra, what bounds it of one less."""
+"""Shape to dimension."""
 
-# Nodes per element by Gmsh's numbers for element types; the corners always come first.
+# Nodes per element by Gmsh's numbers for element types; the corners are always first.
 _SHAPES = {
     POINT: {15: 1},
     LINE: {1: 2, 8: 3, 26: 4, 27: 5, 28: 6},
@@ -71,7 +71,9 @@ _TYPES = {number: (shape, nodes) for shape, types in _SHAPES.items() for number,
 
 @dataclass(frozen=True)
 class Rows:
-    """Elements of one type as a file lists them: one row per element and group, so an element may come again.
+    """Elements of one type as a file lists them.
+
+    There is one row per element and group, so an element may have several rows.
 
     Attributes
     ----------
@@ -89,7 +91,6 @@ class Rows:
 
     @classmethod
     def joined(cls, parts: Sequence["Rows"], nodes: int) -> "Rows":
-        """All rows by the first `nodes` of their nodes."""
         none = np.empty(0, np.int64)
         return cls(
             np.concatenate([np.empty((0, nodes), np.int64), *(part.nodes[:, :nodes] for part in parts)]),
@@ -100,22 +101,22 @@ class Rows:
 
 @dataclass(frozen=True)
 class Content:
-    """A mesh file as it stands.
+    """Content of a mesh file.
 
     Attributes
     ----------
     points
-        (n, 3), in the order of the numbers of the nodes.
+        (n, 3), in the order of the node numbers.
     rows
-        The elements by Gmsh's number of their type.
+        Elements by Gmsh's number of their type.
     names
-        Names of physical groups by (dimension, tag): the same tag may come once per dimension.
+        Names of physical groups by (dimension, tag), because a tag may occur once per dimension.
     missing
-        Tags of surfaces of the geometry whose triangles are not in the file, of a solid volumes.
+        Tags of the surfaces of the geometry without triangles in the file; of a solid, volumes without tetrahedra.
     numbers
-        (n,): numbers of the nodes in the file, if it has any.
+        (n,): numbers of the nodes in the file, if any.
     version
-        Of MSH, by which it can be written again; empty of other files.
+        Version of MSH, empty for another format.
     """
 
     points: Floats
@@ -127,25 +128,24 @@ class Content:
 
     @property
     def dimension(self) -> int:
-        """3 where there are solid elements, else 2."""
         return max([2, *(DIMENSION[shape_of(kind)] for kind, rows in self.rows.items() if len(rows.number))])
 
     def of_shape(self, shape: str) -> Rows:
-        """All elements of a simple shape, whatever their order, by their corners: Gmsh lists these first."""
+        """Return all elements of a shape of any order, reduced to their corners."""
         parts = [rows for kind, rows in sorted(self.rows.items()) if shape_of(kind) == shape]
         return Rows.joined(parts, CORNERS[shape])
 
 
 @dataclass(frozen=True)
 class Field:
-    """One field.
+    """Field on the nodes or cells of a file.
 
     Attributes
     ----------
     name
-        As the file has it.
+        Name in the file.
     nodal
-        Whether it is on nodes, else on cells.
+        True for a field on nodes, False on cells.
     values
         (nodes or cells, components), of any type.
     """
@@ -157,7 +157,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Sampled:
-    """Cells, triangles or tetrahedra, with fields.
+    """Triangles or tetrahedra with fields.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ class Sampled:
     cells
         (m, 3 or 4): rows of `points`.
     fields
-        All that the file has; names may come again.
+        All fields of the file; a name may occur twice.
     """
 
     points: Floats
@@ -175,9 +175,9 @@ class Sampled:
 
 
 def gathered(points: Floats, sets: Iterable[tuple[int, str, Ints, Ints]]) -> Content:
-    """What a file holds from Gmsh's number for a type, name, nodes and numbers of the elements of its named sets.
+    """Return the content of sets of (Gmsh's type, name, nodes, element numbers).
 
-    The name is empty for elements in no set. Names are numbered as they come.
+    An empty name stands for elements without a group.
     """
     tags: dict[tuple[int, str], int] = {}
     found: dict[int, list[Rows]] = {}
@@ -190,19 +190,17 @@ def gathered(points: Floats, sets: Iterable[tuple[int, str, Ints, Ints]]) -> Con
 
 
 def shape_of(kind: int) -> str:
-    """Name of the shape of elements of Gmsh's type `kind`."""
     return _TYPES[kind][0]
 
 
 def nodes_of(kind: int) -> int:
-    """Nodes per element of Gmsh's type `kind`; an unknown one is a ValueError."""
     if kind not in _TYPES:
         raise ValueError(f"element type {kind} is unknown")
     return _TYPES[kind][1]
 
 
 def found_in(known: Ints, wanted: Ints) -> Ints:
-    """Look up the places of numbers of any shape among known ones (k,), -1 for none."""
+    """Return the index in `known` (k,) of every entry of `wanted`, or -1."""
     if len(known) == 0:
         return np.full(wanted.shape, -1)
     order = np.argsort(known, kind="stable")
@@ -211,16 +209,15 @@ def found_in(known: Ints, wanted: Ints) -> Ints:
 
 
 def sets_in(known: Ints, wanted: Ints) -> Ints:
-    """Look up the places of sets of nodes (m, width) in any order among known ones (k, width), -1 for none."""
+    """Return the row of `known` with the nodes of each row of `wanted`, or -1."""
     nodes = np.sort(np.vstack([known, wanted]), axis=1).T
     key = keys_of(nodes, 1 + int(nodes.max(initial=0)))
     return found_in(key[: len(known)], key[len(known) :])
 
 
 def parsed(text: str | bytes, kind: DTypeLike = float) -> NDArray[Any]:
-    """All numbers of a text; a ValueError if it holds anything else."""
     with warnings.catch_warnings():
-        warnings.simplefilter("error")  # numpy warns of what is no number of this type, or raises
+        warnings.simplefilter("error")  # numpy only warns about some invalid text
         try:
             return np.fromstring(text.strip(), kind, sep=" ")
         except (DeprecationWarning, RuntimeWarning, ValueError):
@@ -228,7 +225,6 @@ def parsed(text: str | bytes, kind: DTypeLike = float) -> NDArray[Any]:
 
 
 def suffix_of(path: Path, caller: str, known: tuple[str, ...], remedy: str = "") -> str:
-    """How the name of a file ends, in small letters; a ValueError with the remedy if that is not known."""
     suffix = path.suffix.lower()
     if suffix not in known:
         raise ValueError(f"{caller} expected a file name that ends in {', '.join(known)}; got '{path.name}'.{remedy}")
@@ -236,7 +232,6 @@ def suffix_of(path: Path, caller: str, known: tuple[str, ...], remedy: str = "")
 
 
 def check_finite(points: Floats, path: Path, caller: str, what: str) -> None:
-    """Refuse a file with points (n, dimensions) at infinity or nowhere."""
     finite = np.isfinite(points).all(axis=1)
     if not finite.all():
         first = int(np.argmin(finite))
@@ -248,14 +243,14 @@ def check_finite(points: Floats, path: Path, caller: str, what: str) -> None:
 
 @contextmanager
 def refusing(path: Path, message: str) -> Iterator[None]:
-    """Turn what goes wrong inside, while a file is taken apart, into a ValueError of one line that names it.
+    """Raise errors of a reader as a ValueError of one line.
 
     Parameters
     ----------
     path
-        The file.
+        File being read.
     message
-        The line, with ``{}`` where it says what went wrong.
+        Line of the error, with ``{}`` for the reason.
     """
     try:
         yield

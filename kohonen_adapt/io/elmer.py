@@ -1,6 +1,6 @@
-"""Read and write the folder in which Elmer has a mesh: its nodes, elements and boundary, and names for their numbers.
+"""Mesh folders of Elmer.
 
-An element of Elmer is in one body and a facet in one boundary, so what overlaps cannot be written.
+An element of Elmer is in one body and a facet in one boundary, so overlapping groups cannot be written.
 """
 
 import re
@@ -22,22 +22,21 @@ __all__ = ["HEADER", "read_elmer", "write_elmer"]
 Sets = Mapping[str, Ints]
 
 HEADER = "mesh.header"
-"""The file by which a folder is known to be a mesh of Elmer."""
+"""File that identifies a folder as a mesh of Elmer."""
 
 KINDS = {"101": 15, "202": 1, "203": 8, "303": 2, "306": 9, "504": 4, "510": 11}
-"""Elmer's number of a type to Gmsh's; the first digit is the shape, the rest the number of nodes."""
+"""Elmer's number of a type (a digit for the shape, and the number of nodes) to Gmsh's."""
 
 SHAPES = {"4": 3, "6": 7, "7": 6, "8": 5}
-"""First digits of what is refused anyhow: quadrilaterals, pyramids, prisms and hexahedra."""
+"""First digit of refused types (quadrilaterals, pyramids, prisms, hexahedra) to Gmsh's number."""
 
 WRITTEN_AS = {2: (303, 202), 3: (504, 303)}
-"""Dimension to Elmer's numbers for the types of elements and of facets."""
+"""Dimension to Elmer's numbers of the types of elements and facets."""
 
 NAME = re.compile(r"\$\s*(\S.*?)\s*=\s*([0-9]+)\s*")
 
 
 def read_elmer(folder: Path) -> Content:
-    """Read a mesh of Elmer; a ValueError if it is damaged or lacks a file."""
     with refusing(folder, f"read_mesh expected a mesh of Elmer; '{folder}' cannot be read: {{}}."):
         nodes = parsed(_text(folder, "mesh.nodes")).reshape(-1, 5)
         nodes = nodes[np.argsort(nodes[:, 0], kind="stable")]
@@ -60,7 +59,10 @@ def _text(folder: Path, name: str) -> str:
 
 
 def _blocks(text: str, before: int) -> Iterator[tuple[int, Rows]]:
-    """Elements of one type, in lines of number, body or boundary, more of `before` in all, type and nodes."""
+    """Yield Gmsh's type and the elements of each type.
+
+    A line has the number, the body or boundary, `before` - 1 further words, the type and the nodes.
+    """
     lines = [words for line in text.splitlines() if (words := line.split())]
     for kind in sorted({words[1 + before] for words in lines}):
         number = KINDS.get(kind) or SHAPES.get(kind[0])
@@ -71,7 +73,7 @@ def _blocks(text: str, before: int) -> Iterator[tuple[int, Rows]]:
 
 
 def _names(folder: Path, bodies: int) -> dict[tuple[int, int], str]:
-    """Names by (dimension, number): of bodies, of this dimension, until a comment speaks of boundaries."""
+    """Return names by (dimension, number), with `bodies` as the dimension of bodies."""
     names: dict[tuple[int, int], str] = {}
     dimension = bodies
     for line in _text(folder, "mesh.names").splitlines() if (folder / "mesh.names").exists() else []:
@@ -83,13 +85,6 @@ def _names(folder: Path, bodies: int) -> dict[tuple[int, int], str]:
 
 
 def write_elmer(folder: Path, mesh: Mesh, subdomains: Sets, boundaries: Sets, groups: Groups) -> None:
-    """Write a mesh for Elmer; arguments as `write_mesh` has checked them.
-
-    Raises
-    ------
-    ValueError
-        If two subdomains have an element in common, or two boundaries a facet.
-    """
     d, (kind, of_facet) = len(mesh.p), WRITTEN_AS[len(mesh.p)]
     numbers = numbers_for({d: subdomains, d - 1: boundaries}, groups)
     body = _numbered(subdomains, d, mesh.t.shape[1], numbers)
@@ -116,7 +111,7 @@ def write_elmer(folder: Path, mesh: Mesh, subdomains: Sets, boundaries: Sets, gr
 
 
 def _numbered(sets: Sets, dimension: int, count: int, numbers: Mapping[tuple[int, str], int]) -> Ints:
-    """The number of the set that each item is in, 0 for none, (count,)."""
+    """Return the number of the set of each item, 0 for none, shape (count,)."""
     number = np.zeros(count, np.int64)
     for name, items in sets.items():
         taken = number[np.asarray(items)].max(initial=0)
@@ -128,7 +123,6 @@ def _numbered(sets: Sets, dimension: int, count: int, numbers: Mapping[tuple[int
 
 
 def _named(sets_of: Mapping[int, Sets], numbers: Mapping[tuple[int, str], int]) -> Iterator[str]:
-    """Lines for bodies and boundaries, in this order, by their dimensions."""
     for (dimension, sets), kind in zip(sets_of.items(), ("bodies", "boundaries"), strict=True):
         yield f"! ----- names for {kind} -----\n"
         yield from (f"$ {name} = {numbers[dimension, name]}\n" for name in sets)

@@ -1,4 +1,4 @@
-"""Read the solution file of FEMM, .ans: the mesh in metres, with the names of blocks and of boundary properties."""
+"""Meshes from the solution files (.ans) of FEMM."""
 
 import re
 from collections.abc import Iterator
@@ -22,19 +22,19 @@ UNITS = {
     "micrometers": 1e-6,
     "microns": 1e-6,
 }
-"""FEMM's name of a unit of length, in metres."""
+"""FEMM's name of a unit of length to metres."""
 
 LINE, TRIANGLE = 1, 2
-NEAR = 1e-7  # of the length of a segment or the radius of an arc: a node nearer than that is on it
+NEAR = 1e-7  # tolerance for nodes on a curve, relative to the length of a segment or the radius of an arc
 
 Complex = NDArray[np.complex128]
 
 
 def read_ans(path: Path) -> Content:
-    """Read the mesh of a solution of FEMM; a ValueError if it is damaged or of another kind.
+    """Return the mesh of a solution of FEMM, in metres.
 
-    Boundaries are found as the nodes on segments and arcs with a property, one after another: files before 2018 do not
-    say which sides of triangles have one.
+    Boundaries are found as the nodes on segments and arcs with a property, because files before 2018 do not list the
+    sides of triangles.
     """
     with refusing(path, f"read_mesh expected a solution of FEMM; '{path}' cannot be read: {{}}."):
         head, mark, solution = path.read_text(encoding="utf-8", errors="replace").partition("[Solution]")
@@ -52,14 +52,13 @@ def read_ans(path: Path) -> Content:
 
 def _unit(head: str) -> float:
     found = re.search(r"\[LengthUnits\]\s*=\s*(\w+)", head)
-    name = found[1].lower() if found else "inches"  # as FEMM itself takes it
+    name = found[1].lower() if found else "inches"  # the default of FEMM
     if name not in UNITS:
         raise ValueError(f"its unit of length is '{name}'; FEMM has {listed(UNITS)}")
     return UNITS[name]
 
 
 def _table(lines: list[str], columns: int) -> Floats:
-    """The first columns of the rows that follow a line with their number."""
     count = int(lines[0].split("=")[-1])
     rows = [line.split()[:columns] for line in lines[1 : 1 + max(count, 0)]]
     if len(rows) != count:
@@ -73,7 +72,7 @@ def _section(head: str, name: str, columns: int) -> Floats:
 
 
 def _blocks(head: str, elements: Ints) -> Iterator[tuple[int, str, Ints, Ints]]:
-    """Kind, name, nodes and numbers of the elements of every block, and of each label of a block with several."""
+    """Yield (type, name, nodes, numbers) of blocks, and of several labels of a block."""
     names = ["", *re.findall(r'<BlockName>\s*=\s*"([^"]*)"', head)]
     block = _section(head, "NumBlockLabels", 3)[:, 2].astype(np.int64)
     label, number = elements[:, 3], np.arange(len(elements))
@@ -88,7 +87,6 @@ def _blocks(head: str, elements: Ints) -> Iterator[tuple[int, str, Ints, Ints]]:
 
 
 def _boundaries(head: str, nodes: Complex) -> Iterator[tuple[int, str, Ints, Ints]]:
-    """The lines along every segment and arc with a property, from its first point to its second."""
     names = ["", *re.findall(r'<BdryName>\s*=\s*"([^"]*)"', head)]
     ends = _section(head, "NumPoints", 2) @ [1.0, 1.0j]
     segments, arcs = _section(head, "NumSegments", 4), _section(head, "NumArcSegments", 5)
@@ -101,7 +99,7 @@ def _boundaries(head: str, nodes: Complex) -> Iterator[tuple[int, str, Ints, Int
 
 
 def _along(nodes: Complex, start: complex, end: complex, angle: float) -> Ints:
-    """Nodes on a segment, or on an arc of some angle counter-clockwise, from its start to its end."""
+    """Return the nodes on an arc of `angle` radians (0 for a segment) in order."""
     if angle > 0.0:
         centre = 0.5 * (start + end) + 0.5j * (end - start) / np.tan(0.5 * angle)
         turned = (nodes - centre) / (start - centre)

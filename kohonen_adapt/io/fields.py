@@ -1,4 +1,4 @@
-"""Read a field of another program, one number per node or element, onto the mesh at hand."""
+"""Fields of other programs, read onto a mesh."""
 
 from os import PathLike
 from pathlib import Path
@@ -22,7 +22,7 @@ __all__ = ["FIELD_SUFFIXES", "read_field"]
 
 FIELD_SUFFIXES = (*WITH_FIELDS, ".msh", ".msh2", ".pos")
 
-NEAR = 1e-6  # of the size of the mesh: coordinates of single precision are that near
+NEAR = 1e-6  # tolerance for positions in single precision, relative to the size of the mesh
 
 
 def read_field(path: str | PathLike[str], mesh: Mesh, name: str, *, scale: float = 1.0) -> Floats:
@@ -31,28 +31,28 @@ def read_field(path: str | PathLike[str], mesh: Mesh, name: str, *, scale: float
     Parameters
     ----------
     path
-        A file with views of Gmsh (``.msh``, ``.msh2``, ``.pos``: what Gmsh and GetDP write), or ``.vtu``, ``.vtk``,
-        ``.xdmf`` or ``.med``. Cells of other shapes than the mesh has, and points that none of it uses, have no say.
+        A file with views of Gmsh (``.msh``, ``.msh2``, ``.pos``: the formats of Gmsh and GetDP), or ``.vtu``, ``.vtk``,
+        ``.xdmf`` or ``.med``. Cells of another shape than the elements and unused points are ignored.
     mesh
-        The mesh that it must be on, of triangles or tetrahedra: the same nodes and elements, in any order. Other
-        programs number them as they like, so elements are known by their centres.
+        The mesh of the field, of triangles or tetrahedra: the same nodes and elements as in the file, in any order.
+        Elements are matched by their centres, because programs renumber them.
     name
-        Of the data of cells or elements, or of points or nodes: then the mean over each element is taken.
+        Name of the field. A field at points or nodes is averaged over each element.
     scale
         Units of the file per unit of the mesh; 1e-3 for a file in metres and a mesh in millimetres.
 
     Returns
     -------
     ndarray (nelements,)
-        Its values.
+        Values of the field.
 
     Raises
     ------
     FileNotFoundError
-        If there is no such file.
+        If the file does not exist.
     ValueError
-        If it is no such file, is on another mesh, lacks the field, has two of that name, or the field is no scalar; or
-        the scale is no finite number > 0.
+        If the suffix is unknown, the file is damaged, on another mesh, without the field or with two fields of the
+        name, the field is not a scalar, or the scale is not a finite number > 0.
 
     Examples
     --------
@@ -84,7 +84,7 @@ def read_field(path: str | PathLike[str], mesh: Mesh, name: str, *, scale: float
 
 
 def _places(mesh: Mesh, points: Floats, cells: Ints, path: Path, shape: str) -> Ints:
-    """Match every element of the mesh with a cell of the file, (nelements,)."""
+    """Return the cell of the file for every element of the mesh, (nelements,)."""
     used = np.unique(cells)
     counts, own = (len(used), len(cells)), (mesh.p.shape[1], mesh.t.shape[1])
     # Programs with discontinuous elements write a point for every corner.
@@ -101,7 +101,6 @@ def _places(mesh: Mesh, points: Floats, cells: Ints, path: Path, shape: str) -> 
 
 
 def _owner(path: Path, points: Floats, cells: Ints, shape: str) -> str:
-    """Return a sentence on the mesh of a field, or an empty string."""
     beside = path.with_suffix(".msh")
     try:
         _places(corners_of(read_mesh(beside)), points, cells, path, shape)
@@ -111,12 +110,11 @@ def _owner(path: Path, points: Floats, cells: Ints, shape: str) -> str:
 
 
 def _check_unit(mesh: Mesh, points: Floats, path: Path, scale: float) -> None:
-    """Refuse another unit in a message of its own: the most common mistake is everything times the same factor."""
     if not (len(points) and np.all(np.isfinite(points))):
         return
     own, given = (np.array([np.min(p, axis=0), np.max(p, axis=0)]) for p in (mesh.p.T, points))
     size = np.ptp(own, axis=0).max()
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # of a file that is off anyhow
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # for a damaged file
         factor = np.ptp(given, axis=0).max() / size
         alike = np.max(np.abs(given / factor - own)) < NEAR * size
     if alike and abs(factor / scale - 1.0) > NEAR:
@@ -131,7 +129,6 @@ def _distinct(points: Floats) -> int:
 
 
 def _matched(wanted: Floats, given: Floats, mesh: Mesh, path: Path, what: str) -> Ints:
-    """The nearest of the given places to each that is wanted, (n, 2) -> (n,), if none is off."""
     check_finite(given, path, "read_field", what)
     distance, place = cKDTree(given).query(wanted)
     off = float(np.max(distance) / np.ptp(mesh.p, axis=1).max())

@@ -1,4 +1,4 @@
-"""Take the numbers of a Gmsh file one after another from a place on, text or binary."""
+"""Sequential reader of the numbers in a Gmsh file, text or binary."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -11,13 +11,14 @@ from kohonen_adapt.io.content import EXACT, nodes_of, parsed
 
 __all__ = ["INT", "SIZE", "Numbers"]
 
-INT, SIZE, REAL = "i4", "u8", "f8"  # of Gmsh's numbers in binary files, in the byte order of this machine
+INT, SIZE, REAL = "i4", "u8", "f8"  # types in binary files, in the byte order of the machine
 
 
 class Numbers:
-    """Numbers of a whole file from `start` on, after the first line of a section; those of a text are parsed at once.
+    """Numbers of a file section, taken one after another from `start`.
 
-    Where a binary section ends shows while it is read; no byte of it may be taken for text before.
+    Text is parsed at once, up to ``$End``. The end of a binary section is found by reading only, because its bytes may
+    look like text.
     """
 
     def __init__(self, data: bytes, start: int, binary: bool) -> None:
@@ -25,7 +26,6 @@ class Numbers:
         self._position, self._binary = start if binary else 0, binary
 
     def take(self, count: int, kind: DTypeLike = REAL) -> NDArray[Any]:
-        """Take the next numbers; only in a binary file they have a type."""
         start, size = self._position, np.dtype(kind).itemsize if self._binary else 1
         _need(0 <= count <= (len(self._data) - start) // size)
         self._position += int(count) * size
@@ -33,15 +33,13 @@ class Numbers:
         return np.frombuffer(data, kind, int(count), start) if self._binary else data[start : self._position]
 
     def ints(self, count: int, kind: str = INT) -> Ints:
-        """Take the next whole numbers."""
         return _whole(self.take(count, kind))
 
     def integer(self, kind: str = INT) -> int:
-        """Take one whole number."""
         return int(self.ints(1, kind)[0])
 
     def count(self) -> int:
-        """Take the count of MSH 2, a line of text in binary files, too."""
+        """Take the count of MSH 2, a line of text even in binary files."""
         if not self._binary:
             return self.integer()
         start, end = self._position, self._data.index(b"\n", self._position)
@@ -49,7 +47,7 @@ class Numbers:
         return int(self._data[start:end])
 
     def rows(self, count: int, components: int) -> tuple[Ints, Floats]:
-        """Take rows of a whole number and some values: (count,) and (count, components)."""
+        """Take integers with values, shapes (count,) and (count, components)."""
         if self._binary:
             table = self.take(count, np.dtype([("number", INT), ("values", REAL, (components,))]))
             return _whole(table["number"]), table["values"]
@@ -57,7 +55,7 @@ class Numbers:
         return _whole(rows[:, 0]), rows[:, 1:]
 
     def means(self, count: int, components: int) -> tuple[Ints, Floats]:
-        """Take rows of a number, how many nodes, and values at each: (count,), and means (count, components)."""
+        """Take element numbers (count,) and means of nodal values (count, components)."""
         words = components * (2 if self._binary else 1)
         parts: list[tuple[Ints, Floats]] = [(np.empty(0, np.int64), np.empty((0, components)))]
         for (nodes,), table in self._alike(count, slice(1, 2), lambda nodes: (2 + nodes * words, 1)):
@@ -67,8 +65,8 @@ class Numbers:
         return np.concatenate(numbers), np.concatenate(means)
 
     def elements(self, count: int) -> Iterator[tuple[int, int, Ints]]:
-        """Take the elements of MSH 2: type, tags per element, and rows of number, tags (first the group) and nodes."""
-        says = slice(0, 3) if self._binary else slice(1, 3)  # type, how many elements in a binary row, tags
+        """Yield type, number of tags, and rows (number, tags, nodes) of MSH 2 elements."""
+        says = slice(0, 3) if self._binary else slice(1, 3)  # type, number of elements (binary only), number of tags
 
         def row(kind: int, *rest: int) -> tuple[int, int]:
             many, tags = (1, *rest)[-2:]
@@ -78,13 +76,14 @@ class Numbers:
             yield kind, tags, _whole(np.delete(table, says, axis=1).reshape(-1, 1 + tags + nodes_of(kind)))
 
     def _alike(self, count: int, says: slice, row: Any) -> Iterator[tuple[tuple[int, ...], NDArray[Any]]]:
-        """Rows to the end of the section, those that begin alike together.
+        """Yield heads and rows of the rest of the section, grouped by equal heads.
 
-        All rows have `count` items; `says` is where a row says what it is, `row` makes of that its words and items.
+        All rows have `count` items. `says` is the slice of a row with its head, and `row` returns the numbers of words
+        and items of a row from its head.
         """
         words = self.take((len(self._data) - self._position) // (4 if self._binary else 1), INT)
         tables: dict[tuple[int, ...], list[NDArray[Any]]] = {}
-        window = 1  # rows looked at together: twice as many after each run of like ones, so no row is often looked at
+        window = 1  # doubled after every run of equal heads, so that the cost is linear in the rows
         while count > 0:
             _need(len(words) >= says.stop)
             head = tuple(_whole(words[says]).tolist())

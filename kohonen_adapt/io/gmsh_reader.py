@@ -1,8 +1,8 @@
-"""Read Gmsh's MSH 2.2 and 4.1, text and binary: the mesh with every physical group an element is in, and views of data.
+"""Reader of Gmsh files, MSH 2.2 and 4.1, text and binary.
 
-meshio reads these files, too, but it drops the numbers of nodes and elements (and with them their order), reversed
-groups, every group of an element but its first where they have no names, and one of two groups of the same name; files
-of version 4.1 with an untagged part it refuses.
+meshio reads these files, too, but drops the numbers and order of nodes and elements, reversed groups, all groups of an
+element except the first if groups have no names, and one of two groups with the same name. Files of version 4.1 with an
+untagged entity are refused by meshio.
 """
 
 import re
@@ -35,16 +35,16 @@ from kohonen_adapt.io.gmsh_numbers import SIZE, Numbers
 __all__ = ["read_msh", "read_views"]
 
 Block = tuple[int, Rows]
-"""Elements of one type, by numbers of nodes."""
+"""Elements of one type, with node numbers of the file."""
 
 FRONT = 2**16
-"""Bytes in which the header must be, so that nothing is read in vain."""
+"""Bytes that must contain the header, read before the rest."""
 
 FEW = 10**6
-"""Rows, one per element and group, that any file may have; above, two for each byte."""
+"""Rows (one per element and group) allowed in any file; larger files may have two rows per byte."""
 
 PLAIN = 2
-"""Gmsh's number for triangles of three nodes: of others no direction matters."""
+"""Gmsh's number for triangles of three nodes, the only type of triangle with a direction."""
 
 NO_GROUPS = np.empty(0, np.int64)
 
@@ -52,11 +52,10 @@ SECTION = re.compile(rb"\n\$(NodeData|ElementData|ElementNodeData)[ \t\r]*\n")
 VIEW = re.compile(rb'\bView\s*"([^"\n]*)"\s*\{')
 LISTED = re.compile(rb"\b([SVT][A-Z]2?)\s*\(([^(){}]*)\)\s*\{([^(){}]*)\}")
 LETTER = {TRIANGLE: "T", TETRAHEDRON: "S"}
-COMPONENTS = {"S": 1, "V": 3, "T": 9}  # of scalars, vectors and tensors at the corners of what is listed
+COMPONENTS = {"S": 1, "V": 3, "T": 9}  # values at a corner: scalar, vector, tensor
 
 
 def read_msh(path: Path) -> Content:
-    """Read the content of a Gmsh file of version 2.2 or 4.1; a ValueError if it is none, or damaged."""
     with path.open("rb") as stream:
         start = stream.read(FRONT)
         version, binary = _header_of(start, path)
@@ -65,7 +64,6 @@ def read_msh(path: Path) -> Content:
 
 
 def _header_of(data: bytes, path: Path) -> tuple[str, bool]:
-    """Version of a Gmsh file, and whether it is binary; a ValueError if it is none, or of another version or order."""
     start = data.find(b"$MeshFormat")
     words = data[start : start + 80].split()[1:4]
     if start < 0 or len(words) < 3:
@@ -105,7 +103,6 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
 
 
 def _names(data: bytes) -> dict[tuple[int, int], str]:
-    """Names by (dimension, tag): what stands between the first and the last quote of a line."""
     start = data.find(b"\n$PhysicalNames")
     if start < 0:
         return {}
@@ -120,7 +117,7 @@ def _names(data: bytes) -> dict[tuple[int, int], str]:
 
 
 def _entities(section: Numbers) -> dict[tuple[int, int], Ints]:
-    """Physical groups of every entity of the geometry by (dimension, tag); a reversed group has a minus sign."""
+    """Return groups by entity (dimension, tag), with negative numbers if reversed."""
     groups = {}
     for dimension, count in enumerate(section.ints(4, SIZE)):
         for _ in range(count):
@@ -148,7 +145,7 @@ def _nodes_41(section: Numbers) -> tuple[Ints, Floats]:
 def _elements_41(
     section: Numbers, groups: dict[tuple[int, int], Ints], most: int
 ) -> tuple[list[Block], set[tuple[int, int]]]:
-    """Blocks of elements, one per entity and group, and the entities that have any; `most` rows in all."""
+    """Return blocks of elements by entity and group, and the entities with elements."""
     blocks, meshed = [], set()
     for _ in range(section.ints(4, SIZE)[0]):
         dimension, entity, kind = (section.integer() for _ in range(3))
@@ -173,14 +170,14 @@ def _elements_22(section: Numbers) -> list[Block]:
 
 
 def _grouped(kind: int, nodes: Ints, group: Ints, number: Ints) -> Rows:
-    """Rows of elements, where a line or triangle of a group with a minus sign runs the other way."""
+    """Return rows, with lines and triangles of a negative group reversed."""
     if shape_of(kind) == LINE or kind == PLAIN:
         nodes = np.where(group[:, None] < 0, nodes[:, [1, 0, *range(2, nodes.shape[1])]], nodes)
     return Rows(nodes, np.abs(group), number)
 
 
 def _rows(blocks: list[Block], numbers: Ints) -> dict[int, Rows]:
-    """The rows of every element type together, numbers of nodes replaced by where they stand in `numbers`."""
+    """Return the rows by type, with node numbers replaced by indices into `numbers`."""
     found = {}
     for kind in {kind for kind, _ in blocks}:
         rows = Rows.joined([part for other, part in blocks if other == kind], nodes_of(kind))
@@ -194,10 +191,10 @@ def _rows(blocks: list[Block], numbers: Ints) -> dict[int, Rows]:
 
 
 def read_views(path: Path, shape: str) -> Sampled:
-    """The triangles or tetrahedra of a file and the fields on them; a ValueError if it is damaged or of another kind.
+    """Return the cells of a shape in a file, and the fields on them.
 
-    It is MSH 2.2 or 4.1 with ``$NodeData``, ``$ElementData`` or ``$ElementNodeData``, or a list of them
-    (``View "name" {ST(...){...}; };``, of tetrahedra ``SS``).
+    The file is MSH 2.2 or 4.1 with ``$NodeData``, ``$ElementData`` or ``$ElementNodeData``, or a list of triangles
+    (``View "name" {ST(...){...}; };``) or tetrahedra (``SS``).
     """
     with refusing(path, f"read_field cannot read '{path}': {{}}."):
         data = path.read_bytes()
@@ -209,7 +206,6 @@ def read_views(path: Path, shape: str) -> Sampled:
 
 
 def _listed(data: bytes, path: Path, shape: str) -> Sampled:
-    """Every view of a list has cells of its own; those of the first count, and others must be the same."""
     fields: list[Field] = []
     width = CORNERS[shape]
     corners = np.empty((0, 3 * width))
@@ -237,7 +233,6 @@ def _listed(data: bytes, path: Path, shape: str) -> Sampled:
 
 
 def _components(name: str, kinds: set[str], path: Path, shape: str) -> int:
-    """How many numbers a view has at every corner; refused if it is of anything but cells of one kind."""
     known = {kind + LETTER[shape]: components for kind, components in COMPONENTS.items()}
     others = sorted(kinds - known.keys())
     if others or len(kinds) > 1:
@@ -253,9 +248,8 @@ def _numbers(lists: list[bytes]) -> Floats:
 
 
 def _views(data: bytes, binary: bool, content: Content, shape: str) -> Sampled:
-    """The cells of a file and its views: rows of data that name a node or an element by its number in the file."""
     rows = content.of_shape(shape)
-    # An element of several groups is listed again, in MSH 2.2 under another number: any of them has its data.
+    # An element of several groups is listed several times, in MSH 2.2 under several numbers; data may refer to any.
     cells, element = np.unique(np.sort(rows.nodes, axis=1), axis=0, return_inverse=True)
     fields = []
     for found in SECTION.finditer(data):
@@ -273,8 +267,6 @@ def _views(data: bytes, binary: bool, content: Content, shape: str) -> Sampled:
 
 
 def _tags(data: bytes, start: int) -> tuple[tuple[str, int, int], int]:
-    """Name, components and rows of a section, and where its rows begin."""
-
     def line() -> bytes:
         nonlocal start
         end = data.index(b"\n", start)

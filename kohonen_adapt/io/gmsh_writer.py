@@ -1,9 +1,8 @@
-"""Write Gmsh's MSH 4.1 and 2.2 as text, with a physical group per name.
+"""Writer of Gmsh files, MSH 4.1 and 2.2 as text, with a physical group per name.
 
-In MSH 4.1 an element lies on one entity, and an entity may be in several groups. So the elements of every combination
-of names make an entity of their own, which is in all these groups; a point that is in a group is one by itself. In MSH
-2.2 an element is listed once per group.
-meshio writes one group per element, and breaks a file that has an entity without a node of its own.
+In MSH 4.1 an element lies on one entity, and an entity may be in several groups. Every combination of names is
+therefore written as an entity in all these groups, and every point in a group as an entity. In MSH 2.2 an element is
+listed once per group. meshio writes one group per element, and damages files that have an entity without nodes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,30 +26,30 @@ Sets = Mapping[str, Ints]
 Fields = dict[str, Floats]
 
 ELEMENT_TYPE = {(0, 1): 15, (1, 2): 1, (2, 3): 2, (3, 4): 4, (1, 3): 8, (2, 6): 9}
-"""Dimension and number of nodes to Gmsh's number for the type of the element."""
+"""(dimension, number of nodes) to Gmsh's number of the element type."""
 
 CHUNK = 2**16
-"""Lines that are formatted together."""
+"""Lines formatted at once."""
 
 
 @dataclass(frozen=True)
 class Layer:
-    """All elements of one dimension.
+    """Elements of one dimension.
 
     Attributes
     ----------
     dimension
         0 for points, 1 for lines, 2 for triangles, 3 for tetrahedra.
     nodes
-        (m, dimension + 1), of elements with bent sides their mid-side nodes after that, as Gmsh has them.
+        (m, dimension + 1): corners, with midside nodes after them in Gmsh's order if sides are curved.
     number
-        (m,): their numbers in a file of version 4.1.
+        (m,): numbers of the elements in a file of version 4.1.
     entity
-        (m,): which entity they lie on, from 0.
+        (m,): index of the entity of each element.
     groups
         Tags of the groups of every entity.
     names
-        Names of the groups by tag; those that have none in a file are not among them.
+        Names of groups by tag, without groups that have no name in the file.
     """
 
     dimension: int
@@ -62,7 +61,6 @@ class Layer:
 
     @property
     def kind(self) -> int:
-        """Gmsh's number for the type of the elements."""
         return ELEMENT_TYPE[self.dimension, self.nodes.shape[1]]
 
 
@@ -77,8 +75,7 @@ def write_msh(
     version: str,
     groups: Groups,
 ) -> None:
-    """Write a mesh to a Gmsh file of version "4.1" or "2.2"; the other arguments are those `write_mesh` has checked."""
-    # A facet that two boundaries have in opposite directions is an element of each.
+    # Two boundaries with a facet in opposite directions have two elements on the facet.
     codes = {name: 2 * np.asarray(items) + getattr(items, "ori", 0) for name, items in boundaries.items()}
     facets = np.unique(np.concatenate([np.empty(0, np.int64), *codes.values()]))
     sides = {name: np.searchsorted(facets, items) for name, items in codes.items()}
@@ -102,7 +99,6 @@ def write_msh(
 
 
 def _with_own_middles(mesh: Mesh, ends: Ints, facets: Ints) -> Ints:
-    """The nodes of lines along facets, (m, 2), of a `MeshTri2` with that on the facet, (m, 3)."""
     return np.column_stack([ends, mesh.nvertices + facets]) if is_second_order(mesh) else ends
 
 
@@ -111,7 +107,7 @@ def _layer(
 ) -> Layer:
     entity, members = combinations(list(sets.values()), len(nodes))
     tags = np.array([numbers[dimension, name] for name in sets], dtype=np.int64)
-    # A name that says no more than the number is not in the file, unless it would be forgotten with an empty set.
+    # Default names are not written, except for empty sets, which would otherwise be lost.
     names = {
         numbers[dimension, name]: name
         for name, items in sets.items()
@@ -129,8 +125,7 @@ def _points(nodes: dict[int, Ints], names: dict[int, str], unnamed: str, *, firs
 
 
 def _write_rows(stream: TextIO, row: str, table: NDArray[Any]) -> None:
-    """One line per row of `table`; %r writes a float with as many digits as give it back bit for bit."""
-    for start in range(0, len(table), CHUNK):
+    for start in range(0, len(table), CHUNK):  # %r restores floats exactly
         part = table[start : start + CHUNK]
         stream.write((row + "\n") * len(part) % tuple(part.ravel().tolist()))
 
@@ -159,14 +154,12 @@ def _write_41(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
 
 
 def _by_entity(entity: Ints) -> list[tuple[int, Ints]]:
-    """Every entity that occurs, and where."""
     order = np.argsort(entity, kind="stable")
     found, start = np.unique(entity[order], return_index=True)
     return list(zip(found.tolist(), np.split(order, start[1:]), strict=True)) if len(found) else []
 
 
 def _write_entities(stream: TextIO, p: Floats, layer: Layer) -> None:
-    """Entities with their bounding boxes and groups, without naming what bounds them; points with their place."""
     for entity, which in _by_entity(layer.entity):
         corners = p[:, layer.nodes[which]]
         bounds = [corners.min(axis=(1, 2)), corners.max(axis=(1, 2))][: 1 + (layer.dimension > 0)]
@@ -177,15 +170,13 @@ def _write_entities(stream: TextIO, p: Floats, layer: Layer) -> None:
 
 
 def _coordinates(p: Floats) -> str:
-    """How a place is written: in a plane z is 0."""
     return " ".join(["%r"] * len(p) + ["0"] * (3 - len(p)))
 
 
 def _write_nodes_41(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
-    """Every node on one entity: a point or a boundary where it lies on one that is named, else inside."""
     start = np.cumsum([0, *(len(layer.groups) for layer in layers)])
     owner = np.empty(p.shape[1], dtype=np.int64)
-    for layer, shift in reversed(list(zip(layers, start, strict=False))):
+    for layer, shift in reversed(list(zip(layers, start, strict=False))):  # the lowest dimension is last, and prevails
         owner[layer.nodes] = shift + layer.entity[:, None]
     parts = _by_entity(owner)
     stream.write(f"$Nodes\n{len(parts)} {p.shape[1]} 1 {p.shape[1]}\n")
@@ -204,7 +195,7 @@ def _write_22(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
     stream.write(f"$EndNodes\n$Elements\n{sum(map(len, tables))}\n")
     start = 1
     for table in tables:
-        # The first listings bear the numbers that fields refer to; further ones of the same elements go on counting.
+        # Fields refer to the numbers of the first table; elements listed again get further numbers.
         table[:, 0] = start + np.arange(len(table))
         start += len(table)
         _write_rows(stream, " ".join(["%d"] * table.shape[1]), table)
@@ -216,7 +207,7 @@ def _most_groups(layers: list[Layer]) -> int:
 
 
 def _listing(layer: Layer, rank: int) -> Ints:
-    """Elements with their group number `rank`: number, type, 2 tags (group, entity), nodes; group 0 is none."""
+    """Return rows (number, type, 2, group, entity, nodes) for the group index `rank`."""
     group = np.array([groups[rank] if rank < len(groups) else 0 for groups in layer.groups], dtype=np.int64)
     listed = np.flatnonzero((group[layer.entity] > 0) | (rank == 0))
     tags = np.column_stack([group[layer.entity], layer.entity + 1])[listed]
@@ -225,9 +216,8 @@ def _listing(layer: Layer, rank: int) -> Ints:
 
 
 def _write_field(stream: TextIO, section: str, name: str, values: Floats) -> None:
-    """One view; Gmsh wants vectors of three components."""
     rows = np.atleast_2d(values)
-    if len(rows) == 2:
+    if len(rows) == 2:  # Gmsh requires three components
         rows = np.vstack([rows, np.zeros(rows.shape[1])])
     stream.write(f'${section}\n1\n"{name}"\n1\n0\n3\n0\n{len(rows)}\n{rows.shape[1]}\n')
     table = np.column_stack([1 + np.arange(rows.shape[1]), rows.T])

@@ -1,4 +1,4 @@
-"""Number physical groups as other programs know them; a `MeshTri` has names only, and none for single points."""
+"""Numbers and names of the physical groups of mesh files."""
 
 import logging
 import re
@@ -20,27 +20,27 @@ __all__ = ["UNNAMED", "Groups", "by_group", "name_of", "numbers_for", "to_groups
 logger = logging.getLogger("kohonen_adapt")
 
 UNNAMED = {2: ("point_{}", "boundary_{}", "region_{}"), 3: ("point_{}", "curve_{}", "boundary_{}", "region_{}")}
-"""Dimension of a mesh to what a group of each dimension is called where it has no name."""
+"""Dimension of a mesh to the default names of groups of dimension 0, 1, ..."""
 
 GROUPED = {2: (POINT, LINE, TRIANGLE), 3: (POINT, TRIANGLE, TETRAHEDRON)}
-"""Dimension of a mesh to the shapes whose groups it has a place for."""
+"""Dimension of a mesh to the shapes whose groups are read."""
 
-SAME = 1e-9  # of the size of the mesh: nodes nearer than that are in the same place
+SAME = 1e-9  # tolerance for equal positions, relative to the size of the mesh
 
 
 @dataclass(frozen=True)
 class Groups:
-    """The physical groups of a Gmsh file.
+    """Physical groups of a Gmsh file.
 
     Attributes
     ----------
     names
-        (dimension, number) to the name that the mesh has for the group: dimension 2 for ``subdomains``, 1 for
-        ``boundaries``, of a solid 3 and 2, and 0 for points.
+        (dimension, number) to the name of the group in the mesh: dimension 2 for ``subdomains``, 1 for ``boundaries``,
+        of a solid 3 and 2, and 0 for points.
     points
         Number to the coordinates (2, n) of the nodes in a group of points, of a solid (3, n).
     version
-        Of MSH, "2.2" or "4.1", in which `write_mesh` writes ``.msh``; empty for the newest.
+        Version of MSH, "2.2" or "4.1", in which `write_mesh` writes ``.msh``; empty for the newest.
     """
 
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)
@@ -49,21 +49,27 @@ class Groups:
 
     @property
     def places(self) -> dict[str, Floats]:
-        """Name to the coordinates (2, n) of a group of points, as `Magnetostatics` takes them for its ``points``.
+        """Coordinates (2, n) of the groups of points by name.
 
-        What is the name of a boundary, too, means that.
+        Valid as ``points`` of `Magnetostatics`. Names that boundaries have, too, are left out, because they stand for
+        the boundary.
         """
         known = {(dimension, name) for (dimension, _), name in self.names.items()}
         found = {self.names[0, number]: x for number, x in self.points.items() if x.size}
         return {name: x for name, x in found.items() if (len(x) - 1, name) not in known}
 
     def nodes(self, mesh: MeshTri) -> dict[int, Ints]:
-        """Nodes of the mesh where the groups of points are, by number; what has no node is left out.
+        """Return the nodes of the mesh at the groups of points, by number.
 
         Parameters
         ----------
         mesh
             A mesh in the unit of the groups.
+
+        Returns
+        -------
+        dict
+            Number of the group to its nodes; points without a node are left out.
         """
         if not self.points:
             return {}
@@ -73,7 +79,9 @@ class Groups:
         return {number: np.unique(node[off <= SAME * size]) for number, (off, node) in found.items()}
 
     def held(self, mesh: MeshTri) -> list[int]:
-        """Nodes of the mesh in any group of points, which others find by their place: what must be pinned.
+        """Return the nodes of the mesh in any group of points, which must be pinned.
+
+        Other programs find these nodes by their position.
 
         Parameters
         ----------
@@ -83,18 +91,16 @@ class Groups:
         Returns
         -------
         list of int
-            As `relocate` and `adapt` take them for `pinned`.
+            Valid as ``pinned`` of `relocate` and `adapt`.
         """
         return sorted({int(node) for nodes in self.nodes(mesh).values() for node in nodes})
 
 
 def name_of(content: Content, dimension: int, number: int) -> str:
-    """The name of a group of a file."""
     return content.names.get((dimension, number)) or UNNAMED[content.dimension][dimension].format(number)
 
 
 def to_groups(content: Content, path: Path, scale: float) -> Groups:
-    """The groups that a file, `path`, has, whether or not anything of the mesh is in them."""
     dimensions = {DIMENSION[shape]: shape for shape in GROUPED[content.dimension]}
     keys = {key for key in content.names if key[0] in dimensions}
     for dimension, shape in dimensions.items():
@@ -110,7 +116,7 @@ def to_groups(content: Content, path: Path, scale: float) -> Groups:
 
 
 def by_group(group: Ints, item: Ints) -> dict[int, Ints]:
-    """Items by the number of their group, in order; row k says that `item[k]` is in `group[k]`, 0 for none."""
+    """Return the items by group number, where `item[k]` is in `group[k]`."""
     order = np.argsort(group, kind="stable")
     numbers, start = np.unique(group[order], return_index=True)
     parts = np.split(item[order], start[1:])
@@ -130,11 +136,22 @@ def _report_shared(names: Mapping[tuple[int, int], str], path: Path) -> None:
 
 
 def numbers_for(sets: Mapping[int, Iterable[str]], groups: Groups) -> dict[tuple[int, str], int]:
-    """A number for every group by (dimension, name), no two of a dimension alike; `sets` are the names by dimension.
+    """Return a number for every group by (dimension, name), unique per dimension.
 
-    The greatest dimension is that of the mesh. A number is the one in `groups`, else the one in a name such as
-    ``region_7``, else a new one. New ones differ from all others, for readers that overlook the dimension of a group. A
-    number in `groups` that is no positive integer is a ValueError.
+    The number is that in `groups`, else that in a name such as ``region_7``, else a new one. New numbers differ from
+    all others, for readers that ignore the dimension of a group.
+
+    Parameters
+    ----------
+    sets
+        Names by dimension; the largest dimension is that of the mesh.
+    groups
+        Groups with known numbers.
+
+    Raises
+    ------
+    ValueError
+        If a number in `groups` is not a positive integer.
     """
     known = _known(groups)
     keys = [(dimension, name) for dimension, names in sets.items() for name in names]
@@ -159,7 +176,6 @@ def _known(groups: Groups) -> dict[tuple[int, str], int]:
 
 
 def _number_in(name: str, unnamed: str) -> int | None:
-    """The number of a group that has no other name: 7 for ``region_7``."""
     found = re.fullmatch(unnamed.format("([1-9][0-9]{0,9})"), name)
     number = int(found[1]) if found else 0
     return number if 0 < number <= LARGEST_TAG else None

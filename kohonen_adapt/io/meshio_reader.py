@@ -1,6 +1,6 @@
-"""Read with meshio what it reads well: VTU, VTK, Abaqus, Medit, SU2, MED and XDMF, with names where it drops them.
+"""Meshes and fields from the formats that meshio reads well, with all names.
 
-Of the readers only `meshio.<format>.read` are called: `meshio.read` prints what goes wrong and ends the process.
+Only `meshio.<format>.read` is called, because `meshio.read` prints errors and ends the process.
 """
 
 import logging
@@ -44,18 +44,18 @@ WITH_FIELDS = (".vtu", ".vtk", ".xdmf", ".med")
 
 LINE, TRIANGLE, QUADRILATERAL, TETRAHEDRON, HEXAHEDRON, PRISM, PYRAMID = range(1, 8)
 KINDS = {"vertex": 15, "line": LINE, "line3": 8, "triangle": TRIANGLE, "triangle6": 9, "tetra": TETRAHEDRON}
-"""meshio's name of a type to Gmsh's number."""
+"""Type in meshio to Gmsh's number."""
 
 REFUSED = {"tetra": 11, "wedge": PRISM, "pyramid": PYRAMID}
-"""How the name of a type begins to the kind that stands for those that are refused anyhow, by Gmsh's number."""
+"""Beginning of a refused type in meshio to Gmsh's number for its shape."""
 
 SIDES = {TRIANGLE: LINE, TETRAHEDRON: TRIANGLE}
 
 NUMBERS = ("gmsh:physical", "cell_tags", "medit:ref", "su2:tag", "CellEntityIds")
-"""Data of cells in which meshio, and Gmsh's VTK, has the number of the group that a cell is in."""
+"""Names of cell data with group numbers, in meshio and in Gmsh's VTK."""
 
 COUNTS = re.compile(rb"(?m)^[ \t]*[A-Za-z_][^\s=]*[ \t]*[\s=][ \t]*([0-9]+)(?:[ \t]+([0-9]+))?")
-"""A word that begins a line, and the numbers after it, which say how much follows."""
+"""First word of a line, and the counts after the word."""
 
 MARKER = re.compile(rb"(?m)^(MARKER_TAG[ \t]*=)[ \t]*(.*?)[ \t\r]*$")
 RANGE = re.compile(rb"(?im)^\*[^\n]*\bGENERATE\b[^\n]*\n\s*([0-9]+)\s*,\s*([0-9]+)\s*,\s*([0-9]+)")
@@ -63,7 +63,7 @@ BLOCK = re.compile(r"(?im)^[ \t]*\*ELEMENT[ \t]*(?:,(?:.*?\bELSET[ \t]*=[ \t]*([
 
 
 def _counted(data: bytes, path: Path) -> bytes:
-    """The same; a ValueError if it says that more follows than it has bytes, for which meshio would make room."""
+    # meshio reserves memory for the counts of a file.
     most = max((int(number) for pair in COUNTS.findall(data) for number in pair if number), default=0)
     if most > len(data):
         raise ValueError(f"it says that {most} of something follow, in {len(data)} bytes")
@@ -73,7 +73,7 @@ def _counted(data: bytes, path: Path) -> bytes:
 def _vtk(data: bytes, path: Path) -> bytes:
     if not re.search(rb"(?im)^DATASET\s+UNSTRUCTURED_GRID\b", data):
         raise ValueError("it holds no UNSTRUCTURED_GRID")
-    _counted(b"\n".join(data.split(b"\n", 3)[2:]), path)  # after the title, which may say anything
+    _counted(b"\n".join(data.split(b"\n", 3)[2:]), path)  # without the title, a free text
     return data
 
 
@@ -89,7 +89,7 @@ def _abaqus(data: bytes, path: Path) -> bytes:
 
 
 def _su2(data: bytes, path: Path) -> bytes:
-    """Markers by their number in the file: meshio has numbers only, and may give one to two names."""
+    # meshio has numbers only for markers, and may use one number for two names.
     number = iter(range(1, 1 + len(MARKER.findall(data))))
     return MARKER.sub(lambda found: found[1] + b" %d" % next(number), _counted(data, path))
 
@@ -112,8 +112,7 @@ def _xdmf(data: bytes, path: Path) -> bytes:
 
 
 def _check_hdf(path: Path) -> None:
-    """Refuse an HDF5 file that opens others, or unpacks to far more than a mesh of its size holds."""
-    import h5py  # only what needs it: an extra
+    import h5py  # optional dependency
 
     def nbytes(group: Any) -> Iterator[int]:
         for name in group:
@@ -141,19 +140,11 @@ FORMATS: dict[str, tuple[str, Any, Callable[[bytes, Path], bytes]]] = {
     ".med": ("a MED", meshio.med, _med),
     ".xdmf": ("an XDMF", meshio.xdmf, _xdmf),
 }
-"""Suffix to what it is called, meshio's module for it, and what refuses or mends the bytes that this would misread."""
+"""Suffix to name, module of meshio, and a function that checks or corrects the bytes for this module."""
 
 
 def _meshed(path: Path, caller: str) -> Any:
-    """What meshio makes of a file, with the names of tags of cells as `cell_tags`.
-
-    Raises
-    ------
-    ValueError
-        If it is damaged, opens other files, or asks for more memory than a mesh of its size needs.
-    ImportError
-        If it needs h5py, and that is not there.
-    """
+    """Return the mesh of meshio for a file, with names of cell tags as `cell_tags`."""
     suffix = path.suffix.lower()
     name, module, mended = FORMATS[suffix]
     if suffix in (".med", ".xdmf") and not find_spec("h5py"):
@@ -171,14 +162,14 @@ def _meshed(path: Path, caller: str) -> Any:
                     mesh = _quietly(module.read, draft)
         except (MemoryError, ValueError, SyntaxError):
             raise
-        except Exception as error:  # meshio's readers have no errors of their own for most damage
+        except Exception as error:  # meshio raises errors of any type for a damaged file
             raise ValueError(f"{type(error).__name__} {error}".strip()) from error
         _add_names(mesh, suffix, data)
         return mesh
 
 
 def _add_names(mesh: Any, suffix: str, data: bytes) -> None:
-    """Names that meshio drops, or gives to other blocks: the n-th to the n-th, the last to all of its name."""
+    """Add names that meshio drops or gives to other blocks."""
     if suffix == ".su2":
         markers = [marker.decode("utf-8", "replace") for _, marker in MARKER.findall(data)]
         mesh.cell_tags = {number: [marker] for number, marker in enumerate(markers, 1)}
@@ -190,7 +181,6 @@ def _add_names(mesh: Any, suffix: str, data: bytes) -> None:
 
 
 def _quietly(read: Callable[[str], Any], path: Path) -> Any:
-    """What a reader of meshio gives, with what it prints in the log, and damaged numbers as errors."""
     said = StringIO()
     with warnings.catch_warnings(), redirect_stderr(said):
         warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
@@ -204,13 +194,7 @@ def _quietly(read: Callable[[str], Any], path: Path) -> Any:
 
 
 def read_content(path: Path) -> Content:
-    """Cells by the groups they are in: sets by name, numbers of groups as numbers, scikit-fem's own arrays as names.
-
-    Raises
-    ------
-    ValueError
-        If the file is damaged, or asks for more memory than a mesh of its size needs.
-    """
+    """Return the content of a file with all named sets and numbered groups."""
     mesh = _meshed(path, "read_mesh")
     with refusing(path, f"'{path}' cannot be read: {{}}."):
         points = _points(mesh)
@@ -218,13 +202,12 @@ def read_content(path: Path) -> Content:
 
 
 def _kind(block: Any) -> int:
-    """Gmsh's number for the type of a block of cells; one of its shape if such cells are refused anyhow."""
     others = {beginning: kind for beginning, kind in REFUSED.items() if block.type.startswith(beginning)}
     return KINDS.get(block.type) or next(iter(others.values()), HEXAHEDRON if block.dim == 3 else QUADRILATERAL)
 
 
 def _all_sets(mesh: Any, points: Floats) -> Iterator[tuple[int, str, Ints, Ints]]:
-    """Kind, name, nodes and numbers of all cells, and of those of every set."""
+    """Yield (type, name, nodes, numbers) of all cells, and of the cells of every set."""
     first = 0
     for k, block in enumerate(mesh.cells):
         kind = _kind(block)
@@ -240,7 +223,6 @@ def _points(mesh: Any) -> Floats:
 
 
 def _nodes(block: Any, kind: int, count: int) -> Ints:
-    """(m, nodes per element); nothing of what is refused anyhow."""
     if kind not in KINDS.values():
         return np.empty((len(block.data), 0), np.int64)
     nodes = np.asarray(block.data, np.int64).reshape(-1, nodes_of(kind))
@@ -252,7 +234,6 @@ def _nodes(block: Any, kind: int, count: int) -> Ints:
 def _sets(
     mesh: Any, k: int, kind: int, nodes: Ints, first: int, points: Floats
 ) -> Iterator[tuple[int, str, Ints, Ints]]:
-    """Kind, name, nodes and numbers of the cells of every set with cells of block `k`, sides of elements too."""
     for name, parts in mesh.cell_sets.items():
         if k < len(parts) and len(parts[k]):
             yield kind, name, nodes[parts[k]], first + np.asarray(parts[k])
@@ -274,14 +255,13 @@ def _sets(
 
 
 def _plain(kind: int) -> int:
-    """The kind of first order of the same shape."""
     return next((plain for plain in SIDES if shape_of(plain) == shape_of(kind)), kind)
 
 
 def _names(mesh: Any, key: str, tag: int, dimension: int) -> list[str]:
-    """What the cells of a number are called; families of MED have negative numbers, and no name if in no group."""
     texts = getattr(mesh, "cell_tags", {})
     named = [name for name, given in mesh.field_data.items() if np.array_equal(given, [tag, dimension])]
+    # Families of MED have negative numbers, and no name outside all groups.
     unnamed = UNNAMED[max(2, *(block.dim for block in mesh.cells))][dimension]
     return texts.get(tag) or named or ([] if texts else [unnamed.format(abs(tag))])
 
@@ -294,7 +274,6 @@ def _whole(values: Any, key: str) -> Ints:
 
 
 def read_arrays(path: Path, shape: str) -> Sampled:
-    """The triangles or tetrahedra of a file, and the fields on them; a ValueError as `read_content` has it."""
     mesh = _meshed(path, "read_field")
     with refusing(path, f"'{path}' cannot be read: {{}}."):
         points = _points(mesh)

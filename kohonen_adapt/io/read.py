@@ -1,4 +1,4 @@
-"""Read a mesh, the numbers of its groups or its curves from a file."""
+"""Meshes, group numbers and curves read from files."""
 
 import math
 from collections.abc import Callable
@@ -25,51 +25,55 @@ Reader = Callable[[Path], Content]
 
 CURVED: dict[str, Reader] = dict.fromkeys(MSH_VERSION, read_msh)
 READERS: dict[str, Reader] = {**CURVED, **dict.fromkeys(FORMATS, read_content), ".ans": read_ans}
-"""Suffix to what reads such a file."""
+"""Suffix to reader."""
 
 
 def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri | MeshTet:
     """Read a mesh of triangles or tetrahedra with the names of its groups.
 
-    Surface groups become ``subdomains`` and line groups ``boundaries``, inside the mesh as well as on its rim; a
-    dictionary without an entry is None. A file with tetrahedra is a solid: its volume groups become ``subdomains``, its
-    surface groups ``boundaries``, and groups of lines are left out. Groups without a name are called ``region_<tag>``
-    and ``boundary_<tag>``; `read_groups` reads the numbers of the others.
-    Second-order triangles with a bent side become a `MeshTri2`, whose curves `relocate` and `adapt` know by themselves;
-    where all sides are straight, and of higher orders, the corners are read. An element in several groups is read once,
-    nodes that no element uses are dropped, tetrahedra of negative volume turned. Which part of the area or volume
-    carries a name, and what was left out, is reported through ``logging``. A boundary inside has the orientation of its
-    lines, with the element on their left in front of it, as in ``skfem.MeshTri.load``, or of its triangles, with the
-    element in front of it that they run clockwise as seen from; none where they have no direction.
+    Surface groups are read as ``subdomains`` and line groups as ``boundaries``, inside the mesh as well as on its rim;
+    a dictionary without an entry is None. A file with tetrahedra is a solid: its volume groups are read as
+    ``subdomains``, its surface groups as ``boundaries``, and groups of lines are left out. Groups without a name are
+    called ``region_<tag>`` and ``boundary_<tag>``; `read_groups` reads the numbers of all groups.
+
+    Second-order triangles with a curved side make a `MeshTri2`, whose curves `relocate` and `adapt` follow. If all
+    sides are straight, or the order is higher, only the corners are read. An element in several groups is read once,
+    unused nodes are dropped, and tetrahedra of negative volume are turned. The part of the area or volume without a
+    name, and everything left out, is reported through ``logging``.
+
+    A boundary inside the mesh has the orientation of its lines, with the element on their left in front, as in
+    ``skfem.MeshTri.load``; of triangles, the element in front is the side from which they run clockwise. Lines without
+    a common direction make a boundary without orientation.
 
     Parameters
     ----------
     path
-        A Gmsh file, MSH 2.2 or 4.1, text or binary (``.msh``, ``.msh2``), or what meshio reads well: ``.vtu`` of one
-        piece, ``.vtk``, ``.inp`` (Abaqus), ``.mesh`` (Medit), ``.su2``, and with h5py ``.med`` and ``.xdmf`` with its
-        ``.h5``. Names are those of sets, families and markers, and what scikit-fem saves; numbers of groups, where a
-        format has no names, are ``region_<number>`` and ``boundary_<number>``. Or the folder in which Elmer has a mesh;
-        or the solution of FEMM (``.ans``), which says its unit and comes in metres, with blocks as subdomains (the
-        labels of a block that has several also as ``<block> 1``, ``<block> 2``, in their order) and the properties of
-        segments and arcs as boundaries.
+        A Gmsh file, MSH 2.2 or 4.1, text or binary (``.msh``, ``.msh2``), or a format that meshio reads well: ``.vtu``
+        of one piece, ``.vtk``, ``.inp`` (Abaqus), ``.mesh`` (Medit), ``.su2``, and with h5py ``.med`` and ``.xdmf``
+        with its ``.h5``. Names are those of sets, families and markers, and of scikit-fem's arrays; groups in a format
+        without names are called ``region_<number>`` and ``boundary_<number>``.
+
+        Or the folder of a mesh of Elmer, or the solution of FEMM (``.ans``). The latter is read in metres, because the
+        file has its unit; blocks are subdomains (the labels of a block with several also as ``<block> 1``,
+        ``<block> 2``, in their order) and properties of segments and arcs are boundaries.
     scale
-        Metres per unit of the file: 1e-3 for a drawing in millimetres. The files do not say.
+        Metres per unit of the file: 1e-3 for a drawing in millimetres. Most files do not store their unit.
 
     Returns
     -------
     MeshTri or MeshTet
-        Nodes and elements in the order of their numbers in the file; a `MeshTri2` where a side of a triangle of second
-        order is bent.
+        Nodes and elements in the order of their numbers in the file; a `MeshTri2` if a side of a second-order triangle
+        is curved.
 
     Raises
     ------
     FileNotFoundError
-        If there is no such file.
+        If the file does not exist.
     ValueError
         If the suffix is unknown, the file is damaged, or it does not hold a plane mesh of triangles, or tetrahedra of
-        first order and faces of theirs alone.
+        first order and faces of these only.
     ImportError
-        If the format needs h5py, and that is not there.
+        If the format needs h5py, which is not installed.
 
     Examples
     --------
@@ -86,26 +90,27 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri | Mes
 
 
 def read_groups(path: str | PathLike[str], *, scale: float = 1.0) -> Groups:
-    """Read the numbers of the physical groups of a Gmsh file, by which GetDP and others know them.
+    """Read the numbers of the physical groups of a mesh file.
 
-    ``write_mesh(path, mesh, groups=groups)`` gives them to a mesh that was changed in between.
+    GetDP and other programs refer to groups by these numbers. ``write_mesh(path, mesh, groups=groups)`` writes them
+    with a mesh that was changed in between.
 
     Parameters
     ----------
     path
-        A Gmsh file or a folder of Elmer. Of others there is nothing to read: their numbers, if any, are in the names.
+        A Gmsh file or a folder of Elmer. Other formats have no numbers besides those in their names.
     scale
         The same as for `read_mesh`.
 
     Returns
     -------
     Groups
-        What the groups of each number are called in the mesh that `read_mesh` makes, and where groups of points are.
+        Numbers and names of the groups, as in the mesh of `read_mesh`, and the positions of groups of points.
 
     Raises
     ------
     FileNotFoundError
-        If there is no such file.
+        If the file does not exist.
     ValueError
         If the suffix is unknown or the file is damaged.
     """
@@ -115,31 +120,31 @@ def read_groups(path: str | PathLike[str], *, scale: float = 1.0) -> Groups:
 
 
 def read_curves(path: str | PathLike[str], mesh: MeshTri, *, scale: float = 1.0) -> dict[str, Spline]:
-    """Read the curves on which a second-order Gmsh file has the mid-side nodes of its named boundaries.
+    """Read the curves through the midside nodes of the boundaries of a Gmsh file.
 
-    With ``Mesh.ElementOrder = 2`` Gmsh puts these nodes on the curves of the drawing; the spline through them and the
-    ends of the facets is much nearer to the curves than one through the ends alone. It has pieces as
-    `Spline.through` has.
+    With ``Mesh.ElementOrder = 2`` Gmsh puts midside nodes on the curves of the drawing. The spline through them and the
+    ends of the facets is much nearer to the curves than a spline through the ends alone. Its pieces are those of
+    `Spline.through`.
 
     Parameters
     ----------
     path
-        The Gmsh file.
+        The Gmsh file, of second order.
     mesh
-        What `read_mesh` made of it, with the names that it now has; interior boundaries too.
+        The mesh that `read_mesh` returned for the file, with its present names; interior boundaries are read, too.
     scale
         The same as for `read_mesh`.
 
     Returns
     -------
     dict
-        A `Spline` by name for every boundary of `mesh` with a mid-side node off its facet by more than rounding. What
-        is straight is left out.
+        Name to `Spline` for every boundary of `mesh` with a midside node off its facet by more than rounding. Straight
+        boundaries are left out.
 
     Raises
     ------
     FileNotFoundError
-        If there is no such file.
+        If the file does not exist.
     ValueError
         If the suffix is not that of a Gmsh file, the file is damaged or of first order, or `mesh` is another mesh.
     """
@@ -150,13 +155,12 @@ def read_curves(path: str | PathLike[str], mesh: MeshTri, *, scale: float = 1.0)
 
 
 def shown_curves(path: Path, mesh: MeshTri, scale: float) -> dict[str, Spline]:
-    """As `read_curves`; none of a file that is not of second order, or of another kind."""
+    """Return the curves of a second-order Gmsh file, an empty dictionary for others."""
     content = read_msh(path) if path.suffix.lower() in MSH_VERSION else None
     return to_curves(content, mesh, path, scale) if content is not None and is_second_order(content) else {}
 
 
 def _reader(path: Path, scale: float, caller: str, readers: dict[str, Reader]) -> Reader:
-    """What reads a file, or a folder of Elmer, that is there."""
     if not (isinstance(scale, Real) and math.isfinite(scale) and scale > 0.0):
         raise ValueError(f"scale must be a positive number, 1e-3 for a drawing in millimetres; got {scale!r}.")
     if readers is READERS and (path / HEADER).is_file():

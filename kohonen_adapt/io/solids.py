@@ -1,4 +1,4 @@
-"""Make of the tetrahedra of a file a mesh with names: volume groups as subdomains, surface groups as boundaries."""
+"""Tetrahedral meshes from the content of mesh files."""
 
 import logging
 from pathlib import Path
@@ -32,12 +32,12 @@ FIRST_ORDER = 4
 
 
 def to_solid(content: Content, path: Path, scale: float) -> MeshTet:
-    """The tetrahedra of a file as a mesh, with its groups as subdomains and boundaries.
+    """Return the tetrahedra of a file, with groups as subdomains and boundaries.
 
     Raises
     ------
     ValueError
-        If the file, `path`, holds other cells than tetrahedra of four nodes, or triangles that are no faces of these.
+        If the file, `path`, has other cells than tetrahedra of four nodes, or triangles that are not faces of these.
     """
     _check_shapes(content, path)
     rows = content.of_shape(TETRAHEDRON)
@@ -55,7 +55,6 @@ def to_solid(content: Content, path: Path, scale: float) -> MeshTet:
 
 
 def of_positive_volume(mesh: MeshTri | MeshTet) -> MeshTri | MeshTet:
-    """A mesh whose tetrahedra all have positive volumes, as other programs want them; of triangles as it is."""
     return mesh.oriented() if len(mesh.p) == 3 and np.any(signed_area(mesh) < 0.0) else mesh
 
 
@@ -76,7 +75,7 @@ def _check_shapes(content: Content, path: Path) -> None:
 
 
 def _boundaries(mesh: MeshTet, used: Ints, content: Content, path: Path) -> Sets | None:
-    """Facets by name, twice the number of each, and 1 more where its second element is in front of its triangle."""
+    """Return ``2 * facet + side`` by name, side 1 with the second element in front."""
     rows = content.of_shape(TRIANGLE)
     if len(rows.number) == 0 and not content.names:
         return None
@@ -96,7 +95,10 @@ def _boundaries(mesh: MeshTet, used: Ints, content: Content, path: Path) -> Sets
 
 
 def _turn_alike(triangles: Ints) -> bool:
-    """Whether most triangles (m, 3) turn as their neighbours do: of a program that knows no direction, half do not."""
+    """Return True if most neighbouring triangles (m, 3) have the same orientation.
+
+    Half of them have if a program writes triangles without direction.
+    """
     edges = np.vstack([triangles[:, edge] for edge in map(list, CELLS[2].outward)]).T
     up = np.where(edges[0] < edges[1], 1.0, -1.0)
     number = np.unique(keys_of(np.sort(edges, axis=0), 1 + int(edges.max(initial=0))), return_inverse=True)[1]

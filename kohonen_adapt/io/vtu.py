@@ -1,4 +1,4 @@
-"""Write VTU files for ParaView, with names as scikit-fem stores them, and read such names."""
+"""VTU files for ParaView, with names as scikit-fem stores them."""
 
 from html import escape
 from pathlib import Path
@@ -21,21 +21,21 @@ Fields = dict[str, Floats]
 REGION = "region"
 SUBDOMAIN, BOUNDARY = "skfem:s:", "skfem:b:"
 KINDS = {3: "triangle", 4: "tetra", 6: "triangle6"}
-"""Nodes of an element to what meshio calls it: VTK's types 5, 10 and 22."""
+"""Nodes per element to the type in meshio (VTK's types 5, 10 and 22)."""
 
 
 def write_vtu(
     path: Path, mesh: Mesh, subdomains: Sets, boundaries: Sets, point_data: Fields, cell_data: Fields
 ) -> None:
-    """Write a mesh for ParaView; arguments as `write_mesh` has checked them.
+    """Write a mesh and fields for ParaView.
 
-    Besides the fields there are integer arrays per element: ``region`` numbers the combinations of subdomain names,
-    ``skfem:s:<name>`` is 1 in a subdomain, and in ``skfem:b:<name>`` bit k says that side k is in a boundary.
+    The names are integer arrays per element: ``region`` is the index of the combination of subdomain names,
+    ``skfem:s:<name>`` is 1 in a subdomain, and bit k of ``skfem:b:<name>`` is set if side k is in a boundary.
 
     Raises
     ------
     ValueError
-        If a field of the caller has one of these names.
+        If a field in `cell_data` has one of these names.
     """
     names: dict[str, Ints] = {REGION: combinations(list(subdomains.values()), mesh.t.shape[1])[0]}
     names |= {SUBDOMAIN + name: np.bincount(items, minlength=mesh.t.shape[1]) for name, items in subdomains.items()}
@@ -43,7 +43,7 @@ def write_vtu(
     taken = names.keys() & cell_data.keys()
     if taken:
         raise ValueError(f"cell_data '{min(taken)}' has a name that write_mesh needs for the mesh; choose another.")
-    # meshio writes names into the XML as they are.
+    # meshio does not escape names in the XML.
     cells = {escape(name, quote=False): [_components(values)] for name, values in (names | cell_data).items()}
     nodal = {escape(name, quote=False): values for name, values in point_data.items()}
     points = np.column_stack([mesh.p.T, np.zeros((mesh.p.shape[1], 3 - len(mesh.p)))])
@@ -53,7 +53,10 @@ def write_vtu(
 
 
 def _mark_sides(mesh: Mesh, facets: Ints) -> Ints:
-    """Bits of the sides of every element; a facet is marked in its first element only, or in the one in front of it."""
+    """Return the bits of marked sides per element, shape (nelements,).
+
+    A facet is marked in one element, the first or that in front of the facet.
+    """
     element = mesh.f2t[getattr(facets, "ori", 0), facets]
     side = np.argmax(mesh.t2f[:, element] == facets, axis=0)
     bits = np.zeros(mesh.t.shape[1], dtype=np.int64)
@@ -62,14 +65,16 @@ def _mark_sides(mesh: Mesh, facets: Ints) -> Ints:
 
 
 def _components(values: np.ndarray) -> np.ndarray:
-    """Scalars as they are, vectors as rows of three, as ParaView wants them."""
     return values if values.ndim == 1 else np.column_stack([values.T, np.zeros((values.shape[1], 3 - len(values)))])
 
 
 def sides_of(elements: Ints, bits: Ints, points: Floats) -> Ints:
-    """The sides of elements (n, d + 1) whose bit is set, (m, d), each with its element in front."""
+    """Return the sides of elements (n, d + 1) whose bit is set, shape (m, d).
+
+    The corners are ordered so that the element is in front.
+    """
     d = elements.shape[1] - 1
-    corners = np.sort(elements, axis=1) if d == 2 else elements  # so scikit-fem numbers sides, triangles sorted
+    corners = np.sort(elements, axis=1) if d == 2 else elements  # as scikit-fem numbers the sides
     sides = []
     for bit, side in enumerate(CELLS[d].facets):
         marked = (bits >> bit) & 1 == 1

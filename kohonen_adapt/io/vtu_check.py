@@ -1,4 +1,4 @@
-"""Refuse a VTU file that meshio would misread, or unpack to far more than a mesh of its size holds."""
+"""Checks of VTU files that meshio would misread or unpack without limit."""
 
 import base64
 import lzma
@@ -16,7 +16,7 @@ from kohonen_adapt.io.content import ALWAYS, PACKED
 __all__ = ["checked_vtu", "plain_xml"]
 
 Source = bytes | str
-"""Bytes as they are, or as text in base64, where what is taken at once was encoded at once."""
+"""Raw bytes, or base64 text in which header and data are encoded separately."""
 
 DECOMPRESSORS: dict[str | None, Callable[[], Any]] = {
     "vtkZLibDataCompressor": zlib.decompressobj,
@@ -30,23 +30,30 @@ NEWER = re.compile(rb"(<VTKFile\b[^>]*\bversion\s*=\s*[\"'])2\.[0-9]+")
 
 
 class _Plain(ElementTree.TreeBuilder):
-    """A tree without entities of its own: such can grow without bound, and no mesh file has any."""
+    """Builder of XML trees that refuses document types.
+
+    Entities of a document type can expand without bound.
+    """
 
     def doctype(self, name: str, public: str | None, system: str | None) -> None:
         raise ValueError("it declares a document type, which no mesh needs")
 
 
 def plain_xml(text: bytes) -> ElementTree.Element:
-    """The root of an XML file; a ValueError if it declares a document type."""
     if b"<!DOCTYPE" in text:
         _Plain().doctype("", None, None)
     return ElementTree.fromstring(text, ElementTree.XMLParser(target=_Plain()))
 
 
 def checked_vtu(data: bytes) -> bytes:
-    """A VTU file as meshio takes it; a ValueError if that would misread it, or unpack it without limit.
+    """Return the bytes of a VTU file in a form that meshio reads.
 
-    VTK's version 2 has other polyhedra than version 1, and meshio refuses it for that.
+    Version 2 of VTK differs from version 1 in polyhedra only, and meshio refuses it.
+
+    Raises
+    ------
+    ValueError
+        If meshio would misread the file, or unpack it without limit.
     """
     text, raw = _without_raw(data)
     root = plain_xml(text)
@@ -69,10 +76,10 @@ def checked_vtu(data: bytes) -> bytes:
 
 
 def _without_raw(data: bytes) -> tuple[bytes, bytes | None]:
-    """The text of a file without its raw section, which is no XML, and the latter."""
     found = RAW.search(data)
     if not found:
         return data, None
+    # The raw section is not valid XML.
     start, end = data.index(b"_", found.end()) + 1, data.rfind(b"</AppendedData>")
     if end < start:
         raise ValueError("its appended data has no end")
@@ -80,10 +87,15 @@ def _without_raw(data: bytes) -> tuple[bytes, bytes | None]:
 
 
 def _unpacked(source: Source, head: np.dtype[Any], most: int, decompressor: Callable[[], Any] | None) -> int:
-    """How many bytes an array has; a ValueError if they are more than `most`, or blocks unpack to more than they say.
+    """Return the number of bytes of an array, with the size of every block checked.
 
-    A header has the length, or of compressed data the number of blocks, the length of each and of the last one, and
-    what each is packed to.
+    A header has the number of bytes or, of compressed data, the number of blocks, the size of a block and of the last
+    block, and the compressed size of each.
+
+    Raises
+    ------
+    ValueError
+        If the array has more than `most` bytes, or a block does not unpack to its size.
     """
     first, _ = _taken(source, 0, head.itemsize)
     count = int(np.frombuffer(first, head)[0])
@@ -92,7 +104,7 @@ def _unpacked(source: Source, head: np.dtype[Any], most: int, decompressor: Call
         header, end = _taken(source, 0, (3 + count) * head.itemsize)
         _, full, last, *sizes = np.frombuffer(header, head).tolist()
         lengths = [full] * (count - 1) + [last or full] if count else []
-    if sum(lengths) > most:  # arrays may name the same bytes
+    if sum(lengths) > most:  # arrays may refer to the same bytes
         raise ValueError("it unpacks to far more than a mesh of its size holds")
     if decompressor:
         packed, start = _taken(source, end, sum(sizes))[0], 0
@@ -112,7 +124,7 @@ def _check_block(decompressor: Any, block: bytes, length: int) -> None:
 
 
 def _taken(source: Source, start: int, count: int) -> tuple[bytes, int]:
-    """So many bytes from a place on, and where they end."""
+    """Return `count` decoded bytes from `start`, and their end in `source`."""
     end = start + (count if isinstance(source, bytes) else -(-count // 3) * 4)
     if not 0 <= start <= end <= len(source):
         raise ValueError("its data ends before its last number")

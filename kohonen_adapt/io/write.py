@@ -1,4 +1,4 @@
-"""Write a mesh with names that a file can carry and finite fields of the right shape."""
+"""Writer of meshes with their names and fields."""
 
 import logging
 from collections.abc import Mapping
@@ -27,10 +27,10 @@ __all__ = ["WRITTEN", "check_names_written", "write_mesh"]
 logger = logging.getLogger("kohonen_adapt")
 
 WRITTEN = (*MSH_VERSION, ".vtu")
-"""Suffixes of files that can be written."""
+"""Suffixes of mesh files that can be written."""
 
 LONGEST_NAME = 127
-"""Bytes of a name that Gmsh reads."""
+"""Bytes of a name; Gmsh cuts longer names."""
 
 
 def write_mesh(
@@ -41,40 +41,40 @@ def write_mesh(
     cell_data: Mapping[str, ArrayLike] | None = None,
     groups: Groups | None = None,
 ) -> None:
-    """Write a mesh with its names, and fields on it, for Gmsh or ParaView.
+    """Write a mesh with its names and fields for Gmsh, ParaView or Elmer.
 
-    Nodes, elements and coordinates come back from `read_mesh` bit for bit in the same order, names to the letter. The
-    orientation of a boundary is the direction of its lines, with the element in front of it on their left, or of its
-    triangles, which run clockwise as seen from there. Tetrahedra of negative volume are turned. Sets called
-    ``gmsh:*``, which scikit-fem brings from Gmsh files, are left out. The file is written whole or not at all.
+    `read_mesh` restores nodes, elements, coordinates and names exactly, in the same order. The orientation of a
+    boundary is the direction of its lines, with the element in front on their left, or of its triangles, which run
+    clockwise as seen from the element in front. Tetrahedra of negative volume are turned. Sets called ``gmsh:*``, which
+    scikit-fem makes of Gmsh files, are left out. The file is written whole or not at all.
 
     Parameters
     ----------
     path
         ``.msh`` writes Gmsh MSH 4.1 and ``.msh2`` MSH 2.2, with a physical group per name and the fields as views.
-        ``.vtu`` is for ParaView: an integer array ``region`` that numbers the combinations of subdomain names, and the
-        names as the arrays ``skfem:s:<name>`` and ``skfem:b:<name>``, which ``skfem.Mesh.load`` understands, too.
-        A name without a suffix is the folder of a mesh for Elmer, which is made if it is missing; in such a mesh
-        subdomains must not overlap, nor boundaries.
+        ``.vtu`` is for ParaView: an integer array ``region`` numbers the combinations of subdomain names, and the names
+        are the arrays ``skfem:s:<name>`` and ``skfem:b:<name>``, which ``skfem.Mesh.load`` reads, too. A name without a
+        suffix is the folder of a mesh for Elmer, which is created if missing; in such a mesh subdomains must not
+        overlap, nor boundaries.
     mesh
         A `MeshTri`, a `MeshTet`, or a `MeshTri2`, whose elements and lines are of second order in the file (Gmsh's
         types 9 and 8, VTK's 22).
     point_data
-        Fields (nnodes,) by name. Of a `MeshTri2` that may be all nodes, in the order of ``mesh.p``, which is that of a
-        potential of order 2, or its corners; then mid-side nodes get the mean of both ends.
+        Fields (nnodes,) by name. On a `MeshTri2` a field has a value for all nodes, in the order of ``mesh.p``, like a
+        potential of order 2, or for the corners; midside nodes then get the mean of both ends.
     cell_data
         Fields (nelements,) or vectors (2, nelements), of tetrahedra (3, nelements), by name.
     groups
-        What `read_groups` read: names keep their numbers, groups of points are written where they have a node, and
-        ``.msh`` is written in the version of MSH that was read, for programs that read one only.
-        Without it, ``region_7`` and ``boundary_7`` are groups of that number and no name, and others are numbered
-        anew. VTU files have no numbers.
+        Result of `read_groups`: names keep their numbers, groups of points with a node are written, and ``.msh`` has
+        the version of MSH that was read, for programs that read one version only. Without `groups`, ``region_7`` and
+        ``boundary_7`` are groups of that number and no name, and other names get new numbers. VTU files have no
+        numbers.
 
     Raises
     ------
     ValueError
-        If the suffix is unknown, the mesh is empty, broken or of another class, a name or number
-        cannot be stored, or a field has another shape or holds a value that is not finite.
+        If the suffix is unknown, the mesh is empty, broken or of another class, a name or number cannot be stored, or a
+        field has another shape or holds a value that is not finite.
     OSError
         If the file cannot be written.
 
@@ -122,7 +122,7 @@ def check_names_written(mesh: Mesh) -> None:
 
 
 def with_means(mesh: MeshTri | MeshTet, fields: Mapping[str, ArrayLike] | None) -> Mapping[str, ArrayLike]:
-    """Fields at all nodes of a mesh: those of a `MeshTri2` at its corners with the mean of both ends on sides."""
+    """Return fields at all nodes, with the mean of both ends at midside nodes."""
     given = dict(fields or {})
     for name, values in given.items() if is_second_order(mesh) else ():
         array = np.asarray(values)
@@ -132,7 +132,6 @@ def with_means(mesh: MeshTri | MeshTet, fields: Mapping[str, ArrayLike] | None) 
 
 
 def _checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]:
-    """Elements or facets by name, sorted and without repetition; `kind` is "subdomain" or "boundary", for messages."""
     checked: dict[str, Ints] = {}
     for name, indices in named_sets(sets).items():
         _check_name(name, kind)
@@ -148,7 +147,6 @@ def _checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]
 def _checked_fields(
     fields: Mapping[str, ArrayLike] | None, count: int, kind: str, components: int = 0
 ) -> dict[str, Floats]:
-    """Finite fields by name as float arrays (count,), or vectors (components, count) if any."""
     expected = f"({count},) or ({components}, {count})" if components else f"({count},)"
     checked = {}
     for name, values in (fields or {}).items():

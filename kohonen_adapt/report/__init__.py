@@ -1,4 +1,4 @@
-"""Report an adaptation in one HTML file that needs nothing else, with an interactive view of the meshes."""
+"""Report of an adaptation as one HTML file with an interactive view."""
 
 from kohonen_adapt.report.scene import FieldOf
 from kohonen_adapt.report.writing import write_report

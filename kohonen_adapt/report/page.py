@@ -1,4 +1,4 @@
-"""Fill the page of a report: every text escaped, and a policy that lets nothing in or out."""
+"""HTML page of a report, with escaped text and a strict content security policy."""
 
 import base64
 import hashlib
@@ -29,10 +29,21 @@ def filled_page(
     versions: Mapping[str, str],
     data: Mapping[str, Any],
 ) -> bytes:
-    """Fill in the whole file: summary and key figures first, then the view with its data, the table and the pictures.
+    """Return the page of a report.
 
-    `pictures` has captions and PNG or GIF files (others are a ValueError), `settings` texts of any length, `versions`
-    short ones; `data` is ready for JSON.
+    Parameters
+    ----------
+    pictures
+        Caption to the bytes of a PNG or GIF file.
+    settings, versions
+        Texts of any length, and short texts, by name.
+    data
+        Data of the view, ready for JSON.
+
+    Raises
+    ------
+    ValueError
+        If a picture is neither PNG nor GIF.
     """
     style, script = _part("style.css"), "\n".join(_part(name) for name in SCRIPTS)
     sources = [(caption, _source(caption, content)) for caption, content in pictures.items()]
@@ -51,7 +62,7 @@ def filled_page(
         data=_json(data),
         script=script,
     )
-    return filled.encode("utf-8", "replace")  # half a surrogate pair in a name is no character
+    return filled.encode("utf-8", "replace")  # for unpaired surrogates in names
 
 
 def _part(name: str) -> str:
@@ -59,12 +70,10 @@ def _part(name: str) -> str:
 
 
 def _each(form: str, rows: Iterable[tuple[str, ...]]) -> str:
-    """The form once for every row, with the texts of the row in its places, escaped."""
     return "\n".join(form.format(*map(escape, row)) for row in rows)
 
 
 def _policy(style: str, script: str) -> str:
-    """Only this style and this script may act, by their hashes; nothing may be fetched or sent."""
     allowed = f"style-src {_hash(style)}; script-src {_hash(script)}; img-src data:"
     return f"default-src 'none'; {allowed}; base-uri 'none'; form-action 'none'"
 
@@ -74,12 +83,10 @@ def _hash(text: str) -> str:
 
 
 def _json(data: Mapping[str, Any]) -> str:
-    """JSON that cannot end the element it stands in."""
     return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _source(caption: str, content: bytes) -> str:
-    """A picture as an address that holds all of it."""
     kind = next((kind for start, kind in SIGNATURES.items() if content.startswith(start)), None)
     if kind is None:
         raise ValueError(f"pictures must be PNG or GIF files; '{caption}' begins with {content[:8]!r}.")

@@ -1,4 +1,4 @@
-"""Pack what the view of a report shows: two meshes, their fields, and the ends of every colour scale."""
+"""Meshes, fields and colour scales for the view of a report."""
 
 import base64
 import zlib
@@ -21,22 +21,30 @@ from kohonen_adapt.mesh.slicing import CutBy, Flat, flat
 __all__ = ["FieldOf", "packed", "view_data"]
 
 FieldOf = Callable[[Any], ArrayLike]
-"""A function from the solution that a problem returned to the values of a field."""
+"""Function of a solution that returns the values of a field."""
 
 Results = Sequence[tuple[AdaptResult, Flat]]
-"""Results, each with what is shown of its mesh."""
+"""Results with the plane meshes to show."""
 
 QUALITY = "quality (1: regular, 0: flat)"
 
 NAMELESS = "no name"
 NUMBERS: dict[str, np.dtype[Any]] = {"f4": np.dtype("<f4"), "u4": np.dtype("<u4"), "u1": np.dtype("u1")}
 
-MOST_NAMES = 255  # as a byte holds; further sets of names are shown as the last
+MOST_NAMES = 255  # largest value of a byte; further sets of names share the last index
 
 
 @dataclass(frozen=True)
 class Shown:
-    """A field: what the page must know of it, and its packed values on every mesh (None: the page finds them)."""
+    """Field of the view.
+
+    Attributes
+    ----------
+    about
+        Label, kind and scale for the page.
+    values
+        Packed values on every mesh, or None for values that the page computes.
+    """
 
     about: dict[str, Any]
     values: list[dict[str, str] | None]
@@ -52,14 +60,14 @@ def view_data(
     unit: str,
     axisymmetric: bool,
 ) -> dict[str, Any]:
-    """Everything the view needs, ready for JSON; the words of `results` are what is left and right of the divider.
+    """Return the data of the view, ready for JSON.
 
-    Of meshes of tetrahedra it is a cut.
+    The keys of `results` are the labels on both sides of the divider. Meshes of tetrahedra are cut by `plane`.
 
     Raises
     ------
     ValueError
-        If a function gives an array of the wrong shape, the unit is unknown, or the plane does not go with a mesh.
+        If a function returns an array of the wrong shape, the unit is unknown, or the plane does not fit a mesh.
     """
     each = [(result, flat(result.mesh, plane, axisymmetric)) for result in results.values()]
     shown = [
@@ -83,9 +91,10 @@ def view_data(
 
 
 def _mesh(shown: Flat, unit: str) -> dict[str, Any]:
-    """Coordinates relative to the middle of the mesh, where float32 is finest; bent sides have points of their own.
+    """Return a mesh for the page, with coordinates relative to the centre.
 
-    Of a cut, the page does not find out which lines are sides of elements, and of which.
+    float32 is most accurate there. Points on curved sides are added for drawing. The sides of elements are listed for a
+    cut only.
     """
     mesh = shown.mesh
     cut = {}
@@ -122,7 +131,6 @@ def _elementwise(label: str, results: Results, function: FieldOf) -> Shown:
 
 
 def _by_element(label: str, values: ArrayLike, mesh: Mesh) -> Floats:
-    """Values (nelements,), or (3, nelements) at the corners of triangles."""
     shape = {"nelements": mesh.t.shape[1]}
     return as_reals(label, values, {"3": 3} | shape if np.ndim(values) == len(mesh.p) == 2 else shape)
 
@@ -156,7 +164,7 @@ def _scaled(label: str, at: str, values: Sequence[Floats], low: float, high: flo
 
 
 def _middle_ends(values: Floats, mesh: Mesh) -> tuple[float, float]:
-    """Between which values all but a hundredth of the area lies at either end: corners have spikes."""
+    """Return the values that bound all but 1 % of the area at either end."""
     finite = np.isfinite(values)
     if not finite.any():
         return 0.0, 1.0
@@ -170,7 +178,6 @@ def _found_by_page(label: str, kind: str, low: float, high: float, scale: str = 
 
 
 def _qualities(results: Results) -> Shown:
-    """Of tetrahedra, which the page does not have."""
     return _scaled(QUALITY, "element", [shown.of_elements(quality(each.mesh)) for each, shown in results], 0.0, 1.0)
 
 
@@ -194,7 +201,10 @@ def _subdomains(results: Results) -> Shown:
 
 
 def _numbers_of_names(mesh: Mesh, names: dict[str, int]) -> Ints:
-    """For every element the number of its set of names, (nelements,); new sets are added to `names`."""
+    """Return the index of the set of names of every element, shape (nelements,).
+
+    New sets are added to `names`.
+    """
     subdomains = named_sets(mesh.subdomains)
     codes = codes_of_names([(rows, 0) for rows in subdomains.values()], mesh.t.shape[1])
     _, first, number = np.unique(codes, return_index=True, return_inverse=True)
@@ -203,13 +213,12 @@ def _numbers_of_names(mesh: Mesh, names: dict[str, int]) -> Ints:
 
 
 def packed(values: ArrayLike, kind: str, *, coarse: bool = False) -> dict[str, str]:
-    """Arrays as short text for a page, which unpacks it to a typed array: planes of their bytes, deflated, in base64.
+    """Return arrays as base64 text of their bytes, shuffled and deflated.
 
-    `kind` is ``"f4"``, ``"u4"`` or ``"u1"``, little-endian; `coarse` floats are rounded to 16 bits (1.5e-5 of each),
-    for what is only looked at. Bytes of equal weight stand together (the shuffle filter of HDF5): node numbers then
-    shrink to a third, and floats by the bits that neighbours share.
+    `kind` is ``"f4"``, ``"u4"`` or ``"u1"``, little-endian; `coarse` floats are rounded to 16 bits (1.5e-5 of each).
+    Bytes of equal weight are stored together (the shuffle filter of HDF5), which compresses node numbers to a third.
     """
-    with np.errstate(over="ignore"):  # what float32 does not hold is infinite, and drawn as the end of the scale
+    with np.errstate(over="ignore"):  # overflow is drawn as the end of the scale
         flat = np.ascontiguousarray(values).ravel().astype(NUMBERS[kind])
     if coarse:
         flat = ((flat.view(np.uint32) + np.uint32(0x80)) & np.uint32(0xFFFFFF00)).view(flat.dtype)

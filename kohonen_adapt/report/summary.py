@@ -1,4 +1,4 @@
-"""Tell an adaptation in words: how it ended, what it gained, and what it takes to compute the same again."""
+"""Summary of an adaptation in sentences and key figures."""
 
 import platform
 import re
@@ -37,7 +37,7 @@ BARE = re.compile(r"""(?<![\w.:/\\)\]])(?:~|[A-Za-z]:)?(?:[\\/][^\\/\s"'<>|,;]+)
 
 
 def key_figures(result: AdaptResult) -> list[tuple[str, str]]:
-    """Return names and values to look at first: goal, error before and after, nodes, quality, outputs, ending."""
+    """Return the names and values at the top of a report."""
     first, last = result.history[0], result.best
     word = "energy-norm error" if _in_percent(first, last) else estimate_word(result.history)
     energy = [("energy error after", f"{energy_error(last):.2g}\u00a0%")] if _in_percent(first, last) else []
@@ -54,7 +54,6 @@ def key_figures(result: AdaptResult) -> list[tuple[str, str]]:
 
 
 def _of_goal(step: Pass) -> list[tuple[str, str]]:
-    """Names and values of the goal, its error and their sum, as far as known."""
     named = zip(("goal", "error of the goal", "goal + error"), goal_figures(step).values(), GOAL_DIGITS, strict=False)
     return [
         (name, f"{significant(value, count)} {step.goal_unit}".rstrip())
@@ -64,7 +63,6 @@ def _of_goal(step: Pass) -> list[tuple[str, str]]:
 
 
 def sentences(result: AdaptResult) -> list[str]:
-    """How it ended, what it gained, and what became of every output."""
     first, last = result.history[0], result.best
     relocations = len(result.history) - 1
     said = [
@@ -82,7 +80,6 @@ def _in_percent(*steps: Pass) -> bool:
 
 
 def _error(step: Pass, other: Pass) -> str:
-    """The estimate, in per cent of the energy norm if the other pass has one too."""
     return f"{energy_norm_error(step):.3g}\u00a0%" if _in_percent(step, other) else step.estimate_text
 
 
@@ -109,7 +106,6 @@ def _of_output(name: str, first: Pass, last: Pass) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Name to version of everything that decides the numbers, the kind of processor and the number of threads."""
     return {
         **{name: found for name in PACKAGES if (found := _version_of(name))},
         "Python": platform.python_version(),
@@ -119,7 +115,7 @@ def versions() -> dict[str, str]:
 
 
 def without_folders(text: str) -> str:
-    """The text with absolute paths cut to the names of their files: folders tell who worked where.
+    """Return the text with absolute paths cut to file names, for privacy.
 
     Examples
     --------
@@ -130,7 +126,6 @@ def without_folders(text: str) -> str:
 
 
 def _version_of(package: str) -> str:
-    """The version that is installed; empty where there is none."""
     try:
         return version(package)
     except PackageNotFoundError:

@@ -1,4 +1,4 @@
-"""Write the report of an adaptation as one HTML file that needs nothing else."""
+"""Report of an adaptation as one HTML file."""
 
 from collections.abc import Mapping
 from os import PathLike
@@ -32,46 +32,46 @@ def write_report(
     pictures: Mapping[str, Picture] | None = None,
     settings: Mapping[str, str] | None = None,
 ) -> None:
-    """Write a report: summary, a view of the mesh before and after, the table of passes, pictures, settings, versions.
+    """Write a report with a view of the meshes, the passes, pictures and settings.
 
-    The file is whole or not there. It carries everything it shows, asks the network for nothing and lets nothing in:
-    names from a mesh are shown as text whatever they hold. A browser of 2023 or later draws the view (it needs
-    ``DecompressionStream``); the rest needs no JavaScript. It takes some 25 bytes for every element of either mesh.
+    The file is written whole or not at all. It is self-contained, loads nothing from the network and shows all names as
+    text. The view needs a browser of 2023 or later (with ``DecompressionStream``); the rest needs no JavaScript. The
+    size is about 25 bytes per element of either mesh.
 
     Parameters
     ----------
     path
         The file, by custom ``report.html``.
     result
-        What `kohonen_adapt.adapt` returned, for any problem.
+        Result of `kohonen_adapt.adapt`, for any problem.
     before
         The input: the result of ``adapt(..., passes=0)``.
     title, asked
-        The heading, and a sentence that says what was to be done.
+        Heading, and a sentence on the task.
     point_data, cell_data
-        Fields of the view: label, with a unit, to a function of a solution that gives values (nnodes,) or
+        Fields of the view: label, with a unit, to a function of a solution that returns values (nnodes,) or
         (nelements,); for a field that is linear in every element (3, nelements), at the corners of ``mesh.t``. The
-        first of `cell_data` is shown at first; contours are those of the first of `point_data`.
-        Indicators, quality, size and subdomains are there anyhow.
+        first of `cell_data` is shown at first; contours are those of the first of `point_data`. Indicators, quality,
+        size and subdomains are always included.
     indicator_label
-        What the indicators are called, with their unit.
+        Label of the indicators, with their unit.
     plane
-        Where meshes of tetrahedra are cut for the view, a `kohonen_adapt.Plane`.
+        Cut through meshes of tetrahedra for the view, a `kohonen_adapt.Plane`.
     unit
-        Unit of lengths: "m" or "mm" for a mesh in metres, "" for one without a unit.
+        Unit of lengths: "m" or "mm" for a mesh in metres, "" for a mesh without a unit.
     axisymmetric
-        Whether x and y of the mesh are r and z around an axis.
+        True if x and y of the mesh are r and z around an axis.
     pictures
-        Caption to a PNG or GIF file: its path, or its bytes. The first has a row of its own.
+        Caption to a PNG or GIF file: its path, or its bytes. The first picture has a row of its own.
     settings
-        Name to text: what it takes to do it again, for instance ``{"Command": ...}``. Absolute paths in it are cut to
-        the names of their files.
+        Name to text for repeating the computation, such as ``{"Command": ...}``. Absolute paths in it are cut to file
+        names.
 
     Raises
     ------
     ValueError
-        If a field has the wrong shape, the unit is unknown, a picture is neither PNG nor GIF, or tetrahedra come
-        without a plane that meets them.
+        If a field has the wrong shape, the unit is unknown, a picture is neither PNG nor GIF, or a mesh of tetrahedra
+        has no plane that meets it.
     OSError
         If the file cannot be written or a picture cannot be read.
 
