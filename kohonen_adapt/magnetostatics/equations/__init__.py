@@ -1,1 +1,1 @@
-"""State and solve the equations: symmetry, elements, conditions, energy, Newton's method."""
+"""Elements, boundary conditions, energy functionals and Newton's method."""

@@ -1,4 +1,4 @@
-"""Drive a scalar potential by the field of currents: at surfaces, and not in iron, where a potential stands for it."""
+"""Applied field of currents in a problem with a scalar potential."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,41 +26,41 @@ __all__ = ["AppliedField", "Drive", "checked_field", "drive_on", "field_at"]
 
 AppliedField = Callable[[Floats], ArrayLike]
 
-# Relative: what is more permeable is iron, where a reduced potential would cancel nearly all of the applied field.
+# Relative permeability above which an element is iron, where a reduced potential would cancel most of the applied
+# field.
 PERMEABLE = 2.0
-POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)  # along an edge: 3e-5 at half its length from a wire
-LINKED = 0.01  # of the range of the potential in a piece of iron: circulation that closed paths may have by that
-FACE_EDGES = ((0, 1), (1, 2), (0, 2))  # the last against the way around
-DEGREE = 4  # of polynomials that are integrated exactly over a facet
-SAME = 1e-9  # of the permeability of vacuum
-NO_CURRENT = 0.002  # of the integral of |Hs| around a face: likewise
+POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)  # along an edge: error 3e-5 at half its length from a wire
+LINKED = 0.01  # allowed circulation along closed paths, relative to the range of the potential in a piece of iron
+FACE_EDGES = ((0, 1), (1, 2), (0, 2))  # the last in reverse orientation
+DEGREE = 4  # of the quadrature rule of facets
+SAME = 1e-9  # tolerance of equality, relative to the permeability of vacuum
+NO_CURRENT = 0.002  # allowed circulation around a face without current, relative to the integral of |Hs|
 
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """What of the field strength is not ``-grad u``: ``H = T - grad u``.
+    """Prescribed part T of the field strength ``H = T - grad u``.
 
-    T is the applied field Hs; in iron none, for there u is the total potential, ``phi + chi`` with ``Hs = -grad chi``.
-    Elements that touch iron have ``T = Hs + grad chi`` of the function chi that falls to 0 at the next nodes, so that
-    ``u - chi`` is the reduced potential phi everywhere.
+    T is the applied field Hs outside iron. In iron T = 0, and u is the total potential ``phi + chi`` with ``Hs = -grad
+    chi``. In elements that touch iron ``T = Hs + grad chi`` with chi falling to 0 at the next nodes, so that ``u -
+    chi`` is the reduced potential phi everywhere.
 
-    As ``mu0 Hs`` has no divergence, ``int mu0 Hs . grad v`` over what is as permeable as vacuum is an integral over its
-    surface: no wire in it is met by a quadrature point.
+    Because ``mu0 Hs`` has no divergence, ``int mu0 Hs . grad v`` over elements as permeable as vacuum is an integral
+    over their surface, so that no quadrature point lies on a wire inside them.
     """
 
     elements: Tetrahedra
     function: AppliedField | None
     iron: Mask  # (nelements,)
-    vacuum: Mask  # (nelements,): of its permeability
+    vacuum: Mask  # (nelements,): elements of the permeability of vacuum
     potential: Floats  # chi at the nodes, (nnodes,) in A; 0 away from iron
-    load: Floats  # that surface integral for every hat function v, (nnodes,) in Wb
+    load: Floats  # the surface integral for every hat function v, (nnodes,) in Wb
 
     @cached_property
     def _offset(self) -> Floats:
         return self.elements.gradient(self.potential)
 
     def at(self, x: Floats, element: Ints) -> Floats:
-        """T at points x (3, n) of these elements, (3, n) in A/m."""
         if self.function is None:
             return np.zeros_like(x)
         outside = np.flatnonzero(~self.iron[element])
@@ -70,12 +70,11 @@ class Drive:
 
     @cached_property
     def at_points(self) -> Floats:
-        """T at the quadrature points, (3, npoints) in A/m."""
         return self.at(self.elements.points, self.elements.element)
 
     @cached_property
     def current_density(self) -> Floats:
-        """The size of ``curl Hs`` in every element, (nelements,) in A/m^2: the largest by its faces."""
+        """Largest ``|curl Hs . n|`` on the faces of elements, (nelements,) in A/m^2."""
         mesh, found = self.elements.mesh, np.zeros(self.iron.size)
         if self.function is None:
             return found
@@ -90,7 +89,7 @@ class Drive:
 
     @cached_property
     def inside(self) -> Floats:
-        """What of T the `load` leaves to volumes, the mean of every element, (3, nelements) in A/m."""
+        """Part of T that `load` does not cover, element means, (3, nelements) in A/m."""
         rows = np.flatnonzero(~(self.iron | self.vacuum))
         mean = np.where(self.iron, 0.0, self._offset)
         if rows.size and self.function is not None:
@@ -100,7 +99,6 @@ class Drive:
 
 
 def checked_field(given: Any) -> AppliedField | None:
-    """The applied field as a function of x (3, n): of a function, a vector, an object with getH, or several of them."""
     if given is None or callable(given):
         return given
     if callable(getattr(given, "getH", None)):
@@ -118,7 +116,6 @@ def checked_field(given: Any) -> AppliedField | None:
 
 
 def field_at(function: AppliedField, x: Floats) -> Floats:
-    """The applied field at points (3, n), checked; of no points nobody is asked."""
     if not x.size:
         return np.zeros_like(x)
     values = np.asarray(function(x), dtype=float)
@@ -134,9 +131,12 @@ def field_at(function: AppliedField, x: Floats) -> Floats:
 
 
 def drive_on(mesh: MeshTet, given: Coefficients, function: AppliedField | None, closed: Ints) -> Drive:
-    """What drives the problem on a mesh; refused where closed paths in iron link currents.
+    """Return the drive, with no flux through the facets `closed`.
 
-    Through facets that are `closed` by symmetry goes no flux.
+    Raises
+    ------
+    ValueError
+        If a closed path in iron links a current.
     """
     elements, none = Tetrahedra(mesh, varies=function is not None), np.zeros(mesh.p.shape[1])
     iron = given.reluctivity * VACUUM_PERMEABILITY < 1.0 / PERMEABLE
@@ -151,7 +151,10 @@ def drive_on(mesh: MeshTet, given: Coefficients, function: AppliedField | None, 
 
 
 def _flux_out(mesh: MeshTet, inside: Mask, function: AppliedField, closed: Ints) -> Floats:
-    """``int mu0 Hs . n v`` over the surface of some elements for every hat function v, (nnodes,) in Wb."""
+    """Return ``int mu0 Hs . n v`` over a surface, shape (nnodes,) in Wb.
+
+    The surface is that of the elements `inside` without the facets `closed`; v are the hat functions.
+    """
     number_facets(mesh)
     one, other = mesh.f2t
     own, beyond = inside[one], inside[other] & (other >= 0)
@@ -170,10 +173,10 @@ def _flux_out(mesh: MeshTet, inside: Mask, function: AppliedField, closed: Ints)
 
 
 def total_potential(mesh: MeshTet, iron: Mask, function: AppliedField) -> Floats:
-    """chi with ``Hs = -grad chi`` in iron, 0 at the first node of each of its pieces and away from iron, (nnodes,).
+    """Return chi with ``Hs = -grad chi`` in iron and 0 elsewhere, shape (nnodes,).
 
-    By the circulation of Hs along edges: chi falls by it from node to node of a tree that spans the iron. The edges
-    that are not in the tree close paths; where Hs has a circulation along one of them, that path links a current.
+    chi is integrated along a tree that spans the edges of every piece of iron, from 0 at its first node. Edges outside
+    the tree close paths. A circulation of Hs along an edge of this kind means that the path links a current.
     """
     one, other = _edges(mesh.t[:, iron])
     chi, nnodes = np.zeros(mesh.p.shape[1]), mesh.p.shape[1]
@@ -195,7 +198,6 @@ def total_potential(mesh: MeshTet, iron: Mask, function: AppliedField) -> Floats
 
 
 def _edges(t: Ints) -> tuple[Ints, Ints]:
-    """The edges of elements, once each, from the lower node to the higher, in order."""
     ends = np.sort(t[ENDS].reshape(2, -1), axis=0).astype(np.int64)
     count = int(ends.max(initial=0)) + 1
     key = np.unique(ends[0] * count + ends[1])
@@ -203,7 +205,7 @@ def _edges(t: Ints) -> tuple[Ints, Ints]:
 
 
 def _circulation(start: Floats, end: Floats, function: AppliedField) -> tuple[Floats, Floats]:
-    """``int Hs . dl`` and ``int |Hs| dl`` from points to points (3, n), (n,) in A each."""
+    """Return ``int Hs . dl`` and ``int |Hs| dl`` along segments, shape (n,) in A."""
     total, whole, way = np.zeros(start.shape[1]), np.zeros(start.shape[1]), end - start
     for place, weight in zip(POINTS, WEIGHTS, strict=True):
         values = field_at(function, start + 0.5 * (1.0 + place) * way)
@@ -213,7 +215,6 @@ def _circulation(start: Floats, end: Floats, function: AppliedField) -> tuple[Fl
 
 
 def _check_unlinked(mesh: MeshTet, iron: Mask, piece: Ints, one: Ints, left: Floats, chi: Floats) -> None:
-    """Refuse what closed paths have left of the circulation, (nedges,), where it is more than rounding."""
     number = piece[one]
     highest, lowest = np.full(piece.max() + 1, -np.inf), np.full(piece.max() + 1, np.inf)
     np.maximum.at(highest, piece, chi)

@@ -1,4 +1,4 @@
-"""Take u = r A around an axis r = 0, by functions of order 1 to 3 that fall like r squared there."""
+"""Elements for u = r A around an axis, with functions that fall like r^2 there."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,13 +26,13 @@ from kohonen_adapt.mesh.polynomials import (
 
 __all__ = ["AroundAxis", "elements_on"]
 
-INWARDS = 1e-6  # of the way to the middle: so far inside an element is what counts as its limit on the axis
+INWARDS = 1e-6  # distance from the axis at which limits on the axis are evaluated, relative to the way to the centroid
 FACET = 10  # degree of the rule along facets
 
 
 @dataclass(frozen=True, eq=False)
 class PartAroundAxis(Part):
-    """Elements with the same corners on the axis, all with a law or all without one."""
+    """Elements with the same corners on the axis, all with or all without a B-H law."""
 
     shape: Isoparametric
     order: int
@@ -78,12 +78,10 @@ class PartAroundAxis(Part):
 
     @property
     def _bent(self) -> bool:
-        """Whether any of the elements has a curved side."""
         return bool(self.shape.curved[self.rows].any())
 
     @property
     def _all_points(self) -> tuple[Ints, Floats]:
-        """The element of every point, and the barycentric coordinates there, those of an element together."""
         rows, share = np.asarray(self.rows), self.share
         return np.repeat(rows, share.shape[1]), np.tile(share, rows.size)
 
@@ -93,9 +91,10 @@ class PartAroundAxis(Part):
 
 @cache
 def from_values(order: int) -> Floats:
-    """The coefficients of the functions of `Reference` that have values at scikit-fem's places, by kind of element.
+    """Return the matrices from values to coefficients, (7, functions, unknowns).
 
-    (7, functions, unknowns). Values on the axis are those of the functions without the factor that is 0 there.
+    Matrix k belongs to the kind k of `ON_AXIS`. Values on the axis are those of the functions without the factor that
+    is 0 there.
     """
     second, third = KINDS[order].doflocs.T
     share, found = np.stack([1.0 - second - third, second, third], axis=1), []
@@ -107,11 +106,11 @@ def from_values(order: int) -> Floats:
 
 
 class AroundAxis(Higher):
-    """Functions u = r A of order 1 to 3 in the half-plane x = r >= 0, as of `Ritz` with ``axisymmetric=True``.
+    """Elements of order 1 to 3 for u = r A in the half-plane x = r >= 0.
 
-    The unknowns are the values of u at the places of scikit-fem's elements. u falls like r^2 at the axis, as it has to,
-    so that ``nu |grad u|^2 / r`` is integrated as it is, the energy is an upper bound of the exact one, and
-    ``B = (-du/dz, du/dr) / r`` is right on the axis, too.
+    The unknowns are the values of u at scikit-fem's degrees of freedom. u falls like r^2 towards the axis. Therefore
+    ``nu |grad u|^2 / r`` is integrated without modification, the energy is an upper bound of the exact one, and
+    ``B = (-du/dz, du/dr) / r`` also holds on the axis.
     """
 
     def _parts_of(self, bent: MeshTri) -> Sequence[Part]:
@@ -126,14 +125,14 @@ class AroundAxis(Higher):
 
     @cached_property
     def kind(self) -> Ints:
-        """The corners of every element that are on the axis, (nelements,): see `ON_AXIS`."""
+        """Kind of every element by its corners on the axis, an index of `ON_AXIS`."""
         return kinds_at_axis(self.corners.p[0, self.corners.t.T])
 
     def on_facets(self, facets: Ints) -> Ints:
         return self.corners.facets[:, facets] if self.order == 1 else super().on_facets(facets)
 
     def mean(self, values: Floats) -> Floats:
-        """The mean over the volume of every ring, (..., nelements), of what is at the quadrature points."""
+        # weighted by r, as the volume of a ring is
         return super().mean(values * self.points[0]) / super().mean(self.points[0])
 
     @property
@@ -141,7 +140,7 @@ class AroundAxis(Higher):
         return super().mean(self.points)
 
     def products_on(self, facets: Ints, weight: Floats) -> Floats:
-        """Integrals over facets of a weight (nfacets,) over r and the products of their functions, (k, k, nfacets)."""
+        """Return integrals of ``weight phi_i phi_j / r`` over facets, (k, k, nfacets)."""
         (at,), weights = get_quadrature(ElementLineP1, FACET)
         (start, end), off = self.corners.p[:, self.corners.facets[:, facets]].swapaxes(0, 1), self.shape.off[:, facets]
         there = (1.0 - at) * start[..., None] + at * end[..., None] + 4.0 * off[..., None] * at * (1.0 - at)
@@ -155,11 +154,10 @@ class AroundAxis(Higher):
 
     @cached_property
     def _on_axis(self) -> Ints:
-        """The nodes on the axis."""
         return np.unique(self.corners.t[ON_AXIS[self.kind].T])
 
     def inside(self, element: Ints, share: Floats) -> Floats:
-        """The same points, those on the axis a little way off it, where B of this element is what it tends to."""
+        # On the axis B is the limit from inside the element.
         on = factor_at(self.kind[element], share.T) < INWARDS
         return np.where(on, share + INWARDS * (1.0 / 3.0 - share), share)
 
@@ -174,10 +172,11 @@ class AroundAxis(Higher):
         return values, slopes
 
     def balanced(self, flux: Floats, source: Floats) -> Floats:
-        """Means of a flux over the elements, (2, nelements), with the loads by hat functions that it has by these.
+        """Return element means of a flux with equal loads, shape (2, nelements).
 
-        So the estimators of order 1 find balanced what is, for a flux at the quadrature points and a source
-        (nelements,). Edges from the axis are dual to the gradients of the hats at their other ends.
+        `flux` is at the quadrature points, `source` has shape (nelements,). The loads of the means by hat functions
+        equal the loads of the flux by the functions of these elements, so that the estimators of order 1 see a balanced
+        problem. Edges from the axis are dual to the gradients of the hat functions at their outer ends.
         """
         mean, off = super().mean(flux), np.where(ON_AXIS[self.kind].T, 0.0, 1.0)
         size = self._by_element([part.weights.sum(axis=1) for part in self._parts])
@@ -191,7 +190,6 @@ class AroundAxis(Higher):
 
 
 def elements_on(mesh: MeshTri, order: int, symmetry: Symmetry, lawful: Mask) -> Elements:
-    """Return the elements of that order on a mesh, of which these have a B-H law, (nelements,)."""
     if symmetry is AXISYMMETRIC:
         return AroundAxis(mesh, order, lawful)
     return Higher(mesh, order, lawful) if order > 1 else Linear(mesh)

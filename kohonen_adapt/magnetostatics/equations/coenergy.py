@@ -1,4 +1,4 @@
-"""State the co-energy of a field in space as a functional of its scalar potential."""
+"""Co-energy of a field in space as a functional of its scalar potential."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -16,30 +16,27 @@ __all__ = ["CoenergyFunctional"]
 
 @dataclass(frozen=True)
 class CoenergyFunctional:
-    """``Pi(u) = int (int_0^|H + Hc| B dh) - load . u`` with ``H = T - grad u``, of functions that keep the conditions.
+    """Functional ``int (int_0^|H + Hc| B dh) - load . u`` with ``H = T - grad u``.
 
-    Convex as B rises with H, and its gradient is ``-int B . grad v``: at the minimum div B = 0.
+    It is convex because B rises with H. Its gradient is ``-int B . grad v``, so that div B = 0 at the minimum.
     """
 
     elements: Tetrahedra
     given: Coefficients
     conditions: Conditions
-    drive: Floats  # T, but for what the load stands for: the mean of every element, (3, nelements) in A/m
+    drive: Floats  # T without the part in the load, mean of every element, (3, nelements) in A/m
     load: Floats  # (nnodes,) in Wb
 
     def at_rest(self) -> Self:
-        """The same with the permeability at H = 0 everywhere: quadratic in u."""
         return replace(self, given=replace(self.given, pieces=()))
 
     def value(self, u: Floats) -> tuple[float, float]:
-        """The functional, and the size of its rounding error."""
         driven = magnitude(self._strength(u) + self.given.coercivity)
         stored = float(np.sum(self.elements.volumes * self.given.costored(driven[None])))
         spent = self.load * u
         return stored - float(np.sum(spent)), np.finfo(float).eps * (stored + float(np.sum(np.abs(spent))))
 
     def residual(self, u: Floats) -> tuple[Floats, float]:
-        """Gradient at the free unknowns, (nfree,), and the norm of the sums of the sizes of its terms."""
         strength, coercivity = self._strength(u), self.given.coercivity
         secant, _ = self.given.permeabilities(strength)
         total = self.elements.against_gradients(-secant * (strength + coercivity)) - self.load
@@ -48,13 +45,12 @@ class CoenergyFunctional:
         return total[self.conditions.free], float(np.linalg.norm(size))
 
     def linear_residual(self, u: Floats) -> Floats:
-        """Gradient at the free unknowns of linear material."""
         with np.errstate(over="ignore", invalid="ignore"):
             flux = (self._strength(u) + self.given.coercivity) / self.given.reluctivity
             return -(self.elements.against_gradients(flux) + self.load)[self.conditions.free]
 
     def hessian(self, u: Floats) -> csc_array:
-        """Second derivatives at the free unknowns: ``dB/dH`` along H + Hc and ``B/H`` across it."""
+        """Return the second derivatives, ``dB/dH`` along H + Hc and ``B/H`` across."""
         free = self.conditions.free
         if not self.given.pieces:
             return self.elements.stiffness(1.0 / self.given.reluctivity, free)

@@ -1,4 +1,4 @@
-"""Constrain the unknowns on the boundaries: by values given, by ties, on an open boundary by a Robin condition."""
+"""Boundary conditions of the unknowns on a mesh."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,15 +22,15 @@ from kohonen_adapt.outline.pairs import image_nodes
 
 __all__ = ["Boundaries", "Conditions", "Value", "circle_of", "conditions_of", "fixed_values", "ties_of"]
 
-CONTRADICTION = 1e-9  # of the largest fixed value: values that tied nodes may differ by
-ROUND = 1e-3  # of the radius: nodes of an open boundary lie this near to its circle
+CONTRADICTION = 1e-9  # allowed difference of values at tied nodes, relative to the largest fixed value
+ROUND = 1e-3  # allowed distance of nodes of an open boundary from the circle, relative to the radius
 
 Value = float | Callable[[Floats], ArrayLike]
 
 
 @dataclass(frozen=True)
 class Boundaries:
-    """The boundary conditions of a problem, by name."""
+    """Boundary conditions of a problem, by name."""
 
     potential: Mapping[str, Value]
     open_boundary: str | None = None
@@ -42,55 +42,54 @@ class Boundaries:
 
 @dataclass(frozen=True)
 class OpenBoundary:
-    """What an open boundary adds to the energy, ``u . matrix u / 2 - load . u``."""
+    """Energy ``u . matrix u / 2 - load . u`` beyond an open boundary."""
 
     matrix: csc_array  # (nunknowns, nunknowns)
-    load: Floats  # (nunknowns,): of an applied field
+    load: Floats  # (nunknowns,), of an applied field
 
     def energy(self, u: Floats) -> tuple[float, float]:
-        """That, and the sum of the sizes of both terms."""
+        """Return the energy, and the sum of the magnitudes of its terms."""
         stored, spent = 0.5 * float(u @ (self.matrix @ u)), float(self.load @ u)
         return stored - spent, stored + abs(spent)
 
     def gradient(self, u: Floats) -> Floats:
-        """Its derivatives by the unknowns."""
         return self.matrix @ u - self.load
 
 
 @dataclass(frozen=True)
 class Ties:
-    """``u[i] = sign[i] u[master[i]]``: unknowns that are one up to a sign."""
+    """Unknowns that are equal up to a sign, ``u[i] = sign[i] u[master[i]]``."""
 
-    master: Ints  # (nunknowns,): one for each class of unknowns that are one; most are their own
+    master: Ints  # (nunknowns,): representative of each class of tied unknowns
     sign: Floats  # (nunknowns,): 1.0 or -1.0
-    zero: Mask  # (nunknowns,): those of classes that hold their own negative, so that u = 0 there
-    one: Ints  # (k,): unknowns that are one with ...
-    other: Ints  # (k,): ... these
-    between: Floats  # (k,): the sign between the two, 1.0 for periodic, -1.0 for antiperiodic
-    facets: tuple[Ints, Ints, Floats]  # (f,) each: facets that are one with others, these, and the sign between them
+    zero: Mask  # (nunknowns,): classes with u = -u, so that u = 0
+    one: Ints  # (k,): unknowns tied to ...
+    other: Ints  # (k,): ... these unknowns
+    between: Floats  # (k,): sign between both, 1.0 for periodic, -1.0 for antiperiodic
+    facets: tuple[Ints, Ints, Floats]  # (f,) each: tied facets, their images, and the sign between both
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """The boundary conditions on one mesh."""
+    """Boundary conditions of the unknowns on one mesh."""
 
-    fixed: Mask  # (nunknowns,): unknowns of given values
-    values: Floats  # (nunknowns,): these values, zero elsewhere
-    free: Ints  # (nfree,): the other unknowns
+    fixed: Mask  # (nunknowns,): unknowns with prescribed values
+    values: Floats  # (nunknowns,): the prescribed values, zero elsewhere
+    free: Ints  # (nfree,): unknowns without prescribed values
     open_boundary: OpenBoundary | None = None
-    join: csc_array | None = None  # (nfree, nclasses): free unknowns from one for each class; None: each is its own
-    ties: Ties | None = None  # unknowns that are one
+    join: csc_array | None = None  # (nfree, nclasses): free unknowns from classes, None without ties
+    ties: Ties | None = None
 
     @property
     def held(self) -> Mask:
-        """(nunknowns,) bool: unknowns of given values, and all that are one with others."""
+        """Mask of the fixed and the tied unknowns, shape (nunknowns,)."""
         held = self.fixed.copy()
         if self.ties is not None:
             held[self.ties.one] = held[self.ties.other] = True
         return held
 
     def reduced(self, matrix: csc_array, right: Floats) -> tuple[csc_array, Floats]:
-        """The equations of the free unknowns as those of their classes, the open boundary added to the matrix."""
+        """Return the equations of the classes, with the open boundary in the matrix."""
         if self.open_boundary is not None:
             matrix = (matrix + self.open_boundary.matrix[self.free][:, self.free]).tocsc()
         if self.join is not None:
@@ -98,15 +97,12 @@ class Conditions:
         return matrix, self.gathered(right)
 
     def gathered(self, pull: Floats) -> Floats:
-        """The gradient by the classes, (nclasses,), of that by the free unknowns, (nfree,)."""
         return pull if self.join is None else self.join.T @ pull
 
     def expanded(self, values: Floats) -> Floats:
-        """Values of the free unknowns, (nfree,), from those of their classes."""
         return values if self.join is None else self.join @ values
 
     def admitted(self, values: Floats) -> Floats:
-        """The values nearest to these that keep the conditions, (nunknowns,)."""
         kept = np.where(self.fixed, self.values, values)
         if self.ties is not None:
             kept = np.where(self.fixed, self.values, self.ties.sign * kept[self.ties.master])
@@ -114,11 +110,6 @@ class Conditions:
 
 
 def conditions_of(elements: Elements, given: Boundaries, symmetry: Symmetry) -> Conditions:
-    """The conditions on the unknowns of the elements.
-
-    Refused are names that the mesh lacks, values that contradict one another, pairs that do not match, an open boundary
-    that is no circle, and connected parts of the mesh where nothing fixes the potential.
-    """
     fixed, values = fixed_values(elements, given)
     values, axis = symmetry.unknown(elements.places, values), symmetry.on_axis(elements.places)
     fixed, values = fixed | axis, np.where(axis, 0.0, values)
@@ -137,11 +128,12 @@ def conditions_of(elements: Elements, given: Boundaries, symmetry: Symmetry) -> 
 def open_boundary_of(
     elements: Elements, name: str, symmetry: Symmetry, applied_field: tuple[float, float]
 ) -> OpenBoundary:
-    """The condition ``nu0' du/dn + nu0' u / R0 = d nu0' u0 / R0`` on the boundary of that name.
+    """Return the condition ``nu' du/dn + nu' u / R0 = d nu' u0 / R0`` on a boundary.
 
-    In the air beyond a circle the potential of a dipole falls like 1 / R, so ``du/dn = -u / R0``; beyond a sphere that
-    of a ring does like sin(theta) / R^2 (Jackson, Classical Electrodynamics, 5.5), so u = r A falls like 1 / R, too.
-    The potential u0 of a uniform applied field grows like R^(d - 1) in d dimensions, and u - u0 is what falls.
+    Outside a circle the potential of a dipole falls like 1 / R, so that ``du/dn = -u / R0``. Outside a sphere the
+    potential A of a ring falls like sin(theta) / R^2 (Jackson, Classical Electrodynamics, 5.5), so that u = r A also
+    falls like 1 / R. The potential u0 of a uniform applied field grows like R^(d - 1) in d dimensions, and u - u0
+    falls.
     """
     mesh = elements.corners
     facets = np.asarray(named(mesh.boundaries, name, "boundary"))
@@ -163,7 +155,6 @@ def open_boundary_of(
 
 
 def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
-    """Centre and radius of the circle that a boundary lies on, by least squares; refused where off by over `ROUND`."""
     x = mesh.p[:, np.unique(mesh.facets[:, np.asarray(mesh.boundaries[name])])]
     middle = x.mean(axis=1, keepdims=True)
     scale = np.max(np.abs(x - middle))
@@ -181,10 +172,7 @@ def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
 
 
 def fixed_values(elements: Placed, given: Boundaries) -> tuple[Mask, Floats]:
-    """Which unknowns have a given potential, (nunknowns,) bool, and the values there, (nunknowns,), zero elsewhere.
-
-    A boundary hands its value to all unknowns of its facets; where several meet, the last in the mapping counts.
-    """
+    """Return the mask of the unknowns with a given potential, and the values there."""
     x, mesh = elements.places, elements.corners
     at_points = nodes_of_points(mesh, given.points)
     fixed, values = np.zeros(x.shape[1], dtype=bool), np.zeros(x.shape[1])
@@ -196,7 +184,6 @@ def fixed_values(elements: Placed, given: Boundaries) -> tuple[Mask, Floats]:
 
 
 def _on_boundary(elements: Placed, name: str) -> Ints:
-    """The unknowns of a boundary."""
     try:
         facets = named(elements.corners.boundaries, name, "boundary")
     except ValueError as error:
@@ -207,9 +194,6 @@ def _on_boundary(elements: Placed, name: str) -> Ints:
 
 
 def ties_of(elements: Elements, periodic: Sequence[Pair], antiperiodic: Sequence[Pair]) -> Ties:
-    """Join the unknowns of every pair of boundaries, and those that several pairs join, as the corners of a cell;
-    refuse names that are no boundaries, and nodes that do not match.
-    """
     mesh, pairs = elements.corners, [*periodic, *antiperiodic]
     try:
         found = image_nodes(mesh, pairs)
@@ -229,7 +213,6 @@ def ties_of(elements: Elements, periodic: Sequence[Pair], antiperiodic: Sequence
 
 
 def _classes(count: int, one: Ints, other: Ints, between: Floats) -> tuple[Ints, Floats, Mask]:
-    """`master`, `sign` and `zero` of `Ties`."""
     master, sign = np.arange(count), np.ones(count)
     while True:
         before = master.copy()
@@ -244,7 +227,7 @@ def _classes(count: int, one: Ints, other: Ints, between: Floats) -> tuple[Ints,
 
 
 def _image_facets(mesh: MeshTri, facets: Ints, nodes: Ints, images: Ints) -> tuple[Ints, Mask]:
-    """The facets between the images of the ends of these facets, and whether those stand in the other order there."""
+    """Return the facets between image nodes, and a mask of the reversed ones."""
     count = mesh.p.shape[1]
     image = np.arange(count)
     image[nodes] = images
@@ -257,7 +240,6 @@ def _image_facets(mesh: MeshTri, facets: Ints, nodes: Ints, images: Ints) -> tup
 
 
 def _shared(x: Floats, ties: Ties, fixed: Mask, values: Floats) -> tuple[Mask, Floats]:
-    """A value given at one node holds at all that are one with it, up to the sign."""
     share, given = np.zeros(len(values)), np.flatnonzero(fixed)
     share[ties.master[given]] = ties.sign[given] * values[given]
     fixed_class = ties.zero.copy()
@@ -294,14 +276,13 @@ def _evaluated(name: str, value: Value, x: Floats) -> Floats:
 
 
 def _check_anchored(facets: Ints, nodes: int, fixed: Mask, beyond: OpenBoundary | None, ties: Ties | None) -> None:
-    """Every connected part of the mesh needs a condition, or its potential is known up to a constant only."""
     pairs, anchored = facets, fixed[:nodes]
     if beyond is not None:
         anchored = anchored | (beyond.matrix.diagonal()[:nodes] > 0.0)
     if ties is not None:
         inside = ties.one < nodes
         pairs, anchored = np.hstack((pairs, np.stack((ties.one[inside], ties.other[inside])))), anchored.copy()
-        anchored[ties.one[inside & (ties.between < 0.0)]] = True  # no constant is its own negative
+        anchored[ties.one[inside & (ties.between < 0.0)]] = True  # u = -u fixes the constant
     graph = coo_array((np.ones(pairs.shape[1], dtype=np.int8), tuple(pairs)), shape=(nodes,) * 2)
     parts, part = connected_components(graph, directed=False)
     loose = np.setdiff1d(np.arange(parts), part[anchored])

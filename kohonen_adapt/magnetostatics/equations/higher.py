@@ -1,4 +1,4 @@
-"""Integrate functions of order 2 and 3 over elements with straight and with curved sides, by quadrature."""
+"""Quadrature of functions of order 2 and 3 on straight and curved triangles."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -20,56 +20,54 @@ from kohonen_adapt.mesh.quadrature import LAW_DEGREE, LAW_DEGREE_BY_POINTS
 
 __all__ = ["Elements", "Higher", "Part"]
 
-CURVED = 2  # degrees more by which curved elements without a law are integrated, whose gradients are no polynomials
+CURVED = 2  # added to the degree of quadrature on curved elements, where gradients are not polynomials
 
 
 @dataclass(frozen=True, eq=False)
 class Part(ABC):
-    """Elements that are integrated by one rule."""
+    """Elements that share a quadrature rule."""
 
-    rows: Ints | slice  # their numbers
-    points: slice  # of all quadrature points theirs
+    rows: Ints | slice  # indices of the elements
+    points: slice  # range of the quadrature points of these elements
 
     @property
     @abstractmethod
     def share(self) -> Floats:
-        """The points of the rule, (3, q) by barycentric coordinates."""
+        """Barycentric coordinates of the quadrature points, shape (3, q)."""
 
     @property
     @abstractmethod
     def x(self) -> Floats:
-        """The quadrature points of every element, (2, nelements, q)."""
+        """Quadrature points of every element, shape (2, nelements, q)."""
 
     @property
     @abstractmethod
     def weights(self) -> Floats:
-        """Their areas, (nelements, q)."""
+        """Areas that the points stand for, shape (nelements, q)."""
 
     @property
     @abstractmethod
     def values(self) -> Floats:
-        """Of the functions of every element there, (k, nelements, q), or (k, 1, q) where they are the same."""
+        """Values of the functions, shape (k, nelements, q), or (k, 1, q) if all equal."""
 
     @property
     @abstractmethod
     def gradients(self) -> Floats:
-        """Of the functions of every element there, (k, 2, nelements, q)."""
+        """Gradients of the functions, shape (k, 2, nelements, q)."""
 
     @cached_property
     def integrals(self) -> Floats:
-        """Of the functions of every element, (k, nelements)."""
         values = np.broadcast_to(self.values, (len(self.values), *self.weights.shape))
         return np.einsum("ikq,kq->ik", values, self.weights)
 
     def apart(self, values: Floats) -> Floats:
-        """What is at all quadrature points, (..., npoints), at those of these elements, (..., nelements, q)."""
         own = values[..., self.points]
         return own.reshape(*own.shape[:-1], *self.weights.shape)
 
 
 @dataclass(frozen=True, eq=False)
 class PartOfBasis(Part):
-    """Elements of scikit-fem."""
+    """Elements of a basis of scikit-fem."""
 
     basis: Basis
 
@@ -96,15 +94,17 @@ class PartOfBasis(Part):
 
 
 class Higher(Polynomials):
-    """P2 or P3 by quadrature: the unknowns are those of scikit-fem, at the nodes, on the facets, inside the elements.
+    """P2 or P3 elements by quadrature, with the unknowns of scikit-fem.
 
-    Methods are as of `Linear`, with as many functions in every element as it has unknowns. Elements of a `MeshTri2`
-    with a curved side are isoparametric; those with a B-H law, `lawful` (nelements,), have points of their own.
+    Methods are as in `Linear`, with k functions per element. Elements of a `MeshTri2` with a curved side are
+    isoparametric. Elements with a B-H law, the mask `lawful` (nelements,), have their own quadrature rule.
     """
 
     def __init__(self, mesh: MeshTri, order: int, lawful: Mask) -> None:
         shape = Isoparametric(mesh)
-        if not np.array_equal(mesh.t, shape.corners.t):  # scikit-fem sorts the corners of a `MeshTri`, and goes by that
+        if not np.array_equal(
+            mesh.t, shape.corners.t
+        ):  # scikit-fem sorts the corners of a `MeshTri` and relies on the order
             names = {"boundaries": mesh.boundaries, "subdomains": mesh.subdomains}
             mesh = remade(mesh, mesh.doflocs, shape.corners.t, **names)
         self.order, self.facet_products, self.lawful = order, facet_products(order), lawful
@@ -116,10 +116,9 @@ class Higher(Polynomials):
         self.element = np.concatenate([np.repeat(count[part.rows], part.share.shape[1]) for part in self._parts])
 
     def _parts_of(self, bent: MeshTri) -> Sequence[Part]:
-        """Return the straight and the curved elements without a law, then those with one, each with its own points."""
         kind, order, curved, lawful = KINDS[self.order](), 2 * self.order, self.shape.curved, self.lawful
         if not curved.any() and not lawful.any():
-            # nu |grad u|^2 needs a degree less by 2 where nu is constant
+            # two degrees more than nu |grad u|^2 needs if nu is constant
             return [PartOfBasis(slice(None), slice(None), Basis(bent, kind, intorder=order))]
         parts, first = list[Part](), 0
         plain = (self.corners, ~curved & ~lawful, order), (bent, curved & ~lawful, order + CURVED)
@@ -134,21 +133,17 @@ class Higher(Polynomials):
 
     @cached_property
     def points(self) -> Floats:
-        """The quadrature points, (2, npoints)."""
         return np.concatenate([part.x.reshape(2, -1) for part in self._parts], axis=1)
 
     @cached_property
     def weights(self) -> Floats:
-        """Of the quadrature points, (npoints,): areas of an element in sum."""
         return np.concatenate([part.weights.ravel() for part in self._parts])
 
     @cached_property
     def _integrals(self) -> Floats:
-        """Of the functions of every element, (k, nelements)."""
         return self._by_element([part.integrals for part in self._parts])
 
     def _by_element(self, found: Sequence[Floats]) -> Floats:
-        """What the parts have of their elements, (..., nelements) each, of all elements."""
         if len(found) == 1:
             return found[0]
         whole = np.empty((*found[0].shape[:-1], self.unknowns.shape[1]))
@@ -157,7 +152,7 @@ class Higher(Polynomials):
         return whole
 
     def on_facets(self, facets: Ints) -> Ints:
-        """Numbers of the unknowns of facets, (order + 1, nfacets): of both ends, then between, from the first end."""
+        """Return the unknowns of facets, both ends first, shape (order + 1, nfacets)."""
         inner = (self.order - 1) * np.asarray(facets) + np.arange(self.order - 1)[:, None]
         return np.vstack((self.corners.facets[:, facets], self.corners.p.shape[1] + inner))
 
@@ -180,8 +175,9 @@ class Higher(Polynomials):
 
     @cached_property
     def fine_rule(self) -> tuple[Ints, Floats, Floats]:
-        """Elements (n,) and barycentric coordinates (3, n) of points, and their areas (n,): they integrate the product
-        of two gradients and two coordinates. These are the quadrature points.
+        """Elements (n,), barycentric coordinates (3, n) and weights (n,) of a rule.
+
+        It integrates the product of two gradients and two coordinates.
         """
         each = [np.tile(part.share, len(part.weights)) for part in self._parts]
         return self.element, np.concatenate(each, axis=1), self.weights
@@ -191,7 +187,6 @@ class Higher(Polynomials):
         return np.einsum("in,cin->cn", values[self.corners.t[:, element]], self._hats_at(element, share))
 
     def _hats_at(self, element: Ints, share: Floats) -> Floats:
-        """Gradients of the barycentric coordinates at points of these elements, (2, 3, n)."""
         hats, rows = self.hats[:, :, element], np.flatnonzero(self.shape.curved[element])
         if rows.size:
             hats[:, :, rows] = self.shape.hats(element[rows], share[:, rows])
@@ -203,26 +198,22 @@ class Higher(Polynomials):
         return self._by_element(sums)
 
     def mean_function(self, u: Floats) -> Floats:
-        """The mean of a function over every element, (nelements,)."""
         areas = self._by_element([np.sum(part.weights, axis=1) for part in self._parts])
         return np.sum(self._integrals * u[self.unknowns], axis=0) / areas
 
     def at(self, u: Floats, element: Ints, share: Floats) -> Floats:
-        """Values of a function at points of these elements, by barycentric coordinates (3, n): (n,)."""
         return np.sum(self._functions(element, share)[0] * u[self.unknowns[:, element]], axis=0)
 
     def gradient_at(self, u: Floats, element: Ints, share: Floats) -> Floats:
-        """Its gradient there, (2, n)."""
         slope = np.einsum("icn,in->cn", self._functions(element, share)[1], u[self.unknowns[:, element]])
         return np.einsum("in,cin->cn", slope, self._hats_at(element, share)[:, 1:])
 
     def _functions(self, element: Ints, share: Floats) -> tuple[Floats, Floats]:
-        """Values (k, n) of the functions there, and slopes (k, 2, n) by the last two barycentric coordinates."""
+        """Return values (k, n), and slopes (k, 2, n) by the last two barycentrics."""
         found = [KINDS[self.order]().lbasis(share[1:], i) for i in range(len(self.unknowns))]
         return np.stack([each[0] for each in found]), np.stack([each[1] for each in found])
 
     def against_functions(self, source: Floats) -> Floats:
-        """``int source phi`` for a source (nelements,): (k, nelements)."""
         return self._integrals * source
 
     def against_function(self, source: Floats, u: Floats) -> Floats:
@@ -250,7 +241,6 @@ class Higher(Polynomials):
         return coo_array((products.ravel(), (row.ravel(), column.ravel())), shape=(count,) * 2).tocsc()[free][:, free]
 
     def _products(self, part: Part, across: Floats, along: tuple[Floats, Floats] | None) -> Floats:
-        """What each two functions of an element of this part have for `stiffness`, (k, k, nelements)."""
         gradients, across = part.gradients, part.apart(across) * part.weights
         products = np.einsum("ickq,kq,jckq->ijk", gradients, across, gradients, optimize=True)
         if along is not None:
@@ -264,7 +254,10 @@ Elements = Linear | Higher
 
 
 def curved_products(order: int, chord: Floats, off: Floats) -> Floats:
-    """The same integrals along curved facets, (order + 1, order + 1, n), with chords (2, n) and middles off these."""
+    """Return integrals of products along curved facets, (order + 1, order + 1, n).
+
+    `chord` and the midside offset `off` have shape (2, n).
+    """
     (at,), weights = get_quadrature(ElementLineP1, 2 * order + CURVED)
     values = (at[:, None] ** np.arange(order + 1)) @ facet_functions(order)
     length = np.hypot(*(chord[:, :, None] + 4.0 * off[:, :, None] * (1.0 - 2.0 * at)))

@@ -1,4 +1,4 @@
-"""Fix a scalar potential on surfaces, and check the planes of symmetry that a mesh of tetrahedra ends at."""
+"""Planes of symmetry, and the conditions on a scalar potential in space."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -19,27 +19,25 @@ from kohonen_adapt.mesh.names import named_sets
 
 __all__ = ["Mirror", "checked_symmetry", "conditions_in_space", "mirrors_of", "surface"]
 
-KINDS = ("parallel", "normal")  # what the flux is to a plane of symmetry
-FLAT = 1e-6  # of the size of the mesh: nodes this near to a plane are on it
-ASKANCE = 0.01  # of the largest applied field on a plane: what it may have that the symmetry forbids
+KINDS = ("parallel", "normal")  # direction of the flux at a plane of symmetry
+FLAT = 1e-6  # distance at which nodes are on a plane, relative to the size of the mesh
+ASKANCE = 0.01  # allowed asymmetric part of the applied field on a plane, relative to the largest
 
 
 class Mirror(NamedTuple):
-    """A plane of symmetry."""
+    """Plane of symmetry."""
 
     kind: str
-    facets: Ints  # of the mesh, all that it has there
-    normal: Floats  # (3,), a unit vector out of the mesh
+    facets: Ints  # all facets of the mesh in the plane
+    normal: Floats  # (3,), unit vector out of the mesh
 
 
 def mirrors_of(mesh: MeshTet, symmetry: Mapping[str, str]) -> dict[str, Mirror]:
-    """The planes of symmetry by name; refused where a name is of no plane that closes the mesh there."""
     number_facets(mesh)
     return {name: Mirror(kind, *_plane_of(mesh, name)) for name, kind in symmetry.items()}
 
 
 def _plane_of(mesh: MeshTet, name: str) -> tuple[Ints, Floats]:
-    """The facets of a plane and its outward normal."""
     facets, size = np.unique(surface(mesh, name, "symmetry")), np.ptp(mesh.p, axis=1).max()
     if facets.size == 0 or np.any(mesh.f2t[1, facets] >= 0):
         raise ValueError(f"the plane of symmetry {name!r} must be on the outer boundary of the mesh, all of it.")
@@ -67,7 +65,6 @@ def _plane_of(mesh: MeshTet, name: str) -> tuple[Ints, Floats]:
 
 
 def surface(mesh: MeshTet, name: str, argument: str) -> Ints:
-    """The facets of a name; refused if it is no surface."""
     boundaries = named_sets(mesh.boundaries)
     if name not in boundaries:
         volume = name in named_sets(mesh.subdomains)
@@ -79,10 +76,10 @@ def surface(mesh: MeshTet, name: str, argument: str) -> Ints:
 
 
 def conditions_in_space(drive: Drive, potential: Mapping[str, Value], mirrors: Mapping[str, Mirror]) -> Conditions:
-    """The conditions on u, which is the reduced potential, and in iron the total one.
+    """Return the conditions on u, the reduced potential, in iron the total one.
 
-    Where nothing is given in a connected part, its first node is not free though nothing is fixed there: u is known up
-    to a constant.
+    A connected part without a given value has a first node that is neither fixed nor free, because u is determined
+    there up to a constant only.
     """
     elements, mesh = drive.elements, drive.elements.mesh
     for name in potential:
@@ -98,7 +95,6 @@ def conditions_in_space(drive: Drive, potential: Mapping[str, Value], mirrors: M
 
 
 def _check_field(drive: Drive, name: str, mirror: Mirror) -> None:
-    """Refuse an applied field that is not as the symmetry has it: of coils without their images."""
     if drive.function is None:
         return
     mesh = drive.elements.mesh
@@ -114,7 +110,6 @@ def _check_field(drive: Drive, name: str, mirror: Mirror) -> None:
 
 
 def _first_of_loose(mesh: MeshTet, fixed: Mask) -> Mask:
-    """The first node of every connected part of the mesh without a given value, (nnodes,)."""
     nnodes, (a, b, c, d) = fixed.size, mesh.t
     ways = np.concatenate((a, b, c)), np.concatenate((b, c, d))
     _, part = connected_components(coo_array((np.ones(ways[0].size), ways), shape=(nnodes,) * 2), directed=False)
@@ -125,7 +120,6 @@ def _first_of_loose(mesh: MeshTet, fixed: Mask) -> Mask:
 
 
 def checked_symmetry(given: Any) -> dict[str, str]:
-    """The argument as a dict of its own."""
     if given is not None and not isinstance(given, Mapping):
         raise ValueError(f"symmetry must map names of boundaries to 'parallel' or 'normal'; got {given!r}.")
     for name, kind in (given or {}).items():

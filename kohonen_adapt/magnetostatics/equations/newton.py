@@ -1,4 +1,4 @@
-"""Minimise the energy of a field by Newton's method: state its value, gradient and Hessian, and go down."""
+"""Energy functional of a plane field, and damped Newton's method."""
 
 import logging
 from dataclasses import dataclass, field, replace
@@ -27,15 +27,15 @@ __all__ = [
 ]
 
 TOLERANCE = 1e-8  # of the relative residual and of the relative update
-DESCENT = 1e-4  # share of the descent that the slope promises, which a step must bring (Armijo)
-SHORTEST = 2.0**-40  # of a step
+DESCENT = 1e-4  # fraction of the descent predicted by the slope that a step must reach (Armijo)
+SHORTEST = 2.0**-40  # least damping
 
 logger = logging.getLogger("kohonen_adapt")
 
 
 @dataclass(frozen=True)
 class Scalar:
-    """``-div(reluctivity grad u - flux) = source`` in the plane of the mesh."""
+    """Scalar problem ``-div(reluctivity grad u - flux) = source`` in the plane."""
 
     reluctivity: Floats  # (nelements,)
     flux: Floats  # (2, nelements)
@@ -43,7 +43,7 @@ class Scalar:
 
 
 def scalar_problem(elements: Elements, symmetry: Symmetry, given: Coefficients) -> Scalar:
-    """The scalar problem of linear material, and of nonlinear material that at B = 0; at the quadrature points."""
+    """Return the scalar problem at the quadrature points, for the material at B = 0."""
     return Scalar(
         symmetry.reluctivity(elements.points, given.reluctivity),
         -symmetry.flux(-given.coercivity),
@@ -52,7 +52,12 @@ def scalar_problem(elements: Elements, symmetry: Symmetry, given: Coefficients) 
 
 
 class Convex(Protocol):
-    """A functional that Newton's method minimises, as an `EnergyFunctional`."""
+    """Convex functional of the unknowns, to minimise by Newton's method.
+
+    `value` returns the functional and its rounding error. `residual` returns the gradient at the free unknowns and the
+    norm of the summed magnitudes of its terms; `linear_residual` returns the gradient for linear material. `at_rest`
+    returns the quadratic functional of the material at zero field.
+    """
 
     @property
     def conditions(self) -> Conditions: ...
@@ -65,9 +70,9 @@ class Convex(Protocol):
 
 @dataclass(frozen=True)
 class EnergyFunctional:
-    """``Pi(u) = int (int H . dB) - J A`` of the functions on a mesh that keep the boundary conditions.
+    """Energy functional ``int (int H . dB) - J A`` under boundary conditions.
 
-    ``Pi`` is convex as H rises with B, so its minimum under the conditions is the solution.
+    It is convex because H rises with B, so that its minimum is the solution.
     """
 
     elements: Elements
@@ -80,7 +85,6 @@ class EnergyFunctional:
         return self.given.at_quadrature(self.elements.element, self.elements.points)
 
     def at_rest(self) -> Self:
-        """The same with the reluctivity at B = 0 everywhere: quadratic in u."""
         return replace(self, given=replace(self.given, pieces=()))
 
     @property
@@ -88,11 +92,9 @@ class EnergyFunctional:
         return self.symmetry.source(self.given.current_density)
 
     def flux_density(self, u: Floats) -> Floats:
-        """B at the quadrature points, (2, npoints)."""
         return self.symmetry.flux_density(self.elements.points, self.elements.gradient(u))
 
     def value(self, u: Floats) -> tuple[float, float]:
-        """The functional, and the size of its rounding error."""
         volume = self.symmetry.volume(self.elements.points, self.elements.weights)
         stored = volume * self._at_points.energy_density(self.flux_density(u))
         spent = self.elements.against_function(self._source, u)
@@ -101,7 +103,6 @@ class EnergyFunctional:
         return float(np.sum(stored) - np.sum(spent)) + beyond, rounding
 
     def residual(self, u: Floats) -> tuple[Floats, float]:
-        """Gradient at the free unknowns, (nfree,), and the norm of the sums of the sizes of its terms."""
         density, load = self.flux_density(u), self.elements.against_functions(self._source)
         flux = self.symmetry.flux(self._at_points.field_strength(density))
         largest = self._at_points.largest_terms(density)
@@ -111,14 +112,13 @@ class EnergyFunctional:
         return self._at_free(total, u), float(np.linalg.norm(size))
 
     def linear_residual(self, u: Floats) -> Floats:
-        """Gradient at the free unknowns of linear material, in half the time."""
         scalar = scalar_problem(self.elements, self.symmetry, self._at_points)
         with np.errstate(over="ignore", invalid="ignore"):
             flux = scalar.flux - scalar.reluctivity * self.elements.gradient(u)
             return self._at_free(-self.elements.loads(self._source, flux), u)
 
     def hessian(self, u: Floats) -> csc_array:
-        """Second derivatives at the free unknowns: ``nu_d`` along grad u and ``nu`` across it."""
+        """Return the second derivatives, differential nu along grad u and nu across."""
         points, free = self.elements.points, self.conditions.free
         if not self.given.pieces:
             return self.elements.stiffness(self.symmetry.reluctivity(points, self._at_points.reluctivity), free)
@@ -136,18 +136,19 @@ class EnergyFunctional:
 
 @dataclass(frozen=True)
 class NewtonStep:
-    """A step of Newton's method.
+    """Step of Newton's method.
 
     Attributes
     ----------
     residual
-        Of the equations after it, relative to the sum of the sizes of their terms.
+        Residual of the equations after the step, relative to the sum of the magnitudes of their terms.
     update
-        Norm of what it added to the unknowns, relative to theirs.
+        Norm of the change of the unknowns, relative to the norm of the unknowns.
     damping
-        Share of the whole step that was taken; 1 unless the functional would have risen.
+        Fraction of the whole step that was taken; 1 unless the functional would have increased.
     functional
-        ``int (int H . dB) - J A`` after it, in J/m (axisymmetric: J); in space the co-energy ``int (int B . dH)`` in J.
+        ``int (int H . dB) - J A`` after the step, in J/m (axisymmetric: J); in space the co-energy ``int (int B . dH)``
+        in J.
     """
 
     residual: float
@@ -157,7 +158,7 @@ class NewtonStep:
 
     @property
     def converged(self) -> bool:
-        """Whether residual and update are small enough."""
+        """True if residual and update are at most `TOLERANCE`."""
         return self.residual <= TOLERANCE and self.update <= TOLERANCE
 
 
@@ -184,13 +185,12 @@ class NotConverged(np.linalg.LinAlgError):
 
 @dataclass(frozen=True)
 class Newton:
-    """Newton's method: how many steps it may take, and what solves its linear systems."""
+    """Damped Newton's method with a limit of steps and a linear solver."""
 
     most_steps: int = 60
     solver: Solver = field(default_factory=Solver)
 
     def whole_step(self, energy: Convex, u: Floats, pull: Floats) -> Floats:
-        """The whole step from u, of gradient `pull`: to the minimum of a quadratic functional, or LinAlgError."""
         whole, conditions = np.zeros_like(u), energy.conditions
         if conditions.free.size:
             matrix, right = conditions.reduced(energy.hessian(u), -pull)
@@ -203,16 +203,16 @@ class Newton:
         return whole
 
     def linear(self, energy: Convex) -> Floats:
-        """Values at all unknowns of the solution where nu is that at B = 0, as it is of linear material."""
+        """Return the solution for the material at B = 0, shape (nunknowns,)."""
         given, plain = energy.conditions.values, energy.at_rest()
         return given + self.whole_step(plain, given, plain.linear_residual(given))
 
     def descend(self, energy: Convex, start: Floats) -> tuple[Floats, tuple[NewtonStep, ...]]:
-        """Go down from values that keep the conditions; the last values, and all steps, converged or not.
+        """Return the last values and all steps of a descent from admissible values.
 
-        Newton's steps, halved until they lower the functional as their slope promises, up to rounding. The whole step
-        alone may overshoot into saturation by so much that the next ones never come back. LinAlgError if the first step
-        is not finite; a later one that is not ends the descent.
+        Steps are halved until the functional decreases by a fraction of the slope (Armijo), up to rounding. A whole
+        step may overshoot into saturation so far that later steps do not return. LinAlgError is raised if the first
+        step is not finite; a later step that is not finite ends the descent.
         """
         u, steps = start.copy(), list[NewtonStep]()
         free = energy.conditions.free
@@ -225,7 +225,7 @@ class Newton:
             except np.linalg.LinAlgError:
                 if not steps:
                     raise
-                break  # a law that has no slope there: what was reached until then is not lost
+                break  # a law without a finite slope there; the last values are kept
             damping, functional = _damping(energy, u, whole, float(pull @ whole[free]))
             u = u + damping * whole
             pull, size = energy.residual(u)
@@ -242,7 +242,6 @@ class Newton:
 
 
 def _damping(energy: Convex, u: Floats, whole: Floats, slope: float) -> tuple[float, float]:
-    """The first of 1, 1/2, 1/4 ... that lowers the functional, and its value there."""
     before, rounding = energy.value(u)
     damping = 1.0
     while True:

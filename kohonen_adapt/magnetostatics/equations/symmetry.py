@@ -1,6 +1,6 @@
-"""Reduce a plane section, or the half-plane of an axis, to one scalar problem each.
+"""Planar and axisymmetric fields as scalar problems.
 
-The unknown u solves ``-div(nu' grad u - flux') = source'`` in the plane of the mesh. Points are (2, n).
+The unknown u solves ``-div(nu' grad u - flux') = source'`` in the plane of the mesh. Points have shape (2, n).
 """
 
 import numpy as np
@@ -9,59 +9,53 @@ from kohonen_adapt.arrays import Floats, Mask
 
 __all__ = ["AXISYMMETRIC", "PLANAR", "Axisymmetric", "Planar", "Symmetry"]
 
-AXIS = 1e-12  # of the size of the mesh: nodes this near to the axis are on it
-ROUND = (
-    1e-3  # of the size of the mesh: so far off it the centre of an open boundary may be, which is known by its nodes
-)
+AXIS = 1e-12  # distance at which nodes are on the axis, relative to the size of the mesh
+ROUND = 1e-3  # allowed distance of the centre of an open boundary from the axis, relative to the size of the mesh
 
 
 class Planar:
-    """u is A_z, ``B = (dA/dy, -dA/dx)``; everything is per metre of depth."""
+    """Planar field with u = A_z and ``B = (dA/dy, -dA/dx)``, per metre of depth."""
 
-    turn = 1.0  # what the plane is integrated over across it: a metre, or an angle
+    turn = 1.0  # factor of integrals over the plane: a metre of depth, or the angle around the axis
 
     def unknown(self, x: Floats, potential: Floats) -> Floats:
-        """u of the potential at points."""
         return potential
 
     def potential(self, x: Floats, unknown: Floats) -> Floats:
-        """The potential of u at points; on an axis it is 0, and tends to that."""
         return unknown
 
     def on_axis(self, x: Floats) -> Mask:
-        """Which of all places of unknowns have u = 0 by symmetry."""
         return np.zeros(x.shape[1], dtype=bool)
 
     def flux_density(self, x: Floats, gradient: Floats) -> Floats:
-        """B of the gradient of u at points, (2, n)."""
         return np.stack((gradient[1], -gradient[0]))
 
     def flux(self, field_strength: Floats) -> Floats:
-        """``nu' grad u - flux'`` of the field strength, (2, n); of -Hc it is -flux'."""
+        """Return ``nu' grad u - flux'`` of a field strength, and -flux' of -Hc."""
         return np.stack((-field_strength[1], field_strength[0]))
 
     def reluctivity(self, x: Floats, reluctivity: Floats) -> Floats:
-        """nu' of the reluctivity at points."""
         return reluctivity
 
     def source(self, current_density: Floats) -> Floats:
-        """source' of the current density."""
         return current_density
 
     def volume(self, x: Floats, area: Floats) -> Floats:
-        """Volume that an area at a point stands for, around an axis of a ring."""
         return area
 
     def uniform(self, x: Floats, centre: Floats, field: tuple[float, float]) -> tuple[Floats, int]:
-        """u / mu0 of a uniform field in A/m at points, 0 at the centre, and how many dimensions the air beyond has."""
+        """Return ``u / mu0`` of a uniform field, and the dimension of the exterior.
+
+        `field` is in A/m; u is 0 at the centre.
+        """
         (along_x, along_y), (x0, y0) = field, x - centre[:, None]
         return along_x * y0 - along_y * x0, 2
 
 
 class Axisymmetric:
-    """u is r A_phi in the half-plane x = r >= 0, y = z; ``B_r = -(du/dz) / r``, ``B_z = (du/dr) / r``; totals.
+    """Axisymmetric field with u = r A_phi in the half-plane x = r >= 0, y = z.
 
-    Methods are as of `Planar`.
+    ``B_r = -(du/dz) / r`` and ``B_z = (du/dr) / r``; results are totals. Methods are as in `Planar`.
     """
 
     turn = 2.0 * np.pi

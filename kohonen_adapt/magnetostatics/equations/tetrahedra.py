@@ -1,4 +1,4 @@
-"""Integrate P1 functions over the tetrahedra of a mesh."""
+"""Integrals of P1 functions over tetrahedra."""
 
 from functools import cached_property
 
@@ -17,9 +17,9 @@ ENDS = np.transpose(TETRAHEDRON.edges)
 
 
 class Tetrahedra:
-    """P1 on tetrahedra: the unknowns are the values at the nodes, gradients are constant in every element.
+    """P1 elements on tetrahedra, with nodal unknowns and constant gradients.
 
-    What is at quadrature points has them in its last axis: one in every element, or four where a field varies inside.
+    Arrays at quadrature points have shape (..., npoints): one point per element, or four if a field varies inside.
     """
 
     order = 1
@@ -35,52 +35,39 @@ class Tetrahedra:
 
     @cached_property
     def hats(self) -> Floats:
-        """Gradients of the hat functions, (3, 4, nelements)."""
         return hat_gradients(self.mesh)
 
     @cached_property
     def volumes(self) -> Floats:
-        """Of the elements, (nelements,)."""
         return area(self.mesh)
 
     @property
     def weights(self) -> Floats:
-        """What the quadrature points stand for, (npoints,)."""
         return (self.volumes * (self.volumes.size / self.element.size))[self.element]
 
     def mean(self, values: Floats) -> Floats:
-        """The mean over every element, (..., nelements), of what is at the quadrature points."""
         return values.reshape(*values.shape[:-1], -1, self.volumes.size).mean(axis=-2)
 
     def on_facets(self, facets: Ints) -> Ints:
-        """Numbers of the unknowns of facets, (3, nfacets)."""
         return self.mesh.facets[:, facets]
 
     def gradient(self, u: Floats) -> Floats:
-        """Gradient in every element, (3, nelements)."""
         return gradient(self.mesh, u, self.hats)
 
     def slope_of_corners(self, values: Floats) -> Floats:
-        """Gradient at the quadrature points, (3, npoints), of the function with these values at the nodes."""
         return self.gradient(values)[:, self.element]
 
     def against_gradients(self, flux: Floats) -> Floats:
-        """``int flux . grad phi`` of every unknown, (nnodes,), for a flux (3, nelements)."""
+        """Return ``int flux . grad phi`` of every unknown, shape (nnodes,)."""
         return self._added(np.einsum("ck,cik->ik", flux * self.volumes, self.hats))
 
     def against_slopes(self, size: Floats) -> Floats:
-        """``int size |grad phi|`` of every unknown, (nnodes,), for a size (nelements,)."""
         return self._added(size * self.volumes * magnitude(self.hats))
 
     def _added(self, terms: Floats) -> Floats:
         return np.bincount(self.unknowns.ravel(), terms.ravel(), self.places.shape[1]).astype(np.float64)
 
     def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> csc_array:
-        """Matrix of ``int mu grad phi . grad phi`` of the free unknowns, for a coefficient (nelements,).
-
-        Where the coefficient along a direction is another, `along` is that coefficient and the direction, unit vectors
-        (3, nelements).
-        """
         (one, other), across = ENDS, self.volumes * across
         own = across * np.einsum("cik,cik->ik", self.hats, self.hats)
         between = across * np.einsum("cik,cik->ik", self.hats[:, one], self.hats[:, other])

@@ -1,1 +1,1 @@
-"""Describe materials by their laws, and turn them into coefficients of a mesh."""
+"""Materials, B-H laws, and coefficients of the elements of a mesh."""

@@ -1,4 +1,4 @@
-"""Interpolate measured points of B and H to a magnetic law; check them, and read them from a file."""
+"""B-H law through measured points."""
 
 import re
 import warnings
@@ -15,33 +15,36 @@ from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, VAC
 
 __all__ = ["Table", "read_bh"]
 
-# Beyond these no material is known: iron-cobalt has a polarisation of 2.4 T; of the steels that reach 1.7 T the best
-# have a relative permeability near 10^5, and 79.6 times too much is what oersted for A/m makes of any.
+# Above these values units are wrong. Iron-cobalt has a polarisation of 2.4 T. The best steels that reach 1.7 T have a
+# relative permeability near 10^5, and oersted in place of A/m multiplies the permeability by 79.6.
 LARGEST_POLARISATION = 3.0
 LARGEST_PERMEABILITY = 2e5
 STEEL = 1.7
 
-SHOWN = 60  # characters of a wrong line
-SATURATED = 100.0  # relative differential permeability above which a table ends far from saturation
+SHOWN = 60  # characters of an invalid line in a message
+SATURATED = (
+    100.0  # relative differential permeability at the end of a table, above which the table is far from saturation
+)
 
 
 @dataclass(frozen=True, init=False)
 class Table(Continued):
-    """H as a monotone piecewise cubic function of B through measured points (PCHIP; Fritsch and Butland, 1984).
+    """Monotone piecewise cubic H(B) through measured points (PCHIP).
 
-    Beyond the last point, and from where the curve would fall below it, dB/dH = mu0. A table that ends far from
-    saturation, at a relative differential permeability above 100, gives a warning: what is beyond is then a guess.
+    The slopes are those of Fritsch and Butland (1984). From the last point on, or from where the slope would fall below
+    mu0, dB/dH = mu0. A table that ends far from saturation, at a relative differential permeability above 100, raises a
+    warning, because larger B are a guess.
 
     Parameters
     ----------
     points : (n, 2)
-        B in T and H in A/m, both strictly increasing from (0, 0); that point is added where it is missing.
+        B in T and H in A/m, both strictly increasing from (0, 0), which is added if missing.
 
     Raises
     ------
     ValueError
-        For other shapes, one point alone, points that are not finite, negative or do not increase, and for magnitudes
-        that are those of gauss or oersted.
+        For other shapes, a single point, points that are not finite, negative or not increasing, and magnitudes typical
+        of gauss or oersted.
 
     Examples
     --------
@@ -61,14 +64,14 @@ class Table(Continued):
 
     def _interpolate(self, b: Floats, h: Floats) -> None:
         slope, secant = PchipInterpolator(b, h).derivative()(b), np.diff(h) / np.diff(b)
-        # scipy's slope at an end can be zero, which were an infinite permeability; up to 3 secants it stays monotone.
+        # scipy's end slope can be zero, an infinite permeability. Up to 3 secants the curve remains monotone.
         slope[[0, -1]] = np.clip(slope[[0, -1]], 0.5 * secant[[0, -1]], 3.0 * secant[[0, -1]])
         curve = CubicHermiteSpline(b, h, slope)
         functions = {"_strength": curve, "_slope": curve.derivative(), "_energy": curve.antiderivative()}
         for name, function in functions.items():
             object.__setattr__(self, name, function)
         steep = curve.derivative().solve(VACUUM_RELUCTIVITY, extrapolate=False)
-        steep = steep[np.isfinite(steep) & (steep > 0.0)]  # nan stands for a piece that is all of that slope
+        steep = steep[np.isfinite(steep) & (steep > 0.0)]  # nan marks a piece of constant slope
         first = float(steep.min(initial=b[-1]))
         whole = b[:-1][secant >= VACUUM_RELUCTIVITY * (1 - 1e-9)]
         object.__setattr__(self, "end", float(whole.min(initial=first)))
@@ -90,11 +93,11 @@ class Table(Continued):
 
 
 def read_bh(path: str | Path) -> Table:
-    """Read a table of B and H from a text file.
+    r"""Read a table of B and H from a text file.
 
-    Two columns, B in T and H in A/m, divided by commas, semicolons, tabs or blanks; between semicolons numbers may have
-    decimal commas. Lines that begin with ``#`` have no say. One line of names may stand first: where the first name
-    begins with H, the columns are H and B.
+    The file has two columns, B in T and H in A/m, separated by commas, semicolons, tabs or blanks. Between semicolons
+    numbers may have decimal commas. Lines that begin with ``#`` are ignored. One header line is allowed; if its first
+    name begins with H, the columns are H and B.
 
     Parameters
     ----------
@@ -117,10 +120,10 @@ def read_bh(path: str | Path) -> Table:
     --------
     >>> from pathlib import Path
     >>> from kohonen_adapt.magnetostatics import Material, read_bh
-    >>> _ = Path("steel.csv").write_text("B, H\\n1.0, 100\\n1.5, 700\\n1.8, 8000\\n2.1, 60000\\n")
+    >>> _ = Path("steel.csv").write_text("B, H\n1.0, 100\n1.5, 700\n1.8, 8000\n2.1, 60000\n")
     >>> steel = Material(bh=read_bh("steel.csv"))
     """
-    if not Path(path).is_file():  # a device or a pipe would never end
+    if not Path(path).is_file():  # a device or a pipe has no end
         raise FileNotFoundError(f"read_bh expected a text file with columns B and H; there is none at '{path}'.")
     try:
         text = Path(path).read_text(encoding="utf-8-sig")

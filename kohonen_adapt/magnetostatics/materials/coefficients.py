@@ -1,4 +1,4 @@
-"""Tell every element its material, and work out field strength and energy density from flux density."""
+"""Material coefficients of elements, with H and energy densities from B."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ __all__ = ["Coefficients", "Piece", "coefficients", "coercivity_at", "magnitude"
 
 @dataclass(frozen=True)
 class Piece:
-    """The elements of one nonlinear material, and its law."""
+    """Elements of one nonlinear material, with its B-H law."""
 
     law: Law
     elements: Ints
@@ -28,7 +28,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Turning:
-    """The elements of one magnet that turns inside its region, and its material by name."""
+    """Elements of one magnet that varies within its region, with its material."""
 
     name: str
     material: Material
@@ -37,31 +37,30 @@ class Turning:
 
 @dataclass(frozen=True)
 class Coefficients:
-    """The materials of a mesh in d dimensions, element by element."""
+    """Material coefficients of every element of a mesh in d dimensions."""
 
-    number: Ints  # (nelements,): place of the element's material in the mapping of materials
-    reluctivity: Floats  # (nelements,) in m/H; of nonlinear material that at B = 0
+    number: Ints  # (nelements,): index of the material in the mapping of materials
+    reluctivity: Floats  # (nelements,) in m/H; of nonlinear material at B = 0
     remanence: Floats  # (d, nelements) in T
-    coercivity: Floats  # (d, nelements) in A/m: what of H does not depend on B, with its sign changed
+    coercivity: Floats  # (d, nelements) in A/m, in H = nu B - Hc
     current_density: Floats  # (nelements,) in A/m^2
     pieces: tuple[Piece, ...] = ()  # the nonlinear materials
-    turning: tuple[Turning, ...] = ()  # magnets of which remanence and coercivity are the means
+    turning: tuple[Turning, ...] = ()  # magnets with means as remanence and coercivity
 
     @property
     def flux(self) -> Floats:
-        """``(-Hc_y, Hc_x)``, (2, nelements) in A/m: what the magnets add to ``-div(nu grad A - flux) = J``."""
+        """``(-Hc_y, Hc_x)`` of ``-div(nu grad A - flux) = J``, (2, nelements) in A/m."""
         return np.stack((-self.coercivity[1], self.coercivity[0]))
 
     @property
     def lawful(self) -> Mask:
-        """Elements with a B-H law, (nelements,)."""
         found = np.zeros(self.number.size, dtype=np.bool_)
         for piece in self.pieces:
             found[piece.elements] = True
         return found
 
     def at_points(self, element: Ints, x: Floats) -> "Coefficients":
-        """The same point by point, for points x (d, n) of these elements, (n,): magnets that turn as they are there."""
+        """Return the coefficients of points `x` (d, n) in the elements `element` (n,)."""
         names = ("number", "reluctivity", "remanence", "coercivity", "current_density")
         arrays = {name: getattr(self, name)[..., element] for name in names}
         pieces = tuple(replace(piece, elements=self._points_in(piece.elements, element)) for piece in self.pieces)
@@ -74,17 +73,15 @@ class Coefficients:
         return replace(self, **arrays, pieces=pieces, turning=turning)
 
     def _points_in(self, elements: Ints, element: Ints) -> Ints:
-        """Which points, in these elements (n,), are in some elements."""
         inside = np.zeros(self.number.size, dtype=bool)
         inside[elements] = True
         return np.flatnonzero(inside[element])
 
     def at_quadrature(self, element: Ints, x: Floats) -> "Coefficients":
-        """The same for all quadrature points, x (d, npoints) in these elements: itself if there is one in each."""
         return self if element.size == self.number.size else self.at_points(element, x)
 
     def reluctivities(self, flux_density: Floats) -> tuple[Floats, Floats]:
-        """Secant |H + Hc| / |B| and differential d|H + Hc| / d|B| at a flux density (d, nelements), in m/H."""
+        """Return secant |H + Hc| / |B| and differential d|H + Hc| / d|B|, in m/H."""
         if not self.pieces:
             return self.reluctivity, self.reluctivity
         secant, differential = self.reluctivity.copy(), self.reluctivity.copy()
@@ -94,7 +91,7 @@ class Coefficients:
         return secant, differential
 
     def field_strength(self, flux_density: Floats) -> Floats:
-        """``H = nu(|B|) B - Hc``, (d, nelements) in A/m."""
+        """Return ``H = nu(|B|) B - Hc``, shape (d, nelements) in A/m."""
         strength = self.reluctivity * (flux_density - self.remanence)
         for piece in self.pieces:
             rows = piece.elements
@@ -103,23 +100,22 @@ class Coefficients:
         return strength
 
     def largest_terms(self, flux_density: Floats) -> Floats:
-        """``nu |B| + |Hc|``, whose difference the field strength may be, (nelements,) in A/m."""
         return self.reluctivities(flux_density)[0] * magnitude(flux_density) + magnitude(self.coercivity)
 
     def present(self, materials: Mapping[str, Material]) -> tuple[dict[str, Material], Ints, Ints]:
-        """The materials that elements have, the first element of each, and the place of each element's among them."""
+        """Return the materials in use, the first element of each, and element indices."""
         used, first, place = np.unique(self.number, return_index=True, return_inverse=True)
         return {name: material for k, (name, material) in enumerate(materials.items()) if k in used}, first, place
 
     def stored(self, b: Floats) -> Floats:
-        """``int H dB`` from 0 to b >= 0 without the magnets, (k, nelements) in J/m^3."""
+        """Return ``int_0^b H dB`` without magnets, shape (k, nelements) in J/m^3."""
         density = 0.5 * self.reluctivity * b**2
         for piece in self.pieces:
             density[:, piece.elements] = piece.law.energy(b[:, piece.elements])
         return density
 
     def costored(self, h: Floats) -> Floats:
-        """``int B dH`` from 0 to h >= 0 without the magnets, (k, nelements) in J/m^3."""
+        """Return ``int_0^h B dH`` without magnets, shape (k, nelements) in J/m^3."""
         density = 0.5 * h**2 / self.reluctivity
         for piece in self.pieces:
             strength = h[:, piece.elements].ravel()
@@ -127,7 +123,7 @@ class Coefficients:
         return density
 
     def permeabilities(self, strength: Floats) -> tuple[Floats, Floats]:
-        """Secant |B| / |H + Hc| and differential d|B| / d|H + Hc| at a field strength (d, nelements), in H/m."""
+        """Return secant |B| / |H + Hc| and differential d|B| / d|H + Hc|, in H/m."""
         secant, differential = 1.0 / self.reluctivity, 1.0 / self.reluctivity
         for piece in self.pieces:
             rows = piece.elements
@@ -136,7 +132,7 @@ class Coefficients:
         return secant, differential
 
     def energy_density(self, flux_density: Floats) -> Floats:
-        """``int H . dB`` from the remanent state, (nelements,) in J/m^3; >= 0."""
+        """Return ``int H . dB`` from the remanent state, >= 0, (nelements,) in J/m^3."""
         change = flux_density - self.remanence
         density = 0.5 * np.sum(self.reluctivity * change**2, axis=0)
         for piece in self.pieces:
@@ -149,7 +145,6 @@ class Coefficients:
 def coefficients(
     mesh: Mesh, materials: Mapping[str, Material], ampere_turns: Mapping[str, float] | None = None
 ) -> Coefficients:
-    """Per element, those of its one material; subdomains that are not among the materials have no say."""
     number, filled = material_of_elements(mesh, materials), list(materials.values())
     reluctivity = np.array([material.reluctivity for material in filled])[number]
     current_density = np.array([material.current_density for material in filled])[number]
@@ -169,18 +164,15 @@ def coefficients(
 
 
 def magnitude(vectors: Floats) -> Floats:
-    """Lengths of vectors (d, ...)."""
     return reduce(np.hypot, vectors)
 
 
 def _constant_remanence(material: Material, dimension: int) -> Floats:
-    """The remanence in T of what is magnetised alike everywhere, (d,); zero of all else."""
     given = material.remanence
     return np.zeros(dimension) if callable(given) or not any(given) else np.array(given)
 
 
 def coercivity_at(materials: Mapping[str, Material], x: Floats, number: Ints) -> Floats:
-    """Coercivity at points x (d, n), of the materials at these places in the mapping (n,), (d, n)."""
     coercivity = np.zeros_like(x)
     for index, (name, material) in enumerate(materials.items()):
         rows = number == index
@@ -189,11 +181,8 @@ def coercivity_at(materials: Mapping[str, Material], x: Floats, number: Ints) ->
 
 
 def _magnet(mesh: Mesh, material: Material, rows: Ints, name: str) -> tuple[Floats, Floats]:
-    """Remanence and coercivity of these elements, (d, k) each, whichever of the two was given.
-
-    Of a magnet that turns the mean coercivity counts, for that is what the equations ask of an element of order 1, and
-    its middle is off that by as much as the solution is by itself.
-    """
+    # The equations of order 1 depend on the mean coercivity of an element. Its value at the centroid is off the mean by
+    # as much as the solution is in error.
     if material.turns:
         x = inner_points(mesh.p[:, mesh.t[:, rows]])
         coercivity = np.mean([_at(material, x[:, k], name) for k in range(x.shape[1])], axis=0)
@@ -205,21 +194,18 @@ def _magnet(mesh: Mesh, material: Material, rows: Ints, name: str) -> tuple[Floa
 
 
 def _given(material: Material) -> tuple[str, Vector]:
-    """Which of the two was given, and that."""
     if material.coercivity is None:
         return "remanence", material.remanence
     return "coercivity", material.coercivity
 
 
 def _at(material: Material, x: Floats, name: str) -> Floats:
-    """Coercivity of one material at points (d, n)."""
     kind, given = _given(material)
     vector = _evaluated(f"{kind} of {name!r}", given, x)
     return _converted(material, vector, kind) if kind == "remanence" else vector
 
 
 def _converted(material: Material, vector: Floats, kind: str) -> Floats:
-    """The coercivity of a remanence (d, n), or the remanence of a coercivity."""
     size = magnitude(vector)
     if material.bh is None:
         other = size * material.reluctivity if kind == "remanence" else size / material.reluctivity
@@ -251,7 +237,6 @@ def _area_of(mesh: Mesh, name: str) -> float:
 
 
 def material_of_elements(mesh: Mesh, materials: Mapping[str, Material]) -> NDArray[np.int64]:
-    """Place in the mapping of the one material of every element, (nelements,)."""
     number = np.full(mesh.t.shape[1], -1)
     for index, name in enumerate(materials):
         elements = np.asarray(named(mesh.subdomains, name, "subdomain"))

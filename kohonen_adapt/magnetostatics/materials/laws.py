@@ -1,4 +1,4 @@
-"""Give H for B of isotropic material by analytic laws, continued to any B."""
+"""Isotropic B-H laws, extrapolated to any B."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,49 +27,52 @@ VACUUM_PERMEABILITY = 4e-7 * pi  # H/m
 VACUUM_RELUCTIVITY = 1.0 / VACUUM_PERMEABILITY  # m/H
 
 EPSILON = float(np.finfo(float).eps)
-MOST_STEPS = 200  # to invert a law: 100 bisections among them would do
+MOST_STEPS = 200  # of the inversion of a law; 100 bisections suffice
 
 
 @runtime_checkable
 class Law(Protocol):
-    """How field strength follows from flux density, for arrays of B >= 0 in T; H must rise with B, from 0 at 0."""
+    """B-H law for arrays of B >= 0 in T.
+
+    H must rise with B, from 0 at B = 0.
+    """
 
     def field_strength(self, b: Floats) -> Floats:
-        """H(B) in A/m."""
+        """Return H(B) in A/m."""
 
     def slope(self, b: Floats) -> Floats:
-        """dH/dB in m/H, > 0."""
+        """Return dH/dB in m/H, > 0."""
 
     def energy(self, b: Floats) -> Floats:
-        """``int_0^B H dB`` in J/m^3."""
+        """Return ``int_0^B H dB`` in J/m^3."""
 
 
 class Continued:
-    """A law that goes on with dB/dH = mu0 from where it would fall below that, or from where it ends.
+    """B-H law that is extrapolated with dB/dH = mu0.
 
     Attributes
     ----------
     end
-        The flux density in T from which it does.
+        The flux density in T from which dB/dH = mu0: the slope falls below mu0 there, or the law ends.
     """
 
     end: float
-    # Up to the end: H, dH/dB and int H dB of B.
+    # H, dH/dB and int H dB of B up to the end
     _strength: Callable[[Floats], Floats]
     _slope: Callable[[Floats], Floats]
     _energy: Callable[[Floats], Floats]
 
     def field_strength(self, b: Floats) -> Floats:
-        """H(B) in A/m, for B >= 0 in T."""
+        """Return H(B) in A/m, for B >= 0 in T."""
         inside = np.minimum(b, self.end)
         return self._strength(inside) + VACUUM_RELUCTIVITY * (b - inside)
 
     def slope(self, b: Floats) -> Floats:
-        """dH/dB in m/H, for B >= 0 in T."""
+        """Return dH/dB in m/H, for B >= 0 in T."""
         return np.where(np.less(b, self.end), self._slope(np.minimum(b, self.end)), VACUUM_RELUCTIVITY)
 
     def energy(self, b: Floats) -> Floats:
-        """``int_0^B H dB`` in J/m^3, for B >= 0 in T."""
+        """Return ``int_0^B H dB`` in J/m^3, for B >= 0 in T."""
         inside = np.minimum(b, self.end)
         beyond = b - inside
         return self._energy(inside) + beyond * (self._strength(inside) + 0.5 * VACUUM_RELUCTIVITY * beyond)
@@ -82,14 +85,14 @@ class Brauer(Continued):
     Parameters
     ----------
     k1, k2
-        In m/H, k1 >= 0 and k2 > 0; their sum is the reluctivity at B = 0.
+        In m/H, k1 >= 0 and k2 > 0. Their sum is the reluctivity at B = 0.
     k3
         In 1/T^2, > 0.
 
     Raises
     ------
     ValueError
-        For other numbers, and where the material would not even at B = 0 be more permeable than vacuum.
+        For numbers outside these ranges, and if the permeability at B = 0 is not above the permeability of vacuum.
 
     Examples
     --------
@@ -129,19 +132,21 @@ class Brauer(Continued):
 
 @dataclass(frozen=True)
 class Froehlich(Continued):
-    """``B = mu H / (1 + mu H / Bs)`` with the permeability ``mu = mu0 permeability`` at B = 0 (Froehlich, 1881).
+    """Law ``B = mu H / (1 + mu H / Bs)`` (Froehlich, 1881).
+
+    ``mu = mu0 permeability`` is the permeability at B = 0. From where dB/dH would fall below mu0, dB/dH = mu0.
 
     Parameters
     ----------
     permeability
         Relative to vacuum, at B = 0; > 1.
     saturation
-        Bs in T, > 0: what B would tend to, were it not for dB/dH >= mu0.
+        Bs in T, > 0, the limit of B without the extrapolation.
 
     Raises
     ------
     ValueError
-        For other numbers.
+        For numbers outside these ranges.
 
     Examples
     --------
@@ -168,26 +173,28 @@ class Froehlich(Continued):
 
     def _energy(self, b: Floats) -> Floats:
         share = b / self.saturation
-        series = share**2 * np.polyval(1.0 / np.arange(9.0, 1.0, -1.0), share)  # the difference would be of rounding
+        series = share**2 * np.polyval(1.0 / np.arange(9.0, 1.0, -1.0), share)  # the difference would be rounding error
         bent = np.where(share < 0.01, series, -np.log1p(-share) - share)
         return VACUUM_RELUCTIVITY / self.permeability * self.saturation**2 * bent
 
 
 @dataclass(frozen=True)
 class Arctan:
-    """``B = mu0 H + 2 Js / pi arctan(pi (permeability - 1) mu0 H / (2 Js))``; its dB/dH never falls below mu0.
+    """Law ``B = mu0 H + 2 Js / pi arctan(pi (permeability - 1) mu0 H / (2 Js))``.
+
+    dB/dH is always above mu0.
 
     Parameters
     ----------
     permeability
         Relative to vacuum, at B = 0; > 1.
     saturation
-        The polarisation Js in T that it tends to, > 0.
+        Js in T, > 0, the limit of the polarisation.
 
     Raises
     ------
     ValueError
-        For other numbers.
+        For numbers outside these ranges.
 
     Examples
     --------
@@ -206,9 +213,9 @@ class Arctan:
         _check_above(0.0, "saturation of Arctan", self.saturation)
 
     def field_strength(self, b: Floats) -> Floats:
-        """H(B) in A/m, for B >= 0 in T, by Newton's method.
+        """Return H(B) in A/m, for B >= 0 in T, by Newton's method.
 
-        B(H) is concave, so from a value below the root it rises to it and cannot go past.
+        B(H) is concave, so the iteration rises from a value below the root and does not pass the root.
         """
         b = np.asarray(b, dtype=float)
         below = np.maximum(b / self.permeability, b - self.saturation)
@@ -221,11 +228,14 @@ class Arctan:
         return strength
 
     def slope(self, b: Floats) -> Floats:
-        """dH/dB in m/H, for B >= 0 in T."""
+        """Return dH/dB in m/H, for B >= 0 in T."""
         return 1.0 / self._rate(self.field_strength(b))
 
     def energy(self, b: Floats) -> Floats:
-        """``int_0^B H dB`` in J/m^3, for B >= 0 in T: H B less the co-energy."""
+        """Return ``int_0^B H dB`` in J/m^3, for B >= 0 in T.
+
+        It is computed as H B less the co-energy.
+        """
         strength = self.field_strength(b)
         turn = strength * self._steepness
         bent = strength * np.arctan(turn) - 0.5 * np.log1p(turn**2) / self._steepness
@@ -239,47 +249,43 @@ class Arctan:
         return VACUUM_PERMEABILITY * h + 2.0 * self.saturation / pi * np.arctan(self._steepness * h)
 
     def _rate(self, h: Floats) -> Floats:
-        """dB/dH."""
         return VACUUM_PERMEABILITY * (1.0 + (self.permeability - 1.0) / (1.0 + (self._steepness * h) ** 2))
 
 
 def reluctivities(law: Law, b: Floats) -> tuple[Floats, Floats]:
-    """The secant H / B, where B = 0 its limit, and the differential dH/dB, in m/H."""
+    """Return the secant H / B and the differential dH/dB in m/H, equal at B = 0."""
     slope = np.asarray(law.slope(b), dtype=float)
-    small = b < 1e-9  # T: there the quotient is of rounding
+    small = b < 1e-9  # T: the quotient would be rounding error
     return np.where(small, slope, law.field_strength(b) / np.where(small, 1.0, b)), slope
 
 
 @dataclass(frozen=True)
 class Inverse:
-    """A law seen from the other side, B(H) with ``int_0^H B dH``: what a scalar potential needs.
-
-    To who asks for an `EnergyLaw`, B is the `field_strength` of the gradient H.
-    """
+    """Inverse B(H) of a B-H law, as an `EnergyLaw` of a scalar potential."""
 
     law: Law
 
     def field_strength(self, h: Floats) -> Floats:
-        """B(H) in T, for H >= 0 in A/m."""
+        """Return B(H) in T, for H >= 0 in A/m."""
         return flux_density_of(self.law, h)
 
     def energy(self, h: Floats) -> Floats:
-        """The co-energy ``int_0^H B dH`` in J/m^3: H B less ``int_0^B H dB``."""
+        """Return the co-energy ``int_0^H B dH`` in J/m^3."""
         b = flux_density_of(self.law, h)
         return h * b - self.law.energy(b)
 
     def permeabilities(self, h: Floats) -> tuple[Floats, Floats]:
-        """The secant B / H, where H = 0 its limit, and the differential dB/dH, in H/m."""
         secant, differential = reluctivities(self.law, flux_density_of(self.law, h))
         return 1.0 / secant, 1.0 / differential
 
 
 def flux_density_of(law: Law, h: Floats) -> Floats:
-    """The inverse of a law: B >= 0 in T at which it has the field strengths H >= 0 in A/m.
+    """Return B >= 0 in T of a law at field strengths H >= 0 in A/m.
 
-    By Newton's method between bounds that close in, and by bisection where a step leaves them, and every third time.
+    Newton's method within shrinking bounds. Every third step, and every step that would leave the bounds, is a
+    bisection.
     """
-    if isinstance(law, Arctan):  # which is told by its inverse
+    if isinstance(law, Arctan):  # defined by its inverse
         return law._flux_density(h)
     wanted, place = np.unique(h, return_inverse=True)
     low, high = np.zeros_like(wanted), np.ones_like(wanted)

@@ -1,4 +1,4 @@
-"""Describe a magnetic material: its permeability or curve, its magnetisation, its current density."""
+"""Magnetic materials, and magnetisations that vary within a region."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -19,31 +19,33 @@ Vector = tuple[float, ...] | Callable[[Floats], ArrayLike]
 
 @dataclass(frozen=True)
 class Material:
-    """A material that fills a subdomain: ``H = nu(|B|) B - Hc``, with ``nu = 1 / (mu0 permeability)`` or by a curve.
+    """Material of a subdomain, with ``H = nu(|B|) B - Hc``.
 
-    A magnet has a remanence Br or a coercivity Hc, each of which gives the other: ``Hc = nu(|Br|) Br``.
+    nu is ``1 / (mu0 permeability)`` or follows from a B-H law. A magnet has a remanence Br or a coercivity Hc, each of
+    which determines the other: ``Hc = nu(|Br|) Br``.
 
     Parameters
     ----------
     permeability
         Relative to vacuum, > 0. Of a magnet: the recoil permeability.
     remanence
-        Remanent flux density Br (x, y) in T, in space (x, y, z), or a callable of x (d, n) in metres that gives (d, n),
-        smooth in each region of the mesh: elements have its mean, from d + 1 points inside. See `radial` and `halbach`.
+        Remanent flux density Br (x, y) in T, in space (x, y, z), or a callable of x, shape (d, n) in metres, that
+        returns shape (d, n) and is smooth in each region of the mesh. Elements have its mean, from d + 1 points inside.
+        See `radial` and `halbach`.
     current_density
         In A/m^2, positive out of the page (axisymmetric: along phi). Not in space.
     bh
-        The magnetisation curve in place of the permeability: (n, 2) with columns B in T and H in A/m (see `Table`), or
-        a law (`Brauer`, `Froehlich`, `Arctan`, or an object with the methods of `Law`).
+        Magnetisation curve in place of the permeability: shape (n, 2) with columns B in T and H in A/m (see `Table`),
+        or a law (`Brauer`, `Froehlich`, `Arctan`, or an object with the methods of `Law`).
     coercivity
-        Hc (x, y) or (x, y, z) in A/m in place of the remanence, or a callable like that.
+        Hc (x, y) or (x, y, z) in A/m in place of the remanence, or a callable as for the remanence.
 
     Raises
     ------
     ValueError
-        For a permeability that is not positive, a vector of other than two or three components, and anything not
-        finite; for a curve with a permeability besides, and a coercivity with a remanence besides; for curves that
-        `Table` refuses.
+        For a permeability that is not positive, a vector that has not two or three components, and values that are not
+        finite; for both a curve and a permeability, or both a coercivity and a remanence; for curves that `Table`
+        rejects.
 
     Examples
     --------
@@ -61,7 +63,7 @@ class Material:
     coercivity: Vector | None = None
 
     def __post_init__(self) -> None:
-        # Plain floats, so that materials compare and hash by value whatever kind of number they were given.
+        # Plain floats, so that materials compare and hash by value for any type of number.
         object.__setattr__(self, "permeability", _number("permeability", self.permeability))
         object.__setattr__(self, "current_density", _number("current_density", self.current_density))
         object.__setattr__(self, "remanence", _vector("remanence", self.remanence))
@@ -82,12 +84,12 @@ class Material:
 
     @property
     def turns(self) -> bool:
-        """Whether the magnet points to many sides, for which no table has one number."""
+        """True if remanence or coercivity is a callable, without one value per region."""
         return callable(self.remanence) or callable(self.coercivity)
 
     @property
     def reluctivity(self) -> float:
-        """``1 / (mu0 permeability)`` in m/H; with a curve that at B = 0."""
+        """``1 / (mu0 permeability)`` in m/H, or dH/dB at B = 0 of a B-H law."""
         if self.bh is not None:
             return float(self.bh.slope(np.zeros(1))[0])
         return 1.0 / (VACUUM_PERMEABILITY * self.permeability)
@@ -113,7 +115,6 @@ def _vector(name: str, given: Any) -> Vector:
 
 
 def check_materials(materials: Any, dimension: int) -> None:
-    """Refuse what maps no names to materials, and magnets that have more or fewer components than the mesh."""
     if not isinstance(materials, Mapping):
         raise ValueError(f"materials must map subdomain names to Materials; got {materials!r}.")
     wanted = {2: "two components (x, y) in the plane", 3: "three components (x, y, z) in space"}[dimension]
@@ -127,7 +128,7 @@ def check_materials(materials: Any, dimension: int) -> None:
 
 
 def radial(magnitude: float, *, centre: tuple[float, float] = (0.0, 0.0)) -> Callable[[Floats], Floats]:
-    """Away from a centre, for the remanence or coercivity of a `Material`.
+    """Return a radial vector field, for the remanence or coercivity of a `Material`.
 
     Parameters
     ----------
@@ -139,7 +140,7 @@ def radial(magnitude: float, *, centre: tuple[float, float] = (0.0, 0.0)) -> Cal
     Returns
     -------
     callable
-        Of x (2, n) in metres, giving (2, n).
+        Function of x, shape (2, n) in metres, that returns shape (2, n).
 
     Examples
     --------
@@ -155,21 +156,22 @@ def radial(magnitude: float, *, centre: tuple[float, float] = (0.0, 0.0)) -> Cal
 def halbach(
     magnitude: float, pole_pairs: int, *, centre: tuple[float, float] = (0.0, 0.0)
 ) -> Callable[[Floats], Floats]:
-    """At the polar angle phi in the direction ``(1 + pole_pairs) phi`` (Halbach, Nucl. Instrum. Methods 169, 1980).
+    """Return a Halbach field, for the remanence or coercivity of a `Material`.
 
-    A ring of it has its field outside for negative `pole_pairs`, inside for positive ones; 1 gives a uniform field.
+    The direction at the polar angle phi is ``(1 + pole_pairs) phi`` (Halbach, Nucl. Instrum. Methods 169, 1980). A ring
+    has its field outside for negative `pole_pairs` and inside for positive ones; 1 gives a uniform field.
 
     Parameters
     ----------
     magnitude, centre
-        As of `radial`.
+        As in `radial`.
     pole_pairs
-        Their number, with its sign; 0 is `radial`.
+        Number of pole pairs, with its sign; 0 gives `radial`.
 
     Returns
     -------
     callable
-        As of `radial`.
+        As in `radial`.
 
     Examples
     --------
