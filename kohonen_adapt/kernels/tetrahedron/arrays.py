@@ -13,13 +13,13 @@ import numpy as np
 from kohonen_adapt.kernels.arrays import Laws, Pool
 from kohonen_adapt.kernels.records import record
 
-PLANE, SPHERE, CYLINDER, CONE, PROJECTED = range(5)  # shapes of patches; of PROJECTED ones loops know samples
-LINE, CIRCLE, INTERSECTION = range(3)  # shapes of ridges; an INTERSECTION is on both of its patches and nothing more
-HELD, ON_RIDGE, ON_PATCH, INSIDE = range(4)  # `Freedom.number`: how many directions a node has
+PLANE, SPHERE, CYLINDER, CONE, PROJECTED = range(5)  # shapes of patches, PROJECTED by samples
+LINE, CIRCLE, INTERSECTION = range(3)  # shapes of ridges, INTERSECTION without a formula
+HELD, ON_RIDGE, ON_PATCH, INSIDE = range(4)  # `Freedom.number`: dimension of the permitted moves
 
-MOST = 1024  # elements around a node that surgery takes on: nodes with more stay what they are
-RING = 8  # nodes in a ring around an edge that swaps take on
-FREE, WAITS, ELSEWHERE, WANTED = range(4)  # `Queue.waiting`; what is ELSEWHERE is WANTED once it has been in the way
+MOST = 1024  # maximum number of elements around a node for surgery
+RING = 8  # maximum number of nodes in the ring of an edge for swaps
+FREE, WAITS, ELSEWHERE, WANTED = range(4)  # `Queue.waiting`; ELSEWHERE turns into WANTED if it blocks a swap
 
 # Columns of `Trial.data`.
 TWELFTH_COEFFICIENT, SOURCE_24TH, SIXTH_FLUX_X, SIXTH_FLUX_Y, SIXTH_FLUX_Z = range(5)
@@ -33,20 +33,20 @@ class Tetrahedra(NamedTuple):
     satisfy (b - a) . ((c - a) x (d - a)) = 6 V.
     """
 
-    node: np.ndarray  # (m, 4) int32; rows that are not in use begin with -1
+    node: np.ndarray  # (m, 4) int32; unused rows begin with -1
     neighbour: np.ndarray  # (m, 4) int32
     region: np.ndarray  # (m,) int32
-    patch: np.ndarray  # (m, 4) int32: of the face opposite to corner k, -1 for one that is free to be swapped
+    patch: np.ndarray  # (m, 4) int32: patch of the face opposite to corner k, -1 for faces that may be swapped
 
 
 @record
 class Samples(NamedTuple):
     """Sampled points of patches without a formula, as one k-d tree per patch."""
 
-    start: np.ndarray  # (p + 1,) int32: those of patch p are in rows start[p] to start[p + 1]
+    start: np.ndarray  # (p + 1,) int32: patch p has rows start[p] to start[p + 1]
     point: np.ndarray  # (s, 3)
-    normal: np.ndarray  # (s, 3): unit vectors, all to one side of the patch
-    bend: np.ndarray  # (s, 3, 3): second derivatives of the patch's height along the normal
+    normal: np.ndarray  # (s, 3): unit vectors, all on the same side of the patch
+    bend: np.ndarray  # (s, 3, 3): second derivatives of the height along the normal
 
 
 NO_SAMPLES = Samples(np.zeros(1, dtype=np.int32), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)))
@@ -58,14 +58,14 @@ class Surfaces(NamedTuple):
 
     shape: np.ndarray  # (p,) int8: PLANE, SPHERE, CYLINDER, CONE, PROJECTED
     origin: np.ndarray  # (p, 3): a point of a plane or an axis, a centre, an apex
-    axis: np.ndarray  # (p, 3): unit normal of a plane, direction of an axis; that of a cone points into it
+    axis: np.ndarray  # (p, 3): unit normal of a plane, direction of an axis, for a cone from the apex inwards
     size: np.ndarray  # (p,): radius of a sphere or a cylinder, half angle of a cone
-    meets: np.ndarray  # (r, 4) int32: the patches that meet in a ridge, ascending, then -1
+    meets: np.ndarray  # (r, 4) int32: patches that meet in the ridge, ascending, then -1
     ridge_shape: np.ndarray  # (r,) int8: LINE, CIRCLE, INTERSECTION
     ridge_origin: np.ndarray  # (r, 3): a point of a line, the centre of a circle
     ridge_axis: np.ndarray  # (r, 3): direction of a line, unit normal of the plane of a circle
     ridge_size: np.ndarray  # (r,): radius of a circle
-    samples: Samples = NO_SAMPLES  # where no patch is PROJECTED
+    samples: Samples = NO_SAMPLES  # empty without PROJECTED patches
 
 
 @record
@@ -73,8 +73,8 @@ class Freedom(NamedTuple):
     """Directions in which each node may move."""
 
     number: np.ndarray  # (n,) int8: HELD, ON_RIDGE, ON_PATCH, INSIDE
-    place: np.ndarray  # (n,) int32: the ridge or patch that a node slides on, -1 for others
-    pinned: np.ndarray  # (n,) bool: held because the user says so; an edge between two of them is not split
+    place: np.ndarray  # (n,) int32: ridge or patch of a sliding node, otherwise -1
+    pinned: np.ndarray  # (n,) bool: held by the user; edges between two pinned nodes are not split
 
 
 @record
@@ -100,35 +100,35 @@ class Star(NamedTuple):
 class Origins(NamedTuple):
     """Data of nodes and patches for recycling."""
 
-    fineness: np.ndarray  # (n,) cube root of the wanted nodes per volume
-    old: np.ndarray  # (n,) int32: number before, -1 for a new node
-    hint: np.ndarray  # (n,) int32: an element before that is near
-    pinched: np.ndarray  # (n,) bool: its elements do not all hang together by their faces
-    bulge: np.ndarray  # (p,) how far middles of edges on a patch may be off it
+    fineness: np.ndarray  # (n,): cube root of the requested node density
+    old: np.ndarray  # (n,) int32: row in the input mesh, -1 for new nodes
+    hint: np.ndarray  # (n,) int32: an element of the input mesh near the node
+    pinched: np.ndarray  # (n,) bool: non-manifold, elements not all connected by faces
+    bulge: np.ndarray  # (p,): maximum distance of edge midpoints from the patch
 
 
 @record
 class Cavity(NamedTuple):
     """Scratch of surgery, with the elements to remove and to insert."""
 
-    element_stamp: np.ndarray  # (m,) int64, compared with a counter that only grows, as the next one
+    element_stamp: np.ndarray  # (m,) int64: marked if equal to `counter`, like `node_stamp`
     node_stamp: np.ndarray  # (n,) int64
-    counter: np.ndarray  # (1,) int64
+    counter: np.ndarray  # (1,) int64: increases only
     around: np.ndarray  # (MOST,) int32: elements around a node
-    around_other: np.ndarray  # (MOST,) int32: around another one
-    old: np.ndarray  # (MOST,) int32: elements to be taken out
-    new: np.ndarray  # (2 MOST, 4) int32: nodes of those to be put in
-    region: np.ndarray  # (2 MOST,) int32: their regions
-    patch: np.ndarray  # (2 MOST, 4) int32: patches of their faces, where these are not on the cavity's border
-    made: np.ndarray  # (2 MOST,) int32: where they were put
-    face: np.ndarray  # (12 MOST, 5) int32: three nodes ascending, the element beyond and its corner, of faces
-    face_patch: np.ndarray  # (12 MOST,) int32
+    around_other: np.ndarray  # (MOST,) int32: elements around a second node or an edge
+    old: np.ndarray  # (MOST,) int32: elements to remove
+    new: np.ndarray  # (2 MOST, 4) int32: nodes of elements to insert
+    region: np.ndarray  # (2 MOST,) int32: regions of elements to insert
+    patch: np.ndarray  # (2 MOST, 4) int32: patches of faces of `new`, except on the border of the cavity
+    made: np.ndarray  # (2 MOST,) int32: rows of inserted elements
+    face: np.ndarray  # (12 MOST, 5) int32: three nodes of a face, ascending, element and corner across
+    face_patch: np.ndarray  # (12 MOST,) int32: patch of `face`
     ring: np.ndarray  # (2, RING) int32: nodes around an edge, in each of up to two regions
-    fan: np.ndarray  # (2, RING) int32: elements around it
-    worth: np.ndarray  # (2, RING, RING) of the best triangulation of a part of a ring
-    apex: np.ndarray  # (2, RING, RING) int32: of the triangle on the side of that part
+    fan: np.ndarray  # (2, RING) int32: elements around the edge
+    worth: np.ndarray  # (2, RING, RING): merit of the best triangulation of ring nodes i to k
+    apex: np.ndarray  # (2, RING, RING) int32: third node of the triangle at i and k
     stack: np.ndarray  # (4 RING, 2) int32
-    meeting: np.ndarray  # (5,) int32: patches that meet at an edge, and how many constrained faces
+    meeting: np.ndarray  # (5,) int32: patches at an edge, ascending, then -1
 
     @classmethod
     def of(cls, nodes: int, elements: int) -> "Cavity":
@@ -158,9 +158,9 @@ class OpenTetrahedra(NamedTuple):
 class Queue(NamedTuple):
     """Ring buffer of elements whose edges and faces are to be searched for swaps."""
 
-    waiting: np.ndarray  # (m,) int8: FREE, WAITS; ELSEWHERE or WANTED where a part must not touch it
-    element: np.ndarray  # (m,) int32: a ring
-    state: np.ndarray  # (2,) int64: where the first is, and how many there are
+    waiting: np.ndarray  # (m,) int8: FREE, WAITS, or ELSEWHERE and WANTED in other parts of the mesh
+    element: np.ndarray  # (m,) int32: ring buffer
+    state: np.ndarray  # (2,) int64: index of the first element, and count
 
     @classmethod
     def of(cls, elements: int) -> "Queue":
@@ -174,7 +174,7 @@ class Constraints(NamedTuple):
 
     freedom: Freedom
     surfaces: Surfaces
-    inner: np.ndarray  # (n,) bool: inside one region, so that every neighbour belongs to it
+    inner: np.ndarray  # (n,) bool: all neighbours are in one region
 
 
 @record
@@ -182,24 +182,22 @@ class Trial(NamedTuple):
     """P1 function and the Ritz functional."""
 
     value: np.ndarray  # (n,)
-    fixed: np.ndarray  # (n,) bool: the value is given
-    # Of every region a twelfth of the coefficient, a 24th of the source, a sixth of the flux.
-    data: np.ndarray  # (regions, 5)
-    laws: Laws  # numbers are those of regions, not of elements; where there is one, the coefficient has no say
-    rate: np.ndarray  # (p + r, 3): gradient along patches, then along ridges, of values that are given there
-    counted: np.ndarray  # (p,) bool: curved patches of which what is between them and their faces is counted
-    follows: np.ndarray  # (p,) bool: patches on which values are given, that go on beyond the faces
-    # A 24th of the source around every node in every region, where a function gives it; else no rows.
-    source: np.ndarray  # (n, regions) or (0, regions)
+    fixed: np.ndarray  # (n,) bool: Dirichlet value
+    data: np.ndarray  # (regions, 5): coefficient / 12, source / 24, flux / 6
+    laws: Laws  # by region, in place of the coefficient
+    rate: np.ndarray  # (p + r, 3): gradient of Dirichlet values along patches, then along ridges
+    counted: np.ndarray  # (p,) bool: curved patches whose slivers are counted
+    follows: np.ndarray  # (p,) bool: patches whose Dirichlet values extend into slivers
+    source: np.ndarray  # (n, regions): varying source / 24 around every node, otherwise (0, regions)
 
 
 @record
 class Offers(NamedTuple):
     """Gains of splits, costs of collapses, and restrictions of both."""
 
-    gain: np.ndarray  # (m, 6): of a split of each edge, at one of its elements; 0 at all others
-    cost: np.ndarray  # (n,): of the cheapest collapse of the node that is allowed, inf without one
+    gain: np.ndarray  # (m, 6): gain of splitting each edge, at one of its elements, 0 at the rest
+    cost: np.ndarray  # (n,): cost of the cheapest permitted collapse of each node, or inf
     open: np.ndarray  # (p,) bool: patches whose edges may be split
-    removable: np.ndarray  # (n,) bool: nodes that may be taken away
-    lone: np.ndarray  # (n,) bool: nodes with a given value that no patch of theirs has
-    fresh: np.ndarray  # (n,) bool: nodes that have been made since
+    removable: np.ndarray  # (n,) bool: nodes that may collapse
+    lone: np.ndarray  # (n,) bool: Dirichlet nodes on no Dirichlet patch
+    fresh: np.ndarray  # (n,) bool: nodes inserted since the evaluation

@@ -4,10 +4,10 @@ import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 
-# Row k: the other corners, such that (k, *row) is positive.
+# Row k holds the corners opposite to k, with (k, *row) in positive order.
 OPPOSITE = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
-# The corners of the six edges, each followed by the two other corners, such that the four are positive.
+# Corners of the six edges, then the two remaining corners, in positive order.
 EDGES = np.array([[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 2, 0], [2, 3, 0, 1]])
 
 

@@ -34,12 +34,12 @@ from kohonen_adapt.kernels.tetrahedron.geometry import allowed, sum_of_squares
 from kohonen_adapt.kernels.tetrahedron.slivers import has_slivers, pull_of_slivers, slivers_around
 from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance, slid, tangent_of_ridge, within_reach
 
-HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
-OVERSTEP = 1.6  # of Newton's step: neighbours follow, as in successive over-relaxation
-TRIES = 4  # of a Newton step of a value beside nonlinear material, each half of the one before
-LEAST_CURVATURE = 0.3  # of the largest principal one: flatter directions count as curved as that, or steps are too wild
-TURNS = 24  # of Jacobi's method, three of which bring every pair of axes to its turn once
-DIAGONAL = 1e-20  # of the square of a matrix: smaller squares beside its diagonal are none
+HALVINGS = 3  # of a rejected step
+OVERSTEP = 1.6  # over-relaxation of Newton's step, because neighbours move afterwards
+TRIES = 4  # halvings of a Newton step of a value in nonlinear material
+LEAST_CURVATURE = 0.3  # smallest eigenvalue used, relative to the largest; limits the step
+TURNS = 24  # Jacobi rotations, three per cycle of axes
+DIAGONAL = 1e-20  # sum of squared off-diagonal entries at convergence, relative to the squared norm
 
 
 @kernel
@@ -95,7 +95,7 @@ def derivatives(neurons, trial, v):
         inverse = 1.0 / six
         gx, gy, gz = inverse * nx, inverse * ny, inverse * nz
         square = gx * gx + gy * gy + gz * gz
-        # r by x, y, z; that by w is -S
+        # r by x, y, z; r by w is -S
         x_x, x_y, x_z = gx * sx, gy * sx - tz, gz * sx + ty
         y_x, y_y, y_z = gx * sy + tz, gy * sy, gz * sy - tx
         z_x, z_y, z_z = gx * sz - ty, gy * sz + tx, gz * sz
@@ -127,7 +127,7 @@ def derivatives(neurons, trial, v):
         pull, push = load * six * around, fx * nx + fy * ny + fz * nz
         size += energy + abs(pull) + abs(push)
         total += energy - pull - push
-        along, lost = weight * six, load * around - per_volume  # the rate of D is -S
+        along, lost = weight * six, load * around - per_volume  # dD/dx = -S
         by_x += along * g_x + lost * sx + fy * tz - fz * ty
         by_y += along * g_y + lost * sy + fz * tx - fx * tz
         by_z += along * g_z + lost * sz + fx * ty - fy * tx
@@ -243,7 +243,7 @@ def move(neurons, trial, v, floor):
         more, more_by_w, more_ww = slivers_around(neurons, trial, v, px, py, pz, 0.0)
         total, by_w, ww, pull = total + more, by_w + more_by_w, ww + more_ww, pull_of_slivers(neurons, trial, v)
         gradient = gradient[0] + pull[0], gradient[1] + pull[1], gradient[2] + pull[2]
-        size, bent = size + abs(more), True  # beyond a face there may be a law
+        size, bent = size + abs(more), True  # the material across a face may be nonlinear
     still, now = 0.0, total
     if given:
         row = rates_row(neurons.constraints, v)

@@ -23,7 +23,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     TWELFTH_COEFFICIENT,
 )
 
-ROUNDING = 1e-13  # of the sum of the magnitudes of what is added up: less is no gain
+ROUNDING = 1e-13  # smallest gain, relative to the sum of magnitudes
 
 
 @inner_kernel

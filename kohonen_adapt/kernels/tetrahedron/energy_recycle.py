@@ -33,7 +33,7 @@ from kohonen_adapt.kernels.tetrahedron.surgery import NOWHERE, collapse, prepare
 from kohonen_adapt.kernels.tetrahedron.swap_by_energy import energy_of
 
 UNLIMITED = np.inf
-SHRUNK = 0.8  # of what a split gained when all were weighed: what has become less waits for the next time
+SHRUNK = 0.8  # smallest gain of a split, relative to its first evaluation
 
 
 @inner_kernel
@@ -59,7 +59,7 @@ def halves_parabola(position, trial, region, a, b, c, d, w):
         alpha * py + beta * qy + gamma * ry,
         alpha * pz + beta * qz + gamma * rz,
     )
-    ox, oy, oz = px + qx + rx, py + qy + ry, pz + qz + rz  # - S_a; p is S_b
+    ox, oy, oz = px + qx + rx, py + qy + ry, pz + qz + rz  # o = -S_a, p = S_b
     step = 2.0 * w
     square, on_p, on_o = nx * nx + ny * ny + nz * nz, nx * px + ny * py + nz * pz, nx * ox + ny * oy + nz * oz
     p_p, o_o = px * px + py * py + pz * pz, ox * ox + oy * oy + oz * oz
@@ -210,7 +210,7 @@ def weigh_splits(mesh, trial, offers, floor, first, last):
         for i in range(list_neighbours(mesh, v, count)):
             w = np.int64(cavity.made[i])
             if w < v or (trial.fixed[v] and trial.fixed[w] and (offers.lone[v] or offers.lone[w])):
-                continue  # given inside a region, or who knows why: who knows what between them
+                continue  # Dirichlet values between both nodes are unknown
             shell = list_shell(mesh, count, w)
             gain, _ = gain_of_split(mesh, trial, cavity.around_other, shell, v, w)
             if gain > 0.0 and is_open(mesh, offers, shell, v, w) and halves_allowed(mesh, shell, v, w, floor):
@@ -251,7 +251,7 @@ def energy_merged(mesh, trial, v, w, count, least):
         k = corner_of(node, e, v)
         if corner_of(node, e, w) >= 0:
             p = elements.patch[e, k]
-            if p >= 0 and trial.counted[p]:  # of the face that the element beside this one has then
+            if p >= 0 and trial.counted[p]:  # face of the neighbour after the collapse
                 total += sliver(position, elements, mesh.surfaces, trial, e, k, STILL)[0]
             continue
         a, b, c = node[e, OPPOSITE[k, 0]], node[e, OPPOSITE[k, 1]], node[e, OPPOSITE[k, 2]]
@@ -277,7 +277,7 @@ def cheapest_collapse(mesh, trial, v, most, floor):
         if freedom.number[w] == INSIDE and freedom.number[v] != INSIDE:
             continue
         cost = energy_merged(mesh, trial, v, w, count, max(FLAT, min(floor, worst))) - before
-        # the checks take longer
+        # cost first, because the checks are slower
         if cost < least and prepare_collapse(mesh, v, w, floor, UNLIMITED)[0] > 0.0:
             least, into = cost, w
     return least if into >= 0 else np.inf, into
@@ -338,7 +338,7 @@ def exchange(mesh, trial, queue, offers, ends, gains, nodes, margin, floor):
         while at < len(nodes) and not offers.removable[nodes[at]]:
             at += 1
         if at == len(nodes) or not margin * offers.cost[nodes[at]] < gains[i]:
-            break  # what follows gains less
+            break  # gains are sorted
         v, w, cost = next_collapse(mesh, trial, offers, nodes[at:], a, b, gain / margin, floor)
         if v < 0:
             continue

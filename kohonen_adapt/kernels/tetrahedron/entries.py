@@ -40,7 +40,7 @@ TRIAL = RecordType(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, R2))
 OFFERS = RecordType(arrays.Offers, (R2, R1, B1, B1, B1, B1))
 NEURONS = RecordType(shared.Neurons, (R2, TETRAHEDRA, STAR, CONSTRAINTS))
 
-# By what needs them; the names begin with "space", and a warm-up compiles them only where it is asked to.
+# Groups "space ..." are compiled by a warm-up on request only.
 SPACE: dict[str, tuple[Entry, ...]] = {
     "space ground": (
         Entry(ordering.hilbert_keys_in_space, R2, R1, float64, L1),

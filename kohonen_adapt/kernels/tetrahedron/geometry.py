@@ -7,7 +7,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel
 
-FLAT = 1e-18  # cube of a quality: an element that is made must be better than this
+FLAT = 1e-18  # largest cubed quality of a flat element
 
 
 @inner_kernel
@@ -35,7 +35,7 @@ def cubed_quality_at(position, x, y, z, b, c, d):
         (ux * ux + uy * uy + uz * uz) + (vx * vx + vy * vy + vz * vz) + (wx * wx + wy * wy + wz * wz)
     ) - 2.0 * (
         (ux * vx + uy * vy + uz * vz) + (ux * wx + uy * wy + uz * wz) + (vx * wx + vy * wy + vz * wz)
-    )  # of all six edges
+    )  # six edges
     return 432.0 * volume * abs(volume) / (squares * squares * squares)
 
 

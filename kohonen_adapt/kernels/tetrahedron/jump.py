@@ -14,8 +14,8 @@ from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, star_quality
 from kohonen_adapt.kernels.tetrahedron.stars import star_tolerable
 from kohonen_adapt.kernels.tetrahedron.surfaces import onto_ridge, within_reach
 
-SETS = 4  # patches that meet in a ridge, at most
-AT_CORNER = 3  # ridges that meet in a corner which nodes may leave, at most
+SETS = 4  # maximum number of patches at a ridge
+AT_CORNER = 3  # maximum number of ridges at a corner that nodes may leave
 
 
 @inner_kernel
@@ -75,7 +75,7 @@ def ridges_at_corner(neurons, v, ends):
             if known or not on_patch_of(elements, e, v, w):
                 continue
             r = ridge_of_edge(neurons, v, w)
-            if r == -2:  # an edge of a ridge that nobody knows, or on a patch that no loop knows
+            if r == -2:  # edge of an unknown ridge
                 return AT_CORNER + 1
             if r >= 0:
                 if count == AT_CORNER:
@@ -109,7 +109,7 @@ def ridge_of_edge(neurons, v, w):
             if only >= 0 and only != p:
                 same = False
             only = p
-            sides += 2 if elements.neighbour[e, j] < 0 else 1  # every face has two
+            sides += 2 if elements.neighbour[e, j] < 0 else 1  # an outer face has both sides in one element
     if same and sides == 4:
         return -1
     if freedom.number[w] == ON_RIDGE:

@@ -5,8 +5,8 @@ import numpy as np
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.grid import cell_index, clear_counts, enter, sum_up_counts
 
-TOLERANCE = 1e-10  # of an element's size: points on a face or on the outline count as inside
-WALK = 128  # steps before the grid is asked; walks from the grid's hints take three or four where elements are alike
+TOLERANCE = 1e-10  # relative to the element size, so that points on faces are inside
+WALK = 128  # maximum number of steps; walks from grid cells in uniform meshes take three or four
 
 
 @inner_kernel
@@ -17,7 +17,7 @@ def side_of_face(position, node, e, k, x, y, z):
     vx, vy, vz = position[c, 0] - position[a, 0], position[c, 1] - position[a, 1], position[c, 2] - position[a, 2]
     x, y, z = x - position[a, 0], y - position[a, 1], z - position[a, 2]
     side = x * (uy * vz - uz * vy) + y * (uz * vx - ux * vz) + z * (ux * vy - uy * vx)
-    return side if k & 1 else -side  # of every other corner the three that follow run the other way about
+    return side if k & 1 else -side  # the orientation of the next three corners alternates
 
 
 @inner_kernel

@@ -11,7 +11,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import PLANE
 from kohonen_adapt.kernels.tetrahedron.locate import TOLERANCE, depth_in_element, side_of_face, walk
 from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance
 
-STRETCH = 64  # points that follow one another and may start where the one before ended
+STRETCH = 64  # consecutive points that may start at the previous winner
 
 
 @inner_kernel
@@ -175,7 +175,7 @@ def squared_distance_to_face(position, node, e, k, x):
     ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     square = nx * nx + ny * ny + nz * nz
-    # the foot on the plane lies inside where it lies on the inner side of every edge
+    # the foot of the perpendicular is in the face if on the inner side of every edge
     to_a, to_b, to_c, normal = (ax, ay, az), (bx, by, bz), (cx, cy, cz), (nx, ny, nz)
     beyond_ab, beyond_bc = triple(normal, to_a, to_b) < 0.0, triple(normal, to_b, to_c) < 0.0
     beyond_ca = triple(normal, to_c, to_a) < 0.0

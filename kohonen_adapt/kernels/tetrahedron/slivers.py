@@ -21,8 +21,8 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 from kohonen_adapt.kernels.tetrahedron.connectivity import OPPOSITE
 from kohonen_adapt.kernels.tetrahedron.surfaces import onto_patch, signed_distance
 
-SHORT = 1e-4  # of an edge: half the way over which differences are taken
-STILL = (-1, 0.0, 0.0, 0.0, 0.0)  # in place of a node that is moved, where it is then, and how its value changes
+SHORT = 1e-4  # step of central differences, relative to an edge
+STILL = (-1, 0.0, 0.0, 0.0, 0.0)  # `moved` without a node: (node, x, y, z, change of value)
 
 
 @inner_kernel
@@ -120,7 +120,7 @@ def sliver(position, elements, surfaces, trial, e, k, moved):
     top, across = where(position, node[e, k], moved), elements.neighbour[e, k]
     own, outer = elements.region[e], covers(surfaces, p, a, b, c, top)
     if across >= 0 and not outer:
-        return 0.0, 0.0, 0.0  # the other element has it
+        return 0.0, 0.0, 0.0  # counted in the element outside
     volume = gap(surfaces, p, a, b, c)
     slope, hat, six = slopes(position, elements, trial, e, moved)
     if not outer and trial.follows[p]:

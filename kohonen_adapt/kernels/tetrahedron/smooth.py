@@ -20,7 +20,7 @@ from kohonen_adapt.kernels.tetrahedron.surfaces import (
     within_reach,
 )
 
-HALVINGS = 3  # a refused step is tried again at a half, a quarter, an eighth
+HALVINGS = 3  # of a rejected step
 
 
 @inner_kernel
@@ -55,7 +55,7 @@ def derivatives(position, star, weight, v):
         px, py, pz = vy * wz - vz * wy, vz * wx - vx * wz, vx * wy - vy * wx
         volume = ux * px + uy * py + uz * pz
         squares = sum_of_squares(ux, uy, uz, vx, vy, vz, wx, wy, wz)
-        px += (wy * uz - wz * uy) + (uy * vz - uz * vy)  # the volume has the slope -p
+        px += (wy * uz - wz * uy) + (uy * vz - uz * vy)  # gradient of the volume is -p
         py += (wz * ux - wx * uz) + (uz * vx - ux * vz)
         pz += (wx * uy - wy * ux) + (ux * vy - uy * vx)
         energy, per_volume, per_square = squares * squares, -1.0 / volume, -2.0 / squares

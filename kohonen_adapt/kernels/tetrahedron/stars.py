@@ -4,7 +4,7 @@ from kohonen_adapt.kernels.arrays import UNGUARDED
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, star_quality
 
-ACROSS, UNUSED = -1, -2  # instead of the part of an element
+ACROSS, UNUSED = -1, -2  # parts of elements with mixed nodes, and of unused rows
 
 
 @inner_kernel

@@ -18,9 +18,9 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.kernels.tetrahedron.samples import nearest_sample
 
-STEPS = 20  # of Newton's method onto two patches at once
-TURN = math.cos(math.radians(30.0))  # of normals at the ends of an edge: as far as a facet may go around a surface
-NEAR = 1e-15  # of the size of the mesh's coordinates: a point this near is on both
+STEPS = 20  # maximum number of Newton steps
+TURN = math.cos(math.radians(30.0))  # maximum angle between the normals at the ends of an edge
+NEAR = 1e-15  # distance from both patches at convergence, relative to the coordinates
 
 
 @inner_kernel

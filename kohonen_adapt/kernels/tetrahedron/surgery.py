@@ -15,8 +15,8 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
 from kohonen_adapt.kernels.tetrahedron.surfaces import bulges, onto_patch, onto_ridge, ridge_distance
 
 NOWHERE = -1
-EQUAL = 1e-9  # relative: volumes this near to one another count as the same
-AT_ONCE = 4  # patches that may meet in a ridge
+EQUAL = 1e-9  # relative tolerance of equal volumes
+AT_ONCE = 4  # maximum number of patches at a ridge
 
 
 @inner_kernel
@@ -136,7 +136,7 @@ def patches_at(mesh, shell, count, a, b):
         e = np.int64(shell[i])
         for k in range(4):
             v, patch = elements.node[e, k], elements.patch[e, k]
-            if v in (a, b) or patch < 0 or 0 <= elements.neighbour[e, k] < e:  # an inner one counts once
+            if v in (a, b) or patch < 0 or 0 <= elements.neighbour[e, k] < e:  # inner faces once
                 continue
             faces += 1
             at = 0
@@ -374,7 +374,7 @@ def shared_neighbours(mesh, v, w, count):
 
 @inner_kernel
 def collapse(mesh, v, count, new):
-    replace(mesh, count, new)  # there are fewer elements than before
+    replace(mesh, count, new)  # always succeeds, because elements are removed
     mesh.pool.anchor[v] = -1
     mesh.pool.free_nodes[mesh.pool.height[0]] = v
     mesh.pool.height[0] += 1

@@ -24,8 +24,8 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
 from kohonen_adapt.kernels.tetrahedron.surfaces import bulges, off_patch
 from kohonen_adapt.kernels.tetrahedron.surgery import EQUAL, NOWHERE, replace
 
-BETTER = 1.02  # times the cube of the quality: less is not worth a swap, and may be rounding
-RULED_OUT = -np.inf  # what a part of a ring is worth that no allowed elements fill
+BETTER = 1.02  # smallest improvement of the cubed quality by a swap, above rounding errors
+RULED_OUT = -np.inf  # merit of a part of a ring without permitted elements
 
 
 @inner_kernel

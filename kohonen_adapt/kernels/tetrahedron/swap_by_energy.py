@@ -22,7 +22,7 @@ from kohonen_adapt.kernels.tetrahedron.swap import (
     triangulate,
 )
 
-SIX_VOLUMES, ENERGY = 0, 1  # columns of what was seen of an element
+SIX_VOLUMES, ENERGY = 0, 1  # columns of `seen`
 
 
 @inner_kernel
