@@ -4,7 +4,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.mesh.curved import displacements, facet_displacements, is_second_order
+from kohonen_adapt.mesh.curved import facet_midside_offsets, is_second_order, midside_offsets
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
 
 __all__ = [
@@ -19,7 +19,7 @@ __all__ = [
     "outlined_facets",
     "plural",
     "significant",
-    "straight_and_bent",
+    "straight_and_curved",
 ]
 
 UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
@@ -46,9 +46,9 @@ def outlined_facets(mesh: MeshTri) -> Ints:
     return np.flatnonzero((other < 0) | (codes[one] != codes[other]))
 
 
-def straight_and_bent(mesh: MeshTri, facets: Ints) -> tuple[Ints, Floats]:
+def straight_and_curved(mesh: MeshTri, facets: Ints) -> tuple[Ints, Floats]:
     """Return straight facets, and points on the curved facets, (2, PARTS + 1, n)."""
-    off = facet_displacements(mesh)[:, facets]
+    off = facet_midside_offsets(mesh)[:, facets]
     bent = np.any(off, axis=0)
     share = np.linspace(0.0, 1.0, PARTS + 1)[:, None]
     (a, b), bow = np.moveaxis(mesh.p[:, mesh.facets[:, facets[bent]]], 1, 0)[:, :, None], off[:, None, bent]
@@ -116,7 +116,7 @@ def divided(mesh: MeshTri, divisions: int) -> MeshTri:
     p = np.einsum("iq,dik->dqk", share, mesh.p[:, mesh.t])
     if is_second_order(mesh):
         between = 4.0 * share[[1, 2, 0]] * share[[2, 0, 1]]
-        p += np.einsum("iq,kid->dqk", between, displacements(mesh))
+        p += np.einsum("iq,kid->dqk", between, midside_offsets(mesh))
     p = np.ascontiguousarray(p.reshape(2, -1))
     t = (triangles[:, :, None] * count + np.arange(count)).reshape(3, -1)
     parts = {

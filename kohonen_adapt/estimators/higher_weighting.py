@@ -17,7 +17,7 @@ from kohonen_adapt.estimators.equilibration import fixed_nodes
 from kohonen_adapt.estimators.explicit import checked_reluctivity
 from kohonen_adapt.estimators.residual_at_points import HIGHER_SCALES, LATTICE, divergences, residual_at_points
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
-from kohonen_adapt.mesh.curved import with_displacements
+from kohonen_adapt.mesh.curved import with_midside_offsets
 from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.polynomials import KINDS, count_unknowns
@@ -51,7 +51,7 @@ class DualPair:
         self.order, self.shape, self.size = order, Isoparametric(mesh), area(mesh)
         self.turned = np.argsort(mesh.t, axis=0)[None]  # scikit-fem sorts the corners of the straight triangles
         corners, curved = self.shape.corners, bool(self.shape.curved.any())
-        self.mesh = with_displacements(corners, self.shape.off) if curved else corners
+        self.mesh = with_midside_offsets(corners, self.shape.off) if curved else corners
         self.reluctivity = checked_reluctivity(mesh, reluctivity)
         self.degree = 2 * order + 2 + CURVED * curved
 

@@ -21,7 +21,7 @@ from kohonen_adapt.io.content import (
     shape_of,
 )
 from kohonen_adapt.io.groups import by_group, name_of
-from kohonen_adapt.mesh.curved import corners_of, with_middles
+from kohonen_adapt.mesh.curved import corners_of, with_midsides
 from kohonen_adapt.mesh.curved import is_second_order as has_bent_sides
 from kohonen_adapt.mesh.host import is_own_name
 from kohonen_adapt.mesh.measures import area, directed, is_in_front
@@ -92,7 +92,7 @@ def _with_bent_sides(mesh: MeshTri, content: Content, used: Ints, path: Path, sc
     position = scale * content.points[:, :2].T
     segments = np.column_stack([used[mesh.facets[0]], middle, used[mesh.facets[1]]])
     bent = _is_bent(segments, position)
-    return with_middles(mesh, np.ascontiguousarray(position[:, middle])) if bent.any() else mesh
+    return with_midsides(mesh, np.ascontiguousarray(position[:, middle])) if bent.any() else mesh
 
 
 def _check_shapes(content: Content, path: Path) -> None:

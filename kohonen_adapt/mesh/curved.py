@@ -1,7 +1,7 @@
 """Curved sides of a `MeshTri2`, as straight triangles with midside offsets.
 
 A side with ends a, b and midside node m is the parabola through these points, with the midside offset
-``d = m - (a + b) / 2`` (`displacements`). An element is the image of ``x = sum_i lambda_i x_i + 4 sum_k lambda_i
+``d = m - (a + b) / 2`` (`midside_offsets`). An element is the image of ``x = sum_i lambda_i x_i + 4 sum_k lambda_i
 lambda_j d_k``, where side k lies opposite to corner k, between i and j.
 """
 
@@ -15,18 +15,18 @@ from kohonen_adapt.mesh.host import number_facets, of_kind
 __all__ = [
     "AFTER",
     "BEFORE",
-    "check_bent",
-    "check_middles",
-    "corner_places",
+    "check_curved_sides",
+    "check_midsides",
+    "corner_positions",
     "corners_of",
-    "displacements",
-    "facet_displacements",
+    "facet_midside_offsets",
     "is_second_order",
     "jacobian_coefficients",
+    "midside_offsets",
     "nodes_of_elements",
-    "with_displacements",
-    "with_middles",
-    "with_sides",
+    "with_midside_offsets",
+    "with_midsides",
+    "with_side_offsets",
 ]
 
 LATTICE = 10  # steps along a side of the lattice for determinants that the Bernstein bound leaves undecided
@@ -42,7 +42,7 @@ def corners_of(mesh: MeshTri) -> MeshTri:
     return of_kind(MeshTri1, mesh.p[:, : mesh.nvertices], mesh) if is_second_order(mesh) else mesh
 
 
-def corner_places(mesh: MeshTri) -> Floats:
+def corner_positions(mesh: MeshTri) -> Floats:
     return np.moveaxis(mesh.p[:, mesh.t], (0, 1, 2), (2, 1, 0))
 
 
@@ -54,38 +54,38 @@ def nodes_of_elements(mesh: MeshTri) -> Ints:
     return np.vstack([mesh.t, mesh.nvertices + mesh.t2f]).T if is_second_order(mesh) else mesh.t.T
 
 
-def with_middles(mesh: MeshTri, middles: Floats) -> MeshTri2:
+def with_midsides(mesh: MeshTri, middles: Floats) -> MeshTri2:
     return of_kind(MeshTri2, np.hstack([mesh.p[:, : mesh.nvertices], middles]), mesh)
 
 
-def with_displacements(mesh: MeshTri, off: Floats) -> MeshTri2:
+def with_midside_offsets(mesh: MeshTri, off: Floats) -> MeshTri2:
     number_facets(mesh)
-    return with_middles(mesh, mesh.p[:, mesh.facets].mean(axis=1) + off)
+    return with_midsides(mesh, mesh.p[:, mesh.facets].mean(axis=1) + off)
 
 
-def with_sides(mesh: MeshTri, off: Floats) -> MeshTri:
+def with_side_offsets(mesh: MeshTri, off: Floats) -> MeshTri:
     if not off.any():
         return mesh
     number_facets(mesh)
     bent = np.zeros(mesh.facets.shape)
     for k, row in enumerate(OPPOSITE):
         bent[:, mesh.t2f[row]] = off[:, k].T
-    return with_displacements(mesh, bent)
+    return with_midside_offsets(mesh, bent)
 
 
-def facet_displacements(mesh: MeshTri) -> Floats:
+def facet_midside_offsets(mesh: MeshTri) -> Floats:
     number_facets(mesh)
     if not is_second_order(mesh):
         return np.zeros(mesh.facets.shape)
     return mesh.p[:, mesh.nvertices :] - mesh.p[:, mesh.facets].mean(axis=1)
 
 
-def displacements(mesh: MeshTri) -> Floats:
+def midside_offsets(mesh: MeshTri) -> Floats:
     """Return the midside offsets of elements, (nelements, 3, 2).
 
     Row k belongs to the side opposite to corner k of ``mesh.t``. Offsets of straight sides are zero.
     """
-    return facet_displacements(mesh).T[mesh.t2f[OPPOSITE].T]
+    return facet_midside_offsets(mesh).T[mesh.t2f[OPPOSITE].T]
 
 
 def jacobian_coefficients(corners: Floats, bent: Floats) -> Floats:
@@ -121,7 +121,7 @@ def cross(u: Floats, w: Floats) -> Floats:
     return u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]
 
 
-def check_middles(mesh: MeshTri) -> None:
+def check_midsides(mesh: MeshTri) -> None:
     number_facets(mesh)
     wanted = mesh.nvertices + mesh.facets.shape[1]
     if mesh.p.shape[1] != wanted or not np.all(np.isfinite(mesh.p)):
@@ -131,7 +131,7 @@ def check_middles(mesh: MeshTri) -> None:
         )
 
 
-def check_bent(mesh: MeshTri) -> None:
+def check_curved_sides(mesh: MeshTri) -> None:
     folded = np.flatnonzero(~(least_determinants(mesh) > 0.0))
     if len(folded):
         raise ValueError(
@@ -142,7 +142,7 @@ def check_bent(mesh: MeshTri) -> None:
 
 
 def least_determinants(mesh: MeshTri) -> Floats:
-    corners, bent = corner_places(mesh), displacements(mesh)
+    corners, bent = corner_positions(mesh), midside_offsets(mesh)
     coefficients = jacobian_coefficients(corners, bent)
     coefficients *= np.sign(jacobian_coefficients(corners, np.zeros_like(bent))[:, :1])
     least = coefficients.min(axis=1)

@@ -7,7 +7,7 @@ from scipy.spatial import KDTree
 from skfem import MeshTri, MeshTri2
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.mesh.curved import AFTER, BEFORE, OPPOSITE, corners_of, facet_displacements, is_second_order
+from kohonen_adapt.mesh.curved import AFTER, BEFORE, OPPOSITE, corners_of, facet_midside_offsets, is_second_order
 from kohonen_adapt.mesh.host import number_facets, of_kind
 
 __all__ = ["CurvedElements", "Isoparametric", "refined"]
@@ -101,7 +101,7 @@ class Isoparametric(CurvedElements):
         self.corners = corners = corners_of(mesh)  # with the same elements, facets and names
         number_facets(corners)
         start, end = corners.p[:, corners.facets]
-        off, sides = facet_displacements(mesh), corners.t2f[AFTER]
+        off, sides = facet_midside_offsets(mesh), corners.t2f[AFTER]
         self.off = np.where(np.hypot(*off) > STRAIGHT * np.hypot(*(end - start)), off, 0.0)  # (2, nfacets)
         beyond = corners.f2t.sum(axis=0)[sides] - np.arange(sides.shape[1])  # -1 at the outer boundary
         super().__init__(corners.p, corners.t, self.off[:, sides], beyond)

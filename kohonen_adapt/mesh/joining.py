@@ -10,7 +10,7 @@ from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import is_number
-from kohonen_adapt.mesh.curved import corners_of, displacements, with_sides
+from kohonen_adapt.mesh.curved import corners_of, midside_offsets, with_side_offsets
 from kohonen_adapt.mesh.host import number_facets, remade, set_boundaries
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.names import named_sets
@@ -71,7 +71,7 @@ def merge(one: MeshTri, other: MeshTri, *, rtol: float = 1e-6) -> MeshTri:
     """
     for each in (one, other):
         check_mesh(each, bent=True)
-    bend = np.concatenate([displacements(each) for each in (one, other)])
+    bend = np.concatenate([midside_offsets(each) for each in (one, other)])
     one, other = corners_of(one), corners_of(other)
     if not is_number(rtol) or not 0.0 <= rtol < 1.0:
         raise ValueError(f"rtol must be a number from 0 to below 1; got {rtol!r}.")
@@ -115,7 +115,7 @@ def joined(
         set_boundaries(mesh, {name: _facets(mesh, corners, each) for name, each in sides.items()})
     ranked = np.take_along_axis(bend, np.argsort(corners, axis=0).T[:, :, None], axis=1)
     rank = np.argsort(np.argsort(mesh.t, axis=0), axis=0)  # scikit-fem may have reordered the corners
-    return with_sides(mesh, np.take_along_axis(ranked, rank.T[:, :, None], axis=1))
+    return with_side_offsets(mesh, np.take_along_axis(ranked, rank.T[:, :, None], axis=1))
 
 
 def _facets(mesh: MeshTri, corners: Ints, sides: Sides) -> Ints:

@@ -13,7 +13,7 @@ from kohonen_adapt.kernels.tetrahedron import locate as of_tetrahedra
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle import locate as of_triangles
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, cell_of, check_kind
-from kohonen_adapt.mesh.curved import check_bent, is_second_order
+from kohonen_adapt.mesh.curved import check_curved_sides, is_second_order
 from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -163,7 +163,7 @@ def find_elements(mesh: Mesh, x: ArrayLike) -> NDArray[np.int32]:
     found = locator.find(points)
     if not is_second_order(mesh):
         return found
-    check_bent(mesh)
+    check_curved_sides(mesh)
     return Isoparametric(mesh).located(points.T, found)[0].astype(np.int32)
 
 
@@ -209,7 +209,7 @@ def interpolate(mesh: Mesh, values: ArrayLike, x: ArrayLike) -> Floats:
     points = as_rows(x, dim=len(mesh.p))
     found = locator.find(points)
     if is_second_order(mesh):
-        check_bent(mesh)
+        check_curved_sides(mesh)
         shape = Isoparametric(mesh)
         element, share = shape.located(points.T, found)
         return np.sum(share * values[shape.t[:, element]], axis=0)

@@ -10,12 +10,12 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.cells import CELLS, cell_of, check_kind
 from kohonen_adapt.mesh.curved import (
-    check_bent,
-    check_middles,
-    corner_places,
-    displacements,
+    check_curved_sides,
+    check_midsides,
+    corner_positions,
     is_second_order,
     jacobian_coefficients,
+    midside_offsets,
 )
 from kohonen_adapt.mesh.validity import LARGEST_EXTENT, LEAST_EXTENT
 
@@ -56,7 +56,7 @@ def area(mesh: Mesh) -> Floats:
     """
     if not is_second_order(mesh):
         return np.abs(signed_area(mesh))
-    return 0.5 * np.abs(jacobian_coefficients(corner_places(mesh), displacements(mesh)).mean(axis=1))
+    return 0.5 * np.abs(jacobian_coefficients(corner_positions(mesh), midside_offsets(mesh)).mean(axis=1))
 
 
 def is_in_front(corners: Floats, point: Floats) -> Mask:
@@ -115,8 +115,8 @@ def quality(mesh: Mesh) -> Floats:
         # areas and volumes would underflow or overflow, and 0 is the quality of a flat element
         mesh = replace(mesh, doflocs=np.ldexp(mesh.doflocs, -np.frexp(largest)[1]))
     if is_second_order(mesh):
-        check_middles(mesh)
-        check_bent(mesh)
+        check_midsides(mesh)
+        check_curved_sides(mesh)
     cell = cell_of(mesh)
     return cell.regular * np.abs(signed_area(mesh)) ** (2 / cell.dim) / np.sum(edges_of(mesh) ** 2, axis=(0, 1))
 

@@ -8,7 +8,7 @@ from scipy.spatial import KDTree
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.mesh.curved import corners_of, displacements
+from kohonen_adapt.mesh.curved import corners_of, midside_offsets
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.joining import joined, sides_of
 from kohonen_adapt.mesh.motions import Rotation, moved
@@ -67,7 +67,7 @@ def turned(
     (True, False)
     """
     check_mesh(mesh, bent=True)
-    bend, mesh = displacements(mesh), corners_of(mesh)
+    bend, mesh = midside_offsets(mesh), corners_of(mesh)
     motion, part = Rotation(angle, centre), elements_of(mesh, name)
     inner, outer = (np.unique(mesh.t[:, which]) for which in (part, ~part))
     shared, origin, count = np.intersect1d(inner, outer), np.array(motion.centre)[:, None], mesh.p.shape[1]

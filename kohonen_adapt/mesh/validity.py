@@ -4,7 +4,7 @@ import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.mesh.cells import cell_of, check_kind
-from kohonen_adapt.mesh.curved import check_bent, check_middles, corners_of, is_second_order
+from kohonen_adapt.mesh.curved import check_curved_sides, check_midsides, corners_of, is_second_order
 from kohonen_adapt.mesh.host import is_own_name, number_facets
 
 __all__ = ["LARGEST_EXTENT", "LEAST_EXTENT", "check_mesh"]
@@ -24,9 +24,9 @@ def check_mesh(mesh: Mesh, bent: bool = False, folded: bool = False, space: bool
     check_kind(mesh, bent, space)
     if is_second_order(mesh):
         check_mesh(corners_of(mesh))
-        check_middles(mesh)
+        check_midsides(mesh)
         if not folded:
-            check_bent(mesh)
+            check_curved_sides(mesh)
         return
     dim = cell_of(mesh).dim
     if mesh.t.shape[1] == 0 or mesh.p.shape[1] == 0:

@@ -12,10 +12,10 @@ from kohonen_adapt.mesh.curved import jacobian_coefficients
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.parameters import parameters_of, points_on, ways_along
 
-__all__ = ["LEAST", "bent_sides"]
+__all__ = ["LEAST", "offsets_on_curves"]
 
 
-def bent_sides(triangulation: Triangulation, constraints: Constraints) -> Floats:
+def offsets_on_curves(triangulation: Triangulation, constraints: Constraints) -> Floats:
     """Return the midside offsets of all element sides, shape (m, 3, 2).
 
     The midside node of a curved boundary or interface has the mean parameter of the two ends. If an element would

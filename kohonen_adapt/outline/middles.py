@@ -13,7 +13,7 @@ from kohonen_adapt.outline.cutting import BEND, TURN, fitted_circle
 from kohonen_adapt.outline.facets import Facets, Joints, facet_of_edge
 from kohonen_adapt.outline.polylines import TOLD, without_noise
 
-__all__ = ["Bent", "bent_facets", "joined_alike"]
+__all__ = ["Bent", "curved_facets", "joined_alike"]
 
 CIRCULAR = 1e-6  # maximum distance of corners and midside nodes from their circle, relative to the radius
 
@@ -29,7 +29,7 @@ class Bent(NamedTuple):
         return np.where((curve == -1) & self.is_bent, TOLD, curve)
 
 
-def bent_facets(facets: Facets, triangulation: Triangulation, of_mesh: Floats | None) -> Bent:
+def curved_facets(facets: Facets, triangulation: Triangulation, of_mesh: Floats | None) -> Bent:
     if of_mesh is None:
         return Bent(np.zeros(facets.nodes.shape), np.zeros(len(facets.nodes), dtype=bool), known=False)
     off = of_mesh.T[facet_of_edge(triangulation.mesh, triangulation.elements.node)[facets.element, facets.corner]]

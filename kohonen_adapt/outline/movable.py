@@ -13,10 +13,10 @@ from kohonen_adapt.checks import check_state
 from kohonen_adapt.kernels.arrays import HELD, JUNCTION, Constraints, Elements, Neurons
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_doubtful
-from kohonen_adapt.mesh.curved import facet_displacements, is_second_order, with_displacements
+from kohonen_adapt.mesh.curved import facet_midside_offsets, is_second_order, with_midside_offsets
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.facets import facet_of_edge
-from kohonen_adapt.outline.isoparametric import bent_sides
+from kohonen_adapt.outline.isoparametric import offsets_on_curves
 from kohonen_adapt.outline.layers import lay
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.outline.rules import Rules, check_for, floor_of
@@ -86,7 +86,7 @@ class MovableMesh:
         check_for(rules, 2)
         triangulation = Triangulation.of(mesh)
         second_order = is_second_order(mesh)
-        outline = Outline.of(triangulation, rules, facet_displacements(mesh) if second_order else None)
+        outline = Outline.of(triangulation, rules, facet_midside_offsets(mesh) if second_order else None)
         lay(triangulation, outline.constraints, rules.layers)
         floor = floor_of(rules, 2)
         bends = (second_order if curved is None else curved) and not outline.straight.all()
@@ -117,17 +117,17 @@ class MovableMesh:
         if not self.curved:
             return mesh
         facet, off = facet_of_edge(mesh, self.triangulation.elements.node), np.zeros((2, mesh.facets.shape[1]))
-        off[:, facet] = np.moveaxis(self.bent_sides(), 2, 0)
-        return with_displacements(mesh, off)
+        off[:, facet] = np.moveaxis(self.midside_offsets(), 2, 0)
+        return with_midside_offsets(mesh, off)
 
     def start(self) -> MeshTri:
         return self.mesh() if self.curved else self.input_mesh
 
-    def bent_sides(self) -> Floats:
+    def midside_offsets(self) -> Floats:
         """Return the midside offsets of all sides, (m, 3, 2), 0 unless `curved`."""
         if not self.curved:
             return np.zeros((*self.triangulation.elements.node.shape, 2))
-        return bent_sides(self.triangulation, self.constraints)
+        return offsets_on_curves(self.triangulation, self.constraints)
 
     def copy(self) -> "MovableMesh":
         return replace(self, triangulation=self.triangulation.copy(), outline=self.outline.copy())

@@ -35,7 +35,7 @@ from kohonen_adapt.outline.chains import chains_of, curve_of_facets, pair_chains
 from kohonen_adapt.outline.coarse_arcs import centres_of, with_coarse_arcs
 from kohonen_adapt.outline.curves import Curve, projected
 from kohonen_adapt.outline.facets import Facets, Joints, facet_of_edge, joints_of, outline_facets, runs_of
-from kohonen_adapt.outline.middles import bent_facets, joined_alike
+from kohonen_adapt.outline.middles import curved_facets, joined_alike
 from kohonen_adapt.outline.pairs import Pairs, find_pairs
 from kohonen_adapt.outline.parameters import find_parameters, parameters_of, points_on, ways_along
 from kohonen_adapt.outline.polylines import TOLD, Pieces, Runs, cut
@@ -82,7 +82,7 @@ class Outline:
         curves = with_circles(checked_curves(triangulation.mesh, rules.curves))
         facets = outline_facets(triangulation)
         pairs = find_pairs(triangulation, facets, rules.periodic)
-        bent = bent_facets(facets, triangulation, off)
+        bent = curved_facets(facets, triangulation, off)
         curve = bent.told(curve_of_facets(facets.sides, len(facets.element), curves))
         joints = joints_of(facets, triangulation.position, without_corner(curve, curves), bent.off)
         joints, circle = joined_alike(joints, facets, triangulation.position, bent, curve)

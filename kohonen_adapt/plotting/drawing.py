@@ -20,7 +20,7 @@ from kohonen_adapt.display import (
     lattice,
     level_of_share,
     outlined_facets,
-    straight_and_bent,
+    straight_and_curved,
 )
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.measures import area
@@ -269,7 +269,7 @@ def draw_elements(
 
 def _draw_facets(axes: Axes, mesh: MeshTri, facets: Ints, unit: str, colour: str, width: float) -> None:
     for part in np.array_split(facets, max(1, -(-len(facets) // LONGEST))):
-        straight, bent = straight_and_bent(mesh, part)
+        straight, bent = straight_and_curved(mesh, part)
         for points in (mesh.p[:, mesh.facets[:, straight]], bent):
             if not points.size:
                 continue

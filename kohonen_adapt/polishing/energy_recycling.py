@@ -106,7 +106,7 @@ class _Higher(_Linear):
     ) -> None:
         super().__init__(movable, functional, trial, mesh, offers)
         arrays, modes = (mesh.position, mesh.elements, self.star, mesh.constraints), self.trial.all_modes
-        shapes = functional.reference, *shapes_of(functional.ritz, movable.bent_sides(), len(mesh.elements.node))
+        shapes = functional.reference, *shapes_of(functional.ritz, movable.midside_offsets(), len(mesh.elements.node))
         self.shared = arrays, self.trials, modes, shapes, int(np.diff(self.star.start).max())
         self.rooms = dict[int, Descents]()
 

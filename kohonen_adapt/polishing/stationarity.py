@@ -42,7 +42,7 @@ def check_in_plane(
     """
     elements, values = movable.triangulation.elements, solution.values
     node, corners = elements.node, movable.triangulation.position[elements.node]
-    coefficients, bend = local_coefficients(values[node], solution.modes), movable.bent_sides()
+    coefficients, bend = local_coefficients(values[node], solution.modes), movable.midside_offsets()
     parts = derivatives_on(corners, coefficients, numbers_of(ritz, len(node)), ritz, bend)
     for name, chains in boundary.chains.items():
         e, k = sides_on(elements.chain, chains)

@@ -79,7 +79,7 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
         gain += shared_in_parts(downhill.descend_nodes, order, (part, deep))
         gain += descend_pairs(movable, downhill, freedom)
         gain += flip_downhill(movable, downhill)
-        bend = movable.bent_sides() if movable.curved else None
+        bend = movable.midside_offsets() if movable.curved else None
         functional.improve_on_boundary(movable.triangulation, trial, bend)
     return gain
 
@@ -122,7 +122,7 @@ class Higher:
         triangulation, self.few = movable.triangulation, few_for_threads(functional.ritz.order)
         self.triangulation, self.floor, self.rooms = triangulation, movable.floor, dict[int, Descents]()
         self.trials, self.modes = functional.trials(triangulation, trial), trial.all_modes
-        points, self.shapes = shapes_of(functional.ritz, movable.bent_sides(), len(triangulation.elements.node))
+        points, self.shapes = shapes_of(functional.ritz, movable.midside_offsets(), len(triangulation.elements.node))
         self.mesh = triangulation.position, triangulation.elements, triangulation.star, constraints
         self.functions = functional.reference, points
 

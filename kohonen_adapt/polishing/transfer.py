@@ -63,7 +63,7 @@ class Old:
         self.kind = kinds_of(functional.ritz, before.triangulation)
         self.curved: CurvedElements | None = None
         if before.curved:
-            elements, bent = self.triangulation.elements, before.bent_sides()
+            elements, bent = self.triangulation.elements, before.midside_offsets()
             self.curved = CurvedElements(
                 self.triangulation.position.T, elements.node.T, bent.transpose(2, 1, 0), elements.neighbour.T
             )
@@ -135,7 +135,7 @@ def places_inside(movable: MovableMesh, order: int) -> tuple[Floats, Floats]:
     corners, along = movable.triangulation.position[movable.triangulation.elements.node], np.arange(1, order) / order
     on_sides, middles = places_on_sides(corners, order), corners.mean(axis=1)
     if movable.curved:
-        bent = movable.bent_sides()
+        bent = movable.midside_offsets()
         on_sides += (4.0 * along * (1.0 - along))[:, None] * bent[:, :, None]
         middles += 4.0 / 9.0 * bent.sum(axis=1)
     return on_sides, middles

@@ -11,7 +11,7 @@ from skfem.quadrature import get_quadrature
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import Points, Reference
 from kohonen_adapt.mesh.cells import TETRAHEDRON
-from kohonen_adapt.mesh.curved import displacements, is_second_order
+from kohonen_adapt.mesh.curved import is_second_order, midside_offsets
 from kohonen_adapt.mesh.measures import inner_points
 from kohonen_adapt.mesh.near_axis import kinds_at_axis
 from kohonen_adapt.mesh.polynomials import (
@@ -86,7 +86,7 @@ def _value_of_part(mesh: MeshTri, ritz: Ritz) -> float:
     kind = kinds_at_axis(mesh.p[0, node]) if ritz.axisymmetric else None
     modes = None if ritz.order == 1 else modes_of(mesh, node, values, ritz.order, kind=kind)
     corners, coefficients = mesh.p.T[node], local_coefficients(values[node], modes)
-    bend = displacements(mesh) if is_second_order(mesh) else None
+    bend = midside_offsets(mesh) if is_second_order(mesh) else None
     total = value_on(corners, coefficients, number, ritz, bend)
     for name, terms in ritz.robin.items():
         sides = sides_of_boundary(mesh, name)

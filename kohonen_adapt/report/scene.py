@@ -12,7 +12,7 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import as_reals
-from kohonen_adapt.display import DECADES, in_unit, level_of_share, outlined_facets, straight_and_bent
+from kohonen_adapt.display import DECADES, in_unit, level_of_share, outlined_facets, straight_and_curved
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
@@ -101,7 +101,7 @@ def _mesh(shown: Flat, unit: str) -> dict[str, Any]:
     if shown.element is not None:
         cut = {"edges": packed(mesh.facets[:, shown.sides].T, "u4"), "elements": packed(shown.element, "u4")}
     centre = 0.5 * (mesh.p.min(axis=1) + mesh.p.max(axis=1))
-    straight, bent = straight_and_bent(mesh, outlined_facets(mesh))
+    straight, bent = straight_and_curved(mesh, outlined_facets(mesh))
     along = mesh.nvertices + np.arange(bent[0].size).reshape(bent.shape[1:])
     points = np.hstack([mesh.p[:, : mesh.nvertices], bent.reshape(2, -1)])
     lines = np.vstack([mesh.facets[:, straight].T, np.stack([along[:-1].ravel(), along[1:].ravel()], axis=1)])

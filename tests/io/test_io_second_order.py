@@ -14,7 +14,7 @@ from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt import Spline, read_curves, read_mesh, write_mesh
-from kohonen_adapt.mesh.curved import corners_of, with_middles
+from kohonen_adapt.mesh.curved import corners_of, with_midsides
 
 COUNT = 24
 
@@ -309,7 +309,7 @@ def curved_ring():
     inside = mesh.boundaries["interface"]
     named = {**mesh.boundaries, "interface": OrientedBoundary(inside, mesh.f2t[1, inside] > mesh.f2t[0, inside])}
     straight = MeshTri(mesh.p, mesh.t, named, mesh.subdomains)
-    return with_middles(straight, on_circles(straight, slice(None)))
+    return with_midsides(straight, on_circles(straight, slice(None)))
 
 
 @pytest.mark.parametrize("suffix", [".msh", ".msh2", ".vtu"])

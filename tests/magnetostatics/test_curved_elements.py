@@ -10,7 +10,7 @@ from skfem import MeshTri, MeshTri2
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material, arkkio_torque, lorentz_torque
-from kohonen_adapt.mesh.curved import with_displacements
+from kohonen_adapt.mesh.curved import with_midside_offsets
 from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.measures import area
@@ -36,7 +36,7 @@ def bent_on(mesh, *radii):
     middle, (one, other) = mesh.p[:, mesh.facets].mean(axis=1), np.hypot(*mesh.p)[mesh.facets]
     on = (np.abs(one - other) < 1e-9) & np.any(np.abs(one - np.array(radii)[:, None]) < 1e-9, axis=0)
     stretch = np.where(on, one / np.where(on, np.hypot(*middle), 1.0), 1.0)
-    return with_displacements(mesh, middle * (stretch - 1.0))
+    return with_midside_offsets(mesh, middle * (stretch - 1.0))
 
 
 MAGNET = {"magnet": Material(remanence=(0.0, 1.0)), "air": Material()}
@@ -98,7 +98,7 @@ def test_straight_elements_of_a_second_order_mesh_are_as_they_were():
         problem = Magnetostatics(MAGNET, {"outer": 0.0}, order=order)
         one, other = (
             problem.solve(plain),
-            problem.solve(with_displacements(plain, np.zeros((2, plain.facets.shape[1])))),
+            problem.solve(with_midside_offsets(plain, np.zeros((2, plain.facets.shape[1])))),
         )
         np.testing.assert_array_equal(other.values, one.values)
         np.testing.assert_allclose(problem.indicators(other.mesh, other), problem.indicators(plain, one), rtol=1e-13)

@@ -8,12 +8,12 @@ from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt.mesh.curved import (
-    corner_places,
+    corner_positions,
     corners_of,
-    displacements,
-    facet_displacements,
+    facet_midside_offsets,
     jacobian_coefficients,
-    with_displacements,
+    midside_offsets,
+    with_midside_offsets,
 )
 from kohonen_adapt.mesh.isoparametric import Isoparametric, refined
 from kohonen_adapt.mesh.measures import area, signed_area
@@ -29,14 +29,14 @@ def named():
 
 def bent(mesh, size, seed=0):
     off = size * np.random.default_rng(seed).uniform(-1.0, 1.0, (2, mesh.facets.shape[1]))
-    return with_displacements(mesh, off), off
+    return with_midside_offsets(mesh, off), off
 
 
 def test_corners_and_displacements_make_up_the_mesh():
     mesh = named()
     curved, off = bent(mesh, 0.01)
     assert type(curved) is MeshTri2 and curved.nvertices == mesh.nvertices
-    np.testing.assert_allclose(facet_displacements(curved), off, atol=1e-16)
+    np.testing.assert_allclose(facet_midside_offsets(curved), off, atol=1e-16)
     straight = corners_of(curved)
     assert type(straight) is MeshTri and corners_of(mesh) is mesh
     for array in ("p", "t", "facets", "t2f", "f2t"):
@@ -45,7 +45,9 @@ def test_corners_and_displacements_make_up_the_mesh():
         assert list(each.subdomains) == list(mesh.subdomains) and list(each.boundaries) == ["left", "sheet"]
         np.testing.assert_array_equal(each.boundaries["sheet"].ori, ORIENTED.ori)
         np.testing.assert_array_equal(each.boundaries["left"], mesh.boundaries["left"])
-    assert not np.any(facet_displacements(mesh)) and not np.any(facet_displacements(MeshTri2.from_mesh(mesh)) > 1e-15)
+    assert not np.any(facet_midside_offsets(mesh)) and not np.any(
+        facet_midside_offsets(MeshTri2.from_mesh(mesh)) > 1e-15
+    )
 
 
 def test_middles_stand_where_scikit_fem_looks_for_those_of_facets_and_elements():
@@ -57,12 +59,12 @@ def test_middles_stand_where_scikit_fem_looks_for_those_of_facets_and_elements()
         halfway[[i, j]] = 0.5
         at = curved._mapping().F(halfway[1:, None])[:, :, 0]
         chord = curved.p[:, curved.t[[i, j]]].mean(axis=1)
-        np.testing.assert_allclose((at - chord).T, displacements(curved)[:, corner], atol=1e-15)
+        np.testing.assert_allclose((at - chord).T, midside_offsets(curved)[:, corner], atol=1e-15)
 
 
 def test_determinants_are_those_of_scikit_fem_and_the_coefficients_bound_them():
     curved, _ = bent(MESH, 0.04)
-    coefficients = jacobian_coefficients(corner_places(curved), displacements(curved))
+    coefficients = jacobian_coefficients(corner_positions(curved), midside_offsets(curved))
     x, y = points = np.random.default_rng(1).dirichlet(np.ones(3), 200).T[1:]
     shares = np.stack([1.0 - x - y, x, y])
     i, j = [1, 2, 0], [2, 0, 1]
@@ -84,7 +86,7 @@ def bulges(mesh):
     """What the parabolas on the rim add to the area between the chords, two thirds of chord times height."""
     rim = mesh.boundary_facets()
     a, b = (mesh.p[:, mesh.facets[side, rim]] for side in (0, 1))
-    off, along = facet_displacements(mesh)[:, rim], b - a
+    off, along = facet_midside_offsets(mesh)[:, rim], b - a
     inside = mesh.p[:, mesh.t[:, mesh.f2t[0, rim]]].mean(axis=1) - 0.5 * (a + b)
     height, depth = (along[0] * way[1] - along[1] * way[0] for way in (off, inside))
     return -2.0 / 3.0 * np.sum(height * np.sign(depth))
@@ -96,7 +98,7 @@ def one_bent(side):
     off = np.zeros((2, mesh.facets.shape[1]))
     inner = np.flatnonzero(mesh.f2t[1] >= 0)
     off[:, inner] = side
-    return with_displacements(mesh, off)
+    return with_midside_offsets(mesh, off)
 
 
 def test_folded_elements_are_refused_and_no_others():
@@ -129,7 +131,7 @@ def test_a_determinant_may_be_positive_where_a_coefficient_is_not():
         mesh = MeshTri(corners[0].T, np.array([[0], [1], [2]]))
         facets = np.zeros((2, 3))
         facets[:, mesh.t2f[[1, 2, 0], 0]] = off[0].T
-        check_mesh(with_displacements(mesh, facets), bent=True)
+        check_mesh(with_midside_offsets(mesh, facets), bent=True)
         found += 1
     assert found > 3
 
@@ -147,7 +149,7 @@ def test_nodes_must_be_as_many_as_corners_and_sides():
 def test_a_mesh_cut_in_four_has_the_names_and_the_curves_that_it_had():
     straight, rng = perturbed(square(6), 3), np.random.default_rng(3)
     off = 0.001 * rng.uniform(-1.0, 1.0, straight.facets.shape)
-    mesh = with_displacements(straight.with_subdomains({"left": lambda x: x[0] < 0.5}), off)
+    mesh = with_midside_offsets(straight.with_subdomains({"left": lambda x: x[0] < 0.5}), off)
     finer = refined(mesh)
     check_mesh(finer, bent=True)
     assert finer.subdomains["left"].size == 4 * mesh.subdomains["left"].size

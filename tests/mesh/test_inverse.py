@@ -7,7 +7,7 @@ from skfem import Basis, ElementTriP1
 
 import kohonen_adapt as ka
 from kohonen_adapt.kernels.triangle.locate import TOLERANCE
-from kohonen_adapt.mesh.curved import corner_places, corners_of, displacements, with_displacements
+from kohonen_adapt.mesh.curved import corner_positions, corners_of, midside_offsets, with_midside_offsets
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
@@ -17,7 +17,7 @@ def wavy(n, size, seed=0):
     """A square with every side bent, those of the rim too."""
     mesh = square(n)
     off = size / n * np.random.default_rng(seed).uniform(-1.0, 1.0, (2, mesh.facets.shape[1]))
-    return with_displacements(mesh, off)
+    return with_midside_offsets(mesh, off)
 
 
 def hexagon():
@@ -35,8 +35,8 @@ MESHES = {
 def at_shares(mesh, element, shares):
     """Where the shares (k, 3) of elements (k,) are, (2, k)."""
     i, j = [1, 2, 0], [2, 0, 1]
-    bows = 4.0 * np.einsum("ki,kid->kd", shares[:, i] * shares[:, j], displacements(mesh)[element])
-    return (np.einsum("ki,kid->kd", shares, corner_places(mesh)[element]) + bows).T
+    bows = 4.0 * np.einsum("ki,kid->kd", shares[:, i] * shares[:, j], midside_offsets(mesh)[element])
+    return (np.einsum("ki,kid->kd", shares, corner_positions(mesh)[element]) + bows).T
 
 
 def drawn(mesh, count=4000, seed=0):
@@ -79,7 +79,7 @@ def test_what_lies_beyond_a_bent_rim_is_outside():
     off = np.zeros((2, straight.facets.shape[1]))
     low = np.flatnonzero(np.all(straight.p[1, straight.facets] == 0.0, axis=0))
     off[1, low] = 0.1
-    bent = with_displacements(straight, off)
+    bent = with_midside_offsets(straight, off)
     assert ka.find_elements(bent, [[0.25, 0.25], [0.05, 0.11]]).tolist()[0] == -1
     assert ka.find_elements(bent, [[0.25, 0.25], [0.05, 0.11]]).tolist()[1] >= 0
 

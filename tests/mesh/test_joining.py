@@ -8,7 +8,13 @@ from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
-from kohonen_adapt.mesh.curved import corner_places, corners_of, displacements, facet_displacements, with_displacements
+from kohonen_adapt.mesh.curved import (
+    corner_positions,
+    corners_of,
+    facet_midside_offsets,
+    midside_offsets,
+    with_midside_offsets,
+)
 from kohonen_adapt.mesh.measures import area
 
 MU0 = 4e-7 * np.pi
@@ -203,7 +209,9 @@ def on_arcs(mesh):
     middle, radius = mesh.p[:, mesh.facets].mean(axis=1), np.hypot(*mesh.p[:, mesh.facets])
     round_ = np.ptp(radius, axis=0) < 1e-9
     to_arc = middle * (radius.mean(axis=0) / np.maximum(np.hypot(*middle), 1e-9) - 1.0)
-    return with_displacements(mesh, np.where(round_, to_arc, np.random.default_rng(3).normal(scale=1e-3, size=(2, 1))))
+    return with_midside_offsets(
+        mesh, np.where(round_, to_arc, np.random.default_rng(3).normal(scale=1e-3, size=(2, 1)))
+    )
 
 
 def test_bent_sides_turn_with_their_elements():
@@ -215,7 +223,7 @@ def test_bent_sides_turn_with_their_elements():
     np.testing.assert_allclose(area(new), area(mesh), rtol=1e-9)
     assert {name: len(rows) for name, rows in new.boundaries.items()} == {"pole": 24, "ring": 96, "outer": 96}
     turn = np.where(np.isin(np.arange(mesh.nelements), mesh.subdomains["rotor"]), np.exp(1j * angle), 1.0)
-    was, now = (each[..., 0] + 1j * each[..., 1] for each in map(displacements, (mesh, new)))
+    was, now = (each[..., 0] + 1j * each[..., 1] for each in map(midside_offsets, (mesh, new)))
     np.testing.assert_allclose(now, turn[:, None] * was, atol=1e-12)  # the circle is whole: nodes keep their numbers
     back = ka.turned(new, "rotor", -angle)
     np.testing.assert_allclose(back.p, mesh.p, atol=1e-14)
@@ -223,7 +231,7 @@ def test_bent_sides_turn_with_their_elements():
 
 def by_place(mesh):
     """Corners and displacements of elements, (nelements, 3, 2) each, the corners of an element in order of their x."""
-    x, off = corner_places(mesh), displacements(mesh)
+    x, off = corner_positions(mesh), midside_offsets(mesh)
     order = np.argsort(np.round(x @ [1.0, 0.1], 9), axis=1)[:, :, None]
     return np.take_along_axis(x, order, axis=1), np.take_along_axis(off, order, axis=1)
 
@@ -241,7 +249,7 @@ def test_bent_meshes_become_one_with_their_bends():
         assert np.sum(differ) == (N if one is inner else 0)
         assert np.all(np.hypot(*x[: one.nelements][differ].T).max(axis=0) > 0.49)
         np.testing.assert_allclose(area(mesh).sum(), np.pi, rtol=1e-3)
-    assert not np.any(facet_displacements(ka.merge(inner, stator())))
+    assert not np.any(facet_midside_offsets(ka.merge(inner, stator())))
 
 
 @pytest.mark.parametrize("oriented", [False, True])

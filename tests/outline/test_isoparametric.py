@@ -9,12 +9,12 @@ from skfem import MeshTri, MeshTri2
 
 import kohonen_adapt as ka
 from kohonen_adapt.mesh.curved import (
-    corner_places,
+    corner_positions,
     corners_of,
-    displacements,
-    facet_displacements,
+    facet_midside_offsets,
     jacobian_coefficients,
-    with_displacements,
+    midside_offsets,
+    with_midside_offsets,
 )
 from kohonen_adapt.mesh.measures import area, quality, signed_area
 from kohonen_adapt.outline.isoparametric import LEAST
@@ -30,7 +30,7 @@ def bent(mesh, **rules):
 
 def shares_kept(mesh):
     """Least Bernstein coefficient of every element over the determinant of the straight one, (nelements,)."""
-    coefficients = jacobian_coefficients(corner_places(mesh), displacements(mesh))
+    coefficients = jacobian_coefficients(corner_positions(mesh), midside_offsets(mesh))
     return (coefficients / (2.0 * signed_area(mesh))[:, None]).min(axis=1)
 
 
@@ -74,8 +74,8 @@ def test_hostile_arcs_between_thin_triangles_fold_nothing_over(gaps, inner, oute
     kept = shares_kept(curved)
     assert kept.min() > LEAST - 1e-9
     ka.quality(curved)  # refuses what is folded over
-    off, ring = facet_displacements(curved), curved.boundaries["ring"]
-    whole = facet_displacements(with_displacements(mesh, to_circle(mesh)))[:, ring]
+    off, ring = facet_midside_offsets(curved), curved.boundaries["ring"]
+    whole = facet_midside_offsets(with_midside_offsets(mesh, to_circle(mesh)))[:, ring]
     part = np.sum(off[:, ring] * whole, axis=0) / np.sum(whole**2, axis=0)
     np.testing.assert_allclose(off[:, ring], part * whole, atol=1e-12)
     held = part < 1.0 - 1e-9
@@ -140,7 +140,7 @@ def test_middles_are_on_the_curve_and_only_there_off_their_chords():
     curved = bent(mesh)
     assert type(curved) is MeshTri2
     np.testing.assert_allclose(on_rim(curved), 1.0, atol=1e-15)
-    off = facet_displacements(curved)
+    off = facet_midside_offsets(curved)
     off[:, curved.boundary_facets()] = 0.0
     assert np.abs(off).max() < 1e-15
     np.testing.assert_array_equal(corners_of(curved).p, mesh.p)
@@ -165,7 +165,7 @@ def test_second_order_comes_back_unless_straight_sides_are_asked_for(curved):
 def test_a_mesh_that_is_folded_over_comes_back_whole():
     """As coarse meshes of second order by Gmsh are: the curves of such sides are good, and they are bent anew."""
     mesh = belt(np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False), 0.6, 1.1, 0.2)
-    folded = with_displacements(
+    folded = with_midside_offsets(
         mesh, np.where(np.isin(np.arange(mesh.facets.shape[1]), mesh.boundaries["ring"]), to_circle(mesh), 0.0)
     )
     with pytest.raises(ValueError, match="must not fold its elements over"):

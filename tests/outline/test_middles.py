@@ -8,7 +8,7 @@ from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt.kernels.arrays import ROUND, STRAIGHT, TABLED
-from kohonen_adapt.mesh.curved import corners_of, facet_displacements, with_displacements
+from kohonen_adapt.mesh.curved import corners_of, facet_midside_offsets, with_midside_offsets
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 
@@ -24,7 +24,7 @@ def star(corners, middles):
     off, rim = np.zeros((2, mesh.facets.shape[1])), mesh.boundary_facets()
     low, high = mesh.facets[:, rim] - count
     off[:, rim] = middles[:, np.where(high == low + 1, low, high)] - mesh.p[:, mesh.facets[:, rim]].mean(axis=1)
-    return with_displacements(mesh.with_boundaries({"rim": rim}), off)
+    return with_midside_offsets(mesh.with_boundaries({"rim": rim}), off)
 
 
 def along(curve, count):
@@ -155,10 +155,10 @@ def test_a_polygon_beside_a_curve_is_no_arc():
     assert np.sum(movable(mesh).constraints.chains.shape == ROUND) == 2
     middle = mesh.p[:, mesh.facets[:, rim]].mean(axis=1)
     off[:, rim] = middle / np.hypot(*middle) - middle
-    curved = movable(with_displacements(mesh, off))
+    curved = movable(with_midside_offsets(mesh, off))
     assert np.sum(curved.constraints.chains.shape == ROUND) == 1
-    np.testing.assert_allclose(facet_displacements(curved.mesh())[:, ring], 0.0, atol=1e-15)
-    assert np.sum(movable(with_displacements(mesh, 0.0 * off)).constraints.chains.shape == ROUND) == 2
+    np.testing.assert_allclose(facet_midside_offsets(curved.mesh())[:, ring], 0.0, atol=1e-15)
+    assert np.sum(movable(with_midside_offsets(mesh, 0.0 * off)).constraints.chains.shape == ROUND) == 2
 
 
 def test_a_given_curve_comes_first():
@@ -170,11 +170,11 @@ def test_a_given_curve_comes_first():
 
 def test_sides_inside_become_straight():
     mesh = along(ellipse, 12)
-    off = facet_displacements(mesh)
+    off = facet_midside_offsets(mesh)
     inside = np.flatnonzero(mesh.f2t[1] >= 0)
     off[:, inside] += 0.01
-    back = movable(with_displacements(corners_of(mesh), off)).mesh()
-    assert np.abs(facet_displacements(back)[:, inside]).max() < 1e-15
+    back = movable(with_midside_offsets(corners_of(mesh), off)).mesh()
+    assert np.abs(facet_midside_offsets(back)[:, inside]).max() < 1e-15
     np.testing.assert_allclose(
         back.p[:, mesh.nvertices :][:, mesh.boundary_facets()],
         mesh.p[:, mesh.nvertices :][:, mesh.boundary_facets()],

@@ -5,7 +5,7 @@ import pytest
 from helpers.meshes import square
 from helpers.tensor_meshes import disk, equal_rings, sector
 
-from kohonen_adapt.mesh.curved import with_middles
+from kohonen_adapt.mesh.curved import with_midsides
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.outline.rounding import refined_on_arcs
 
@@ -27,7 +27,7 @@ def test_what_parabolas_leave_of_arcs_falls_to_a_sixteenth():
     middles = DISK.p[:, DISK.facets].mean(axis=1)
     round_ones = np.isclose(*np.hypot(*DISK.p)[DISK.facets])
     radius = np.hypot(*DISK.p[:, DISK.facets[0]])
-    bent = with_middles(DISK, np.where(round_ones, radius / np.hypot(*middles), 1.0) * middles)
+    bent = with_midsides(DISK, np.where(round_ones, radius / np.hypot(*middles), 1.0) * middles)
     chords, arcs = refined_on_arcs(bent)
     missing = [np.pi / 4 - size_of(mesh, "magnet") for mesh in (bent, chords, arcs)]
     assert missing[1] == pytest.approx(missing[0])

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from skfem import MeshTri2
 
 from kohonen_adapt.commands.check import outlines_described
-from kohonen_adapt.display import PARTS, divided, lattice, straight_and_bent
+from kohonen_adapt.display import PARTS, divided, lattice, straight_and_curved
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.slicing import flat
 from kohonen_adapt.outline.movable import MovableMesh
@@ -30,7 +30,7 @@ def test_the_outline_is_a_circle_and_edges_inside_are_straight():
     found = radii_of(rim)
     assert np.sum(np.isfinite(found)) == (PARTS + 1) * len(ROUND.boundary_facets())
     np.testing.assert_allclose(found[np.isfinite(found)], 1.0, atol=FLAT)
-    straight, bent = straight_and_bent(ROUND, np.arange(ROUND.facets.shape[1]))
+    straight, bent = straight_and_curved(ROUND, np.arange(ROUND.facets.shape[1]))
     assert len(straight) + bent.shape[2] == ROUND.facets.shape[1]
     assert set(straight) == set(range(ROUND.facets.shape[1])) - set(ROUND.boundary_facets())
 

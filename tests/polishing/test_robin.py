@@ -13,7 +13,7 @@ from skfem.helpers import dot, grad
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
-from kohonen_adapt.mesh.curved import with_displacements
+from kohonen_adapt.mesh.curved import with_midside_offsets
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.outline.surgery import unchanged
@@ -206,7 +206,7 @@ def bent_disk(rings, radius, half=False):
     middle = mesh.p[:, mesh.facets].mean(axis=1)
     stretch = np.ones(middle.shape[1])
     stretch[mesh.boundaries["outer"]] = radius / np.hypot(*middle[:, mesh.boundaries["outer"]])
-    return with_displacements(mesh, middle * (stretch - 1.0))
+    return with_midside_offsets(mesh, middle * (stretch - 1.0))
 
 
 def test_polished_passes_have_less_error_than_those_without():

@@ -85,7 +85,7 @@ class Setting:
         self.trial = self.functional.solution.copy()
 
     def value(self):
-        return self.functional.value(self.movable.triangulation, self.trial, self.movable.bent_sides())
+        return self.functional.value(self.movable.triangulation, self.trial, self.movable.midside_offsets())
 
     def torn(self):
         """The largest difference between the coefficients of a side in its two elements."""
@@ -175,5 +175,5 @@ def check_what_is_taken_off(case, at):
     if movable.curved:
         triangulation = movable.triangulation
         corners = triangulation.position[triangulation.elements.node]
-        least = jacobian_coefficients(corners, movable.bent_sides()).min(axis=1)
+        least = jacobian_coefficients(corners, movable.midside_offsets()).min(axis=1)
         assert np.all(least >= LEAST * 2.0 * triangulation.areas())

@@ -12,7 +12,7 @@ from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.elements import Linear, Polynomials
-from kohonen_adapt.mesh.curved import with_displacements
+from kohonen_adapt.mesh.curved import with_midside_offsets
 from kohonen_adapt.mesh.host import remade
 from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.polynomials import KINDS, facet_functions, facet_products
@@ -108,7 +108,7 @@ class Higher(Polynomials):
             names = {"boundaries": mesh.boundaries, "subdomains": mesh.subdomains}
             mesh = remade(mesh, mesh.doflocs, shape.corners.t, **names)
         self.order, self.facet_products, self.lawful = order, facet_products(order), lawful
-        bent = with_displacements(shape.corners, shape.off) if shape.curved.any() else shape.corners
+        bent = with_midside_offsets(shape.corners, shape.off) if shape.curved.any() else shape.corners
         numbered = Basis(bent, KINDS[order](), intorder=1)
         super().__init__(mesh, shape, numbered.dofs.element_dofs, numbered.doflocs)
         self._parts = self._parts_of(bent)
