@@ -125,7 +125,7 @@ class Case:
             If the file cannot be read.
         """
         mesh = read_mesh(self.mesh, scale=self.scale)
-        check_kind(mesh, bent=True, space=True)
+        check_kind(mesh, curved=True, space=True)
         _check_turn(mesh, self.turn)
         mesh = corners_of(mesh) if self.turn or self.stated.order == 1 else mesh
         return _with_rim(mesh, self.rim) if self.rim else mesh

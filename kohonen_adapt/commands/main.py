@@ -167,7 +167,7 @@ def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
     if path.exists():
         raise FileExistsError(f"init does not overwrite '{path}'; choose another name with -o CASE.toml.")
     mesh, groups = read_mesh(arguments.mesh, scale=arguments.scale), read_groups(arguments.mesh)
-    check_kind(mesh, bent=True, space=True)
+    check_kind(mesh, curved=True, space=True)
     for doubt in unit_doubts(mesh, arguments.scale):
         terminal.warn(doubt)
     with whole_file(path) as draft:
@@ -179,7 +179,7 @@ def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
 
 def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     mesh = read_mesh(arguments.mesh, scale=arguments.scale)
-    check_mesh(mesh, bent=True, folded=True, space=True)
+    check_mesh(mesh, curved=True, inverted=True, space=True)
     corners = corners_of(mesh)
     groups = read_groups(arguments.mesh, scale=arguments.scale)
     terminal.say("\n".join([*described(corners), *points_described(groups)]))

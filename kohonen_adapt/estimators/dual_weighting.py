@@ -96,7 +96,7 @@ def goal_oriented(
     >>> eta = ka.estimators.goal_oriented(mesh, u, u, np.ones(8), source=load, dual_source=load)  # goal: int u
     >>> density = ka.density_from_indicators(mesh, eta)
     """
-    check_mesh(mesh, bent=True, space=True)
+    check_mesh(mesh, curved=True, space=True)
     primal, weight = (potential, source, flux), (dual, dual_source, dual_flux)
     order = higher_order(mesh, potential)
     if order > 1:
@@ -165,7 +165,7 @@ def goal_error(
     >>> bool(0.9 * error < estimate < error)
     True
     """
-    check_mesh(mesh, bent=True, space=True)
+    check_mesh(mesh, curved=True, space=True)
     primal, weight = (potential, source, flux), (dual, dual_source, dual_flux)
     order = higher_order(mesh, potential)
     if order == 1:  # also in the plane, to refuse values that do not solve their problem

@@ -63,7 +63,7 @@ def read_field(path: str | PathLike[str], mesh: Mesh, name: str, *, scale: float
     (8,)
     """
     path = Path(path)
-    check_mesh(mesh, bent=True, space=True)
+    check_mesh(mesh, curved=True, space=True)
     mesh = corners_of(mesh)
     if not 0.0 < scale < np.inf:
         raise ValueError(f"scale must be a finite number > 0; got {scale!r}.")

@@ -150,7 +150,7 @@ def read_curves(path: str | PathLike[str], mesh: MeshTri, *, scale: float = 1.0)
     """
     path = Path(path)
     _reader(path, scale, "read_curves", CURVED)
-    check_mesh(mesh, bent=True, folded=True)
+    check_mesh(mesh, curved=True, inverted=True)
     return to_curves(read_msh(path), mesh, path, float(scale))
 
 

@@ -89,7 +89,7 @@ def write_mesh(
     path = Path(path)
     for_elmer = path.is_dir() or not path.suffix
     suffix = "" if for_elmer else suffix_of(path, "write_mesh", WRITTEN)
-    check_mesh(mesh, bent=True, folded=True, space=True)
+    check_mesh(mesh, curved=True, inverted=True, space=True)
     mesh = of_positive_volume(mesh)
     subdomains = _checked_sets(mesh.subdomains, "subdomain")
     boundaries = _checked_sets(mesh.boundaries, "boundary")

@@ -188,7 +188,7 @@ def adapt(
     """
     stop, steps = StopTest(passes, rtol, atol, output_rtol, callback), Steps(progress)
     check_problem(problem, rtol)
-    check_mesh(mesh, bent=True, folded=True, space=True)
+    check_mesh(mesh, curved=True, inverted=True, space=True)
     method = METHODS[cell_of(mesh).dim]
     round_, pairs = curves_of(problem, mesh, curves), pairs_of(problem) if periodic is None else periodic
     rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, round_, pairs, layers, surfaces)

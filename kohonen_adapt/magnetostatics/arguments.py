@@ -203,9 +203,9 @@ class Arguments:
             check_goal(self.goal, 2, self.estimator)
 
 
-def check_plane_mesh(mesh: Any, bent: bool) -> None:
+def check_plane_mesh(mesh: Any, curved: bool) -> None:
     try:
-        check_mesh(mesh, bent=bent)
+        check_mesh(mesh, curved=curved)
     except ValueError as error:
         if type(mesh) is TETRAHEDRON.mesh:
             raise ValueError(f"{error} Tetrahedra are for MagneticScalarPotential.") from None

@@ -174,7 +174,7 @@ class Magnetostatics(Arguments):
         self._energy_on(mesh)
 
     def _energy_on(self, mesh: MeshTri) -> EnergyFunctional:
-        check_plane_mesh(mesh, bent=self.order > 1)
+        check_plane_mesh(mesh, curved=self.order > 1)
         symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
         given = coefficients(mesh, self.materials, self.ampere_turns)
         elements = elements_on(mesh, self.order, symmetry, given.lawful)

@@ -150,10 +150,10 @@ def cell_of(mesh: Mesh) -> Cell:
     return TRIANGLE if type(mesh) is MeshTri2 else next(cell for cell in CELLS.values() if type(mesh) is cell.mesh)
 
 
-def check_kind(mesh: object, bent: bool = False, space: bool = False) -> None:
-    if type(mesh) is TRIANGLE.mesh or (bent and type(mesh) is MeshTri2) or (space and type(mesh) is TETRAHEDRON.mesh):
+def check_kind(mesh: object, curved: bool = False, space: bool = False) -> None:
+    if type(mesh) is TRIANGLE.mesh or (curved and type(mesh) is MeshTri2) or (space and type(mesh) is TETRAHEDRON.mesh):
         return
-    kinds = ["skfem.MeshTri", *["MeshTri2"] * bent, *["MeshTet"] * space]
+    kinds = ["skfem.MeshTri", *["MeshTri2"] * curved, *["MeshTet"] * space]
     wanted = " or ".join(filter(None, (", ".join(kinds[:-1]), kinds[-1])))
     raise ValueError(f"mesh must be a {wanted}; got {type(mesh).__name__}. {remedy_for(mesh, space)}")
 

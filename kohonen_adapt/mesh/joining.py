@@ -70,7 +70,7 @@ def merge(one: MeshTri, other: MeshTri, *, rtol: float = 1e-6) -> MeshTri:
     (45, 64, ['left', 'right'])
     """
     for each in (one, other):
-        check_mesh(each, bent=True)
+        check_mesh(each, curved=True)
     bend = np.concatenate([midside_offsets(each) for each in (one, other)])
     one, other = corners_of(one), corners_of(other)
     if not is_number(rtol) or not 0.0 <= rtol < 1.0:

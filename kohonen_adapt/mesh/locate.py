@@ -121,7 +121,7 @@ def holding(tessellation: Tessellation, points: Floats, start: Ints, across_outl
 
 
 def locator_of(mesh: Mesh) -> Locator:
-    check_kind(mesh, bent=True, space=True)
+    check_kind(mesh, curved=True, space=True)
     method = METHODS[cell_of(mesh).dim]
     expect(*method.chapters)
     return Locator(method.from_mesh(mesh))

@@ -45,7 +45,7 @@ class Triangulation:
 
     @classmethod
     def of(cls, mesh: MeshTri) -> "Triangulation":
-        check_mesh(mesh, bent=True, folded=True)
+        check_mesh(mesh, curved=True, inverted=True)
         drawn, mesh = mesh, corners_of(mesh)
         position = np.ascontiguousarray(mesh.p.T, dtype=np.float64)
         node = positive(position, mesh.t)

@@ -66,7 +66,7 @@ def turned(
     >>> np.allclose(quarter.p, mesh.p), np.array_equal(quarter.t, mesh.t)  # other elements between the same nodes
     (True, False)
     """
-    check_mesh(mesh, bent=True)
+    check_mesh(mesh, curved=True)
     bend, mesh = midside_offsets(mesh), corners_of(mesh)
     motion, part = Rotation(angle, centre), elements_of(mesh, name)
     inner, outer = (np.unique(mesh.t[:, which]) for which in (part, ~part))

@@ -15,17 +15,17 @@ LEAST_EXTENT, LARGEST_EXTENT = 1e-20, 1e20
 FLAT = 1e-9  # maximum difference of equal coordinates, relative to the size of the mesh
 
 
-def check_mesh(mesh: Mesh, bent: bool = False, folded: bool = False, space: bool = False) -> None:
+def check_mesh(mesh: Mesh, curved: bool = False, inverted: bool = False, space: bool = False) -> None:
     """Raise ValueError unless a mesh is valid and of an accepted kind.
 
-    With `folded`, curved sides may invert elements, as in coarse second-order meshes of Gmsh. This is for callers that
-    move nodes, because these use the sides only to recognise curves and set new midside offsets.
+    With `inverted`, curved sides may invert elements, as in coarse second-order meshes of Gmsh. Callers that move nodes
+    accept these, because they use the sides only to recognise curves and set new midside offsets.
     """
-    check_kind(mesh, bent, space)
+    check_kind(mesh, curved, space)
     if is_second_order(mesh):
         check_mesh(corners_of(mesh))
         check_midsides(mesh)
-        if not folded:
+        if not inverted:
             check_curved_sides(mesh)
         return
     dim = cell_of(mesh).dim

@@ -192,7 +192,7 @@ def _faces(mesh: MeshTet, rim: Ints, camera: Floats, scale: float) -> tuple[Poly
 
 
 def _check(mesh: MeshTet) -> None:
-    check_kind(mesh, bent=True, space=True)
+    check_kind(mesh, curved=True, space=True)
     if len(mesh.p) != 3:
         raise ValueError("mesh must be a skfem.MeshTet; a mesh of triangles is drawn by draw_mesh.")
     number_facets(mesh)

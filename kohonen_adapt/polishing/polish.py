@@ -139,7 +139,7 @@ def polish(
     """
     check_polish(problem, sweeps, topology, seed)
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
-    check_kind(mesh, bent=True, space=True)
+    check_kind(mesh, curved=True, space=True)
     method = METHODS[cell_of(mesh).dim]
     movable = method.from_mesh(mesh, holding(rules, nodes_held(problem, mesh)), is_curved(problem))
     mesh = movable.start()

@@ -81,7 +81,7 @@ def density_from_indicators(mesh: Mesh, indicators: ArrayLike, *, order: int = 1
     >>> bool(0.4 < total(mesh.refined(3)) / total(mesh.refined(2)) < 0.6)
     True
     """
-    check_mesh(mesh, bent=True, space=True)
+    check_mesh(mesh, curved=True, space=True)
     values = per_element(mesh.nelements, indicators, "indicators")
     if isinstance(order, bool) or order not in (1, 2, 3, 4):
         raise ValueError(f"order must be the degree of the elements, 1 to 4; got {order!r}.")
@@ -133,7 +133,7 @@ def density_from_sizes(mesh: Mesh, sizes: ArrayLike) -> Floats:
     >>> ka.density_from_sizes(skfem.MeshTet(), np.full(5, 0.1)).round(2)[0]
     np.float64(1414.21)
     """
-    check_mesh(mesh, bent=True, space=True)
+    check_mesh(mesh, curved=True, space=True)
     lengths = per_element(mesh.nelements, sizes, "sizes")
     if not np.all(lengths > 0):
         raise ValueError(f"sizes must be above zero; element {int(np.argmin(lengths))} has {lengths.min()}.")

@@ -89,7 +89,7 @@ class KohonenMap:
         if topology not in ("flip", "fixed"):
             raise ValueError(f"topology must be 'fixed' or 'flip'; got {topology!r}.")
         rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces)
-        check_kind(mesh, bent=True, space=True)
+        check_kind(mesh, curved=True, space=True)
         method = METHODS[cell_of(mesh).dim]
         expect(*method.chapters)
         solid = method.cell is TETRAHEDRON

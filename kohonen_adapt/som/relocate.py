@@ -114,7 +114,7 @@ def relocate(
     """
     check_training(schedule, seed)
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
-    check_kind(mesh, bent=True, space=True)
+    check_kind(mesh, curved=True, space=True)
     if cell_of(mesh) is TETRAHEDRON:
         return relocated_in_space(mesh, density, schedule, rules, np.random.default_rng(seed))
     return relocated_in_plane(mesh, density, schedule, rules, seed)

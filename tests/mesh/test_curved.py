@@ -103,9 +103,9 @@ def one_bent(side):
 
 def test_folded_elements_are_refused_and_no_others():
     for ratio in (0.1, 0.24):
-        check_mesh(one_bent(ratio), bent=True)
+        check_mesh(one_bent(ratio), curved=True)
     calls = {
-        "check": lambda mesh: check_mesh(mesh, bent=True),
+        "check": lambda mesh: check_mesh(mesh, curved=True),
         "quality": ka.quality,
         "find": lambda mesh: ka.find_elements(mesh, [[0.5], [0.5]]),
         "interpolate": lambda mesh: ka.interpolate(mesh, np.ones(4), [[0.5], [0.5]]),
@@ -131,7 +131,7 @@ def test_a_determinant_may_be_positive_where_a_coefficient_is_not():
         mesh = MeshTri(corners[0].T, np.array([[0], [1], [2]]))
         facets = np.zeros((2, 3))
         facets[:, mesh.t2f[[1, 2, 0], 0]] = off[0].T
-        check_mesh(with_midside_offsets(mesh, facets), bent=True)
+        check_mesh(with_midside_offsets(mesh, facets), curved=True)
         found += 1
     assert found > 3
 
@@ -151,7 +151,7 @@ def test_a_mesh_cut_in_four_has_the_names_and_the_curves_that_it_had():
     off = 0.001 * rng.uniform(-1.0, 1.0, straight.facets.shape)
     mesh = with_midside_offsets(straight.with_subdomains({"left": lambda x: x[0] < 0.5}), off)
     finer = refined(mesh)
-    check_mesh(finer, bent=True)
+    check_mesh(finer, curved=True)
     assert finer.subdomains["left"].size == 4 * mesh.subdomains["left"].size
     np.testing.assert_allclose(area(finer).reshape(4, -1).sum(axis=0), area(mesh), rtol=1e-12)
     share = rng.dirichlet(np.ones(3), 40).T

@@ -47,7 +47,7 @@ def drawn(mesh, count=4000, seed=0):
 @pytest.mark.parametrize("name", MESHES)
 def test_every_point_is_found_where_it_was_mapped_to(name):
     mesh = MESHES[name]()
-    check_mesh(mesh, bent=True)
+    check_mesh(mesh, curved=True)
     element, shares = drawn(mesh)
     inside = shares.min(axis=1) > 1e-7
     x = at_shares(mesh, element, shares)
