@@ -1,1 +1,1 @@
-"""Every compiled loop of the package: plain arrays in, arrays filled; no checks, no meshes, no files."""
+"""Compiled loops over arrays, without checks, mesh objects and files."""

@@ -1,7 +1,7 @@
-"""Compile loops in a second process while this one compiles those that it needs first, and say how far that is.
+"""Compilation of loops in a second process, with a report of the progress.
 
-numba keeps machine code on disk, where a process finds it when it calls a loop for the first time. This process goes
-forward through `ENTRIES` as it needs them, the other one backward, until they meet.
+numba stores machine code on disk and loads it at the first call of a loop. This process compiles `ENTRIES` in the order
+of use, the second process in the opposite order, until they meet.
 """
 
 import gc
@@ -25,11 +25,10 @@ __all__ = ["compile_ahead", "compile_each"]
 logger = logging.getLogger("kohonen_adapt")
 progress = logging.getLogger("kohonen_adapt.compiling")
 
-SECONDS = 0.6  # that one core needs for one of `ENTRIES` and what that calls, for a first word
+SECONDS = 0.6  # per entry on one core, for the first message
 
-# What the other process runs: the loops of the package that is running here, whatever a new process would find, without
-# what users call, which takes longer to import than all of them. It ends with this process, for its standard input is
-# closed then.
+# Program of the second process. A package without `__init__` makes the import of the kernels fast, from the folder of
+# the running package. The process ends with this process, when its standard input is closed.
 RUN = """
 import os, sys, threading, types
 threading.Thread(target=lambda: (sys.stdin.read(), os._exit(0)), daemon=True).start()
@@ -42,12 +41,11 @@ compile_each({names!r})
 
 
 def compile_ahead() -> None:
-    """From now on have a second process compile what is `expected` beside what is compiled here, and say so."""
+    """Register a second process, which compiles `expected` groups ahead of use."""
     event.register("numba:compile", _compiling)
 
 
 def compile_each(names: Iterable[str]) -> None:
-    """Compile entries by name, or find them on disk, and write a line for each."""
     gc.disable()
     entries = {entry.name: entry for chapter in ENTRIES.values() for entry in chapter}
     for name in names:
@@ -57,7 +55,7 @@ def compile_each(names: Iterable[str]) -> None:
 
 
 class _Compiling(event.Listener):
-    """Hears of every function that numba compiles here, which it does only where there is nothing on disk."""
+    """Listener to the compilations of numba, which occur only without code on disk."""
 
     def __init__(self) -> None:
         self._waiting: set[str] = set()
@@ -67,17 +65,15 @@ class _Compiling(event.Listener):
         self._collects = True
 
     def on_start(self, event: Any) -> None:
-        """Begin a function, which may have others inside it."""
         if not self._depth:
             self._collects = gc.isenabled()
-            gc.disable()  # what numba makes is kept, and looking through it takes a twentieth of the time
+            gc.disable()  # numba's objects are not freed, and the collector takes 5 % of the time
         self._depth += 1
         function = event.data["dispatcher"].py_func
         if self._depth == 1 and function.__module__.startswith(__package__) and name_of(function) not in self._waiting:
             self._begin(name_of(function), may_be_kept(event.data["dispatcher"]))
 
     def on_end(self, event: Any) -> None:
-        """End a function."""
         self._depth -= 1
         if self._depth == 0:
             if self._collects:
@@ -86,9 +82,9 @@ class _Compiling(event.Listener):
             self._finish(name_of(event.data["dispatcher"].py_func))
 
     def _begin(self, name: str, once: bool) -> None:
-        """Have a second process compile what is expected beside this function, and its own chapter.
+        """Start the second process on all `expected` groups and the group of this loop.
 
-        That is done `once` if code can be kept on disk; else a second process is no help.
+        `once` is True if code can be stored on disk, without which a second process is useless.
         """
         expected.update(chapter for chapter in ENTRIES if any(name == entry.name for entry in ENTRIES[chapter]))
         entries = [entry for chapter in ENTRIES if chapter in expected for entry in ENTRIES[chapter]]
@@ -100,7 +96,6 @@ class _Compiling(event.Listener):
         logger.warning("compiling loops of kohonen_adapt%s (%d, about %.0f s)", ", once" * once, self._number, seconds)
 
     def _help(self, missing: list[Entry]) -> bool:
-        """Start the second process, if that can be."""
         names, package = [entry.name for entry in reversed(missing)], str(Path(__file__).parents[1])
         code = RUN.format(path=sys.path, package=package, names=names)
         hidden = getattr(subprocess, "CREATE_NO_WINDOW", 0)
@@ -115,13 +110,11 @@ class _Compiling(event.Listener):
         return True
 
     def _listen(self, helper: "subprocess.Popen[str]") -> None:
-        """Hear which loops the second process has compiled, until it ends."""
         for line in helper.stdout or ():
             self._finish(line.strip())
         helper.wait()
 
     def _finish(self, name: str) -> None:
-        """Say how far it is, after a loop that was waited for."""
         if name in self._waiting:
             self._waiting.discard(name)
             done, left = self._number - len(self._waiting), len(self._waiting)
@@ -130,8 +123,8 @@ class _Compiling(event.Listener):
 
 
 def _count_as_old() -> None:
-    """Let the collector take all objects for old ones, which it looks through when there are a quarter more of them."""
-    if not gc.get_freeze_count():  # else somebody keeps objects out of its sight, which would end
+    """Move all objects to the oldest generation, which is collected less often."""
+    if not gc.get_freeze_count():  # unfreezing would undo the freezing by a user
         gc.freeze()
         gc.unfreeze()
 

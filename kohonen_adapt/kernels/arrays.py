@@ -1,9 +1,9 @@
-"""Every array that kernels share, in records: its shape, its type and what it says.
+"""Arrays shared by kernels, as records with shapes, types and meanings.
 
-Letters of shapes: n nodes, m elements, r regions, c chains, k knots of tabled chains, p pieces of outline, t training
-points, d dimensions. Where no type is given it is float64. Wide tables stand in place of an array
-for each column because every array handed to a kernel costs numba as much as some lines of code; kernels name the
-columns by the constants here, and everybody else by the properties of the records.
+Shapes are given by n nodes, m elements, r regions, c curve segments (`chain`), k knots of tabulated segments, t
+training points and d dimensions. Arrays without a type are float64. Tables of several columns replace single arrays
+because every array argument costs numba as much time as some lines of code. Kernels use the constants below for the
+columns, Python code uses the properties of the records.
 """
 
 from typing import Any, NamedTuple
@@ -12,47 +12,59 @@ import numpy as np
 
 from kohonen_adapt.kernels.records import record
 
-FREE, SLIDING, HELD = 0, 1, 2  # what a node may do: move in the plane, along its chain, not at all
-STRAIGHT, ROUND, TABLED = 0, 1, 2  # shapes of chains
-JUNCTION = -2  # in place of a chain: the node is held where three of them meet
+FREE, SLIDING, HELD = 0, 1, 2  # degrees of freedom: in the plane, along a curve segment, none
+STRAIGHT, ROUND, TABLED = 0, 1, 2  # shapes of curve segments
+JUNCTION = -2  # instead of a segment, for a node at which three segments meet
 
-UNGUARDED = -2.0  # in place of a least quality: every triangle exceeds it, overturned ones included
-NEAR_AXIS = 1e-6  # of the largest x of its element: a corner with a smaller one is on the axis; no other one can be
-CROSSINGS = 32  # edges crossed by a check of a circle; where there are more the check in order takes over
+UNGUARDED = -2.0  # minimum quality that every triangle exceeds, even an inverted triangle
+NEAR_AXIS = 1e-6  # of the largest x of an element: corners with a smaller x are on the axis
+CROSSINGS = 32  # maximum number of edges crossed by the check of a circle, otherwise the ordered check is used
 
-# Columns of tables.
+# Columns of tables
 OWN, OTHER = 0, 1  # of `Constraints.chain`
-ORIGIN_X, ORIGIN_Y, DIRECTION_X, DIRECTION_Y, LENGTH = range(5)  # of `Chains.place`, and
+ORIGIN_X, ORIGIN_Y, DIRECTION_X, DIRECTION_Y, LENGTH = range(5)  # of `Chains.place`
 CURVATURE, REACH, MERGED, BULGE, EVEN = range(5, 10)
 SHAPE, CLOSED, PAIRED = 0, 1, 2  # of `Chains.flags`
 AT, AT_X, AT_Y, RATE_X, RATE_Y = range(5)  # of `Chains.knot`
-FIRST, LAST, IS_ROUND, IS_CLOSED = range(4)  # of the rows of pieces that outlines are cut into
+FIRST, LAST, IS_ROUND, IS_CLOSED = range(4)  # of the rows of pieces of boundaries
 HALF_COEFFICIENT, SIXTH_SOURCE, HALF_FLUX_X, HALF_FLUX_Y, CENTRE_X, CENTRE_Y = range(6)  # of `Trial.data`
-CONSTANTS, RATES_X, RATES_Y, VARYING = 4, 6, 11, 16  # of its columns: how many, where fluxes vary more of them
-# Of its columns where a source varies, after the centre: the affine coordinates, and the terms of the polynomial.
+CONSTANTS, RATES_X, RATES_Y, VARYING = (
+    4,
+    6,
+    11,
+    16,
+)  # number of constants, first columns of the derivatives of a varying flux, columns then
+# Columns after the centre if the source varies: affine coordinates, then the terms of the polynomial
 X_BY_X, X_BY_Y, Y_BY_X, Y_BY_Y, SOURCE_TERMS = range(6, 11)
 DENSITY, RATE = 0, 1  # of `Laws.table`
 
 
 @record
 class Elements(NamedTuple):
-    """Triangles counter-clockwise; ``neighbour[e, k]`` lies across the edge opposite to corner k, -1 outside."""
+    """Triangles, counter-clockwise, with the neighbours across their edges.
+
+    ``neighbour[e, k]`` is the neighbour across the edge opposite to corner k, -1 at the boundary.
+    """
 
     node: np.ndarray  # (m, 3) int32
     neighbour: np.ndarray  # (m, 3) int32
     region: np.ndarray  # (m,) int32
-    chain: np.ndarray  # (m, 3) int32: chain of the edge opposite to corner k, -1 for an edge that is free to flip
-    level: np.ndarray  # (n,) int32: 0 on one side of a subdomain with layers, their number on the other
+    chain: np.ndarray  # (m, 3) int32: segment of the edge opposite to corner k, -1 for an edge that may flip
+    level: np.ndarray  # (n,) int32: from 0 on one side of a subdomain with layers to their number on the opposite side
     layered: np.ndarray  # (r,) bool: regions in which no edge may join nodes whose levels differ by more than 1
 
     def ends(self, e: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The nodes of the edges opposite to corners k of elements e, counter-clockwise."""
+        """Return both nodes, counter-clockwise, of the edges opposite to corners k."""
         return self.node[e, (k + 1) % 3], self.node[e, (k + 2) % 3]
 
 
 @record
 class Star(NamedTuple):
-    """The elements around node v stand in rows start[v] to start[v + 1]; (v, ahead, behind) is counter-clockwise."""
+    """Elements around every node.
+
+    Node v has the rows from ``start[v]`` to ``start[v + 1]``. The nodes (v, ahead, behind) of an element are
+    counter-clockwise.
+    """
 
     start: np.ndarray  # (n + 1,) int32
     element: np.ndarray  # (3 m,) int32
@@ -62,117 +74,118 @@ class Star(NamedTuple):
 
 @record
 class Chains(NamedTuple):
-    """Where positions on every chain are looked up; a chain begins at its origin, in the direction given."""
+    """Curve segments with their parametrisation by distance from the origin."""
 
     place: np.ndarray  # (c, 10): origin, direction, length, curvature, reach, merged, bulge, even
     flags: np.ndarray  # (c, 3) int8: shape, closed, paired
-    row: np.ndarray  # (c + 1,) int32: knots of chain c stand in rows row[c] to row[c + 1]
-    knot: np.ndarray  # (k, 5) of TABLED ones: parameter, position, and its derivative by the parameter
+    row: np.ndarray  # (c + 1,) int32: segment c has the knots row[c] to row[c + 1]
+    knot: np.ndarray  # (k, 5): parameter, position and derivative by the parameter of TABLED segments
 
     @classmethod
     def of(cls, count: int) -> "Chains":
-        """A table of so many straight chains without knots, to be filled."""
         flags, row = np.zeros((count, PAIRED + 1), dtype=np.int8), np.zeros(count + 1, dtype=np.int32)
         return cls(np.zeros((count, EVEN + 1)), flags, row, np.empty((0, RATE_Y + 1)))
 
     @property
     def shape(self) -> np.ndarray:
-        """STRAIGHT, ROUND or TABLED, (c,)."""
+        """STRAIGHT, ROUND or TABLED, shape (c,)."""
         return self.flags[:, SHAPE]
 
     @property
     def origin(self) -> np.ndarray:
-        """Where the parameter is 0, (c, 2)."""
+        """Position at the parameter 0, shape (c, 2)."""
         return self.place[:, ORIGIN_X : ORIGIN_Y + 1]
 
     @property
     def direction(self) -> np.ndarray:
-        """Unit vectors: the tangent at the origin, (c, 2)."""
+        """Unit tangent at the origin, shape (c, 2)."""
         return self.place[:, DIRECTION_X : DIRECTION_Y + 1]
 
     @property
     def length(self) -> np.ndarray:
-        """The parameter goes from 0 to here, (c,)."""
+        """Largest parameter, shape (c,)."""
         return self.place[:, LENGTH]
 
     @property
     def curvature(self) -> np.ndarray:
-        """Of ROUND ones 1 / radius, positive if they run counter-clockwise, (c,)."""
+        """1 / radius of ROUND segments, positive if counter-clockwise, shape (c,)."""
         return self.place[:, CURVATURE]
 
     @property
     def closed(self) -> np.ndarray:
-        """Whether it is a loop without a corner, on which the parameter begins anew at its end, (c,)."""
+        """Mask of segments without ends, on which the parameter is periodic, shape (c,)."""
         return self.flags[:, CLOSED].view(np.bool_)
 
     @property
     def reach(self) -> np.ndarray:
-        """The longest facet that may be made: longer ones would leave too much of a curve out, (c,)."""
+        """Maximum length of a facet, due to its distance from the curve, shape (c,)."""
         return self.place[:, REACH]
 
     @property
     def merged(self) -> np.ndarray:
-        """The same of two facets that are to be one, (c,)."""
+        """Maximum length of two facets that a collapse joins, shape (c,)."""
         return self.place[:, MERGED]
 
     @property
     def bulge(self) -> np.ndarray:
-        """How far a curve may be from its facets, (c,)."""
+        """Maximum distance between curve and facets, shape (c,)."""
         return self.place[:, BULGE]
 
     @property
     def even(self) -> np.ndarray:
-        """Facets of this length, all alike, would leave out of a curve what those of the input do, (c,)."""
+        """Length of equal facets that are as far from the curve as the input, shape (c,)."""
         return self.place[:, EVEN]
 
     @property
     def paired(self) -> np.ndarray:
-        """Whether its nodes have partners on another chain, at the same parameters, (c,)."""
+        """Mask of segments with periodic partners at the same parameters, shape (c,)."""
         return self.flags[:, PAIRED].view(np.bool_)
 
 
 @record
 class Twins(NamedTuple):
-    """Nodes that are one because a boundary is another's periodic image, and how the mesh goes on there."""
+    """Periodic partners of nodes, and the motions between them."""
 
-    partner: np.ndarray  # (n,) int32: the other node, -1 for none
-    motion: np.ndarray  # (n,) int32: the motion that carries the node to its partner, -1 likewise
-    motions: np.ndarray  # (number, 2, 3): x -> A x + b as rows [A | b]
-    region: np.ndarray  # (number, r) int32: the region in which a region goes on where a motion carries it, or -1
+    partner: np.ndarray  # (n,) int32: partner node, -1 for none
+    motion: np.ndarray  # (n,) int32: motion that maps the node to its partner, -1 for none
+    motions: np.ndarray  # (motions, 2, 3): x -> A x + b as rows [A | b]
+    region: np.ndarray  # (motions, r) int32: region that continues a region after a motion, -1 for none
 
 
 @record
 class Constraints(NamedTuple):
-    """Where each node may go."""
+    """Degrees of freedom of every node."""
 
     kind: np.ndarray  # (n,) int8: FREE, SLIDING or HELD
-    chain: np.ndarray  # (n, 2) int32: its own chain, or the two that meet in a corner; -1 for none, or JUNCTION
-    parameter: np.ndarray  # (n,) where on its chain
-    inner: np.ndarray  # (n,) bool: inside one region, so that every neighbour belongs to it
+    chain: np.ndarray  # (n, 2) int32: segment of the node, or both segments of a corner; -1 for none, or JUNCTION
+    parameter: np.ndarray  # (n,): position on the segment
+    inner: np.ndarray  # (n,) bool: in the interior of a region, with all neighbours in the closed region
     chains: Chains
     twins: Twins
 
     @property
     def own_chain(self) -> np.ndarray:
-        """The chain that a node slides on; of others no chain, JUNCTION, or the first of a corner's two, (n,)."""
+        """Segment on which a node slides, else -1, JUNCTION or the first one of a corner."""
         return self.chain[:, OWN]
 
 
 @record
 class SearchScratch(NamedTuple):
-    """Room for one thread to search and learn in; the stamps are compared with a counter that only grows."""
+    """Scratch of one thread for search and training.
+
+    Stamps are compared with a counter that only increases.
+    """
 
     node_stamp: np.ndarray  # (n,) int64
     element_stamp: np.ndarray  # (m,) int64
     counter: np.ndarray  # (1,) int64
     queue: np.ndarray  # (n + m + 1,) int32
     frontier: np.ndarray  # (m,) int32: elements that the flood may enter
-    reach: np.ndarray  # (m,): squared distance from the point to the edge it would enter through
+    reach: np.ndarray  # (m,): squared distance from the point to the entry edge
     crossed: np.ndarray  # (CROSSINGS + 3, 2) int32: edges to be crossed, as element and opposite corner
 
     @classmethod
     def of(cls, nodes: int, elements: int) -> "SearchScratch":
-        """Room for a mesh with so many nodes and elements."""
         return cls(
             np.zeros(nodes, dtype=np.int64),
             np.zeros(elements, dtype=np.int64),
@@ -186,7 +199,7 @@ class SearchScratch(NamedTuple):
 
 @record
 class Neurons(NamedTuple):
-    """A mesh that learns: triangles, or tetrahedra with the records of `tetrahedron/arrays.py`."""
+    """Mesh of triangles or tetrahedra during training."""
 
     position: np.ndarray  # (n, d)
     elements: Any  # Elements, or Tetrahedra
@@ -196,53 +209,55 @@ class Neurons(NamedTuple):
 
 @record
 class Lesson(NamedTuple):
-    """Training points in the order in which they are presented, and how far around their winners they reach."""
+    """Training points in the order of presentation, and their neighbourhood function."""
 
     points: np.ndarray  # (t, d)
     region: np.ndarray  # (t,) int32
     weights: np.ndarray  # (t,)
     winners: np.ndarray  # (t,) int32
-    strength: np.ndarray  # (radius + 1,) the neighbourhood function, of ring 0 to the radius
-    ends: np.ndarray  # (radius + 2,) int64: room for where the rings end in the queue
+    strength: np.ndarray  # (radius + 1,): neighbourhood function, from ring 0 to the radius
+    ends: np.ndarray  # (radius + 2,) int64: scratch for the ends of the rings in the queue
 
 
 @record
 class Pool(NamedTuple):
-    """Which rows of the arrays of nodes and elements are in use; rows of free elements have node -1."""
+    """Used and free rows of the arrays of nodes and elements.
 
-    anchor: np.ndarray  # (n,) int32: one of the elements around each node, -1 for a free row
+    Rows of free elements have node -1.
+    """
+
+    anchor: np.ndarray  # (n,) int32: an element at each node, -1 for a free row
     free_nodes: np.ndarray  # (n,) int32: a stack
     free_elements: np.ndarray  # (m,) int32: a stack
-    height: np.ndarray  # (2,) int64: of the two stacks
+    height: np.ndarray  # (2,) int64: of both stacks
 
 
 @record
 class Origins(NamedTuple):
-    """What surgery knows of each node beside its position and constraint."""
+    """Data of every node for recycling, except position and constraint."""
 
-    density: np.ndarray  # (n,) wanted nodes per area
-    old: np.ndarray  # (n,) int32: number before, -1 for a new node
-    hint: np.ndarray  # (n,) int32: an element of the mesh before that is near the node
-    pinned: np.ndarray  # (n,) bool: an edge between two of them is not split
-    young: np.ndarray  # (n,) bool: made in this round; not collapsed in it, so that a round comes to an end
-    pinched: np.ndarray  # (n,) bool: nodes where the mesh touches itself; nothing is collapsed into them
-    longest: np.ndarray  # (n,) of the facets that a collapse of a node on a curve may make
+    density: np.ndarray  # (n,): wanted nodes per area
+    old: np.ndarray  # (n,) int32: index before, -1 for a new node
+    hint: np.ndarray  # (n,) int32: element near the node in the mesh before
+    pinned: np.ndarray  # (n,) bool: edges between two pinned nodes are not split
+    young: np.ndarray  # (n,) bool: new in this round, and not collapsed, so that a round ends
+    pinched: np.ndarray  # (n,) bool: non-manifold nodes, into which no node is collapsed
+    longest: np.ndarray  # (n,): maximum length of a facet made by collapsing a node on a curve
 
 
 @record
 class SurgeryScratch(NamedTuple):
-    """Room to split, collapse and flip in."""
+    """Scratch for splits, collapses and flips."""
 
-    around: np.ndarray  # (m,) int32: the elements around a node
+    around: np.ndarray  # (m,) int32: elements around a node
     around_other: np.ndarray  # (m,) int32
     stamp: np.ndarray  # (n,) int64
     counter: np.ndarray  # (1,) int64
-    stack: np.ndarray  # (m,) int32: elements whose edges may have to be flipped
-    waiting: np.ndarray  # (m,) bool
+    stack: np.ndarray  # (m,) int32: elements with edges to check for a flip
+    waiting: np.ndarray  # (m,) bool: elements in the stack
 
     @classmethod
     def of(cls, nodes: int, elements: int) -> "SurgeryScratch":
-        """Room for a mesh with so many rows of nodes and elements."""
         around, other, stack = (np.empty(elements, dtype=np.int32) for _ in range(3))
         counter, stamp = np.zeros(1, dtype=np.int64), np.zeros(nodes, dtype=np.int64)
         return cls(around, other, stamp, counter, stack, np.zeros(elements, dtype=np.bool_))
@@ -250,7 +265,7 @@ class SurgeryScratch(NamedTuple):
 
 @record
 class OpenMesh(NamedTuple):
-    """A mesh with rows to spare, in which edges are split and collapsed."""
+    """Mesh with spare rows, in which edges are split and collapsed."""
 
     position: np.ndarray  # (n, 2)
     elements: Elements
@@ -262,117 +277,120 @@ class OpenMesh(NamedTuple):
 
 @record
 class Laws(NamedTuple):
-    """The nonlinear laws of the elements, as tables of the energy density W over s = |grad u|^2."""
+    """Nonlinear laws as tables of the energy density W over s = |grad u|^2."""
 
-    number: np.ndarray  # (m,) int32: of every element the place of its law, -1 for none
-    first: int  # the tables begin with s = 2^(first - 1)
+    number: np.ndarray  # (m,) int32: index of the law of every element, -1 for none
+    first: int  # the tables begin at s = 2^(first - 1)
     table: np.ndarray  # (laws, rows, 2): W and dW/ds at the steps
 
 
 @record
 class Trial(NamedTuple):
-    """A function, of order 1 but for its `Modes`, and the functional it is judged by."""
+    """Function of order 1 (see also `Modes`) and the functional to minimise."""
 
     value: np.ndarray  # (n,)
-    fixed: np.ndarray  # (n,) bool: the value is given, at the node or along its chain
-    on_chain: np.ndarray  # (c, 2): where a chain's values are given, that at its origin and the rate along it
-    # Of every element a half of the coefficient, a sixth of the source, a half of the flux; where fluxes vary inside
-    # regions then a centre, where that half is, and the derivatives of both its parts.
-    # With a source that varies a centre, affine coordinates X, Y about it, and coefficients of X^i Y^j, j ascending and
-    # then i. Such functions have `Modes` at order 1, too.
-    data: np.ndarray  # (m, CONSTANTS), with a flux that varies (m, VARYING), with a source (m, SOURCE_TERMS + terms)
+    fixed: np.ndarray  # (n,) bool: Dirichlet value at the node or along its segment
+    on_chain: np.ndarray  # (c, 2): Dirichlet values of a segment, as value at the origin and derivative
+    # Half of the coefficient, a sixth of the source and half of the flux of every element. If the flux varies inside
+    # regions, then a centre, to which the half refers, and the derivatives of its components. If the source varies,
+    # then a centre, affine coordinates X, Y relative to the centre, and the coefficients of X^i Y^j, in the order of j
+    # and then i; a function with a varying source has `Modes` at order 1 as well.
+    data: np.ndarray  # (m, CONSTANTS), or (m, VARYING) for a varying flux, or (m, SOURCE_TERMS + terms)
     bent: np.ndarray  # (n,) bool: the node touches nonlinear material
-    laws: Laws  # where there is one, the coefficient has no say
+    laws: Laws  # replace the coefficient
 
 
 @record
 class Trials(NamedTuple):
-    """What is judged by the sum of its functionals: one function, or a solution and the dual one of a goal."""
+    """Primal and dual functions of a sum of functionals."""
 
     one: Trial
-    other: Trial  # of linear material, its values given where those of the first are; without values if there is none
+    other: Trial  # the dual, of linear material, with the same fixed values; without values if missing
 
 
 @record
 class Modes(NamedTuple):
-    """What functions of order 2 or 3 have beside their values at the nodes: coefficients of `Reference` functions.
+    """Coefficients of functions of order 2 or 3, except the values at the nodes.
 
-    Every side has its coefficients in both of its elements. An odd function of a side runs counter-clockwise round the
-    element, so its coefficients in the two have opposite signs.
+    Every side has coefficients in both its elements, for the functions of `Reference`. The odd function of a side runs
+    counter-clockwise around the element, so the coefficients in both elements have opposite signs.
     """
 
-    side: np.ndarray  # (m, 3, order - 1): of the side opposite to corner k: even, of order 3 also odd
-    bubble: np.ndarray  # (m,): of order 3
-    given: np.ndarray  # (m, 3) bool: the values on the side are given
+    side: np.ndarray  # (m, 3, order - 1): coefficients of the side opposite to corner k: even, at order 3 also odd
+    bubble: np.ndarray  # (m,): coefficients of the bubbles at order 3
+    given: np.ndarray  # (m, 3) bool: Dirichlet values on the side
 
 
 @record
 class Reference(NamedTuple):
-    """Functions of order 2 or 3 on the triangle (0, 0), (1, 0), (0, 1), and where they are integrated.
+    """Functions of order 2 or 3 on the triangle (0, 0), (1, 0), (0, 1), at points.
 
-    The first three are linear, 1 at one corner. An even one for the side opposite to each corner follows, 4 times the
-    product of the two linear functions that it joins; of order 3 an odd one for each, the even one times 27 / 8 of
-    their difference, and the bubble, 27 times the product of all three.
+    With the barycentric coordinates L_k, the functions are L_k, then for the side opposite to each corner the even
+    function 4 L_i L_j; at order 3 also the odd function 27/2 L_i L_j (L_i - L_j) of each side and the bubble 27 L_0 L_1
+    L_2.
     """
 
     slope: np.ndarray  # (points, functions, 2): gradients
-    weight: np.ndarray  # (points,): 1 in sum, of those with a law once more
+    weight: np.ndarray  # (points,): quadrature weights, with sum 1 for each of both rules
     mean: np.ndarray  # (functions,): integrals
-    halves: np.ndarray  # (2, functions, functions): coefficients on (p, 0, 1) and (p, 2, 0), p in the middle of 1, 2
-    plain: int  # number of points of elements without a law, which come first; elements with one have the others
+    halves: np.ndarray  # (2, functions, functions): coefficients on (p, 0, 1) and (p, 2, 0), p the midpoint of 1 and 2
+    plain: int  # number of points of the rule for linear elements, followed by the points for nonlinear elements
 
 
 @record
 class Points(NamedTuple):
-    """Where elements with curved sides, or around an axis, are integrated, and their functions there, by kind.
+    """Quadrature points of elements with curved sides or around an axis, by kind.
 
-    The kinds are none of the three corners on the axis, 0; one, 1 more than which; two, 4 more than the one off it.
+    Kind 0 has no corner on the axis, kinds 1 to 3 have corner ``kind - 1`` on the axis, and kinds 4 to 6 have all
+    corners on the axis except ``kind - 4``.
     """
 
     weight: np.ndarray  # (7, points): as of `Reference`
     share: np.ndarray  # (7, points, 3): barycentric coordinates
     value: np.ndarray  # (7, points, functions)
     slope: np.ndarray  # (7, points, functions, 2): gradients
-    side: np.ndarray  # (7, points, 3, 3): of 4 times the product of the linear functions of a side, and its gradient
+    side: np.ndarray  # (7, points, 3, 3): value and gradient of the even function of each side
     plain: int  # as of `Reference`
 
 
 @record
 class Shapes(NamedTuple):
-    """What elements are beside triangles in the plane: curved on some sides, or around the axis x = 0."""
+    """Deviations of elements from straight triangles in the plane."""
 
-    bend: np.ndarray  # (m, 3, 2): from the middle of the chord opposite to corner k to that of the side
+    bend: np.ndarray  # (m, 3, 2): midside offsets, from the midpoint of the chord opposite to corner k to the curve
     special: np.ndarray  # (m,) bool: the element has a curved side, or is around an axis
-    around: bool  # an axis, all of them: the coefficient is divided by x, and a law has |grad u| / x
+    around: bool  # around an axis: coefficients are divided by x, and laws evaluated at |grad u| / x
 
 
-VALUE, BLOCK, PLACE = range(3)  # wanted of an element: its value, derivatives by a block too, and by a position too
+VALUE, BLOCK, PLACE = range(3)  # quantities of an element: value, also derivatives by a block, also by a position
 
 
 @record
 class Block(NamedTuple):
-    """Room for the unknowns that change with a node, or with an edge: d elements, u unknowns, b functions."""
+    """Scratch for the unknowns that change with a node or an edge.
 
-    unknowns: np.ndarray  # (1,) int32: how many there are
-    own: np.ndarray  # (1,): what values around the node are taken relative to
-    place: np.ndarray  # (d, b) int32: the unknown that each coefficient of an element is, -1 for none
-    sign: np.ndarray  # (d, b): of the coefficient, times the unknown
-    spoke: np.ndarray  # (u,) int32: the other end of every side that is an unknown
+    Shapes are given by d elements, u unknowns and b functions.
+    """
+
+    unknowns: np.ndarray  # (1,) int32: number of unknowns
+    own: np.ndarray  # (1,): value to which the values around the node are relative
+    place: np.ndarray  # (d, b) int32: index of the unknown of every coefficient, -1 for none
+    sign: np.ndarray  # (d, b): factor from the unknown to the coefficient
+    spoke: np.ndarray  # (u,) int32: far end of the edge of every unknown
     local: np.ndarray  # (4, b): coefficients of elements
-    part: np.ndarray  # (b,): of one more
-    bend: np.ndarray  # (5, 3, 2): as of `Shapes`, of the same five
-    across: np.ndarray  # (b, 2): of each function, D times its gradient turned
+    part: np.ndarray  # (b,): coefficients of a fifth element
+    bend: np.ndarray  # (5, 3, 2): midside offsets of these five elements
+    across: np.ndarray  # (b, 2): rotated gradient of each function times the doubled area
     added: np.ndarray  # (b, b + 3): derivatives by the coefficients of an element: second, first, mixed by x and y
-    stiffness: np.ndarray  # (u, u): second derivatives, in the lower triangle; then its Cholesky factor
-    rest: np.ndarray  # (u,): first derivatives; then solved for with the factor
-    mixed: np.ndarray  # (u, 2): second ones by the unknown and the position; then solved for with the factor
-    still: np.ndarray  # (u,): change to the least value at the old place
-    follow: np.ndarray  # (u,): what a step adds to it
+    stiffness: np.ndarray  # (u, u): second derivatives, in the lower triangle; then the Cholesky factor
+    rest: np.ndarray  # (u,): first derivatives; then the solution with the factor
+    mixed: np.ndarray  # (u, 2): second derivatives by unknown and position; then the solution with the factor
+    still: np.ndarray  # (u,): change of the unknowns to the minimum at the old position
+    follow: np.ndarray  # (u,): further change of the unknowns due to a step of the node
 
     @classmethod
     def of(cls, elements: int, functions: int) -> "Block":
-        """Room for the elements around a node, so many at most."""
-        elements = max(elements, 4)  # of an edge that is split
+        elements = max(elements, 4)  # a split edge has up to four
         unknowns = 1 + (elements + 1) * (functions // 3 - 1) + elements * (functions == 10)
         place, sign = np.empty((elements, functions), dtype=np.int32), np.empty((elements, functions))
         numbers = np.empty(1, dtype=np.int32), np.empty(1), place, sign
@@ -384,7 +402,7 @@ class Block(NamedTuple):
 
 @record
 class Descent(NamedTuple):
-    """A mesh, the function on it that is judged, of order 2 or 3 or around an axis, and room for one thread."""
+    """Mesh and function of order 2 or 3 or around an axis, with scratch of a thread."""
 
     position: np.ndarray  # (n, 2)
     elements: Elements
@@ -400,11 +418,11 @@ class Descent(NamedTuple):
 
 @record
 class Offers(NamedTuple):
-    """What splits would take off a functional, what collapses would add to it, and what is out of the question."""
+    """Estimated gains of splits and costs of collapses, and the elements concerned."""
 
-    gain: np.ndarray  # (m, 3): of a split of the edge opposite to corner k, at the element of the greater number
-    cost: np.ndarray  # (n,): of the cheapest collapse of the node that is allowed, inf without one
-    into: np.ndarray  # (n,) int32: the neighbour that it goes into then
-    open: np.ndarray  # (c,) bool: chains whose edges may be split
-    removable: np.ndarray  # (n,) bool: nodes that may be taken away
-    locked: np.ndarray  # (m,) bool: elements that a split or a collapse has changed, or is about to
+    gain: np.ndarray  # (m, 3): decrease by a split of the edge opposite to corner k, at the element of larger index
+    cost: np.ndarray  # (n,): increase by the cheapest valid collapse of the node, inf without one
+    into: np.ndarray  # (n,) int32: neighbour into which the node is collapsed
+    open: np.ndarray  # (c,) bool: segments with edges that may be split
+    removable: np.ndarray  # (n,) bool: nodes that may be removed
+    locked: np.ndarray  # (m,) bool: elements changed by a split or a collapse, or about to be changed

@@ -1,4 +1,4 @@
-"""Compile kernels on first use, and keep their machine code on disk."""
+"""Compilation of kernels on first use, with a cache of machine code on disk."""
 
 import functools
 import logging
@@ -30,7 +30,7 @@ logger = logging.getLogger("kohonen_adapt")
 
 expected: set[str] = set()
 
-SEAL = 16  # bytes of the hash that a file of machine code begins with
+SEAL = 16  # bytes of the hash at the beginning of a file of machine code
 
 NOT_KEPT = (
     "compiled loops of kohonen_adapt cannot be kept in '%s' (%s), so that every process compiles them: set "
@@ -41,29 +41,26 @@ OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wr
 
 
 def kernel(function: Callable) -> Callable:
-    """Compile a loop on first use and keep it on disk; arithmetic follows IEEE, so a seed gives the same bits.
+    """Return a compiled loop that Python calls.
 
-    It can make no array, and counts no references: its caller holds all that it reads and writes.
+    Arithmetic follows IEEE 754, so that a seed gives the same bits. A kernel cannot allocate arrays.
     """
     return _compiled(function, inner=False)
 
 
 def inner_kernel(function: Callable) -> Callable:
-    """Compile a loop that only kernels call: it needs no wrapper for Python, and no machine code of its own."""
+    """Return a compiled loop that only kernels call, without a wrapper for Python."""
     return _compiled(function, inner=True)
 
 
 def expect(*chapters: str) -> None:
-    """Say of which chapters of `kernels/entries.py` all will be needed soon: if one is compiled, so are the others."""
+    """Register groups of `kernels/entries.py` for compilation ahead of use."""
     expected.update(chapters)
 
 
 @functools.cache
 def interpreted(loop: Any) -> Callable:
-    """The function of a kernel, and those that it calls, as Python runs them.
-
-    That is for work that is not worth compiling, and for tests of loops that only kernels call.
-    """
+    """Return a kernel as a Python function, with the kernels called as well."""
     function = getattr(loop, "py_func", loop)
     called = {name: function.__globals__.get(name) for name in function.__code__.co_names}
     own = {name: interpreted(value) for name, value in called.items() if hasattr(value, "py_func")}
@@ -71,28 +68,25 @@ def interpreted(loop: Any) -> Callable:
 
 
 def is_kept(loop: Any, types: tuple[Any, ...]) -> bool:
-    """Whether the code of a loop for arguments of these types is on disk."""
     cache = loop._cache
     return cache._index_key(types, loop.targetctx.codegen()) in cache._cache_file._load_index()
 
 
 def may_be_kept(loop: Any) -> bool:
-    """Whether the code of a loop can be written to disk."""
     folder = Path(loop._cache.cache_path)
     there = next(path for path in (folder, *folder.parents) if os.path.exists(path))
     return there.is_dir() and os.access(there, os.W_OK)
 
 
 def number_of_threads() -> int:
-    """How many threads share the work of kernels: what numba takes from the cores that the process may use.
+    """Return the number of threads, as set by ``NUMBA_NUM_THREADS``.
 
-    The environment variable ``NUMBA_NUM_THREADS`` sets it. No result depends on it.
+    The default is the number of cores available to the process. No result depends on the number of threads.
     """
     return max(1, config.NUMBA_NUM_THREADS)
 
 
 def _compiled(function: Callable, inner: bool) -> Callable:
-    """Keep machine code as ``cache=True`` does, in a cache that knows all kernels; uncompiled there is none to keep."""
     if config.DISABLE_JIT:
         return function
     options = {**OPTIONS, "no_cpython_wrapper": inner}
@@ -103,10 +97,9 @@ def _compiled(function: Callable, inner: bool) -> Callable:
 
 @functools.cache
 def _contents_of_all_kernels() -> str:
-    """A hash of every file of kernels.
+    """Return a hash of all files of kernels.
 
-    numba looks at the file that a function stands in; but the code of what it calls is linked into it, wherever that
-    stands, and would go on running after an edit.
+    numba checks only the file of a function, although code of functions called from other files is linked into it.
     """
     folder, found = Path(__file__).parent, blake2b(digest_size=16)
     for path in sorted(folder.rglob("*.py")):
@@ -115,16 +108,16 @@ def _contents_of_all_kernels() -> str:
 
 
 class _KernelFiles(IndexDataCacheFile):
-    """The machine code of one function, in a file per signature and state of the kernels.
+    """Machine code of one function, in a file per signature and state of the kernels.
 
-    Each file begins with a hash of the rest. A file that cannot be read, or is damaged, is a missing one.
+    Each file begins with a hash of the rest. An unreadable or damaged file counts as missing.
     """
 
     _version: str
 
     def __init__(self, cache_path: str, filename_base: str, stamp: str) -> None:
         super().__init__(cache_path, filename_base, stamp)
-        # read before the rest of an index, which may hold types of modules that are no longer there
+        # read before the rest of an index, which may refer to modules that no longer exist
         self._version = f"{numba.__version__} {stamp}"
 
     def load(self, key: Any) -> Any:
@@ -134,9 +127,9 @@ class _KernelFiles(IndexDataCacheFile):
             return None
 
     def save(self, key: Any, data: Any) -> None:
-        """Write the code before the index that names it.
+        """Write the code, then the index.
 
-        No two processes can write different code under one name, so one that reads an index finds what it says.
+        A name determines the code, so a concurrent process that reads the index finds the right code.
         """
         overloads = self._load_index()
         if not overloads:
@@ -174,7 +167,6 @@ def _seal(content: bytes) -> bytes:
 
 
 def _unsealed(path: str) -> bytes:
-    """Return the content of a file without its hash."""
     sealed = Path(path).read_bytes()
     if _seal(sealed[SEAL:]) != sealed[:SEAL]:
         raise ValueError(f"'{path}' is damaged.")
@@ -182,7 +174,7 @@ def _unsealed(path: str) -> bytes:
 
 
 class _ReadOnlyLocator(InTreeCacheLocator):
-    """The folder of the cache where no folder takes files, whose code of another time can be read."""
+    """Locator of a cache folder that cannot be written, but may contain code."""
 
     def __init__(self, py_func: Any, py_file: str) -> None:
         super().__init__(py_func, py_file)
@@ -195,15 +187,15 @@ class _ReadOnlyLocator(InTreeCacheLocator):
 
 
 class _KernelCode(CompileResultCacheImpl):
-    """numba's description of machine code, for which there is always a folder."""
+    """Cache implementation of numba that always finds a folder."""
 
     _locator_classes: ClassVar = [*CompileResultCacheImpl._locator_classes, _ReadOnlyLocator]
 
 
 class _KernelCache(FunctionCache):
-    """numba's cache on disk, emptied by a change of any kernel, and by no change of a file's time.
+    """Cache of numba on disk, invalidated by the contents of the kernels' files.
 
-    Code that cannot be written is code that this process alone has, and the first of it is worth a warning.
+    If code cannot be written, the first failure is logged as a warning.
     """
 
     _impl_class = _KernelCode

@@ -1,4 +1,4 @@
-"""Have numba compile each kernel once, in less of the time that it takes by default."""
+"""Compiler of numba with fewer passes and a cache of types, to save compile time."""
 
 from collections.abc import Iterable
 from functools import cached_property
@@ -19,8 +19,8 @@ __all__ = ["InnerCompiler", "KernelCompiler", "Loop"]
 
 DEFAULTS = Flags().values()
 
-# Passes over closures, `with`, constants as types, arrays made by arithmetic, and for a listing. Those that fold
-# constants and cut dead branches stay: without them loops over tetrahedra give other bits.
+# Passes for closures, `with`, literal types, array expressions and listings. The passes that fold constants and prune
+# dead branches are kept, because loops over tetrahedra give different bits without them.
 NOT_NEEDED = {
     untyped_passes.WithLifting,
     untyped_passes.InlineClosureLikes,
@@ -38,13 +38,13 @@ NOT_NEEDED = {
 
 
 class KernelCompiler(Compiler):
-    """numba's compiler, for loops that Python calls."""
+    """Compiler of loops that Python calls."""
 
     def __init__(self, typingctx: Any, targetctx: Any, library: Any, args: Any, returned: Any, flags: Any, *rest: Any):
         super().__init__(typingctx, targetctx, library, args, returned, _Flags(flags), *rest)
 
     def define_pipelines(self) -> list[PassManager]:
-        """The one that numba has without objects, less what looks for things that no kernel has."""
+        """Return the passes of numba except `NOT_NEEDED`."""
         (manager,) = super().define_pipelines()
         lean = PassManager(manager.pipeline_name)
         lean.passes = [(each, says) for each, says in manager.passes if each not in NOT_NEEDED]
@@ -53,54 +53,49 @@ class KernelCompiler(Compiler):
 
 
 class InnerCompiler(KernelCompiler):
-    """The same for loops that only kernels call."""
+    """Compiler of loops that only kernels call."""
 
     def __init__(self, typingctx: Any, targetctx: Any, library: Any, *rest: Any) -> None:
         super().__init__(typingctx, targetctx, _LinkedCode(targetctx.codegen(), "inner loop"), *rest)
 
 
 class _Flags(Flags):
-    """How to compile, of which numba makes a table for every operator that it looks up."""
+    """Compiler flags, of which numba requests all values for every operator."""
 
     __slots__ = ()
 
     def values(self) -> dict[str, Any]:
-        """The table, without asking for one after the other."""
         return {**DEFAULTS, **self._values}
 
 
 class _LinkedCode(JITCodeLibrary):
-    """The code of a loop that nobody runs but where it is linked in, which is where machine code is made of it."""
+    """Code of an inner loop, compiled to machine code after linking only."""
 
     KIND = "linked"
 
     def _optimize_final_module(self) -> None:
-        """Leave that to what it is linked into."""
+        """Skip the optimisation, which follows after linking."""
 
     def _finalize_final_module(self) -> None:
-        """Let it be linked into whatever calls it."""
         for each in self._final_module.functions:
             if not each.is_declaration:
                 each.linkage = "linkonce_odr"
         self.become(self._final_module)
 
     def become(self, module: Any) -> None:
-        """Have this for all code."""
         self._shared_module, self._finalized = module, True
 
     def serialize_using_object_code(self) -> tuple[str, str, bytes]:
-        """What is kept on disk."""
         return self.name, self.KIND, self._get_module_for_linking().as_bitcode()
 
 
 class _Codegen(JITCPUCodegen):
-    """What numba makes machine code with, which knows of loops of which there is none."""
+    """Code generator of numba that also loads linked code."""
 
     def __init__(self, codegen: JITCPUCodegen) -> None:
-        self.__dict__.update(codegen.__dict__)  # there is one place for machine code
+        self.__dict__.update(codegen.__dict__)  # both share the machine code
 
     def unserialize_library(self, serialized: Any) -> Any:
-        """The code of a loop as it was kept on disk."""
         name, kind, data = serialized
         if kind != _LinkedCode.KIND:
             return super().unserialize_library(serialized)
@@ -109,23 +104,21 @@ class _Codegen(JITCPUCodegen):
         return library
 
     def set_env(self, env_name: str, env: Any) -> None:
-        """Tell machine code where Python's objects are that it refers to."""
         if self._engine.get_global_value_address(env_name):
             super().set_env(env_name, env)
 
 
 class _Remembering(Context):
-    """What numba knows of types, with what it has found of a function and its arguments.
+    """Typing context of numba with a cache of function signatures.
 
-    It asks some ten rules for each operator in a loop, and there are thousands; most are a product of two numbers.
+    numba checks some ten rules for each of the thousands of operators in a loop, mostly products of two numbers.
     """
 
     def __init__(self, context: Context) -> None:
-        self.__dict__.update(context.__dict__)  # what is declared to one is known to both
+        self.__dict__.update(context.__dict__)  # both share the declarations
         self._found: dict[Any, Any] = {}
 
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
-        """The signature of a function for these arguments; those of loops depend on what is being compiled."""
         if kws or not isinstance(func, types.Function):
             return super().resolve_function_type(func, args, kws)
         key = (func, tuple(args))
@@ -135,7 +128,7 @@ class _Remembering(Context):
 
 
 class _Target(CPUTarget):
-    """The processor that numba compiles for, by types that are remembered."""
+    """Processor as the target of compilation, with cached types."""
 
     @cached_property
     def _toplevel_typing_context(self) -> Context:
@@ -148,20 +141,19 @@ class _Target(CPUTarget):
 
 
 class Loop(CPUDispatcher):
-    """A loop, which calls of other loops compile for one type of integer.
+    """Dispatcher of a loop, compiled by calls from kernels for one type of integer.
 
-    Otherwise each takes a constant or an index of 32 bits for another type, and the loop is compiled for that, too.
+    Without this, constants and 32-bit indices as arguments would each cause another compilation.
     """
 
     targetdescr = _Target("cpu")
 
     def compile(self, sig: Any) -> Any:
-        """Compile the loop for a signature; Ctrl-C waits until the loop or one that it calls is compiled."""
+        """Compile for a signature, with Ctrl-C delayed until the compilation is complete."""
         with interrupts_held():
             return super().compile(sig)
 
     def get_call_template(self, args: Iterable[Any], kws: dict[str, Any]) -> Any:
-        """What a call of these types is compiled to."""
         return super().get_call_template([_widened(kind) for kind in args], {k: _widened(kws[k]) for k in kws})
 
 

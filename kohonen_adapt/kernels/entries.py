@@ -1,4 +1,4 @@
-"""List the loops that Python calls, with the types that they take, in the order in which they are needed."""
+"""Loops that Python calls, with argument types, in the order of use."""
 
 from numba.types import boolean, float64, int8, int64
 
@@ -69,8 +69,9 @@ FLUX_DATA = RecordType(equilibrate.FluxData, (R2, I2, I2, R2, R1, R1))
 FAN = RecordType(equilibrate.Fan, (I1, I1, R1, R1, R1, B1, R2, R1, R2, R1, R1))
 
 
-# By what needs them. Exchanges stand before sweeps: a second process, which goes backward, comes to them when this one
-# has put on disk what they share with `recycle`. For that the end of a relocation is last in the map.
+# Groups by use. In "polish" the loops that exchange nodes are first: the second process works backwards, and compiles
+# them when this process has stored the inner loops shared with `recycle`. For the same reason the loops at the end of a
+# relocation are last in "map".
 ENTRIES: dict[str, tuple[Entry, ...]] = {
     "ground": (
         Entry(connectivity.find_starts, I2, I1),

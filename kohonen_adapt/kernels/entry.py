@@ -1,4 +1,4 @@
-"""Say what a loop that Python calls is compiled for: the types of its arguments, and of the records shared by all."""
+"""Argument types of loops that Python calls, and of the records they share."""
 
 from typing import Any
 
@@ -29,7 +29,7 @@ __all__ = [
 R1, R2, R3, R4 = float64[::1], float64[:, ::1], float64[:, :, ::1], float64[:, :, :, ::1]
 I1, I2, L1, B1 = int32[::1], int32[:, ::1], int64[::1], boolean[::1]
 
-# Records that loops over triangles and over tetrahedra take.
+# Records of loops over triangles and over tetrahedra.
 POOL = RecordType(arrays.Pool, (I1, I1, I1, L1))
 HEAP = RecordType(heap.Heap, (R1, I2, L1))
 SEARCH_SCRATCH = RecordType(arrays.SearchScratch, (L1, L1, L1, I1, I1, R1, I2))
@@ -38,9 +38,9 @@ LESSON = RecordType(arrays.Lesson, (R2, I1, R1, I1, R1, L1))
 
 
 class Entry:
-    """A loop and the types that it is compiled for.
+    """Loop with argument types for compilation.
 
-    A table has one for every loop that Python calls: what calls only other loops is compiled with them.
+    Only loops that Python calls have an entry; all other loops are compiled with their callers.
     """
 
     def __init__(self, loop: Any, *types: Any) -> None:
@@ -48,15 +48,14 @@ class Entry:
 
     @property
     def name(self) -> str:
-        """Of the loop, with its file; no two have the same."""
         return name_of(self.loop)
 
     def compile(self) -> None:
-        """Compile the loop, or find it on disk; uncompiled, for debugging, it is a plain function."""
+        """Compile or load the loop, unless numba is disabled."""
         if hasattr(self.loop, "py_func"):
             self.loop.compile(self.types)
 
 
 def name_of(loop: Any) -> str:
-    """The file in `kernels` and the name of a loop: those over triangles and over tetrahedra share their names."""
+    """Return file and name of a loop, because loops in different files share names."""
     return f"{loop.__module__.removeprefix('kohonen_adapt.kernels.')}.{loop.__name__}"

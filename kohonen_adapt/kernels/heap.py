@@ -1,4 +1,4 @@
-"""Keep edges in a heap, the one with the smallest key first."""
+"""Heap of edges ordered by a key."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,10 @@ from kohonen_adapt.kernels.records import record
 
 @record
 class Heap(NamedTuple):
-    """Edges by key, the smallest first; edges that are gone or changed stay in it and are skipped when they come up."""
+    """Edges ordered by key, the smallest first.
+
+    Edges that are changed or removed from the mesh stay in the heap, and are skipped on removal.
+    """
 
     key: np.ndarray  # (k,)
     ends: np.ndarray  # (k, 2) int32
@@ -18,13 +21,15 @@ class Heap(NamedTuple):
 
     @classmethod
     def of(cls, rows: int) -> "Heap":
-        """An empty heap with room for so many edges."""
         return cls(np.empty(rows), np.empty((rows, 2), dtype=np.int32), np.zeros(1, dtype=np.int64))
 
 
 @inner_kernel
 def insert(heap, key, a, b):
-    """Put an edge into a heap, unless that is full: it is then to be filled anew, from the mesh."""
+    """Add an edge to a heap, or drop the edge if the heap is full.
+
+    A full heap has to be filled again from the mesh.
+    """
     i = heap.size[0]
     if i == heap.key.shape[0]:
         return
@@ -41,7 +46,7 @@ def insert(heap, key, a, b):
 
 @inner_kernel
 def remove_first(heap):
-    """Take the edge with the smallest key out of a heap that is not empty; returns key and ends."""
+    """Remove the edge with the smallest key, and return key and ends."""
     first, a, b = heap.key[0], np.int64(heap.ends[0, 0]), np.int64(heap.ends[0, 1])
     last = heap.size[0] - 1
     heap.size[0] = last

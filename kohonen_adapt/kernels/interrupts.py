@@ -1,4 +1,4 @@
-"""Hold Ctrl-C back while numba compiles."""
+"""Delay of Ctrl-C while numba compiles."""
 
 import signal
 import threading
@@ -12,7 +12,7 @@ Handler = Callable[[int, FrameType | None], object]
 
 
 class _Held:
-    """A handler that keeps signals for the handler in whose place it stands."""
+    """Signal handler that stores signals for the original handler."""
 
     def __init__(self, handler: Handler) -> None:
         self._handler = handler
@@ -28,10 +28,10 @@ class _Held:
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Deliver Ctrl-C at the end of the block, also of a block within another.
+    """Hold Ctrl-C back until the end of the outermost block.
 
     LLVM calls Python while it makes machine code. A KeyboardInterrupt in such a call would be lost, and numba would
-    raise a RuntimeError later, because the call did not store what it had to.
+    later raise a RuntimeError because of the incomplete call.
     """
     if threading.current_thread() is not threading.main_thread():
         yield  # Python runs handlers in the main thread only

@@ -1,4 +1,4 @@
-"""Look up the energy density of nonlinear laws in their tables."""
+"""Energy density of nonlinear laws by tables."""
 
 import math
 
@@ -7,13 +7,16 @@ import numpy as np
 from kohonen_adapt.kernels.arrays import DENSITY, RATE
 from kohonen_adapt.kernels.compilation import inner_kernel
 
-STEPS = 2048  # of a table of W in every octave of |grad u|^2
-LEAST_BEND = -0.4  # of rate / |grad u|^2: at -0.5 the field strength would not rise any more
+STEPS = 2048  # of a table in every octave of |grad u|^2
+LEAST_BEND = -0.4  # least d2W/ds2 as a fraction of (dW/ds) / s; at -0.5 the field strength is constant
 
 
 @inner_kernel
 def stored(laws, law, s):
-    """W, dW/ds and d2W/ds2 at s >= 0; the last to first order, for the steps of Newton's method."""
+    """Return W, dW/ds and d2W/ds2 at s = |grad u|^2 >= 0.
+
+    The second derivative is of first order only, for the steps of Newton's method.
+    """
     table = laws.table
     last = table.shape[1] - 1
     mantissa, exponent = math.frexp(s)
@@ -23,7 +26,7 @@ def stored(laws, law, s):
         rate, chord = table[law, 0, RATE], table[law, 0, DENSITY] / begin
         bend = (rate - chord) / begin
         return (2.0 * chord - rate + bend * s) * s, 2.0 * chord - rate + 2.0 * bend * s, 2.0 * bend
-    if octave >= last // STEPS or s == math.inf:  # of a flat triangle without bound
+    if octave >= last // STEPS or s == math.inf:  # gradients of a flat triangle are unbounded
         end = math.ldexp(0.5, laws.first + last // STEPS)
         return table[law, last, DENSITY] + table[law, last, RATE] * (s - end), table[law, last, RATE], 0.0
     place = (2.0 * mantissa - 1.0) * STEPS

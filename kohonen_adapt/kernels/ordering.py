@@ -1,4 +1,4 @@
-"""Order nodes along a space-filling curve, cut it into parts for threads, and sort training points by the parts."""
+"""Order of nodes along a space-filling curve, divided into parts for threads."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,15 +8,15 @@ from kohonen_adapt.kernels.compilation import kernel
 from kohonen_adapt.kernels.threads import even_cuts, shared
 
 BITS = 20  # per coordinate
-MARGIN = 0.0173  # of the extent of a mesh
-FEW = 2_000  # points that are not worth another thread
+MARGIN = 0.0173  # fraction of the extent of a mesh
+FEW = 2_000  # points per thread, at least
 
 
 def along_curve(points: Floats, margin: float = MARGIN) -> NDArray[np.int64]:
-    """The order of the rows of (k, 2) or (k, 3) along a space-filling curve, (k,).
+    """Return the order of points (k, 2) or (k, 3) along Hilbert's curve, shape (k,).
 
-    The square or cube that the curve fills is larger than need be by a `margin` of the extent, so that what halves it
-    again and again misses the nodes of regular meshes: rounding must not decide on which side of that a node lies.
+    The square or cube of the curve exceeds the extent of the points by `margin`, so that rounding errors do not decide
+    the order of nodes of regular meshes.
     """
     keys = np.empty(len(points), dtype=np.int64)
     # column by column, which is many times faster
@@ -32,7 +32,10 @@ def along_curve(points: Floats, margin: float = MARGIN) -> NDArray[np.int64]:
 
 
 def parts_along(order: NDArray[np.int32], rows: int, parts: int) -> NDArray[np.int32]:
-    """The part that each of so many rows belongs to, (rows,): even stretches of the order, in sequence; 0 elsewhere."""
+    """Return the part of each row, shape (rows,), by equal stretches of `order`.
+
+    Rows that are not in `order` are in part 0.
+    """
     part = np.zeros(rows, dtype=np.int32)
     part[order] = np.arange(len(order), dtype=np.int64) * parts // len(order)
     return part
@@ -40,7 +43,7 @@ def parts_along(order: NDArray[np.int32], rows: int, parts: int) -> NDArray[np.i
 
 @kernel
 def hilbert_keys(points, origin, size, keys):
-    """Compute how far along Hilbert's curve through the square at `origin` of this size points lie, (n,) int64."""
+    """Compute the positions (n,) of points along Hilbert's curve in a square."""
     cells = 1 << BITS
     for t in range(points.shape[0]):
         x = min(cells - 1, max(0, int((points[t, 0] - origin[0]) / size * cells)))
@@ -60,10 +63,10 @@ def hilbert_keys(points, origin, size, keys):
 
 @kernel
 def hilbert_keys_in_space(points, origin, size, keys):
-    """Compute how far along Hilbert's curve through the cube at `origin` of this size points lie, (n,) int64.
+    """Compute the positions (n,) of points along Hilbert's curve in a cube.
 
-    J. Skilling, "Programming the Hilbert curve", AIP Conf. Proc. 707 (2004): the bits of the coordinates are turned
-    back by the motions of the curve within each octant, from the greatest octants down, and read as a Gray code.
+    J. Skilling, "Programming the Hilbert curve", AIP Conf. Proc. 707 (2004): from the largest octants down, the bits of
+    the coordinates are transformed by the inverse motions of the curve in each octant, and read as a Gray code.
     """
     cells = 1 << BITS
     for t in range(points.shape[0]):
@@ -104,9 +107,9 @@ def hilbert_keys_in_space(points, origin, size, keys):
 
 @kernel
 def mark_deep(star, part, rings, deep, queue):
-    """Mark the nodes that have only nodes of their own part within so many rings, (n,).
+    """Mark the nodes (n,) surrounded by `rings` rings of nodes of the same part (n,).
 
-    `part` numbers the parts, (n,); `queue` (n,) is scratch.
+    `queue` (n,) is scratch.
     """
     last = 0
     for v in range(part.shape[0]):
@@ -133,10 +136,11 @@ def mark_deep(star, part, rings, deep, queue):
 
 @kernel
 def sort_into_tiles(winners, rank, deep, count, tiles, cuts, order):
-    """Sort training points by the tile of their winner, those with deep winners first.
+    """Sort training points by the tile of the winner, interior winners first.
 
-    Points ``order[cuts[i] : cuts[i + 1]]`` have deep winners in tile i, those from ``cuts[tiles + i]`` on the others.
-    The tiles cut the curve on which `rank` is the place of each of the `count` neurons.
+    The winners of ``order[cuts[i] : cuts[i + 1]]`` are in tile i, in the interior for i < tiles and otherwise not in
+    the interior of tile ``i - tiles``. Tiles are equal stretches of the curve, on which node v of `count` nodes has the
+    position ``rank[v]``.
     """
     for i in range(2 * tiles + 1):
         cuts[i] = 0
@@ -145,7 +149,7 @@ def sort_into_tiles(winners, rank, deep, count, tiles, cuts, order):
         cuts[rank[v] * tiles // count + (0 if deep[v] else tiles)] += 1
     for i in range(2 * tiles):
         cuts[i + 1] += cuts[i]
-    for t in range(winners.shape[0] - 1, -1, -1):  # from the end of every tile to its start
+    for t in range(winners.shape[0] - 1, -1, -1):  # backwards, so that points of a tile keep their order
         v = winners[t]
         i = rank[v] * tiles // count + (0 if deep[v] else tiles)
         cuts[i] -= 1
@@ -154,13 +158,11 @@ def sort_into_tiles(winners, rank, deep, count, tiles, cuts, order):
 
 @kernel
 def swap_each(order, one, other):
-    """Exchange entries of an order, pair after pair."""
     for i in range(one.shape[0]):
         order[one[i]], order[other[i]] = order[other[i]], order[one[i]]
 
 
 def shuffle(cuts: Ints, order: Ints, rng: np.random.Generator) -> None:
-    """Shuffle every stretch ``order[cuts[i] : cuts[i + 1]]`` by the method of Fisher and Yates."""
     count = np.maximum(np.diff(cuts) - 1, 0)
     stretch = np.repeat(np.arange(len(count)), count)
     one = cuts[stretch + 1] - 1 - (np.arange(len(stretch)) - (np.cumsum(count) - count)[stretch])

@@ -1,8 +1,8 @@
-"""Pass records of arrays to compiled loops by address.
+"""Records of arrays as arguments of compiled loops, passed by address.
 
-numba takes a tuple apart wherever it is named: a record of a dozen arrays is some 80 numbers in every call, and half of
-what there is to compile. A record that `record` marks goes by its address instead; its arrays are read where they are
-used. It is the caller's: kernels read its fields and can neither make a record nor return one.
+numba unpacks a tuple at every call: a record of a dozen arrays is some 80 numbers, and half of the code to compile. A
+class with the decorator `record` is passed by address instead. Kernels read the fields, but can neither create nor
+return a record.
 """
 
 from typing import Any, TypeVar
@@ -20,20 +20,17 @@ Record = TypeVar("Record", bound=type)
 
 
 class RecordType(types.Type):
-    """The type of a record: its class and the types of its fields."""
+    """Type of a record, defined by its class and the types of its fields."""
 
     def __init__(self, made_by: Any, fields: tuple[types.Type, ...]) -> None:
         self.made_by, self.fields = made_by, fields
         super().__init__(name=f"{made_by.__name__}({', '.join(map(str, fields))})")
 
     def place(self, name: str) -> int:
-        """Which field has that name."""
         return self.made_by._fields.index(name)
 
 
 def record(made_by: Record) -> Record:
-    """Let kernels take tuples of this class by their address."""
-
     @typeof_impl.register(made_by)
     def type_of(value: Any, context: Any) -> RecordType:
         return RecordType(made_by, tuple(typeof_impl(field, context) for field in value))
@@ -43,7 +40,7 @@ def record(made_by: Record) -> Record:
 
 @register_model(RecordType)
 class RecordModel(models.PrimitiveModel):
-    """A pointer to the fields one after the other, arrays as numba describes them."""
+    """Data model of a record as a pointer to the fields, with arrays as in numba."""
 
     def __init__(self, manager: Any, kind: RecordType) -> None:
         fields = [manager.lookup(field).get_value_type() for field in kind.fields]
@@ -52,7 +49,7 @@ class RecordModel(models.PrimitiveModel):
 
 @unbox(RecordType)
 def address_of(kind: RecordType, given: Any, c: Any) -> NativeValue:
-    """Describe the arrays of a record in memory of the call, which borrows them."""
+    """Return the address of a record on the stack of the call."""
     adapt = cgutils.get_or_insert_function(
         c.builder.module, ir.FunctionType(ir.IntType(32), [c.pyapi.pyobj, c.pyapi.voidptr]), "numba_adapt_ndarray"
     )
@@ -73,18 +70,20 @@ def address_of(kind: RecordType, given: Any, c: Any) -> NativeValue:
 
 @infer_getattr
 class RecordAttributes(AttributeTemplate):
-    """Fields have the types that the record's has."""
+    """Types of the fields of a record."""
 
     key = RecordType
 
     def generic_resolve(self, kind: RecordType, name: str) -> types.Type | None:
-        """The type of a field."""
         return kind.fields[kind.place(name)] if name in kind.made_by._fields else None
 
 
 @lower_getattr_generic(RecordType)
 def field_of(context: Any, builder: Any, kind: RecordType, address: Any, name: str) -> Any:
-    """Read a field; no store of a loop changes the record itself, which lets loads leave the loop."""
+    """Return a field of a record.
+
+    Loads are marked as invariant because no loop changes a record, so that LLVM moves them out of loops.
+    """
     number = kind.place(name)
     field, place = kind.fields[number], cgutils.gep_inbounds(builder, address, 0, number)
     if not isinstance(field, types.Array):

@@ -1,6 +1,6 @@
-"""Share work among threads, so that no result depends on their number.
+"""Distribution of work among threads, with results independent of their number.
 
-The kernels release Python's global lock, so plain threads run them side by side.
+Kernels release the global interpreter lock, so threads of Python run them in parallel.
 """
 
 import os
@@ -19,24 +19,28 @@ __all__ = ["LIGHT", "Nodes", "by_turns", "even_cuts", "number_of_threads", "shar
 Nodes = NDArray[np.int32]
 Result = TypeVar("Result")
 
-LIGHT = 15_000  # nodes or elements of a light loop are not worth another thread: to hand it over takes as long
-NODES = 50_000  # per compiled call: Python hears Ctrl-C at least every half second
+LIGHT = 15_000  # nodes or elements per thread of a light loop, at least, because starting a thread takes time
+NODES = 50_000  # per compiled call, so that Ctrl-C takes effect within half a second
 
-_pools: dict[int, ThreadPoolExecutor] = {}  # idle threads, the one thing that calls share; no result depends on them
+_pools: dict[int, ThreadPoolExecutor] = {}  # idle threads by number; no result depends on them
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_pools.clear)  # a fork does not take threads with it
+    os.register_at_fork(after_in_child=_pools.clear)  # a fork has no threads
 
 
 def even_cuts(count: int, least: int, multiple: int = 1) -> list[int]:
-    """Where to cut `count` things for the threads: evenly, at multiples, but into pieces of at least `least`."""
+    """Return the bounds of equal stretches of `count` items for the threads.
+
+    Bounds are multiples of `multiple`, and stretches have at least `least` items.
+    """
     pieces = max(1, min(number_of_threads(), count // least))
     return [0, *(i * count // pieces // multiple * multiple for i in range(1, pieces)), count]
 
 
 def shared(task: Callable[[int, int, int], Result], cuts: Sequence[int]) -> list[Result]:
-    """Call ``task(thread, cuts[i], cuts[i + 1])`` for every i, each in a thread of its own; the results in order.
+    """Call ``task(thread, cuts[i], cuts[i + 1])`` for every i in parallel.
 
-    The task must not care where the cuts are. Ctrl-C and exceptions come through when all threads are done.
+    Return the results in order. The results must not depend on the cuts. Ctrl-C and exceptions are raised after all
+    threads have finished.
     """
     spans = [(i, int(cuts[i]), int(cuts[i + 1])) for i in range(len(cuts) - 1)]
     if len(spans) == 1:
@@ -51,10 +55,10 @@ def shared(task: Callable[[int, int, int], Result], cuts: Sequence[int]) -> list
 
 
 def by_turns(task: Callable[[int, int], Result], count: int) -> list[Result]:
-    """Call ``task(thread, i)`` for every i below `count`, each by the first thread that is free; the results in order.
+    """Call ``task(thread, i)`` for every i below `count` in the next free thread.
 
-    What a task gives must depend on i alone. Ctrl-C and exceptions come through when no thread is at work any more, and
-    none takes a turn after them.
+    Return the results in order, which must depend on i alone. Ctrl-C and exceptions prevent further calls, and are
+    raised after all threads have finished.
     """
     turns, results = iter(range(count)), dict[int, Result]()
 
@@ -71,12 +75,12 @@ def by_turns(task: Callable[[int, int], Result], count: int) -> list[Result]:
 
 
 def shared_in_parts(task: Callable[[int, Nodes], float], order: Nodes, *ways: tuple[Nodes, NDArray[np.bool_]]) -> float:
-    """Call ``task(thread, nodes)`` for nodes in their order, part by part, and add up what it returns.
+    """Call ``task(thread, nodes)`` for nodes in order by parts, and add the results.
 
-    `ways` of cutting nodes into parts are the part of each, (n,), and whether it is deep there, so that all neighbours
-    are of its part. Threads take the parts of one way side by side, in each the nodes that are deep; those that are so
-    in no way come last. What a task does to a node must depend on the neighbours alone: then nothing depends on the
-    number of threads.
+    Each of `ways` is a partition: the part of every node, shape (n,), and the mask of interior nodes, whose neighbours
+    are in the same part. For each partition in turn, threads process the interior nodes of the parts in parallel; nodes
+    interior to no partition follow at the end. The work on a node must depend on its neighbours alone, so that the
+    result does not depend on the number of threads.
     """
     gains = list[float]()
     for part, deep in ways:

@@ -1,1 +1,1 @@
-"""What is asked of a problem, and how its answers are checked."""
+"""Interface of a problem, and validation of the values that a problem returns."""

@@ -1,4 +1,4 @@
-"""Differentiate a Ritz functional by the coefficients of a function on elements."""
+"""Derivatives of a Ritz functional with respect to the coefficients of elements."""
 
 from typing import NamedTuple
 
@@ -15,20 +15,20 @@ from kohonen_adapt.problem.tables import flux_table, looked_up, source_at
 
 __all__ = ["Derivatives", "derivatives_in_space", "derivatives_on"]
 
-ROWS = 20_000  # elements at once, to bound the memory
-MARGIN = 3.0  # times the difference between a flux's mean and its value in the middle
+ROWS = 20_000  # elements per block, to limit the memory
+MARGIN = 3.0  # factor of the difference between the mean of a flux and its value at the centre
 
 
 class Derivatives(NamedTuple):
-    """Derivatives by the coefficients of elements, shape (m, functions)."""
+    """Derivatives with respect to the coefficients of elements, shape (m, functions)."""
 
     total: Floats
     size: Floats  # sum of the magnitudes of the terms
-    doubt: Floats  # by how much other quadrature rules may differ where a source or flux is a function
+    doubt: Floats  # uncertainty by the choice of quadrature rule if source or flux is a function
 
 
 def derivatives_on(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, bend: Floats) -> Derivatives:
-    """Return the derivatives on triangles with corners and displacements of shape (m, 3, 2)."""
+    """Return the derivatives on triangles with corners and midside offsets (m, 3, 2)."""
     found = Derivatives(*np.zeros((3, *coefficients.shape)))
     kind = kinds_at_axis(corners[:, :, 0]) if ritz.axisymmetric else np.where(np.any(bend, axis=(1, 2)), 0, -1)
     for one, law, rows in alike(kind, number, ritz):
@@ -42,7 +42,7 @@ def derivatives_on(corners: Floats, coefficients: Floats, number: Ints, ritz: Ri
 def _of_kind(
     corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, bend: Floats, kind: int, law: bool
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the derivatives on elements of one kind, -1 for straight triangles in the plane."""
+    """Return the derivatives on elements of one kind, -1 for straight triangles."""
     points, at = by_points(ritz.order, law), law_reference(ritz.order) if law else exact_reference(ritz.order)
     weight, slope = (at.weight, at.slope) if kind < 0 else (points.weight[kind], points.slope[kind])
     columns, x = np.einsum("id,mic->dcm", HAT_SLOPES, corners)[:, :, None], np.ones(())
@@ -82,7 +82,7 @@ def _of_kind(
 def loads(
     corners: Floats, bend: Floats, number: Ints, ritz: Ritz, kind: int, points: Points, doubled: Floats
 ) -> Floats:
-    """Return the integrals of a varying source times functions on elements of one kind, (m, functions)."""
+    """Return the integrals of source times functions of elements, (m, functions)."""
     if kind < 0 and callable(ritz.source):
         share, weight = source_points(ritz.order)
         source = source_at(np.einsum("qk,mkd->dqm", share, corners), number, ritz.source)
@@ -97,7 +97,10 @@ def loads(
 
 
 def secants(gradient: Floats, x: Floats, number: Ints, ritz: Ritz) -> Floats:
-    """Return the secant coefficients for gradients of shape (d, points, m), at distances x from an axis."""
+    """Return the secant coefficients H(b) / b for gradients (d, points, m).
+
+    Around an axis `x` contains the distances of the points from the axis.
+    """
     secant = np.broadcast_to(looked_up(np.asarray(ritz.coefficient), number) / x, gradient.shape[1:]).copy()
     far = np.broadcast_to(x, secant.shape)
     for place, law in enumerate(ritz.laws):
@@ -109,7 +112,7 @@ def secants(gradient: Floats, x: Floats, number: Ints, ritz: Ritz) -> Floats:
 
 
 def derivatives_in_space(corners: Floats, values: Floats, number: Ints, ritz: Ritz) -> Derivatives:
-    """Return the derivatives on tetrahedra with corners (3, 4, m) by their values (4, m)."""
+    """Return the derivatives on tetrahedra with corners (3, 4, m) and values (4, m)."""
     hats, volume = TETRAHEDRON.hat_gradients(corners), np.abs(TETRAHEDRON.determinant(corners)) / 6.0
     gradient = np.einsum("dkm,km->dm", hats, values)
     field = secants(gradient[:, None], np.ones(()), number, ritz)[0] * gradient

@@ -1,4 +1,4 @@
-"""Work out the value of a Ritz functional, on triangles and on tetrahedra."""
+"""Value of a Ritz functional on triangles and tetrahedra."""
 
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -42,18 +42,17 @@ __all__ = [
     "value_on",
 ]
 
-DEGREE_IN_SPACE = 7  # of the rule for a varying source on tetrahedra; that of 6 has points on faces
+DEGREE_IN_SPACE = 7  # of the quadrature of a source on tetrahedra; the rule of degree 6 has points on faces
 
 
 def integrated(ritz: Ritz) -> Reference:
-    """Return the functions of the elements at the points of the functional, which are exact without laws."""
     return joined_reference(ritz.order) if any(ritz.laws) else exact_reference(ritz.order)
 
 
 def alike(kind: Ints, number: Ints, ritz: Ritz) -> Iterator[tuple[int, bool, Ints]]:
-    """Yield the elements that are integrated at the same points as (kind, whether they have a law, their rows)."""
+    """Yield kind, True if nonlinear, and rows of the elements with a common rule."""
     lawful = np.zeros(len(number), dtype=np.bool_)
-    if ritz.laws and (ritz.order > 1 or ritz.axisymmetric):  # else gradients are constant, and one point is enough
+    if ritz.laws and (ritz.order > 1 or ritz.axisymmetric):  # otherwise gradients are constant, and one point suffices
         lawful = np.array([law is not None for law in ritz.laws])[number]
     for one in np.unique(kind):
         for law in (False, True):
@@ -63,12 +62,9 @@ def alike(kind: Ints, number: Ints, ritz: Ritz) -> Iterator[tuple[int, bool, Int
 
 
 def functional_value(mesh: Mesh, ritz: Ritz) -> float:
-    """The functional of the solution on its own mesh, its dual's included, or an error if that is another one.
+    """Return the functional of the solution on its mesh, the dual included.
 
-    Raises
-    ------
-    ValueError
-        If it is of another mesh, or on tetrahedra has something that is for the plane only.
+    Raises ValueError if the functional belongs to another mesh, or on tetrahedra has terms that are for the plane only.
     """
     if mesh.dim() == TETRAHEDRON.dim:
         if unknown_in_space(ritz):
@@ -95,9 +91,10 @@ def _value_of_part(mesh: MeshTri, ritz: Ritz) -> float:
 
 
 def value_on(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, bend: Floats | None = None) -> float:
-    """The functional on elements with these corners (m, 3, 2), coefficients (m, functions) and region numbers (m,).
+    """Return the functional on triangles with corners (m, 3, 2).
 
-    Their sides are bent so much, (m, 3, 2); with a curved one, and around an axis, they are integrated `by_points`.
+    `coefficients` has shape (m, functions), `number` contains the region numbers (m,), and `bend` the midside offsets
+    (m, 3, 2). Elements with curved sides or around an axis are integrated by the rules of `by_points`.
     """
     bend = np.zeros_like(corners) if bend is None else bend
     special = np.any(bend != 0.0, axis=(1, 2)) | ritz.axisymmetric
@@ -127,7 +124,6 @@ def _plain_value(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz
 def _value_by_points(
     corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, bend: Floats, kind: int, points: Points
 ) -> float:
-    """Return the functional on elements of one kind with curved sides, or around an axis."""
     doubled, x, value, slope = fields_at(points, kind, corners, bend, coefficients)
     density = _density(slope, x if ritz.axisymmetric else 1.0, corners, number, ritz)
     density -= source_on(points, kind, corners, bend, number, ritz) * value
@@ -135,7 +131,7 @@ def _value_by_points(
 
 
 def value_in_space(corners: Floats, values: Floats, number: Ints, ritz: Ritz) -> float:
-    """The functional on tetrahedra with these corners (3, 4, m), values there (4, m) and region numbers (m,)."""
+    """Return the functional on tetrahedra with corners (3, 4, m) and values (4, m)."""
     slope = np.einsum("dkm,km->dm", TETRAHEDRON.hat_gradients(corners), values)
     six, density = np.abs(TETRAHEDRON.determinant(corners)), density_in_space(slope, number, ritz)
     if callable(ritz.source):
@@ -146,7 +142,7 @@ def value_in_space(corners: Floats, values: Floats, number: Ints, ritz: Ritz) ->
 
 
 def loads_in_space(corners: Floats, number: Ints, source: Callable[[Floats, Ints], ArrayLike]) -> Floats:
-    """Return the integrals of a varying source times the functions of tetrahedra with corners (3, 4, m), (4, m).
+    """Return the integrals of source times functions of tetrahedra, shape (4, m).
 
     The rule is exact for a source that is a polynomial of degree 6.
     """
@@ -159,7 +155,7 @@ def loads_in_space(corners: Floats, number: Ints, source: Callable[[Floats, Ints
 
 
 def density_in_space(slope: Floats, number: Ints, ritz: Ritz) -> Floats:
-    """What is integrated of gradients (3, m) in regions of these numbers, but for the source, (m,)."""
+    """Return the integrand without the source for gradients (3, m), shape (m,)."""
     square = np.sum(slope**2, axis=0)
     density = 0.5 * looked_up(np.asarray(ritz.coefficient), number) * square
     for k, law in enumerate(ritz.laws):
@@ -172,7 +168,10 @@ def density_in_space(slope: Floats, number: Ints, ritz: Ritz) -> Floats:
 
 
 def _density(slope: Floats, x: Floats | float, corners: Floats, number: Ints, ritz: Ritz) -> Floats:
-    """What is integrated of gradients (2, points, m), but for the source, (points, m); around an axis at those x."""
+    """Return the integrand without the source for gradients (2, points, m).
+
+    Around an axis `x` contains the distances of the points from the axis.
+    """
     flux_x, flux_y = flux_on(corners, number, ritz)
     stored = 0.5 * looked_up(np.asarray(ritz.coefficient), number) * np.sum(slope**2, axis=0) / x
     far = np.broadcast_to(x, stored.shape)
@@ -184,7 +183,7 @@ def _density(slope: Floats, x: Floats | float, corners: Floats, number: Ints, ri
 
 
 def flux_on(corners: Floats, number: Ints, ritz: Ritz) -> Floats:
-    """The mean flux over elements, (2, m), or a constant (2,)."""
+    """Return the mean flux of every element, shape (2, m), or a constant, shape (2,)."""
     if callable(ritz.flux):
         return flux_at(inner_points(corners.transpose(2, 1, 0)), number, ritz.flux).mean(axis=1)
     return np.stack([looked_up(part, number) for part in flux_table(np.asarray(ritz.flux), 2)])
@@ -192,16 +191,16 @@ def flux_on(corners: Floats, number: Ints, ritz: Ritz) -> Floats:
 
 @cache
 def source_points(order: int) -> tuple[Floats, Floats]:
-    """Return barycentric coordinates (points, 3) and weights, 1 in sum, at which a varying source is evaluated.
+    """Return barycentric coordinates (points, 3) and weights for a source.
 
-    The rule is exact for a source that is a polynomial of degree order + 4.
+    The sum of the weights is 1. The rule is exact for a source that is a polynomial of degree order + 4.
     """
     points, weight = get_quadrature(ElementTriP1, 2 * order + 4)
     return np.stack([1.0 - points.sum(axis=0), *points], axis=1), 2.0 * weight
 
 
 def source_on(points: Points, kind: int, corners: Floats, bend: Floats, number: Ints, ritz: Ritz) -> Floats:
-    """Return the source at the points of elements of one kind, (points, m), or a constant for each element."""
+    """Return the source at the points of elements, shape (points, m), or by element."""
     if not callable(ritz.source):
         return looked_up(np.asarray(ritz.source), number)
     x = np.einsum("qk,mkd->dqm", points.share[kind], corners)

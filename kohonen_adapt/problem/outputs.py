@@ -1,4 +1,4 @@
-"""Evaluate what a user wants to know of every solution: functions by name, checked, and whether they have settled."""
+"""User-defined outputs of a solution, their validation and their convergence."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -13,13 +13,6 @@ Output = Callable[[Any], float]
 
 
 def check_outputs(outputs: Any, output_rtol: Any) -> dict[str, Output]:
-    """The outputs as a dict of their own; none for None.
-
-    Raises
-    ------
-    ValueError
-        If they are no mapping of names to functions, or `output_rtol` is no finite number >= 0 or has no outputs.
-    """
     if outputs is not None and not isinstance(outputs, Mapping):
         raise ValueError(f"outputs must map names to functions of the solution, or be None; got {outputs!r}.")
     for name, function in (outputs or {}).items():
@@ -34,13 +27,6 @@ def check_outputs(outputs: Any, output_rtol: Any) -> dict[str, Output]:
 
 
 def output_value(name: str, function: Output, solution: Any) -> float:
-    """The value of one output for a solution.
-
-    Raises
-    ------
-    ValueError
-        If it is not one finite real number.
-    """
     value = np.asarray(function(solution))
     if value.dtype.kind not in "iuf":
         raise ValueError(f"outputs[{name!r}] must return a real number; got {value.dtype}.")
@@ -55,5 +41,5 @@ def output_value(name: str, function: Output, solution: Any) -> float:
 
 
 def have_settled(before: Mapping[str, float], after: Mapping[str, float], tolerance: float) -> bool:
-    """Whether no output has changed by more than that fraction of what it was."""
+    """Return True if no output changed by more than the fraction `tolerance`."""
     return all(abs(after[name] - value) <= tolerance * abs(value) for name, value in before.items())

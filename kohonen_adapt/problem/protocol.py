@@ -1,4 +1,4 @@
-"""What the loop asks of a problem, and the answers checked."""
+"""Interface of a problem, and validation of the values that a problem returns."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
@@ -56,16 +56,16 @@ METHODS = {
     "improved": "mesh, solution, outputs",
 }
 
-SAME = 1e-4  # of the largest indicator: what a nonlinear solution may owe to where it was started from
+SAME = 1e-4  # of the largest indicator: allowed effect of the start values of a nonlinear solver
 
 
 class NotOffered(Exception):
-    """An optional method of a problem has nothing to give: `ritz`, `energy_norm` and others raise this.
+    """Exception for an optional method, such as `ritz`, that does not apply.
 
     Parameters
     ----------
     reason
-        Why, as the end of a sentence: "its elements are of order 2".
+        Reason, as the end of a sentence: "its elements are of order 2".
 
     Examples
     --------
@@ -80,114 +80,104 @@ class NotOffered(Exception):
 
 
 class Problem(Protocol):
-    """Anything with these two methods can be adapted.
+    """Interface of a problem that can be adapted.
 
-    It may offer more, each used where present: ``order`` (degree of the elements, 1), ``norm`` (in which the error is
-    to be small: "energy" or "L2"), ``solve_from(mesh, old_mesh, old_solution)`` (a warm start, called in place of
-    ``solve`` on every mesh but the first), ``energy_norm(mesh, solution) -> float`` and
-    ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, the functional that the solution minimises; ``pairs``, its periodic
-    and antiperiodic boundaries as pairs, as ``Rules.periodic`` has them; ``points``, names to places (2, n) where the
-    mesh has nodes that must stay; ``curves(mesh)``, curves of boundaries by name that it knows of, for
-    ``Rules.curves``. A method that a class has for some of its problems only raises `NotOffered` for the others, with
-    the reason.
+    The methods ``solve`` and ``indicators`` are required. All others are optional:
 
-    ``curved`` says whether the problem is solved on elements with bent sides: True asks for a ``skfem.MeshTri2`` where
-    an outline is curved, with mid-side nodes on the curve (`MeshTri` where none is), False for a ``skfem.MeshTri``.
-    Without it the problem gets what `adapt` was given; of order 1 a ``skfem.MeshTri`` in any case where it says one.
+    ============================================  ====================================================================
+    Optional name                                 Meaning
+    ============================================  ====================================================================
+    ``order = 1``                                 degree of the elements, 1 to 4
+    ``norm = "energy"``                           norm of the error to reduce, "energy" or "L2"
+    ``calibrated = False``                        True if the estimate is close to the error, see below
+    ``curved = None``                             True for curved sides, False for straight sides, see below
+    ``pairs = ()``                                periodic and antiperiodic boundaries, see ``Rules.periodic``
+    ``points = {}``                               positions (2, n) of nodes that must not move, by name
+    ``curves(mesh)``                              curves of boundaries by name, see ``Rules.curves``
+    ``solve_from(mesh, old_mesh, old_solution)``  warm start, called instead of ``solve`` except for the first mesh
+    ``energy_norm(mesh, solution)``               energy norm of the solution, a float
+    ``ritz(mesh, solution)``                      functional that the solution minimises, a `Ritz`; the polish needs it
+    ``goal(solution)``                            value of a goal, a float, see below
+    ``goal_error(solution)``                      estimated signed error of the goal, a float, see below
+    ``goal_unit = ""``                            unit of the goal
+    ``improved(mesh, solution, outputs)``         more accurate values of the outputs by name, for example from elements
+                                                  of a higher degree
+    ============================================  ====================================================================
 
-    ``improved(mesh, solution, outputs)`` has better values of these functions of a solution, by name: from elements of
-    a higher degree on the same mesh, for instance. Where a run has stalled, it is asked once, and `message` says which
-    outputs are worse than the input's.
+    A method that does not apply to all problems of a class raises `NotOffered` with the reason.
 
-    ``goal(solution) -> float`` and ``goal_error(solution) -> float`` together say that the indicators are those of a
-    goal, so that the sum of their squares is an error of the goal in its unit, ``goal_unit`` (""). Tables, files and
-    reports show value, estimated error and their sum; ``goal_error`` is called once, for the result.
+    The problem gets a ``skfem.MeshTri`` if ``curved`` is False, and a ``skfem.MeshTri2`` if ``curved`` is True and a
+    boundary or interface is curved, with midside nodes on the curve. None keeps the type of the input mesh. At order 1,
+    True is treated as False.
 
-    ``calibrated`` (False) says that the root of the sum of the squared indicators is near the error itself, say within
-    30 %, on adapted meshes, too, whose elements are stretched. Then tables, pictures and reports show it as a share of
-    ``energy_norm`` and call it "Energy-norm error %"; otherwise "indicator", because its size is not known.
-    `kohonen_adapt.estimators.recovery` (0.9 to 1.1 times the error of a linear problem) and ``equilibrated``
-    (1.04 to 1.3 times, a bound) are such estimates as they are. ``residual`` is 3 to 4 times the error on good elements
-    and up to 7 on stretched ones, so no factor makes it one. To vouch for another, solve a problem whose solution is
-    known, adapt, and compare, as `python -m benchmarks effectivity` does.
+    ``goal`` and ``goal_error`` together mean that the indicators belong to a goal, and that the sum of their squares is
+    an error of the goal in the unit ``goal_unit``. Tables, files and reports show the value, the estimated error and
+    the sum of both. ``goal_error`` is called once, for the result.
+
+    ``improved`` is called once if a run has stalled, and the message of the result lists the outputs that are less
+    accurate than on the input.
+
+    ``calibrated`` is True if the root of the sum of the squared indicators is close to the error, within about 30 %,
+    also on adapted meshes with stretched elements. Tables, pictures and reports then show the estimate as a percentage
+    of ``energy_norm``, under the title "Energy-norm error %", and otherwise as "indicator". The estimates of
+    `kohonen_adapt.estimators.recovery` (0.9 to 1.1 times the error of a linear problem) and ``equilibrated`` (1.04 to
+    1.3 times, an upper bound) are calibrated. ``residual`` is 3 to 4 times the error on good elements and up to 7 times
+    on stretched elements, so that no factor makes it calibrated. To check another estimate, adapt a problem with a
+    known solution and compare, as `python -m benchmarks effectivity` does.
     """
 
     def solve(self, mesh: Mesh) -> Any:
-        """Solve on the mesh; the solution may be of any type."""
+        """Return the solution on the mesh, of any type."""
 
     def indicators(self, mesh: Mesh, solution: Any) -> ArrayLike:
-        """Error indicators of the energy norm, unsquared, (nelements,)."""
+        """Return unsquared error indicators in the energy norm, shape (nelements,)."""
 
 
 def order_of(problem: Problem) -> int:
-    """Degree of the problem's elements, 1 where it does not say."""
     return getattr(problem, "order", 1)
 
 
 def norm_of(problem: Problem) -> str:
-    """Norm in which the problem wants the error to be small, "energy" where it does not say."""
     return getattr(problem, "norm", "energy")
 
 
 def has_functional(problem: Problem) -> bool:
-    """Whether there is something for the polish to lower, as far as can be told before it is solved."""
     return norm_of(problem) == "energy" and offers(problem, "ritz")
 
 
 def is_calibrated(problem: Problem) -> bool:
-    """Whether the problem vouches for the scale of its indicators, False where it does not say."""
     return getattr(problem, "calibrated", False)
 
 
 def is_curved(problem: Problem) -> bool | None:
-    """Whether the problem wants bent sides on curved outlines, not with elements of order 1; None where it does not
-    say.
-    """
+    """Return True for curved sides, False for straight sides, None for either."""
     wanted = getattr(problem, "curved", None)
     return wanted and order_of(problem) > 1 if isinstance(wanted, bool) else wanted
 
 
 def improved(problem: Problem, mesh: Mesh, solution: Any, outputs: Mapping[str, Any]) -> dict[str, float]:
-    """Better values of functions of the solution that `solve` returned for the mesh, by name.
-
-    Raises
-    ------
-    NotOffered
-        If the problem has none.
-    """
     return offered(problem, "improved")(mesh, solution, outputs)
 
 
 def goal_of(problem: Problem, solution: Any) -> float | None:
-    """Return the value of the problem's goal, None for a problem without a goal and its error."""
     if not (offers(problem, "goal") and offers(problem, "goal_error")):
         return None
     return float(problem.goal(solution))  # type: ignore[attr-defined]
 
 
 def goal_error_of(problem: Problem, solution: Any) -> float:
-    """Return the estimated error of the goal with its sign, for a problem that has one."""
     return float(problem.goal_error(solution))  # type: ignore[attr-defined]
 
 
 def goal_unit_of(problem: Problem) -> str:
-    """Return the unit of the problem's goal, empty for a problem that states none."""
     return str(getattr(problem, "goal_unit", ""))
 
 
 def pairs_of(problem: Problem) -> Sequence[Pair]:
-    """Pairs of boundaries on which the problem's solution is periodic or antiperiodic, none where it does not say."""
     return getattr(problem, "pairs", None) or ()
 
 
 def nodes_held(problem: Problem, mesh: Mesh) -> list[int]:
-    """Nodes of the mesh that must stay where they are, those at the problem's points.
-
-    Raises
-    ------
-    ValueError
-        If the points are no mapping of names to places, or the mesh has no node at one of them.
-    """
     points = getattr(problem, "points", None) or {}
     if not isinstance(points, Mapping):
         raise ValueError(f"points of the problem must be {ATTRIBUTES['points']}; got {points!r}.")
@@ -196,14 +186,7 @@ def nodes_held(problem: Problem, mesh: Mesh) -> list[int]:
 
 
 def check_names(problem: Problem) -> None:
-    """Refuse a problem that has something else under a name of the protocol.
-
-    Raises
-    ------
-    ValueError
-        If an attribute is a method, or a method none, or if ``order``, ``norm``, ``calibrated`` or ``curved`` is
-        unknown.
-    """
+    """Raise ValueError for an attribute or method with an invalid type or value."""
     kind = type(problem).__name__
     for name, wanted in ATTRIBUTES.items():
         if callable(getattr(problem, name, None)):
@@ -231,13 +214,6 @@ def check_names(problem: Problem) -> None:
 
 
 def check_problem(problem: Problem, rtol: float | None) -> None:
-    """Refuse a problem that the loop cannot use, before anything is solved.
-
-    Raises
-    ------
-    ValueError
-        If a method is missing (``energy_norm`` too, where there is an `rtol`), or as `check_names` says.
-    """
     kind = type(problem).__name__
     missing = [name for name in ("solve", "indicators") if not offers(problem, name)]
     if missing:
@@ -254,19 +230,15 @@ def check_problem(problem: Problem, rtol: float | None) -> None:
 
 
 def solve(problem: Problem, mesh: Mesh, old_mesh: Mesh | None = None, old_solution: Any = None) -> Any:
-    """Solve, from the old solution where there is one and the problem offers ``solve_from``."""
     if old_mesh is not None and offers(problem, "solve_from"):
         return problem.solve_from(mesh, old_mesh, old_solution)  # type: ignore[attr-defined]
     return problem.solve(mesh)
 
 
 def estimate(problem: Problem, mesh: Mesh, solution: Any) -> Floats:
-    """The problem's indicators (nelements,), as a copy: a problem may write the next ones into the same array.
+    """Return a copy of the indicators, shape (nelements,).
 
-    Raises
-    ------
-    ValueError
-        If they have another shape, or are not finite numbers >= 0.
+    Raises ValueError for another shape, and for values that are not finite numbers >= 0.
     """
     values = as_reals("indicators of the problem", problem.indicators(mesh, solution), {"nelements": mesh.t.shape[1]})
     _check_values(values, np.isfinite(values), "finite; check the solution")
@@ -277,12 +249,9 @@ def estimate(problem: Problem, mesh: Mesh, solution: Any) -> Floats:
 
 
 def solve_again(problem: Problem, mesh: Mesh, indicators: Floats) -> Any:
-    """Solve a mesh that was solved before, in another process.
+    """Return the solution on a mesh that an earlier process solved.
 
-    Raises
-    ------
-    ValueError
-        If its indicators (nelements,) are no longer those of before, so that it is another problem.
+    Raises ValueError if the indicators (nelements,) differ, which means another problem.
     """
     solution = problem.solve(mesh)
     off = float(np.abs(estimate(problem, mesh, solution) - indicators).max())
@@ -295,12 +264,9 @@ def solve_again(problem: Problem, mesh: Mesh, indicators: Floats) -> Any:
 
 
 def energy_norm(problem: Problem, mesh: Mesh, solution: Any, rtol: float | None = None) -> float | None:
-    """The problem's energy norm of the solution, or None where it offers none.
+    """Return the energy norm of the solution, or None if the problem has no norm.
 
-    Raises
-    ------
-    ValueError
-        If it is not a finite number >= 0, or there is none though there is an `rtol`.
+    Raises ValueError if the norm is no finite number >= 0, or is missing although `rtol` is given.
     """
     try:
         value = float(offered(problem, "energy_norm")(mesh, solution))
@@ -314,19 +280,13 @@ def energy_norm(problem: Problem, mesh: Mesh, solution: Any, rtol: float | None 
 
 
 def without_norm(reason: object) -> ValueError:
-    """The error of an `rtol` for a problem that has no energy norm, for this reason."""
     return ValueError(f"rtol needs the energy norm of the problem, but {reason}: use atol instead.")
 
 
 def ritz_of(problem: Problem, mesh: Mesh, solution: Any) -> Ritz:
-    """The problem's functional with the solution that `solve` returned for the mesh.
+    """Return the functional of the problem with its solution.
 
-    Raises
-    ------
-    NotOffered
-        If it has none, or one of another order than its own.
-    ValueError
-        If it is no `Ritz`.
+    Raises NotOffered if the problem has no functional of its order, and ValueError if the type is wrong.
     """
     try:
         method = offered(problem, "ritz")
@@ -343,13 +303,11 @@ def ritz_of(problem: Problem, mesh: Mesh, solution: Any) -> Ritz:
 
 
 def has_several_per_node(mesh: Mesh, solution: Any) -> bool:
-    """Return True if a solution is an array of more unknowns than one per node, and of no scalar elements."""
     size = np.size(solution) if isinstance(solution, np.ndarray) else 0
     return size >= 2 * mesh.nvertices and size not in {count_unknowns(mesh, order) for order in (1, 2, 3, 4)}
 
 
 def curves_of(problem: Problem, mesh: Mesh, given: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
-    """The curves given for boundaries, and those that the problem itself knows of, its ``curves(mesh)``."""
     tell = getattr(problem, "curves", None)
     if not callable(tell) or not (given is None or isinstance(given, Mapping)):
         return given
@@ -360,17 +318,13 @@ def curves_of(problem: Problem, mesh: Mesh, given: Mapping[str, Any] | None) -> 
 
 
 def offers(problem: Problem, name: str) -> bool:
-    """Whether a problem has a method of that name."""
     return callable(getattr(problem, name, None))
 
 
 def offered(problem: Problem, name: str) -> Callable[..., Any]:
-    """The method of that name, called with a mesh and its solution.
+    """Return a method of the problem.
 
-    Raises
-    ------
-    NotOffered
-        If the problem has none; for the reason that its AttributeError gives, where its class has one.
+    Raises NotOffered for a missing method, with the message of the AttributeError if the class has the method.
     """
     reason = f"{type(problem).__name__} has no method {name}(mesh, solution)"
     try:

@@ -1,4 +1,4 @@
-"""The Ritz functional of a problem as its user states it, with the solution that belongs to it."""
+"""Ritz functional of a problem, with its finite element solution."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -54,99 +54,99 @@ SYNONYMS = {
 
 @dataclass(frozen=True, eq=False)
 class Ritz:
-    """The functional that the exact solution minimises, and a solution of it by elements of order 1 to 3.
+    """Ritz functional of a problem, with its finite element solution of order 1 to 3.
 
-    ``Pi(u) = int coefficient / 2 |grad u|^2 - source u - flux . grad u``, of which
-    ``-div(coefficient grad u - flux) = source`` is the Euler equation; where no value is fixed the natural boundary
-    condition holds. What a problem's ``ritz(mesh, solution)`` returns. Nonlinear material has ``W(|grad u|)``, with
-    ``W(b) = int_0^b H db`` of a law H, in place of ``coefficient / 2 |grad u|^2``.
+    The functional is ``Pi(u) = int coefficient / 2 |grad u|^2 - source u - flux . grad u``. Its Euler equation is
+    ``-div(coefficient grad u - flux) = source``, with the natural boundary condition wherever no value is fixed. For a
+    nonlinear material with the law H, ``W(|grad u|)`` with ``W(b) = int_0^b H db`` replaces ``coefficient / 2 |grad
+    u|^2``. A problem's method ``ritz(mesh, solution)`` returns a `Ritz`.
 
-    Around an axis x = 0, of u = x A with a field that turns with the angle,
-    ``Pi(u) = int coefficient / (2 x) |grad u|^2 - source u - flux . grad u``, with laws ``x W(|grad u| / x)``. There u
-    is 0 on the axis and falls like x^2: in an element with corners there, functions of the elements are multiplied by
-    ``s = 1 - sum of the barycentric coordinates of these corners``, which is 1 where the next element begins and, on a
-    side that ends at the axis, the same in both its elements. Those that are 0 on all such sides fall like x^2 as they
-    are, where only a corner is on the axis, and stay so. The integrals are finite, and u is admissible: the functional
-    bounds the exact one from above.
+    Around an axis x = 0, with u = x A for a field A in azimuthal direction, the functional is ``Pi(u) = int coefficient
+    / (2 x) |grad u|^2 - source u - flux . grad u``, with laws ``x W(|grad u| / x)``. There u is 0 on the axis and
+    decreases like x^2. Hence in an element with corners on the axis the functions are multiplied by s, which is 1 minus
+    the sum of the barycentric coordinates of these corners. The factor is 1 at the opposite side or corner and, on a
+    side that ends at the axis, equal in both elements. Functions that vanish on all sides ending at the axis are not
+    multiplied if only a corner is on the axis, because they decrease like x^2 already. The integrals are finite and u
+    is admissible, so the functional is an upper bound of the exact one.
 
-    On tetrahedra the elements are of order 1, and there is no axis, no Robin condition, no dual and no sign.
+    On tetrahedra the order is 1, without axis, Robin conditions, dual and signs.
 
     Parameters
     ----------
     values
-        (nunknowns,): values of the solution, in the order of scikit-fem's `ElementTriP1`, `ElementTriP2` or
-        `ElementTriP3` on the mesh: of order 1 at the nodes, (nnodes,).
+        Values of the solution, shape (nunknowns,), in the order of scikit-fem's `ElementTriP1`, `ElementTriP2` or
+        `ElementTriP3` on the mesh. At order 1 these are the values at the nodes, shape (nnodes,).
     fixed
-        (nunknowns,) bool: which of these are given (Dirichlet).
+        Mask of the Dirichlet values, shape (nunknowns,).
     coefficient
-        > 0: a constant, or one value per region number, (nregions,).
+        Positive constant, or one value per region number, shape (nregions,).
     source
-        A constant, or one value per region number, (nregions,). Where it varies inside regions, a function of x (2, n)
-        or (3, n) and the region numbers there (n,) that returns (n,), smooth in each region. A quadrature rule of
-        degree 2 order + 4 integrates it, on tetrahedra of degree 7, with points inside elements. The loops of the
-        polish on tetrahedra have one value around each node in each region, its weighted mean; the functional by the
-        rule decides whether a sweep or a recycling stays. There a function counts as a source that ends at every curved
-        surface. In the plane a flux that is a function has no polish beside it.
+        Constant, or one value per region number, shape (nregions,). A source that varies inside regions is a function
+        of x, shape (2, n) or (3, n), and of the region numbers there, shape (n,), that returns shape (n,) and is smooth
+        in each region. The quadrature rule inside elements has degree 2 order + 4, on tetrahedra degree 7. On
+        tetrahedra the polish uses one weighted mean around each node in each region, and accepts a sweep or a recycling
+        by the functional with the full rule; a source function is treated as ending at every curved surface. On
+        triangles the polish does not accept functions for both source and flux.
     flux
-        0.0 for none; a constant (2,), or one per region number, (2, nregions); of a magnet ``nu (-Br_y, Br_x)``. On
-        tetrahedra it has three components. Where it varies inside regions of a mesh in the plane, a function of x
-        (2, n) and the region numbers there (n,) that returns (2, n), smooth in each: an element has the mean over three
-        points (half-way from its middle to its corners).
+        0.0 for none, a constant, shape (2,), or one per region number, shape (2, nregions). The flux of a magnet is
+        ``nu (-Br_y, Br_x)``. On tetrahedra there are three components. On triangles, a flux that varies inside regions
+        is a function of x, shape (2, n), and of the region numbers there, shape (n,), that returns shape (2, n) and is
+        smooth in each region. Elements use the mean over three points, half-way between centre and corners.
     region
-        (nelements,) of integers >= 0: the number that each element looks its constants up by. None where there are no
-        tables to look up. The constants must not change inside a region of the mesh, a connected set of elements that
-        carry the same subdomain names; a flux that does is a function.
+        Integers >= 0 by which elements look up their constants, shape (nelements,). None without tables. The constants
+        must not change inside a region of the mesh, which is a connected set of elements with the same subdomain names;
+        a flux that changes there is a function.
     laws
-        None or a law per region number, (nregions,); a law is an object with the methods ``field_strength(b)``, which
-        rises from 0, and its integral ``energy(b)``, both for arrays of b >= 0. Where there is one the coefficient has
-        no say. Empty for a linear problem.
+        None or a law per region number. A law is an object with the methods ``field_strength(b)``, increasing from 0,
+        and ``energy(b)``, its integral, for arrays b >= 0. A law replaces the coefficient. Empty for a linear problem.
     order
         Degree of the elements, 1, 2 or 3.
     axisymmetric
-        Whether the functional is that around the axis x = 0. Its values are those of u at the places of the unknowns,
-        given as 0 on the axis.
+        True for the functional around the axis x = 0. The values are the values of u at the unknowns, fixed to 0 on the
+        axis.
     robin
-        Name of a boundary to (kappa, load): ``int kappa / 2 u^2 - load u`` over its facets, all on the outer boundary,
-        is a part of the functional, so that ``(coefficient grad u - flux) . n + kappa u = load`` is the natural
-        condition there (Robin, of convection or an open boundary; Neumann with kappa = 0). kappa >= 0 is a constant,
-        the load a constant or a function of x (2, n) that returns (n,), interpolated at the unknowns. The polish
-        improves the values there, and the nodes stay where they are. Around an axis both are integrated over 1 / x.
+        Pairs (kappa, load) by boundary name. Each pair adds ``int kappa / 2 u^2 - load u`` over the facets of the
+        boundary, all on the outer boundary, so that ``(coefficient grad u - flux) . n + kappa u = load`` is the natural
+        condition there (Robin, for convection or an open boundary; Neumann with kappa = 0). kappa >= 0 is a constant,
+        the load a constant or a function of x, shape (2, n), that returns shape (n,) and is interpolated at the
+        unknowns. The polish improves the values on these boundaries, but does not move their nodes. Around an axis both
+        integrals have the factor 1 / x.
     dual
-        The functional of the dual solution z of a goal J, where the mesh is to be adapted for that: with the
-        coefficient of this one, J as its load, and zeros given where values are. What is lowered then is ``share Pi(u)
-        + Pi_dual(z) / share``, which lies above its minimum by ``(share |e|^2 + |d|^2 / share) / 2``, and that is no
-        less than ``|e| |d| >= |J(u) - J(u_h)|``, e and d the errors of u and z in the energy norm. Both have the same
-        order, in the plane, no laws and the signs of this one.
+        Functional of the dual solution z of a goal J, if the mesh is adapted to the goal: the same coefficient, J as
+        the load, and zeros as Dirichlet values. The polish lowers ``share Pi(u) + Pi_dual(z) / share``. With e and d,
+        the errors of u and z in the energy norm, the sum exceeds its minimum by ``(share |e|^2 + |d|^2 / share) / 2 >=
+        |e| |d| >= |J(u) - J(u_h)|``. Both functionals have the same order and signs, are in the plane and have no laws.
     share
-        > 0: best ``|d| / |e|``, as estimated. `adapt` keeps that of the first mesh, so that passes compare.
+        Weight > 0 of the primal functional, optimal at ``|d| / |e|`` as estimated. `adapt` keeps the weight of the
+        first mesh, so that passes compare.
     comparable
-        Whether values of the functional on different meshes may be compared; not where it was linearised at a solution,
-        as the dual of a goal that is not linear.
+        True if values of the functional on different meshes can be compared. False for a functional that is linearised
+        at a solution, such as the dual of a nonlinear goal.
     shapes_only
-        Whether it is not what the mesh is for, as without the dual of a goal, and only gives elements their shapes: all
-        passes of `adapt` exchange nodes by the indicators then, and the polish moves nodes and flips edges. Such a
-        functional is not comparable.
+        True if the functional only shapes elements, because the mesh has another purpose, such as a goal without a
+        dual. Then all passes of `adapt` recycle nodes by the indicators, and the polish only moves nodes and flips
+        edges. Needs ``comparable=False``.
     signs
-        Pairs of names of boundaries, as of `Rules.periodic`, to 1 where the function is the same on both (periodic), or
-        -1 where it is the other's negative (antiperiodic). What is `fixed` has no part in that. Values on boundaries
-        that are pairs of the mesh, but of which nothing is said here, stay as they are, and so do their nodes.
+        1 (periodic: equal values) or -1 (antiperiodic: opposite values) by pair of boundary names, see
+        `Rules.periodic`. Fixed values are exempt. On pairs of the mesh without a sign here, values and nodes are
+        unchanged.
 
     Notes
     -----
-    `adapt` and `polish` refuse a solution at which the functional is not stationary: a residual at a free unknown of
-    more than 1 % of the terms there and 0.1 % of the largest terms anywhere. Quadrature rules other than those of the
-    functional are allowed for where source or flux are functions.
+    `adapt` and `polish` raise ValueError for a solution at which the functional is not stationary: a residual at a free
+    unknown of more than 1 % of the terms there and 0.1 % of the largest terms. For sources and fluxes that are
+    functions the limit includes the differences between quadrature rules.
 
     Raises
     ------
     ValueError
-        If a shape does not fit, something is not finite, the coefficient is not positive, or a region number has no
-        entry in a table, or a law lacks a method; if there is a dual, and one of both has laws or an axis, or the
-        dual another order, other places where values are given or a dual of its own.
+        If a shape is wrong, if a value is not finite, if the coefficient is not positive, if a region number has no
+        entry in a table, or if a law lacks a method. With a dual, if one of both has laws or an axis, or if the dual
+        has another order, other fixed unknowns or a dual itself.
 
     Examples
     --------
-    -lap u = 1 with u = 0 on the boundary, on one region; `solution` stands for what a solver returns:
+    -lap u = 1 with u = 0 on the boundary, on one region; `solution` stands for the result of a solver:
 
     >>> import numpy as np, skfem, kohonen_adapt as ka
     >>> mesh = skfem.MeshTri().refined(3).with_subdomains({"chip": lambda x: x[0] < 0.5, "board": lambda x: x[0] > 0.5})
@@ -205,7 +205,7 @@ class Ritz:
             raise ValueError(f"coefficient of Ritz must be > 0; got {coefficient.min()}.")
         source = self.source if callable(self.source) else constants("source", self.source, (), region)
         flux = self.flux if callable(self.flux) else checked_flux(self.flux, region)
-        # Copies: what the caller does to his arrays later must not change a functional in use.
+        # Copies, so that later changes of the caller's arrays do not change the functional.
         names = ("values", "fixed", "coefficient", "source", "flux", "region", "laws")
         laws = checked_laws(self.laws, region)
         for name, own in zip(names, (values, fixed, coefficient, source, flux, region, laws), strict=True):
@@ -219,7 +219,6 @@ Ritz.__init__ = with_nearest_names(SYNONYMS)(Ritz.__init__)  # type: ignore[meth
 
 
 def _check_dual(ritz: Ritz) -> None:
-    """Refuse a dual that is none, and a share that says nothing."""
     if not is_number(ritz.share) or not 0.0 < ritz.share < np.inf:
         raise ValueError(f"share of Ritz must be a finite number > 0; got {ritz.share!r}.")
     if not isinstance(ritz.comparable, bool):
@@ -247,15 +246,13 @@ def _check_dual(ritz: Ritz) -> None:
 
 
 def parts_of(ritz: Ritz) -> tuple[Ritz, ...]:
-    """The functionals that are added up, with the share of each in its constants."""
+    """Return the primal and dual functionals, each multiplied by its weight."""
     if ritz.dual is None:
         return (ritz,)
     return _times(ritz.share, replace(ritz, dual=None)), _times(1.0 / ritz.share, replace(ritz.dual, signs=ritz.signs))
 
 
 def _times(factor: float, ritz: Ritz) -> Ritz:
-    """A functional without laws, multiplied."""
-
     def scaled(given: Any) -> Any:
         return (lambda *at: factor * np.asarray(given(*at))) if callable(given) else factor * np.asarray(given)
 
@@ -265,7 +262,7 @@ def _times(factor: float, ritz: Ritz) -> Ritz:
 
 
 def check_fits(ritz: Ritz, mesh: Mesh) -> None:
-    """Refuse a functional of another mesh."""
+    """Raise ValueError if the functional belongs to another mesh."""
     unknowns, elements = count_unknowns(mesh, ritz.order), mesh.t.shape[1]
     if np.shape(ritz.values) != (unknowns,):
         wanted = "nnodes" if ritz.order == 1 else f"nunknowns of order {ritz.order}"
@@ -287,7 +284,7 @@ def check_fits(ritz: Ritz, mesh: Mesh) -> None:
 
 
 def unknown_in_space(ritz: Ritz) -> str:
-    """What of a functional is for the plane only, as the end of a sentence; empty where it holds on tetrahedra."""
+    """Return the reason that a functional is for the plane only, or an empty string."""
     has = {
         f"its Ritz is of order {ritz.order}": ritz.order > 1,
         "its Ritz is axisymmetric": ritz.axisymmetric,

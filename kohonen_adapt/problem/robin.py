@@ -1,4 +1,4 @@
-"""Integrate what Robin conditions add to a Ritz functional, over the facets of their boundaries."""
+"""Terms of Robin conditions in a Ritz functional."""
 
 from collections.abc import Callable, Mapping
 
@@ -22,7 +22,6 @@ AT, WEIGHTS = (0.5 * (part + shift) for part, shift in zip(np.polynomial.legendr
 
 
 def checked_conditions(given: Robin) -> dict[str, tuple[float, Load]]:
-    """Refuse what is no coefficient >= 0 and load by name; returns a copy."""
     expected = "robin of Ritz must map names of boundaries to (coefficient, load)"
     if not isinstance(given, Mapping):
         raise ValueError(f"{expected}; got {given!r}.")
@@ -38,12 +37,9 @@ def checked_conditions(given: Robin) -> dict[str, tuple[float, Load]]:
 
 
 def sides_of_boundary(mesh: MeshTri, name: str) -> tuple[Ints, Ints]:
-    """The elements at the facets of a boundary, (f,), and the corners opposite to these, (f,).
+    """Return elements (f,) and opposite corners (f,) of the facets of a boundary.
 
-    Raises
-    ------
-    ValueError
-        If the mesh has no boundary of that name, or not all of it is on the outer boundary.
+    Raises ValueError if the boundary is unknown or not on the outer boundary of the mesh.
     """
     facets = np.asarray(named(mesh.boundaries, name, "boundary"))
     number_facets(mesh)
@@ -61,11 +57,10 @@ def sides_of_boundary(mesh: MeshTri, name: str) -> tuple[Ints, Ints]:
 def facet_terms(
     ends: Floats, order: int, terms: tuple[float, Load], axisymmetric: bool = False, off: Floats | None = None
 ) -> tuple[Floats, Floats]:
-    """A and b of ``c . A c / 2 - b . c``, that a condition adds for the coefficients c of a function on every facet.
+    """Return A (f, k, k) and b (f, k) of the terms ``c . A c / 2 - b . c`` of facets.
 
-    They are (f, k, k) and (f, k), in the order of `traces_at`, for facets between ends (f, 2, 2) with middles off the
-    chord by `off` (f, 2); the load is interpolated at the places of the unknowns. Around an axis both are integrated
-    over 1 / x.
+    The coefficients c are in the order of `traces_at`. `ends` has shape (f, 2, 2), and `off`, shape (f, 2), contains
+    the midside offsets. The load is interpolated at the unknowns. Around an axis both integrals have the factor 1 / x.
     """
     coefficient, load = terms
     off = np.zeros_like(ends[:, 0]) if off is None else off
@@ -80,13 +75,13 @@ def facet_terms(
 
 
 def _along(ends: Floats, off: Floats, share: Floats) -> Floats:
-    """Points at shares (n,) of the way along facets, (f, n, 2)."""
+    """Return the points at fractions (n,) of the length of facets, shape (f, n, 2)."""
     chord = ends[:, :1] + share[:, None] * (ends[:, 1:] - ends[:, :1])
     return chord + 4.0 * (share * (1.0 - share))[:, None] * off[:, None]
 
 
 def _masses(ends: Floats, order: int, off: Floats, axisymmetric: bool) -> Floats:
-    """Integrals of products of the functions on facets, around an axis over 1 / x, (f, k, k)."""
+    """Return the mass matrices of facets, around an axis with the factor 1 / x."""
     here, way = traces_at(AT, order), ends[:, 1] - ends[:, 0]
     measure = WEIGHTS * np.hypot(*(way[:, None] + 4.0 * (1.0 - 2.0 * AT)[:, None] * off[:, None]).transpose(2, 0, 1))
     if axisymmetric:
@@ -95,7 +90,7 @@ def _masses(ends: Floats, order: int, off: Floats, axisymmetric: bool) -> Floats
 
 
 def factors(ends: Floats, share: Floats) -> Floats:
-    """What functions are multiplied by on facets that end at an axis, at shares (n,) of the way along, (f, n)."""
+    """Return the factors of functions on facets that end at an axis, shape (f, n)."""
     on = on_axis(ends[:, :, 0])
     return 1.0 - on[:, :1] * (1.0 - share) - on[:, 1:] * share
 
@@ -108,10 +103,10 @@ def added_on_sides(
     axisymmetric: bool,
     bend: Floats | None,
 ) -> float:
-    """What a condition adds on the sides (e, k) opposite to corners k of elements e, (f,) each.
+    """Return the terms of a condition on sides, for coefficients (m, functions).
 
-    For a function of these coefficients, (m, functions), on elements with corners (m, 3, 2), whose sides are bent so
-    much, (m, 3, 2).
+    `corners` has shape (m, 3, 2), `sides` contains elements and opposite corners (f,), and `bend` the midside offsets
+    (m, 3, 2).
     """
     (e, k), order = sides, (3, 6, 10).index(coefficients.shape[1]) + 1
     ends = np.stack([corners[e, (k + 1) % 3], corners[e, (k + 2) % 3]], axis=1)
@@ -121,12 +116,9 @@ def added_on_sides(
 
 
 def load_at(x: Floats, load: Load) -> Floats:
-    """A load at points (2, n), (n,).
+    """Return a load at points (2, n), shape (n,).
 
-    Raises
-    ------
-    ValueError
-        If the function returns another shape, or what is not finite.
+    Raises ValueError for another shape, and for values that are not finite.
     """
     values = np.asarray(load(x) if callable(load) else load, dtype=float)
     if values.shape not in {(), x.shape[1:]} or not np.all(np.isfinite(values)):

@@ -1,4 +1,4 @@
-"""Check what a Ritz functional is stated by: values, region numbers, tables of constants, laws, a varying flux."""
+"""Validation and evaluation of the data of a Ritz functional."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
@@ -25,21 +25,20 @@ __all__ = [
     "source_at",
 ]
 
-AXIS = 1e-12  # of the farthest node's distance: what rounding may leave of a node on the axis
+AXIS = 1e-12  # of the largest x: rounding error of a node on the axis
 
 
 class EnergyLaw(Protocol):
-    """Nonlinear material: for arrays of b >= 0 a field strength H that rises from 0, and the energy that it makes."""
+    """Nonlinear material law with its energy density, for arrays of b >= 0."""
 
     def field_strength(self, b: Floats) -> Floats:
-        """H(b)."""
+        """Return the field strength H(b), increasing from 0."""
 
     def energy(self, b: Floats) -> Floats:
-        """``int_0^b H db``."""
+        """Return the energy density ``int_0^b H db``."""
 
 
 def floats(name: str, given: ArrayLike) -> Floats:
-    """Finite numbers."""
     array = np.array(given)
     if array.dtype.kind not in "biuf":
         raise ValueError(f"{name} of Ritz must be real numbers; got {array.dtype}.")
@@ -51,7 +50,6 @@ def floats(name: str, given: ArrayLike) -> Floats:
 
 
 def numbers(given: ArrayLike) -> NDArray[np.int64]:
-    """Region numbers."""
     number = np.array(given)
     if number.ndim != 1 or number.dtype.kind not in "iu":
         raise ValueError(
@@ -63,7 +61,7 @@ def numbers(given: ArrayLike) -> NDArray[np.int64]:
 
 
 def constants(name: str, given: ArrayLike, shape: tuple[int, ...], region: NDArray[np.int64] | None) -> Floats:
-    """A constant of this shape, or a table with one per region number in its last axis."""
+    """Return a constant of a shape, or a table with the region number as last axis."""
     table = floats(name, given)
     if table.shape == shape:
         return table
@@ -86,7 +84,7 @@ def constants(name: str, given: ArrayLike, shape: tuple[int, ...], region: NDArr
 
 
 def checked_flux(given: ArrayLike, region: NDArray[np.int64] | None) -> Floats:
-    """A flux of as many components as the mesh has dimensions, a constant or a table; 0.0 for none."""
+    """Return a flux, which is a constant, a table by region number, or 0.0 for none."""
     table = floats("flux", given)
     if table.ndim == 0 and table == 0.0:
         return table
@@ -98,14 +96,12 @@ def checked_flux(given: ArrayLike, region: NDArray[np.int64] | None) -> Floats:
 
 
 def flux_table(flux: Floats, dim: int) -> Floats:
-    """A flux that was checked, with the components it has on a mesh of so many dimensions: zeros for none."""
     if flux.ndim and len(flux) != dim:
         raise ValueError(f"flux of Ritz must have {dim} components on a mesh of {dim} dimensions; got {len(flux)}.")
     return flux if flux.ndim else np.zeros(dim)
 
 
 def checked_laws(given: Sequence[EnergyLaw | None], region: NDArray[np.int64] | None) -> tuple[EnergyLaw | None, ...]:
-    """The laws, one per region number, or none at all."""
     if not isinstance(given, list | tuple):
         raise ValueError(f"laws of Ritz must be a sequence with None or a law per region number; got {given!r}.")
     needed = 1 if region is None else int(region.max(initial=-1)) + 1
@@ -121,7 +117,6 @@ def checked_laws(given: Sequence[EnergyLaw | None], region: NDArray[np.int64] | 
 
 
 def checked_signs(given: Mapping[tuple[str, str], int]) -> dict[tuple[str, str], int]:
-    """Pairs of names to 1 or -1, as a copy."""
     expected = "signs of Ritz must map pairs of names of boundaries to 1 or -1"
     if not isinstance(given, Mapping):
         raise ValueError(f"{expected}; got {given!r}.")
@@ -132,7 +127,7 @@ def checked_signs(given: Mapping[tuple[str, str], int]) -> dict[tuple[str, str],
 
 
 def check_axis(values: Floats, fixed: Mask, mesh: MeshTri) -> None:
-    """Refuse a mesh beyond the axis x = 0, and values that are not given as 0 there."""
+    """Raise ValueError for a mesh with x < 0, and for values not fixed to 0 at x = 0."""
     x = mesh.p[0]
     if x.min() < -AXIS * x.max():
         raise ValueError(f"an axisymmetric Ritz needs a mesh at x >= 0; got nodes down to x = {x.min():g}.")
@@ -146,17 +141,13 @@ def check_axis(values: Floats, fixed: Mask, mesh: MeshTri) -> None:
 
 
 def looked_up(table: Floats, number: Ints) -> Floats:
-    """A constant as it is, of a table what it has for every number."""
     return table if table.ndim == 0 else table[number]
 
 
 def flux_at(x: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) -> Floats:
-    """A varying flux at k points of every element, x (2, k, m), (2, k, m).
+    """Return a varying flux at points x of elements, shape (2, k, m).
 
-    Raises
-    ------
-    ValueError
-        If the function returns another shape, or what is not finite.
+    Raises ValueError for another shape, and for values that are not finite.
     """
     flat = x.reshape(2, -1)
     values = np.asarray(flux(flat, np.tile(number, x.shape[1])), dtype=float)
@@ -169,12 +160,9 @@ def flux_at(x: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) 
 
 
 def source_at(x: Floats, number: Ints, source: Callable[[Floats, Ints], ArrayLike]) -> Floats:
-    """Return a varying source at k points of every element, x (d, k, m), (k, m).
+    """Return a varying source at points x (d, k, m) of elements, shape (k, m).
 
-    Raises
-    ------
-    ValueError
-        If the function returns another shape, or values that are not finite.
+    Raises ValueError for another shape, and for values that are not finite.
     """
     flat = x.reshape(len(x), -1)
     values = np.asarray(source(flat, np.tile(number, x.shape[1])), dtype=float)
