@@ -51,7 +51,7 @@ class DualPair:
         self.order, self.shape, self.size = order, Isoparametric(mesh), area(mesh)
         self.turned = np.argsort(mesh.t, axis=0)[None]  # scikit-fem sorts the corners of the straight triangles
         corners, curved = self.shape.corners, bool(self.shape.curved.any())
-        self.mesh = with_midside_offsets(corners, self.shape.off) if curved else corners
+        self.mesh = with_midside_offsets(corners, self.shape.facet_offset) if curved else corners
         self.reluctivity = checked_reluctivity(mesh, reluctivity)
         self.degree = 2 * order + 2 + CURVED * curved
 

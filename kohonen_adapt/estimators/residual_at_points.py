@@ -75,7 +75,7 @@ def divergences(flux: Floats, shape: Isoparametric) -> Floats:
     slopes, rows = np.stack([_slopes(share) for share in LATTICE[3:]]), np.flatnonzero(shape.curved)
     found = np.einsum("cpk,spi,cik->sk", flux, slopes, hats, optimize=True)
     for divergence, share, slope in zip(found, LATTICE[3:], slopes, strict=True):
-        bent = shape.hats(rows, np.repeat(share[:, None], rows.size, axis=1))
+        bent = shape.hat_gradients(rows, np.repeat(share[:, None], rows.size, axis=1))
         divergence[rows] = np.einsum("cpk,pi,cik->k", flux[:, :, rows], slope, bent, optimize=True)
     return found
 
@@ -122,6 +122,6 @@ def outward(shape: Isoparametric) -> Floats:
     """
     mesh = shape.corners
     straight = -2.0 * (area(mesh) * hat_gradients(mesh))[:, OPPOSITE].swapaxes(0, 1)
-    (along, up), sense = shape.bent[:, OPPOSITE], np.sign(signed_area(mesh)) * [[1.0], [1.0], [-1.0]]
+    (along, up), sense = shape.offset[:, OPPOSITE], np.sign(signed_area(mesh)) * [[1.0], [1.0], [-1.0]]
     bow = 4.0 * np.stack((sense * up, -sense * along), axis=1)
     return np.stack((straight + bow, straight - bow, straight), axis=1)

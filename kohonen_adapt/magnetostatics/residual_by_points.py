@@ -76,7 +76,7 @@ def divergences_by_differences(field: Field) -> Floats:
     shape, count = field.elements.shape, field.mesh.t.shape[1]
     element, share = np.tile(np.arange(count), 3), np.repeat(LATTICE[3:].T, count, axis=1)
     step, found = DIFFERENCE * np.sqrt(area(field.mesh))[element], np.zeros(3 * count)
-    for axis, slope in enumerate(shape.hats(element, share)):
+    for axis, slope in enumerate(shape.hat_gradients(element, share)):
         ends = [field.at_shares(element, share + sign * step * slope).field_strength for sign in (1.0, -1.0)]
         ahead, behind = (field.symmetry.flux(end)[axis] / field.symmetry.turn for end in ends)
         found += (ahead - behind) / (2.0 * step)

@@ -23,74 +23,74 @@ WALK = 12  # maximum steps from element to element
 class CurvedElements:
     """Triangles with curved sides, images of a quadratic map.
 
-    For the side k between corners a and b, opposite to corner k, with midside offset ``bent_k``, ``x = sum lambda_k
-    corner_k + 4 sum lambda_a lambda_b bent_k``. Methods take element indices (n,), barycentric coordinates `share`
-    (3, n) and points (2, n).
+    For the side k between corners a and b, opposite to corner k, with midside offset ``offset_k``, ``x = sum lambda_k
+    corner_k + 4 sum lambda_a lambda_b offset_k``. Methods take element indices (n,), barycentric
+    coordinates (3, n) and points (2, n).
     """
 
-    def __init__(self, p: Floats, t: Ints, bent: Floats, beyond: Ints) -> None:
+    def __init__(self, p: Floats, t: Ints, offset: Floats, neighbour: Ints) -> None:
         self.p, self.t = p, t  # (2, nnodes), (3, nelements)
-        self.bent = bent  # (2, 3, nelements): midside offsets
-        self.beyond = beyond  # (3, nelements): neighbours across the sides, -1 for none
+        self.offset = offset  # (2, 3, nelements): midside offsets
+        self.neighbour = neighbour  # (3, nelements): neighbours across the sides, -1 for none
 
     @cached_property
     def curved(self) -> Mask:
-        return np.any(self.bent, axis=(0, 1), keepdims=True)[0, 0]
+        return np.any(self.offset, axis=(0, 1), keepdims=True)[0, 0]
 
-    def points(self, element: Ints, share: Floats) -> Floats:
-        x = np.einsum("in,cin->cn", share, self.p[:, self.t[:, element]])
+    def points(self, element: Ints, barycentric: Floats) -> Floats:
+        x = np.einsum("in,cin->cn", barycentric, self.p[:, self.t[:, element]])
         rows = np.flatnonzero(self.curved[element])
         if rows.size:
-            between = share[AFTER] * share[BEFORE]
-            x[:, rows] += 4.0 * np.sum(between[:, rows] * self.bent[:, :, element[rows]], axis=1)
+            between = barycentric[AFTER] * barycentric[BEFORE]
+            x[:, rows] += 4.0 * np.sum(between[:, rows] * self.offset[:, :, element[rows]], axis=1)
         return x
 
-    def shares(self, element: Ints, x: Floats) -> Floats:
+    def barycentric_coordinates(self, element: Ints, x: Floats) -> Floats:
         """Return the barycentric coordinates of points.
 
         Newton's method starts from the coordinates in the straight triangle. If the iteration does not converge, for
         instance outside the element, the coordinates in the straight triangle are returned.
         """
-        return self._settled(element, x)[0]
+        return self._newton(element, x)[0]
 
-    def _settled(self, element: Ints, x: Floats) -> tuple[Floats, Mask]:
+    def _newton(self, element: Ints, x: Floats) -> tuple[Floats, Mask]:
         corner = self.p[:, self.t[:, element]]
         (ax, ay), (bx, by) = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
         x0, y0 = x - corner[:, 0]
         second, third = (x0 * by - y0 * bx) / (ax * by - ay * bx), (ax * y0 - ay * x0) / (ax * by - ay * bx)
-        share = np.stack((1.0 - second - third, second, third))
+        barycentric = np.stack((1.0 - second - third, second, third))
         rows = np.flatnonzero(self.curved[element])
-        now, settled = share[:, rows], ~self.curved[element]
-        done = settled[rows]
+        now, converged = barycentric[:, rows], ~self.curved[element]
+        done = converged[rows]
         with np.errstate(all="ignore"):  # the iteration may diverge for points far away
             for _ in range(MOST_STEPS):
                 if done.all():
                     break
-                off = x[:, rows] - self.points(element[rows], now)
-                step = np.einsum("cn,cin->in", off, self.hats(element[rows], now))
+                residual = x[:, rows] - self.points(element[rows], now)
+                step = np.einsum("cn,cin->in", residual, self.hat_gradients(element[rows], now))
                 now = np.where(done, now, now + step)
                 done |= np.abs(step).max(axis=0) < SETTLED
-        share[:, rows], settled[rows] = np.where(done, now, share[:, rows]), done
-        return share, settled
+        barycentric[:, rows], converged[rows] = np.where(done, now, barycentric[:, rows]), done
+        return barycentric, converged
 
-    def hats(self, element: Ints, share: Floats) -> Floats:
-        corner, bent = self.p[:, self.t[:, element]], self.bent[:, :, element]
-        rate = corner + 4.0 * (bent[:, BEFORE] * share[AFTER] + bent[:, AFTER] * share[BEFORE])
+    def hat_gradients(self, element: Ints, barycentric: Floats) -> Floats:
+        corner, offset = self.p[:, self.t[:, element]], self.offset[:, :, element]
+        rate = corner + 4.0 * (offset[:, BEFORE] * barycentric[AFTER] + offset[:, AFTER] * barycentric[BEFORE])
         (a, b), (c, d) = rate[:, 1:] - rate[:, :1]
         return np.stack((np.stack((c - d, d, -c)), np.stack((b - a, -b, a)))) / (a * d - b * c)
 
-    def walked(self, element: Ints, x: Floats) -> Ints:
-        element, going = element.copy(), np.arange(element.size)
+    def walk(self, element: Ints, x: Floats) -> Ints:
+        element, active = element.copy(), np.arange(element.size)
         for _ in range(WALK):
-            if not going.size:
+            if not active.size:
                 break
-            at, own = element[going], np.arange(going.size)
-            share, settled = self._settled(at, x[:, going])
-            share[self.beyond[:, at] < 0] = np.inf
-            side = np.argmin(share, axis=0)
-            goes = (self.beyond[side, at] >= 0) & ~(settled & (share[side, own] >= -INSIDE))
-            going = going[goes]
-            element[going] = self.beyond[side, at][goes]
+            at, own = element[active], np.arange(active.size)
+            barycentric, converged = self._newton(at, x[:, active])
+            barycentric[self.neighbour[:, at] < 0] = np.inf
+            side = np.argmin(barycentric, axis=0)
+            continues = (self.neighbour[side, at] >= 0) & ~(converged & (barycentric[side, own] >= -INSIDE))
+            active = active[continues]
+            element[active] = self.neighbour[side, at][continues]
         return element
 
 
@@ -101,12 +101,13 @@ class Isoparametric(CurvedElements):
         self.corners = corners = corners_of(mesh)  # with the same elements, facets and names
         number_facets(corners)
         start, end = corners.p[:, corners.facets]
-        off, sides = facet_midside_offsets(mesh), corners.t2f[AFTER]
-        self.off = np.where(np.hypot(*off) > STRAIGHT * np.hypot(*(end - start)), off, 0.0)  # (2, nfacets)
-        beyond = corners.f2t.sum(axis=0)[sides] - np.arange(sides.shape[1])  # -1 at the outer boundary
-        super().__init__(corners.p, corners.t, self.off[:, sides], beyond)
+        offset, sides = facet_midside_offsets(mesh), corners.t2f[AFTER]
+        curved = np.hypot(*offset) > STRAIGHT * np.hypot(*(end - start))
+        self.facet_offset = np.where(curved, offset, 0.0)  # (2, nfacets)
+        neighbour = corners.f2t.sum(axis=0)[sides] - np.arange(sides.shape[1])  # -1 at the outer boundary
+        super().__init__(corners.p, corners.t, self.facet_offset[:, sides], neighbour)
 
-    def located(self, x: Floats, straight: Ints) -> tuple[Ints, Floats]:
+    def locate(self, x: Floats, straight: Ints) -> tuple[Ints, Floats]:
         """Return the element of every point, -1 outside, and barycentric coordinates.
 
         `straight` contains the straight triangles that hold the points, -1 for none.
@@ -114,28 +115,28 @@ class Isoparametric(CurvedElements):
         element = straight.astype(np.int64)
         if self.curved.any():
             rows = np.flatnonzero((element >= 0) & self.curved[element])
-            found = self.walked(element[rows], x[:, rows])
-            element[rows] = np.where(self._holds(found, x[:, rows]), found, -1)
+            found = self.walk(element[rows], x[:, rows])
+            element[rows] = np.where(self._contain(found, x[:, rows]), found, -1)
             rows = np.flatnonzero((element < 0) & np.isfinite(x).all(axis=0))
-            element[rows] = self._behind_arcs(x[:, rows])
-        share, rows = np.full((3, element.size), np.nan), np.flatnonzero(element >= 0)
-        share[:, rows] = self.shares(element[rows], x[:, rows])
-        return element, share
+            element[rows] = self._beyond_chords(x[:, rows])
+        barycentric, rows = np.full((3, element.size), np.nan), np.flatnonzero(element >= 0)
+        barycentric[:, rows] = self.barycentric_coordinates(element[rows], x[:, rows])
+        return element, barycentric
 
-    def _holds(self, element: Ints, x: Floats) -> Mask:
-        share, settled = self._settled(element, x)
-        return settled & (share.min(axis=0) >= -INSIDE)
+    def _contain(self, element: Ints, x: Floats) -> Mask:
+        barycentric, converged = self._newton(element, x)
+        return converged & (barycentric.min(axis=0) >= -INSIDE)
 
-    def _behind_arcs(self, x: Floats) -> Ints:
+    def _beyond_chords(self, x: Floats) -> Ints:
         element = np.full(x.shape[1], -1)
-        side, own = np.nonzero(self.bent.any(axis=0) & (self.beyond < 0))
+        side, own = np.nonzero(self.offset.any(axis=0) & (self.neighbour < 0))
         if own.size and element.size:
             middle = self.points(own, np.where(side == np.arange(3)[:, None], 0.0, 0.5))
             near = KDTree(middle.T).query(x.T, k=range(1, 1 + min(NEAR, own.size)))[1]
             for start in own[near.T]:
                 rows = np.flatnonzero(element < 0)
-                tried = self.walked(start[rows], x[:, rows])
-                element[rows] = np.where(self._holds(tried, x[:, rows]), tried, -1)
+                tried = self.walk(start[rows], x[:, rows])
+                element[rows] = np.where(self._contain(tried, x[:, rows]), tried, -1)
         return element
 
 
@@ -148,10 +149,11 @@ def refined(mesh: MeshTri) -> MeshTri:
     parent = np.tile(np.arange(mesh.t.shape[1]), 4)  # scikit-fem lists the first child of all elements, then the second
     corner = np.concatenate([np.eye(3), 0.5 - 0.5 * np.eye(3)], axis=1)  # and midpoints by opposite corner
     own = np.vstack([shape.t, nodes + shape.corners.t2f[OPPOSITE]])[:, parent]  # nodes of an element, refined
-    share = np.stack([corner[:, np.argmax(own == node, axis=0)] for node in straight.t])  # (3 nodes, 3, nelements)
-    places = np.empty((2, straight.nvertices + straight.facets.shape[1]))
-    for node, at in zip(straight.t, share, strict=True):
-        places[:, node] = shape.points(parent, at)
+    # (3 nodes, 3, nelements)
+    barycentric = np.stack([corner[:, np.argmax(own == node, axis=0)] for node in straight.t])
+    p = np.empty((2, straight.nvertices + straight.facets.shape[1]))
+    for node, at in zip(straight.t, barycentric, strict=True):
+        p[:, node] = shape.points(parent, at)
     for row, (a, b) in zip(OPPOSITE, zip(AFTER, BEFORE, strict=True), strict=True):
-        places[:, straight.nvertices + straight.t2f[row]] = shape.points(parent, 0.5 * (share[a] + share[b]))
-    return of_kind(MeshTri2, places, straight)
+        p[:, straight.nvertices + straight.t2f[row]] = shape.points(parent, 0.5 * (barycentric[a] + barycentric[b]))
+    return of_kind(MeshTri2, p, straight)

@@ -164,7 +164,7 @@ def find_elements(mesh: Mesh, x: ArrayLike) -> NDArray[np.int32]:
     if not is_second_order(mesh):
         return found
     check_curved_sides(mesh)
-    return Isoparametric(mesh).located(points.T, found)[0].astype(np.int32)
+    return Isoparametric(mesh).locate(points.T, found)[0].astype(np.int32)
 
 
 def interpolate(mesh: Mesh, values: ArrayLike, x: ArrayLike) -> Floats:
@@ -211,7 +211,7 @@ def interpolate(mesh: Mesh, values: ArrayLike, x: ArrayLike) -> Floats:
     if is_second_order(mesh):
         check_curved_sides(mesh)
         shape = Isoparametric(mesh)
-        element, share = shape.located(points.T, found)
+        element, share = shape.locate(points.T, found)
         return np.sum(share * values[shape.t[:, element]], axis=0)
     return np.sum(locator.shares(points, found) * values[locator.elements.node[found]], axis=1)
 

@@ -85,8 +85,8 @@ class Old:
         barycentric(self.triangulation.position, self.triangulation.elements.node, points, found, share)
         if self.curved is not None:
             rows = np.flatnonzero(self.curved.curved[found])
-            found[rows] = self.curved.walked(found[rows], points[rows].T)
-            share[rows] = self.curved.shares(found[rows], points[rows].T).T
+            found[rows] = self.curved.walk(found[rows], points[rows].T)
+            share[rows] = self.curved.barycentric_coordinates(found[rows], points[rows].T).T
         share = np.maximum(share, 0.0)
         return found, share / share.sum(axis=1, keepdims=True)
 

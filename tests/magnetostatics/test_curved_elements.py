@@ -110,7 +110,7 @@ def test_points_between_arcs_and_chords_belong_to_the_element_that_reaches_there
     element = rng.integers(0, mesh.t.shape[1], 400)
     share = rng.dirichlet([0.3, 0.3, 0.3], 400).T  # many near sides
     x = shape.points(element, share)
-    located = lambda x: shape.located(x, find_elements(shape.corners, x))  # noqa: E731
+    located = lambda x: shape.locate(x, find_elements(shape.corners, x))  # noqa: E731
     found, back = located(x)
     np.testing.assert_array_equal(found, element)
     np.testing.assert_allclose(back, share, atol=1e-12)

@@ -157,5 +157,5 @@ def test_a_mesh_cut_in_four_has_the_names_and_the_curves_that_it_had():
     share = rng.dirichlet(np.ones(3), 40).T
     element, there = Isoparametric(finer), np.arange(40) % finer.t.shape[1]
     x = element.points(there, share)
-    found, _ = Isoparametric(mesh).located(x, there % mesh.t.shape[1])
+    found, _ = Isoparametric(mesh).locate(x, there % mesh.t.shape[1])
     np.testing.assert_array_equal(found, there % mesh.t.shape[1])

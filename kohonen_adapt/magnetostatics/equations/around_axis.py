@@ -72,7 +72,7 @@ class PartAroundAxis(Part):
     def _hats(self) -> Floats:
         """Gradients of the barycentric coordinates at all points, (2, 3, nelements, q)."""
         if self._bent:
-            return self._everywhere(self.shape.hats(*self._all_points))
+            return self._everywhere(self.shape.hat_gradients(*self._all_points))
         hats = hat_gradients(self.shape.corners)[:, :, self.rows, None]
         return np.broadcast_to(hats, (*hats.shape[:-1], self.share.shape[1]))
 
@@ -142,7 +142,10 @@ class AroundAxis(Higher):
     def products_on(self, facets: Ints, weight: Floats) -> Floats:
         """Return integrals of ``weight phi_i phi_j / r`` over facets, (k, k, nfacets)."""
         (at,), weights = get_quadrature(ElementLineP1, FACET)
-        (start, end), off = self.corners.p[:, self.corners.facets[:, facets]].swapaxes(0, 1), self.shape.off[:, facets]
+        (start, end), off = (
+            self.corners.p[:, self.corners.facets[:, facets]].swapaxes(0, 1),
+            self.shape.facet_offset[:, facets],
+        )
         there = (1.0 - at) * start[..., None] + at * end[..., None] + 4.0 * off[..., None] * at * (1.0 - at)
         length = np.hypot(*((end - start)[..., None] + 4.0 * off[..., None] * (1.0 - 2.0 * at)))
         begins, ends = (np.isin(nodes, self._on_axis) for nodes in self.corners.facets[:, facets])

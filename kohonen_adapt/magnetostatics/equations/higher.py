@@ -108,7 +108,7 @@ class Higher(Polynomials):
             names = {"boundaries": mesh.boundaries, "subdomains": mesh.subdomains}
             mesh = remade(mesh, mesh.doflocs, shape.corners.t, **names)
         self.order, self.facet_products, self.lawful = order, facet_products(order), lawful
-        bent = with_midside_offsets(shape.corners, shape.off) if shape.curved.any() else shape.corners
+        bent = with_midside_offsets(shape.corners, shape.facet_offset) if shape.curved.any() else shape.corners
         numbered = Basis(bent, KINDS[order](), intorder=1)
         super().__init__(mesh, shape, numbered.dofs.element_dofs, numbered.doflocs)
         self._parts = self._parts_of(bent)
@@ -161,7 +161,7 @@ class Higher(Polynomials):
         return self.mean(self.points) if self.shape.curved.any() else super().middles
 
     def products_on(self, facets: Ints, weight: Floats) -> Floats:
-        products, off = super().products_on(facets, weight), self.shape.off[:, facets]
+        products, off = super().products_on(facets, weight), self.shape.facet_offset[:, facets]
         bent = np.flatnonzero(off.any(axis=0))
         if bent.size:
             start, end = self.corners.p[:, self.corners.facets[:, facets[bent]]].swapaxes(0, 1)
@@ -189,7 +189,7 @@ class Higher(Polynomials):
     def _hats_at(self, element: Ints, share: Floats) -> Floats:
         hats, rows = self.hats[:, :, element], np.flatnonzero(self.shape.curved[element])
         if rows.size:
-            hats[:, :, rows] = self.shape.hats(element[rows], share[:, rows])
+            hats[:, :, rows] = self.shape.hat_gradients(element[rows], share[:, rows])
         return hats
 
     def mean(self, values: Floats) -> Floats:

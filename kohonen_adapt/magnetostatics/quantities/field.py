@@ -146,7 +146,7 @@ class Field(LocalField):
     def _located(self, x: ArrayLike) -> tuple[Ints, Floats]:
         """The element of every point, -1 outside the mesh, and the barycentric coordinates there."""
         points, elements = as_rows(x).T, self.elements
-        return elements.shape.located(points, find_elements(elements.corners, points))
+        return elements.shape.locate(points, find_elements(elements.corners, points))
 
     def potential_at(self, x: ArrayLike) -> Floats:
         """Potential at points, a polynomial of the order of the elements in each.
