@@ -48,7 +48,7 @@ def point_at(chains, c, parameter):
         chord = 2.0 * sine / chains.place[c, CURVATURE]
         return x + chord * (cosine * tx - sine * ty), y + chord * (sine * tx + cosine * ty)
     k = knot_before(chains, c, parameter)
-    x, y, _, _ = on_span(chains.knot, k, span_share(chains.knot, k, parameter))
+    x, y, _, _ = on_span(chains.knot, k, span_fraction(chains.knot, k, parameter))
     return x, y
 
 
@@ -61,7 +61,7 @@ def tangent_at(chains, c, parameter):
         return cosine * tx - sine * ty, sine * tx + cosine * ty
     if chains.flags[c, SHAPE] == TABLED:
         k = knot_before(chains, c, parameter)
-        _, _, tx, ty = on_span(chains.knot, k, span_share(chains.knot, k, parameter))
+        _, _, tx, ty = on_span(chains.knot, k, span_fraction(chains.knot, k, parameter))
         length = math.hypot(tx, ty)
         return tx / length, ty / length
     return tx, ty
@@ -109,19 +109,19 @@ def distance_to_chain(chains, c, x, y, near):
 
 
 @inner_kernel
-def way_along(chains, c, start, end):
-    way = end - start
+def signed_distance(chains, c, start, end):
+    distance = end - start
     if chains.flags[c, CLOSED]:
-        if way > 0.5 * chains.place[c, LENGTH]:
-            way -= chains.place[c, LENGTH]
-        elif way < -0.5 * chains.place[c, LENGTH]:
-            way += chains.place[c, LENGTH]
-    return way
+        if distance > 0.5 * chains.place[c, LENGTH]:
+            distance -= chains.place[c, LENGTH]
+        elif distance < -0.5 * chains.place[c, LENGTH]:
+            distance += chains.place[c, LENGTH]
+    return distance
 
 
 @inner_kernel
-def gone_along(chains, c, start, way):
-    parameter = start + way
+def advanced_parameter(chains, c, start, distance):
+    parameter = start + distance
     if chains.flags[c, CLOSED]:
         if parameter < 0.0:
             parameter += chains.place[c, LENGTH]
@@ -131,10 +131,10 @@ def gone_along(chains, c, start, way):
 
 
 @inner_kernel
-def middle_on_chain(position, constraints, c, a, b):
+def midpoint_on_chain(position, constraints, c, a, b):
     chains = constraints.chains
     start, end = parameter_of(position, constraints, c, a), parameter_of(position, constraints, c, b)
-    parameter = gone_along(chains, c, start, 0.5 * way_along(chains, c, start, end))
+    parameter = advanced_parameter(chains, c, start, 0.5 * signed_distance(chains, c, start, end))
     x, y = point_at(chains, c, parameter)
     return x, y, parameter
 
@@ -176,22 +176,22 @@ def knot_before(chains, c, parameter):
 
 
 @inner_kernel
-def span_share(knot, k, parameter):
+def span_fraction(knot, k, parameter):
     return (parameter - knot[k, AT]) / (knot[k + 1, AT] - knot[k, AT])
 
 
 @inner_kernel
-def on_span(knot, k, share):
+def on_span(knot, k, fraction):
     """Return position and derivative of the cubic Hermite polynomial of span `k`.
 
     The result is (x, y, dx, dy) at the fraction `share` of the span from knot k to k + 1. The derivative is by the
     fraction.
     """
-    width, r = knot[k + 1, AT] - knot[k, AT], 1.0 - share
-    h0, h1 = r * r * (1.0 + 2.0 * share), share * share * (1.0 + 2.0 * r)
-    g0, g1 = width * share * r * r, -width * share * share * r
-    d = 6.0 * share * r
-    e0, e1 = width * r * (1.0 - 3.0 * share), width * share * (3.0 * share - 2.0)
+    width, r = knot[k + 1, AT] - knot[k, AT], 1.0 - fraction
+    h0, h1 = r * r * (1.0 + 2.0 * fraction), fraction * fraction * (1.0 + 2.0 * r)
+    g0, g1 = width * fraction * r * r, -width * fraction * fraction * r
+    d = 6.0 * fraction * r
+    e0, e1 = width * r * (1.0 - 3.0 * fraction), width * fraction * (3.0 * fraction - 2.0)
     x = h0 * knot[k, AT_X] + h1 * knot[k + 1, AT_X] + g0 * knot[k, RATE_X] + g1 * knot[k + 1, RATE_X]
     y = h0 * knot[k, AT_Y] + h1 * knot[k + 1, AT_Y] + g0 * knot[k, RATE_Y] + g1 * knot[k + 1, RATE_Y]
     dx = d * (knot[k + 1, AT_X] - knot[k, AT_X]) + e0 * knot[k, RATE_X] + e1 * knot[k + 1, RATE_X]
@@ -244,12 +244,12 @@ def squared_to_parameter(chains, c, parameter, x, y):
 def nearest_in_span(knot, k, x, y):
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):
-        share = 0.5 * (low + high)
-        px, py, dx, dy = on_span(knot, k, share)
+        fraction = 0.5 * (low + high)
+        px, py, dx, dy = on_span(knot, k, fraction)
         if (x - px) * dx + (y - py) * dy > 0.0:
-            low = share
+            low = fraction
         else:
-            high = share
+            high = fraction
     return knot[k, AT] + 0.5 * (low + high) * (knot[k + 1, AT] - knot[k, AT])
 
 
@@ -271,7 +271,7 @@ def farthest_from_facets(position, elements, constraints):
             if c < 0 or chains.flags[c, SHAPE] == STRAIGHT:
                 continue
             a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
-            x, y, _ = middle_on_chain(position, constraints, c, a, b)
+            x, y, _ = midpoint_on_chain(position, constraints, c, a, b)
             dx, dy = x - 0.5 * (position[a, 0] + position[b, 0]), y - 0.5 * (position[a, 1] + position[b, 1])
             distance = math.sqrt(dx * dx + dy * dy)
             if distance > farthest:

@@ -51,7 +51,7 @@ def corners_around(node, e, k, other):
 
 
 @inner_kernel
-def joined(node, neighbour, e, v, other):
+def has_edge(node, neighbour, e, v, other):
     for way in (1, 2):
         at = e
         while at >= 0:

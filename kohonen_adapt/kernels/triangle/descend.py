@@ -48,7 +48,7 @@ def descend_nodes(position, star, constraints, trials, order, floor):
     The value of a node follows its move. A free value minimises the functional, and a Dirichlet value is interpolated
     on the segment. Decreases by new values alone do not count.
     """
-    gain, two = 0.0, trials.other.value.shape[0] > 0
+    gain, has_dual = 0.0, trials.other.value.shape[0] > 0
     for node in order:
         v = np.int64(node)
         kind = constraints.kind[v]
@@ -58,7 +58,7 @@ def descend_nodes(position, star, constraints, trials, order, floor):
             gain += move_on_chain(position, star, constraints, trials, v, floor)
         elif not trials.one.fixed[v]:
             improve_value(position, star, trials.one, v)
-            if two:
+            if has_dual:
                 improve_value(position, star, trials.other, v)
     return gain
 
@@ -94,19 +94,19 @@ def derivatives(position, star, trial, v):
         x_x, x_y = difference + qx * ey, qy * ey
         y_x, y_y = -qx * ex, difference - qy * ex
         if trial.laws.number[e] >= 0:
-            density, rate, bend = stored(trial.laws, trial.laws.number[e], qx * qx + qy * qy)
+            density, rate, second = stored(trial.laws, trial.laws.number[e], qx * qx + qy * qy)
             weight, energy = rate * inverse, 0.5 * doubled * density
             # additions to the terms of a constant coefficient: the rest of W times the area, and d2W/ds2 along grad u
-            rest, bend = 0.5 * density - 0.5 * rate * (qx * qx + qy * qy), 2.0 * bend * inverse
+            rest, second = 0.5 * density - 0.5 * rate * (qx * qx + qy * qy), 2.0 * second * inverse
             square_x, square_y, square_w = qx * x_x + qy * x_y, qx * y_x + qy * y_y, qx * ex + qy * ey
             by_x -= rest * ey
             by_y += rest * ex
-            xx += bend * square_x * square_x
-            xy += bend * square_x * square_y
-            yy += bend * square_y * square_y
-            xw += bend * square_x * square_w
-            yw += bend * square_y * square_w
-            ww += bend * square_w * square_w
+            xx += second * square_x * square_x
+            xy += second * square_x * square_y
+            yy += second * square_y * square_y
+            xw += second * square_x * square_w
+            yw += second * square_y * square_w
+            ww += second * square_w * square_w
         pull, push = load * doubled * (alpha + beta), flux_y * nx - flux_x * ny
         size += energy + abs(pull) + abs(push)
         total += energy - pull - push
@@ -161,14 +161,14 @@ def eliminated(slope):
 
 @inner_kernel
 def move_free(position, star, trials, v, floor):
-    trial, other, two = trials.one, trials.other, trials.other.value.shape[0] > 0
+    trial, dual, has_dual = trials.one, trials.other, trials.other.value.shape[0] > 0
     slope = derivatives(position, star, trial, v)
     _, _, _, _, by_w, _, _, _, xw, yw, ww = slope
     size, now, by_x, by_y, xx, xy, yy = eliminated(slope)
-    still = 0.0
-    if two:
-        slope = derivatives(position, star, other, v)
-        still = -slope[4] / slope[10]
+    dual_change = 0.0
+    if has_dual:
+        slope = derivatives(position, star, dual, v)
+        dual_change = -slope[4] / slope[10]
         more = eliminated(slope)
         size, now, by_x, by_y = size + more[0], now + more[1], by_x + more[2], by_y + more[3]
         xx, xy, yy = xx + more[4], xy + more[5], yy + more[6]
@@ -183,22 +183,22 @@ def move_free(position, star, trials, v, floor):
                 else:
                     c, r, k = quadratic(position, star, trial, v, x, y)
                 gain, z = now - c + 0.5 * r * r / k, 0.0
-                if two:
-                    d, s, stiff = quadratic(position, star, other, v, x, y)
+                if has_dual:
+                    d, s, stiff = quadratic(position, star, dual, v, x, y)
                     gain, z = gain - d + 0.5 * s * s / stiff, -s / stiff
                 if gain > ROUNDING * size:
                     position[v, 0], position[v, 1] = x, y
                     trial.value[v] -= r / k
-                    if two:
-                        other.value[v] += z
+                    if has_dual:
+                        dual.value[v] += z
                     return gain
             step_x, step_y = 0.5 * step_x, 0.5 * step_y
     if trial.bent[v]:
         improve_value(position, star, trial, v)
     else:
         trial.value[v] -= by_w / ww
-    if two:
-        other.value[v] += still
+    if has_dual:
+        dual.value[v] += dual_change
     return 0.0
 
 
@@ -218,10 +218,10 @@ def newton_step(by_x, by_y, xx, xy, yy):
 
 
 @inner_kernel
-def along_line(slope, tx, ty, given, rate):
+def along_line(slope, tx, ty, is_dirichlet, rate):
     size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
     mixed = tx * xw + ty * yw
-    if not given:
+    if not is_dirichlet:
         total, rate = total - 0.5 * by_w * by_w / ww, -mixed / ww
     along = tx * by_x + ty * by_y + rate * by_w
     return size, total, along, tx * tx * xx + 2.0 * tx * ty * xy + ty * ty * yy + (2.0 * mixed + rate * ww) * rate, rate
@@ -234,16 +234,16 @@ def value_on_chain(trial, chain, parameter):
 
 @inner_kernel
 def move_on_chain(position, star, constraints, trials, v, floor):
-    trial, other, two = trials.one, trials.other, trials.other.value.shape[0] > 0
-    chain, parameter, given = np.int64(constraints.chain[v, OWN]), constraints.parameter[v], trial.fixed[v]
+    trial, dual, has_dual = trials.one, trials.other, trials.other.value.shape[0] > 0
+    chain, parameter, is_dirichlet = np.int64(constraints.chain[v, OWN]), constraints.parameter[v], trial.fixed[v]
     tx, ty = constraints.chains.place[chain, DIRECTION_X], constraints.chains.place[chain, DIRECTION_Y]
     slope = derivatives(position, star, trial, v)
-    size, now, along, curvature, rate = along_line(slope, tx, ty, given, trial.on_chain[chain, 1])
-    by_w, ww, still = slope[4], slope[10], 0.0
-    if two:
-        slope = derivatives(position, star, other, v)
-        still = -slope[4] / slope[10]
-        more = along_line(slope, tx, ty, given, other.on_chain[chain, 1])
+    size, now, along, curvature, rate = along_line(slope, tx, ty, is_dirichlet, trial.on_chain[chain, 1])
+    by_w, ww, dual_change = slope[4], slope[10], 0.0
+    if has_dual:
+        slope = derivatives(position, star, dual, v)
+        dual_change = -slope[4] / slope[10]
+        more = along_line(slope, tx, ty, is_dirichlet, dual.on_chain[chain, 1])
         size, now, along, curvature = size + more[0], now + more[1], along + more[2], curvature + more[3]
     change = -OVERSTEP * along / abs(curvature)
     if -change * along > ROUNDING * size:
@@ -251,37 +251,37 @@ def move_on_chain(position, star, constraints, trials, v, floor):
             x, y = point_at(constraints.chains, chain, parameter + change)
             if may_move(position, star, v, x, y, floor):
                 w = rate * change - by_w / ww
-                if given:
+                if is_dirichlet:
                     w = value_on_chain(trial, chain, parameter + change) - trial.value[v]
                 if trial.bent[v]:
-                    c, r, k = least_parabola(position, star, trial, v, x, y, w, given)
+                    c, r, k = least_parabola(position, star, trial, v, x, y, w, is_dirichlet)
                 else:
                     c, r, k = quadratic(position, star, trial, v, x, y)
-                if not given:
+                if not is_dirichlet:
                     w = -r / k
                 gain, z = now - c - (r + 0.5 * k * w) * w, 0.0
-                if two:
-                    c, r, k = quadratic(position, star, other, v, x, y)
+                if has_dual:
+                    c, r, k = quadratic(position, star, dual, v, x, y)
                     z = -r / k
-                    if given:
-                        z = value_on_chain(other, chain, parameter + change) - other.value[v]
+                    if is_dirichlet:
+                        z = value_on_chain(dual, chain, parameter + change) - dual.value[v]
                     gain -= c + (r + 0.5 * k * z) * z
                 if gain > ROUNDING * size:
                     constraints.parameter[v] = parameter + change
                     position[v, 0], position[v, 1] = x, y
                     trial.value[v] += w
-                    if two:
-                        other.value[v] += z
+                    if has_dual:
+                        dual.value[v] += z
                     return gain
             change *= 0.5
-    if given:
+    if is_dirichlet:
         return 0.0
     if trial.bent[v]:
         improve_value(position, star, trial, v)
     else:
         trial.value[v] -= by_w / ww
-    if two:
-        other.value[v] += still
+    if has_dual:
+        dual.value[v] += dual_change
     return 0.0
 
 
@@ -307,14 +307,14 @@ def triangle_parabola(position, trial, e, a, b, x, y, own, w):
     flux_x, flux_y = half_flux(trial.data, e, x, y, ax, ay, bx, by)
     nx, ny = beta * ax - alpha * bx + w * ex, beta * ay - alpha * by + w * ey
     along, square, law = ex * nx + ey * ny, nx * nx + ny * ny, trial.laws.number[e]
-    weight, bent = trial.data[e, HALF_COEFFICIENT] / doubled, 0.0
+    weight, second_term = trial.data[e, HALF_COEFFICIENT] / doubled, 0.0
     energy = 0.5 * weight * square
     if law >= 0:
-        density, rate, bend = stored(trial.laws, law, square / (doubled * doubled))
+        density, rate, second = stored(trial.laws, law, square / (doubled * doubled))
         energy, weight = 0.5 * doubled * density, rate / doubled
-        bent = 2.0 * bend * along * along / (doubled * doubled * doubled)
+        second_term = 2.0 * second * along * along / (doubled * doubled * doubled)
     c = energy - load * (alpha + beta + w) - flux_y * nx + flux_x * ny
-    return c, weight * along - load - flux_y * ex + flux_x * ey, bent + weight * (ex * ex + ey * ey)
+    return c, weight * along - load - flux_y * ex + flux_x * ey, second_term + weight * (ex * ex + ey * ey)
 
 
 @inner_kernel
@@ -330,14 +330,14 @@ def improve_value(position, star, trial, v):
 
 
 @inner_kernel
-def least_parabola(position, star, trial, v, x, y, w, given):
+def least_parabola(position, star, trial, v, x, y, w, is_dirichlet):
     """Return c, r, k of a parabola c + r w + k w^2 / 2 for `v` at (x, y).
 
     The parabola has the functional at the better of `w` and of one Newton step from `w` as its minimum there. For a
     Dirichlet value the parabola is constant.
     """
     c, r, k = parabola(position, star, trial, v, x, y, w)
-    if given:
+    if is_dirichlet:
         return c, 0.0, 0.0
     further = w - r / k
     value = parabola(position, star, trial, v, x, y, further)[0]

@@ -112,13 +112,13 @@ def star_functional(position, star, trial, v):
 @kernel
 def weigh_collapses(mesh, star, trials, offers, most, floor, first, last):
     position, elements, constraints = mesh.position, mesh.elements, mesh.constraints
-    two = trials.other.value.shape[0] > 0
+    has_dual = trials.other.value.shape[0] > 0
     for v in range(first, last):
         offers.cost[v] = np.inf
         if not offers.removable[v]:
             continue
         before, least, sliding = star_functional(position, star, trials.one, v), most, constraints.kind[v] == SLIDING
-        if two:
+        if has_dual:
             before += star_functional(position, star, trials.other, v)
         for j in range(star.start[v], star.start[v + 1]):
             e = np.int64(star.element[j])
@@ -130,7 +130,7 @@ def weigh_collapses(mesh, star, trials, offers, most, floor, first, last):
                 if c != constraints.chain[v, OWN] if sliding else i == 1:
                     continue
                 after = merged_functional(position, star, trials.one, v, w)
-                if two:
+                if has_dual:
                     after += merged_functional(position, star, trials.other, v, w)
                 cost = after - before
                 # after the cost, because the checks take longer
@@ -172,7 +172,7 @@ def exchange(mesh, trials, offers, edges, nodes, floor):
     `edges` are 3 e + k by decreasing gain, and `nodes` are by increasing cost. The values of new nodes are stored in
     the trials. Return the number of pairs and the decrease of the functional.
     """
-    elements, locked, pairs, lowered, at = mesh.elements, offers.locked, 0, 0.0, 0
+    elements, locked, pairs, decrease, at = mesh.elements, offers.locked, 0, 0.0, 0
     for edge in edges:
         e, k = edge // 3, edge % 3
         other = np.int64(elements.neighbour[e, k])
@@ -184,11 +184,11 @@ def exchange(mesh, trials, offers, edges, nodes, floor):
         gain = offers.gain[e, k]
         at = cheapest_left(mesh, offers, nodes, at, gain, floor)
         if at < 0:
-            return pairs, lowered  # later edges gain less
+            return pairs, decrease  # later edges gain less
         v = nodes[at]
         w = np.int64(offers.into[v])
         at += 1
-        lowered += gain - offers.cost[v]
+        decrease += gain - offers.cost[v]
         lock_around(mesh, v, locked)
         collapse(mesh, v, w)
         a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
@@ -200,4 +200,4 @@ def exchange(mesh, trials, offers, edges, nodes, floor):
             trials.other.value[p], trials.other.fixed[p] = other_value, False
         lock_around(mesh, p, locked)
         pairs += 1
-    return pairs, lowered
+    return pairs, decrease

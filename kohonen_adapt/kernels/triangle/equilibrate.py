@@ -73,7 +73,7 @@ def equilibrate(data, fan, seen, correction, imbalance):
         for e in range(count):
             for k in range(3):
                 if not seen[e, k] and (closed or data.neighbour[e, (k + 2) % 3] < 0):
-                    size = gather(data, e, k, fan, seen)
+                    size = gather_patch(data, e, k, fan, seen)
                     v = data.node[e, k]
                     rest = balance(data, fan, size, closed)
                     imbalance[v] = max(imbalance[v], abs(rest))
@@ -82,7 +82,7 @@ def equilibrate(data, fan, seen, correction, imbalance):
 
 
 @inner_kernel
-def gather(data, e, k, fan, seen):
+def gather_patch(data, e, k, fan, seen):
     size = 0
     while e >= 0 and not seen[e, k]:
         seen[e, k] = True
@@ -104,7 +104,7 @@ def balance(data, fan, size, closed):
     for s in range(size + 1):
         fan.tilt[s], fan.held[s] = 0.0, False
     fan.held[size + 1], fan.mean[0] = False, 0.0
-    march(data, fan, size)
+    set_means(data, fan, size)
     if closed:
         return fan.mean[size]
     first, right = fan.element[0], (fan.corner[0] + 2) % 3
@@ -116,27 +116,27 @@ def balance(data, fan, size, closed):
     fan.held[size + 1] = starts or ends
     if starts:
         fan.tilt[0], fan.held[0] = begin, True
-        raise_all(fan.mean, size + 1, begin)
+        add_to_all(fan.mean, size + 1, begin)
     elif ends:
-        raise_all(fan.mean, size + 1, finish - fan.mean[size])
+        add_to_all(fan.mean, size + 1, finish - fan.mean[size])
     if ends:
         fan.tilt[size], fan.held[size] = finish, True
     return rest
 
 
 @inner_kernel
-def raise_all(values, count, amount):
+def add_to_all(values, count, amount):
     for i in range(count):
         values[i] += amount
 
 
 @inner_kernel
-def march(data, fan, size):
+def set_means(data, fan, size):
     for s in range(size):
         e = fan.element[s]
         a, b, c = data.node[e, 0], data.node[e, 1], data.node[e, 2]
-        share = data.source[e] * twice_area(data.point, a, b, c) / 6.0
-        fan.mean[s + 1] = fan.mean[s] + 0.25 * (fan.jump[s] + fan.jump[s + 1]) - share
+        element_source = data.source[e] * twice_area(data.point, a, b, c) / 6.0
+        fan.mean[s + 1] = fan.mean[s] + 0.25 * (fan.jump[s] + fan.jump[s + 1]) - element_source
 
 
 @inner_kernel
@@ -146,32 +146,32 @@ def twice_area(point, a, b, c):
 
 @inner_kernel
 def minimise(data, fan, size, closed):
-    spokes = size if closed else size + 1
+    edges = size if closed else size + 1
     if closed:
         fan.held[size] = False
-    unknowns = spokes + 1
+    unknowns = edges + 1
     for i in range(unknowns):
         fan.load[i] = 0.0
         for j in range(unknowns):
             fan.matrix[i, j] = 0.0
     for s in range(size):
-        left = s + 1 if s + 1 < spokes else 0
-        measure(data, fan, s)
+        left = s + 1 if s + 1 < edges else 0
+        set_energy_matrix(data, fan, s)
         set_values(fan, s, left)
-        assemble(fan, s, left, spokes)
+        assemble(fan, s, left, edges)
     for i in range(unknowns):
         if fan.held[i]:
             for j in range(unknowns):
                 fan.matrix[i, j] = fan.matrix[j, i] = 0.0
             fan.matrix[i, i], fan.load[i] = 1.0, 0.0
     solve(fan.matrix, fan.load, unknowns)
-    for s in range(spokes):
+    for s in range(edges):
         fan.tilt[s] += fan.load[s]
-    raise_all(fan.mean, size + 1, fan.load[spokes])
+    add_to_all(fan.mean, size + 1, fan.load[edges])
 
 
 @inner_kernel
-def measure(data, fan, s):
+def set_energy_matrix(data, fan, s):
     """Set the matrix and the load of the energy of an element.
 
     With normal fluxes P at the vertex and Q at the other ends, outward through the right edge r and the left edge l,
@@ -208,19 +208,19 @@ def set_values(fan, right, left):
 
 @inner_kernel
 def assemble(fan, right, left, circulation):
-    ways = ((-1.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, -1.0), (-1.0, -1.0, 1.0, 1.0))
-    place = (right, left, circulation)
+    directions = ((-1.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, -1.0), (-1.0, -1.0, 1.0, 1.0))
+    unknowns = (right, left, circulation)
     for i in range(3):
         for k in range(4):
-            if ways[i][k] == 0.0:
+            if directions[i][k] == 0.0:
                 continue
             total = fan.slope[k]
             for j in range(4):
                 total += fan.gram[k, j] * fan.values[j]
-            fan.load[place[i]] -= ways[i][k] * total
+            fan.load[unknowns[i]] -= directions[i][k] * total
             for n in range(3):
                 for j in range(4):
-                    fan.matrix[place[i], place[n]] += ways[i][k] * fan.gram[k, j] * ways[n][j]
+                    fan.matrix[unknowns[i], unknowns[n]] += directions[i][k] * fan.gram[k, j] * directions[n][j]
 
 
 @inner_kernel

@@ -4,7 +4,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.arrays import UNGUARDED
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.triangle.connectivity import corner_towards, corners_around, joined
+from kohonen_adapt.kernels.triangle.connectivity import corner_towards, corners_around, has_edge
 from kohonen_adapt.kernels.triangle.geometry import FLAT, allowed, element_quality, may_join, signed_quality
 
 COCIRCULAR = 1e-10  # relative tolerance, so that rounding does not decide between four points on a circle
@@ -47,7 +47,7 @@ def may_flip(position, elements, e, k, other, floor):
     after = min(signed_quality(rx, ry, px, py, sx, sy), signed_quality(sx, sy, qx, qy, rx, ry))
     before = min(element_quality(position, node, e), element_quality(position, node, other))
     # Without a floor elements may overlap: flips of inverted elements may not terminate, and rs may be an edge already.
-    if after <= FLAT or before <= 0.0 or (floor == UNGUARDED and joined(node, elements.neighbour, e, r, s)):
+    if after <= FLAT or before <= 0.0 or (floor == UNGUARDED and has_edge(node, elements.neighbour, e, r, s)):
         return False
     return allowed(after, before, floor)
 
@@ -63,17 +63,17 @@ def flip_edge(elements, e, k):
     j = corner_towards(neighbour, other, e)
     k1, k2, j1, j2 = (k + 1) % 3, (k + 2) % 3, (j + 1) % 3, (j + 2) % 3
     r, s = node[e, k], node[other, j]
-    beyond_e, beyond_other = np.int64(neighbour[e, k1]), np.int64(neighbour[other, j1])
+    across_e, across_other = np.int64(neighbour[e, k1]), np.int64(neighbour[other, j1])
     chain_e, chain_other = chain[e, k1], chain[other, j1]
     node[e, k2], node[other, j2] = s, r
-    neighbour[e, k], chain[e, k] = beyond_other, chain_other
-    neighbour[other, j], chain[other, j] = beyond_e, chain_e
+    neighbour[e, k], chain[e, k] = across_other, chain_other
+    neighbour[other, j], chain[other, j] = across_e, chain_e
     neighbour[e, k1], chain[e, k1] = other, -1
     neighbour[other, j1], chain[other, j1] = e, -1
-    if beyond_other >= 0:
-        neighbour[beyond_other, corner_towards(neighbour, beyond_other, other)] = e
-    if beyond_e >= 0:
-        neighbour[beyond_e, corner_towards(neighbour, beyond_e, e)] = other
+    if across_other >= 0:
+        neighbour[across_other, corner_towards(neighbour, across_other, other)] = e
+    if across_e >= 0:
+        neighbour[across_e, corner_towards(neighbour, across_e, e)] = other
 
 
 @inner_kernel

@@ -8,7 +8,7 @@ from kohonen_adapt.kernels.nonlinear import stored
 from kohonen_adapt.kernels.triangle.connectivity import corners_around
 from kohonen_adapt.kernels.triangle.descend import ROUNDING
 from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip
-from kohonen_adapt.kernels.triangle.varying_flux import pushed
+from kohonen_adapt.kernels.triangle.varying_flux import flux_term
 
 
 @inner_kernel
@@ -33,12 +33,12 @@ def descend_flips(position, elements, trials, floor, gainful, first, last, marks
             other = np.int64(elements.neighbour[e, k])
             if gainful[e] == marks or other < e or elements.chain[e, k] >= 0:
                 continue
-            lowered = gain_of_flip(position, elements.node, trials, e, k, other)
+            decrease = gain_of_flip(position, elements.node, trials, e, k, other)
             if marks:
-                gainful[e] = lowered > 0.0
-            elif lowered > 0.0 and may_flip(position, elements, e, k, other, floor):
+                gainful[e] = decrease > 0.0
+            elif decrease > 0.0 and may_flip(position, elements, e, k, other, floor):
                 flip_edge(elements, e, k)
-                gain += lowered
+                gain += decrease
                 flips += 1
                 mark_beside(elements, e, gainful)
                 mark_beside(elements, other, gainful)
@@ -65,12 +65,14 @@ def change_by_flip(position, node, trial, e, k, other):
     coefficient, load = 2.0 * data[e, HALF_COEFFICIENT], data[e, SIXTH_SOURCE]
     law = laws.number[e]
     if law >= 0:
-        coefficient, before = 1.0, stored_in(laws, law, px, py, u, qx, qy, v)
-        before += stored_in(laws, law, qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
-        after = stored_in(laws, law, px, py, u, sx, sy, w) + stored_in(laws, law, sx, sy, w, qx, qy, v)
+        coefficient, before = 1.0, law_energy(laws, law, px, py, u, qx, qy, v)
+        before += law_energy(laws, law, qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
+        after = law_energy(laws, law, px, py, u, sx, sy, w) + law_energy(laws, law, sx, sy, w, qx, qy, v)
     else:
-        before = dirichlet(px, py, u, qx, qy, v) + dirichlet(qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
-        after = dirichlet(px, py, u, sx, sy, w) + dirichlet(sx, sy, w, qx, qy, v)
+        before = dirichlet_energy(px, py, u, qx, qy, v) + dirichlet_energy(
+            qx - sx, qy - sy, v - w, px - sx, py - sy, u - w
+        )
+        after = dirichlet_energy(px, py, u, sx, sy, w) + dirichlet_energy(sx, sy, w, qx, qy, v)
     inner, outer = px * qy - py * qx, (qx - sx) * (py - sy) - (qy - sy) * (px - sx)
     left, right = px * sy - py * sx, sx * qy - sy * qx
     if not (left > 0.0 and right > 0.0):
@@ -79,20 +81,20 @@ def change_by_flip(position, node, trial, e, k, other):
     gain = coefficient * (before - after) + pulled
     # Constant fluxes contribute equally before and after: the boundary of the pair determines the mean gradient.
     if data.shape[1] > CONSTANTS:
-        gain += pushed(data, e, x, y, px, py, u, sx, sy, w) + pushed(data, e, x, y, sx, sy, w, qx, qy, v)
-        gain -= pushed(data, e, x, y, px, py, u, qx, qy, v)
-        gain -= pushed(data, e, x + sx, y + sy, qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
+        gain += flux_term(data, e, x, y, px, py, u, sx, sy, w) + flux_term(data, e, x, y, sx, sy, w, qx, qy, v)
+        gain -= flux_term(data, e, x, y, px, py, u, qx, qy, v)
+        gain -= flux_term(data, e, x + sx, y + sy, qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
     return gain, coefficient * (before + after) + abs(load) * (inner + outer) * (abs(u) + abs(v) + abs(w))
 
 
 @inner_kernel
-def dirichlet(ax, ay, u, bx, by, v):
+def dirichlet_energy(ax, ay, u, bx, by, v):
     """Return int |grad|^2 / 2 over (0, a, b) for the nodal values 0, u, v."""
     nx, ny = v * ax - u * bx, v * ay - u * by
     return 0.25 * (nx * nx + ny * ny) / (ax * by - ay * bx)
 
 
 @inner_kernel
-def stored_in(laws, law, ax, ay, u, bx, by, v):
+def law_energy(laws, law, ax, ay, u, bx, by, v):
     nx, ny, doubled = v * ax - u * bx, v * ay - u * by, ax * by - ay * bx
     return 0.5 * doubled * stored(laws, law, (nx * nx + ny * ny) / (doubled * doubled))[0]

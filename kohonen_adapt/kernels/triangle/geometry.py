@@ -70,28 +70,28 @@ def allowed(after, before, floor):
 
 
 @inner_kernel
-def least_share(floor):
+def quality_bound(floor):
     return 2.0 * max(floor, FLAT) / SQRT12
 
 
 @inner_kernel
-def better_than(share, ux, uy, vx, vy):
+def exceeds_quality(bound, ux, uy, vx, vy):
     """Return True if the triangle of edges u, v exceeds a minimum quality.
 
-    `share` is `least_share(floor)`. The test is equivalent to a comparison of `signed_quality` and three times faster,
-    without a division.
+    `bound` is `quality_bound(floor)`. The test is equivalent to a comparison of `signed_quality` and three times
+    faster, without a division.
     """
-    return ux * vy - vx * uy > share * (ux * ux + uy * uy + vx * vx + vy * vy - ux * vx - uy * vy)
+    return ux * vy - vx * uy > bound * (ux * ux + uy * uy + vx * vx + vy * vy - ux * vx - uy * vy)
 
 
 @inner_kernel
 def star_tolerable(position, star, v, x, y, floor):
-    share = least_share(floor)
+    bound = quality_bound(floor)
     for k in range(star.start[v], star.start[v + 1]):
         a, b = star.ahead[k], star.behind[k]
         ux, uy = position[a, 0] - x, position[a, 1] - y
         vx, vy = position[b, 0] - x, position[b, 1] - y
-        if not better_than(share, ux, uy, vx, vy):
+        if not exceeds_quality(bound, ux, uy, vx, vy):
             return floor == UNGUARDED
     return True
 
@@ -145,10 +145,10 @@ def slide_pair(position, elements, star, constraints, v, parameter, floor):
 
 
 @kernel
-def move_to_targets(position, star, nodes, target, still, floor):
+def move_to_targets(position, star, nodes, target, tolerance, floor):
     for i in range(nodes.shape[0]):
         v, x, y = np.int64(nodes[i]), target[i, 0], target[i, 1]
-        if abs(x - position[v, 0]) + abs(y - position[v, 1]) > still and may_move(position, star, v, x, y, floor):
+        if abs(x - position[v, 0]) + abs(y - position[v, 1]) > tolerance and may_move(position, star, v, x, y, floor):
             position[v, 0], position[v, 1] = x, y
 
 

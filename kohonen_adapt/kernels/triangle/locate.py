@@ -17,7 +17,7 @@ def side_of_edge(position, node, e, k, x, y):
 
 
 @inner_kernel
-def depth_in_element(position, node, e, x, y):
+def least_barycentric(position, node, e, x, y):
     least, doubled = np.inf, 0.0
     for k in range(3):
         side = side_of_edge(position, node, e, k, x, y)
@@ -31,7 +31,7 @@ def walk(position, elements, e, x, y):
     """Return the end of a walk to (x, y) within a region, and True on success."""
     node, region, e = elements.node, elements.region[e], np.int64(e)
     for _ in range(WALK):
-        if depth_in_element(position, node, e, x, y) >= -TOLERANCE:
+        if least_barycentric(position, node, e, x, y) >= -TOLERANCE:
             return e, True
         onward, most = np.int64(-1), 0.0
         for k in range(3):
@@ -87,7 +87,7 @@ def cells_of_element(position, node, e, grid):
 def best_in_cell(position, node, content, first, last, x, y):
     best, deepest = -1, -TOLERANCE
     for k in range(first, last):
-        depth = depth_in_element(position, node, np.int64(content[k]), x, y)
+        depth = least_barycentric(position, node, np.int64(content[k]), x, y)
         if depth >= deepest:
             best, deepest = content[k], depth
     return best

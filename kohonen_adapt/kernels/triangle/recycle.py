@@ -129,11 +129,11 @@ def split_and_flip(mesh, e, k, floor, x, y, parameter):
     for i in range(gather_around(mesh, p, scratch.around)):
         half = np.int64(scratch.around[i])
         j = corner_of(elements.node, half, p)
-        beyond = np.int64(elements.neighbour[half, j])
-        if beyond < 0 or elements.chain[half, j] >= 0:
+        across = np.int64(elements.neighbour[half, j])
+        if across < 0 or elements.chain[half, j] >= 0:
             continue
         fine = allowed(element_quality(position, elements.node, half), before, floor)
-        if not fine and may_flip(position, elements, half, j, beyond, floor):
+        if not fine and may_flip(position, elements, half, j, across, floor):
             flip_at(mesh, half, j)
             scratch.around_other[flips] = half
             flips += 1

@@ -10,7 +10,7 @@ from kohonen_adapt.kernels.arrays import BULGE, CROSSINGS
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import distance_to_chain, parameter_of
 from kohonen_adapt.kernels.triangle.geometry import squared_distance, squared_distance_to_edge
-from kohonen_adapt.kernels.triangle.locate import TOLERANCE, WALK, depth_in_element, side_of_edge, walk
+from kohonen_adapt.kernels.triangle.locate import TOLERANCE, WALK, least_barycentric, side_of_edge, walk
 
 STRETCH = 256  # consecutive points whose searches may start at the previous winner
 
@@ -45,7 +45,7 @@ def element_in_region(elements, star, v, region):
 
 
 @inner_kernel
-def holding_element(position, elements, star, constraints, v, x, region, scratch):
+def containing_element(position, elements, star, constraints, v, x, region, scratch):
     e = element_in_region(elements, star, v, region)
     e, inside = walk(position, elements, e, x[0], x[1])
     # A point between a curve and its facets may lie in no element of the region; the element at the facet counts.
@@ -58,7 +58,7 @@ def holding_element(position, elements, star, constraints, v, x, region, scratch
     while first < last and deepest < -TOLERANCE:
         e = np.int64(queue[first])
         first += 1
-        depth = depth_in_element(position, elements.node, e, x[0], x[1])
+        depth = least_barycentric(position, elements.node, e, x[0], x[1])
         if depth > deepest:
             best, deepest = e, depth
         for k in range(3):
@@ -83,7 +83,7 @@ def behind_curve(position, elements, constraints, e, x, y):
 
 
 @inner_kernel
-def nearest_reached(position, elements, e, x, scratch):
+def nearest_visible(position, elements, e, x, scratch):
     """Return the nearest node visible from `x` and its squared distance.
 
     A node is visible if the disc around `x` through the node connects both within the region of `e`. The reach of an
@@ -135,20 +135,20 @@ def nearest_reached(position, elements, e, x, scratch):
 
 
 @inner_kernel
-def find_winner(neurons, v, x, region, scratch):
-    position, elements, star, constraints = neurons.position, neurons.elements, neurons.star, neurons.constraints
+def find_winner(mesh, v, x, region, scratch):
+    position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
     while True:
         nearest = closest_neighbour(position, elements, star, constraints.inner, v, x, region)
         if nearest == v:
             break
         v = nearest
-    e = holding_element(position, elements, star, constraints, v, x, region, scratch)
-    winner, squared = nearest_reached(position, elements, e, x, scratch)
+    e = containing_element(position, elements, star, constraints, v, x, region, scratch)
+    winner, squared = nearest_visible(position, elements, e, x, scratch)
     return winner, np.sqrt(squared)
 
 
 @kernel
-def find_winners(neurons, points, region, hints, winners, distances, scratch):
+def find_winners(mesh, points, region, start_nodes, winners, distances, scratch):
     """Find the winner of every point and its distance.
 
     `hints` are start nodes in the regions of the points, preferably former winners. The search begins at the previous
@@ -156,10 +156,10 @@ def find_winners(neurons, points, region, hints, winners, distances, scratch):
     that contains the point the search crosses every edge cut by the circle through the nearest node so far.
     `find_winner` searches again if the circle cuts a boundary.
     """
-    position, elements, star, inner = neurons.position, neurons.elements, neurons.star, neurons.constraints.inner
+    position, elements, star, inner = mesh.position, mesh.elements, mesh.star, mesh.constraints.inner
     node, neighbour, regions, crossed = elements.node, elements.neighbour, elements.region, scratch.crossed
     for t in range(points.shape[0]):
-        x, y, own, v = points[t, 0], points[t, 1], region[t], np.int64(hints[t])
+        x, y, own, v = points[t, 0], points[t, 1], region[t], np.int64(start_nodes[t])
         if t % STRETCH > 0 and region[t - 1] == own:
             v = nearer(position, v, np.int64(winners[t - 1]), x, y)
         e = int(star.element[star.start[v]])  # the walk is inlined, because calls would take longer
@@ -230,7 +230,7 @@ def find_winners(neurons, points, region, hints, winners, distances, scratch):
         if found:
             winners[t], distances[t] = winner, np.sqrt(best)
         else:
-            winner, distance = find_winner(neurons, v, points[t], own, scratch)
+            winner, distance = find_winner(mesh, v, points[t], own, scratch)
             winners[t], distances[t] = winner, distance
 
 

@@ -11,10 +11,10 @@ import numpy as np
 from kohonen_adapt.kernels.arrays import FREE, HELD, OWN, PAIRED
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.records import record
-from kohonen_adapt.kernels.triangle.chains import gone_along, nearest_parameter, way_along
+from kohonen_adapt.kernels.triangle.chains import advanced_parameter, nearest_parameter, signed_distance
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
 from kohonen_adapt.kernels.triangle.geometry import may_move, slide, slide_pair
-from kohonen_adapt.kernels.triangle.locate import TOLERANCE, WALK, depth_in_element, side_of_edge, walk
+from kohonen_adapt.kernels.triangle.locate import TOLERANCE, WALK, least_barycentric, side_of_edge, walk
 from kohonen_adapt.kernels.triangle.search import STRETCH, nearer
 
 RELAXATION = 0.85  # full steps overshoot where the density changes within an element
@@ -110,9 +110,9 @@ def update_factors(position, first, last, sites, base_position, base, log_densit
             sites.element[s] = e
             total, value = 0.0, 0.0
             for k in range(3):
-                share = max(0.0, side_of_edge(base_position, base.node, e, k, x, y))
-                total += share
-                value += share * log_density[e, k]
+                barycentric = max(0.0, side_of_edge(base_position, base.node, e, k, x, y))
+                total += barycentric
+                value += barycentric * log_density[e, k]
             sites.factor[s] = np.exp(2.0 / 3.0 * value / total)
 
 
@@ -128,7 +128,7 @@ def multiply_factors(elements, sites, weight):
 def element_from(position, elements, e, other, x, y):
     if other >= 0 and elements.region[other] == elements.region[e]:
         near = nearer(position, np.int64(elements.node[e, 0]), np.int64(elements.node[other, 0]), x, y)
-        if near != elements.node[e, 0] and depth_in_element(position, elements.node, e, x, y) < -TOLERANCE:
+        if near != elements.node[e, 0] and least_barycentric(position, elements.node, e, x, y) < -TOLERANCE:
             found, inside = walk(position, elements, other, x, y)
             if inside:
                 return found
@@ -143,13 +143,13 @@ def nearest_element(position, elements, e, x, y):
             break
         start = e
         e, inside = walk(position, elements, e, x, y)
-    depth = depth_in_element(position, elements.node, e, x, y)
+    depth = least_barycentric(position, elements.node, e, x, y)
     while not inside:
         onward = e
         for k in range(3):
             across = np.int64(elements.neighbour[e, k])
             if across >= 0 and elements.region[across] == elements.region[e]:
-                other = depth_in_element(position, elements.node, across, x, y)
+                other = least_barycentric(position, elements.node, across, x, y)
                 if other > depth:
                     onward, depth = across, other
         if onward == e:
@@ -175,16 +175,18 @@ def sweep(position, elements, star, constraints, weight, circumcentres, floor, o
             step_towards(position, star, v, x, y, floor)
             continue
         chains, chain, parameter = constraints.chains, np.int64(constraints.chain[v, OWN]), constraints.parameter[v]
-        way = way_along(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
+        distance = signed_distance(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
         if chains.flags[chain, PAIRED]:
             w = np.int64(constraints.twins.partner[v])
             if w < v:  # each pair once
                 continue
             chain = np.int64(constraints.chain[w, OWN])
             x, y, mass_there = centre_mean(position, star, weight, circumcentres, w)
-            way_there = way_along(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
-            way = (mass * way + mass_there * way_there) / (mass + mass_there)
-        slide_along_chain(position, elements, star, constraints, v, RELAXATION * way, floor)
+            distance_there = signed_distance(
+                chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter)
+            )
+            distance = (mass * distance + mass_there * distance_there) / (mass + mass_there)
+        slide_along_chain(position, elements, star, constraints, v, RELAXATION * distance, floor)
 
 
 @inner_kernel
@@ -208,17 +210,17 @@ def centre_mean(position, star, weight, circumcentres, v):
 
 
 @inner_kernel
-def slide_along_chain(position, elements, star, constraints, v, way, floor):
+def slide_along_chain(position, elements, star, constraints, v, distance, floor):
     chains, chain, moved = constraints.chains, np.int64(constraints.chain[v, OWN]), False
     for _ in range(HALVINGS + 1):
-        parameter = gone_along(chains, chain, constraints.parameter[v], way)
+        parameter = advanced_parameter(chains, chain, constraints.parameter[v], distance)
         if chains.flags[chain, PAIRED]:
             moved = slide_pair(position, elements, star, constraints, v, parameter, floor)
         else:
             moved = slide(position, elements, star, constraints, v, parameter, floor)
         if moved:
             return
-        way *= 0.5
+        distance *= 0.5
 
 
 @inner_kernel

@@ -4,7 +4,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.arrays import FREE, MERGED, OTHER, OWN, SLIDING
 from kohonen_adapt.kernels.compilation import inner_kernel
-from kohonen_adapt.kernels.triangle.chains import middle_on_chain
+from kohonen_adapt.kernels.triangle.chains import midpoint_on_chain
 from kohonen_adapt.kernels.triangle.connectivity import corner_of, corner_towards
 from kohonen_adapt.kernels.triangle.geometry import allowed, element_quality, may_join, signed_quality
 
@@ -70,7 +70,7 @@ def midpoint(mesh, c, a, b):
     position = mesh.position
     if c < 0:
         return 0.5 * (position[a, 0] + position[b, 0]), 0.5 * (position[a, 1] + position[b, 1]), 0.0
-    return middle_on_chain(position, mesh.constraints, c, a, b)
+    return midpoint_on_chain(position, mesh.constraints, c, a, b)
 
 
 @inner_kernel
@@ -118,7 +118,7 @@ def halve(mesh, e, k, p):
 
 
 @inner_kernel
-def guide(elements, constraints, e, k):
+def start_node(elements, constraints, e, k):
     c = elements.chain[e, k]
     for v in (elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]):
         if constraints.inner[v] or (c >= 0 and constraints.kind[v] == SLIDING and constraints.chain[v, OWN] == c):
@@ -142,7 +142,7 @@ def split(mesh, e, k, x, y, parameter):
     elements.level[p] = elements.level[b if constraints.kind[b] == FREE else a]
     constraints.inner[p] = other >= 0 and elements.region[other] == elements.region[e]
     origins.density[p] = 0.5 * (origins.density[a] + origins.density[b])
-    origins.old[p], origins.hint[p] = -1, origins.hint[guide(elements, constraints, e, k)]
+    origins.old[p], origins.hint[p] = -1, origins.hint[start_node(elements, constraints, e, k)]
     origins.pinned[p] = origins.pinched[p] = False
     origins.longest[p] = min(origins.longest[a], origins.longest[b])
     origins.young[p] = True

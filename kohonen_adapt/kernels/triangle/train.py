@@ -10,12 +10,12 @@ import numpy as np
 from kohonen_adapt.kernels.arrays import FREE, HELD, JUNCTION, OTHER, OWN, PAIRED, SLIDING
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import (
+    advanced_parameter,
     distance_to_chain,
-    gone_along,
     nearest_parameter,
     parameter_of,
     point_at,
-    way_along,
+    signed_distance,
     within_reach,
 )
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
@@ -55,13 +55,13 @@ def draw_points(position, node, order, cumulated, random, points, element):
 
 
 @kernel
-def learn(neurons, lesson, rate, floor, sound, scratch):
+def learn(mesh, lesson, rate, floor, sound, scratch):
     """Move the winners of training points and their neighbours towards the points.
 
     The learning rate times the weight is limited to 1. Stars marked `sound` satisfy the floor and need no comparison
     with the quality before.
     """
-    position, elements, star, constraints = neurons.position, neurons.elements, neurons.star, neurons.constraints
+    position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
     points, region, weights, winners = lesson.points, lesson.region, lesson.weights, lesson.winners
     strength, rings = lesson.strength, lesson.ends
     kind, inner, chains = constraints.kind, constraints.inner, constraints.chains
@@ -84,7 +84,7 @@ def learn(neurons, lesson, rate, floor, sound, scratch):
                     new_y = position[v, 1] + step * (x[1] - position[v, 1])
                 elif kind[v] == SLIDING:
                     chain = np.int64(constraints.chain[v, OWN])
-                    parameter = towards(constraints, chain, v, x[0], x[1], step)
+                    parameter = stepped_parameter(constraints, chain, v, x[0], x[1], step)
                     if chains.flags[chain, PAIRED]:
                         slide_pair(position, elements, star, constraints, v, parameter, floor)
                         continue
@@ -104,7 +104,7 @@ def learn(neurons, lesson, rate, floor, sound, scratch):
                     if kind[v] == SLIDING:
                         constraints.parameter[v] = parameter
         if periodic:
-            reach_beyond(
+            learn_across_boundary(
                 position, elements, star, constraints, x, region[t], rate_of_point, strength, rings, floor, scratch
             )
 
@@ -133,7 +133,7 @@ def gather_ring(elements, star, inner, region, queue, first, last, stamps, stamp
 
 
 @inner_kernel
-def reach_beyond(position, elements, star, constraints, x, region, rate, strength, rings, floor, scratch):
+def learn_across_boundary(position, elements, star, constraints, x, region, rate, strength, rings, floor, scratch):
     """Move nodes beyond a periodic boundary towards the image of a point.
 
     Ring r of the nodes on this side is ``scratch.queue[rings[r] : rings[r + 1]]``. The rings beyond the boundary begin
@@ -155,7 +155,7 @@ def reach_beyond(position, elements, star, constraints, x, region, rate, strengt
                 first, last = last, end
                 for i in range(first, last):
                     v, step = np.int64(queue[i]), rate * strength[ring]
-                    follow_image(position, elements, star, constraints, v, image_x, image_y, step, floor)
+                    move_to_image(position, elements, star, constraints, v, image_x, image_y, step, floor)
             for i in range(rings[ring], rings[ring + 1]):
                 v = queue[i]
                 if twins.motion[v] == m and stamps[twins.partner[v]] != stamp:
@@ -165,25 +165,25 @@ def reach_beyond(position, elements, star, constraints, x, region, rate, strengt
 
 
 @inner_kernel
-def follow_image(position, elements, star, constraints, v, x, y, step, floor):
+def move_to_image(position, elements, star, constraints, v, x, y, step, floor):
     chains, chain = constraints.chains, np.int64(constraints.chain[v, OWN])
     if constraints.kind[v] == FREE:
         new_x, new_y = position[v, 0] + step * (x - position[v, 0]), position[v, 1] + step * (y - position[v, 1])
         if may_move(position, star, v, new_x, new_y, floor):
             position[v, 0], position[v, 1] = new_x, new_y
     elif constraints.kind[v] == SLIDING and not chains.flags[chain, PAIRED]:
-        slide(position, elements, star, constraints, v, towards(constraints, chain, v, x, y, step), floor)
+        slide(position, elements, star, constraints, v, stepped_parameter(constraints, chain, v, x, y, step), floor)
 
 
 @inner_kernel
-def towards(constraints, chain, v, x, y, step):
+def stepped_parameter(constraints, chain, v, x, y, step):
     chains, parameter = constraints.chains, constraints.parameter[v]
-    way = way_along(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
-    return gone_along(chains, chain, parameter, step * way)
+    distance = signed_distance(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
+    return advanced_parameter(chains, chain, parameter, step * distance)
 
 
 @inner_kernel
-def follower(elements, star, constraints, corner, chain):
+def sliding_neighbour(elements, star, constraints, corner, chain):
     found = np.int64(-1)
     for k in range(star.start[corner], star.start[corner + 1]):
         e, outlines = star.element[k], 0
@@ -221,13 +221,13 @@ def jump(position, elements, star, constraints, v, x, y, step, floor):
     distance_away, target_away = distance_to_chain(chains, away, x, y, corner_away)
     if distance_away < distance:
         onto, away, corner, target = away, onto, corner_away, target_away
-    next_node = follower(elements, star, constraints, v, away)
+    next_node = sliding_neighbour(elements, star, constraints, v, away)
     parameter = corner + step * (target - corner)
     if next_node < 0 or parameter == corner or elements.level[next_node] != elements.level[v]:
         return
     if not within_reach(position, elements, star, chains, away, next_node, corner_x, corner_y):
         return
-    if not swapped(position, star, constraints, v, next_node, onto, parameter, floor):
+    if not swap_nodes(position, star, constraints, v, next_node, onto, parameter, floor):
         return
     hand_over(constraints, v, next_node, onto, away, parameter)
     relabel_edge(elements, star, v, next_node, onto)
@@ -260,7 +260,7 @@ def jump_at_junction(position, elements, star, constraints, v, x, y, step, floor
         for next_node, other in ((ahead, behind), (behind, ahead)):
             if not may_follow(position, elements, star, constraints, e, v, next_node, other, onto):
                 continue
-            if swapped(position, star, constraints, v, next_node, onto, parameter, floor):
+            if swap_nodes(position, star, constraints, v, next_node, onto, parameter, floor):
                 third = np.int64(chain_of_edge(elements, e, next_node))
                 hand_over(constraints, v, next_node, np.int64(JUNCTION), np.int64(-1), parameter)
                 constraints.chain[v, OWN] = onto
@@ -293,7 +293,7 @@ def chain_of_edge(elements, e, v):
 
 
 @inner_kernel
-def swapped(position, star, constraints, v, next_node, onto, parameter, floor):
+def swap_nodes(position, star, constraints, v, next_node, onto, parameter, floor):
     before = worst_of_two(position, star, v, next_node)
     corner_x, corner_y = position[v, 0], position[v, 1]
     next_x, next_y = position[next_node, 0], position[next_node, 1]

@@ -11,7 +11,7 @@ import numpy as np
 from kohonen_adapt.kernels.arrays import FREE, HELD, OWN, PAIRED, REACH, SLIDING
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import nearest_parameter, point_at, tangent_at
-from kohonen_adapt.kernels.triangle.geometry import FLAT, allowed, better_than, element_quality, least_share
+from kohonen_adapt.kernels.triangle.geometry import FLAT, allowed, element_quality, exceeds_quality, quality_bound
 
 
 @kernel
@@ -80,7 +80,7 @@ def move_with_clusters(star, constraints, cluster, flow, first, last, move):
             y += flow[c, 1]
         move[v, 0], move[v, 1] = x / count, y / count
         if kind[v] != FREE:
-            keep_to_outline(constraints, v, move)
+            project_on_boundary(constraints, v, move)
 
 
 @kernel
@@ -100,11 +100,11 @@ def smooth_moves(star, constraints, move, first, last, smoothed):
                 y += move[b, 1]
         smoothed[v, 0], smoothed[v, 1] = x / count, y / count
         if kind[v] != FREE:
-            keep_to_outline(constraints, v, smoothed)
+            project_on_boundary(constraints, v, smoothed)
 
 
 @inner_kernel
-def keep_to_outline(constraints, v, move):
+def project_on_boundary(constraints, v, move):
     chain = np.int64(constraints.chain[v, OWN])
     if constraints.kind[v] == HELD or constraints.chains.flags[chain, PAIRED]:
         move[v, 0], move[v, 1] = 0.0, 0.0
@@ -125,21 +125,21 @@ def measure_moves(position, star, move, first, last, ratio):
 
 
 @kernel
-def step_ahead(position, constraints, move, share, first, last, ahead, parameter):
+def step_ahead(position, constraints, move, fraction, first, last, ahead, parameter):
     for v in range(first, last):
-        ahead[v, 0], ahead[v, 1] = position[v, 0] + share * move[v, 0], position[v, 1] + share * move[v, 1]
+        ahead[v, 0], ahead[v, 1] = position[v, 0] + fraction * move[v, 0], position[v, 1] + fraction * move[v, 1]
         if constraints.kind[v] == SLIDING and (move[v, 0] != 0.0 or move[v, 1] != 0.0):
-            put_on_outline(ahead, parameter, constraints, v)
+            place_on_boundary(ahead, parameter, constraints, v)
 
 
 @kernel
 def mark_spoiled(position, ahead, node, floor, first, last, spoiled):
-    share = least_share(floor)
+    bound = quality_bound(floor)
     for e in range(first, last):
         a, b, c = node[e, 0], node[e, 1], node[e, 2]
         ux, uy = ahead[b, 0] - ahead[a, 0], ahead[b, 1] - ahead[a, 1]
         vx, vy = ahead[c, 0] - ahead[a, 0], ahead[c, 1] - ahead[a, 1]
-        spoiled[e] = not better_than(share, ux, uy, vx, vy) and spoils(position, ahead, node, e, floor)
+        spoiled[e] = not exceeds_quality(bound, ux, uy, vx, vy) and spoils(position, ahead, node, e, floor)
 
 
 @inner_kernel
@@ -164,7 +164,7 @@ def go_to_middle(ahead, parameter, node, star, constraints, spoiled):
                     y += ahead[star.ahead[k], 1] + ahead[star.behind[k], 1]
                 ahead[v, 0], ahead[v, 1] = x / count, y / count
                 if kind[v] == SLIDING:
-                    put_on_outline(ahead, parameter, constraints, np.int64(v))
+                    place_on_boundary(ahead, parameter, constraints, np.int64(v))
 
 
 @kernel
@@ -179,31 +179,33 @@ def slow_down(position, ahead, parameter, node, star, constraints, spoiled, ring
     for e in range(spoiled.shape[0]):
         if spoiled[e]:
             for corner in range(3):
-                last = slowed(position, ahead, parameter, constraints, node[e, corner], 0, ring, queue, last)
+                last = slow_node(position, ahead, parameter, constraints, node[e, corner], 0, ring, queue, last)
     first = 0
     while first < last:
         v = queue[first]
         first += 1
         for k in range(star.start[v], star.start[v + 1]):
-            last = slowed(position, ahead, parameter, constraints, star.ahead[k], ring[v] + 1, ring, queue, last)
+            last = slow_node(position, ahead, parameter, constraints, star.ahead[k], ring[v] + 1, ring, queue, last)
             if not constraints.inner[v]:  # around an inner node `behind` is `ahead` in the next row
-                last = slowed(position, ahead, parameter, constraints, star.behind[k], ring[v] + 1, ring, queue, last)
+                last = slow_node(
+                    position, ahead, parameter, constraints, star.behind[k], ring[v] + 1, ring, queue, last
+                )
 
 
 @inner_kernel
-def slowed(position, ahead, parameter, constraints, v, rings, ring, queue, last):
+def slow_node(position, ahead, parameter, constraints, v, rings, ring, queue, last):
     if rings >= ring[v]:
         return last
-    share, ring[v], queue[last] = rings / ring[v], rings, v
-    x, y = (ahead[v, 0] - position[v, 0]) * share, (ahead[v, 1] - position[v, 1]) * share
+    fraction, ring[v], queue[last] = rings / ring[v], rings, v
+    x, y = (ahead[v, 0] - position[v, 0]) * fraction, (ahead[v, 1] - position[v, 1]) * fraction
     ahead[v, 0], ahead[v, 1] = position[v, 0] + x, position[v, 1] + y
     if constraints.kind[v] == SLIDING and (x != 0.0 or y != 0.0):  # a stopped node keeps its exact position
-        put_on_outline(ahead, parameter, constraints, np.int64(v))
+        place_on_boundary(ahead, parameter, constraints, np.int64(v))
     return last + 1
 
 
 @inner_kernel
-def put_on_outline(ahead, parameter, constraints, v):
+def place_on_boundary(ahead, parameter, constraints, v):
     chain, chains = np.int64(constraints.chain[v, OWN]), constraints.chains
     if not chains.flags[chain, PAIRED]:
         parameter[v] = nearest_parameter(chains, chain, ahead[v, 0], ahead[v, 1], constraints.parameter[v])

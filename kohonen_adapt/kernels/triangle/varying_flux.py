@@ -52,6 +52,6 @@ def increase(data, e, first, x, y, xx, xy, yy):
 
 
 @inner_kernel
-def pushed(data, e, x, y, ax, ay, u, bx, by, v):
+def flux_term(data, e, x, y, ax, ay, u, bx, by, v):
     flux_x, flux_y = half_flux(data, e, x, y, ax, ay, bx, by)
     return flux_y * (v * ax - u * bx) - flux_x * (v * ay - u * by)
