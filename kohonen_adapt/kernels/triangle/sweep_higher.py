@@ -27,7 +27,7 @@ def descend_nodes_higher(descents, order, floor):
         for i in range(descents.number):
             descent = descents.one if i == 0 else descents.other
             number_block(descent, v)
-            if kind == HELD or descent.trial.bent[v]:
+            if kind == HELD:
                 improve(descent, v, first)
         if kind != HELD:
             gain += move(descents, v, np.int64(chains[v, OWN]) if kind != FREE else -1, first, floor)
@@ -84,6 +84,8 @@ def move(descents, v, chain, first, floor):
         step_x, step_y = newton_step(by_x, by_y, xx, xy, yy)
     for i in range(descents.number):
         solve_upper((one if i == 0 else other).block, first, step_x, step_y)
+    if one.trial.bent[v]:
+        now = settle(one, v, first, now)
     value, other_value = one.trial.value[v], other.trial.value[v] if descents.number == 2 else 0.0
     gain, length, downhill = 0.0, 1.0, -(step_x * by_x + step_y * by_y) > ROUNDING * size
     for _ in range(HALVINGS + 1 if downhill else 0):
@@ -119,18 +121,32 @@ def move(descents, v, chain, first, floor):
 @inner_kernel
 def improve(descent, v, first):
     x, y, bent = descent.position[v, 0], descent.position[v, 1], descent.trial.bent[v]
-    before, length = derivatives(descent, v, x, y, BLOCK)[1], 1.0
+    now = derivatives(descent, v, x, y, BLOCK)[1]
     if not factorise(descent.block, first)[0]:
         return
     solve_upper(descent.block, first, 0.0, 0.0)
+    if bent:
+        settle(descent, v, first, now)
+    else:
+        change_block(descent, v, first, 1.0, 0.0)
+
+
+@inner_kernel
+def settle(descent, v, first, now):
+    """Add the change of the block without a move, or half as often as needed until the functional is not higher.
+
+    Returns the functional of the star, `now` before.
+    """
+    x, y, length = descent.position[v, 0], descent.position[v, 1], 1.0
     change_block(descent, v, first, length, 0.0)
-    for _ in range(TRIES if bent else 0):
-        if derivatives(descent, v, x, y, VALUE)[1] <= before:
-            return
+    for _ in range(TRIES):
+        after = derivatives(descent, v, x, y, VALUE)[1]
+        if after <= now:
+            return after
         change_block(descent, v, first, -0.5 * length, 0.0)
         length *= 0.5
-    if bent:
-        change_block(descent, v, first, -length, 0.0)
+    change_block(descent, v, first, -length, 0.0)
+    return now
 
 
 @inner_kernel
@@ -142,10 +158,10 @@ def gain_at(descents, v, first, x, y, length, now):
     """
     descent, gain = descents.one, now
     if descent.trial.bent[v]:
-        change_block(descent, v, first, 1.0, length)
+        change_block(descent, v, first, 0.0, length)
         gain -= derivatives(descent, v, x, y, VALUE)[1]
         if not gain > 0.0:
-            change_block(descent, v, first, -1.0, -length)
+            change_block(descent, v, first, 0.0, -length)
         return gain
     for i in range(descents.number):
         descent = descents.one if i == 0 else descents.other
