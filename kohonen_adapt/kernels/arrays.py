@@ -362,7 +362,8 @@ class Shapes(NamedTuple):
     around: bool  # around an axis: coefficients are divided by x, and laws evaluated at |grad u| / x
 
 
-VALUE, BLOCK, PLACE = range(3)  # quantities of an element: value, also derivatives by a block, also by a position
+# Derivatives wanted of an element: none; by a block, at the points of linear material; by a block; by position, too.
+VALUE, COARSE_BLOCK, BLOCK, PLACE = range(4)
 
 
 @record

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 
-from kohonen_adapt.kernels.arrays import FREE, PLACE, SLIDING
+from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, FREE, PLACE, SLIDING, VALUE
 from kohonen_adapt.kernels.compilation import interpreted
 from kohonen_adapt.kernels.triangle import descend_higher as kernels
 from kohonen_adapt.mesh.curved import jacobian_coefficients
@@ -57,6 +57,7 @@ CASES = {
     "curved, P2": (lambda: MeshTri.init_circle(2), 2, False, None),
     "curved, P2, nonlinear": (lambda: MeshTri.init_circle(2), 2, False, Linked()),
     "curved, P3": (lambda: MeshTri.init_circle(2), 3, False, None),
+    "curved, P3, nonlinear": (lambda: MeshTri.init_circle(2), 3, False, Linked()),
     "curved around an axis, P2": (half_disk, 2, True, None),
 }
 each_case = pytest.mark.parametrize("case", CASES.values(), ids=CASES)
@@ -123,6 +124,11 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
             return value, star[2:4], block.rest[:count].copy(), block.mixed[:count].copy(), whole, star[4:]
 
         _, slope, rest, mixed, stiffness, (xx, xy, yy) = now()
+        value = derivatives(room, v, x, y, PLACE)[1]
+        for wanted in (VALUE, BLOCK):
+            assert derivatives(room, v, x, y, wanted)[1] == pytest.approx(value, rel=1e-14)
+        np.testing.assert_array_equal(room.block.rest[:count], rest)
+        np.testing.assert_array_equal(np.tril(room.block.stiffness[:count, :count]), np.tril(stiffness))
         hessian, scale = np.array([[xx, xy], [xy, yy]]), np.abs(stiffness).max()
         near = {"rtol": 1e-5, "atol": 1e-6 * scale}
         loose = {"rtol": 1e-5, "atol": (1e-6 if case[3] is None else 1e-3) * scale}  # tables know W'' to first order
@@ -141,6 +147,23 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
             change(room, v, 0, STEP, 0.0)
             np.testing.assert_allclose((found[0][0] - found[1][0]) / (2.0 * STEP), rest[i], **near)
             np.testing.assert_allclose((found[0][2] - found[1][2]) / (2.0 * STEP), stiffness[i], **loose)
+
+
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case[3] and not case[2]])
+def test_few_points_integrate_the_block_of_a_uniform_field(name):
+    at = Setting(CASES[name])
+    tri, movable = at.movable.triangulation, at.movable
+    at.trial.values[:], at.trial.modes.side[:], at.trial.modes.bubble[:] = tri.position[:, 0], 0.0, 0.0
+    room = Higher(movable, at.functional, at.trial, movable.constraints).room(0).one
+    straight = np.setdiff1d(tri.elements.node, tri.elements.node[room.shapes.special])
+    v = straight[movable.constraints.kind[straight] == FREE][0]
+    interpreted(kernels.number_block)(room, v)
+    count, found = room.block.unknowns[0], []
+    for wanted in (COARSE_BLOCK, BLOCK):
+        interpreted(kernels.derivatives)(room, v, *tri.position[v], wanted)
+        found.append((room.block.rest[:count].copy(), np.tril(room.block.stiffness[:count, :count])))
+    for few, all_points in zip(*found, strict=True):
+        np.testing.assert_allclose(few, all_points, rtol=1e-12, atol=1e-12 * np.abs(all_points).max())
 
 
 @each_case

@@ -5,7 +5,7 @@ g2) of the functions on the reference triangle, second derivatives are bilinear.
 quadrature point therefore serve all functions, which keeps the many points of a law cheap.
 """
 
-from kohonen_adapt.kernels.arrays import BLOCK, HALF_FLUX_X, HALF_FLUX_Y, VALUE
+from kohonen_adapt.kernels.arrays import COARSE_BLOCK, HALF_FLUX_X, HALF_FLUX_Y, PLACE, VALUE
 from kohonen_adapt.kernels.compilation import inner_kernel
 from kohonen_adapt.kernels.nonlinear import stored
 
@@ -21,7 +21,8 @@ def add_by_law(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
     for i in range(functions if wanted > VALUE else 0):
         for other in range(functions + 3):
             added[i, other] = 0.0
-    for q in range(reference.plain, slope.shape[0]):
+    coarse = wanted == COARSE_BLOCK
+    for q in range(0 if coarse else reference.plain, reference.plain if coarse else slope.shape[0]):
         share, along, aside = reference.weight[q], 0.0, 0.0
         for i in range(functions):
             along += local[i] * slope[q, i, 0]
@@ -50,7 +51,7 @@ def add_by_law(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
             h1, h2 = t11 * g1 + t12 * g2, t12 * g1 + t22 * g2
             for other in range(i + 1):
                 added[i, other] += h1 * slope[q, other, 0] + h2 * slope[q, other, 1]
-        if wanted == BLOCK:
+        if wanted < PLACE:
             continue
         difference = along - aside
         # dn/dx - q dD/dx and dn/dy - q dD/dy with the doubled area D

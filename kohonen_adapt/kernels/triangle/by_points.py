@@ -9,7 +9,15 @@ x D in place of the doubled area D, while the source and the flux keep D. The ra
 on x_v, so x D also has second derivatives.
 """
 
-from kohonen_adapt.kernels.arrays import HALF_COEFFICIENT, HALF_FLUX_X, HALF_FLUX_Y, NEAR_AXIS, SIXTH_SOURCE, VALUE
+from kohonen_adapt.kernels.arrays import (
+    COARSE_BLOCK,
+    HALF_COEFFICIENT,
+    HALF_FLUX_X,
+    HALF_FLUX_Y,
+    NEAR_AXIS,
+    SIXTH_SOURCE,
+    VALUE,
+)
 from kohonen_adapt.kernels.compilation import inner_kernel
 from kohonen_adapt.kernels.nonlinear import stored
 
@@ -101,7 +109,8 @@ def add_by_points(descent, e, j, local, bend, x, ax, ay, bx, by, wanted):
     kind, law, functions = kind_of(x, ax, bx) if around else 0, trial.laws.number[e], points.slope.shape[2]
     load, half = 3.0 * trial.data[e, SIXTH_SOURCE], trial.data[e, HALF_COEFFICIENT]
     flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
-    for q in range(0 if law < 0 else points.plain, points.plain if law < 0 else points.weight.shape[1]):
+    few = law < 0 or wanted == COARSE_BLOCK
+    for q in range(0 if few else points.plain, points.plain if few else points.weight.shape[1]):
         share, along, aside, level, radius, lead = points.weight[kind, q], 0.0, 0.0, 0.0, 1.0, 0.0
         px, py, rx, ry = ax, ay, bx, by
         for k in range(3):

@@ -5,7 +5,7 @@ The method is that of `energy_recycle`, with the new coefficients eliminated. A 
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import BLOCK, OWN, SLIDING, VALUE
+from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, OWN, SLIDING, VALUE
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.by_points import gather_bends, is_valid, put_bends
 from kohonen_adapt.kernels.triangle.connectivity import corner_of, row_beside, rows_with
@@ -129,14 +129,15 @@ def merged_functional(descent, v, w, own):
     """
     block, gone = descent.block, rows_with(descent.star, v, w)
     number_merged(descent, v, w, gone)
-    total = derivatives_of_merged(descent, v, w, gone, own, BLOCK)
+    bent = descent.trial.bent[v]
+    total = derivatives_of_merged(descent, v, w, gone, own, COARSE_BLOCK if bent else BLOCK)
     if not total < np.inf:
         return np.inf
     solved, square = factorise(block, 0)
     if not solved:
         return np.inf
     solve_upper(block, 0, 0.0, 0.0)
-    if descent.trial.bent[v]:
+    if bent:
         return derivatives_of_merged(descent, v, w, gone, own, VALUE)
     return total - 0.5 * square
 

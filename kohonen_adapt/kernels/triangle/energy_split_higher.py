@@ -7,7 +7,7 @@ values, which are linear, the value of the node and the coefficients of the edge
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import BLOCK, VALUE
+from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, VALUE
 from kohonen_adapt.kernels.compilation import inner_kernel
 from kohonen_adapt.kernels.triangle.by_points import gather_bends, is_valid, put_bends
 from kohonen_adapt.kernels.triangle.connectivity import corner_of, corner_towards
@@ -128,7 +128,7 @@ def change_by_split(descent, e, k, x, y):
     if other >= 0:
         halve_coefficients(descent, other, corner_towards(descent.elements.neighbour, other, e), own, 2)
     number_split(block, descent.modes.side.shape[2], other >= 0, known)
-    size, before = derivatives_of_split(descent, e, k, x, y, BLOCK)
+    size, before = derivatives_of_split(descent, e, k, x, y, COARSE_BLOCK if bent else BLOCK)
     if not before < np.inf:
         return -np.inf, size
     solved, square = factorise(block, first)
@@ -139,14 +139,11 @@ def change_by_split(descent, e, k, x, y):
         for i in range(block.local.shape[1]):
             if block.place[j, i] >= first:
                 block.local[j, i] += block.sign[j, i] * block.still[block.place[j, i]]
-    gain = 0.5 * square
-    if bent:
-        gain = before - derivatives_of_split(descent, e, k, x, y, VALUE)[1]
     # The halves of curved elements, or of elements at the axis, need not contain the function, and new quadrature
     # points change the energy of a law. The gain is therefore relative to the value before the split.
-    if special or bent:
-        gain += was - before
-    return gain, size
+    if bent:
+        return was - derivatives_of_split(descent, e, k, x, y, VALUE)[1], size
+    return 0.5 * square + (was - before if special else 0.0), size
 
 
 @inner_kernel

@@ -5,7 +5,7 @@ The coefficients inside the two elements are eliminated before and after a flip.
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import BLOCK, CONSTANTS, VALUE
+from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, CONSTANTS, VALUE
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.by_points import gather_bends, put_bends, valid_at
 from kohonen_adapt.kernels.triangle.connectivity import corner_towards, corners_around
@@ -27,7 +27,7 @@ from kohonen_adapt.kernels.triangle.flip_linear import mark_beside
 from kohonen_adapt.kernels.triangle.geometry import orientation
 from kohonen_adapt.kernels.triangle.varying_source import with_source
 
-NEWTON = 2  # Newton steps for the coefficients inside two elements of nonlinear material
+NEAR = 0.25  # of twice the decrease of a step by few points: more than another step takes off
 
 
 @kernel
@@ -112,8 +112,13 @@ def change_by_flip(descent, e, k, other):
             valid_at(position, descent.block.bend[2], p, s, r) and valid_at(position, descent.block.bend[3], q, r, s)
         ):
             return 0.0, 0.0
-    size, before = least_of_pair(descent, e, 0, special, p, q, r, s)
-    more, after = least_of_pair(descent, e, 2, special, s, r, p, q)
+    size, before, square = step_of_pair(descent, e, 0, special, p, q, r, s, BLOCK)
+    before -= 0.5 * square
+    if descent.trial.laws.number[e] >= 0:
+        more, after = best_of_bent_pair(descent, e, 2, special, before, s, r, p, q)
+    else:
+        more, after, square = step_of_pair(descent, e, 2, special, s, r, p, q, BLOCK)
+        after -= 0.5 * square
     return before - after, size + more
 
 
@@ -142,28 +147,34 @@ def turn_bends(bend):
 
 
 @inner_kernel
-def least_of_pair(descent, e, row, special, p, q, r, s):
-    """Return the magnitudes and the minimum of the functional of two elements.
+def step_of_pair(descent, e, row, special, p, q, r, s, wanted):
+    """Change the inner coefficients of (r, p, q) and (s, q, p) by a Newton step.
 
-    The elements (r, p, q) and (s, q, p) have their coefficients in `Block.local[row : row + 2]`, which are replaced by
-    the minimiser. If `special`, the same rows of `Block.bend` are the midside offsets.
+    The coefficients of the elements are in this row of `Block.local` and the next one. If an element is `special`, the
+    curves of the sides are in the same rows of `Block.bend`. Returns the sum of magnitudes, the functional before the
+    step, and twice what the step takes off a quadratic functional.
     """
-    block, local, bent = descent.block, descent.block.local, descent.trial.laws.number[e] >= 0
+    block = descent.block
     number_pair(block, descent.modes.side.shape[2])
-    size, total = derivatives_of_pair(descent, e, row, special, p, q, r, s, BLOCK)
-    for step in range(NEWTON if bent else 1):
-        solved, square = factorise(block, 0)
-        if not solved:
-            return size, total
+    size, total = derivatives_of_pair(descent, e, row, special, p, q, r, s, wanted)
+    solved, square = factorise(block, 0)
+    if solved:
         solve_upper(block, 0, 0.0, 0.0)
-        change_pair(block, local, row, 1.0)
-        if not bent:
-            return size, total - 0.5 * square
-        _, after = derivatives_of_pair(descent, e, row, special, p, q, r, s, BLOCK if step + 1 < NEWTON else VALUE)
-        if after > total:
-            change_pair(block, local, row, -1.0)
-            return size, total
-        total = after
+        change_pair(block, block.local, row)
+    return size, total, square
+
+
+@inner_kernel
+def best_of_bent_pair(descent, e, row, special, target, p, q, r, s):
+    """Change inner coefficients as `step_of_pair` does in nonlinear material; return the magnitudes and the functional.
+
+    The first step has few quadrature points; a second step, with all, follows if the functional may fall to `target`.
+    """
+    square = step_of_pair(descent, e, row, special, p, q, r, s, COARSE_BLOCK)[2]
+    size, total = derivatives_of_pair(descent, e, row, special, p, q, r, s, VALUE)
+    if total - target < NEAR * square:
+        step_of_pair(descent, e, row, special, p, q, r, s, BLOCK)
+        size, total = derivatives_of_pair(descent, e, row, special, p, q, r, s, VALUE)
     return size, total
 
 
@@ -205,8 +216,8 @@ def derivatives_of_pair(descent, e, row, special, p, q, r, s, wanted):
 
 
 @inner_kernel
-def change_pair(block, local, row, times):
+def change_pair(block, local, row):
     for j in range(2):
         for i in range(EVEN, local.shape[1]):
             if block.place[j, i] >= 0:
-                local[row + j, i] += times * block.sign[j, i] * block.still[block.place[j, i]]
+                local[row + j, i] += block.sign[j, i] * block.still[block.place[j, i]]
