@@ -48,7 +48,6 @@ def functional_for(
 
 
 def dual_functional(field: Field, ritz: Ritz, source: Floats, load: Floats) -> Ritz:
-    """Return the dual functional for `source` (nelements,) and `load` (2, npoints)."""
     own = np.asarray(ritz.region)
     region = np.unique(np.stack([own, source]), axis=1, return_inverse=True)[1].ravel()
     there = region[field.elements.element]

@@ -131,13 +131,6 @@ def field_at(function: AppliedField, x: Floats) -> Floats:
 
 
 def drive_on(mesh: MeshTet, given: Coefficients, function: AppliedField | None, closed: Ints) -> Drive:
-    """Return the drive, with no flux through the facets `closed`.
-
-    Raises
-    ------
-    ValueError
-        If a closed path in iron links a current.
-    """
     elements, none = Tetrahedra(mesh, varies=function is not None), np.zeros(mesh.p.shape[1])
     iron = given.reluctivity * VACUUM_PERMEABILITY < 1.0 / PERMEABLE
     for piece in given.pieces:

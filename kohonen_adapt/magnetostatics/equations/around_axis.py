@@ -125,7 +125,6 @@ class AroundAxis(Higher):
 
     @cached_property
     def kind(self) -> Ints:
-        """Kind of every element by its corners on the axis, an index of `ON_AXIS`."""
         return kinds_at_axis(self.corners.p[0, self.corners.t.T])
 
     def on_facets(self, facets: Ints) -> Ints:

@@ -48,7 +48,6 @@ class OpenBoundary:
     load: Floats  # (nunknowns,), of an applied field
 
     def energy(self, u: Floats) -> tuple[float, float]:
-        """Return the energy, and the sum of the magnitudes of its terms."""
         stored, spent = 0.5 * float(u @ (self.matrix @ u)), float(self.load @ u)
         return stored - spent, stored + abs(spent)
 
@@ -82,7 +81,6 @@ class Conditions:
 
     @property
     def held(self) -> Mask:
-        """Mask of the fixed and the tied unknowns, shape (nunknowns,)."""
         held = self.fixed.copy()
         if self.ties is not None:
             held[self.ties.one] = held[self.ties.other] = True
@@ -172,7 +170,6 @@ def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
 
 
 def fixed_values(elements: Placed, given: Boundaries) -> tuple[Mask, Floats]:
-    """Return the mask of the unknowns with a given potential, and the values there."""
     x, mesh = elements.places, elements.corners
     at_points = nodes_of_points(mesh, given.points)
     fixed, values = np.zeros(x.shape[1], dtype=bool), np.zeros(x.shape[1])

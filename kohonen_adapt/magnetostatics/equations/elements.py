@@ -42,7 +42,6 @@ class Polynomials:
 
     @cached_property
     def hats(self) -> Floats:
-        """Gradients of the hat functions of straight elements, shape (2, 3, nelements)."""
         return hat_gradients(self.corners)
 
     @property
@@ -117,7 +116,6 @@ class Linear(Polynomials):
         return self.against_functions(source) * np.sum(u[self.unknowns], axis=0)
 
     def against_gradients(self, flux: Floats) -> Floats:
-        """Return ``int flux . grad phi`` per element, shape (3, nelements)."""
         return np.einsum("ck,cik->ik", flux * self.weights, self.hats)
 
     def against_slopes(self, size: Floats) -> Floats:

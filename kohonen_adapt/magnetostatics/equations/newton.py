@@ -203,7 +203,6 @@ class Newton:
         return whole
 
     def linear(self, energy: Convex) -> Floats:
-        """Return the solution for the material at B = 0, shape (nunknowns,)."""
         given, plain = energy.conditions.values, energy.at_rest()
         return given + self.whole_step(plain, given, plain.linear_residual(given))
 

@@ -91,7 +91,6 @@ class Coefficients:
         return secant, differential
 
     def field_strength(self, flux_density: Floats) -> Floats:
-        """Return ``H = nu(|B|) B - Hc``, shape (d, nelements) in A/m."""
         strength = self.reluctivity * (flux_density - self.remanence)
         for piece in self.pieces:
             rows = piece.elements

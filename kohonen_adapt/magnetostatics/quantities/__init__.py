@@ -1,1 +1,1 @@
-"""Derive fields, forces, torques, linkages and goals from a solution."""
+"""Fields, forces, flux linkages and goals from a solution."""

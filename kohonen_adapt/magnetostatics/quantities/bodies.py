@@ -1,4 +1,4 @@
-"""Find the elements of a body, whether there is air around it, and where the outer boundary cuts it."""
+"""Elements of a body, the air around, and cuts by the outer boundary."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
@@ -24,16 +24,16 @@ __all__ = [
     "sector_cut",
 ]
 
-AIR_TOLERANCE = 1e-6  # of the relative permeability: air as it is (1.0000004) is air
-NEAR = 1e-9  # of the size of the mesh
-FEW = (2, 4, 10)  # facets of an arc that is told by what turns: at least, at most, and at most of a whole circle
-ROUND = 1e-3  # of the length of a facet: how much its ends may differ in radius on a circle
+AIR_TOLERANCE = 1e-6  # of the relative permeability; real air has 1.0000004
+NEAR = 1e-9  # tolerance of lengths, relative to the size of the mesh
+FEW = (2, 4, 10)  # number of facets of a bore taken as an arc: minimum, maximum, and maximum of a circle
+ROUND = 1e-3  # allowed difference of the radii of the ends of a facet on a circle, relative to its length
 
 Names = str | Sequence[str]
 
 
 class Surroundings(Protocol):
-    """What of a field tells where there is air around a body, in the plane and in space."""
+    """Field with the material properties that identify air, per element."""
 
     @property
     def mesh(self) -> Mesh: ...
@@ -48,7 +48,6 @@ class Surroundings(Protocol):
 
 
 def elements_in(mesh: Mesh, names: Names) -> Mask:
-    """Which elements are in one of these subdomains, (nelements,)."""
     inside = np.zeros(mesh.t.shape[1], dtype=bool)
     for name in _name_list(names):
         inside[named(mesh.subdomains, name, "subdomain")] = True
@@ -58,15 +57,11 @@ def elements_in(mesh: Mesh, names: Names) -> Mask:
 
 
 def air_elements(field: Surroundings) -> Mask:
-    """Which elements have permeability 1, no current and no remanence, (nelements,)."""
     plain = np.abs(field.reluctivity * VACUUM_PERMEABILITY - 1.0) < AIR_TOLERANCE
     return plain & (field.current_density == 0.0) & ~field.remanence.any(axis=0)
 
 
 def isolated_body(field: Surroundings, names: Names) -> Mask:
-    """Which elements are in the body, (nelements,); refuse one where an element that shares a node with it from outside
-    is not air, or there is none at all.
-    """
     mesh, inside = field.elements.corners, elements_in(field.mesh, names)
     in_body = np.zeros(mesh.p.shape[1], dtype=bool)
     in_body[mesh.t[:, inside]] = True
@@ -106,15 +101,14 @@ def _names_at(mesh: Mesh, element: int) -> str:
 
 
 class Cut(NamedTuple):
-    """Facets of the outer boundary that are a cut, not an end, and what is known there."""
+    """Facets of the outer boundary that cut a body."""
 
-    facets: Ints  # along the cut, of the body and of what lies beside it
-    direction: Floats | None  # of a mirror plane, a unit vector (2,); None of a sector, and where nothing is cut
-    twin: Ints  # (nnodes,): of each node the one that it is an image of, else itself
+    facets: Ints  # along the cut, of the body and its neighbours
+    direction: Floats | None  # unit vector (2,) of a mirror plane; None for a sector and without a cut
+    twin: Ints  # (nnodes,): node of which a node is the image, or the node itself
 
 
 def mirror_cut(mesh: MeshTri, inside: Mask) -> Cut:
-    """The lines along which the outer boundary cuts the body; refused where they have several directions."""
     own, twin = _outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
     if not own.size:
         return Cut(own, None, twin)
@@ -134,10 +128,14 @@ def mirror_cut(mesh: MeshTri, inside: Mask) -> Cut:
 
 
 def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
-    """The two sides of a periodic sector about the centre, along which the outer boundary cuts the body.
+    """Return the two sides of a periodic sector that cut the body.
 
-    On circles about the centre the body may end at the outer boundary: where A is constant they have no torque. Refused
-    is a body that lies on the outer boundary elsewhere, and sides that do not have the same nodes.
+    The body may end on circles about the centre, because a constant A makes no torque there.
+
+    Raises
+    ------
+    ValueError
+        If the body lies on other parts of the outer boundary, or the nodes of the sides have different radii.
     """
     own, twin = _outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
     radial, near = mesh.p - centre[:, None], NEAR * np.ptp(mesh.p, axis=1).max()
@@ -165,9 +163,9 @@ def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
 
 
 def bores(mesh: MeshTri, names: Names, centre: ArrayLike) -> dict[str, Arc]:
-    """The boundaries where a body that turns about a centre ends at the outer boundary, of too few nodes to be arcs.
+    """Return the boundaries that are arcs because a body that turns ends there.
 
-    A polygon there would be no part of a body that turns.
+    Only boundaries with too few nodes to be recognised as arcs are returned.
     """
     middle, found = np.asarray(centre, dtype=float), {}
     outer = _outer_facets(mesh, elements_in(mesh, names))
@@ -181,14 +179,11 @@ def bores(mesh: MeshTri, names: Names, centre: ArrayLike) -> dict[str, Arc]:
 
 
 def _left_arcs(mesh: MeshTri, facets: Ints, centre: Floats) -> str:
-    """What to say where these facets are of boundaries with some nodes on a circle, and others on its chords.
-
-    Four on a circle may be the corners of a rectangle.
-    """
     found, radius = [], np.hypot(*(mesh.p - centre[:, None]))
     for name, rows in sorted(named_sets(mesh.boundaries).items()):
         own = radius[np.unique(mesh.facets[:, rows])]
         on = own > (1.0 - NEAR) * own.max(initial=0.0)
+        # Four nodes on a circle may be the corners of a rectangle.
         if np.isin(rows, facets).any() and on.sum() > 4 and own.min() > 0.5 * own.max():
             at = ", ".join(f"{coordinate:.9g}" for coordinate in centre)
             found.append(f'"{name}": ka.Arc(({at}), {own.max():.9g})')
@@ -212,7 +207,6 @@ def _cross(direction: Floats, x: Floats) -> Floats:
 
 
 def _rays(x: Floats) -> list[Floats]:
-    """The different directions of these points from the origin."""
     units = x / np.hypot(*x)
     rays: list[Floats] = []
     for unit in units.T:
@@ -224,7 +218,6 @@ def _rays(x: Floats) -> list[Floats]:
 
 
 def _on_ray(ray: Floats, x: Floats, near: float) -> Mask:
-    """Which points (2, ...) are on the half-line from the origin."""
     return (np.abs(_cross(ray, x)) < near) & (np.tensordot(ray, x, 1) > -near)
 
 

@@ -1,4 +1,4 @@
-"""Ask a solved magnetic field: values at points, forces, torques and flux linkages."""
+"""Solved plane field with values at points, forces, torques and flux linkages."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,25 +23,25 @@ __all__ = ["Field"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Field(LocalField):
-    """A solved field; `Magnetostatics.solve` returns it. Of a P1 potential B is constant in every element.
+    """Solved field of a plane problem, as returned by `Magnetostatics.solve`.
 
-    Energies of a planar field are per metre of depth, in J/m, unless the problem has a `depth`; with one, and of an
-    axisymmetric field, they are totals, in J.
+    B of a P1 potential is constant in every element. Energies of a planar field are per metre of depth, in J/m, unless
+    the problem has a `depth`. With a depth, and of an axisymmetric field, energies are totals in J.
 
     Parameters
     ----------
     mesh
-        The mesh it was solved on, in metres.
+        The mesh of the solution, in metres.
     potential : (nnodes,)
         Nodal A_z in Wb/m, or A_phi.
     coefficients
-        What every element is made of.
+        Material coefficients of every element.
     symmetry
-        Whether it is planar or axisymmetric.
+        The planar or the axisymmetric reduction.
     depth
         In m; None for results per metre.
     newton
-        The steps of Newton's method that led to it; empty for linear problems.
+        Steps of Newton's method; empty for linear problems.
     """
 
     newton: tuple[NewtonStep, ...] = ()
@@ -56,36 +56,41 @@ class Field(LocalField):
 
     @cached_property
     def _regions(self) -> Ints:
-        """Number of the region of every element: connected, with the same subdomain names."""
         return Triangulation.of(self.elements.corners).region_of_input.astype(np.int64)
 
     @cached_property
     def corner_flux_density(self) -> Floats:
-        """B recovered at the corners of the elements in the order of ``mesh.t``, (2, 3, nelements) in T.
+        """B recovered at the corners of the elements, shape (2, 3, nelements) in T.
 
-        At every node the area-weighted average over the elements around it, for each region (connected, with the same
-        subdomain names) by itself, so that B still jumps between materials. Of order 1 it is nearer to the truth than
-        the constants of the elements, but for nodes at sharp corners of iron and magnets.
+        The corners are in the order of ``mesh.t``. At every node B is the area-weighted average over the elements
+        around the node, separately for each region (connected, with the same subdomain names), so that B jumps between
+        materials. Of order 1 this average is more accurate than the constants of the elements, except at sharp corners
+        of iron and magnets.
         """
         return self._recovered(self.at_corners.flux_density)
 
     @cached_property
     def corner_field_strength(self) -> Floats:
-        """H recovered at the corners of the elements as `corner_flux_density` is, (2, 3, nelements) in A/m."""
+        """H recovered at the corners of the elements, shape (2, 3, nelements) in A/m.
+
+        The average is as for `corner_flux_density`.
+        """
         return self._recovered(self.at_corners.field_strength)
 
     def _recovered(self, at_corners: Floats) -> Floats:
         return corner_averages(self.mesh, at_corners.reshape(2, 3, -1), self._regions)
 
     def flux_density_at(self, x: ArrayLike, *, recovered: bool = False) -> Floats:
-        """Flux density at points: that of the elements, of order 1 constant in each, of order 2 linear.
+        """Return the flux density at points.
+
+        B of an element is constant at order 1 and linear at order 2.
 
         Parameters
         ----------
         x : (2, n)
             Points in metres; along a line ``np.linspace(start, end, n, axis=1)``.
         recovered
-            Whether to interpolate `corner_flux_density` in place of the field of the elements.
+            True to interpolate `corner_flux_density` in place of the field of the elements.
 
         Returns
         -------
@@ -111,17 +116,17 @@ class Field(LocalField):
         return self._at(x, self.corner_flux_density if recovered else None, lambda at: at.flux_density)
 
     def field_strength_at(self, x: ArrayLike, *, recovered: bool = False) -> Floats:
-        """Field strength at points, of the flux density there.
+        """Return the field strength at points, from the flux density there.
 
         Parameters
         ----------
         x, recovered
-            As of `flux_density_at`; `corner_field_strength` is what is interpolated.
+            As in `flux_density_at`, with `corner_field_strength` interpolated.
 
         Returns
         -------
         ndarray (2, n)
-            In A/m; nan outside the mesh. It raises what `flux_density_at` does.
+            In A/m; nan outside the mesh. Errors are as in `flux_density_at`.
 
         Examples
         --------
@@ -135,7 +140,6 @@ class Field(LocalField):
         return self._at(x, self.corner_field_strength if recovered else None, lambda at: at.field_strength)
 
     def _at(self, x: ArrayLike, corners: Floats | None, of_points: Callable[[PointField], Floats]) -> Floats:
-        """What the field has at points (2, n), or linear between corner values (2, 3, nelements); nan outside."""
         element, share = self._located(x)
         if corners is None:
             values = of_points(self.at_shares(element, share))
@@ -144,12 +148,13 @@ class Field(LocalField):
         return np.where(element >= 0, values, np.nan)
 
     def _located(self, x: ArrayLike) -> tuple[Ints, Floats]:
-        """The element of every point, -1 outside the mesh, and the barycentric coordinates there."""
         points, elements = as_rows(x).T, self.elements
         return elements.shape.locate(points, find_elements(elements.corners, points))
 
     def potential_at(self, x: ArrayLike) -> Floats:
-        """Potential at points, a polynomial of the order of the elements in each.
+        """Return the potential at points.
+
+        It is a polynomial of the order of the elements in each.
 
         Parameters
         ----------
@@ -175,27 +180,28 @@ class Field(LocalField):
         return np.where(element >= 0, self._potential_at(element, share), np.nan)
 
     def flux_linkage(self, coil: Names, turns: float = 1) -> float:
-        """Flux linkage of a coil side per metre of depth; with `depth`, and axisymmetric, the total.
+        """Return the flux linkage of a coil side per metre of depth, or the total.
 
-        ``turns`` times the mean of A over it, times the depth; axisymmetric the mean of ``2 pi r A``.
+        The linkage is `turns` times the mean of A over the side, times the depth; axisymmetric, `turns` times the mean
+        of ``2 pi r A``. With `depth`, and axisymmetric, it is the total.
 
         Parameters
         ----------
         coil
-            Name of a subdomain, or a sequence of names that count as one.
+            Name of a subdomain, or a sequence of names that form one side.
         turns
-            Number of turns; negative where the conductor comes back (current into the page), so that the linkages of
-            the sides of a coil add up to that of the coil.
+            Number of turns; negative for the return side (current into the page), so that the linkages of the sides add
+            up to the linkage of the coil.
 
         Returns
         -------
         float
-            In Wb/m, else in Wb; positive for the flux that a current out of the page makes.
+            In Wb/m, for totals in Wb; positive for the flux of a current out of the page.
 
         Raises
         ------
         ValueError
-            For unknown names, and turns that are no finite number or 0.
+            For unknown names, and turns that are zero or not finite.
 
         Examples
         --------
@@ -213,29 +219,30 @@ class Field(LocalField):
         return coil_linkage(self, coil, turns)
 
     def force(self, body: Names) -> Floats:
-        """Magnetic force on a body, per metre of depth; with `depth`, and axisymmetric, the total.
+        """Return the magnetic force on a body, per metre of depth or in total.
 
         ``F = -int T grad w`` over the air around the body, with Maxwell's stress tensor ``T = (B B - |B|^2 / 2) / mu0``
         and a weight w that falls from 1 on the body to 0 on everything else (the eggshell method: Henrotte, Deliege and
-        Hameyer, COMPEL 23, 2004; the weight solves Laplace's equation as in FEMM).
+        Hameyer, COMPEL 23, 2004; the weight solves Laplace's equation as in FEMM). With `depth`, and axisymmetric, the
+        force is the total.
 
         Parameters
         ----------
         body
-            Name of a subdomain, or a sequence of names that count as one body.
+            Name of a subdomain, or a sequence of names that form one body.
 
         Returns
         -------
         ndarray (2,)
-            (F_x, F_y) in N/m; with `depth` in N, axisymmetric (0, F_z) in N. Of a body that the outer boundary cuts
-            along a mirror plane it is the force on the part that is modelled, along that plane: its mirror image adds
-            as much along it, and takes away what is across.
+            (F_x, F_y) in N/m; with `depth` in N, axisymmetric (0, F_z) in N. For a body that the outer boundary cuts
+            along a mirror plane: the force along the plane on the modelled part. The mirror image adds the same force
+            along the plane, and cancels the force across.
 
         Raises
         ------
         ValueError
             If the body touches anything but air (permeability 1, no current, no remanence), lies on the outer boundary
-            along lines of several directions, or names are unknown.
+            along lines of several directions, or if names are unknown.
 
         Examples
         --------
@@ -253,28 +260,29 @@ class Field(LocalField):
         return eggshell_force(self, body)
 
     def torque(self, body: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
-        """Magnetic torque on a body about a centre, per metre of depth; with `depth` the total.
+        """Return the magnetic torque on a body about a centre.
 
-        As `force`, with ``(x - centre) x T grad w``.
+        The torque is computed as in `force`, with ``(x - centre) x T grad w``; per metre of depth, with `depth` the
+        total.
 
         Parameters
         ----------
         body
-            Name of a subdomain, or a sequence of names that count as one body.
+            Name of a subdomain, or a sequence of names that form one body.
         centre : (2,)
             In m.
 
         Returns
         -------
         float
-            In N m/m, with `depth` in N m; counter-clockwise. Of a body that the outer boundary cuts along the two
-            sides of a periodic sector about the centre it is the torque on that sector.
+            In N m/m, with `depth` in N m; counter-clockwise. For a body that the outer boundary cuts along the two
+            sides of a periodic sector about the centre: the torque on the sector.
 
         Raises
         ------
         ValueError
-            For an axisymmetric field, and as for `force`; but the body may lie on the outer boundary on two such sides,
-            which must have their nodes at the same radii, and on circles about the centre (a bore), where a constant
+            For an axisymmetric field, and as in `force`. However, the body may lie on the outer boundary on two sides
+            of a sector, with nodes at the same radii, and on circles about the centre (a bore), where a constant
             potential makes no torque.
 
         Examples

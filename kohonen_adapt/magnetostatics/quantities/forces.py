@@ -1,4 +1,4 @@
-"""Integrate forces and torques: of the stress tensor around a body, of an air gap by Arkkio, of currents by Lorentz."""
+"""Forces and torques by the stress around a body, by Arkkio and by Lorentz."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,19 +28,17 @@ __all__ = [
     "torque_component",
 ]
 
-NARROW = 1e-6  # of the radius: a gap of less width is none
-ROUND = 0.05  # of the width of a gap: how far the nodes of its sides may be from two circles
+NARROW = 1e-6  # least width of a gap, relative to the radius
+ROUND = 0.05  # allowed distance of the sides of a gap from two circles, relative to the width of the gap
 
 
 def force_component(field: LocalField, body: Names, direction: Floats) -> Component:
-    """The component of a force along a unit vector (2,)."""
     slope, cut = _shell(field, body)
     along = _along(field, cut, direction)
     return Component(slope, np.tile(along[:, None], slope.shape[1]))
 
 
 def torque_component(field: LocalField, body: Names, centre: ArrayLike) -> Component:
-    """A torque about a centre as such a component."""
     _check_planar(field)
     inside, middle = isolated_body(field, body), checked_point("centre", centre)
     slope = weight_gradient(field, inside, sector_cut(field.elements.corners, inside, middle))
@@ -49,29 +47,29 @@ def torque_component(field: LocalField, body: Names, centre: ArrayLike) -> Compo
 
 
 def eggshell_force(field: LocalField, body: Names) -> Floats:
-    """See `Field.force`."""
     slope, cut = _shell(field, body)
     return _along(field, cut, np.sum(pull(field, slope), axis=1))
 
 
 def eggshell_torque(field: LocalField, body: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
-    """See `Field.torque`."""
     return component_value(field, torque_component(field, body, centre))
 
 
 def arkkio_torque(field: LocalField, gap: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
-    """Torque on what a ring of air encloses (Arkkio, Acta Polytechnica Scandinavica El. 59, 1987).
+    """Return the torque on the interior of a ring of air, by Arkkio's method.
 
-    ``T = 1 / (mu0 (r_o - r_i)) int r B_r B_phi`` over the ring between the radii r_i and r_o.
+    ``T = 1 / (mu0 (r_o - r_i)) int r B_r B_phi`` over the ring between the radii r_i and r_o (Arkkio, Acta Polytechnica
+    Scandinavica El. 59, 1987).
 
     Parameters
     ----------
     field
         A planar field.
     gap
-        Subdomain, or sequence of them, that is the ring; of a periodic sector, its part (the torque is the sector's).
+        Subdomain, or sequence of subdomains, that is the ring. In a periodic sector: its part in the sector, with the
+        torque on the sector.
     centre : (2,)
-        Of the ring, in m.
+        Centre of the ring, in m.
 
     Returns
     -------
@@ -81,8 +79,8 @@ def arkkio_torque(field: LocalField, gap: Names, centre: ArrayLike = (0.0, 0.0))
     Raises
     ------
     ValueError
-        If the field is axisymmetric, the ring is not air, or no ring about the centre: its sides are off two circles by
-        more than 5 % of its width.
+        If the field is axisymmetric, if the ring is not air, or if its sides deviate from two circles about the centre
+        by more than 5 % of its width.
     """
     _check_planar(field)
     ring, middle = elements_in(field.mesh, gap), checked_point("centre", centre)
@@ -103,14 +101,14 @@ def arkkio_torque(field: LocalField, gap: Names, centre: ArrayLike = (0.0, 0.0))
 
 
 def lorentz_force(field: LocalField, coil: Names) -> Floats:
-    """Force on the currents of a coil, ``int J x B``.
+    """Return the force on the currents of a coil, ``int J x B``.
 
     Parameters
     ----------
     field
         A field.
     coil
-        Subdomain, or sequence of them, of permeability 1 and without remanence.
+        Subdomain, or sequence of subdomains, of permeability 1 and without remanence.
 
     Returns
     -------
@@ -120,7 +118,7 @@ def lorentz_force(field: LocalField, coil: Names) -> Floats:
     Raises
     ------
     ValueError
-        If the coil carries no current, or is magnetic: then the force is not that on the currents alone.
+        If the coil carries no current, or is magnetic, because its force is then not only the force on currents.
 
     Examples
     --------
@@ -139,12 +137,12 @@ def lorentz_force(field: LocalField, coil: Names) -> Floats:
 
 
 def lorentz_torque(field: LocalField, coil: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
-    """Torque on the currents of a coil about a centre, ``int (x - centre) x (J x B)``.
+    """Return the torque on the currents of a coil, ``int (x - centre) x (J x B)``.
 
     Parameters
     ----------
     field, coil
-        As of `lorentz_force`; the field must be planar.
+        As in `lorentz_force`; the field must be planar.
     centre : (2,)
         In m.
 
@@ -156,7 +154,7 @@ def lorentz_torque(field: LocalField, coil: Names, centre: ArrayLike = (0.0, 0.0
     Raises
     ------
     ValueError
-        If the field is axisymmetric, and as for `lorentz_force`.
+        If the field is axisymmetric, and as in `lorentz_force`.
     """
     _check_planar(field)
     force = _current_force(field, coil)
@@ -165,20 +163,17 @@ def lorentz_torque(field: LocalField, coil: Names, centre: ArrayLike = (0.0, 0.0
 
 
 def _shell(field: LocalField, body: Names) -> tuple[Floats, Cut]:
-    """Gradient of the weight around a body that a mirror plane may cut, (2, npoints) in 1/m."""
     inside = isolated_body(field, body)
     cut = mirror_cut(field.elements.corners, inside)
     return weight_gradient(field, inside, cut), cut
 
 
 def _along(field: LocalField, cut: Cut, force: Floats) -> Floats:
-    """The part of a force that acts on the modelled half of a body: along the mirror plane that cuts it."""
     left = _along_axis(field, force)
     return left if cut.direction is None else cut.direction * (cut.direction @ left)
 
 
 def _along_axis(field: LocalField, force: Floats) -> Floats:
-    """The sum of a force over its ring: (0, F_z) of an axisymmetric field, else the force."""
     return force * (0.0, 1.0) if field.axisymmetric else force
 
 
@@ -197,7 +192,7 @@ def _check_planar(field: LocalField) -> None:
 
 
 def _current_force(field: LocalField, coil: Names) -> Floats:
-    """``J x B`` times the volume of every quadrature point, (2, npoints)."""
+    """Return ``J x B`` times the volume of every quadrature point, (2, npoints)."""
     _check_plane(field)
     inside = elements_in(field.mesh, coil)
     current = np.where(inside, field.current_density, 0.0)
@@ -206,20 +201,19 @@ def _current_force(field: LocalField, coil: Names) -> Floats:
     plain = np.isclose(field.reluctivity * VACUUM_PERMEABILITY, 1.0) & ~field.remanence.any(axis=0)
     if not plain[inside].all():
         raise ValueError(f"the coil {coil!r} is magnetic, so Lorentz's force is not all; ask for field.force instead.")
-    # Out of the page and along phi are opposite: x, y, z and r, phi, z are both right-handed.
+    # The directions out of the page and along phi are opposite, because x, y, z and r, phi, z are both right-handed.
     at = field.at_quadrature
     right, up = at.flux_density * (-1.0 if field.axisymmetric else 1.0)
     return field.point_volumes * current[at.element] * np.stack((-up, right))
 
 
 def _radii(field: LocalField, ring: Mask, centre: Floats, gap: Names) -> tuple[float, float]:
-    """Inner and outer radius of a ring."""
     mesh = field.elements.corners
     one, other = mesh.f2t
     edge = mesh.facets[:, ring[one] != (ring[other] & (other >= 0))]
     radius = np.hypot(*(mesh.p - centre[:, None]))[edge]
     inner, outer = float(radius.min()), float(radius.max())
-    # The straight sides of a sector run from one circle to the other.
+    # without the straight sides of a sector
     along = np.abs(radius[0] - radius[1]) < 0.5 * np.hypot(*(mesh.p[:, edge[0]] - mesh.p[:, edge[1]]))
     off = np.minimum(radius - inner, outer - radius)[:, along]
     if outer - inner < NARROW * outer or not off.size or off.max() > ROUND * (outer - inner):
@@ -233,7 +227,6 @@ def _radii(field: LocalField, ring: Mask, centre: Floats, gap: Names) -> tuple[f
 def checked_point(
     name: str, given: ArrayLike, kind: str = "point (x, y) in m", sizes: tuple[int, ...] = (2,)
 ) -> Floats:
-    """A point or vector of so many components as floats."""
     point = np.asarray(given)
     fits = point.ndim == 1 and point.size in sizes and point.dtype.kind in "iuf"
     if not fits or not np.isfinite(point).all():

@@ -1,4 +1,4 @@
-"""State goals, single numbers of a field, with the derivatives by which meshes are adapted to them."""
+"""Goals of mesh adaptation, single numbers of a field with their derivatives."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -23,28 +23,31 @@ SIZES = (2, 3)
 
 @runtime_checkable
 class Goal(Protocol):
-    """A number J of a field, and how it changes with the field: for ``goal=`` of `Magnetostatics`, and in space of
-    `MagneticScalarPotential`.
+    """Number J of a field with its derivative, for the argument `goal` of a problem.
 
-    A change w of ``field.unknown`` (planar of A, axisymmetric of r A, in space of the scalar potential) changes J by
-    ``int source w + flux . grad w`` over the plane of the mesh, or its volume.
+    `Magnetostatics` and, in space, `MagneticScalarPotential` take goals. A change w of ``field.unknown`` (planar of A,
+    axisymmetric of r A, in space of the scalar potential) changes J by ``int source w + flux . grad w`` over the plane
+    of the mesh, or its volume.
 
-    Tables, files and reports show values with the goal's ``unit``, a string, where a goal has one.
+    Tables, files and reports show values with the string ``unit`` of a goal, if the goal has one.
     """
 
     def __call__(self, field: Any) -> float:
-        """J of a field; `Magnetostatics.goal_error` asks for that of a field of one order more, too."""
+        """Return J of a field.
+
+        `Magnetostatics.goal_error` also evaluates J of a field of one order more.
+        """
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
-        """`source` (nelements,) and `flux` (d, nelements) at a field in d dimensions, constant in every element.
+        """Return `source` (nelements,) and `flux` (d, nelements) at a field.
 
-        Where B is not, of order 2 and 3, around an axis, and in space beside an applied field and magnets that turn,
-        the flux may be at the quadrature points, (d, npoints) as ``field.at_quadrature``.
+        Both are constant in every element. If B varies within elements (order 2 and 3, around an axis, and in space
+        with an applied field or magnets that vary), the flux may be at the quadrature points of
+        ``field.at_quadrature``, (d, npoints).
         """
 
 
 def check_goal(goal: Any, dim: int, estimator: str) -> None:
-    """Refuse what is no goal of a problem in so many dimensions, or does without the estimator asked for."""
     if estimator != "residual":
         raise ValueError(f"a goal has its own indicators; leave the estimator out, got {estimator!r}.")
     if isinstance(goal, type) or not isinstance(goal, Goal):
@@ -63,42 +66,41 @@ def check_goal(goal: Any, dim: int, estimator: str) -> None:
 
 
 def unit_of_goal(goal: Goal | None, per_metre: bool) -> str:
-    """Return the unit of a goal's values, an empty string without a goal or a unit.
-
-    Goals of this module have the unit of a total, of which a plane problem without a depth has its metre's share.
-    """
     unit = str(getattr(goal, "unit", ""))
     return f"{unit}/m" if per_metre and isinstance(goal, Force | Torque | FluxLinkage | StoredEnergy) else unit
 
 
 class _ComponentGoal:
-    """A component of a force or torque as a goal."""
+    """Component of a force or torque as a goal."""
 
     _component: Callable[[Any], Component]
-    _vector: ClassVar[str]  # the name of one of its vectors
+    _vector: ClassVar[str]  # name of the attribute with as many components as the field has dimensions
 
     def __call__(self, field: Any) -> float:
-        """In N/m, of a torque in N m/m; with `depth`, axisymmetric, and in space, in N or N m."""
+        """Return the component in N/m, of a torque in N m/m.
+
+        With `depth`, axisymmetric, and in space in N or N m.
+        """
         self.check_dimension(len(field.mesh.p))
         return component_value(field, self._component(field))
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
-        """See `Goal`."""
+        """Return the derivative, see `Goal`."""
         self.check_dimension(len(field.mesh.p))
         return _of_flux_density(field, component_change(field, self._component(field)))
 
     def check_body(self, field: Any) -> None:
-        """Raise ValueError if there is no air around the body."""
+        """Raise ValueError if the body is not surrounded by air."""
         self.check_dimension(len(field.mesh.p))
         self._component(field)
 
     @property
     def dimension(self) -> int:
-        """Of the fields that it is a goal of."""
+        """Dimension of the fields that the goal applies to."""
         return len(getattr(self, self._vector))
 
     def check_dimension(self, dim: int) -> None:
-        """Refuse a field in so many dimensions where the goal has vectors of another number of components."""
+        """Raise ValueError if the vectors of the goal do not have `dim` components."""
         if self.dimension != dim:
             kind = "(x, y, z) in space" if dim == 3 else "(x, y) in the plane"
             raise ValueError(f"a {type(self).__name__} must have vectors {kind} as a goal; got {self}.")
@@ -111,15 +113,15 @@ class Force(_ComponentGoal):
     Parameters
     ----------
     body
-        As of `Field.force`.
+        As in `Field.force`.
     direction : (2,), in space (3,)
-        Of any length but 0.
+        Vector of any nonzero length.
 
     Raises
     ------
     ValueError
-        For a direction that is none; at a field as `Field.force`, and where the force has no component along it: across
-        a mirror plane that cuts the body, and across an axis.
+        For a direction that is zero or no vector. At a field as in `Field.force`, and if the force has no component
+        along the direction: across a mirror plane that cuts the body, and across an axis.
 
     Examples
     --------
@@ -157,20 +159,22 @@ class Force(_ComponentGoal):
 
 @dataclass(frozen=True)
 class Torque(_ComponentGoal):
-    """`Field.torque` on a body about a centre, in space the component of `SolidField.torque` along an axis.
+    """Torque on a body about a centre, in space its component along an axis.
+
+    See `Field.torque` and `SolidField.torque`.
 
     Parameters
     ----------
     body, centre
-        As of `Field.torque`, in space of `SolidField.torque`, the centre (3,).
+        As in `Field.torque`, in space as in `SolidField.torque` with the centre (3,).
     axis : (3,)
-        In space only, of any length but 0: the direction of the component.
+        Direction of the component, of any nonzero length. In space only.
 
     Raises
     ------
     ValueError
-        For a centre or an axis that is none; at a field as `Field.torque`, and where the torque has no component along
-        the axis: along a plane of symmetry that cuts the body.
+        For an invalid centre or axis. At a field as in `Field.torque`, and if the torque has no component along the
+        axis: along a plane of symmetry that cuts the body.
 
     Examples
     --------
@@ -208,7 +212,6 @@ class Torque(_ComponentGoal):
 
 
 def _unit(name: str, given: tuple[float, ...]) -> tuple[float, ...]:
-    """A vector of length 1."""
     along = checked_point(name, given, VECTOR, SIZES)
     if not along.any():
         raise ValueError(f"{name} must not be zero; got {given!r}.")
@@ -222,12 +225,12 @@ class FluxLinkage:
     Parameters
     ----------
     circuit
-        Subdomain to turns for every side of a coil, negative where the conductor comes back.
+        Subdomain to turns for every side of a coil, negative for return sides.
 
     Raises
     ------
     ValueError
-        If it is no such mapping; at a field as `Field.flux_linkage`.
+        If `circuit` is no such mapping. At a field as in `Field.flux_linkage`.
 
     Examples
     --------
@@ -242,29 +245,29 @@ class FluxLinkage:
         object.__setattr__(self, "circuit", checked_circuit(self.circuit))
 
     def __call__(self, field: Field) -> float:
-        """In Wb/m; with `depth`, and axisymmetric, in Wb."""
+        """Return the linkage in Wb/m, with `depth` or axisymmetric in Wb."""
         return sum(coil_linkage(field, name, turns) for name, turns in self.circuit.items())
 
     def derivative(self, field: Field) -> tuple[Floats, Floats]:
-        """See `Goal`."""
+        """Return the derivative, see `Goal`."""
         source = turn_length(field) * turns_density(field, self.circuit)
         return source, np.zeros_like(field.elements.points)
 
 
 @dataclass(frozen=True)
 class StoredEnergy:
-    """Energy stored in a part of the mesh since the remanent state, ``int of H . dB``.
+    """Energy ``int H . dB`` stored in a part of the mesh since the remanent state.
 
     Parameters
     ----------
     part
-        Name of a subdomain, or a sequence of names. Not the whole mesh: of its energy the error is what the indicators
-        of a problem without a goal tell, and in the derivative, where the field is balanced, there is nothing of it.
+        Name of a subdomain, or a sequence of names. Not the whole mesh: the indicators of a problem without a goal
+        estimate the error of the whole energy.
 
     Raises
     ------
     ValueError
-        At a field that lacks the names; for the derivative of the energy of all.
+        At a field that lacks the names; for the derivative if the part is the whole mesh.
 
     Examples
     --------
@@ -276,11 +279,14 @@ class StoredEnergy:
     unit: ClassVar[str] = "J"
 
     def __call__(self, field: Any) -> float:
-        """In J/m; with `depth`, axisymmetric, and in space, in J."""
+        """Return the energy in J/m.
+
+        With `depth`, axisymmetric, and in space in J.
+        """
         return float(np.sum((field.volume * field.energy_density)[elements_in(field.mesh, self.part)]))
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
-        """See `Goal`."""
+        """Return the derivative, see `Goal`."""
         inside = elements_in(field.mesh, self.part)
         if inside.all():
             raise ValueError(
@@ -292,5 +298,8 @@ class StoredEnergy:
 
 
 def _of_flux_density(field: Any, weight: Floats) -> tuple[Floats, Floats]:
-    """The derivative of a goal that changes by ``int weight . dB`` over the volume, (d, npoints) in A/m."""
+    """Return the derivative of a goal that changes by ``int weight . dB``.
+
+    `weight` has shape (d, npoints), in A/m.
+    """
     return np.zeros(field.mesh.t.shape[1]), field.load_of(weight)

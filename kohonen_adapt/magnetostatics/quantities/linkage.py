@@ -1,4 +1,4 @@
-"""Integrate the flux linkage of a circuit, and derive its current and inductances."""
+"""Flux linkage, current and inductances of a circuit."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -21,21 +21,20 @@ __all__ = [
     "turns_density",
 ]
 
-EQUAL = 0.05  # by how much of their mean the currents of a circuit's sides may differ: meshed areas are polygons
+EQUAL = 0.05  # allowed deviation of the currents of sides from their mean; meshed areas are polygons
 
 
 def coil_linkage(field: LocalField, coil: Names, turns: float) -> float:
-    """See `Field.flux_linkage`."""
     inside, number = elements_in(field.mesh, coil), _turns(coil, turns)
     size = area(field.mesh)[inside]
-    # Along a turn, of length 2 pi r or the depth, A is constant.
+    # A is constant along a turn, of length 2 pi r or the depth.
     return number * turn_length(field) * float(np.sum(size * field.mean_unknown[inside]) / np.sum(size))
 
 
 def turns_density(field: LocalField, circuit: Mapping[str, float]) -> Floats:
-    """Turns per area, (nelements,) in 1/m^2: the current density in A/m^2 for 1 A in the conductor of a circuit.
+    """Return the turns per area of a circuit, shape (nelements,) in 1/m^2.
 
-    Times `turn_length` it is the density w whose ``int w field.unknown`` over the plane is the linkage.
+    `turn_length` times this density is the w whose ``int w field.unknown`` over the plane is the linkage.
     """
     density, size = np.zeros(field.mesh.t.shape[1]), area(field.mesh)
     for name, turns in circuit.items():
@@ -45,33 +44,30 @@ def turns_density(field: LocalField, circuit: Mapping[str, float]) -> Floats:
 
 
 def checked_circuit(circuit: Any) -> dict[str, float]:
-    """A circuit as a dict of its own, names to finite numbers other than 0."""
     if not isinstance(circuit, Mapping) or not circuit:
         raise ValueError(f"circuit must map subdomains to turns, for instance {{'coil': 100}}; got {circuit!r}.")
     return {name: _turns(name, turns) for name, turns in circuit.items()}
 
 
 def circuit_current(field: LocalField, circuit: Mapping[str, float]) -> float:
-    """Current in the conductor of a circuit.
+    """Return the current in the conductor of a circuit.
 
     Parameters
     ----------
     field
         A field.
     circuit
-        Subdomain to turns for every side of a coil, negative where the conductor comes back:
-        ``{"go": 100, "return": -100}``.
+        Subdomain to turns for every side of a coil, negative for return sides: ``{"go": 100, "return": -100}``.
 
     Returns
     -------
     float
-        In A: total current of a side over its turns, the mean of the sides.
+        In A: the total current of a side divided by its turns, averaged over the sides.
 
     Raises
     ------
     ValueError
-        If a side has no current or no turns, or the currents of two differ by more than 5 %, which one conductor cannot
-        carry.
+        If a side has no turns or no current, or its current differs from the mean by more than 5 %.
     """
     total = area(field.mesh) * field.current_density
     sides = checked_circuit(circuit).items()
@@ -88,15 +84,15 @@ def circuit_current(field: LocalField, circuit: Mapping[str, float]) -> float:
 
 
 def apparent_inductance(field: LocalField, circuit: Mapping[str, float]) -> float:
-    """Flux linkage over current of a circuit.
+    """Return the flux linkage of a circuit divided by its current.
 
-    Of linear material without magnets and other currents it is *the* inductance. Magnets and other circuits add their
-    flux to the linkage, and what comes out is no inductance then.
+    For linear material without magnets and other currents this is the inductance. Magnets and other circuits add flux
+    to the linkage, and the result is then no inductance.
 
     Parameters
     ----------
     field, circuit
-        As of `circuit_current`.
+        As in `circuit_current`.
 
     Returns
     -------
@@ -106,7 +102,7 @@ def apparent_inductance(field: LocalField, circuit: Mapping[str, float]) -> floa
     Raises
     ------
     ValueError
-        As `circuit_current` does.
+        As in `circuit_current`.
 
     Examples
     --------
@@ -127,31 +123,31 @@ def apparent_inductance(field: LocalField, circuit: Mapping[str, float]) -> floa
 
 
 def energy_inductance(field: LocalField, circuit: Mapping[str, float]) -> float:
-    """``2 W / I^2`` of a circuit with the stored energy W of the whole field.
+    """Return ``2 W / I^2`` of a circuit, with the stored energy W of the whole field.
 
-    So no other circuit may carry a current and no magnet be there; linear material. With A = 0 around it is
-    `apparent_inductance` to rounding.
+    Requires linear material without magnets and without current in other circuits. With A = 0 on the boundary the
+    result equals `apparent_inductance` up to rounding.
 
     Parameters
     ----------
     field, circuit
-        As of `circuit_current`.
+        As in `circuit_current`.
 
     Returns
     -------
     float
-        As of `apparent_inductance`, whose example has both.
+        As in `apparent_inductance`, whose example compares both.
 
     Raises
     ------
     ValueError
-        As `circuit_current` does.
+        As in `circuit_current`.
     """
     return 2.0 * field.energy / circuit_current(field, circuit) ** 2
 
 
 def turn_length(field: LocalField) -> float:
-    """Of a turn, over r where it is a ring."""
+    """Return the length of a turn in m, divided by r around an axis."""
     return 2.0 * np.pi if field.axisymmetric else 1.0 if field.depth is None else field.depth
 
 

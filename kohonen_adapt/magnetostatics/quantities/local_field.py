@@ -1,4 +1,4 @@
-"""Evaluate a solved field: B at points of its elements, what follows from it there, and the means of the elements."""
+"""Values of a plane field at points of elements, and their means."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,35 +20,34 @@ __all__ = ["LocalField", "PointField"]
 
 @dataclass(frozen=True, eq=False)
 class PointField:
-    """A field at points, each in one element whose material it has."""
+    """Field at points, each with the material of its element."""
 
-    element: Ints  # (n,): of every point
+    element: Ints  # (n,): element of every point
     x: Floats  # (2, n) in m
     flux_density: Floats  # (2, n) in T
-    coefficients: Coefficients  # of the points, in place of elements
+    coefficients: Coefficients  # of the points
 
     @cached_property
     def field_strength(self) -> Floats:
-        """``H = nu B - Hc``, (2, n) in A/m."""
         return self.coefficients.field_strength(self.flux_density)
 
     @cached_property
     def energy_density(self) -> Floats:
-        """``int H . dB`` since the remanent state, (n,) in J/m^3; linear: ``nu |B - Br|^2 / 2``."""
         return self.coefficients.energy_density(self.flux_density)
 
     @property
     def coenergy_density(self) -> Floats:
-        """``H . B`` less the energy density, (n,) in J/m^3."""
         return np.sum(self.field_strength * self.flux_density, axis=0) - self.energy_density
 
     @cached_property
     def reluctivities(self) -> tuple[Floats, Floats]:
-        """The secant one, ``|H + Hc| / |B|``, and the differential one along B, (n,) in m/H each."""
         return self.coefficients.reluctivities(self.flux_density)
 
     def change_of_strength(self, change: Floats) -> Floats:
-        """How H changes, (2, n) in A/m, with a small change of B (2, n) in T: differential along B, secant across."""
+        """Return the change of H in A/m by a small change of B in T, both (2, n).
+
+        The reluctivity is differential along B and secant across.
+        """
         size = np.hypot(*self.flux_density)
         along = self.flux_density / np.where(size > 0.0, size, 1.0)
         secant, differential = self.reluctivities
@@ -57,10 +56,11 @@ class PointField:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LocalField:
-    """A potential and what follows from it; see `Field`, which can tell more.
+    """Potential of a plane problem with derived quantities per element.
 
-    B is a polynomial in every element, of one degree less than the potential: `at_shares` has it at any points of
-    elements, from which everything is evaluated and integrated. What is (nelements,) is the mean of each element.
+    B is a polynomial in every element, of one degree less than the potential. `at_shares` evaluates B at any points of
+    elements, for all evaluations and integrals. Arrays of shape (nelements,) hold means over elements. See `Field`,
+    which adds forces and values at points.
     """
 
     mesh: MeshTri
@@ -72,22 +72,21 @@ class LocalField:
 
     @property
     def axisymmetric(self) -> bool:
-        """Whether x is the distance r from an axis, y the height z along it and the potential A_phi."""
+        """True if x is the radius r, y the height z, and A_phi the potential."""
         return self.symmetry is AXISYMMETRIC
 
     @cached_property
     def elements(self) -> Elements:
-        """The elements whose functions the potential is one of."""
+        """Finite elements of the potential."""
         return elements_on(self.mesh, self.order, self.symmetry, self.coefficients.lawful)
 
     @cached_property
     def unknown(self) -> Floats:
-        """A, axisymmetric r A, at all places of unknowns, (nunknowns,): a polynomial in every element."""
+        """A, axisymmetric r A, at all degrees of freedom, shape (nunknowns,)."""
         return self.symmetry.unknown(self.elements.places, self._values)
 
     @property
     def _values(self) -> Floats:
-        """The potential at all places of unknowns, (nunknowns,)."""
         return self.potential
 
     @property
@@ -97,7 +96,7 @@ class LocalField:
 
     @cached_property
     def at_quadrature(self) -> PointField:
-        """The field at the quadrature points of the elements, whose volumes are `point_volumes`."""
+        """Field at the quadrature points of the elements, with volumes `point_volumes`."""
         elements = self.elements
         density = self.symmetry.flux_density(elements.points, elements.gradient(self.unknown))
         given = self.coefficients.at_quadrature(elements.element, elements.points)
@@ -105,34 +104,36 @@ class LocalField:
 
     @cached_property
     def point_volumes(self) -> Floats:
-        """What the quadrature points stand for, (npoints,), in m^2 per metre of depth, else in m^3: see `volume`."""
+        """Volumes of the quadrature points, shape (npoints,).
+
+        In m^2 per metre of depth; with `depth`, and axisymmetric, in m^3.
+        """
         elements = self.elements
         return self.symmetry.volume(elements.points, elements.weights) * (1.0 if self.depth is None else self.depth)
 
     def load_of(self, weight: Floats) -> Floats:
-        """The load of which a change w of `unknown` makes ``int load . grad w`` over the plane.
+        """Return the load whose ``int load . grad w`` is ``int weight . dB``.
 
-        That is ``int weight . dB`` over the volume, (2, npoints) each, the weight in A/m.
+        w is a change of `unknown`, and dB the change of B by w. The first integral is over the plane, the second over
+        the volume. Both arrays have shape (2, npoints), and the weight is in A/m.
         """
         return self.symmetry.flux(weight * (1.0 if self.depth is None else self.depth))
 
     def at_shares(self, element: Ints, share: Floats) -> PointField:
-        """The field at points of these elements (n,) that have these barycentric coordinates (3, n).
+        """Return the field at barycentric coordinates `share` (3, n) of elements (n,).
 
-        B is that of the elements there are: in the plane constant in those of order 1, a polynomial in others; on an
-        axis what it tends to in the element.
+        B at order 1 is constant in the plane, otherwise a polynomial. On an axis B is the limit from inside the
+        element.
         """
         x = self.elements.shape.points(element, share)
         density = self._density_of(self.unknown, element, share)
         return PointField(element, x, density, self._coefficients_at(element, x))
 
     def _coefficients_at(self, element: Ints, x: Floats) -> Coefficients:
-        """The materials at points x (2, n) of these elements; of order 1 magnets have means, as B has."""
         linear = isinstance(self.elements, Linear)
         return (replace(self.coefficients, turning=()) if linear else self.coefficients).at_points(element, x)
 
     def _density_of(self, unknown: Floats, element: Ints, share: Floats) -> Floats:
-        """B of a function like `unknown` at such points, (2, n)."""
         if isinstance(self.elements, Linear):
             slope = self.elements.gradient(unknown)
             return self.symmetry.flux_density(self.elements.points, slope)[:, element]
@@ -141,31 +142,33 @@ class LocalField:
         return self.symmetry.flux_density(self.elements.shape.points(element, there), slope)
 
     def strength_at_corners(self, other: Floats) -> tuple[Floats, Floats]:
-        """H at the corners of the elements, and how another unknown, (nunknowns,), would change it.
+        """Return H at element corners, and its change by the unknown `other`.
 
-        (2, 3, nelements) in A/m each.
+        Both have shape (2, 3, nelements), in A/m; `other` has shape (nunknowns,).
         """
         at = self.at_corners
         change = self.change_at_each(np.eye(3), other, at)
         return at.field_strength.reshape(2, 3, -1), change.reshape(2, 3, -1)
 
     def change_at_each(self, share: Floats, other: Floats, at: PointField) -> Floats:
-        """How another unknown, (nunknowns,), would change H at the points `at` that `at_each` has, (2, n)."""
+        """Return the change of H by the unknown `other`, at the points `at`, (2, n).
+
+        `at` is the result of `at_each` for the same `share`.
+        """
         return at.change_of_strength(self._density_of(other, *self._in_each(share)))
 
     def at_each(self, share: Floats) -> PointField:
-        """The field at the points of these barycentric coordinates (3, k) in every element, from inside it.
+        """Return the field at barycentric coordinates (3, k) of every element.
 
-        The points are in the order of (k, nelements).
+        Points are in the order (k, nelements), each evaluated from inside its element.
         """
         return self.at_shares(*self._in_each(share))
 
     def potential_at_each(self, share: Floats) -> Floats:
-        """The potential at such points, (k, nelements)."""
+        """Return the potential at the points of `at_each`, shape (k, nelements)."""
         return self._potential_at(*self._in_each(share)).reshape(share.shape[1], -1)
 
     def _potential_at(self, element: Ints, share: Floats) -> Floats:
-        """The potential at points of these elements, (n,): of the unknown, which is a polynomial there."""
         x = self.elements.shape.points(element, share)
         return self.symmetry.potential(x, self.elements.at(self.unknown, element, share))
 
@@ -180,12 +183,15 @@ class LocalField:
 
     @cached_property
     def flux_density(self) -> Floats:
-        """``B = (dA/dy, -dA/dx)``; axisymmetric ``(-dA/dz, d(r A)/dr / r)``: (2, nelements) in T, the mean of each."""
+        """Mean B of every element, shape (2, nelements) in T.
+
+        ``B = (dA/dy, -dA/dx)``; axisymmetric ``(-dA/dz, d(r A)/dr / r)``.
+        """
         return self.elements.mean(self.at_quadrature.flux_density)
 
     @cached_property
     def field_strength(self) -> Floats:
-        """``H = nu B - Hc``, (2, nelements) in A/m, the mean of each."""
+        """Mean ``H = nu B - Hc`` of every element, shape (2, nelements) in A/m."""
         return self.elements.mean(self.at_quadrature.field_strength)
 
     @cached_property
@@ -194,12 +200,12 @@ class LocalField:
 
     @property
     def reluctivity(self) -> Floats:
-        """The secant one, ``|H + Hc| / |B|``, (nelements,) in m/H."""
+        """Secant reluctivity ``|H + Hc| / |B|``, shape (nelements,) in m/H."""
         return self._reluctivities[0]
 
     @property
     def differential_reluctivity(self) -> Floats:
-        """``d|H + Hc| / d|B|``: how H follows a change of B along B, (nelements,) in m/H; across it is the secant."""
+        """Differential reluctivity ``d|H + Hc| / d|B|`` along B, (nelements,) in m/H."""
         return self._reluctivities[1]
 
     @property
@@ -209,38 +215,50 @@ class LocalField:
 
     @property
     def current_density(self) -> Floats:
-        """Out of the page, or along phi: (nelements,) in A/m^2."""
+        """Current density out of the page, or along phi, shape (nelements,) in A/m^2."""
         return self.coefficients.current_density
 
     @cached_property
     def volume(self) -> Floats:
-        """Of every element, (nelements,): in m^2, its area, per metre of depth; else in m^3."""
+        """Volumes of the elements, shape (nelements,).
+
+        In m^2 (the area) per metre of depth; with `depth`, and axisymmetric, in m^3.
+        """
         middle = self.elements.middles
         return self.symmetry.volume(middle, area(self.mesh)) * (1.0 if self.depth is None else self.depth)
 
     @cached_property
     def energy_density(self) -> Floats:
-        """``int H . dB`` since the remanent state, (nelements,) in J/m^3; linear: ``nu |B - Br|^2 / 2``."""
+        """Mean energy density of every element, shape (nelements,) in J/m^3.
+
+        ``int H . dB`` since the remanent state; linear: ``nu |B - Br|^2 / 2``.
+        """
         return self.elements.mean(self.at_quadrature.energy_density)
 
     @cached_property
     def coenergy_density(self) -> Floats:
-        """``H . B`` less the energy density, (nelements,) in J/m^3."""
+        """``H . B`` less the energy density, mean, shape (nelements,) in J/m^3."""
         return self.elements.mean(self.at_quadrature.coenergy_density)
 
     @property
     def squared_norm(self) -> float:
-        """``int nu |B|^2`` over the mesh, in J/m whatever the depth; axisymmetric in J."""
+        """``int nu |B|^2`` over the mesh in J/m, also with `depth`, axisymmetric in J."""
         volume = self.symmetry.volume(self.elements.points, self.elements.weights)
         at = self.at_quadrature
         return float(np.sum(volume * at.reluctivities[0] * at.flux_density**2))
 
     @property
     def energy(self) -> float:
-        """Energy stored since the remanent state, ``int of H . dB``, in J/m; a total in J, see `Field`."""
+        """Energy ``int H . dB`` since the remanent state, in J/m.
+
+        With `depth`, and axisymmetric, the total in J.
+        """
         return float(np.sum(self.volume * self.energy_density))
 
     @property
     def coenergy(self) -> float:
-        """``int H . B`` less the energy, in J/m; a total in J, see `Field`."""
+        """Co-energy, ``int H . B`` less the energy, in J/m.
+
+        With `depth`, and axisymmetric, the total in J.
+        """
         return float(np.sum(self.volume * self.coenergy_density))

@@ -1,4 +1,4 @@
-"""Evaluate a field in space: H and B at points of its elements, energies, and the means of the elements."""
+"""Values of a field in space at points of elements, and their means."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,25 +21,24 @@ __all__ = ["LocalSolid", "Strength"]
 
 @dataclass(frozen=True, eq=False)
 class Strength:
-    """The field strength at points, each in one element whose material it has, and what follows from it."""
+    """Field at points, from H, each with the material of its element."""
 
     x: Floats  # (3, n) in m
     field_strength: Floats  # (3, n) in A/m
-    coefficients: Coefficients  # of the points, in place of elements
+    coefficients: Coefficients  # of the points
 
     @cached_property
     def permeabilities(self) -> tuple[Floats, Floats]:
-        """The secant one, ``|B| / |H + Hc|``, and the differential one, (n,) in H/m each."""
         return self.coefficients.permeabilities(self.field_strength)
 
     @cached_property
     def flux_density(self) -> Floats:
-        """``B = mu (H + Hc)``, (3, n) in T."""
         return self.permeabilities[0] * (self.field_strength + self.coefficients.coercivity)
 
     def change_of_flux_density(self, change: Floats) -> Floats:
-        """How B changes, (3, n) in T, with a small change of H, (3, n) in A/m: differential along H + Hc, secant
-        across.
+        """Return the change of B in T by a small change of H in A/m, both (3, n).
+
+        The permeability is differential along H + Hc and secant across.
         """
         driven = self.field_strength + self.coefficients.coercivity
         size = magnitude(driven)
@@ -49,13 +48,15 @@ class Strength:
 
     @cached_property
     def energy_density(self) -> Floats:
-        """``int H . dB`` since the remanent state, (n,) in J/m^3; linear: ``nu |B - Br|^2 / 2``."""
         return self.coefficients.energy_density(self.flux_density)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LocalSolid:
-    """A potential in space and what follows from it; see `SolidField`, which can tell more."""
+    """Potential of a problem in space with derived quantities per element.
+
+    See `SolidField`, which adds forces, fluxes and values at points.
+    """
 
     mesh: MeshTet
     unknown: Floats
@@ -66,45 +67,49 @@ class LocalSolid:
 
     @property
     def potential(self) -> Floats:
-        """The reduced potential phi at the nodes, (nnodes,) in A; without an applied field the total one."""
+        """Reduced potential phi at the nodes, shape (nnodes,) in A.
+
+        Without an applied field this is the total potential.
+        """
         return self.unknown - self.drive.potential
 
     @property
     def elements(self) -> Tetrahedra:
-        """The elements whose functions the potential is one of."""
+        """Finite elements of the potential."""
         return self.drive.elements
 
     @property
     def mirrors(self) -> tuple[Mirror, ...]:
-        """The planes of symmetry."""
+        """Planes of symmetry."""
         return tuple(self.planes.values())
 
     def at(self, x: Floats, element: Ints) -> Strength:
-        """The field at points x (3, n) of these elements."""
+        """Return the field at points x (3, n) of the elements `element` (n,)."""
         slope = self.elements.gradient(self.unknown)[:, element]
         return Strength(x, self.drive.at(x, element) - slope, self.coefficients.at_points(element, x))
 
     @cached_property
     def at_quadrature(self) -> Strength:
-        """The field at the quadrature points of the elements, whose volumes are `point_volumes`."""
+        """Field at the quadrature points of the elements, with volumes `point_volumes`."""
         elements = self.elements
         strength = self.drive.at_points - elements.slope_of_corners(self.unknown)
         return Strength(elements.points, strength, self.coefficients.at_quadrature(elements.element, elements.points))
 
     @property
     def point_volumes(self) -> Floats:
-        """What the quadrature points stand for, (npoints,) in m^3."""
+        """Volumes of the quadrature points, shape (npoints,) in m^3."""
         return self.elements.weights
 
     @property
     def volume(self) -> Floats:
-        """Of every element, (nelements,) in m^3."""
+        """Volumes of the elements, shape (nelements,) in m^3."""
         return self.elements.volumes
 
     def load_of(self, weight: Floats) -> Floats:
-        """The load of which a change w of `unknown` makes ``int load . grad w``, which is ``int weight . dB``.
+        """Return the load whose ``int load . grad w`` is ``int weight . dB``.
 
-        (3, npoints) each, the weight in A/m.
+        w is a change of `unknown` and dB the change of B by w. Both arrays have shape (3, npoints), and the weight is
+        in A/m.
         """
         return -self.at_quadrature.change_of_flux_density(weight)
 
@@ -116,32 +121,36 @@ class LocalSolid:
 
     @cached_property
     def corner_flux_density(self) -> Floats:
-        """B recovered at the corners of the elements in the order of ``mesh.t``, (3, 4, nelements) in T.
+        """B recovered at the corners of the elements, shape (3, 4, nelements) in T.
 
-        At every node the average over the elements around it, weighted by volume, for each region (connected, with the
-        same subdomain names) by itself, so that B still jumps between materials.
+        The corners are in the order of ``mesh.t``. At every node B is the volume-weighted average over the elements
+        around the node, separately for each region (connected, with the same subdomain names), so that B jumps between
+        materials.
         """
         region = Tetrahedralization.of(self.mesh).region_of_input.astype(np.int64)
         return corner_averages(self.mesh, self.at_corners.flux_density.reshape(3, 4, -1), region)
 
     @cached_property
     def field_strength(self) -> Floats:
-        """``H = Hs - grad phi``, (3, nelements) in A/m, the mean of each element."""
+        """Mean ``H = Hs - grad phi`` of every element, shape (3, nelements) in A/m."""
         return self.elements.mean(self.at_quadrature.field_strength)
 
     @cached_property
     def flux_density(self) -> Floats:
-        """``B = mu (H + Hc)``, (3, nelements) in T, the mean of each element."""
+        """Mean ``B = mu (H + Hc)`` of every element, shape (3, nelements) in T."""
         return self.elements.mean(self.at_quadrature.flux_density)
 
     @cached_property
     def permeabilities(self) -> tuple[Floats, Floats]:
-        """The secant permeability ``|B| / |H + Hc|`` and the differential one, (nelements,) in H/m each."""
+        """Secant ``|B| / |H + Hc|`` and differential permeability, in H/m.
+
+        Shape (nelements,) each.
+        """
         return self.coefficients.permeabilities(self.field_strength)
 
     @property
     def reluctivity(self) -> Floats:
-        """The secant one, ``|H + Hc| / |B|``, (nelements,) in m/H."""
+        """Secant reluctivity ``|H + Hc| / |B|``, shape (nelements,) in m/H."""
         return 1.0 / self.permeabilities[0]
 
     @property
@@ -151,28 +160,31 @@ class LocalSolid:
 
     @property
     def current_density(self) -> Floats:
-        """The size of the curl of the applied field, (nelements,) in A/m^2."""
+        """Magnitude of the curl of the applied field, shape (nelements,) in A/m^2."""
         return self.drive.current_density
 
     @cached_property
     def energy_density(self) -> Floats:
-        """``int H . dB`` since the remanent state, (nelements,) in J/m^3; linear: ``nu |B - Br|^2 / 2``."""
+        """Mean energy density of every element, shape (nelements,) in J/m^3.
+
+        ``int H . dB`` since the remanent state; linear: ``nu |B - Br|^2 / 2``.
+        """
         return self.elements.mean(self.at_quadrature.energy_density)
 
     @cached_property
     def coenergy_density(self) -> Floats:
-        """``H . B`` less the energy density, (nelements,) in J/m^3."""
+        """``H . B`` less the energy density, mean, shape (nelements,) in J/m^3."""
         at = self.at_quadrature
         return self.elements.mean(np.sum(at.field_strength * at.flux_density, axis=0) - at.energy_density)
 
     @property
     def energy(self) -> float:
-        """Energy stored since the remanent state, ``int of H . dB``, in J."""
+        """Energy ``int H . dB`` since the remanent state, in J."""
         return float(np.sum(self.elements.volumes * self.energy_density))
 
     @property
     def coenergy(self) -> float:
-        """``int H . B`` less the energy, in J."""
+        """Co-energy, ``int H . B`` less the energy, in J."""
         return float(np.sum(self.elements.volumes * self.coenergy_density))
 
     @property

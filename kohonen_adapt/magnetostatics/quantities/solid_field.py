@@ -1,4 +1,4 @@
-"""Ask a solved field in space: values at points, the flux through surfaces, forces and torques."""
+"""Solved field in space with values at points, fluxes, forces and torques."""
 
 from dataclasses import dataclass
 
@@ -18,26 +18,26 @@ __all__ = ["SolidField"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SolidField(LocalSolid):
-    """A solved field in space; `MagneticScalarPotential.solve` returns it.
+    """Solved field in space, as returned by `MagneticScalarPotential.solve`.
 
-    ``H = Hs - grad phi`` with the applied field Hs and ``B = mu (|H + Hc|) (H + Hc)``: without an applied field both
-    are constant in every element. What is (nelements,) is the mean of each element. All of it is of the meshed part:
-    of half a model half the energy.
+    ``H = Hs - grad phi`` with the applied field Hs, and ``B = mu (|H + Hc|) (H + Hc)``. Without an applied field both
+    are constant in every element. Arrays of shape (nelements,) hold means over elements. Results refer to the meshed
+    part: half a model has half the energy.
 
     Parameters
     ----------
     mesh
-        The mesh it was solved on, in metres.
+        The mesh of the solution, in metres.
     unknown : (nnodes,)
-        What was solved for, in A: the potential, in iron beside an applied field the total one.
+        Solution in A: the reduced potential, in iron with an applied field the total potential.
     coefficients
-        What every element is made of.
+        Material coefficients of every element.
     drive
-        The applied field, and where it is taken out of iron.
+        The applied field, with its replacement in iron.
     planes
         The planes of symmetry by name.
     newton
-        The steps of Newton's method that led to it; empty for linear problems.
+        Steps of Newton's method; empty for linear problems.
     """
 
     def __repr__(self) -> str:
@@ -48,14 +48,16 @@ class SolidField(LocalSolid):
         )
 
     def flux_density_at(self, x: ArrayLike, *, recovered: bool = False) -> Floats:
-        """Flux density at points: that of the elements, in each constant but for the applied field.
+        """Return the flux density at points.
+
+        B is constant in every element unless a field is applied.
 
         Parameters
         ----------
         x : (3, n)
             Points in metres; along a line ``np.linspace(start, end, n, axis=1)``.
         recovered
-            Whether to interpolate `corner_flux_density` in place of the field of the elements.
+            True to interpolate `corner_flux_density` in place of the field of the elements.
 
         Returns
         -------
@@ -89,7 +91,7 @@ class SolidField(LocalSolid):
         return values
 
     def potential_at(self, x: ArrayLike) -> Floats:
-        """The reduced potential at points.
+        """Return the reduced potential at points.
 
         Parameters
         ----------
@@ -104,11 +106,12 @@ class SolidField(LocalSolid):
         return interpolate(self.mesh, self.potential, checked_points(x, "x", 3))
 
     def flux(self, surface: str) -> float:
-        """Magnetic flux through a named surface, ``int B . n``.
+        """Return the magnetic flux through a named surface, ``int B . n``.
 
-        On the outer boundary out of the mesh. Inside it along the sides of an oriented boundary (out of the elements on
-        its side, as `skfem.OrientedBoundary` has it); without one along the axis that the surface faces most, x, y or
-        z, towards larger values. B there is the mean of the elements on both sides.
+        On the outer boundary n points out of the mesh. For an oriented surface inside the mesh n points out of the
+        elements on its side, as in `skfem.OrientedBoundary`; for other surfaces inside n points towards larger values
+        of the coordinate x, y or z to which the surface is most nearly normal. B inside the mesh is the mean of the
+        elements on both sides.
 
         Parameters
         ----------
@@ -123,7 +126,8 @@ class SolidField(LocalSolid):
         Raises
         ------
         ValueError
-            If it is no surface of the mesh, or one inside it that turns about and has no orientation.
+            If the mesh has no surface of this name, or if the surface is inside the mesh, has no orientation, and has
+            facets nearly parallel to n.
 
         Examples
         --------
@@ -137,28 +141,28 @@ class SolidField(LocalSolid):
         return flux_through(self.mesh, surface, self.flux_density)
 
     def force(self, body: Names) -> Floats:
-        """Magnetic force on a body.
+        """Return the magnetic force on a body.
 
-        ``F = -int T grad w`` over the air around it, with Maxwell's stress tensor ``T = (B B - |B|^2 / 2) / mu0`` and a
-        weight w that falls from 1 on the body to 0 on everything else (the eggshell method: Henrotte, Deliege and
+        ``F = -int T grad w`` over the air around the body, with Maxwell's stress tensor ``T = (B B - |B|^2 / 2) / mu0``
+        and a weight w that falls from 1 on the body to 0 on everything else (the eggshell method: Henrotte, Deliege and
         Hameyer, COMPEL 23, 2004).
 
         Parameters
         ----------
         body
-            Name of a subdomain, or a sequence of names that count as one body.
+            Name of a subdomain, or a sequence of names that form one body.
 
         Returns
         -------
         ndarray (3,)
-            In N. Of a body that planes of symmetry cut it is the force on the part that is modelled, along these
-            planes: the image adds as much along them, and takes away what is across.
+            In N. For a body that planes of symmetry cut: the force along the planes on the modelled part. The image
+            adds the same force along the planes, and cancels the force across.
 
         Raises
         ------
         ValueError
             If the body touches anything but air (permeability 1, no current, no remanence), lies on the outer boundary
-            elsewhere than on planes of symmetry, or names are unknown.
+            elsewhere than on planes of symmetry, or if names are unknown.
 
         Examples
         --------
@@ -175,25 +179,28 @@ class SolidField(LocalSolid):
         return eggshell(self, body)
 
     def torque(self, body: Names, centre: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
-        """Magnetic torque on a body about a centre: as `force`, with ``(x - centre) x T grad w``.
+        """Return the magnetic torque on a body about a centre.
+
+        The torque is computed as in `force`, with ``(x - centre) x T grad w``.
 
         Parameters
         ----------
         body
-            Name of a subdomain, or a sequence of names that count as one body.
+            Name of a subdomain, or a sequence of names that form one body.
         centre : (3,)
             In m.
 
         Returns
         -------
         ndarray (3,)
-            In N m. Of a body that a plane of symmetry cuts it is the torque on the part that is modelled, across the
-            plane: the image adds as much of that, and takes away the rest. The centre should be in the plane.
+            In N m. For a body that a plane of symmetry cuts: the component normal to the plane of the torque on the
+            modelled part. The image adds the same component, and cancels the components along the plane. The centre
+            should lie in the plane.
 
         Raises
         ------
         ValueError
-            As `force` does, and for a centre that is not three finite numbers.
+            As in `force`, and for a centre that is not three finite numbers.
 
         Examples
         --------

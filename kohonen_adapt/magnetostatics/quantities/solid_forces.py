@@ -1,4 +1,4 @@
-"""Integrate forces and torques of a field in space around a body, and the flux through surfaces."""
+"""Forces and torques on a body in space, and the flux through surfaces."""
 
 from collections.abc import Iterable
 from typing import Protocol
@@ -20,18 +20,18 @@ from kohonen_adapt.mesh.cells import normals
 
 __all__ = ["eggshell", "flux_through", "force_component", "torque_component"]
 
-EDGEWISE = 0.1  # cosine between a facet and the way through its surface, below which it has no side
+EDGEWISE = 0.1  # cosine between the normal of a facet and of its surface, below which the facet has no side
 
 
 class Solid(Surroundings, Stressed, Protocol):
-    """What of a field in space tells the force on a body in it."""
+    """Field in space from which forces are computed."""
 
     @property
     def mirrors(self) -> tuple[Mirror, ...]: ...
 
 
 def eggshell(field: Solid, body: Names, centre: Floats | None = None) -> Floats:
-    """Force (3,) on a body in N, or the torque about a centre in N m; see `SolidField.force`."""
+    """Return the force (3,) on a body in N, or the torque about `centre` in N m."""
     slope, cuts = _shell(field, body)
     parts = pull(field, slope)
     if centre is not None:
@@ -40,20 +40,17 @@ def eggshell(field: Solid, body: Names, centre: Floats | None = None) -> Floats:
 
 
 def force_component(field: Solid, body: Names, direction: Floats) -> Component:
-    """The component of a force along a unit vector (3,)."""
     slope, cuts = _shell(field, body)
     return Component(slope, np.tile(_kept(cuts[::-1], direction, False)[:, None], slope.shape[1]))
 
 
 def torque_component(field: Solid, body: Names, centre: Floats, axis: Floats) -> Component:
-    """The component along a unit vector (3,) of the torque about a centre (3,) in m."""
     slope, cuts = _shell(field, body)
     across = _kept(cuts[::-1], axis, True)
     return Component(slope, np.cross(across, field.at_quadrature.x - centre[:, None], axisb=0).T)
 
 
 def _shell(field: Solid, body: Names) -> tuple[Floats, list[Mirror]]:
-    """Gradient of the weight around a body, (3, npoints) in 1/m, and the planes of symmetry that cut it."""
     mesh, inside = field.mesh, isolated_body(field, body)
     cuts = _cuts(mesh, inside, field.mirrors)
     facets = np.concatenate([mirror.facets for mirror in cuts]) if cuts else np.zeros(0, dtype=np.int64)
@@ -61,7 +58,10 @@ def _shell(field: Solid, body: Names) -> tuple[Floats, list[Mirror]]:
 
 
 def _kept(cuts: Iterable[Mirror], vector: Floats, torque: bool) -> Floats:
-    """What the images leave of a vector: of a force the part along the planes, of a torque the part across."""
+    """Return the vector without the components that the images cancel.
+
+    Images leave the components of a force along the planes, and of a torque the components normal to the planes.
+    """
     for mirror in cuts:
         across = mirror.normal * (mirror.normal @ vector)
         vector = across if torque else vector - across
@@ -69,7 +69,6 @@ def _kept(cuts: Iterable[Mirror], vector: Floats, torque: bool) -> Floats:
 
 
 def _cuts(mesh: MeshTet, inside: Mask, mirrors: Iterable[Mirror]) -> list[Mirror]:
-    """The planes of symmetry that cut the body; refused where it lies on the outer boundary elsewhere."""
     outer = mesh.boundary_facets()
     left, cuts = outer[inside[mesh.f2t[0, outer]]], []
     for mirror in mirrors:
@@ -86,7 +85,6 @@ def _cuts(mesh: MeshTet, inside: Mask, mirrors: Iterable[Mirror]) -> list[Mirror
 
 
 def flux_through(mesh: MeshTet, name: str, flux_density: Floats) -> float:
-    """Flux through a surface of a flux density (3, nelements): the mean of both sides."""
     rows = surface(mesh, name, "flux")
     facets = np.asarray(rows)
     if not facets.size:
@@ -100,7 +98,7 @@ def flux_through(mesh: MeshTet, name: str, flux_density: Floats) -> float:
 
 
 def _sense(mesh: MeshTet, name: str, facets: Ints, out: Floats) -> Floats:
-    """1 where the flux counts out of the first element of a facet, -1 where into it, (nfacets,)."""
+    """Return 1 where the flux counts out of the first element of a facet, else -1."""
     rows = mesh.boundaries[name]
     if isinstance(rows, OrientedBoundary):
         return np.where(rows.ori == 0, 1.0, -1.0)

@@ -1,4 +1,4 @@
-"""Integrate Maxwell's stress in the air around a body, against a weight that falls from 1 on it to 0 elsewhere."""
+"""Maxwell's stress in the air around a body, weighted by a decreasing function."""
 
 from typing import NamedTuple, Protocol
 
@@ -16,7 +16,7 @@ __all__ = ["Component", "Stressed", "component_change", "component_value", "pull
 
 
 class AtPoints(Protocol):
-    """B at points x, (d, n) each."""
+    """B in T at points x in m, shape (d, n) each."""
 
     @property
     def x(self) -> Floats: ...
@@ -25,7 +25,7 @@ class AtPoints(Protocol):
 
 
 class Stressed(Protocol):
-    """What of a field stress is integrated from, in the plane and in space."""
+    """Field with B and volumes at quadrature points."""
 
     @property
     def at_quadrature(self) -> AtPoints: ...
@@ -34,22 +34,26 @@ class Stressed(Protocol):
 
 
 class Component(NamedTuple):
-    """One component of an eggshell force, ``-int arm . T slope`` over the volume, at the quadrature points."""
+    """Component ``-int arm . T slope`` of an eggshell force or torque."""
 
     slope: Floats  # (d, npoints) in 1/m: gradient of the weight
-    arm: Floats  # (d, npoints): the direction of a force; of a torque axis x (x - centre) in m, in the plane (-y, x)
+    arm: Floats  # (d, npoints): direction of a force, or axis x (x - centre) in m of a torque, in the plane (-y, x)
 
 
 def pull(field: Stressed, slope: Floats) -> Floats:
-    """``-T slope`` times the volume of every quadrature point, (d, npoints), with Maxwell's stress tensor T of air."""
+    """Return ``-T slope`` times the volume of every quadrature point, (d, npoints).
+
+    T is Maxwell's stress tensor of air.
+    """
     b = field.at_quadrature.flux_density
     normal, pressure = np.sum(b * slope, axis=0), 0.5 * np.sum(b**2, axis=0)
     return -field.point_volumes / VACUUM_PERMEABILITY * (b * normal - pressure * slope)
 
 
 def component_change(field: Stressed, component: Component) -> Floats:
-    """How ``-arm . T slope`` changes with B, (d, npoints): ``-((B . slope) arm + (B . arm) slope - (arm . slope) B)
-    / mu0``.
+    """Return the derivative of ``-arm . T slope`` by B, shape (d, npoints).
+
+    ``-((B . slope) arm + (B . arm) slope - (arm . slope) B) / mu0``.
     """
     b, (slope, arm) = field.at_quadrature.flux_density, component
     normal, along, both = (np.sum(one * other, axis=0) for one, other in ((b, slope), (b, arm), (arm, slope)))
@@ -57,26 +61,26 @@ def component_change(field: Stressed, component: Component) -> Floats:
 
 
 def component_value(field: Stressed, component: Component) -> float:
-    """``-int arm . T slope`` over the volume: as it is quadratic in B, half of what its derivative makes of B."""
+    """Return ``-int arm . T slope``, half the derivative applied to B."""
     change = component_change(field, component)
     return 0.5 * float(np.sum(field.point_volumes * change * field.at_quadrature.flux_density))
 
 
-# Measured for weights of one layer of elements around the body (1 on it, 0 on the other nodes) / of Laplace's solution
-# itself / of this: magnet over iron, meshes of Gmsh as they are, 3623 nodes (`benchmarks force`; F_x = 106.0 N/m)
+# Three weights: one layer of elements around the body / the solution of Laplace's equation / this weight.
+# Magnet over iron, meshes of Gmsh, 3623 nodes (`benchmarks force`; F_x = 106.0 N/m):
 #     mean of F_x in N/m               114.0 / 108.7 / 107.2        scatter  2.4 / 0.32 / 0.10
 #     the same meshes adapted          106.0 / 106.0 / 106.0        scatter  0.031 / 0.012 / 0.014
-# two magnets on a regular grid, 5265 nodes: error of force 1.2 / 3.1 / 1.1 %, of order 1.5 for Laplace's, 2 for this
+# Two magnets on a regular grid, 5265 nodes: error of the force 1.2 / 3.1 / 1.1 %, rate of convergence - / 1.5 / 2.
 
 
 def weight_gradient(field: Surroundings, inside: Mask, cut: Cut) -> Floats:
-    """Gradient of the weight at the quadrature points, (d, npoints) in 1/m; zero but in the air around the body.
+    """Return the gradient of the weight at quadrature points, (d, npoints) in 1/m.
 
-    The weight falls smoothly between the levels 3/4 and 1/4 of the P1 solution of Laplace's equation in the air that is
-    1 on the body, and 0 on all that is not air and on the outer boundary but for the cut. Any weight that is 1 on the
-    body and 0 there has the same exact force. This one takes the field where it is told best, away from the corners of
-    body and neighbours, and in many elements, so that the errors of single ones count little: the force converges by
-    the square of the element size on uniform meshes, too.
+    The weight falls smoothly between the levels 3/4 and 1/4 of the P1 solution of Laplace's equation in the air, which
+    is 1 on the body, and 0 on all other materials and on the outer boundary except the cut. The exact force is the same
+    for any weight with these boundary values. This weight uses the field at a distance from the corners of body and
+    neighbours, where B is most accurate, and in many elements. The force converges by the square of the element size,
+    also on uniform meshes.
     """
     mesh, air = field.elements.corners, air_elements(field) & ~inside
     values, held = np.zeros(mesh.p.shape[1]), ~_free_nodes(mesh, air, cut)
@@ -88,7 +92,6 @@ def weight_gradient(field: Surroundings, inside: Mask, cut: Cut) -> Floats:
 
 
 def _free_nodes(mesh: Mesh, air: Mask, cut: Cut) -> Mask:
-    """Nodes that have air all around, on the cut too."""
     free = np.ones(mesh.p.shape[1], dtype=bool)
     free[mesh.t[:, ~air]] = False
     free[mesh.facets[:, np.setdiff1d(mesh.boundary_facets(), cut.facets)]] = False
@@ -96,7 +99,6 @@ def _free_nodes(mesh: Mesh, air: Mask, cut: Cut) -> Mask:
 
 
 def _laplace(mesh: Mesh, air: Mask, twin: Ints, values: Floats, held: Mask) -> Floats:
-    """The solution, (nnodes,): as given at the nodes held, solved for at the others; twins have the same."""
     hats, size = hat_gradients(mesh)[:, :, air], area(mesh)[air]
     corner = twin[mesh.t[:, air]]
     products = np.einsum("cik,cjk,k->ijk", hats, hats, size)
