@@ -44,7 +44,6 @@ class KernelCompiler(Compiler):
         super().__init__(typingctx, targetctx, library, args, returned, _Flags(flags), *rest)
 
     def define_pipelines(self) -> list[PassManager]:
-        """Return the passes of numba except `NOT_NEEDED`."""
         (manager,) = super().define_pipelines()
         lean = PassManager(manager.pipeline_name)
         lean.passes = [(each, says) for each, says in manager.passes if each not in NOT_NEEDED]
@@ -149,7 +148,6 @@ class Loop(CPUDispatcher):
     targetdescr = _Target("cpu")
 
     def compile(self, sig: Any) -> Any:
-        """Compile for a signature, with Ctrl-C delayed until the compilation is complete."""
         with interrupts_held():
             return super().compile(sig)
 

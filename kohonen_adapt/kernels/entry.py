@@ -51,11 +51,9 @@ class Entry:
         return name_of(self.loop)
 
     def compile(self) -> None:
-        """Compile or load the loop, unless numba is disabled."""
         if hasattr(self.loop, "py_func"):
             self.loop.compile(self.types)
 
 
 def name_of(loop: Any) -> str:
-    """Return file and name of a loop, because loops in different files share names."""
     return f"{loop.__module__.removeprefix('kohonen_adapt.kernels.')}.{loop.__name__}"

@@ -41,7 +41,6 @@ class Grid(NamedTuple):
 
 @inner_kernel
 def cell_index(grid, value, axis):
-    """Return the index along an axis of a coordinate's cell, clipped to the grid."""
     return int(min(grid.shape[axis] - 1.0, max(0.0, (value - grid.origin[axis]) / grid.size[axis])))
 
 

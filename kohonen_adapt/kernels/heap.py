@@ -46,7 +46,6 @@ def insert(heap, key, a, b):
 
 @inner_kernel
 def remove_first(heap):
-    """Remove the edge with the smallest key, and return key and ends."""
     first, a, b = heap.key[0], np.int64(heap.ends[0, 0]), np.int64(heap.ends[0, 1])
     last = heap.size[0] - 1
     heap.size[0] = last

@@ -49,7 +49,6 @@ class RecordModel(models.PrimitiveModel):
 
 @unbox(RecordType)
 def address_of(kind: RecordType, given: Any, c: Any) -> NativeValue:
-    """Return the address of a record on the stack of the call."""
     adapt = cgutils.get_or_insert_function(
         c.builder.module, ir.FunctionType(ir.IntType(32), [c.pyapi.pyobj, c.pyapi.voidptr]), "numba_adapt_ndarray"
     )

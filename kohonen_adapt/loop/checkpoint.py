@@ -115,7 +115,6 @@ class Checkpoint:
         return wanted
 
     def _read(self, file: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """Return the fields of a pass by name, and the arrays of the mesh."""
         whole = BytesIO(file.read_bytes())  # read first, so that later errors mean damage, not a disk error
         try:
             with np.load(whole, allow_pickle=False) as content:

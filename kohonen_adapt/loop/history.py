@@ -59,7 +59,6 @@ class Kept:
 
     @property
     def best(self) -> Solved:
-        """Pass of the lowest functional if all compare, else of the least error measure."""
         best = self.lowest if all(step.comparable for step in self.passes) else self.least
         if best is None:
             raise RuntimeError("the history has no pass to give back.")
@@ -130,7 +129,6 @@ class History:
         return solved
 
     def add(self, solved: Solved) -> Solved:
-        """Add a pass, call `interim`, write the checkpoint and apply the stop test."""
         self._kept = self._kept.extended(solved)
         self._steps.begun = True
         if self._interim:

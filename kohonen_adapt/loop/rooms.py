@@ -62,7 +62,6 @@ def corrects_triangles(problem: Problem) -> bool:
 
 
 def stated_on_triangles(ritz: Ritz, movable: MovableMesh, mesh: Mesh) -> tuple[Functional, float]:
-    """Return the functional and its value, with the energy between chords and curves."""
     functional = Functional.of_solution(ritz, movable, mesh)
     beyond = functional.beyond_chords(movable.triangulation, functional.solution)
     return functional, functional_value(mesh, ritz) + beyond
@@ -93,7 +92,6 @@ def moved_tetrahedra(
 
 
 def stated_on_tetrahedra(ritz: Ritz, movable: MovableSolid, mesh: Mesh) -> tuple[SolidFunctional, float]:
-    """Return the functional and its value, with the energy below curved surfaces."""
     functional, tet = SolidFunctional.of_solution(ritz, movable, mesh), movable.tetrahedralization
     beyond = functional.faces.value(tet.position, tet.elements, functional.solution.values)
     return functional, functional_value(mesh, ritz) + beyond

@@ -44,7 +44,6 @@ class Settings:
             raise ValueError(f"polish must be True or False; got {self.polish!r}. Polish alone: kohonen_adapt.polish.")
 
     def rng(self, number: int) -> np.random.Generator:
-        """Return the generator of the training points of pass `number`."""
         return np.random.default_rng(int(np.random.SeedSequence((self.seed, number)).generate_state(1)[0]))
 
 
@@ -107,7 +106,6 @@ def _of_curves(mesh: Mesh, curves: Mapping[str, Curve]) -> str:
 
 
 def digest(*arrays: NDArray[Any]) -> str:
-    """Return a hash of the types, shapes and bytes of arrays."""
     found = sha256()
     for array in map(np.ascontiguousarray, arrays):
         found.update(f"{array.dtype.str}{array.shape}".encode())

@@ -194,7 +194,6 @@ class Adaptation:
             return {}
 
     def goal_error(self, solution: Any) -> tuple[float | None, str]:
-        """Return the estimated error of the goal or None, and the reason for None."""
         try:
             return goal_error_of(self.problem, solution), ""
         except (Exception, KeyboardInterrupt) as error:  # an unknown error is no reason to lose the result

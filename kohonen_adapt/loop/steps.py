@@ -39,7 +39,6 @@ class Steps:
 
     @property
     def seconds(self) -> dict[str, float]:
-        """Wall time in s by step of this pass."""
         return {step: self._seconds.get(step, 0.0) for step in TIMED}
 
     def next_pass(self, number: int) -> None:

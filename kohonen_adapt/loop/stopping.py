@@ -120,7 +120,6 @@ class StopTest:
         return len(passes) > 1 and have_settled(passes[-2].outputs, passes[-1].outputs, self.output_rtol)
 
     def _tolerance(self, last: Pass) -> float | None:
-        """Return the largest acceptable estimate, None without a tolerance."""
         if self.rtol is None and self.atol is None:
             return None
         return (self.atol or 0.0) + (self.rtol or 0.0) * (last.energy_norm or 0.0)

@@ -101,7 +101,6 @@ def word_for_estimate(history: Sequence[Pass]) -> str:
 
 
 def estimate_word(history: Sequence[Pass]) -> str:
-    """Return "estimate" for estimates of known scale, else "indicator"."""
     return "estimate" if all(step.calibrated or step.goal is not None for step in history) else "indicator"
 
 
@@ -115,13 +114,11 @@ def has_turned(before: float, after: float) -> bool:
 
 
 def table_columns(history: tuple[Pass, ...]) -> list[Columns]:
-    """Return the columns of the table in groups that are not divided."""
     number = [("pass", [str(step.number) for step in history])]
     return [number, _solved(history), *_goal(history), *_outputs(history), _done(history)]
 
 
 def table_lines(history: tuple[Pass, ...], marks: Sequence[str]) -> list[str]:
-    """Return the lines of the table, each with a mark behind the row of a pass."""
     behind = ["", *marks]
     blocks = table_blocks(table_columns(history), width=WIDTH - max(map(len, behind)))
     return [line + mark for block in blocks for line, mark in zip(block, behind, strict=True)]
@@ -235,7 +232,6 @@ def _gain_of_map(before: Pass, after: Pass) -> float:
 
 
 def table_blocks(groups: list[Columns], width: int = WIDTH) -> Iterator[list[str]]:
-    """Yield the lines of tables of limited width, each with the first group."""
     first, *others = (_aligned(group) for group in groups)
     block = first
     for lines in others:

@@ -41,5 +41,4 @@ def output_value(name: str, function: Output, solution: Any) -> float:
 
 
 def have_settled(before: Mapping[str, float], after: Mapping[str, float], tolerance: float) -> bool:
-    """Return True if no output changed by more than the fraction `tolerance`."""
     return all(abs(after[name] - value) <= tolerance * abs(value) for name, value in before.items())

@@ -150,7 +150,6 @@ def is_calibrated(problem: Problem) -> bool:
 
 
 def is_curved(problem: Problem) -> bool | None:
-    """Return True for curved sides, False for straight sides, None for either."""
     wanted = getattr(problem, "curved", None)
     return wanted and order_of(problem) > 1 if isinstance(wanted, bool) else wanted
 
@@ -186,7 +185,6 @@ def nodes_held(problem: Problem, mesh: Mesh) -> list[int]:
 
 
 def check_names(problem: Problem) -> None:
-    """Raise ValueError for an attribute or method with an invalid type or value."""
     kind = type(problem).__name__
     for name, wanted in ATTRIBUTES.items():
         if callable(getattr(problem, name, None)):
@@ -264,10 +262,6 @@ def solve_again(problem: Problem, mesh: Mesh, indicators: Floats) -> Any:
 
 
 def energy_norm(problem: Problem, mesh: Mesh, solution: Any, rtol: float | None = None) -> float | None:
-    """Return the energy norm of the solution, or None if the problem has no norm.
-
-    Raises ValueError if the norm is no finite number >= 0, or is missing although `rtol` is given.
-    """
     try:
         value = float(offered(problem, "energy_norm")(mesh, solution))
     except NotOffered as reason:

@@ -262,7 +262,6 @@ def _times(factor: float, ritz: Ritz) -> Ritz:
 
 
 def check_fits(ritz: Ritz, mesh: Mesh) -> None:
-    """Raise ValueError if the functional belongs to another mesh."""
     unknowns, elements = count_unknowns(mesh, ritz.order), mesh.t.shape[1]
     if np.shape(ritz.values) != (unknowns,):
         wanted = "nnodes" if ritz.order == 1 else f"nunknowns of order {ritz.order}"
@@ -284,7 +283,6 @@ def check_fits(ritz: Ritz, mesh: Mesh) -> None:
 
 
 def unknown_in_space(ritz: Ritz) -> str:
-    """Return the reason that a functional is for the plane only, or an empty string."""
     has = {
         f"its Ritz is of order {ritz.order}": ritz.order > 1,
         "its Ritz is axisymmetric": ritz.axisymmetric,

@@ -84,7 +84,6 @@ def constants(name: str, given: ArrayLike, shape: tuple[int, ...], region: NDArr
 
 
 def checked_flux(given: ArrayLike, region: NDArray[np.int64] | None) -> Floats:
-    """Return a flux, which is a constant, a table by region number, or 0.0 for none."""
     table = floats("flux", given)
     if table.ndim == 0 and table == 0.0:
         return table
@@ -127,7 +126,6 @@ def checked_signs(given: Mapping[tuple[str, str], int]) -> dict[tuple[str, str],
 
 
 def check_axis(values: Floats, fixed: Mask, mesh: MeshTri) -> None:
-    """Raise ValueError for a mesh with x < 0, and for values not fixed to 0 at x = 0."""
     x = mesh.p[0]
     if x.min() < -AXIS * x.max():
         raise ValueError(f"an axisymmetric Ritz needs a mesh at x >= 0; got nodes down to x = {x.min():g}.")
