@@ -143,7 +143,7 @@ class Chains(NamedTuple):
 
 
 @record
-class Twins(NamedTuple):
+class PeriodicPairs(NamedTuple):
     """Periodic partners of nodes, and the motions between them."""
 
     partner: np.ndarray  # (n,) int32: partner node, -1 for none
@@ -161,7 +161,7 @@ class Constraints(NamedTuple):
     parameter: np.ndarray  # (n,): position on the segment
     inner: np.ndarray  # (n,) bool: in the interior of a region, with all neighbours in the closed region
     chains: Chains
-    twins: Twins
+    periodic: PeriodicPairs
 
     @property
     def own_chain(self) -> np.ndarray:

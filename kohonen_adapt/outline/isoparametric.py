@@ -89,9 +89,9 @@ def sufficient(corners: Floats, bent: Floats, doubled: Floats) -> Floats:
 
 
 def sides_alike(triangulation: Triangulation, constraints: Constraints, rows: Ints) -> Ints:
-    elements, twins = triangulation.elements, constraints.twins
+    elements, periodic = triangulation.elements, constraints.periodic
     ends = np.stack(elements.ends(rows[:, None], np.arange(3)))
-    images = twins.partner[ends]
+    images = periodic.partner[ends]
     paired = np.append(constraints.chains.paired, False)[elements.chain[rows]]
     ends, images = (np.sort(nodes, axis=0).astype(np.int64) for nodes in (ends, images))
     own, other = (nodes[0] * triangulation.nnodes + nodes[1] for nodes in (ends, images))

@@ -137,7 +137,7 @@ class MovableMesh:
         records = {
             "elements": self.triangulation.elements,
             "constraints": self.constraints,
-            "twins": self.constraints.twins,
+            "twins": self.constraints.periodic,
         }
         named = {name: name.split(".") for name in STATE_NAMES if "." in name}
         arrays = {name: getattr(records[record], array) for name, (record, array) in named.items()}
@@ -155,7 +155,7 @@ class MovableMesh:
 
     def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         n, m = (len(state.get(name, ())) for name in ("position", "elements.node"))
-        chains, motions = len(self.constraints.chains.length), len(self.constraints.twins.motions)
+        chains, motions = len(self.constraints.chains.length), len(self.constraints.periodic.motions)
         numbers = {
             "elements.node": (0, n),
             "elements.neighbour": (-1, m),
@@ -202,5 +202,5 @@ def with_state(
     def arrays(record: str) -> dict[str, Any]:
         return {name.removeprefix(record): array for name, array in state.items() if name.startswith(record)}
 
-    twins = constraints.twins._replace(**arrays("twins."))
-    return elements._replace(**arrays("elements.")), constraints._replace(twins=twins, **arrays("constraints."))
+    periodic = constraints.periodic._replace(**arrays("twins."))
+    return elements._replace(**arrays("elements.")), constraints._replace(periodic=periodic, **arrays("constraints."))

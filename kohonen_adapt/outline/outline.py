@@ -23,7 +23,7 @@ from kohonen_adapt.kernels.arrays import (
     STRAIGHT,
     TABLED,
     Constraints,
-    Twins,
+    PeriodicPairs,
 )
 from kohonen_adapt.kernels.triangle.chains import farthest_from_facets, look_up
 from kohonen_adapt.kernels.triangle.geometry import move_to_targets
@@ -100,7 +100,7 @@ class Outline:
             parameter=np.zeros(triangulation.nnodes),
             inner=inner_nodes(triangulation),
             chains=chains,
-            twins=twins_of(triangulation, facets, pairs),
+            periodic=periodic_pairs_of(triangulation, facets, pairs),
         )
         find_parameters(triangulation.position, constraints, runs.node, pieces.first, pieces.last)
         make_mates(constraints, pairs, chain)
@@ -219,12 +219,12 @@ def cut_alike(
         stops[alone] = True
 
 
-def twins_of(triangulation: Triangulation, facets: Facets, pairs: Pairs) -> Twins:
+def periodic_pairs_of(triangulation: Triangulation, facets: Facets, pairs: Pairs) -> PeriodicPairs:
     region = triangulation.elements.region
     there = np.full((len(pairs.motions), region.max() + 1), -1, dtype=np.int32)
     rows = np.flatnonzero((pairs.facet >= 0) & np.append(pairs.goes_on, False)[pairs.facet_motion])
     there[pairs.facet_motion[rows], region[facets.element[rows]]] = region[facets.element[pairs.facet[rows]]]
-    return Twins(pairs.partner, pairs.motion, pairs.motions, there)
+    return PeriodicPairs(pairs.partner, pairs.motion, pairs.motions, there)
 
 
 def make_mates(constraints: Constraints, pairs: Pairs, chain: Ints) -> None:

@@ -50,9 +50,9 @@ def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[
 
 
 def sliding_pairs(constraints: Constraints) -> tuple[Ints, Ints]:
-    twins, slides = constraints.twins, constraints.kind == SLIDING
-    node = np.flatnonzero(slides & (twins.partner >= 0) & (twins.motion % 2 == 0) & slides[twins.partner])
-    return node, twins.partner[node]
+    periodic, slides = constraints.periodic, constraints.kind == SLIDING
+    node = np.flatnonzero(slides & (periodic.partner >= 0) & (periodic.motion % 2 == 0) & slides[periodic.partner])
+    return node, periodic.partner[node]
 
 
 def image_nodes(mesh: MeshTri, periodic: Sequence[Pair]) -> list[tuple[Ints, Ints]]:

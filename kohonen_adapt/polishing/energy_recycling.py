@@ -58,7 +58,7 @@ def offers_of(movable: MovableMesh, functional: Functional, fixed: Mask, mesh: O
     is_open = ~(functional.held | movable.constraints.chains.paired)
     if functional.ritz.order == 1:
         is_open &= ~functional.given
-    removable = (functional.kinds(movable.outline, fixed) != HELD) & (movable.constraints.twins.partner < 0)
+    removable = (functional.kinds(movable.outline, fixed) != HELD) & (movable.constraints.periodic.partner < 0)
     locked = np.zeros(len(mesh.elements.node), dtype=np.bool_)
     return Offers(np.empty((m, 3)), np.empty(n), np.empty(n, dtype=np.int32), is_open, removable, locked)
 

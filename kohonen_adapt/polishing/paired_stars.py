@@ -91,7 +91,7 @@ class Couples(NamedTuple):
         node, partner = sliding_pairs(constraints)
         known = sign[constraints.own_chain[node]] != 0.0
         node, partner = node[known], partner[known]
-        motion = constraints.twins.motions[constraints.twins.motion[node]]
+        motion = constraints.periodic.motions[constraints.periodic.motion[node]]
         return cls(node, partner, motion[:, :, :2], motion[:, :, 2], sign[constraints.own_chain[node]])
 
     def some(self, rows: Ints) -> "Couples":
@@ -119,7 +119,7 @@ def tie(movable: MovableMesh, trial: TrialFunction, sign: Floats) -> None:
 
 
 def descend_pairs(movable: MovableMesh, downhill: Descending, freedom: Freedom) -> float:
-    if not len(movable.constraints.twins.motions):
+    if not len(movable.constraints.periodic.motions):
         return 0.0
     couples, gain = Couples.of(movable, freedom.sign), 0.0
     number = np.full(movable.nnodes, -1)

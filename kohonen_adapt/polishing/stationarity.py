@@ -56,7 +56,7 @@ def check_in_plane(
     turn[:, 6:9] = np.where(node[:, AFTER] < node[:, BEFORE], 1.0, -1.0)[:, : max(0, min(3, turn.shape[1] - 6))]
     total, size, doubt = sums(parts._replace(total=turn * parts.total), index, len(place))
     free, paired = np.ones(len(place), dtype=np.bool_), movable.constraints.chains.paired
-    free[: len(values)] = ~solution.fixed & (movable.constraints.twins.partner < 0)
+    free[: len(values)] = ~solution.fixed & (movable.constraints.periodic.partner < 0)
     if solution.modes is not None:
         e, k = np.nonzero(solution.modes.given | ((elements.chain >= 0) & np.append(paired, False)[elements.chain]))
         for first in range(3, min(coefficients.shape[1], 9), 3):

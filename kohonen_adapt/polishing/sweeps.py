@@ -63,7 +63,7 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
     outline, gain = movable.outline, 0.0
     freedom = Freedom(functional.kinds(outline, trial.fixed), trial.fixed, functional.sign)
     # pairs, Robin nodes and nodes on chords are excluded, because their star is not the whole functional
-    pairs, on_robin = outline.constraints.twins.partner >= 0, functional.boundary.nodes(movable.triangulation)
+    pairs, on_robin = outline.constraints.periodic.partner >= 0, functional.boundary.nodes(movable.triangulation)
     constraints = outline.constraints._replace(kind=np.where(pairs, HELD, freedom.kind).astype(np.int8))
     if pairs.any():
         tie(movable, trial, functional.sign)

@@ -65,7 +65,7 @@ def desired_length(mesh: OpenMesh, target: int) -> float:
 
 
 def images_of_chains(mesh: OpenMesh) -> list[tuple[int, int, int]]:
-    chains, motions = mesh.constraints.chains, mesh.constraints.twins.motions
+    chains, motions = mesh.constraints.chains, mesh.constraints.periodic.motions
     paired, found = np.flatnonzero(chains.paired), []
     near = SAME * float(np.max(np.ptp(mesh.position[mesh.pool.anchor >= 0], axis=0)))
     for m in range(0, len(motions), 2):
@@ -120,7 +120,7 @@ def collapse_short(mesh: OpenMesh, facets: Facets, least: float, longest: float,
         for gone, left in zip(v.tolist(), w.tolist(), strict=True):
             rows = mesh.scratch.around[: around(mesh, gone, mesh.scratch.around)]
             changed |= set(mesh.elements.node[rows].ravel().tolist())
-            mesh.constraints.twins.partner[gone] = mesh.constraints.twins.motion[gone] = -1
+            mesh.constraints.periodic.partner[gone] = mesh.constraints.periodic.motion[gone] = -1
             merge(mesh, gone, left)
         count += 1
     return count
@@ -128,9 +128,9 @@ def collapse_short(mesh: OpenMesh, facets: Facets, least: float, longest: float,
 
 def merged_quality(mesh: OpenMesh, v: Ints, w: Ints, chain: Ints, longest: float, floor: float) -> float:
     """Return the worst quality after collapses, negative if they are not allowed."""
-    constraints, twins = mesh.constraints, mesh.constraints.twins
+    constraints, periodic = mesh.constraints, mesh.constraints.periodic
     slides = (constraints.kind[v] == SLIDING) & (constraints.own_chain[v] == chain)
-    if not slides.all() or twins.partner[v[0]] != v[1] or twins.partner[v[1]] != v[0]:
+    if not slides.all() or periodic.partner[v[0]] != v[1] or periodic.partner[v[1]] != v[0]:
         return -1.0
     around, stars = interpreted(gather_around), []
     for node in v.tolist():
@@ -138,17 +138,17 @@ def merged_quality(mesh: OpenMesh, v: Ints, w: Ints, chain: Ints, longest: float
         stars.append(set(mesh.elements.node[rows].ravel().tolist()))
     if stars[0] & stars[1]:
         return -1.0  # overlapping stars: the first collapse would change the quality of the second
-    quality, partner = interpreted(collapsed_quality), twins.partner[v].copy()
-    twins.partner[v] = -1  # a node with a partner could not collapse alone
+    quality, partner = interpreted(collapsed_quality), periodic.partner[v].copy()
+    periodic.partner[v] = -1  # a node with a partner could not collapse alone
     worst = min(quality(mesh, one, other, longest, floor) for one, other in zip(v.tolist(), w.tolist(), strict=True))
-    twins.partner[v] = partner
+    periodic.partner[v] = partner
     return float(worst)
 
 
 def split_long(mesh: OpenMesh, facets: Facets, longest: float, floor: float, available: int) -> int:
     length, count = lengths(mesh, facets), 0
     find, middle, may, make = (interpreted(loop) for loop in (find_edge, midpoint, may_split, split))
-    twins = mesh.constraints.twins
+    periodic = mesh.constraints.periodic
     for i in np.argsort(-length, kind="stable"):
         chain = facets.chain[i]
         if length[i] <= longest or count >= available or facets.element[i, 0] == facets.element[i, 1]:
@@ -160,6 +160,6 @@ def split_long(mesh: OpenMesh, facets: Facets, longest: float, floor: float, ava
             continue
         made = [make(mesh, e, k, x, y, at) for (e, k), (x, y, at) in zip(sides, places, strict=True)]
         mesh.constraints.parameter[made] = places[0][2]
-        twins.partner[made], twins.motion[made] = made[::-1], [facets.motion[i], facets.motion[i] + 1]
+        periodic.partner[made], periodic.motion[made] = made[::-1], [facets.motion[i], facets.motion[i] + 1]
         count += 1
     return count

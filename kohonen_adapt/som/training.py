@@ -179,7 +179,7 @@ class Trainer:
         deep = np.empty(self.movable.nnodes, dtype=np.bool_)
         part = (self.rank.astype(np.int64) * parts // len(deep)).astype(np.int32)
         if isinstance(self.movable, MovableMesh):
-            paired = np.flatnonzero(self.movable.constraints.twins.partner >= 0)
+            paired = np.flatnonzero(self.movable.constraints.periodic.partner >= 0)
             part[paired] = -1 - paired  # points near a pair change two parts of the mesh
         self.method.mark_deep(self.neurons.star, part, rings, deep, self.scratch[0].queue)
         return deep

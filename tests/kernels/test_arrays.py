@@ -13,7 +13,7 @@ from kohonen_adapt.outline.rules import Rules
 
 ROW = re.compile(r"^    (\w+): np\.ndarray  # \(([^)]+)\)(?: (int8|int32|int64|bool)\b)?", re.MULTILINE)
 NO_ARRAYS = {
-    "Constraints": {"chains", "twins"},
+    "Constraints": {"chains", "periodic"},
     "Descent": {"elements", "star", "constraints", "trial", "modes", "reference", "points", "shapes", "block"},
     "Laws": {"first"},
     "Neurons": {"elements", "star", "constraints"},
@@ -24,7 +24,7 @@ NO_ARRAYS = {
     "Trial": {"laws"},
     "Trials": {"one", "other"},
 }
-RECORDS = ("Elements", "Star", "Constraints", "Chains", "Twins", "SearchScratch", "SurgeryScratch")
+RECORDS = ("Elements", "Star", "Constraints", "Chains", "PeriodicPairs", "SearchScratch", "SurgeryScratch")
 
 
 def table_of(record):
@@ -38,11 +38,11 @@ def records():
     mesh = square(6).with_defaults().with_subdomains({"low": lambda x: x[1] < 0.5})
     movable = MovableMesh.of(mesh, Rules(periodic=[("left", "right")]))
     tri, constraints = movable.triangulation, movable.constraints
-    chains, twins = constraints.chains, constraints.twins
+    chains, periodic = constraints.chains, constraints.periodic
     n, m = tri.nnodes, len(tri.elements.node)
     scratch = arrays.SearchScratch.of(n, m), arrays.SurgeryScratch.of(n, m)
-    sizes = {"n": n, "m": m, "r": 2, "c": len(chains.row) - 1, "k": len(chains.knot), "number": len(twins.motions)}
-    found = (tri.elements, tri.star, constraints, chains, twins, *scratch)
+    sizes = {"n": n, "m": m, "r": 2, "c": len(chains.row) - 1, "k": len(chains.knot), "number": len(periodic.motions)}
+    found = (tri.elements, tri.star, constraints, chains, periodic, *scratch)
     return {type(record).__name__: record for record in found}, sizes | {"CROSSINGS": arrays.CROSSINGS}
 
 

@@ -57,7 +57,7 @@ def test_neighbours_have_near_numbers_for_a_while_and_their_own_afterwards(mesh)
 
 def pairs_of(movable):
     """Where the nodes of pairs are."""
-    place, partner = movable.triangulation.position, movable.constraints.twins.partner
+    place, partner = movable.triangulation.position, movable.constraints.periodic.partner
     paired = partner >= 0
     return {(*one, *other) for one, other in zip(place[paired].tolist(), place[partner[paired]].tolist(), strict=True)}
 

@@ -272,7 +272,7 @@ def test_pairs_keep_their_nodes():
     at.recycle()
     assert at.recycled.splits > 3
     assert before - at.exact() == pytest.approx(at.lowered, abs=1e-12 * at.size())
-    partner, position = at.movable.constraints.twins.partner, at.movable.triangulation.position
+    partner, position = at.movable.constraints.periodic.partner, at.movable.triangulation.position
     paired = np.flatnonzero(partner >= 0)
     assert np.array_equal(partner[partner[paired]], paired)
     assert np.array_equal(position[partner[paired], 1], position[paired, 1])

@@ -96,18 +96,18 @@ class Setting:
     def couples(self):
         """Both nodes and the sign of every pair of sliding nodes."""
         constraints = self.movable.constraints
-        twins, sliding = constraints.twins, constraints.kind == SLIDING
-        v = np.flatnonzero(sliding & (twins.partner >= 0) & (twins.motion % 2 == 0))
-        return v, twins.partner[v], self.functional.sign[constraints.own_chain[v]]
+        periodic, sliding = constraints.periodic, constraints.kind == SLIDING
+        v = np.flatnonzero(sliding & (periodic.partner >= 0) & (periodic.motion % 2 == 0))
+        return v, periodic.partner[v], self.functional.sign[constraints.own_chain[v]]
 
 
 def off(movable):
     """How far partners are from where their motions carry the nodes."""
-    twins, x = movable.constraints.twins, movable.triangulation.position
-    v = np.flatnonzero(twins.partner >= 0)
-    motion = twins.motions[twins.motion[v]]
+    periodic, x = movable.constraints.periodic, movable.triangulation.position
+    v = np.flatnonzero(periodic.partner >= 0)
+    motion = periodic.motions[periodic.motion[v]]
     there = np.einsum("kij,kj->ki", motion[:, :, :2], x[v]) + motion[:, :, 2]
-    return np.abs(there - x[twins.partner[v]]).max()
+    return np.abs(there - x[periodic.partner[v]]).max()
 
 
 def slope(setting, change):
@@ -204,7 +204,7 @@ def test_sweeps_and_recycling_take_off_what_they_say(order, iron, times):
         assert solved <= before + 1e-12 * abs(before)  # the certificate: the solution lies lower still
     assert off(movable) < 1e-15
     slides = movable.constraints.kind == SLIDING
-    assert not np.any(trial.fixed[(movable.constraints.twins.partner >= 0) & slides])
+    assert not np.any(trial.fixed[(movable.constraints.periodic.partner >= 0) & slides])
 
 
 def test_values_on_sides_that_are_no_pairs_of_the_mesh_are_given():

@@ -79,11 +79,11 @@ def test_pairs_match_after_every_change(world, target):
         assert mismatch(now, one, other, motion) < 1e-15
         assert len(nodes_of(now, one)) != len(nodes_of(mesh, one))
     assert now.p.shape[1] == nodes == len(x) + done.splits - done.collapses
-    twins, constraints = movable.constraints.twins, movable.constraints
-    v = np.flatnonzero((constraints.kind == SLIDING) & (twins.partner >= 0))
-    np.testing.assert_array_equal(twins.partner[twins.partner[v]], v)
-    np.testing.assert_array_equal(twins.motion[twins.partner[v]], twins.motion[v] ^ 1)
-    np.testing.assert_array_equal(constraints.parameter[twins.partner[v]], constraints.parameter[v])
+    periodic, constraints = movable.constraints.periodic, movable.constraints
+    v = np.flatnonzero((constraints.kind == SLIDING) & (periodic.partner >= 0))
+    np.testing.assert_array_equal(periodic.partner[periodic.partner[v]], v)
+    np.testing.assert_array_equal(periodic.motion[periodic.partner[v]], periodic.motion[v] ^ 1)
+    np.testing.assert_array_equal(constraints.parameter[periodic.partner[v]], constraints.parameter[v])
     assert ka.quality(now).min() >= 0.3
     old = done.old >= 0
     assert len(np.unique(done.old[old])) == old.sum()

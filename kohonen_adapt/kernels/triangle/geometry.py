@@ -131,7 +131,7 @@ def slide(position, elements, star, constraints, v, parameter, floor):
 
 @inner_kernel
 def slide_pair(position, elements, star, constraints, v, parameter, floor):
-    w, before = np.int64(constraints.twins.partner[v]), constraints.parameter[v]
+    w, before = np.int64(constraints.periodic.partner[v]), constraints.parameter[v]
     before_x, before_y = position[v, 0], position[v, 1]
     # The star of the partner depends on the node where the mesh is a single element wide, so the node moves first.
     if not slide(position, elements, star, constraints, v, parameter, floor):

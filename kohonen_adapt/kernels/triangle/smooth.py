@@ -177,7 +177,7 @@ def sweep(position, elements, star, constraints, weight, circumcentres, floor, o
         chains, chain, parameter = constraints.chains, np.int64(constraints.chain[v, OWN]), constraints.parameter[v]
         distance = signed_distance(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
         if chains.flags[chain, PAIRED]:
-            w = np.int64(constraints.twins.partner[v])
+            w = np.int64(constraints.periodic.partner[v])
             if w < v:  # each pair once
                 continue
             chain = np.int64(constraints.chain[w, OWN])

@@ -168,7 +168,7 @@ def collapsed_quality(mesh, v, w, longest, floor):
     node, chain, origins, scratch = elements.node, elements.chain, mesh.origins, mesh.scratch
     if constraints.kind[v] != FREE and constraints.kind[v] != SLIDING:
         return -1.0
-    if origins.pinched[w] or origins.young[v] or constraints.twins.partner[v] >= 0:
+    if origins.pinched[w] or origins.young[v] or constraints.periodic.partner[v] >= 0:
         return -1.0
     count = gather_around(mesh, v, scratch.around)
     scratch.counter[0] += 2

@@ -66,7 +66,7 @@ def learn(mesh, lesson, rate, floor, sound, scratch):
     strength, rings = lesson.strength, lesson.ends
     kind, inner, chains = constraints.kind, constraints.inner, constraints.chains
     queue, stamps, radius, parameter = scratch.queue, scratch.node_stamp, strength.shape[0] - 1, 0.0
-    periodic, rings[0] = constraints.twins.motions.shape[0] > 0, 0
+    periodic, rings[0] = constraints.periodic.motions.shape[0] > 0, 0
     for t in range(points.shape[0]):
         x = points[t]
         stamp, rate_of_point = next_stamp(scratch), min(1.0, rate * weights[t])
@@ -139,13 +139,13 @@ def learn_across_boundary(position, elements, star, constraints, x, region, rate
     Ring r of the nodes on this side is ``scratch.queue[rings[r] : rings[r + 1]]``. The rings beyond the boundary begin
     at the partners of these nodes with equal r. The partners themselves have moved already.
     """
-    twins, queue, stamps = constraints.twins, scratch.queue, scratch.node_stamp
+    periodic, queue, stamps = constraints.periodic, scratch.queue, scratch.node_stamp
     reached = rings[-1]
-    for m in range(twins.motions.shape[0]):
-        there, stamp = twins.region[m, region], next_stamp(scratch)
+    for m in range(periodic.motions.shape[0]):
+        there, stamp = periodic.region[m, region], next_stamp(scratch)
         if there < 0:
             continue
-        motion = twins.motions[m]
+        motion = periodic.motions[m]
         image_x = motion[0, 0] * x[0] + motion[0, 1] * x[1] + motion[0, 2]
         image_y = motion[1, 0] * x[0] + motion[1, 1] * x[1] + motion[1, 2]
         first, last = reached, reached
@@ -158,9 +158,9 @@ def learn_across_boundary(position, elements, star, constraints, x, region, rate
                     move_to_image(position, elements, star, constraints, v, image_x, image_y, step, floor)
             for i in range(rings[ring], rings[ring + 1]):
                 v = queue[i]
-                if twins.motion[v] == m and stamps[twins.partner[v]] != stamp:
-                    stamps[twins.partner[v]] = stamp
-                    queue[last] = twins.partner[v]
+                if periodic.motion[v] == m and stamps[periodic.partner[v]] != stamp:
+                    stamps[periodic.partner[v]] = stamp
+                    queue[last] = periodic.partner[v]
                     last += 1
 
 
