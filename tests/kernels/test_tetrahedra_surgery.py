@@ -149,7 +149,7 @@ def test_the_best_triangulation_of_a_ring_is_that_of_brute_force(count):
     position = np.vstack([ring, [[0.05, 0.0, -1.0], [0.0, 0.1, 1.2]]])
     mesh = opened(*jittered((1, 1, 1), 0.0, 0))._replace(position=position)
     mesh.cavity.ring[0, :count] = np.arange(count)
-    mesh.cavity.fan[:] = 0  # whose region new elements have
+    mesh.cavity.shell[:] = 0  # whose region new elements have
     found = interpreted(swap.triangulate)(mesh, None, 0, count, count, count + 1, 0.0)
     best = max(worst(position, triangles) for triangles in triangulations(0, count - 1))
     assert found == pytest.approx(max(best, 0.0) ** 3 if best > 0 else swap.RULED_OUT)

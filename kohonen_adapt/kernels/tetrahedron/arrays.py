@@ -124,8 +124,8 @@ class Cavity(NamedTuple):
     face: np.ndarray  # (12 MOST, 5) int32: three nodes of a face, ascending, element and corner across
     face_patch: np.ndarray  # (12 MOST,) int32: patch of `face`
     ring: np.ndarray  # (2, RING) int32: nodes around an edge, in each of up to two regions
-    fan: np.ndarray  # (2, RING) int32: elements around the edge
-    worth: np.ndarray  # (2, RING, RING): merit of the best triangulation of ring nodes i to k
+    shell: np.ndarray  # (2, RING) int32: elements around the edge
+    merit: np.ndarray  # (2, RING, RING): merit of the best triangulation of ring nodes i to k
     apex: np.ndarray  # (2, RING, RING) int32: third node of the triangle at i and k
     stack: np.ndarray  # (4 RING, 2) int32
     meeting: np.ndarray  # (5,) int32: patches at an edge, ascending, then -1
@@ -200,4 +200,4 @@ class Offers(NamedTuple):
     open: np.ndarray  # (p,) bool: patches whose edges may be split
     removable: np.ndarray  # (n,) bool: nodes that may collapse
     lone: np.ndarray  # (n,) bool: Dirichlet nodes on no Dirichlet patch
-    fresh: np.ndarray  # (n,) bool: nodes inserted since the evaluation
+    is_new: np.ndarray  # (n,) bool: nodes inserted since the evaluation

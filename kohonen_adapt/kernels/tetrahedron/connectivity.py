@@ -74,7 +74,7 @@ def gather_edge(mesh, a, b, shell):
 
 
 @inner_kernel
-def face_stands(mesh, a, b, c):
+def has_constrained_face(mesh, a, b, c):
     elements, around = mesh.elements, mesh.cavity.around
     for i in range(gather_around(mesh, a, around)):
         e = np.int64(around[i])

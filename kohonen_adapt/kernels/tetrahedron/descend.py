@@ -31,7 +31,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.kernels.tetrahedron.energy import ROUNDING, source_around
 from kohonen_adapt.kernels.tetrahedron.geometry import allowed, sum_of_squares
-from kohonen_adapt.kernels.tetrahedron.slivers import has_slivers, pull_of_slivers, slivers_around
+from kohonen_adapt.kernels.tetrahedron.slivers import has_slivers, sliver_gradient, slivers_around
 from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance, slid, tangent_of_ridge, within_reach
 
 HALVINGS = 3  # of a rejected step
@@ -43,23 +43,23 @@ DIAGONAL = 1e-20  # sum of squared off-diagonal entries at convergence, relative
 
 
 @kernel
-def descend_nodes(neurons, trial, order, floor):
+def descend_nodes(mesh, trial, order, floor):
     """Move nodes in order, and return the decrease of the functional.
 
     The value of a node is eliminated, or follows the Dirichlet function. `floor` is the cube of a quality.
     """
-    number, fall = neurons.constraints.freedom.number, 0.0
+    number, fall = mesh.constraints.freedom.number, 0.0
     for node in order:
         v = np.int64(node)
         if number[v] != HELD:
-            fall += move(neurons, trial, v, floor)
+            fall += move_node(mesh, trial, v, floor)
         elif not trial.fixed[v]:
-            fall += improve_value(neurons, trial, v, has_slivers(neurons, trial, v))
+            fall += improve_value(mesh, trial, v, has_slivers(mesh, trial, v))
     return fall
 
 
 @inner_kernel
-def derivatives(neurons, trial, v):
+def derivatives(mesh, trial, v):
     """Return the functional of the star of v, gradient and Hessian in (x, y, z, w).
 
     The unknown w is the change of the value of v. Returned are (sum of magnitudes, value, worst cubed quality,
@@ -67,14 +67,14 @@ def derivatives(neurons, trial, v):
     and by ww. Values are relative to the value of v, which shifts the load by a constant, because moves do not
     change the volume of the star in any region.
     """
-    position, star, value, data = neurons.position, neurons.star, trial.value, trial.data
+    position, star, value, data = mesh.position, mesh.star, trial.value, trial.data
     x, y, z, own = position[v, 0], position[v, 1], position[v, 2], value[v]
-    size = total = by_x = by_y = by_z = by_w = 0.0
+    magnitude = total = by_x = by_y = by_z = by_w = 0.0
     xx = xy = xz = yy = yz = zz = xw = yw = zw = ww = 0.0
-    worst, bent = 2.0, False
+    worst, nonlinear = 2.0, False
     for j in range(star.start[v], star.start[v + 1]):
         a, b, c = star.link[j, 0], star.link[j, 1], star.link[j, 2]
-        region = neurons.elements.region[star.element[j]]
+        region = mesh.elements.region[star.element[j]]
         ax, ay, az = position[a, 0] - x, position[a, 1] - y, position[a, 2] - z
         bx, by, bz = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
         cx, cy, cz = position[c, 0] - x, position[c, 1] - y, position[c, 2] - z
@@ -103,7 +103,7 @@ def derivatives(neurons, trial, v):
         g_w = -(gx * sx + gy * sy + gz * sz)
         law = trial.laws.number[region]
         if law >= 0:
-            bent = True
+            nonlinear = True
             density, rate, curve = stored(trial.laws, law, square)
             energy, weight, per_volume = six * density / 6.0, rate * inverse / 3.0, density / 6.0
             curve *= 2.0 * inverse / 3.0
@@ -125,7 +125,7 @@ def derivatives(neurons, trial, v):
         fx, fy, fz = data[region, SIXTH_FLUX_X], data[region, SIXTH_FLUX_Y], data[region, SIXTH_FLUX_Z]
         around = alpha + beta + gamma
         pull, push = load * six * around, fx * nx + fy * ny + fz * nz
-        size += energy + abs(pull) + abs(push)
+        magnitude += energy + abs(pull) + abs(push)
         total += energy - pull - push
         along, lost = weight * six, load * around - per_volume  # dD/dx = -S
         by_x += along * g_x + lost * sx + fy * tz - fz * ty
@@ -143,23 +143,23 @@ def derivatives(neurons, trial, v):
         zw += load * sz - weight * (z_x * sx + z_y * sy + z_z * sz)
         ww += weight * (sx * sx + sy * sy + sz * sz)
     hessian = xx, xy, xz, yy, yz, zz
-    return (size, total, worst, bent), (by_x, by_y, by_z), by_w, hessian, (xw, yw, zw), ww
+    return (magnitude, total, worst, nonlinear), (by_x, by_y, by_z), by_w, hessian, (xw, yw, zw), ww
 
 
 @inner_kernel
-def parabola(neurons, trial, v, x, y, z, w):
+def parabola(mesh, trial, v, x, y, z, w):
     """Return functional, derivatives by w (first, second), and worst cubed quality.
 
     Node v is at (x, y, z) with its value changed by w. Values are relative to the value of v as in `derivatives`.
     Without laws the functional is a parabola in w.
     """
-    position, star, value, data = neurons.position, neurons.star, trial.value, trial.data
+    position, star, value, data = mesh.position, mesh.star, trial.value, trial.data
     own = value[v] + w
     total = by_w = ww = 0.0
     worst = 2.0
     for j in range(star.start[v], star.start[v + 1]):
         a, b, c = star.link[j, 0], star.link[j, 1], star.link[j, 2]
-        region = neurons.elements.region[star.element[j]]
+        region = mesh.elements.region[star.element[j]]
         ax, ay, az = position[a, 0] - x, position[a, 1] - y, position[a, 2] - z
         bx, by, bz = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
         cx, cy, cz = position[c, 0] - x, position[c, 1] - y, position[c, 2] - z
@@ -194,38 +194,38 @@ def parabola(neurons, trial, v, x, y, z, w):
 
 
 @inner_kernel
-def with_slivers(neurons, trial, v, x, y, z, w, near):
-    c, r, k, worst = parabola(neurons, trial, v, x, y, z, w)
-    if near:
-        more, by_w, ww = slivers_around(neurons, trial, v, x, y, z, w)
+def with_slivers(mesh, trial, v, x, y, z, w, curved):
+    c, r, k, worst = parabola(mesh, trial, v, x, y, z, w)
+    if curved:
+        more, by_w, ww = slivers_around(mesh, trial, v, x, y, z, w)
         c, r, k = c + more, r + by_w, k + ww
     return c, r, k, worst
 
 
 @inner_kernel
-def best_value(neurons, trial, v, place, w, bent, near):
+def best_value(mesh, trial, v, place, w, nonlinear, curved):
     """Return the least functional of the star, the value change, and the quality.
 
-    For nonlinear material (`bent`) the candidates are w and one Newton step from w.
+    For nonlinear material the candidates are w and one Newton step from w.
     """
     x, y, z = place
-    c, r, k, worst = with_slivers(neurons, trial, v, x, y, z, w, near)
+    c, r, k, worst = with_slivers(mesh, trial, v, x, y, z, w, curved)
     further = w - r / k
     least = c - 0.5 * r * r / k
-    if bent:
-        least = with_slivers(neurons, trial, v, x, y, z, further, near)[0]
+    if nonlinear:
+        least = with_slivers(mesh, trial, v, x, y, z, further, curved)[0]
         if not least < c:
             return c, w, worst
     return least, further, worst
 
 
 @inner_kernel
-def improve_value(neurons, trial, v, near):
-    x, y, z = neurons.position[v, 0], neurons.position[v, 1], neurons.position[v, 2]
-    c, r, k, _ = with_slivers(neurons, trial, v, x, y, z, 0.0, near)
+def improve_value(mesh, trial, v, curved):
+    x, y, z = mesh.position[v, 0], mesh.position[v, 1], mesh.position[v, 2]
+    c, r, k, _ = with_slivers(mesh, trial, v, x, y, z, 0.0, curved)
     w = -r / k
     for _ in range(TRIES):
-        least = with_slivers(neurons, trial, v, x, y, z, w, near)[0]
+        least = with_slivers(mesh, trial, v, x, y, z, w, curved)[0]
         if least <= c:
             trial.value[v] += w
             return c - least
@@ -234,56 +234,60 @@ def improve_value(neurons, trial, v, near):
 
 
 @inner_kernel
-def move(neurons, trial, v, floor):
-    position, freedom, given = neurons.position, neurons.constraints.freedom, trial.fixed[v]
-    (size, total, before, bent), gradient, by_w, hessian, mixed, ww = derivatives(neurons, trial, v)
-    near = has_slivers(neurons, trial, v)
+def move_node(mesh, trial, v, floor):
+    position, freedom, given = mesh.position, mesh.constraints.freedom, trial.fixed[v]
+    (magnitude, total, before, nonlinear), gradient, by_w, hessian, mixed, ww = derivatives(mesh, trial, v)
+    curved = has_slivers(mesh, trial, v)
     px, py, pz = position[v, 0], position[v, 1], position[v, 2]
-    if near:
-        more, more_by_w, more_ww = slivers_around(neurons, trial, v, px, py, pz, 0.0)
-        total, by_w, ww, pull = total + more, by_w + more_by_w, ww + more_ww, pull_of_slivers(neurons, trial, v)
+    if curved:
+        more, more_by_w, more_ww = slivers_around(mesh, trial, v, px, py, pz, 0.0)
+        total, by_w, ww, pull = total + more, by_w + more_by_w, ww + more_ww, sliver_gradient(mesh, trial, v)
         gradient = gradient[0] + pull[0], gradient[1] + pull[1], gradient[2] + pull[2]
-        size, bent = size + abs(more), True  # the material across a face may be nonlinear
-    still, now = 0.0, total
+        magnitude, nonlinear = magnitude + abs(more), True  # the material across a face may be nonlinear
+    unmoved, now = 0.0, total
     if given:
-        row = rates_row(neurons.constraints, v)
+        row = rates_row(mesh.constraints, v)
         rate = trial.rate[row, 0], trial.rate[row, 1], trial.rate[row, 2]
     else:
         rate = -mixed[0] / ww, -mixed[1] / ww, -mixed[2] / ww
-        still, now = -by_w / ww, total - 0.5 * by_w * by_w / ww
-    gradient, hessian = following(gradient, by_w, hessian, mixed, ww, rate)
+        unmoved, now = -by_w / ww, total - 0.5 * by_w * by_w / ww
+    gradient, hessian = follow_value(gradient, by_w, hessian, mixed, ww, rate)
     if freedom.number[v] != INSIDE:
-        gradient, hessian = within(neurons, v, gradient, hessian)
+        gradient, hessian = tangential(mesh, v, gradient, hessian)
     dx, dy, dz = newton_step(gradient, hessian)
-    if -(dx * gradient[0] + dy * gradient[1] + dz * gradient[2]) > ROUNDING * size:
-        if bent and not given:
-            now, still, _ = best_value(neurons, trial, v, (px, py, pz), still, bent, near)
+    if -(dx * gradient[0] + dy * gradient[1] + dz * gradient[2]) > ROUNDING * magnitude:
+        if nonlinear and not given:
+            now, unmoved, _ = best_value(mesh, trial, v, (px, py, pz), unmoved, nonlinear, curved)
             now = min(now, total)
         for _ in range(HALVINGS + 1):
-            x, y, z = slid(position, neurons.constraints, v, dx, dy, dz)
+            x, y, z = slid(position, mesh.constraints, v, dx, dy, dz)
             w = rate[0] * (x - px) + rate[1] * (y - py) + rate[2] * (z - pz)
             if given:
-                least, _, _, worst = with_slivers(neurons, trial, v, x, y, z, w, near)
+                least, _, _, worst = with_slivers(mesh, trial, v, x, y, z, w, curved)
             else:
-                least, w, worst = best_value(neurons, trial, v, (x, y, z), still + w, bent, near)
-            if allowed(worst, before, floor) and now - least > ROUNDING * size and reaches(neurons, v, near, x, y, z):
+                least, w, worst = best_value(mesh, trial, v, (x, y, z), unmoved + w, nonlinear, curved)
+            if (
+                allowed(worst, before, floor)
+                and now - least > ROUNDING * magnitude
+                and turn_allowed(mesh, v, curved, x, y, z)
+            ):
                 position[v, 0], position[v, 1], position[v, 2] = x, y, z
                 trial.value[v] += w
                 return total - least
             dx, dy, dz = 0.5 * dx, 0.5 * dy, 0.5 * dz
     if given:
         return 0.0
-    if bent:
-        return improve_value(neurons, trial, v, near)
-    trial.value[v] += still
+    if nonlinear:
+        return improve_value(mesh, trial, v, curved)
+    trial.value[v] += unmoved
     return total - now
 
 
 @inner_kernel
-def reaches(neurons, v, near, x, y, z):
-    if not near:
+def turn_allowed(mesh, v, curved, x, y, z):
+    if not curved:
         return True
-    return within_reach(neurons.position, neurons.elements, neurons.star, neurons.constraints.surfaces, v, x, y, z)
+    return within_reach(mesh.position, mesh.elements, mesh.star, mesh.constraints.surfaces, v, x, y, z)
 
 
 @inner_kernel
@@ -295,7 +299,7 @@ def rates_row(constraints, v):
 
 
 @inner_kernel
-def following(gradient, by_w, hessian, mixed, ww, rate):
+def follow_value(gradient, by_w, hessian, mixed, ww, rate):
     (gx, gy, gz), (xx, xy, xz, yy, yz, zz), (mx, my, mz), (x, y, z) = gradient, hessian, mixed, rate
     px, py, pz = mx + 0.5 * ww * x, my + 0.5 * ww * y, mz + 0.5 * ww * z
     hessian = (
@@ -310,20 +314,20 @@ def following(gradient, by_w, hessian, mixed, ww, rate):
 
 
 @inner_kernel
-def times(hessian, x, y, z):
+def multiply(hessian, x, y, z):
     xx, xy, xz, yy, yz, zz = hessian
     return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
 
 
 @inner_kernel
-def within(neurons, v, gradient, hessian):
-    surfaces, place = neurons.constraints.surfaces, np.int64(neurons.constraints.freedom.place[v])
-    px, py, pz = neurons.position[v, 0], neurons.position[v, 1], neurons.position[v, 2]
+def tangential(mesh, v, gradient, hessian):
+    surfaces, place = mesh.constraints.surfaces, np.int64(mesh.constraints.freedom.place[v])
+    px, py, pz = mesh.position[v, 0], mesh.position[v, 1], mesh.position[v, 2]
     gx, gy, gz = gradient
-    if neurons.constraints.freedom.number[v] == ON_PATCH:
+    if mesh.constraints.freedom.number[v] == ON_PATCH:
         _, x, y, z = signed_distance(surfaces, place, px, py, pz)
         across = gx * x + gy * y + gz * z
-        hx, hy, hz = times(hessian, x, y, z)
+        hx, hy, hz = multiply(hessian, x, y, z)
         half = 0.5 * (hx * x + hy * y + hz * z)
         hx, hy, hz = hx - half * x, hy - half * y, hz - half * z
         xx, xy, xz, yy, yz, zz = hessian
@@ -338,7 +342,7 @@ def within(neurons, v, gradient, hessian):
         return (gx - across * x, gy - across * y, gz - across * z), hessian
     x, y, z = tangent_of_ridge(surfaces, place, px, py, pz)
     along = gx * x + gy * y + gz * z
-    hx, hy, hz = times(hessian, x, y, z)
+    hx, hy, hz = multiply(hessian, x, y, z)
     k = hx * x + hy * y + hz * z
     return (along * x, along * y, along * z), (k * x * x, k * x * y, k * x * z, k * y * y, k * y * z, k * z * z)
 

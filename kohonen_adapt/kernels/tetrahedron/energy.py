@@ -74,12 +74,12 @@ def stored_in(trial, region, six, square):
 
 
 @inner_kernel
-def tilts_along(trial, ways, p, q, r):
+def triangle_tilts(trial, vectors, p, q, r):
     """Return the part of n of a triangle, its first value, and the sum of its values.
 
-    The part be U - al V is the same for all tetrahedra on the triangle, with U and V of `ways_along`.
+    The part be U - al V is the same for all tetrahedra on the triangle, with U and V of `triangle_vectors`.
     """
-    (ux, uy, uz), (vx, vy, vz), _, _ = ways
+    (ux, uy, uz), (vx, vy, vz), _, _ = vectors
     value = trial.value
     alpha, beta = value[q] - value[p], value[r] - value[p]
     tilt = beta * ux - alpha * vx, beta * uy - alpha * vy, beta * uz - alpha * vz
@@ -87,15 +87,15 @@ def tilts_along(trial, ways, p, q, r):
 
 
 @inner_kernel
-def energy_on(trial, region, load, ways, tilts, way, value, side):
+def energy_on(trial, region, load, vectors, tilts, to_node, value, side):
     """Return the functional of the tetrahedron of a triangle and a node.
 
-    The node has a value and the vector `way` W from the first node of the triangle, which gives n = W x (be U -
+    The node has a value and the vector `to_node` W from the first node of the triangle, which gives n = W x (be U -
     al V) + ga U x V. `side` is 1 if U x V points to the node, otherwise -1.
     """
     (tx, ty, tz), at_first, values = tilts
-    wx, wy, wz = way
-    _, _, (px, py, pz), _ = ways
+    wx, wy, wz = to_node
+    _, _, (px, py, pz), _ = vectors
     data, gamma = trial.data, value - at_first
     nx, ny, nz = wy * tz - wz * ty + gamma * px, wz * tx - wx * tz + gamma * py, wx * ty - wy * tx + gamma * pz
     six = side * (wx * px + wy * py + wz * pz)

@@ -28,7 +28,7 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     element_quality,
 )
 from kohonen_adapt.kernels.tetrahedron.recycle import enter_made, holds_edge
-from kohonen_adapt.kernels.tetrahedron.slivers import STILL, filled_by_split, sliver, slivers_of
+from kohonen_adapt.kernels.tetrahedron.slivers import UNMOVED, filled_by_split, sliver, slivers_of
 from kohonen_adapt.kernels.tetrahedron.surgery import NOWHERE, collapse, prepare_collapse, prepare_split, split
 from kohonen_adapt.kernels.tetrahedron.swap_by_energy import energy_of
 
@@ -87,24 +87,24 @@ def half_energy(trial, region, six, square, along, across):
     if law < 0:
         twelfth = trial.data[region, TWELFTH_COEFFICIENT]
         return 0.5 * twelfth * square / six, 2.0 * twelfth * along / six, 4.0 * twelfth * across / six
-    density, rate, bend = stored(trial.laws, law, square / (six * six))
-    by_ww = (4.0 * bend * along * along / (six * six) + 2.0 * rate * across) / (3.0 * six)
+    density, rate, curve = stored(trial.laws, law, square / (six * six))
+    by_ww = (4.0 * curve * along * along / (six * six) + 2.0 * rate * across) / (3.0 * six)
     return six * density / 12.0, rate * along / (3.0 * six), by_ww
 
 
 @inner_kernel
 def split_parabola(mesh, trial, shell, count, a, b, w):
-    size = total = slope = stiffness = 0.0
-    bent, node = False, mesh.elements.node
+    magnitude = total = slope = stiffness = 0.0
+    nonlinear, node = False, mesh.elements.node
     for i in range(count):
         e = np.int64(shell[i])
         region = mesh.elements.region[e]
         k, j = corner_of(node, e, a), corner_of(node, e, b)
         c, d = other_corners(node, e, k, j)
         more, value, by_w, by_ww = halves_parabola(mesh.position, trial, region, a, b, c, d, w)
-        size, total, slope, stiffness = size + more, total + value, slope + by_w, stiffness + by_ww
-        bent = bent or trial.laws.number[region] >= 0
-    return size, total, slope, stiffness, bent
+        magnitude, total, slope, stiffness = magnitude + more, total + value, slope + by_w, stiffness + by_ww
+        nonlinear = nonlinear or trial.laws.number[region] >= 0
+    return magnitude, total, slope, stiffness, nonlinear
 
 
 @inner_kernel
@@ -121,12 +121,12 @@ def gain_of_split(mesh, trial, shell, count, a, b):
 
     The gain is 0 if below rounding errors. For nonlinear material the value is that of one Newton step.
     """
-    size, before, slope, stiffness, bent = split_parabola(mesh, trial, shell, count, a, b, 0.0)
+    magnitude, before, slope, stiffness, nonlinear = split_parabola(mesh, trial, shell, count, a, b, 0.0)
     gain, w = 0.5 * slope * slope / stiffness, -slope / stiffness
-    if bent:
+    if nonlinear:
         gain = before - split_parabola(mesh, trial, shell, count, a, b, w)[1]
     gain += filled_slivers(mesh, trial, shell, count, a, b)
-    return gain if gain > ROUNDING * size else 0.0, 0.5 * (trial.value[a] + trial.value[b]) + w
+    return gain if gain > ROUNDING * magnitude else 0.0, 0.5 * (trial.value[a] + trial.value[b]) + w
 
 
 @inner_kernel
@@ -233,7 +233,7 @@ def energy_around(mesh, trial, v, count):
     for i in range(count):
         e = np.int64(mesh.cavity.old[i])
         total += energy_of(mesh, trial, node, e, mesh.elements.region[e], v, v)[0]
-        total += slivers_of(mesh.position, mesh.elements, mesh.surfaces, trial, e, STILL)[0]
+        total += slivers_of(mesh.position, mesh.elements, mesh.surfaces, trial, e, UNMOVED)[0]
         worst = min(worst, element_quality(mesh.position, node, e))
     return total, worst
 
@@ -252,7 +252,7 @@ def energy_merged(mesh, trial, v, w, count, least):
         if corner_of(node, e, w) >= 0:
             p = elements.patch[e, k]
             if p >= 0 and trial.counted[p]:  # face of the neighbour after the collapse
-                total += sliver(position, elements, mesh.surfaces, trial, e, k, STILL)[0]
+                total += sliver(position, elements, mesh.surfaces, trial, e, k, UNMOVED)[0]
             continue
         a, b, c = node[e, OPPOSITE[k, 0]], node[e, OPPOSITE[k, 1]], node[e, OPPOSITE[k, 2]]
         if not cubed_quality(mesh.position, w, a, b, c) >= least:
@@ -319,15 +319,15 @@ def exchange(mesh, trial, queue, offers, ends, gains, nodes, margin, floor):
     """Split edges and collapse nodes in pairs while `margin` times the cost is less.
 
     Edges `ends` (k, 2) are sorted by decreasing `gains`, `nodes` by increasing costs. Rows of removed nodes are
-    used again for new nodes, which are marked `fresh`. Values of new nodes are stored in the trial, new elements
+    used again for new nodes, which are marked `is_new`. Values of new nodes are stored in the trial, new elements
     enter the queue. Returned are the number of pairs and the decrease of the functional.
     """
-    pairs, lowered, at = 0, 0.0, 0
+    pairs, decrease, at = 0, 0.0, 0
     for i in range(len(ends)):
         a, b = np.int64(ends[i, 0]), np.int64(ends[i, 1])
         if mesh.pool.height[1] < MOST:
             break
-        if offers.fresh[a] or offers.fresh[b]:
+        if offers.is_new[a] or offers.is_new[b]:
             continue
         count = prepare_split(mesh, a, b, floor)
         if count == 0:
@@ -350,8 +350,8 @@ def exchange(mesh, trial, queue, offers, ends, gains, nodes, margin, floor):
         gain, value = gain_of_split(mesh, trial, mesh.cavity.old, count, a, b)
         p = split(mesh, a, b, count)
         enter_made(mesh, queue, 2 * count)
-        trial.value[p], trial.fixed[p], offers.fresh[p] = value, False, True
+        trial.value[p], trial.fixed[p], offers.is_new[p] = value, False, True
         for region in range(trial.source.shape[1] if trial.source.shape[0] > 0 else 0):
             trial.source[p, region] = source_along(trial, region, a, b)
-        pairs, lowered = pairs + 1, lowered + gain - cost
-    return pairs, lowered
+        pairs, decrease = pairs + 1, decrease + gain - cost
+    return pairs, decrease

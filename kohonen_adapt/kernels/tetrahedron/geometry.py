@@ -40,7 +40,7 @@ def cubed_quality_at(position, x, y, z, b, c, d):
 
 
 @inner_kernel
-def ways_along(position, p, q, r):
+def triangle_vectors(position, p, q, r):
     """Return u, v, u x v and 3 (|u|^2 + |v|^2) - 2 u . v of a triangle.
 
     The vectors u and v lead from p to q and r. All tetrahedra on the triangle share these terms.
@@ -54,14 +54,14 @@ def ways_along(position, p, q, r):
 
 
 @inner_kernel
-def cubed_quality_on(ways, way, side):
+def cubed_quality_on(vectors, to_node, side):
     """Return the cubed quality of the tetrahedron of a triangle and a node.
 
-    `ways` is the result of `ways_along`, and `way` the vector from the first node of the triangle to the node.
-    `side` is 1 if u x v points to the node, otherwise -1. Returned is 0 for flat and inverted elements.
+    `vectors` is the result of `triangle_vectors`, and `to_node` the vector from the first node of the triangle to
+    the node. `side` is 1 if u x v points to the node, otherwise -1. Returned is 0 for flat and inverted elements.
     """
-    (ux, uy, uz), (vx, vy, vz), (nx, ny, nz), squares = ways
-    wx, wy, wz = way
+    (ux, uy, uz), (vx, vy, vz), (nx, ny, nz), squares = vectors
+    wx, wy, wz = to_node
     volume = side * (wx * nx + wy * ny + wz * nz)
     if not volume > 0.0:
         return 0.0

@@ -14,21 +14,21 @@ from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, star_quality
 from kohonen_adapt.kernels.tetrahedron.stars import star_tolerable
 from kohonen_adapt.kernels.tetrahedron.surfaces import onto_ridge, within_reach
 
-SETS = 4  # maximum number of patches at a ridge
-AT_CORNER = 3  # maximum number of ridges at a corner that nodes may leave
+RIDGE_PATCHES = 4  # maximum number of patches at a ridge
+CORNER_RIDGES = 3  # maximum number of ridges at a corner that nodes may leave
 
 
 @inner_kernel
-def jump(neurons, v, x, step, floor, scratch):
+def jump(mesh, v, x, step, floor, scratch):
     """Move v from a corner onto its nearest ridge, and a neighbour into the corner.
 
     The neighbour is on a second ridge. At a corner of three ridges, one face may lie between the ridge of the
     neighbour and the third ridge. The face is assigned to the patch between the third ridge and the nearest
     ridge, and the edge from the neighbour to the next node of the third ridge is then the end of the third ridge.
     """
-    position, constraints, ends = neurons.position, neurons.constraints, scratch.crossed
-    count = ridges_at_corner(neurons, v, ends)
-    if count < 2 or count > AT_CORNER:
+    position, constraints, ends = mesh.position, mesh.constraints, scratch.crossed
+    count = ridges_at_corner(mesh, v, ends)
+    if count < 2 or count > CORNER_RIDGES:
         return
     nearest = nearest_ridge(position, constraints.surfaces, ends, count, v, x)
     if nearest < 0:
@@ -46,25 +46,25 @@ def jump(neurons, v, x, step, floor, scratch):
         f, away = np.int64(ends[i, 0]), np.int64(ends[i, 1])
         if away == onto or constraints.freedom.number[f] != ON_RIDGE or constraints.freedom.place[f] != away:
             continue
-        other = np.int64(ends[AT_CORNER - i - nearest, 0]) if count == AT_CORNER else np.int64(-1)
-        patch = patch_to_take(neurons, v, f, other, np.int64(ends[nearest, 0]), onto)
+        third = np.int64(ends[CORNER_RIDGES - i - nearest, 0]) if count == CORNER_RIDGES else np.int64(-1)
+        patch = patch_to_take(mesh, v, f, third, np.int64(ends[nearest, 0]), onto)
         if patch == -2:
             continue
-        if swapped(neurons, v, f, new_x, new_y, new_z, floor):
-            if other >= 0:
-                relabel_face(neurons, v, f, other, patch)
+        if exchange_positions(mesh, v, f, new_x, new_y, new_z, floor):
+            if third >= 0:
+                relabel_face(mesh, v, f, third, patch)
             constraints.freedom.number[f], constraints.freedom.place[f] = HELD, -1
             constraints.freedom.number[v], constraints.freedom.place[v] = ON_RIDGE, onto
             return
 
 
 @inner_kernel
-def ridges_at_corner(neurons, v, ends):
+def ridges_at_corner(mesh, v, ends):
     """List the next node and the index of every ridge at v, and return the count.
 
     Returned is AT_CORNER + 1 if there are more ridges, or an unknown ridge.
     """
-    elements, star, count = neurons.elements, neurons.star, 0
+    elements, star, count = mesh.elements, mesh.star, 0
     for k in range(star.start[v], star.start[v + 1]):
         e = star.element[k]
         for j in range(3):
@@ -74,12 +74,12 @@ def ridges_at_corner(neurons, v, ends):
                     known = True
             if known or not on_patch_of(elements, e, v, w):
                 continue
-            r = ridge_of_edge(neurons, v, w)
+            r = ridge_of_edge(mesh, v, w)
             if r == -2:  # edge of an unknown ridge
-                return AT_CORNER + 1
+                return CORNER_RIDGES + 1
             if r >= 0:
-                if count == AT_CORNER:
-                    return AT_CORNER + 1
+                if count == CORNER_RIDGES:
+                    return CORNER_RIDGES + 1
                 ends[count, 0], ends[count, 1] = w, r
                 count += 1
     return count
@@ -94,9 +94,9 @@ def on_patch_of(elements, e, v, w):
 
 
 @inner_kernel
-def ridge_of_edge(neurons, v, w):
+def ridge_of_edge(mesh, v, w):
     """Return the ridge of edge vw, -1 if inside a patch, -2 if unknown."""
-    elements, star, freedom = neurons.elements, neurons.star, neurons.constraints.freedom
+    elements, star, freedom = mesh.elements, mesh.star, mesh.constraints.freedom
     only, sides, same = np.int64(-1), 0, True
     for k in range(star.start[v], star.start[v + 1]):
         if star.link[k, 0] != w and star.link[k, 1] != w and star.link[k, 2] != w:
@@ -114,17 +114,17 @@ def ridge_of_edge(neurons, v, w):
         return -1
     if freedom.number[w] == ON_RIDGE:
         return np.int64(freedom.place[w])
-    return ridge_between(neurons, v, w)
+    return ridge_between(mesh, v, w)
 
 
 @inner_kernel
-def ridge_between(neurons, v, w):
-    position, surfaces, found, least = neurons.position, neurons.constraints.surfaces, np.int64(-2), np.inf
+def ridge_between(mesh, v, w):
+    position, surfaces, found, least = mesh.position, mesh.constraints.surfaces, np.int64(-2), np.inf
     x = 0.5 * (position[v, 0] + position[w, 0])
     y = 0.5 * (position[v, 1] + position[w, 1])
     z = 0.5 * (position[v, 2] + position[w, 2])
     for r in range(surfaces.meets.shape[0]):
-        if meets_in(neurons, r, v, w):
+        if fits_edge(mesh, r, v, w):
             rx, ry, rz = onto_ridge(surfaces, np.int64(r), x, y, z)
             distance = (rx - x) * (rx - x) + (ry - y) * (ry - y) + (rz - z) * (rz - z)
             if distance < least:
@@ -133,9 +133,9 @@ def ridge_between(neurons, v, w):
 
 
 @inner_kernel
-def meets_in(neurons, r, v, w):
-    elements, star, meets = neurons.elements, neurons.star, neurons.constraints.surfaces.meets
-    for i in range(SETS):
+def fits_edge(mesh, r, v, w):
+    elements, star, meets = mesh.elements, mesh.star, mesh.constraints.surfaces.meets
+    for i in range(RIDGE_PATCHES):
         if meets[r, i] >= 0 and not has_face(elements, star, v, w, meets[r, i]):
             return False
     for k in range(star.start[v], star.start[v + 1]):
@@ -144,14 +144,14 @@ def meets_in(neurons, r, v, w):
         e = star.element[k]
         for j in range(4):
             p = elements.patch[e, j]
-            if p >= 0 and elements.node[e, j] != v and elements.node[e, j] != w and not is_of(meets, r, p):
+            if p >= 0 and elements.node[e, j] != v and elements.node[e, j] != w and not meets_patch(meets, r, p):
                 return False
     return True
 
 
 @inner_kernel
-def is_of(meets, r, p):
-    for i in range(SETS):
+def meets_patch(meets, r, p):
+    for i in range(RIDGE_PATCHES):
         if meets[r, i] == p:
             return True
     return False
@@ -189,104 +189,104 @@ def nearest_ridge(position, surfaces, ends, count, v, x):
 
 
 @inner_kernel
-def patch_to_take(neurons, v, f, other, ahead, onto):
+def patch_to_take(mesh, v, f, third, ahead, onto):
     """Return the new patch of face (v, f, other) after v leaves its corner.
 
     Node v leaves along ridge `onto` towards the next node `ahead`. Returned is -1 if no face changes its patch,
     and -2 if the move is not possible, because another face at v is not on patches of `onto`, or because the face
     would be between different regions.
     """
-    elements, star, meets = neurons.elements, neurons.star, neurons.constraints.surfaces.meets
+    elements, star, meets = mesh.elements, mesh.star, mesh.constraints.surfaces.meets
     found = np.int64(-1)
     for k in range(star.start[v], star.start[v + 1]):
         e = np.int64(star.element[k])
         for j in range(4):
             p = elements.patch[e, j]
-            if p < 0 or elements.node[e, j] == v or is_of(meets, onto, p):
+            if p < 0 or elements.node[e, j] == v or meets_patch(meets, onto, p):
                 continue
-            if other < 0 or not is_face(elements, e, j, v, f, other):
+            if third < 0 or not is_face(elements, e, j, v, f, third):
                 return np.int64(-2)
-            found = patch_beside(neurons, e, j, v, f, other, ahead, onto)
+            found = patch_beside(mesh, e, j, v, f, third, ahead, onto)
             if found < 0:
                 return np.int64(-2)
-    return found if found >= 0 or other < 0 else np.int64(-2)
+    return found if found >= 0 or third < 0 else np.int64(-2)
 
 
 @inner_kernel
-def is_face(elements, e, j, v, f, other):
+def is_face(elements, e, j, v, f, third):
     for i in range(4):
         w = elements.node[e, i]
-        if i != j and w != v and w != f and w != other:
+        if i != j and w != v and w != f and w != third:
             return False
     return True
 
 
 @inner_kernel
-def patch_beside(neurons, e, j, v, f, other, ahead, onto):
+def patch_beside(mesh, e, j, v, f, third, ahead, onto):
     """Return a patch of ridge `onto` that fits face j of e, or -1.
 
-    The patch has a face at the edge from v to `other`, between the same regions and with the same orientation. At
+    The patch has a face at the edge from v to `third`, between the same regions and with the same orientation. At
     a body that touches itself, coplanar patches may have opposite orientations.
     """
-    elements, star, meets = neurons.elements, neurons.star, neurons.constraints.surfaces.meets
+    elements, star, meets = mesh.elements, mesh.star, mesh.constraints.surfaces.meets
     for k in range(star.start[v], star.start[v + 1]):
-        if star.link[k, 0] != other and star.link[k, 1] != other and star.link[k, 2] != other:
+        if star.link[k, 0] != third and star.link[k, 1] != third and star.link[k, 2] != third:
             continue
         g = np.int64(star.element[k])
         for i in range(4):
             p = np.int64(elements.patch[g, i])
-            if p < 0 or elements.node[g, i] == v or elements.node[g, i] == other or not is_of(meets, onto, p):
+            if p < 0 or elements.node[g, i] == v or elements.node[g, i] == third or not meets_patch(meets, onto, p):
                 continue
             if (
                 elements.region[g] == elements.region[e]
-                and region_beyond(elements, g, i) == region_beyond(elements, e, j)
-                and look_alike(neurons.position, elements.node, e, j, g, i, v, f, ahead)
+                and region_across(elements, g, i) == region_across(elements, e, j)
+                and same_orientation(mesh.position, elements.node, e, j, g, i, v, f, ahead)
             ):
                 return p
     return np.int64(-1)
 
 
 @inner_kernel
-def look_alike(position, node, e, j, g, i, v, f, ahead):
+def same_orientation(position, node, e, j, g, i, v, f, ahead):
     a, b, c = np.int64(node[e, OPPOSITE[j, 0]]), np.int64(node[e, OPPOSITE[j, 1]]), np.int64(node[e, OPPOSITE[j, 2]])
-    a, b, c = moved_up(a, v, f, ahead), moved_up(b, v, f, ahead), moved_up(c, v, f, ahead)
-    nx, ny, nz = across_face(position, a, b, c)
-    mx, my, mz = across_face(position, node[g, OPPOSITE[i, 0]], node[g, OPPOSITE[i, 1]], node[g, OPPOSITE[i, 2]])
+    a, b, c = successor(a, v, f, ahead), successor(b, v, f, ahead), successor(c, v, f, ahead)
+    nx, ny, nz = face_normal(position, a, b, c)
+    mx, my, mz = face_normal(position, node[g, OPPOSITE[i, 0]], node[g, OPPOSITE[i, 1]], node[g, OPPOSITE[i, 2]])
     return nx * mx + ny * my + nz * mz > 0.0
 
 
 @inner_kernel
-def moved_up(node, v, f, ahead):
+def successor(node, v, f, ahead):
     return ahead if node == v else v if node == f else node
 
 
 @inner_kernel
-def across_face(position, a, b, c):
+def face_normal(position, a, b, c):
     ux, uy, uz = position[b, 0] - position[a, 0], position[b, 1] - position[a, 1], position[b, 2] - position[a, 2]
     vx, vy, vz = position[c, 0] - position[a, 0], position[c, 1] - position[a, 1], position[c, 2] - position[a, 2]
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
 @inner_kernel
-def region_beyond(elements, e, j):
+def region_across(elements, e, j):
     across = elements.neighbour[e, j]
     return np.int64(elements.region[across]) if across >= 0 else np.int64(-1)
 
 
 @inner_kernel
-def relabel_face(neurons, v, f, other, patch):
-    elements, star = neurons.elements, neurons.star
+def relabel_face(mesh, v, f, third, patch):
+    elements, star = mesh.elements, mesh.star
     for k in range(star.start[v], star.start[v + 1]):
         e = star.element[k]
         for j in range(4):
-            if elements.patch[e, j] >= 0 and is_face(elements, e, j, v, f, other):
+            if elements.patch[e, j] >= 0 and is_face(elements, e, j, v, f, third):
                 elements.patch[e, j] = patch
 
 
 @inner_kernel
-def swapped(neurons, v, f, x, y, z, floor):
-    position, elements, star = neurons.position, neurons.elements, neurons.star
-    surfaces = neurons.constraints.surfaces
+def exchange_positions(mesh, v, f, x, y, z, floor):
+    position, elements, star = mesh.position, mesh.elements, mesh.star
+    surfaces = mesh.constraints.surfaces
     corner_x, corner_y, corner_z = position[v, 0], position[v, 1], position[v, 2]
     old_x, old_y, old_z = position[f, 0], position[f, 1], position[f, 2]
     if not within_reach(position, elements, star, surfaces, f, corner_x, corner_y, corner_z):

@@ -40,7 +40,7 @@ def element_in_region(elements, star, v, region):
 
 
 @inner_kernel
-def descended(position, elements, star, v, x, region):
+def descend_to(position, elements, star, v, x, region):
     best = squared_distance(position, v, x)
     while True:
         nearest = v
@@ -84,19 +84,19 @@ def behind_surface(position, elements, surfaces, e, x):
 
 
 @inner_kernel
-def holding_element(neurons, v, x, region, scratch):
+def find_element(mesh, v, x, region, scratch):
     """Return the element of a region that contains x.
 
     A walk starts at v, if blocked a second walk at a node nearer to x, and if blocked a flood of the region. A
     point between a face and its curved surface belongs to the element of the face.
     """
-    position, elements, star = neurons.position, neurons.elements, neurons.star
+    position, elements, star = mesh.position, mesh.elements, mesh.star
     e, inside = walk(position, elements, element_in_region(elements, star, v, region), x[0], x[1], x[2])
     if inside:
         return e
-    nearer_node = descended(position, elements, star, v, x, region)
+    nearer_node = descend_to(position, elements, star, v, x, region)
     e, inside = walk(position, elements, element_in_region(elements, star, nearer_node, region), x[0], x[1], x[2])
-    if inside or behind_surface(position, elements, neurons.constraints.surfaces, e, x):
+    if inside or behind_surface(position, elements, mesh.constraints.surfaces, e, x):
         return e
     stamp, queue = next_stamp(scratch), scratch.queue
     queue[0], scratch.element_stamp[e] = e, stamp
@@ -193,20 +193,20 @@ def squared_distance_to_face(position, node, e, k, x):
 def squared_distance_to_edge(ax, ay, az, bx, by, bz):
     ux, uy, uz = bx - ax, by - ay, bz - az
     along, length = -(ax * ux + ay * uy + az * uz), ux * ux + uy * uy + uz * uz
-    share = min(1.0, max(0.0, along / length)) if length > 0.0 else 0.0
-    x, y, z = ax + share * ux, ay + share * uy, az + share * uz
+    fraction = min(1.0, max(0.0, along / length)) if length > 0.0 else 0.0
+    x, y, z = ax + fraction * ux, ay + fraction * uy, az + fraction * uz
     return x * x + y * y + z * z
 
 
 @inner_kernel
-def find_winner(neurons, v, x, region, scratch):
-    e = holding_element(neurons, v, x, region, scratch)
-    winner, squared = nearest_reached(neurons.position, neurons.elements, e, x, scratch)
+def find_winner(mesh, v, x, region, scratch):
+    e = find_element(mesh, v, x, region, scratch)
+    winner, squared = nearest_reached(mesh.position, mesh.elements, e, x, scratch)
     return winner, np.sqrt(squared)
 
 
 @kernel
-def find_winners(neurons, points, region, hints, winners, distances, scratch):
+def find_winners(mesh, points, region, hints, winners, distances, scratch):
     """Find the winner of every point, and its distance.
 
     `hints` holds a start node in the region of each point, best a former winner. The winner of the previous point
@@ -217,7 +217,7 @@ def find_winners(neurons, points, region, hints, winners, distances, scratch):
         x, v = points[t], np.int64(hints[t])
         if t % STRETCH > 0 and region[t - 1] == region[t]:
             other = np.int64(winners[t - 1])
-            if squared_distance(neurons.position, other, x) < squared_distance(neurons.position, v, x):
+            if squared_distance(mesh.position, other, x) < squared_distance(mesh.position, v, x):
                 v = other
-        winner, distance = find_winner(neurons, v, x, region[t], scratch)
+        winner, distance = find_winner(mesh, v, x, region[t], scratch)
         winners[t], distances[t] = winner, distance

@@ -22,27 +22,27 @@ from kohonen_adapt.kernels.tetrahedron.connectivity import OPPOSITE
 from kohonen_adapt.kernels.tetrahedron.surfaces import onto_patch, signed_distance
 
 SHORT = 1e-4  # step of central differences, relative to an edge
-STILL = (-1, 0.0, 0.0, 0.0, 0.0)  # `moved` without a node: (node, x, y, z, change of value)
+UNMOVED = (-1, 0.0, 0.0, 0.0, 0.0)  # `moved` without a node: (node, x, y, z, change of value)
 
 
 @inner_kernel
-def where(position, node, moved):
+def position_of(position, node, moved):
     if node == moved[0]:
         return moved[1], moved[2], moved[3]
     return position[node, 0], position[node, 1], position[node, 2]
 
 
 @inner_kernel
-def inwards(surfaces, p, a, b):
+def midpoint_depth(surfaces, p, a, b):
     return -signed_distance(surfaces, p, 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2]))[0]
 
 
 @inner_kernel
-def gap(surfaces, p, a, b, c):
+def sliver_volume(surfaces, p, a, b, c):
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    height = inwards(surfaces, p, a, b) + inwards(surfaces, p, b, c) + inwards(surfaces, p, c, a)
+    height = midpoint_depth(surfaces, p, a, b) + midpoint_depth(surfaces, p, b, c) + midpoint_depth(surfaces, p, c, a)
     return math.sqrt(nx * nx + ny * ny + nz * nz) * height / 6.0
 
 
@@ -66,7 +66,7 @@ def density(trial, region, slope, hat):
 
 
 @inner_kernel
-def slopes(position, elements, trial, e, moved):
+def gradients(position, elements, trial, e, moved):
     """Return gradient, gradient of the shape function, and six times the volume.
 
     The shape function is that of the node in `moved`.
@@ -74,10 +74,10 @@ def slopes(position, elements, trial, e, moved):
     node, value = elements.node, trial.value
     v, w = moved[0], moved[4]
     i, j, k, o = node[e, 0], node[e, 1], node[e, 2], node[e, 3]
-    ox, oy, oz = where(position, o, moved)
-    ax, ay, az = where(position, i, moved)
-    bx, by, bz = where(position, j, moved)
-    cx, cy, cz = where(position, k, moved)
+    ox, oy, oz = position_of(position, o, moved)
+    ax, ay, az = position_of(position, i, moved)
+    bx, by, bz = position_of(position, j, moved)
+    cx, cy, cz = position_of(position, k, moved)
     ax, ay, az, bx, by, bz = ax - ox, ay - oy, az - oz, bx - ox, by - oy, bz - oz
     cx, cy, cz = cx - ox, cy - oy, cz - oz
     px, py, pz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
@@ -97,7 +97,7 @@ def slopes(position, elements, trial, e, moved):
 
 
 @inner_kernel
-def covers(surfaces, p, a, b, c, top):
+def is_outside(surfaces, p, a, b, c, top):
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
@@ -114,15 +114,15 @@ def sliver(position, elements, surfaces, trial, e, k, moved):
     The volume of a covered sliver is at most that of the element.
     """
     p, node = elements.patch[e, k], elements.node
-    a = where(position, node[e, OPPOSITE[k, 0]], moved)
-    b = where(position, node[e, OPPOSITE[k, 1]], moved)
-    c = where(position, node[e, OPPOSITE[k, 2]], moved)
-    top, across = where(position, node[e, k], moved), elements.neighbour[e, k]
-    own, outer = elements.region[e], covers(surfaces, p, a, b, c, top)
+    a = position_of(position, node[e, OPPOSITE[k, 0]], moved)
+    b = position_of(position, node[e, OPPOSITE[k, 1]], moved)
+    c = position_of(position, node[e, OPPOSITE[k, 2]], moved)
+    top, across = position_of(position, node[e, k], moved), elements.neighbour[e, k]
+    own, outer = elements.region[e], is_outside(surfaces, p, a, b, c, top)
     if across >= 0 and not outer:
         return 0.0, 0.0, 0.0  # counted in the element outside
-    volume = gap(surfaces, p, a, b, c)
-    slope, hat, six = slopes(position, elements, trial, e, moved)
+    volume = sliver_volume(surfaces, p, a, b, c)
+    slope, hat, six = gradients(position, elements, trial, e, moved)
     if not outer and trial.follows[p]:
         slope, hat = (trial.rate[p, 0], trial.rate[p, 1], trial.rate[p, 2]), (0.0, 0.0, 0.0)
     there, by_w, ww = density(trial, own, slope, hat)
@@ -148,49 +148,49 @@ def slivers_of(position, elements, surfaces, trial, e, moved):
 
 
 @inner_kernel
-def has_slivers(neurons, trial, v):
-    for j in range(neurons.star.start[v], neurons.star.start[v + 1]):
+def has_slivers(mesh, trial, v):
+    for j in range(mesh.star.start[v], mesh.star.start[v + 1]):
         for k in range(4):
-            p = neurons.elements.patch[neurons.star.element[j], k]
+            p = mesh.elements.patch[mesh.star.element[j], k]
             if p >= 0 and trial.counted[p]:
                 return True
     return False
 
 
 @inner_kernel
-def slivers_around(neurons, trial, v, x, y, z, w):
+def slivers_around(mesh, trial, v, x, y, z, w):
     total = by_w = ww = 0.0
-    surfaces, moved = neurons.constraints.surfaces, (v, x, y, z, w)
-    for j in range(neurons.star.start[v], neurons.star.start[v + 1]):
-        e = neurons.star.element[j]
-        one, two, three = slivers_of(neurons.position, neurons.elements, surfaces, trial, e, moved)
+    surfaces, moved = mesh.constraints.surfaces, (v, x, y, z, w)
+    for j in range(mesh.star.start[v], mesh.star.start[v + 1]):
+        e = mesh.star.element[j]
+        one, two, three = slivers_of(mesh.position, mesh.elements, surfaces, trial, e, moved)
         total, by_w, ww = total + one, by_w + two, ww + three
     return total, by_w, ww
 
 
 @inner_kernel
-def pull_of_slivers(neurons, trial, v):
-    position, other = neurons.position, neurons.star.link[neurons.star.start[v], 0]
+def sliver_gradient(mesh, trial, v):
+    position, other = mesh.position, mesh.star.link[mesh.star.start[v], 0]
     x, y, z = position[v, 0], position[v, 1], position[v, 2]
     dx, dy, dz = position[other, 0] - x, position[other, 1] - y, position[other, 2] - z
     h = SHORT * math.sqrt(dx * dx + dy * dy + dz * dz)
-    gx = slivers_around(neurons, trial, v, x + h, y, z, 0.0)[0] - slivers_around(neurons, trial, v, x - h, y, z, 0.0)[0]
-    gy = slivers_around(neurons, trial, v, x, y + h, z, 0.0)[0] - slivers_around(neurons, trial, v, x, y - h, z, 0.0)[0]
-    gz = slivers_around(neurons, trial, v, x, y, z + h, 0.0)[0] - slivers_around(neurons, trial, v, x, y, z - h, 0.0)[0]
+    gx = slivers_around(mesh, trial, v, x + h, y, z, 0.0)[0] - slivers_around(mesh, trial, v, x - h, y, z, 0.0)[0]
+    gy = slivers_around(mesh, trial, v, x, y + h, z, 0.0)[0] - slivers_around(mesh, trial, v, x, y - h, z, 0.0)[0]
+    gz = slivers_around(mesh, trial, v, x, y, z + h, 0.0)[0] - slivers_around(mesh, trial, v, x, y, z - h, 0.0)[0]
     return 0.5 * gx / h, 0.5 * gy / h, 0.5 * gz / h
 
 
 @inner_kernel
-def mismatch(position, elements, trial, e, k):
+def energy_error(position, elements, trial, e, k):
     """Return the energy error per volume of a sliver with the wrong gradient.
 
     The error is half the coefficient times the squared difference between the gradients on both sides of the
     face, 0 on an outer boundary without Dirichlet values.
     """
     across, p = elements.neighbour[e, k], elements.patch[e, k]
-    slope, _, _ = slopes(position, elements, trial, e, STILL)
+    slope, _, _ = gradients(position, elements, trial, e, UNMOVED)
     if across >= 0:
-        there, own = slopes(position, elements, trial, across, STILL)[0], elements.region[across]
+        there, own = gradients(position, elements, trial, across, UNMOVED)[0], elements.region[across]
     elif trial.follows[p]:
         there, own = slope, elements.region[e]
         slope = (trial.rate[p, 0], trial.rate[p, 1], trial.rate[p, 2])
@@ -216,14 +216,14 @@ def filled_by_split(mesh, trial, e, k, a, b):
     for i in range(1, 3):
         if c in (a, b):
             c = elements.node[e, corners[i]]
-    start = where(position, a, STILL)
-    end, third = where(position, b, STILL), where(position, c, STILL)
-    if elements.neighbour[e, k] >= 0 and not covers(
-        surfaces, p, start, end, third, where(position, elements.node[e, k], STILL)
+    start = position_of(position, a, UNMOVED)
+    end, third = position_of(position, b, UNMOVED), position_of(position, c, UNMOVED)
+    if elements.neighbour[e, k] >= 0 and not is_outside(
+        surfaces, p, start, end, third, position_of(position, elements.node[e, k], UNMOVED)
     ):
         return 0.0
     middle = onto_patch(surfaces, p, 0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]), 0.5 * (start[2] + end[2]))
-    before = gap(surfaces, p, start, end, third)
-    after = gap(surfaces, p, start, middle, third) + gap(surfaces, p, middle, end, third)
-    own = sliver(position, elements, surfaces, trial, e, k, STILL)[0]
-    return (before - after) * mismatch(position, elements, trial, e, k) + (1.0 - after / before) * 0.5 * own
+    before = sliver_volume(surfaces, p, start, end, third)
+    after = sliver_volume(surfaces, p, start, middle, third) + sliver_volume(surfaces, p, middle, end, third)
+    own = sliver(position, elements, surfaces, trial, e, k, UNMOVED)[0]
+    return (before - after) * energy_error(position, elements, trial, e, k) + (1.0 - after / before) * 0.5 * own

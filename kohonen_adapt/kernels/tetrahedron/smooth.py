@@ -91,7 +91,7 @@ def step_inside(gradient, hessian):
 
 
 @inner_kernel
-def along(tx, ty, tz, hessian):
+def multiply(tx, ty, tz, hessian):
     xx, xy, xz, yy, yz, zz = hessian
     return xx * tx + xy * ty + xz * tz, xy * tx + yy * ty + yz * tz, xz * tx + yz * ty + zz * tz
 
@@ -108,9 +108,9 @@ def step_across(nx, ny, nz, gradient, hessian):
     scale = 1.0 / np.sqrt(tx * tx + ty * ty + tz * tz)
     tx, ty, tz = scale * tx, scale * ty, scale * tz
     sx, sy, sz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
-    hx, hy, hz = along(tx, ty, tz, hessian)
+    hx, hy, hz = multiply(tx, ty, tz, hessian)
     tt, st = tx * hx + ty * hy + tz * hz, sx * hx + sy * hy + sz * hz
-    hx, hy, hz = along(sx, sy, sz, hessian)
+    hx, hy, hz = multiply(sx, sy, sz, hessian)
     ss, gt, gs = sx * hx + sy * hy + sz * hz, gx * tx + gy * ty + gz * tz, gx * sx + gy * sy + gz * sz
     scale = -1.0 / (tt * ss - st * st)
     t, s = scale * (ss * gt - st * gs), scale * (tt * gs - st * gt)
@@ -128,7 +128,7 @@ def newton_step(position, star, surfaces, freedom, weight, v):
         _, nx, ny, nz = signed_distance(surfaces, place, x, y, z)
         return step_across(nx, ny, nz, gradient, hessian)
     tx, ty, tz = tangent_of_ridge(surfaces, place, x, y, z)
-    hx, hy, hz = along(tx, ty, tz, hessian)
+    hx, hy, hz = multiply(tx, ty, tz, hessian)
     gx, gy, gz = gradient
     way = -(gx * tx + gy * ty + gz * tz) / (tx * hx + ty * hy + tz * hz)
     return way * tx, way * ty, way * tz
@@ -142,13 +142,13 @@ def is_curved(surfaces, freedom, v):
 
 
 @kernel
-def smooth_nodes(neurons, weight, floor, order):
+def smooth_nodes(mesh, weight, floor, order):
     """Move nodes in order by damped Newton steps.
 
     `weight` (m,) is rho^(5/3) up to a factor, `floor` the cube of a quality.
     """
-    position, elements, star = neurons.position, neurons.elements, neurons.star
-    surfaces, freedom = neurons.constraints.surfaces, neurons.constraints.freedom
+    position, elements, star = mesh.position, mesh.elements, mesh.star
+    surfaces, freedom = mesh.constraints.surfaces, mesh.constraints.freedom
     for node in order:
         v = np.int64(node)
         if freedom.number[v] == HELD or freedom.pinned[v]:
@@ -158,7 +158,7 @@ def smooth_nodes(neurons, weight, floor, order):
         dx, dy, dz = newton_step(position, star, surfaces, freedom, weight, v)
         curved = is_curved(surfaces, freedom, v)
         for _ in range(HALVINGS + 1):
-            x, y, z = slid(position, neurons.constraints, v, dx, dy, dz)
+            x, y, z = slid(position, mesh.constraints, v, dx, dy, dz)
             after, worst = star_energy(position, star, weight, v, x, y, z)
             if (
                 allowed(worst, worst_before, floor)

@@ -15,7 +15,7 @@ def star_tolerable(position, star, v, x, y, z, floor):
     """
     if floor == UNGUARDED:
         return True
-    share = max(floor * floor * floor, FLAT) / 432.0
+    bound = max(floor * floor * floor, FLAT) / 432.0
     for k in range(star.start[v], star.start[v + 1]):
         a, b, c = star.link[k, 0], star.link[k, 1], star.link[k, 2]
         ax, ay, az = position[a, 0] - x, position[a, 1] - y, position[a, 2] - z
@@ -25,7 +25,7 @@ def star_tolerable(position, star, v, x, y, z, floor):
         lengths = ax * ax + ay * ay + az * az + bx * bx + by * by + bz * bz + cx * cx + cy * cy + cz * cz
         mixed = ax * bx + ay * by + az * bz + bx * cx + by * cy + bz * cz + cx * ax + cy * ay + cz * az
         squares = 3.0 * lengths - 2.0 * mixed
-        if not (volume > 0.0 and volume * volume > share * squares * squares * squares):
+        if not (volume > 0.0 and volume * volume > bound * squares * squares * squares):
             return False
     return True
 

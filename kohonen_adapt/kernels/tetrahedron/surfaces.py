@@ -96,8 +96,8 @@ def onto_both(surfaces, p, q, x, y, z):
         if abs(f) + abs(g) <= NEAR * (abs(x) + abs(y) + abs(z)):
             break
         between = ax * bx + ay * by + az * bz
-        share = 1.0 / max(1.0 - between * between, NEAR)
-        s, t = share * (f - between * g), share * (g - between * f)
+        factor = 1.0 / max(1.0 - between * between, NEAR)
+        s, t = factor * (f - between * g), factor * (g - between * f)
         x, y, z = x - s * ax - t * bx, y - s * ay - t * by, z - s * az - t * bz
     return x, y, z
 
@@ -126,14 +126,14 @@ def ridge_distance(surfaces, r, x, y, z):
 
 
 @inner_kernel
-def bulges(mesh, p, a, b):
+def exceeds_sagitta(mesh, p, a, b):
     if mesh.surfaces.shape[p] == PLANE:
         return False
-    return off_patch(mesh, p, a, b) > mesh.origins.bulge[p]
+    return edge_sagitta(mesh, p, a, b) > mesh.origins.bulge[p]
 
 
 @inner_kernel
-def off_patch(mesh, p, a, b):
+def edge_sagitta(mesh, p, a, b):
     position = mesh.position
     x, y, z = position[a, 0] + position[b, 0], position[a, 1] + position[b, 1], position[a, 2] + position[b, 2]
     return abs(signed_distance(mesh.surfaces, p, 0.5 * x, 0.5 * y, 0.5 * z)[0])
@@ -202,4 +202,4 @@ def measure_bulges(mesh, bulge):
             for i in range(4):
                 for j in range(i):
                     if i != k and j != k:
-                        bulge[p] = max(bulge[p], off_patch(mesh, p, elements.node[e, i], elements.node[e, j]))
+                        bulge[p] = max(bulge[p], edge_sagitta(mesh, p, elements.node[e, i], elements.node[e, j]))

@@ -4,7 +4,13 @@ import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE, PLANE
-from kohonen_adapt.kernels.tetrahedron.connectivity import OPPOSITE, corner_of, face_stands, gather_around, gather_edge
+from kohonen_adapt.kernels.tetrahedron.connectivity import (
+    OPPOSITE,
+    corner_of,
+    gather_around,
+    gather_edge,
+    has_constrained_face,
+)
 from kohonen_adapt.kernels.tetrahedron.geometry import (
     allowed,
     element_quality,
@@ -12,11 +18,11 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     rounded,
     squared_distance,
 )
-from kohonen_adapt.kernels.tetrahedron.surfaces import bulges, onto_patch, onto_ridge, ridge_distance
+from kohonen_adapt.kernels.tetrahedron.surfaces import exceeds_sagitta, onto_patch, onto_ridge, ridge_distance
 
 NOWHERE = -1
 EQUAL = 1e-9  # relative tolerance of equal volumes
-AT_ONCE = 4  # maximum number of patches at a ridge
+RIDGE_PATCHES = 4  # maximum number of patches at a ridge
 
 
 @inner_kernel
@@ -27,12 +33,12 @@ def metric_length(mesh, a, b):
 
 
 @inner_kernel
-def write_face(mesh, row, e, k, beyond, patch):
+def write_face(mesh, row, e, k, across, patch):
     face, node = mesh.cavity.face, mesh.elements.node
     a, b, c = node[e, OPPOSITE[k, 0]], node[e, OPPOSITE[k, 1]], node[e, OPPOSITE[k, 2]]
     low, high = min(a, min(b, c)), max(a, max(b, c))
     face[row, 0], face[row, 1], face[row, 2] = low, a + b + c - low - high, high
-    face[row, 3], face[row, 4] = beyond, k
+    face[row, 3], face[row, 4] = across, k
     mesh.cavity.face_patch[row] = patch
 
 
@@ -144,7 +150,7 @@ def patches_at(mesh, shell, count, a, b):
                 at += 1
             if at < patches and meeting[at] == patch:
                 continue
-            if patches <= AT_ONCE:
+            if patches <= RIDGE_PATCHES:
                 for j in range(patches, at, -1):
                     meeting[j] = meeting[j - 1]
                 meeting[at] = patch
@@ -154,7 +160,7 @@ def patches_at(mesh, shell, count, a, b):
 
 @inner_kernel
 def is_ridge(mesh, r):
-    for i in range(AT_ONCE):
+    for i in range(RIDGE_PATCHES):
         if mesh.surfaces.meets[r, i] != mesh.cavity.meeting[i]:
             return False
     return True
@@ -179,7 +185,7 @@ def place_of_edge(mesh, shell, count, a, b):
     p = np.int64(mesh.cavity.meeting[0])
     if faces == 2 and patches == 1:
         return ON_PATCH, p
-    if patches > AT_ONCE:
+    if patches > RIDGE_PATCHES:
         return HELD, NOWHERE
     position = mesh.position
     x, y, z = position[a, 0] + position[b, 0], position[a, 1] + position[b, 1], position[a, 2] + position[b, 2]
@@ -245,7 +251,7 @@ def split(mesh, a, b, count):
 
 
 @inner_kernel
-def may_leave(mesh, v, w, count):
+def merge_allowed(mesh, v, w, count):
     """Return True if v may merge into w along a permitted edge.
 
     Free nodes may merge into any neighbour, others along their own patch or ridge only. The `count` elements of
@@ -260,7 +266,7 @@ def may_leave(mesh, v, w, count):
         return faces == 0
     if number == ON_PATCH:
         return faces == 2 and patches == 1 and mesh.cavity.meeting[0] == freedom.place[v]
-    return not (faces == 2 and patches == 1) and patches <= AT_ONCE and is_ridge(mesh, freedom.place[v])
+    return not (faces == 2 and patches == 1) and patches <= RIDGE_PATCHES and is_ridge(mesh, freedom.place[v])
 
 
 @inner_kernel
@@ -278,7 +284,7 @@ def prepare_collapse(mesh, v, w, floor, longest):
         if corner_of(elements.node, cavity.old[i], w) >= 0:
             cavity.around_other[shell] = cavity.old[i]
             shell += 1
-    if shell == 0 or not may_leave(mesh, v, w, shell):
+    if shell == 0 or not merge_allowed(mesh, v, w, shell):
         return 0.0, 0, 0
     before, volume, planar = 2.0, 0.0, True
     for i in range(count):
@@ -305,7 +311,7 @@ def prepare_collapse(mesh, v, w, floor, longest):
             return 0.0, 0, 0
         volume_after += element_volumes(position, cavity.new, new)
         for j in range(4):
-            if j != k and (metric_length(mesh, w, cavity.new[new, j]) >= longest or new_bulge(mesh, new, j, w)):
+            if j != k and (metric_length(mesh, w, cavity.new[new, j]) >= longest or exceeds_on_face(mesh, new, j, w)):
                 return 0.0, 0, 0
         new += 1
     if new == 0 or (planar and abs(volume_after - volume) > EQUAL * volume):
@@ -323,19 +329,19 @@ def closes_slit(mesh, w, new):
         for j in range(4):
             if j != k and patch[i, j] >= 0:
                 a, b, c = node[i, OPPOSITE[j, 0]], node[i, OPPOSITE[j, 1]], node[i, OPPOSITE[j, 2]]
-                if face_stands(mesh, a, b, c):
+                if has_constrained_face(mesh, a, b, c):
                     return True
     return False
 
 
 @inner_kernel
-def new_bulge(mesh, new, j, w):
+def exceeds_on_face(mesh, new, j, w):
     p = np.int64(mesh.cavity.patch[new, j])
     if p < 0 or mesh.surfaces.shape[p] == PLANE:
         return False
     for i in range(4):
         v = mesh.cavity.new[new, i]
-        if i != j and v != w and bulges(mesh, p, w, v):
+        if i != j and v != w and exceeds_sagitta(mesh, p, w, v):
             return True
     return False
 

@@ -12,16 +12,16 @@ import numpy as np
 
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import ELSEWHERE, FREE, PLANE, RING, WAITS, WANTED
-from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of, face_stands, fourth_node
-from kohonen_adapt.kernels.tetrahedron.energy import energy_on, source_along, tilts_along
+from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of, fourth_node, has_constrained_face
+from kohonen_adapt.kernels.tetrahedron.energy import energy_on, source_along, triangle_tilts
 from kohonen_adapt.kernels.tetrahedron.geometry import (
     FLAT,
     cubed_quality_on,
     element_quality,
     element_volumes,
-    ways_along,
+    triangle_vectors,
 )
-from kohonen_adapt.kernels.tetrahedron.surfaces import bulges, off_patch
+from kohonen_adapt.kernels.tetrahedron.surfaces import edge_sagitta, exceeds_sagitta
 from kohonen_adapt.kernels.tetrahedron.surgery import EQUAL, NOWHERE, replace
 
 BETTER = 1.02  # smallest improvement of the cubed quality by a swap, above rounding errors
@@ -47,7 +47,7 @@ def take_first(queue):
 
 
 @inner_kernel
-def is_in_the_way(queue, e):
+def is_blocked(queue, e):
     """Return True if an element waits, and request elements of a different part."""
     if queue.waiting[e] == ELSEWHERE:
         queue.waiting[e] = WANTED
@@ -55,10 +55,10 @@ def is_in_the_way(queue, e):
 
 
 @inner_kernel
-def first_of_fan(mesh, e, a, b, first, second):
-    """Return the first element of an open fan around ab, and its two other nodes.
+def first_of_shell(mesh, e, a, b, first, second):
+    """Return the first element of an open shell around ab, and its two other nodes.
 
-    The fan starts at a constrained face. Element e is (a, b, first, second). Returned is -1 if the fan has too
+    The shell starts at a constrained face. Element e is (a, b, first, second). Returned is -1 if the shell has too
     many elements.
     """
     elements = mesh.elements
@@ -72,16 +72,16 @@ def first_of_fan(mesh, e, a, b, first, second):
 
 
 @inner_kernel
-def walk_fan(mesh, queue, side, e, a, b, first, second):
-    """List the fan around ab from element e = (a, b, first, second), and its ring.
+def walk_shell(mesh, queue, side, e, a, b, first, second):
+    """List the shell around ab from element e = (a, b, first, second), and its ring.
 
-    Returned are the numbers of nodes and elements, (0, 0) if too many or if an element waits. A closed fan has as
-    many nodes as elements, an open fan one more.
+    Returned are the numbers of nodes and elements, (0, 0) if too many or if an element waits. A closed shell has as
+    many nodes as elements, an open shell one more.
     """
-    elements, fan, ring = mesh.elements, mesh.cavity.fan, mesh.cavity.ring
+    elements, shell, ring = mesh.elements, mesh.cavity.shell, mesh.cavity.ring
     start, count = e, 0
-    while count < RING - 1 and not is_in_the_way(queue, e):
-        fan[side, count], ring[side, count] = e, first
+    while count < RING - 1 and not is_blocked(queue, e):
+        shell[side, count], ring[side, count] = e, first
         count += 1
         k = corner_of(elements.node, e, first)
         across = np.int64(elements.neighbour[e, k])
@@ -93,10 +93,10 @@ def walk_fan(mesh, queue, side, e, a, b, first, second):
         e, first, second = across, second, fourth_node(elements.node, across, a, b, second)
     if (
         count == RING - 1
-        and not is_in_the_way(queue, e)
+        and not is_blocked(queue, e)
         and elements.neighbour[e, corner_of(elements.node, e, first)] == start
     ):
-        fan[side, count], ring[side, count] = e, first
+        shell[side, count], ring[side, count] = e, first
         return RING, RING
     return 0, 0
 
@@ -109,50 +109,50 @@ def triangulate(mesh, trial, side, count, a, b, least):
     quality, which must exceed `least`. With a trial the merit is minus the functional, and no element may be
     worse than `least`. Otherwise the merit is RULED_OUT.
     """
-    worth, apex, by_quality = mesh.cavity.worth, mesh.cavity.apex, trial is None
+    merit, apex, by_quality = mesh.cavity.merit, mesh.cavity.apex, trial is None
     for i in range(count - 1):
-        worth[side, i, i + 1] = 2.0 if by_quality else 0.0
+        merit[side, i, i + 1] = 2.0 if by_quality else 0.0
     for length in range(2, count):
         for i in range(count - length):
             k, best = i + length, RULED_OUT
             for j in range(i + 1, k):
-                value = worth_with(mesh, trial, side, i, j, k, a, b, max(best, least) if by_quality else least)
+                value = merit_with(mesh, trial, side, i, j, k, a, b, max(best, least) if by_quality else least)
                 if value > best:
                     best, apex[side, i, k] = value, j
-            worth[side, i, k] = best
-    return worth[side, 0, count - 1]
+            merit[side, i, k] = best
+    return merit[side, 0, count - 1]
 
 
 @inner_kernel
-def worth_with(mesh, trial, side, i, j, k, a, b, least):
-    position, ring, worth = mesh.position, mesh.cavity.ring, mesh.cavity.worth
-    p, q, r, before, after = ring[side, i], ring[side, j], ring[side, k], worth[side, i, j], worth[side, j, k]
+def merit_with(mesh, trial, side, i, j, k, a, b, least):
+    position, ring, merit = mesh.position, mesh.cavity.ring, mesh.cavity.merit
+    p, q, r, before, after = ring[side, i], ring[side, j], ring[side, k], merit[side, i, j], merit[side, j, k]
     value = min(before, after)
     if value == RULED_OUT or (trial is None and not value > least):
         return RULED_OUT
-    ways = ways_along(position, p, q, r)
+    vectors = triangle_vectors(position, p, q, r)
     x, y, z = position[p, 0], position[p, 1], position[p, 2]
     to_b = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
     to_a = position[a, 0] - x, position[a, 1] - y, position[a, 2] - z
-    above = cubed_quality_on(ways, to_b, 1.0)
+    above = cubed_quality_on(vectors, to_b, 1.0)
     if not above >= least:
         return RULED_OUT
-    worst = min(above, cubed_quality_on(ways, to_a, -1.0))
+    worst = min(above, cubed_quality_on(vectors, to_a, -1.0))
     if not worst >= least:
         return RULED_OUT
     if trial is None:
         value = min(value, worst)
         return value if value > least else RULED_OUT
-    region, tilts = mesh.elements.region[mesh.cavity.fan[side, 0]], tilts_along(trial, ways, p, q, r)
+    region, tilts = mesh.elements.region[mesh.cavity.shell[side, 0]], triangle_tilts(trial, vectors, p, q, r)
     load = source_along(trial, region, a, b)
-    above = energy_on(trial, region, load, ways, tilts, to_b, trial.value[b], 1.0)
-    return before + after - above - energy_on(trial, region, load, ways, tilts, to_a, trial.value[a], -1.0)
+    above = energy_on(trial, region, load, vectors, tilts, to_b, trial.value[b], 1.0)
+    return before + after - above - energy_on(trial, region, load, vectors, tilts, to_a, trial.value[a], -1.0)
 
 
 @inner_kernel
 def write_triangulation(mesh, side, count, a, b, patch, new):
     cavity, ring = mesh.cavity, mesh.cavity.ring
-    region = mesh.elements.region[cavity.fan[side, 0]]
+    region = mesh.elements.region[cavity.shell[side, 0]]
     cavity.stack[0, 0], cavity.stack[0, 1], height = 0, count - 1, 1
     while height > 0:
         height -= 1
@@ -175,48 +175,48 @@ def write_triangulation(mesh, side, count, a, b, patch, new):
 
 
 @inner_kernel
-def enter_fan(mesh, side, count, old):
+def add_shell(mesh, side, count, old):
     cavity, worst = mesh.cavity, 2.0
     for i in range(count):
-        cavity.old[old + i] = cavity.fan[side, i]
+        cavity.old[old + i] = cavity.shell[side, i]
     for i in range(old + count):
         worst = min(worst, element_quality(mesh.position, mesh.elements.node, cavity.old[i]))
     return old + count, worst
 
 
 @inner_kernel
-def other_fan(mesh, queue, a, b, nodes):
-    """List the fan across the end faces of the first fan of `nodes` nodes.
+def second_shell(mesh, queue, a, b, nodes):
+    """List the shell across the end faces of the first shell of `nodes` nodes.
 
     Returned are the numbers of nodes and elements, (0, 0) outside, and the patch of both end faces, -1 if the
     edge must stay.
     """
-    elements, fan, ring = mesh.elements, mesh.cavity.fan, mesh.cavity.ring
-    begin, end = np.int64(fan[0, 0]), np.int64(fan[0, nodes - 2])
+    elements, shell, ring = mesh.elements, mesh.cavity.shell, mesh.cavity.ring
+    begin, end = np.int64(shell[0, 0]), np.int64(shell[0, nodes - 2])
     k_begin, k_end = corner_of(elements.node, begin, ring[0, 1]), corner_of(elements.node, end, ring[0, nodes - 2])
     patch = np.int64(elements.patch[begin, k_begin])
-    if nodes < 3 or patch < 0 or patch != elements.patch[end, k_end] or stays(mesh, patch, a, b, nodes):
+    if nodes < 3 or patch < 0 or patch != elements.patch[end, k_end] or would_exceed_sagitta(mesh, patch, a, b, nodes):
         return 0, 0, NOWHERE
     back, across = np.int64(elements.neighbour[begin, k_begin]), np.int64(elements.neighbour[end, k_end])
     if across < 0:
         return 0, 0, (patch if back < 0 else NOWHERE)
     first = np.int64(ring[0, nodes - 1])
     second = fourth_node(elements.node, across, a, b, first)
-    count, found = walk_fan(mesh, queue, 1, across, a, b, first, second)
-    if count < 3 or count == found or ring[1, count - 1] != ring[0, 0] or fan[1, found - 1] != back:
+    count, found = walk_shell(mesh, queue, 1, across, a, b, first, second)
+    if count < 3 or count == found or ring[1, count - 1] != ring[0, 0] or shell[1, found - 1] != back:
         return 0, 0, NOWHERE
     return count, found, patch
 
 
 @inner_kernel
-def stays(mesh, patch, a, b, nodes):
+def would_exceed_sagitta(mesh, patch, a, b, nodes):
     p, q = np.int64(mesh.cavity.ring[0, 0]), np.int64(mesh.cavity.ring[0, nodes - 1])
-    return bulges(mesh, patch, p, q) and off_patch(mesh, patch, p, q) > off_patch(mesh, patch, a, b)
+    return exceeds_sagitta(mesh, patch, p, q) and edge_sagitta(mesh, patch, p, q) > edge_sagitta(mesh, patch, a, b)
 
 
 @inner_kernel
-def rings_around(mesh, queue, e, edge):
-    """List the rings and fans around an edge of e, two of each between regions.
+def shells_around(mesh, queue, e, edge):
+    """List the rings and shells around an edge of e, two of each between regions.
 
     Returned are the ends of the edge and (nodes, elements, nodes and elements of the second ring, patch or -1).
     The number of nodes is 0 if the edge must stay or an element waits.
@@ -224,67 +224,67 @@ def rings_around(mesh, queue, e, edge):
     elements = mesh.elements
     a, b = np.int64(elements.node[e, EDGES[edge, 0]]), np.int64(elements.node[e, EDGES[edge, 1]])
     first, second = np.int64(elements.node[e, EDGES[edge, 2]]), np.int64(elements.node[e, EDGES[edge, 3]])
-    nodes, found = walk_fan(mesh, queue, 0, e, a, b, first, second)
+    nodes, found = walk_shell(mesh, queue, 0, e, a, b, first, second)
     if nodes == found:
         return a, b, (nodes, found, 0, 0, NOWHERE)
-    e, first, second = first_of_fan(mesh, e, a, b, first, second)
+    e, first, second = first_of_shell(mesh, e, a, b, first, second)
     if e < 0:
         return a, b, (0, 0, 0, 0, NOWHERE)
-    nodes, found = walk_fan(mesh, queue, 0, e, a, b, first, second)
+    nodes, found = walk_shell(mesh, queue, 0, e, a, b, first, second)
     if nodes < 3:
         return a, b, (0, 0, 0, 0, NOWHERE)
-    other, found_other, patch = other_fan(mesh, queue, a, b, nodes)
+    other, found_other, patch = second_shell(mesh, queue, a, b, nodes)
     return a, b, (nodes if patch >= 0 else 0, found, other, found_other, patch)
 
 
 @inner_kernel
-def replace_fans(mesh, a, b, rings):
-    """Replace the fans by the best triangulations, and return the number of elements.
+def replace_shells(mesh, a, b, rings):
+    """Replace the shells by the best triangulations, and return the number of elements.
 
     Returned is 0 if the new elements do not fill the same volume at a plane, if a slit would close, or if there
     are too few free rows.
     """
     nodes, found, other, found_other, patch = rings
     p, q = mesh.cavity.ring[0, 0], mesh.cavity.ring[0, nodes - 1]
-    if patch >= 0 and (face_stands(mesh, a, p, q) or face_stands(mesh, b, p, q)):
+    if patch >= 0 and (has_constrained_face(mesh, a, p, q) or has_constrained_face(mesh, b, p, q)):
         return 0
     plane = patch >= 0 and mesh.surfaces.shape[patch] == PLANE
     old, new = found + found_other, write_triangulation(mesh, 0, nodes, a, b, patch, 0)
-    if plane and not fills(mesh, 0, found, 0, new):
+    if plane and not same_volume(mesh, 0, found, 0, new):
         return 0
     if other > 0:
         more = write_triangulation(mesh, 1, other, a, b, patch, new)
-        if plane and not fills(mesh, found, old, new, more):
+        if plane and not same_volume(mesh, found, old, new, more):
             return 0
         new = more
     return new if replace(mesh, old, new) else 0
 
 
 @inner_kernel
-def enter_fans(mesh, rings):
+def add_shells(mesh, rings):
     _, found, other, found_other, _ = rings
-    old, before = enter_fan(mesh, 0, found, 0)
+    old, before = add_shell(mesh, 0, found, 0)
     if other > 0:
-        old, before = enter_fan(mesh, 1, found_other, old)
+        old, before = add_shell(mesh, 1, found_other, old)
     return before
 
 
 @inner_kernel
 def remove_edge(mesh, queue, e, edge, below):
-    a, b, rings = rings_around(mesh, queue, e, edge)
+    a, b, rings = shells_around(mesh, queue, e, edge)
     if rings[0] < 3:
         return 0
-    before = enter_fans(mesh, rings)
+    before = add_shells(mesh, rings)
     least = max(FLAT, BETTER * before)
     if before >= below or triangulate(mesh, None, 0, rings[0], a, b, least) == RULED_OUT:
         return 0
     if rings[2] > 0 and triangulate(mesh, None, 1, rings[2], a, b, least) == RULED_OUT:
         return 0
-    return replace_fans(mesh, a, b, rings)
+    return replace_shells(mesh, a, b, rings)
 
 
 @inner_kernel
-def fills(mesh, first, last, first_new, last_new):
+def same_volume(mesh, first, last, first_new, last_new):
     volume = change = 0.0
     for i in range(first, last):
         volume += element_volumes(mesh.position, mesh.elements.node, mesh.cavity.old[i])
@@ -294,14 +294,14 @@ def fills(mesh, first, last, first_new, last_new):
 
 
 @inner_kernel
-def enter_pair(mesh, queue, e, k):
+def write_face_swap(mesh, queue, e, k):
     """Write the swap of face k of e to `cavity`, two elements by three.
 
     Returned is the worst quality of the two, or RULED_OUT if the face must stay or the neighbour waits.
     """
     elements, cavity, position = mesh.elements, mesh.cavity, mesh.position
     across = np.int64(elements.neighbour[e, k])
-    if across < 0 or elements.patch[e, k] >= 0 or is_in_the_way(queue, across):
+    if across < 0 or elements.patch[e, k] >= 0 or is_blocked(queue, across):
         return RULED_OUT
     a, b = np.int64(elements.node[e, OPPOSITE[k, 0]]), np.int64(elements.node[e, OPPOSITE[k, 1]])
     c, top = np.int64(elements.node[e, OPPOSITE[k, 2]]), np.int64(elements.node[e, k])
@@ -317,7 +317,7 @@ def enter_pair(mesh, queue, e, k):
 
 @inner_kernel
 def swap_face(mesh, queue, e, k, below):
-    before = enter_pair(mesh, queue, e, k)
+    before = write_face_swap(mesh, queue, e, k)
     if before == RULED_OUT or before >= below:
         return 0
     least = max(FLAT, BETTER * before)

@@ -1,6 +1,6 @@
 """Swaps of edges and faces while the functional decreases.
 
-Rings, fans and dynamic program are those of `kernels/tetrahedron/swap.py`, here for the least energy of the
+Rings, shells and dynamic program are those of `kernels/tetrahedron/swap.py`, here for the least energy of the
 new elements, none of them worse than the floor or the worst before. Edges on patches are swapped only if the
 values on the patch do not depend on the edge, which requires a plane with free or linear values.
 """
@@ -13,13 +13,13 @@ from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, element_quality, el
 from kohonen_adapt.kernels.tetrahedron.surgery import replace
 from kohonen_adapt.kernels.tetrahedron.swap import (
     RULED_OUT,
+    add_shells,
     enter,
-    enter_fans,
-    enter_pair,
-    replace_fans,
-    rings_around,
+    replace_shells,
+    shells_around,
     take_first,
     triangulate,
+    write_face_swap,
 )
 
 SIX_VOLUMES, ENERGY = 0, 1  # columns of `seen`
@@ -39,36 +39,36 @@ def energy_seen(mesh, trial, e):
 
 @inner_kernel
 def energy_of_old(mesh, trial, count, a, b):
-    total = size = 0.0
+    total = magnitude = 0.0
     for i in range(count):
         e = mesh.cavity.old[i]
         energy, more = energy_of(mesh, trial, mesh.elements.node, e, mesh.elements.region[e], a, b)
-        total, size = total + energy, size + more
-    return total, size
+        total, magnitude = total + energy, magnitude + more
+    return total, magnitude
 
 
 @inner_kernel
 def remove_edge_downhill(mesh, trial, queue, open_patch, e, edge, floor):
-    a, b, rings = rings_around(mesh, queue, e, edge)
+    a, b, rings = shells_around(mesh, queue, e, edge)
     nodes, found, other, found_other, patch = rings
     if nodes < 3 or (patch >= 0 and not open_patch[patch]):
         return 0, 0.0
-    least = max(FLAT, min(floor, enter_fans(mesh, rings)))
+    least = max(FLAT, min(floor, add_shells(mesh, rings)))
     after = -triangulate(mesh, trial, 0, nodes, a, b, least)
     if after == np.inf:
         return 0, 0.0
     if other > 0:
         after -= triangulate(mesh, trial, 1, other, a, b, least)
-    before, size = energy_of_old(mesh, trial, found + found_other, a, b)
+    before, magnitude = energy_of_old(mesh, trial, found + found_other, a, b)
     gain = before - after
-    if not gain > ROUNDING * size:
+    if not gain > ROUNDING * magnitude:
         return 0, 0.0
-    return replace_fans(mesh, a, b, rings), gain
+    return replace_shells(mesh, a, b, rings), gain
 
 
 @inner_kernel
 def swap_face_downhill(mesh, trial, queue, e, k, floor):
-    worst = enter_pair(mesh, queue, e, k)
+    worst = write_face_swap(mesh, queue, e, k)
     if worst == RULED_OUT:
         return 0, 0.0
     least = max(FLAT, min(floor, worst))
@@ -76,10 +76,10 @@ def swap_face_downhill(mesh, trial, queue, e, k, floor):
         if not element_quality(mesh.position, mesh.cavity.new, new) >= least:
             return 0, 0.0
     a, b = mesh.cavity.new[0, 0], mesh.cavity.new[0, 1]
-    gain, size = energy_of_old(mesh, trial, 2, a, b)
+    gain, magnitude = energy_of_old(mesh, trial, 2, a, b)
     for new in range(3):
         gain -= energy_of(mesh, trial, mesh.cavity.new, new, mesh.cavity.region[new], a, b)[0]
-    if not gain > ROUNDING * size:
+    if not gain > ROUNDING * magnitude:
         return 0, 0.0
     return (3 if replace(mesh, 2, 3) else 0), gain
 
@@ -98,17 +98,20 @@ def swap_downhill_at(mesh, trial, queue, open_patch, e, floor):
 
 
 @kernel
-def enter_changed(mesh, trial, queue, seen, share):
+def enter_changed(mesh, trial, queue, seen, fraction):
     """Add elements whose volume or functional has changed by a fraction.
 
-    `seen` (m, 2) holds both values of the last search. `share` is the fraction.
+    `seen` (m, 2) holds both values of the last search. `fraction` is the fraction.
     """
     for e in range(mesh.elements.node.shape[0]):
         if mesh.elements.node[e, 0] < 0 or queue.waiting[e]:
             continue
         volumes = element_volumes(mesh.position, mesh.elements.node, e)
-        energy, size = energy_seen(mesh, trial, e)
-        if abs(volumes - seen[e, SIX_VOLUMES]) > share * volumes or abs(energy - seen[e, ENERGY]) > share * size:
+        energy, magnitude = energy_seen(mesh, trial, e)
+        if (
+            abs(volumes - seen[e, SIX_VOLUMES]) > fraction * volumes
+            or abs(energy - seen[e, ENERGY]) > fraction * magnitude
+        ):
             enter(queue, e)
 
 
@@ -120,7 +123,7 @@ def swap_downhill(mesh, trial, queue, seen, open_patch, floor, limit):
     the patches whose edges may be swapped. With a varying source new elements wait for the next call, because
     each swap uses the source around its own edge, and swaps could otherwise cycle.
     """
-    swaps, lowered = 0, 0.0
+    swaps, decrease = 0, 0.0
     for _ in range(limit):
         if queue.state[1] == 0:
             break
@@ -133,5 +136,5 @@ def swap_downhill(mesh, trial, queue, seen, open_patch, floor, limit):
         for i in range(made if trial.source.shape[0] == 0 else 0):
             enter(queue, np.int64(mesh.cavity.made[i]))
         if made > 0:
-            swaps, lowered = swaps + 1, lowered + gain
-    return swaps, lowered
+            swaps, decrease = swaps + 1, decrease + gain
+    return swaps, decrease

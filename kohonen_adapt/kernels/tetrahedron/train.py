@@ -24,9 +24,9 @@ def draw_points(position, node, order, cumulated, random, points, element):
     distribution (Rocchini and Cignoni, J. Graph. Tools 5, 2000).
     """
     number, at = points.shape[0], 0
-    share = cumulated[-1] / number
+    mass = cumulated[-1] / number
     for t in range(number):
-        level = (t + random[t, 0]) * share
+        level = (t + random[t, 0]) * mass
         while at < order.shape[0] - 1 and cumulated[at] < level:
             at += 1
         e, u, v, w = order[at], random[t, 1], random[t, 2], random[t, 3]
@@ -46,13 +46,13 @@ def draw_points(position, node, order, cumulated, random, points, element):
 
 
 @kernel
-def learn(neurons, lesson, rate, floor, sound, scratch):
+def learn(mesh, lesson, rate, floor, sound, scratch):
     """Train the map with points whose winners are known.
 
     The learning rate times the weight is at most 1. Stars marked `sound` are not compared with their former
     quality.
     """
-    position, elements, star, constraints = neurons.position, neurons.elements, neurons.star, neurons.constraints
+    position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
     freedom, surfaces = constraints.freedom, constraints.surfaces
     queue, stamps = scratch.queue, scratch.node_stamp
     for t in range(lesson.points.shape[0]):
@@ -62,14 +62,14 @@ def learn(neurons, lesson, rate, floor, sound, scratch):
         first, last = np.int64(0), np.int64(1)
         for ring in range(lesson.strength.shape[0]):
             if ring > 0:
-                end = gather_ring(neurons, region, scratch, first, last, stamp)
+                end = gather_ring(mesh, region, scratch, first, last, stamp)
                 first, last = last, end
             step = rate_of_point * lesson.strength[ring]
             for i in range(first, last):
                 v = np.int64(queue[i])
                 if freedom.number[v] == HELD:
                     if not freedom.pinned[v]:
-                        jump(neurons, v, x, step, floor, scratch)
+                        jump(mesh, v, x, step, floor, scratch)
                     continue
                 new_x, new_y, new_z = slid(
                     position, constraints, v,
@@ -87,8 +87,8 @@ def learn(neurons, lesson, rate, floor, sound, scratch):
 
 
 @inner_kernel
-def gather_ring(neurons, region, scratch, first, last, stamp):
-    elements, star, inner = neurons.elements, neurons.star, neurons.constraints.inner
+def gather_ring(mesh, region, scratch, first, last, stamp):
+    elements, star, inner = mesh.elements, mesh.star, mesh.constraints.inner
     queue, stamps, end = scratch.queue, scratch.node_stamp, last
     for i in range(first, last):
         v = queue[i]
