@@ -240,8 +240,8 @@ class Origins(NamedTuple):
     old: np.ndarray  # (n,) int32: index before, -1 for a new node
     hint: np.ndarray  # (n,) int32: element near the node in the mesh before
     pinned: np.ndarray  # (n,) bool: edges between two pinned nodes are not split
-    young: np.ndarray  # (n,) bool: new in this round, and not collapsed, so that a round ends
-    pinched: np.ndarray  # (n,) bool: non-manifold nodes, into which no node is collapsed
+    is_new: np.ndarray  # (n,) bool: new in this round, and not collapsed, so that a round ends
+    non_manifold: np.ndarray  # (n,) bool: non-manifold nodes, into which no node is collapsed
     longest: np.ndarray  # (n,): maximum length of a facet made by collapsing a node on a curve
 
 

@@ -20,7 +20,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Star,
     Tetrahedra,
 )
-from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star, mark_pinched
+from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star, mark_non_manifold
 from kohonen_adapt.kernels.tetrahedron.surfaces import measure_bulges
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
 from kohonen_adapt.outline.movable_solid import BY_ELEMENT, MovableSolid
@@ -71,7 +71,7 @@ class OpenSolid:
         first = star.element[star.start[:-1]]
         fineness = padded(np.cbrt(density / density.max()), rows, 1.0)
         numbers, hint = padded(np.arange(n, dtype=np.int32), rows, -1), padded(first, rows, -1)
-        bulge, pinched = np.zeros(len(movable.surfaces.shape)), np.zeros(rows, dtype=np.bool_)
+        bulge, non_manifold = np.zeros(len(movable.surfaces.shape)), np.zeros(rows, dtype=np.bool_)
         used = np.count_nonzero(node[:, 0] >= 0)
         empty = np.append(np.flatnonzero(node[:, 0] < 0)[::-1], free_rows(len(node), capacity)[: capacity - len(node)])
         stack = np.empty(capacity, dtype=np.int32)
@@ -84,10 +84,10 @@ class OpenSolid:
             movable.surfaces,
             freedom,
             Pool(padded(first, rows, -1), free_rows(n, rows), stack, height),
-            Origins(fineness, numbers, hint, pinched, bulge),
+            Origins(fineness, numbers, hint, non_manifold, bulge),
             Cavity.of(rows, capacity),
         )
-        mark_pinched(mesh, star, pinched)
+        mark_non_manifold(mesh, star, non_manifold)
         measure_bulges(mesh, bulge)
         queue = Queue.of(capacity)
         enter_worse(mesh, queue, 1.0)
@@ -129,7 +129,7 @@ class OpenSolid:
         for name, array in self.state.items():
             array[:] = array[elements if name in BY_ELEMENT else nodes]
         origins = mesh.origins
-        for array in (origins.fineness, origins.old, origins.hint, origins.pinched, mesh.pool.anchor):
+        for array in (origins.fineness, origins.old, origins.hint, origins.non_manifold, mesh.pool.anchor):
             array[:] = array[nodes]
         for array, order in (
             (mesh.elements.node, nodes),

@@ -59,7 +59,7 @@ def recycled_pairs(
 ) -> tuple[Ints, Floats, Recycled]:
     on_pairs = np.append(movable.constraints.chains.paired, False)[movable.triangulation.elements.chain]
     spacious = Surgery.on(movable, density, movable.nnodes + SPARE * int(np.count_nonzero(on_pairs)), done)
-    spacious.mesh.origins.young[:] = False
+    spacious.mesh.origins.is_new[:] = False
     splits, collapses = recycle_pairs(spacious.mesh, target, both, RATIO, movable.floor)
     origins = spacious.mesh.origins
     if not splits and not collapses:
@@ -67,7 +67,7 @@ def recycled_pairs(
     kept, _ = spacious.hand_back(movable)
     movable.flip()
     counts = done.splits + splits, done.collapses + collapses
-    row = np.where(origins.young[kept], -1, kept)
+    row = np.where(origins.is_new[kept], -1, kept)
     return row, origins.density[kept], Recycled(origins.old[kept], origins.hint[kept], *counts)
 
 
@@ -79,7 +79,7 @@ def exchange(mesh: OpenMesh, floor: float, missing: int, ratio: float) -> tuple[
     for _ in range(ROUNDS):
         fill_heaps(mesh, *heaps)
         at_first, finished = splits, False
-        mesh.origins.young[:] = False
+        mesh.origins.is_new[:] = False
         while not finished:
             left = max(0, missing - splits) if missing > 0 else min(0, missing + collapses - splits)
             more, fewer, finished = recycle(mesh, *heaps, left, ratio, floor, SPLITS)

@@ -13,7 +13,7 @@ from kohonen_adapt.kernels.compilation import interpreted
 from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.tetrahedron import smooth, swap
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, INTERSECTION, RING, Constraints, Queue, Star
-from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star, mark_pinched
+from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star, mark_non_manifold
 from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
 from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
 from kohonen_adapt.kernels.tetrahedron.surfaces import measure_bulges
@@ -215,7 +215,7 @@ def test_nodes_between_elements_that_share_no_face_are_known():
     node = node[(middle[:, 0] < 0.5) == (middle[:, 1] < 0.5)]
     used = np.unique(node)
     mesh = opened(position[used], np.searchsorted(used, node).astype(np.int32))
-    star, pinched = Star.of(len(used), len(node)), np.zeros(len(used), dtype=bool)
+    star, non_manifold = Star.of(len(used), len(node)), np.zeros(len(used), dtype=bool)
     fill_star(mesh.elements.node[: len(node)], star)
-    mark_pinched(mesh, star, pinched)
-    assert np.array_equal(pinched, (position[used][:, :2] == 0.5).all(axis=1))
+    mark_non_manifold(mesh, star, non_manifold)
+    assert np.array_equal(non_manifold, (position[used][:, :2] == 0.5).all(axis=1))

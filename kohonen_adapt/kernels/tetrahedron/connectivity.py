@@ -88,9 +88,9 @@ def has_constrained_face(mesh, a, b, c):
 
 
 @kernel
-def mark_pinched(mesh, star, pinched):
+def mark_non_manifold(mesh, star, non_manifold):
     for v in range(star.start.shape[0] - 1):
-        pinched[v] = gather_around(mesh, v, mesh.cavity.around) != star.start[v + 1] - star.start[v]
+        non_manifold[v] = gather_around(mesh, v, mesh.cavity.around) != star.start[v + 1] - star.start[v]
 
 
 @kernel

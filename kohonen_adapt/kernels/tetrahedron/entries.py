@@ -49,7 +49,7 @@ SPACE: dict[str, tuple[Entry, ...]] = {
         Entry(stars.find_parts, I2, I1, I1),
     ),
     "space moves": (
-        Entry(connectivity.mark_pinched, OPEN_TETRAHEDRA, STAR, B1),
+        Entry(connectivity.mark_non_manifold, OPEN_TETRAHEDRA, STAR, B1),
         Entry(surfaces.measure_bulges, OPEN_TETRAHEDRA, R1),
         Entry(swap.enter_worse, OPEN_TETRAHEDRA, QUEUE, float64),
         Entry(swap.swap_waiting, OPEN_TETRAHEDRA, QUEUE, float64, int64),

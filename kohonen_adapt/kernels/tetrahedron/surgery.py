@@ -215,7 +215,7 @@ def prepare_split(mesh, a, b, floor):
     count = gather_edge(mesh, a, b, cavity.old)
     if count <= 0 or pool.height[0] == 0 or (freedom.pinned[a] and freedom.pinned[b]):
         return 0
-    if mesh.origins.pinched[a] or mesh.origins.pinched[b]:
+    if mesh.origins.non_manifold[a] or mesh.origins.non_manifold[b]:
         return 0
     number, place = place_of_edge(mesh, cavity.old, count, a, b)
     if number == HELD:
@@ -246,7 +246,7 @@ def split(mesh, a, b, count):
     replace(mesh, count, 2 * count)
     origins.fineness[p] = np.sqrt(origins.fineness[a] * origins.fineness[b])
     origins.old[p], origins.hint[p] = -1, origins.hint[a]
-    mesh.freedom.pinned[p] = origins.pinched[p] = False
+    mesh.freedom.pinned[p] = origins.non_manifold[p] = False
     return p
 
 
@@ -259,7 +259,7 @@ def merge_allowed(mesh, v, w, count):
     """
     freedom, origins = mesh.freedom, mesh.origins
     number = freedom.number[v]
-    if number == HELD or freedom.pinned[v] or origins.pinched[v] or origins.pinched[w]:
+    if number == HELD or freedom.pinned[v] or origins.non_manifold[v] or origins.non_manifold[w]:
         return False
     faces, patches = patches_at(mesh, mesh.cavity.around_other, count, v, w)
     if number == INSIDE:

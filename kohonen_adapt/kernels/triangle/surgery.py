@@ -143,9 +143,9 @@ def split(mesh, e, k, x, y, parameter):
     constraints.inner[p] = other >= 0 and elements.region[other] == elements.region[e]
     origins.density[p] = 0.5 * (origins.density[a] + origins.density[b])
     origins.old[p], origins.hint[p] = -1, origins.hint[start_node(elements, constraints, e, k)]
-    origins.pinned[p] = origins.pinched[p] = False
+    origins.pinned[p] = origins.non_manifold[p] = False
     origins.longest[p] = min(origins.longest[a], origins.longest[b])
-    origins.young[p] = True
+    origins.is_new[p] = True
     new = halve(mesh, e, k, p)
     pool.anchor[p] = e
     neighbour[new, 0] = other
@@ -168,7 +168,7 @@ def collapsed_quality(mesh, v, w, longest, floor):
     node, chain, origins, scratch = elements.node, elements.chain, mesh.origins, mesh.scratch
     if constraints.kind[v] != FREE and constraints.kind[v] != SLIDING:
         return -1.0
-    if origins.pinched[w] or origins.young[v] or constraints.periodic.partner[v] >= 0:
+    if origins.non_manifold[w] or origins.is_new[v] or constraints.periodic.partner[v] >= 0:
         return -1.0
     count = gather_around(mesh, v, scratch.around)
     scratch.counter[0] += 2
