@@ -41,7 +41,7 @@ def records():
     chains, periodic = constraints.chains, constraints.periodic
     n, m = tri.nnodes, len(tri.elements.node)
     scratch = arrays.SearchScratch.of(n, m), arrays.SurgeryScratch.of(n, m)
-    sizes = {"n": n, "m": m, "r": 2, "c": len(chains.row) - 1, "k": len(chains.knot), "number": len(periodic.motions)}
+    sizes = {"n": n, "m": m, "r": 2, "c": len(chains.row) - 1, "k": len(chains.knot), "motions": len(periodic.motions)}
     found = (tri.elements, tri.star, constraints, chains, periodic, *scratch)
     return {type(record).__name__: record for record in found}, sizes | {"CROSSINGS": arrays.CROSSINGS}
 
