@@ -77,7 +77,7 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(connectivity.find_starts, I2, I1),
         Entry(connectivity.fill_star, I2, STAR, int64, int64, I1),
         Entry(ordering.hilbert_keys, R2, R1, float64, L1),
-        Entry(ordering.mark_deep, STAR, I1, int64, B1, I1),
+        Entry(ordering.mark_interior, STAR, I1, int64, B1, I1),
         Entry(chains.look_up, CONSTRAINTS, L1, R2),
         Entry(geometry.move_to_targets, R2, STAR, L1, R2, float64, float64),
     ),

@@ -106,18 +106,18 @@ def hilbert_keys_in_space(points, origin, size, keys):
 
 
 @kernel
-def mark_deep(star, part, rings, deep, queue):
+def mark_interior(star, part, rings, interior, queue):
     """Mark the nodes (n,) surrounded by `rings` rings of nodes of the same part (n,).
 
     `queue` (n,) is scratch.
     """
     last = 0
     for v in range(part.shape[0]):
-        deep[v] = True
+        interior[v] = True
         for k in range(star.start[v], star.start[v + 1]):
             if part[star.ahead[k]] != part[v] or part[star.behind[k]] != part[v]:
-                deep[v] = False
-        if not deep[v]:
+                interior[v] = False
+        if not interior[v]:
             queue[last] = v
             last += 1
     first = 0
@@ -127,15 +127,15 @@ def mark_deep(star, part, rings, deep, queue):
             v = queue[j]
             for k in range(star.start[v], star.start[v + 1]):
                 for other in (star.ahead[k], star.behind[k]):
-                    if deep[other]:
-                        deep[other] = False
+                    if interior[other]:
+                        interior[other] = False
                         queue[end] = other
                         end += 1
         first, last = last, end
 
 
 @kernel
-def sort_into_tiles(winners, rank, deep, count, tiles, cuts, order):
+def sort_into_tiles(winners, rank, interior, count, tiles, cuts, order):
     """Sort training points by the tile of the winner, interior winners first.
 
     The winners of ``order[cuts[i] : cuts[i + 1]]`` are in tile i, in the interior for i < tiles and otherwise not in
@@ -146,12 +146,12 @@ def sort_into_tiles(winners, rank, deep, count, tiles, cuts, order):
         cuts[i] = 0
     for t in range(winners.shape[0]):
         v = winners[t]
-        cuts[rank[v] * tiles // count + (0 if deep[v] else tiles)] += 1
+        cuts[rank[v] * tiles // count + (0 if interior[v] else tiles)] += 1
     for i in range(2 * tiles):
         cuts[i + 1] += cuts[i]
     for t in range(winners.shape[0] - 1, -1, -1):  # backwards, so that points of a tile keep their order
         v = winners[t]
-        i = rank[v] * tiles // count + (0 if deep[v] else tiles)
+        i = rank[v] * tiles // count + (0 if interior[v] else tiles)
         cuts[i] -= 1
         order[cuts[i]] = t
 

@@ -83,8 +83,8 @@ def shared_in_parts(task: Callable[[int, Nodes], float], order: Nodes, *ways: tu
     result does not depend on the number of threads.
     """
     gains = list[float]()
-    for part, deep in ways:
-        alone = deep[order]
+    for part, interior in ways:
+        alone = interior[order]
         inside, order = order[alone], order[~alone]
         inside = inside[np.argsort(part[inside], kind="stable")]
         cuts = np.searchsorted(part[inside], np.arange(part.max() + 2)).tolist()

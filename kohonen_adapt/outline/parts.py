@@ -19,7 +19,7 @@ from kohonen_adapt.arrays import Ints, padded
 from kohonen_adapt.kernels.arrays import Pool
 from kohonen_adapt.kernels.ordering import MARGIN, along_curve, parts_along
 from kohonen_adapt.kernels.tetrahedron.arrays import ELSEWHERE, FREE, WAITS, WANTED, Cavity, OpenTetrahedra, Queue, Star
-from kohonen_adapt.kernels.tetrahedron.stars import ACROSS, find_parts, mark_deep
+from kohonen_adapt.kernels.tetrahedron.stars import ACROSS, find_parts, mark_interior
 from kohonen_adapt.kernels.threads import Nodes, by_turns, number_of_threads, shared_in_parts
 
 __all__ = ["Parts", "wait_in"]
@@ -70,7 +70,7 @@ class Parts:
         ways = list[tuple[Nodes, NDArray[np.bool_]]]()
         for part in self.ways:
             deep = np.empty(len(part), dtype=np.bool_)
-            mark_deep(star, part, 1, deep, np.empty_like(part))
+            mark_interior(star, part, 1, deep, np.empty_like(part))
             ways.append((part, deep))
         return shared_in_parts(task, self.order, *ways)
 

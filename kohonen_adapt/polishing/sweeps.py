@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Mask
 from kohonen_adapt.kernels.arrays import HELD, Constraints
-from kohonen_adapt.kernels.ordering import along_curve, mark_deep, parts_along
+from kohonen_adapt.kernels.ordering import along_curve, mark_interior, parts_along
 from kohonen_adapt.kernels.threads import even_cuts, shared, shared_in_parts
 from kohonen_adapt.kernels.triangle.descend import descend_nodes
 from kohonen_adapt.kernels.triangle.descend_higher import Descents
@@ -71,12 +71,12 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
     downhill = _downhill(movable, functional, trial._replace(fixed=trial.fixed | beyond), constraints)
     order = along_curve(movable.triangulation.position).astype(np.int32)
     parts = max(1, len(order) // (PART // UNKNOWNS[functional.ritz.order - 1]))
-    part, deep = parts_along(order, len(order), parts), np.empty(len(order), dtype=np.bool_)
+    part, interior = parts_along(order, len(order), parts), np.empty(len(order), dtype=np.bool_)
     if eager:
         gain += flip_downhill(movable, downhill)
     for _ in range(sweeps):
-        mark_deep(movable.triangulation.star, part, 1, deep, np.empty_like(order))
-        gain += shared_in_parts(downhill.descend_nodes, order, (part, deep))
+        mark_interior(movable.triangulation.star, part, 1, interior, np.empty_like(order))
+        gain += shared_in_parts(downhill.descend_nodes, order, (part, interior))
         gain += descend_pairs(movable, downhill, freedom)
         gain += flip_downhill(movable, downhill)
         bend = movable.midside_offsets() if movable.curved else None

@@ -136,14 +136,14 @@ class Trainer:
         number, total = len(slot), 0.0
         rings = stage.radius + 2  # elements of moved nodes need one ring beyond the radius, a corner jump a second
         parts = parts_for(self.movable.nnodes, rings, self.method.cell.dim)
-        sound, deep = self._sound_stars(), self._deep_nodes(parts, rings)
+        sound, interior = self._sound_stars(), self._interior_nodes(parts, rings)
         batches = batches_for(stage, rate, number / self.movable.nnodes, number, self.method)
         for first in range(batches):
             rows = np.arange(first, number, batches)
             batch = shown.reordered(rows)
             found, distances = self.search(batch, winners[slot[rows]])
             winners[slot[rows]] = found
-            cuts, order = self._by_parts(found, stage.radius, parts, deep, rng)
+            cuts, order = self._by_parts(found, stage.radius, parts, interior, rng)
             self._teach(stage, rate, batch.reordered(order), found[order], sound, cuts)
             total += float(distances.sum())
         return total / max(1, number)
@@ -163,26 +163,26 @@ class Trainer:
         movable = self._triangles("sweeps")
         tri, constraints, floor = movable.triangulation, movable.constraints, movable.floor
         parts = parts_for(tri.nnodes, 1, self.method.cell.dim)
-        deep = self._deep_nodes(parts, 1)
+        interior = self._interior_nodes(parts, 1)
 
         def task(thread: int, first: int, last: int, which: bool = True) -> None:
             sweep(
                 tri.position, tri.elements, tri.star, constraints, weight, circumcentres, floor,
-                self.order[first:last], deep, which,
+                self.order[first:last], interior, which,
             )  # fmt: skip
 
         shared(task, shares_of(starts_of_parts(tri.nnodes, parts)))
         task(0, 0, tri.nnodes, which=False)
 
-    def _deep_nodes(self, parts: int, rings: int) -> Mask:
+    def _interior_nodes(self, parts: int, rings: int) -> Mask:
         """Return the mask (n,) of nodes with all nodes within `rings` in their own part."""
-        deep = np.empty(self.movable.nnodes, dtype=np.bool_)
-        part = (self.rank.astype(np.int64) * parts // len(deep)).astype(np.int32)
+        interior = np.empty(self.movable.nnodes, dtype=np.bool_)
+        part = (self.rank.astype(np.int64) * parts // len(interior)).astype(np.int32)
         if isinstance(self.movable, MovableMesh):
             paired = np.flatnonzero(self.movable.constraints.periodic.partner >= 0)
             part[paired] = -1 - paired  # points near a pair change two parts of the mesh
-        self.method.mark_deep(self.neurons.star, part, rings, deep, self.scratch[0].queue)
-        return deep
+        self.method.mark_interior(self.neurons.star, part, rings, interior, self.scratch[0].queue)
+        return interior
 
     def search(self, batch: Draw, hints: Ints) -> tuple[Ints, Floats]:
         found, distances = np.empty(len(hints), dtype=np.int32), np.empty(len(hints))
@@ -212,12 +212,12 @@ class Trainer:
         return self.movable
 
     def _by_parts(
-        self, winners: Ints, radius: int, parts: int, deep: Mask, rng: np.random.Generator
+        self, winners: Ints, radius: int, parts: int, interior: Mask, rng: np.random.Generator
     ) -> tuple[Ints, Ints]:
-        n = len(deep)
+        n = len(interior)
         tiles = parts * max(1, round(n / (parts * max(TILE, disc(radius, self.method)))))
         cuts, order = np.empty(2 * tiles + 1, dtype=np.int64), np.empty(len(winners), dtype=np.int32)
-        sort_into_tiles(winners, self.rank, deep, n, tiles, cuts, order)
+        sort_into_tiles(winners, self.rank, interior, n, tiles, cuts, order)
         shuffle(cuts, order, rng)
         return np.append(cuts[: tiles + 1 : tiles // parts], cuts[-1]), order
 

@@ -22,7 +22,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star
 from kohonen_adapt.kernels.tetrahedron.search import find_winners, squared_distance_to_face
-from kohonen_adapt.kernels.tetrahedron.stars import mark_deep, mark_sound
+from kohonen_adapt.kernels.tetrahedron.stars import mark_interior, mark_sound
 from kohonen_adapt.kernels.tetrahedron.train import draw_points, learn
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.rules import Rules
@@ -182,12 +182,12 @@ def test_training_is_equation_1_under_the_guard(radius, rate, floor):
 def test_deep_inside_a_part_nothing_reaches_another():
     made = Map(box(6))
     part = (made.position[:, 0] > 0.4).astype(np.int32) + (made.position[:, 1] > 0.6)
-    deep, queue = np.empty(len(part), dtype=np.bool_), np.empty(len(part), dtype=np.int32)
-    mark_deep(made.neurons.star, part, 2, deep, queue)
-    assert 0 < deep.sum() < len(part)
+    interior, queue = np.empty(len(part), dtype=np.bool_), np.empty(len(part), dtype=np.int32)
+    mark_interior(made.neurons.star, part, 2, interior, queue)
+    assert 0 < interior.sum() < len(part)
     for v in range(len(part)):
         near = np.concatenate(rings(made.elements.node, v, 2)).astype(int)
-        assert deep[v] == np.all(part[near] == part[v])
+        assert interior[v] == np.all(part[near] == part[v])
 
 
 @pytest.mark.parametrize("seed", range(3))

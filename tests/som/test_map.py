@@ -10,7 +10,7 @@ from helpers.processes import output_with
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Rules, Schedule, Stage
-from kohonen_adapt.kernels.ordering import mark_deep, shuffle, sort_into_tiles
+from kohonen_adapt.kernels.ordering import mark_interior, shuffle, sort_into_tiles
 from kohonen_adapt.kernels.triangle.smooth import RELAXATION
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
@@ -78,25 +78,25 @@ def test_the_order_in_which_points_are_given_does_not_matter():
 def test_deep_inside_a_part_nothing_reaches_another(radius):
     tri = Triangulation.of(generic_square(16))
     part = (tri.position[:, 0] > 0.4).astype(np.int32) + (tri.position[:, 1] > 0.6)
-    deep, queue = np.empty(tri.nnodes, dtype=np.bool_), np.empty(tri.nnodes, dtype=np.int32)
-    mark_deep(tri.star, part, radius + 1, deep, queue)
+    interior, queue = np.empty(tri.nnodes, dtype=np.bool_), np.empty(tri.nnodes, dtype=np.int32)
+    mark_interior(tri.star, part, radius + 1, interior, queue)
     for v in range(tri.nnodes):
         near = np.concatenate(rings(tri.elements.node, np.zeros(len(tri.elements.node)), v, radius + 1, 0))
-        assert deep[v] == np.all(part[near.astype(int)] == part[v])
+        assert interior[v] == np.all(part[near.astype(int)] == part[v])
 
 
 def test_points_are_sorted_by_tile_and_by_how_deep_their_winners_are():
     rng = np.random.default_rng(3)
-    winners, rank, deep = rng.integers(0, 40, 200), rng.permutation(40), rng.random(40) < 0.7
+    winners, rank, interior = rng.integers(0, 40, 200), rng.permutation(40), rng.random(40) < 0.7
     cuts, order = np.empty(11, dtype=np.int64), np.empty(200, dtype=np.int32)
-    sort_into_tiles(winners, rank, deep, 40, 5, cuts, order)
+    sort_into_tiles(winners, rank, interior, 40, 5, cuts, order)
     assert all(np.all(np.diff(order[first:last]) > 0) for first, last in pairwise(cuts))
     shuffle(cuts, order, rng)
     assert sorted(order) == list(range(200))
     for i, (first, last) in enumerate(pairwise(cuts)):
         found = winners[order[first:last]]
         assert np.all(rank[found] // 8 == i % 5)
-        assert np.all(deep[found] == (i < 5))
+        assert np.all(interior[found] == (i < 5))
 
 
 @pytest.mark.parametrize("radius", [0, 1, 2])

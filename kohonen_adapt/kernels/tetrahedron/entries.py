@@ -45,7 +45,7 @@ SPACE: dict[str, tuple[Entry, ...]] = {
     "space ground": (
         Entry(ordering.hilbert_keys_in_space, R2, R1, float64, L1),
         Entry(connectivity.fill_star, I2, STAR),
-        Entry(stars.mark_deep, STAR, I1, int64, B1, I1),
+        Entry(stars.mark_interior, STAR, I1, int64, B1, I1),
         Entry(stars.find_parts, I2, I1, I1),
     ),
     "space moves": (

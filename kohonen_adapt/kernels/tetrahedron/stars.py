@@ -53,19 +53,19 @@ def mark_sound(position, star, floor, first, last, sound):
 
 
 @kernel
-def mark_deep(star, part, rings, deep, queue):
+def mark_interior(star, part, rings, interior, queue):
     """Mark the nodes that have only nodes of their own part within `rings` rings.
 
     `part` (n,) is the index of the part, `queue` (n,) scratch.
     """
     last = 0
     for v in range(part.shape[0]):
-        deep[v] = True
+        interior[v] = True
         for k in range(star.start[v], star.start[v + 1]):
             for j in range(3):
                 if part[star.link[k, j]] != part[v]:
-                    deep[v] = False
-        if not deep[v]:
+                    interior[v] = False
+        if not interior[v]:
             queue[last] = v
             last += 1
     first = 0
@@ -76,8 +76,8 @@ def mark_deep(star, part, rings, deep, queue):
             for k in range(star.start[v], star.start[v + 1]):
                 for j in range(3):
                     other = star.link[k, j]
-                    if deep[other]:
-                        deep[other] = False
+                    if interior[other]:
+                        interior[other] = False
                         queue[end] = other
                         end += 1
         first, last = last, end

@@ -159,16 +159,16 @@ def nearest_element(position, elements, e, x, y):
 
 
 @kernel
-def sweep(position, elements, star, constraints, weight, circumcentres, floor, order, deep, which):
+def sweep(position, elements, star, constraints, weight, circumcentres, floor, order, interior, which):
     """Move nodes to the weighted mean of the centres of their elements, guarded.
 
     x <- sum |K| w_K c_K / sum |K| w_K over the star, with the weights w_K = rho_K^2. The centre c_K is the
     circumcentre, or the barycentre if no edge is flipped, because the circumcentre of a stretched element is far away.
-    Only nodes of `order` with `deep` equal to `which` move.
+    Only nodes of `order` with `interior` equal to `which` move.
     """
     for node in order:
         v = np.int64(node)
-        if deep[v] != which or constraints.kind[v] == HELD:
+        if interior[v] != which or constraints.kind[v] == HELD:
             continue
         x, y, mass = centre_mean(position, star, weight, circumcentres, v)
         if constraints.kind[v] == FREE:
