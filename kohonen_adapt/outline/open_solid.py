@@ -21,7 +21,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Tetrahedra,
 )
 from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star, mark_non_manifold
-from kohonen_adapt.kernels.tetrahedron.surfaces import measure_bulges
+from kohonen_adapt.kernels.tetrahedron.surfaces import measure_sagittas
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
 from kohonen_adapt.outline.movable_solid import BY_ELEMENT, MovableSolid
 from kohonen_adapt.outline.parts import Parts, wait_in
@@ -71,7 +71,7 @@ class OpenSolid:
         first = star.element[star.start[:-1]]
         fineness = padded(np.cbrt(density / density.max()), rows, 1.0)
         numbers, hint = padded(np.arange(n, dtype=np.int32), rows, -1), padded(first, rows, -1)
-        bulge, non_manifold = np.zeros(len(movable.surfaces.shape)), np.zeros(rows, dtype=np.bool_)
+        sagitta, non_manifold = np.zeros(len(movable.surfaces.shape)), np.zeros(rows, dtype=np.bool_)
         used = np.count_nonzero(node[:, 0] >= 0)
         empty = np.append(np.flatnonzero(node[:, 0] < 0)[::-1], free_rows(len(node), capacity)[: capacity - len(node)])
         stack = np.empty(capacity, dtype=np.int32)
@@ -84,11 +84,11 @@ class OpenSolid:
             movable.surfaces,
             freedom,
             Pool(padded(first, rows, -1), free_rows(n, rows), stack, height),
-            Origins(fineness, numbers, hint, non_manifold, bulge),
+            Origins(fineness, numbers, hint, non_manifold, sagitta),
             Cavity.of(rows, capacity),
         )
         mark_non_manifold(mesh, star, non_manifold)
-        measure_bulges(mesh, bulge)
+        measure_sagittas(mesh, sagitta)
         queue = Queue.of(capacity)
         enter_worse(mesh, queue, 1.0)
         return cls(state, mesh, queue)

@@ -227,7 +227,7 @@ def ball(cells):
     outside[len(position) :] = False
     mesh.elements.patch[mesh.elements.patch >= 0] = 0
     mesh.freedom.number[outside], mesh.freedom.place[outside] = ON_PATCH, 0
-    return mesh._replace(surfaces=surfaces, origins=mesh.origins._replace(bulge=np.zeros(1)))
+    return mesh._replace(surfaces=surfaces, origins=mesh.origins._replace(sagitta=np.zeros(1)))
 
 
 def drum(cells, ridges=CIRCLE):
@@ -253,7 +253,7 @@ def drum(cells, ridges=CIRCLE):
     number[:], place[:] = INSIDE, -1
     number[side | end], place[side | end] = ON_PATCH, np.where(side, 2, z[:n])[side | end]
     number[side & end], place[side & end] = ON_RIDGE, z[:n][side & end]
-    return mesh._replace(surfaces=surfaces, origins=mesh.origins._replace(bulge=np.zeros(3)))
+    return mesh._replace(surfaces=surfaces, origins=mesh.origins._replace(sagitta=np.zeros(3)))
 
 
 def check_freedom(mesh, node, rows):

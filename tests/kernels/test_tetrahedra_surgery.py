@@ -16,7 +16,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, INTERSECTION, RING,
 from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star, mark_non_manifold
 from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
 from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
-from kohonen_adapt.kernels.tetrahedron.surfaces import measure_bulges
+from kohonen_adapt.kernels.tetrahedron.surfaces import measure_sagittas
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
 
 FLOOR = 0.2
@@ -97,8 +97,8 @@ def test_what_a_mesh_promises_holds_after_anything(world, steps):
 @pytest.mark.parametrize("body", [ball(4), drum(4), drum(4, INTERSECTION)], ids=["ball", "drum", "intersections"])
 def test_nodes_stay_on_curved_patches_and_ridges(body):
     """New nodes, too; and what chords cut off grows by no swap and no collapse."""
-    measure_bulges(body, body.origins.bulge)
-    bulge = body.origins.bulge.copy()
+    measure_sagittas(body, body.origins.sagitta)
+    sagitta = body.origins.sagitta.copy()
     density = bump(np.array([1.0, 0.0, 0.0]), 30.0)
     body.origins.fineness[:] = np.cbrt(density(body.position))
     node = body.elements.node[body.elements.node[:, 0] >= 0]
@@ -108,9 +108,9 @@ def test_nodes_stay_on_curved_patches_and_ridges(body):
     net, number = exchange(body, ratio=1.9)
     assert net == 0 and number > 3
     assert check(body, floor)[0] == count
-    found = np.zeros_like(bulge)
-    measure_bulges(body, found)
-    assert np.all(found <= bulge * (1 + 1e-9))
+    found = np.zeros_like(sagitta)
+    measure_sagittas(body, found)
+    assert np.all(found <= sagitta * (1 + 1e-9))
     for _ in range(2):
         assert sweep(body, density) > 10
         swaps(body)
@@ -149,7 +149,7 @@ def test_the_best_triangulation_of_a_ring_is_that_of_brute_force(count):
     position = np.vstack([ring, [[0.05, 0.0, -1.0], [0.0, 0.1, 1.2]]])
     mesh = opened(*jittered((1, 1, 1), 0.0, 0))._replace(position=position)
     mesh.cavity.ring[0, :count] = np.arange(count)
-    mesh.cavity.shell[:] = 0  # whose region new elements have
+    mesh.cavity.shell[:] = 0  # shell of the region of new elements
     found = interpreted(swap.triangulate)(mesh, None, 0, count, count, count + 1, 0.0)
     best = max(worst(position, triangles) for triangles in triangulations(0, count - 1))
     assert found == pytest.approx(max(best, 0.0) ** 3 if best > 0 else swap.RULED_OUT)

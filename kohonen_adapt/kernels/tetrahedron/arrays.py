@@ -19,7 +19,7 @@ HELD, ON_RIDGE, ON_PATCH, INSIDE = range(4)  # `Freedom.number`: dimension of th
 
 MOST = 1024  # maximum number of elements around a node for surgery
 RING = 8  # maximum number of nodes in the ring of an edge for swaps
-FREE, WAITS, ELSEWHERE, WANTED = range(4)  # `Queue.waiting`; ELSEWHERE turns into WANTED if it blocks a swap
+FREE, WAITS, ELSEWHERE, WANTED = range(4)  # `Queue.waiting`; ELSEWHERE turns into WANTED if an element blocks a swap
 
 # Columns of `Trial.data`.
 TWELFTH_COEFFICIENT, SOURCE_24TH, SIXTH_FLUX_X, SIXTH_FLUX_Y, SIXTH_FLUX_Z = range(5)
@@ -46,7 +46,7 @@ class Samples(NamedTuple):
     start: np.ndarray  # (p + 1,) int32: patch p has rows start[p] to start[p + 1]
     point: np.ndarray  # (s, 3)
     normal: np.ndarray  # (s, 3): unit vectors, all on the same side of the patch
-    bend: np.ndarray  # (s, 3, 3): second derivatives of the height along the normal
+    hessian: np.ndarray  # (s, 3, 3): second derivatives of the height along the normal
 
 
 NO_SAMPLES = Samples(np.zeros(1, dtype=np.int32), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)))
@@ -104,7 +104,7 @@ class Origins(NamedTuple):
     old: np.ndarray  # (n,) int32: row in the input mesh, -1 for new nodes
     hint: np.ndarray  # (n,) int32: an element of the input mesh near the node
     non_manifold: np.ndarray  # (n,) bool: non-manifold, elements not all connected by faces
-    bulge: np.ndarray  # (p,): maximum distance of edge midpoints from the patch
+    sagitta: np.ndarray  # (p,): maximum distance of edge midpoints from the patch
 
 
 @record

@@ -50,7 +50,7 @@ SPACE: dict[str, tuple[Entry, ...]] = {
     ),
     "space moves": (
         Entry(connectivity.mark_non_manifold, OPEN_TETRAHEDRA, STAR, B1),
-        Entry(surfaces.measure_bulges, OPEN_TETRAHEDRA, R1),
+        Entry(surfaces.measure_sagittas, OPEN_TETRAHEDRA, R1),
         Entry(swap.enter_worse, OPEN_TETRAHEDRA, QUEUE, float64),
         Entry(swap.swap_waiting, OPEN_TETRAHEDRA, QUEUE, float64, int64),
         Entry(smooth.smooth_nodes, NEURONS, R1, float64, I1),

@@ -48,11 +48,11 @@ def signed_distance(surfaces, p, x, y, z):
 @inner_kernel
 def height_above(samples, p, x, y, z):
     row = nearest_sample(samples, p, x, y, z)
-    bend, nx, ny, nz = samples.bend, samples.normal[row, 0], samples.normal[row, 1], samples.normal[row, 2]
+    hessian, nx, ny, nz = samples.hessian, samples.normal[row, 0], samples.normal[row, 1], samples.normal[row, 2]
     px, py, pz = x - samples.point[row, 0], y - samples.point[row, 1], z - samples.point[row, 2]
-    bx = bend[row, 0, 0] * px + bend[row, 0, 1] * py + bend[row, 0, 2] * pz
-    by = bend[row, 1, 0] * px + bend[row, 1, 1] * py + bend[row, 1, 2] * pz
-    bz = bend[row, 2, 0] * px + bend[row, 2, 1] * py + bend[row, 2, 2] * pz
+    bx = hessian[row, 0, 0] * px + hessian[row, 0, 1] * py + hessian[row, 0, 2] * pz
+    by = hessian[row, 1, 0] * px + hessian[row, 1, 1] * py + hessian[row, 1, 2] * pz
+    bz = hessian[row, 2, 0] * px + hessian[row, 2, 1] * py + hessian[row, 2, 2] * pz
     height = px * nx + py * ny + pz * nz - 0.5 * (px * bx + py * by + pz * bz)
     nx, ny, nz = nx - bx, ny - by, nz - bz
     slope = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
@@ -129,7 +129,7 @@ def ridge_distance(surfaces, r, x, y, z):
 def exceeds_sagitta(mesh, p, a, b):
     if mesh.surfaces.shape[p] == PLANE:
         return False
-    return edge_sagitta(mesh, p, a, b) > mesh.origins.bulge[p]
+    return edge_sagitta(mesh, p, a, b) > mesh.origins.sagitta[p]
 
 
 @inner_kernel
@@ -190,7 +190,7 @@ def within_reach(position, elements, star, surfaces, v, x, y, z):
 
 
 @kernel
-def measure_bulges(mesh, bulge):
+def measure_sagittas(mesh, sagitta):
     elements = mesh.elements
     for e in range(elements.node.shape[0]):
         if elements.node[e, 0] < 0:
@@ -202,4 +202,4 @@ def measure_bulges(mesh, bulge):
             for i in range(4):
                 for j in range(i):
                     if i != k and j != k:
-                        bulge[p] = max(bulge[p], edge_sagitta(mesh, p, elements.node[e, i], elements.node[e, j]))
+                        sagitta[p] = max(sagitta[p], edge_sagitta(mesh, p, elements.node[e, i], elements.node[e, j]))

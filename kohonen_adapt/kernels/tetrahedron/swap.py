@@ -239,7 +239,7 @@ def shells_around(mesh, queue, e, edge):
 
 @inner_kernel
 def replace_shells(mesh, a, b, rings):
-    """Replace the shells by the best triangulations, and return the number of elements.
+    """Replace the shells by the best triangulations, and return the new count.
 
     Returned is 0 if the new elements do not fill the same volume at a plane, if a slit would close, or if there
     are too few free rows.
