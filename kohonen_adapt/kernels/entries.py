@@ -93,7 +93,7 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(flip.mark_doubtful, R2, ELEMENTS, int64, int64, B1),
         Entry(flip.flip_edges, R2, ELEMENTS, float64, B1, I1, B1, int64),
         Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
-        Entry(geometry.mark_sound, R2, STAR, float64, int64, int64, B1),
+        Entry(geometry.mark_valid, R2, STAR, float64, int64, int64, B1),
         Entry(search.find_winners, NEURONS, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
         Entry(ordering.sort_into_tiles, I1, I1, B1, int64, int64, L1, I1),
         Entry(ordering.swap_each, I1, L1, L1),

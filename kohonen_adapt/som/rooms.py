@@ -30,7 +30,7 @@ class Method(NamedTuple):
     draw_points: Any
     find_winners: Any
     learn: Any
-    mark_sound: Any
+    mark_valid: Any
     mark_interior: Any
     shares: Callable[[int, np.random.Generator], Floats]  # of random points, as `shares_in_triangles`
     ring: Callable[[Ints], Ints]  # number of nodes in rings around a node of a regular mesh
@@ -72,12 +72,12 @@ def schedule_in_space(nnodes: int, topology: str) -> Schedule:
 
 METHODS = {
     TRIANGLE.dim: Method(
-        TRIANGLE, MAP_IN_PLANE, train.draw_points, search.find_winners, train.learn, geometry.mark_sound,
+        TRIANGLE, MAP_IN_PLANE, train.draw_points, search.find_winners, train.learn, geometry.mark_valid,
         ordering.mark_interior, shares_in_triangles, ring_in_plane, schedule_in_plane, 5_000_000,
     ),
     TETRAHEDRON.dim: Method(
         TETRAHEDRON, MAP_IN_SPACE, train_in_space.draw_points, search_in_space.find_winners,
-        train_in_space.learn, stars.mark_sound, stars.mark_interior, shares_in_tetrahedra, ring_in_space,
+        train_in_space.learn, stars.mark_valid, stars.mark_interior, shares_in_tetrahedra, ring_in_space,
         schedule_in_space, 500_000,
     ),
 }  # fmt: skip

@@ -136,7 +136,7 @@ class Trainer:
         number, total = len(slot), 0.0
         rings = stage.radius + 2  # elements of moved nodes need one ring beyond the radius, a corner jump a second
         parts = parts_for(self.movable.nnodes, rings, self.method.cell.dim)
-        sound, interior = self._sound_stars(), self._interior_nodes(parts, rings)
+        is_valid, interior = self._valid_stars(), self._interior_nodes(parts, rings)
         batches = batches_for(stage, rate, number / self.movable.nnodes, number, self.method)
         for first in range(batches):
             rows = np.arange(first, number, batches)
@@ -144,7 +144,7 @@ class Trainer:
             found, distances = self.search(batch, winners[slot[rows]])
             winners[slot[rows]] = found
             cuts, order = self._by_parts(found, stage.radius, parts, interior, rng)
-            self._teach(stage, rate, batch.reordered(order), found[order], sound, cuts)
+            self._teach(stage, rate, batch.reordered(order), found[order], is_valid, cuts)
             total += float(distances.sum())
         return total / max(1, number)
 
@@ -152,12 +152,12 @@ class Trainer:
         region = self.neurons.elements.region[self.neurons.star.element[self.neurons.star.start[:-1]]]
         return self.order[np.argsort(region[self.order], kind="stable")]
 
-    def _sound_stars(self) -> Mask:
-        sound = np.empty(self.movable.nnodes, dtype=np.bool_)
+    def _valid_stars(self) -> Mask:
+        is_valid = np.empty(self.movable.nnodes, dtype=np.bool_)
         arrays = self.neurons.position, self.neurons.star, self.movable.floor
-        cuts = even_cuts(len(sound), FEW)
-        shared(lambda thread, first, last: self.method.mark_sound(*arrays, first, last, sound), cuts)
-        return sound
+        cuts = even_cuts(len(is_valid), FEW)
+        shared(lambda thread, first, last: self.method.mark_valid(*arrays, first, last, is_valid), cuts)
+        return is_valid
 
     def sweep(self, weight: Floats, circumcentres: bool) -> None:
         movable = self._triangles("sweeps")
@@ -221,13 +221,13 @@ class Trainer:
         shuffle(cuts, order, rng)
         return np.append(cuts[: tiles + 1 : tiles // parts], cuts[-1]), order
 
-    def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Ints, sound: Mask, cuts: Ints) -> None:
+    def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Ints, is_valid: Mask, cuts: Ints) -> None:
         floor, strength = self.movable.floor, stage.strength()
 
         def task(thread: int, first: int, last: int) -> None:
             part, ends = slice(first, last), np.empty(stage.radius + 2, dtype=np.int64)
             shown = batch.points[part], batch.region[part], batch.weights[part], winners[part]
-            self.method.learn(self.neurons, Lesson(*shown, strength, ends), rate, floor, sound, self.scratch[thread])
+            self.method.learn(self.neurons, Lesson(*shown, strength, ends), rate, floor, is_valid, self.scratch[thread])
 
         shared(task, shares_of(cuts[:-1]))
         task(0, cuts[-2], cuts[-1])

@@ -22,7 +22,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star
 from kohonen_adapt.kernels.tetrahedron.search import find_winners, squared_distance_to_face
-from kohonen_adapt.kernels.tetrahedron.stars import mark_interior, mark_sound
+from kohonen_adapt.kernels.tetrahedron.stars import mark_interior, mark_valid
 from kohonen_adapt.kernels.tetrahedron.train import draw_points, learn
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.rules import Rules
@@ -54,13 +54,13 @@ class Map:
 
     def learn(self, points, region, rate, strength=(1.0,)):
         """Points one after the other, each with its winner in the mesh that the one before left."""
-        sound, found = np.empty(len(self.position), dtype=np.bool_), []
+        is_valid, found = np.empty(len(self.position), dtype=np.bool_), []
         for x, r in zip(points[:, None], np.asarray(region, dtype=np.int32)[:, None], strict=True):
             start = self.elements.node[self.elements.region == r[0]][0, :1]
             winners, distances = self.search(x, r, start)
-            mark_sound(self.position, self.neurons.star, self.floor, 0, len(sound), sound)
+            mark_valid(self.position, self.neurons.star, self.floor, 0, len(is_valid), is_valid)
             lesson = Lesson(x, r, np.ones(1), winners, np.array(strength), np.empty(len(strength) + 1, dtype=np.int64))
-            learn(self.neurons, lesson, rate, self.floor, sound, self.scratch)
+            learn(self.neurons, lesson, rate, self.floor, is_valid, self.scratch)
             found.append(distances[0])
         return found
 

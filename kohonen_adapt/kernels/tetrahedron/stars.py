@@ -42,14 +42,14 @@ def may_move(position, star, v, x, y, z, floor):
 
 
 @kernel
-def mark_sound(position, star, floor, first, last, sound):
+def mark_valid(position, star, floor, first, last, is_valid):
     """Mark nodes `first` to `last` whose stars are tolerable.
 
     If all stars are tolerable, guarded moves keep them tolerable. Otherwise a neighbour may worsen a marked star
     as far as its own rule allows, and the guard is stricter than the rule up to the next marking.
     """
     for v in range(first, last):
-        sound[v] = star_tolerable(position, star, v, position[v, 0], position[v, 1], position[v, 2], floor)
+        is_valid[v] = star_tolerable(position, star, v, position[v, 0], position[v, 1], position[v, 2], floor)
 
 
 @kernel

@@ -46,10 +46,10 @@ def draw_points(position, node, order, cumulated, random, points, element):
 
 
 @kernel
-def learn(mesh, lesson, rate, floor, sound, scratch):
+def learn(mesh, lesson, rate, floor, is_valid, scratch):
     """Train the map with points whose winners are known.
 
-    The learning rate times the weight is at most 1. Stars marked `sound` are not compared with their former
+    The learning rate times the weight is at most 1. Stars marked `is_valid` are not compared with their former
     quality.
     """
     position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
@@ -81,7 +81,7 @@ def learn(mesh, lesson, rate, floor, sound, scratch):
                 ):
                     continue
                 if star_tolerable(position, star, v, new_x, new_y, new_z, floor) or (
-                    not sound[v] and may_move(position, star, v, new_x, new_y, new_z, floor)
+                    not is_valid[v] and may_move(position, star, v, new_x, new_y, new_z, floor)
                 ):
                     position[v, 0], position[v, 1], position[v, 2] = new_x, new_y, new_z
 

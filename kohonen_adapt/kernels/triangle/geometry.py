@@ -97,14 +97,14 @@ def star_tolerable(position, star, v, x, y, floor):
 
 
 @kernel
-def mark_sound(position, star, floor, first, last, sound):
+def mark_valid(position, star, floor, first, last, is_valid):
     """Mark the nodes `first` to `last` whose stars satisfy the floor.
 
     Guarded moves of a marked node need no comparison with the quality before. A neighbour whose own star violates the
     floor may worsen a marked star. The guard is then stricter than the quality rule until the next call.
     """
     for v in range(first, last):
-        sound[v] = star_tolerable(position, star, v, position[v, 0], position[v, 1], floor)
+        is_valid[v] = star_tolerable(position, star, v, position[v, 0], position[v, 1], floor)
 
 
 @inner_kernel

@@ -55,10 +55,10 @@ def draw_points(position, node, order, cumulated, random, points, element):
 
 
 @kernel
-def learn(mesh, lesson, rate, floor, sound, scratch):
+def learn(mesh, lesson, rate, floor, is_valid, scratch):
     """Move the winners of training points and their neighbours towards the points.
 
-    The learning rate times the weight is limited to 1. Stars marked `sound` satisfy the floor and need no comparison
+    The learning rate times the weight is limited to 1. Stars marked `is_valid` satisfy the floor and need no comparison
     with the quality before.
     """
     position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
@@ -98,7 +98,7 @@ def learn(mesh, lesson, rate, floor, sound, scratch):
                         jump_at_junction(position, elements, star, constraints, v, x[0], x[1], step, floor)
                     continue
                 if star_tolerable(position, star, v, new_x, new_y, floor) or (
-                    not sound[v] and may_move(position, star, v, new_x, new_y, floor)
+                    not is_valid[v] and may_move(position, star, v, new_x, new_y, floor)
                 ):
                     position[v, 0], position[v, 1] = new_x, new_y
                     if kind[v] == SLIDING:
