@@ -23,7 +23,7 @@ from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.more_layers import with_layers
-from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules, check_for, holding
+from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules, check_for, with_pinned
 from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.problem.outputs import Output, check_outputs
 from kohonen_adapt.problem.protocol import Problem, check_problem, curves_of, is_curved, nodes_held, order_of, pairs_of
@@ -193,7 +193,7 @@ def adapt(
     round_, pairs = curves_of(problem, mesh, curves), pairs_of(problem) if periodic is None else periodic
     rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, round_, pairs, layers, surfaces)
     check_for(rules, method.dim)
-    rules = holding(rules.guarded(), nodes_held(problem, mesh))
+    rules = with_pinned(rules.guarded(), nodes_held(problem, mesh))
     growth = Growth.of(int(mesh.nvertices), target_nodes, passes, polish and method.corrects(problem))
     settings = Settings(rules, schedule, seed, polish, growth, check_outputs(outputs, output_rtol), rtol)
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)

@@ -18,7 +18,7 @@ from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["Locator", "find_elements", "holding", "interpolate"]
+__all__ = ["Locator", "find_elements", "interpolate", "walk_to_elements"]
 
 FEW = 5_000  # minimum number of points per thread
 CHUNK = 500_000  # points per compiled call, so that Ctrl-C takes effect within half a second
@@ -95,7 +95,9 @@ class Locator:
         return out
 
 
-def holding(tessellation: Tessellation, points: Floats, start: Ints, across_outlines: bool) -> NDArray[np.int32]:
+def walk_to_elements(
+    tessellation: Tessellation, points: Floats, start: Ints, across_regions: bool
+) -> NDArray[np.int32]:
     """Return the element that contains each point, by a walk from `start`.
 
     If the walk is blocked or too long, the search continues across interfaces, and then over all elements. For a point
@@ -103,7 +105,7 @@ def holding(tessellation: Tessellation, points: Floats, start: Ints, across_outl
     """
     found, inside = np.array(start, dtype=np.int32), np.empty(len(points), dtype=np.bool_)
     elements, kernels = tessellation.elements, METHODS[points.shape[1]].kernels
-    if across_outlines:
+    if across_regions:
         elements = elements._replace(region=np.zeros_like(elements.region))
 
     def walk(thread: int, first: int, last: int) -> None:
@@ -112,8 +114,8 @@ def holding(tessellation: Tessellation, points: Floats, start: Ints, across_outl
 
     shared(walk, even_cuts(len(points), FEW))
     lost = np.flatnonzero(~inside)
-    if len(lost) and not across_outlines:
-        found[lost] = holding(tessellation, points[lost], found[lost], across_outlines=True)
+    if len(lost) and not across_regions:
+        found[lost] = walk_to_elements(tessellation, points[lost], found[lost], across_regions=True)
     elif len(lost):
         searched = Locator(tessellation).find(points[lost])
         found[lost] = np.where(searched >= 0, searched, found[lost])

@@ -70,4 +70,4 @@ def split_edges(movable: MovableMesh, edges: Ints) -> None:
     for a, b in edges.tolist():
         e, k = find(surgery.mesh, a, b)
         halve(surgery.mesh, e, k, *middle(surgery.mesh, np.int64(surgery.mesh.elements.chain[e, k]), a, b))
-    surgery.hand_back(movable)
+    surgery.write_back(movable)

@@ -168,8 +168,8 @@ class MovableMesh:
         rows = {name: m if name in BY_ELEMENT else n for name in STATE_NAMES}
         check_state(self.state(), state, rows, numbers)
 
-    def settle(self) -> None:
-        self.outline.settle(self.triangulation, self.floor)
+    def project_nodes(self) -> None:
+        self.outline.project_nodes(self.triangulation, self.floor)
 
     def flip(self) -> int:
         if not self.flips:

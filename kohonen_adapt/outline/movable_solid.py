@@ -181,7 +181,7 @@ class MovableSolid:
         tet.set_arrays(own["position"], tet.elements._replace(**arrays("tetrahedra.")))
         self.freedom = self.freedom._replace(**arrays("freedom."))
 
-    def settle(self) -> None:
+    def project_nodes(self) -> None:
         tet = self.tetrahedralization
         target = places_of(tet.position, self.surfaces, self.freedom, self.patches)
         tet.position[:] = settled(tet.position, tet.elements, target, self.floor)

@@ -146,7 +146,7 @@ class OpenSolid:
         first = ranks(kept, len(self.mesh.position))[node[used]].min(axis=1)
         return kept, used[np.argsort(first, kind="stable")]
 
-    def hand_back(self, movable: MovableSolid, renumbered: bool = False) -> Ints:
+    def write_back(self, movable: MovableSolid, renumbered: bool = False) -> Ints:
         node, rows = self.mesh.elements.node, (self.nodes(), self.elements())
         kept, used = self.along_curve() if renumbered else rows
         number, place = ranks(kept, len(self.mesh.position)), np.append(ranks(used, len(node)), np.int32(-1))
@@ -166,7 +166,7 @@ def swap_elements(movable: MovableSolid) -> None:
     if movable.flips:
         opened = OpenSolid.of(movable, np.ones(movable.nnodes))
         opened.swap()
-        opened.hand_back(movable)
+        opened.write_back(movable)
 
 
 def star_of(node: NDArray[np.int32], nodes: int) -> Star:

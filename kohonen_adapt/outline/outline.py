@@ -114,7 +114,7 @@ class Outline:
         arrays = {name: getattr(self.constraints, name).copy() for name in own}
         return replace(self, constraints=self.constraints._replace(**arrays))
 
-    def settle(self, triangulation: Triangulation, floor: float) -> None:
+    def project_nodes(self, triangulation: Triangulation, floor: float) -> None:
         kind, chain, chains = self.constraints.kind, self.constraints.own_chain, self.constraints.chains
         curved = (chains.shape != STRAIGHT) | (self.given >= 0)
         nodes = np.flatnonzero((kind == SLIDING) & curved[chain])

@@ -28,8 +28,8 @@ __all__ = [
     "checked_pairs",
     "checked_surfaces",
     "floor_of",
-    "holding",
     "pinned_nodes",
+    "with_pinned",
 ]
 
 TOPOLOGIES = ("fixed", "flip", "recycle")
@@ -157,7 +157,7 @@ def check_for(rules: Rules, dimension: int) -> None:
             raise ValueError(f"{name} must be left out for tetrahedra; it is for triangles only.")
 
 
-def holding(rules: Rules, nodes: Sequence[int]) -> Rules:
+def with_pinned(rules: Rules, nodes: Sequence[int]) -> Rules:
     given = [rules.pinned] if isinstance(rules.pinned, str) else rules.pinned
     return replace(rules, pinned=[*given, *nodes]) if nodes else rules
 

@@ -88,7 +88,7 @@ class Surgery:
         records = with_state(movable.triangulation.elements, movable.constraints, state)
         return cls(state, OpenMesh(state["position"], *records, pool, origins, SurgeryScratch.of(rows, spare)))
 
-    def hand_back(self, movable: MovableMesh, renumbered: bool = False) -> tuple[Ints, Ints]:
+    def write_back(self, movable: MovableMesh, renumbered: bool = False) -> tuple[Ints, Ints]:
         anchor, node = self.mesh.pool.anchor, self.mesh.elements.node
         kept = np.flatnonzero(anchor >= 0)
         if renumbered:

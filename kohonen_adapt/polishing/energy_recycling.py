@@ -47,7 +47,7 @@ def recycle_by_energy(
     offered, (pairs, lowered) = float(offers.gain.sum()), judging.exchange(edges, nodes)
     if not pairs:
         return Exchange(trial, recycled, 0.0, offered)
-    kept, used = surgery.hand_back(movable)
+    kept, used = surgery.write_back(movable)
     known = {"old": mesh.origins.old[kept], "hint": mesh.origins.hint[kept]}
     recycled = replace(recycled, splits=recycled.splits + pairs, collapses=recycled.collapses + pairs, **known)
     return Exchange(out_of_rows(judging.trial, kept, used), recycled, lowered, offered)

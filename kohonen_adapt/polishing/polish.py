@@ -13,7 +13,7 @@ from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.curves import Curve
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.movable_solid import MovableSolid
-from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules, holding
+from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules, with_pinned
 from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.outline.surgery import Recycled
 from kohonen_adapt.polishing.curve_nodes import descend_curves
@@ -141,7 +141,7 @@ def polish(
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
     check_kind(mesh, curved=True, space=True)
     method = METHODS[cell_of(mesh).dim]
-    movable = method.from_mesh(mesh, holding(rules, nodes_held(problem, mesh)), is_curved(problem))
+    movable = method.from_mesh(mesh, with_pinned(rules, nodes_held(problem, mesh)), is_curved(problem))
     mesh = movable.start()
     expect(*method.loops(problem))
     try:

@@ -36,7 +36,7 @@ def descend_in_space(
     of nodes does not change.
     """
     descent, gain = Descent.of(movable, functional, trial).lowered(sweeps, eager)
-    descent.opened.hand_back(movable)
+    descent.opened.write_back(movable)
     trial.values[:] = descent.trial.value[: len(trial.values)]
     return gain
 
@@ -71,7 +71,7 @@ def descend_and_recycle_in_space(
         if lowered < 0.0:
             descent, more, lowered = before, 0, 0.0
         pairs, gain, goes_on = pairs + more, gain + lowered, more > SETTLED * movable.nnodes
-    rows, origins = descent.opened.hand_back(movable, renumbered=pairs > 0), descent.opened.mesh.origins
+    rows, origins = descent.opened.write_back(movable, renumbered=pairs > 0), descent.opened.mesh.origins
     known = {"old": origins.old[rows], "hint": origins.hint[rows]}
     return replace(recycled, splits=recycled.splits + pairs, collapses=recycled.collapses + pairs, **known), gain
 

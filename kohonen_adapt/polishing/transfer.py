@@ -8,7 +8,7 @@ from kohonen_adapt.kernels.triangle.locate import barycentric
 from kohonen_adapt.mesh.adjacency import parts_of_regions
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.isoparametric import CurvedElements
-from kohonen_adapt.mesh.locate import holding
+from kohonen_adapt.mesh.locate import walk_to_elements
 from kohonen_adapt.mesh.polynomials import (
     TrialFunction,
     evaluated,
@@ -74,7 +74,7 @@ class Old:
         Coordinates are not negative. The element is in the connected part of the mesh of the `hint`, because chords
         of different parts (rotor and stator) may overlap.
         """
-        found = holding(self.triangulation, points, hint, across_outlines=False)
+        found = walk_to_elements(self.triangulation, points, hint, across_regions=False)
         elements = self.triangulation.elements
         part = parts_of_regions(elements.neighbour, elements.region)[elements.region]
         astray = np.flatnonzero(part[found] != part[hint])

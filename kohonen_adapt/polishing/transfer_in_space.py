@@ -7,7 +7,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE
 from kohonen_adapt.kernels.tetrahedron.locate import barycentric
 from kohonen_adapt.mesh.adjacency import parts_of_regions
-from kohonen_adapt.mesh.locate import holding
+from kohonen_adapt.mesh.locate import walk_to_elements
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.outline.movable_solid import MovableSolid
@@ -62,7 +62,7 @@ def located(old: Tetrahedralization, points: Floats, hint: Ints) -> tuple[Ints, 
     Coordinates are not negative. The element is in the connected part of the mesh of the `hint`, because bodies
     may touch without common nodes.
     """
-    found = holding(old, points, hint, across_outlines=False)
+    found = walk_to_elements(old, points, hint, across_regions=False)
     part = parts_of_regions(old.elements.neighbour, old.elements.region)[old.elements.region]
     astray = np.flatnonzero(part[found] != part[hint])
     for number in np.unique(part[hint[astray]]):

@@ -36,35 +36,35 @@ def recycle_nodes(
     number. The area between facets and curves must not grow, except where facets are no longer than `longest`, shape
     (nnodes,).
     """
-    movable.settle()
+    movable.project_nodes()
     done = unchanged(movable.triangulation)
     if movable.constraints.chains.paired.any():
         row, density, done = recycled_pairs(movable, density, target, pairs, done)
         longest = None if longest is None else np.where(row >= 0, longest[row], 0.0)
     missing = target - movable.nnodes
-    spacious = Surgery.on(movable, density, max(target, movable.nnodes), done)
+    surgery = Surgery.on(movable, density, max(target, movable.nnodes), done)
     if longest is not None:
-        known = spacious.mesh.origins.longest[: movable.nnodes]
+        known = surgery.mesh.origins.longest[: movable.nnodes]
         np.maximum(known, longest, out=known)
-    splits, collapses = exchange(spacious.mesh, movable.floor, missing, RATIO if pairs else np.inf)
+    splits, collapses = exchange(surgery.mesh, movable.floor, missing, RATIO if pairs else np.inf)
     if not splits and not collapses:
         return done
-    kept, _ = spacious.hand_back(movable, renumbered=pairs)
+    kept, _ = surgery.write_back(movable, renumbered=pairs)
     counts = done.splits + splits, done.collapses + collapses
-    return Recycled(spacious.mesh.origins.old[kept], spacious.mesh.origins.hint[kept], *counts)
+    return Recycled(surgery.mesh.origins.old[kept], surgery.mesh.origins.hint[kept], *counts)
 
 
 def recycled_pairs(
     movable: MovableMesh, density: Floats, target: int, both: bool, done: Recycled
 ) -> tuple[Ints, Floats, Recycled]:
     on_pairs = np.append(movable.constraints.chains.paired, False)[movable.triangulation.elements.chain]
-    spacious = Surgery.on(movable, density, movable.nnodes + SPARE * int(np.count_nonzero(on_pairs)), done)
-    spacious.mesh.origins.is_new[:] = False
-    splits, collapses = recycle_pairs(spacious.mesh, target, both, RATIO, movable.floor)
-    origins = spacious.mesh.origins
+    surgery = Surgery.on(movable, density, movable.nnodes + SPARE * int(np.count_nonzero(on_pairs)), done)
+    surgery.mesh.origins.is_new[:] = False
+    splits, collapses = recycle_pairs(surgery.mesh, target, both, RATIO, movable.floor)
+    origins = surgery.mesh.origins
     if not splits and not collapses:
         return np.arange(movable.nnodes), density, done
-    kept, _ = spacious.hand_back(movable)
+    kept, _ = surgery.write_back(movable)
     movable.flip()
     counts = done.splits + splits, done.collapses + collapses
     row = np.where(origins.is_new[kept], -1, kept)

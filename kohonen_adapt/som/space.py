@@ -74,7 +74,7 @@ def rearrange(
     """
     pairs, target = topology == "recycle", nodes or movable.nnodes
     target = target if pairs else max(target, movable.nnodes)
-    movable.settle()
+    movable.project_nodes()
     opened = OpenSolid.of(movable, density.at_nodes(), target)
     if movable.flips:
         opened.swap()
@@ -82,8 +82,8 @@ def rearrange(
     if pairs or target > movable.nnodes:
         splits, collapses = exchange(opened, movable, target, RATIO if pairs else np.inf)
     smooth(opened, density, SWEEPS[topology] if sweeps is None else sweeps, movable)
-    rows = opened.hand_back(movable, renumbered=bool(pairs and splits + collapses))
-    movable.settle()
+    rows = opened.write_back(movable, renumbered=bool(pairs and splits + collapses))
+    movable.project_nodes()
     return Recycled(opened.mesh.origins.old[rows], opened.mesh.origins.hint[rows], splits, collapses)
 
 

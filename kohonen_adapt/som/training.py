@@ -87,10 +87,10 @@ class Trainer:
         self._flip()
         if not schedule.trains:
             return ()
-        self.movable.settle()
+        self.movable.project_nodes()
         self._carry(draw, schedule.rounds, rng, winners)
         errors = self._present(draw, schedule, rng, winners)
-        self.movable.settle()
+        self.movable.project_nodes()
         return errors
 
     def _carry(self, draw: Drawing, rounds: int, rng: np.random.Generator, winners: Ints) -> None:
@@ -124,7 +124,7 @@ class Trainer:
                 weight = density.squares(movable.triangulation)
             self.sweep(weight, movable.flips)
             self._flip()
-        movable.settle()
+        movable.project_nodes()
 
     def epoch(
         self, stage: Stage, rate: float, shown: Draw, slot: Ints, winners: Ints, rng: np.random.Generator

@@ -18,7 +18,7 @@ from kohonen_adapt.kernels.triangle.smooth import (
     multiply_factors,
     update_factors,
 )
-from kohonen_adapt.mesh.locate import holding
+from kohonen_adapt.mesh.locate import walk_to_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.som.density import per_element, values_at, without_zeros
@@ -115,7 +115,7 @@ class ElementDensity(ElementSource):
         self._sites = sites_of(triangulation)
         middle = triangulation.centroids()[self._sites.element]
         start = hint[np.repeat(np.arange(triangulation.nnodes), np.diff(self._sites.start))]
-        self._sites.element[:] = holding(before, middle, start, across_outlines=True)
+        self._sites.element[:] = walk_to_elements(before, middle, start, across_regions=True)
 
 
 class FunctionSource(OfElements):

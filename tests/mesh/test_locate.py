@@ -7,7 +7,7 @@ from scipy.interpolate import LinearNDInterpolator
 from skfem import MeshTri
 
 from kohonen_adapt import find_elements, interpolate
-from kohonen_adapt.mesh.locate import holding
+from kohonen_adapt.mesh.locate import walk_to_elements
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 BUILDS = {
@@ -95,19 +95,19 @@ def test_points_at_infinity_and_without_a_place_are_outside():
 
 
 @pytest.mark.parametrize("kind", [square, inset, slit, holed, l_shape])
-@pytest.mark.parametrize("across_outlines", [False, True])
-def test_a_walk_from_any_element_ends_where_a_search_does(kind, across_outlines):
+@pytest.mark.parametrize("across_regions", [False, True])
+def test_a_walk_from_any_element_ends_where_a_search_does(kind, across_regions):
     tri, rng = Triangulation.of(kind(8)), np.random.default_rng(0)
     points, region = tri.centroids(), tri.elements.region
     start = rng.permutation(len(points)).astype(np.int32)
-    if not across_outlines:
+    if not across_regions:
         start = np.array([rng.choice(np.flatnonzero(region == own)) for own in region], dtype=np.int32)
-    np.testing.assert_array_equal(holding(tri, points, start, across_outlines), np.arange(len(points)))
+    np.testing.assert_array_equal(walk_to_elements(tri, points, start, across_regions), np.arange(len(points)))
 
 
 def test_what_no_element_holds_is_said_to_be_in_one_nearby():
     tri = Triangulation.of(square(8))
-    found = holding(tri, np.array([[1.0 + 1e-6, 0.53]]), np.array([0], dtype=np.int32), across_outlines=False)
+    found = walk_to_elements(tri, np.array([[1.0 + 1e-6, 0.53]]), np.array([0], dtype=np.int32), across_regions=False)
     assert tri.centroids()[found[0]] == pytest.approx([1.0, 0.53], abs=0.15)
 
 

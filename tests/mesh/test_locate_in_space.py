@@ -10,7 +10,7 @@ from skfem import MeshTet
 
 import kohonen_adapt as ka
 from kohonen_adapt.kernels.compilation import interpreted
-from kohonen_adapt.mesh.locate import METHODS, Locator, holding
+from kohonen_adapt.mesh.locate import METHODS, Locator, walk_to_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 
 
@@ -137,21 +137,23 @@ def test_the_order_and_number_of_points_do_not_matter():
 
 
 @pytest.mark.parametrize("kind", ["cube", "comb", "slit", "hole"])
-@pytest.mark.parametrize("across_outlines", [False, True])
-def test_a_walk_from_any_element_ends_where_a_search_does(kind, across_outlines):
+@pytest.mark.parametrize("across_regions", [False, True])
+def test_a_walk_from_any_element_ends_where_a_search_does(kind, across_regions):
     mesh = BUILDS[kind]()
     tet, rng = Tetrahedralization.of(mesh.with_subdomains({"low": lambda x: x[2] < 0.45})), np.random.default_rng(0)
     points, region = tet.centroids(), tet.elements.region
     assert region.max() > 0
     start = rng.permutation(len(points)).astype(np.int32)
-    if not across_outlines:
+    if not across_regions:
         start = np.array([rng.choice(np.flatnonzero(region == own)) for own in region], dtype=np.int32)
-    np.testing.assert_array_equal(holding(tet, points, start, across_outlines), np.arange(len(points)))
+    np.testing.assert_array_equal(walk_to_elements(tet, points, start, across_regions), np.arange(len(points)))
 
 
 def test_what_no_element_holds_is_said_to_be_in_one_nearby():
     tet = Tetrahedralization.of(box(8))
-    found = holding(tet, np.array([[1.0 + 1e-6, 0.53, 0.32]]), np.array([0], dtype=np.int32), across_outlines=False)
+    found = walk_to_elements(
+        tet, np.array([[1.0 + 1e-6, 0.53, 0.32]]), np.array([0], dtype=np.int32), across_regions=False
+    )
     assert tet.centroids()[found[0]] == pytest.approx([1.0, 0.53, 0.32], abs=0.15)
 
 

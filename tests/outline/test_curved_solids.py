@@ -137,7 +137,7 @@ def test_wherever_nodes_slide_the_same_is_recognised_again():
     (side,) = np.flatnonzero(solid.surfaces.shape == CYLINDER)
     x, on = solid.tetrahedralization.position, (solid.freedom.number == ON_PATCH) & (solid.freedom.place == side)
     x[on] += 1e-3 * np.random.default_rng(0).uniform(-1, 1, (on.sum(), 3))
-    solid.settle()
+    solid.project_nodes()
     again = MovableSolid.of(solid.mesh(), Rules())
     round_ = again.surfaces.shape == CYLINDER
     axis, off = again.surfaces.axis[round_], again.surfaces.origin[round_] - solid.surfaces.origin[round_]
@@ -163,12 +163,12 @@ def test_settling_puts_nodes_on_all_that_they_slide_on(name):
     lines[lines] = solid.surfaces.ridge_shape[solid.freedom.place[lines]] == LINE
     x[lines] = mesh.p.T[lines]
     others = x[~slides].copy()
-    solid.settle()
+    solid.project_nodes()
     assert_on_surfaces(solid, 1e-11)
     np.testing.assert_array_equal(x[~slides], others)
     assert np.all(solid.tetrahedralization.volumes() > 0.0)
     still = x.copy()
-    solid.settle()
+    solid.project_nodes()
     np.testing.assert_array_equal(x, still)
 
 
@@ -179,7 +179,7 @@ def test_settling_leaves_no_element_worse_than_the_floor_or_than_it_was():
     x *= 0.98 + 0.04 * np.random.default_rng(1).random((len(x), 1))  # far off
     before = MeshTet(x.T.copy(), solid.mesh().t)
     assert np.all(solid.tetrahedralization.volumes() > 0.0)
-    solid.settle()
+    solid.project_nodes()
     after = solid.mesh()
     assert np.any(after.p != before.p)
     assert np.all(solid.tetrahedralization.volumes() > 0.0)
@@ -248,7 +248,7 @@ def test_a_surface_of_a_users_own_is_asked():
     assert_on_surfaces(solid, 1e-9)
     x, on = solid.tetrahedralization.position, solid.freedom.number == ON_PATCH
     x[on] *= 1.001
-    solid.settle()
+    solid.project_nodes()
     assert np.abs(np.sum((x[on] / [2.0, 1.0, 1.0]) ** 2, axis=1) - 1.0).max() < 1e-12
 
 

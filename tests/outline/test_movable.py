@@ -199,7 +199,7 @@ def test_settling_puts_nodes_on_their_curves():
     p = mesh.p * (1 + 1e-4 * np.random.default_rng(0).uniform(-1, 1, mesh.p.shape[1]))
     rules = Rules(curves={name: ka.Arc((0.0, 0.0), radius) for name, radius in radii.items()})
     movable = MovableMesh.of(MeshTri(p, mesh.t).with_boundaries(mesh.boundaries), rules)
-    movable.settle()
+    movable.project_nodes()
     for name, radius in radii.items():
         nodes = np.unique(mesh.facets[:, mesh.boundaries[name]])
         assert np.abs(np.hypot(*p[:, nodes]) - radius).max() > 1e-5
@@ -207,5 +207,5 @@ def test_settling_puts_nodes_on_their_curves():
     others = np.setdiff1d(np.arange(p.shape[1]), mesh.boundary_nodes())
     np.testing.assert_array_equal(movable.triangulation.position[others], p.T[others])
     settled = kept(movable)
-    movable.settle()
+    movable.project_nodes()
     assert_same_state(movable.state(), settled)

@@ -364,7 +364,7 @@ def test_rows_put_in_order_are_the_same_mesh(build):
         check_arrays(opened.mesh)
         corners = opened.mesh.position[opened.mesh.elements.node[opened.queue.waiting == WAITS]]
         copy, height = solid.copy(), opened.mesh.pool.height.tolist()
-        old = opened.mesh.origins.old[opened.hand_back(copy, renumbered=True)]
+        old = opened.mesh.origins.old[opened.write_back(copy, renumbered=True)]
         found.append((copy.mesh(), height, sorted(corners.tolist()), old.tolist()))
     (one, *facts), (other, *again) = found
     assert (one.p.tobytes(), one.t.tobytes()) == (other.p.tobytes(), other.t.tobytes()) and facts == again

@@ -75,13 +75,13 @@ class Setting:
     def value(self):
         """The functional of what there is now, worked out from the mesh that is handed back."""
         solid = self.movable.copy()
-        rows = self.opened.hand_back(solid)
+        rows = self.opened.write_back(solid)
         function = TrialFunction(self.trial.value[rows], self.trial.fixed[rows], None)
         return self.functional.value(solid.tetrahedralization, function)
 
     def handed_back(self):
         """The mesh, and which values are given there."""
-        rows = self.opened.hand_back(self.movable)
+        rows = self.opened.write_back(self.movable)
         return self.movable.mesh(), self.trial.value[rows], self.trial.fixed[rows]
 
 
@@ -148,7 +148,7 @@ def test_exchanges_that_sweeps_do_not_win_back_are_undone(monkeypatch):
     at, exchange = Setting(perturbed(box(4), 1), 1), Descent.recycle
     swapped, undone, pairs = at.movable.copy(), at.movable.copy(), []
     told = at.swap()
-    at.opened.hand_back(swapped)
+    at.opened.write_back(swapped)
 
     def dear(descent):
         pairs.append(exchange(descent)[0])
