@@ -7,7 +7,7 @@ from kohonen_adapt.kernels.ahead import compile_ahead
 from kohonen_adapt.kernels.compilation import expect, is_kept, may_be_kept
 from kohonen_adapt.kernels.entries import ENTRIES
 from kohonen_adapt.kernels.tetrahedron.entries import SPACE
-from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equilibrate, fan_of
+from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equilibrate, patch_scratch
 from kohonen_adapt.mesh.locate import interpolate
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
@@ -92,4 +92,4 @@ def _equilibrate() -> None:
     point, zero = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.zeros((1, 3))
     node = np.array([[0, 1, 2]], dtype=np.int32)
     problem = FluxData(point, node, np.full_like(node, NATURAL), zero, np.zeros(1), np.ones(1))
-    equilibrate(problem, fan_of(1), np.zeros((1, 3), dtype=np.bool_), np.zeros((1, 3, 2)), np.zeros(3))
+    equilibrate(problem, patch_scratch(1), np.zeros((1, 3), dtype=np.bool_), np.zeros((1, 3, 2)), np.zeros(3))

@@ -13,7 +13,7 @@ from skfem.quadrature import get_quadrature
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.checks import finite_reals
 from kohonen_adapt.estimators.explicit import DiscreteFlux, discrete_flux
-from kohonen_adapt.kernels.triangle.equilibrate import GIVEN, NATURAL, FluxData, equilibrate, fan_of
+from kohonen_adapt.kernels.triangle.equilibrate import GIVEN, NATURAL, FluxData, equilibrate, patch_scratch
 from kohonen_adapt.mesh.cells import TETRAHEDRON, check_kind
 from kohonen_adapt.mesh.measures import area, gradient
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -240,7 +240,7 @@ def equilibrated_correction(
     problem, order = _problem(mesh, discrete, held)
     rows, imbalance = np.zeros((*order.shape, 2)), np.zeros(mesh.p.shape[1])
     seen = np.zeros(mesh.t.T.shape, dtype=np.bool_)
-    equilibrate(problem, fan_of(np.bincount(mesh.t.ravel()).max()), seen, rows, imbalance)
+    equilibrate(problem, patch_scratch(np.bincount(mesh.t.ravel()).max()), seen, rows, imbalance)
     _check_balance(mesh, discrete, held, imbalance)
     correction = np.empty_like(rows)
     np.put_along_axis(correction, order[:, :, None], rows, axis=1)

@@ -66,7 +66,7 @@ DESCENT = RecordType(arrays.Descent, (R2, ELEMENTS, STAR, CONSTRAINTS, TRIAL, MO
 DESCENTS = RecordType(descend_higher.Descents, (DESCENT, DESCENT, int64))
 OFFERS = RecordType(arrays.Offers, (R2, R1, I1, B1, B1, B1))
 FLUX_DATA = RecordType(equilibrate.FluxData, (R2, I2, I2, R2, R1, R1))
-FAN = RecordType(equilibrate.Fan, (I1, I1, R1, R1, R1, B1, R2, R1, R2, R1, R1))
+PATCH_SCRATCH = RecordType(equilibrate.Patch, (I1, I1, R1, R1, R1, B1, R2, R1, R2, R1, R1))
 
 
 # Groups by use. In "polish" the loops that exchange nodes are first: the second process works backwards, and compiles
@@ -90,7 +90,7 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(smooth.average_at_sites, R1, R1, ELEMENTS, STAR, int64, int64, R2),
         Entry(smooth.count_sites, ELEMENTS, STAR, I1),
         Entry(smooth.fill_sites, ELEMENTS, STAR, SITES),
-        Entry(flip.mark_doubtful, R2, ELEMENTS, int64, int64, B1),
+        Entry(flip.mark_non_delaunay, R2, ELEMENTS, int64, int64, B1),
         Entry(flip.flip_edges, R2, ELEMENTS, float64, B1, I1, B1, int64),
         Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
         Entry(geometry.mark_valid, R2, STAR, float64, int64, int64, B1),
@@ -104,18 +104,18 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(chains.farthest_from_facets, R2, ELEMENTS, CONSTRAINTS),
     ),
     "transport": (
-        Entry(transport.share_out, I1, I1, R1, ELEMENTS, STAR, R1),
+        Entry(transport.sum_weights, I1, I1, R1, ELEMENTS, STAR, R1),
         Entry(transport.find_crossings, R2, ELEMENTS, I1, I1, I1, R1),
         Entry(transport.find_directions, I2, CONSTRAINTS, I1, R1, R2),
         Entry(transport.move_with_clusters, STAR, CONSTRAINTS, I1, R2, int64, int64, R2),
         Entry(transport.smooth_moves, STAR, CONSTRAINTS, R2, int64, int64, R2),
         Entry(transport.measure_moves, R2, STAR, R2, int64, int64, R1),
-        Entry(transport.step_ahead, R2, CONSTRAINTS, R2, float64, int64, int64, R2, R1),
+        Entry(transport.propose_step, R2, CONSTRAINTS, R2, float64, int64, int64, R2, R1),
         Entry(transport.mark_spoiled, R2, R2, I2, float64, int64, int64, B1),
-        Entry(transport.hold_back, R2, R2, I2, STAR, float64, B1, I1),
+        Entry(transport.stop_nodes, R2, R2, I2, STAR, float64, B1, I1),
         Entry(transport.mark_too_long, R2, R2, ELEMENTS, CHAINS, B1),
-        Entry(transport.take_step, R2, CONSTRAINTS, R2, R1, int64, int64),
-        Entry(transport.go_to_middle, R2, R1, I2, STAR, CONSTRAINTS, B1),
+        Entry(transport.accept_step, R2, CONSTRAINTS, R2, R1, int64, int64),
+        Entry(transport.move_to_neighbour_mean, R2, R1, I2, STAR, CONSTRAINTS, B1),
         Entry(transport.slow_down, R2, R2, R1, I2, STAR, CONSTRAINTS, B1, I1, I1),
     ),
     "polish": (
@@ -131,7 +131,7 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(flip_higher.descend_flips_higher, DESCENTS, float64, B1, int64, int64, boolean),
         Entry(sweep_higher.descend_nodes_higher, DESCENTS, I1, float64),
     ),
-    "equilibration": (Entry(equilibrate.equilibrate, FLUX_DATA, FAN, boolean[:, ::1], R3, R1),),
+    "equilibration": (Entry(equilibrate.equilibrate, FLUX_DATA, PATCH_SCRATCH, boolean[:, ::1], R3, R1),),
     "carrying": (
         Entry(locate.walk_each, R2, ELEMENTS, R2, I1, B1),
         Entry(locate.barycentric, R2, I2, R2, I1, R2),

@@ -12,7 +12,7 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import check_state
 from kohonen_adapt.kernels.arrays import HELD, JUNCTION, Constraints, Elements, Neurons
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
-from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_doubtful
+from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_non_delaunay
 from kohonen_adapt.mesh.curved import facet_midside_offsets, is_second_order, with_midside_offsets
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.facets import facet_of_edge
@@ -178,7 +178,7 @@ class MovableMesh:
         doubtful, stack, waiting = np.empty(m, dtype=np.bool_), np.empty(m, dtype=np.int32), np.zeros(m, dtype=np.bool_)
 
         def mark(thread: int, first: int, last: int) -> None:
-            mark_doubtful(tri.position, tri.elements, first, last, doubtful)
+            mark_non_delaunay(tri.position, tri.elements, first, last, doubtful)
 
         total, flips = 0, FLIPS
         while flips >= FLIPS:

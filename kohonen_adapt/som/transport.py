@@ -26,19 +26,19 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import PAIRED, STRAIGHT, Constraints
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
 from kohonen_adapt.kernels.triangle.transport import (
+    accept_step,
     find_crossings,
     find_directions,
-    go_to_middle,
-    hold_back,
     mark_spoiled,
     mark_too_long,
     measure_moves,
+    move_to_neighbour_mean,
     move_with_clusters,
-    share_out,
+    propose_step,
     slow_down,
     smooth_moves,
-    step_ahead,
-    take_step,
+    stop_nodes,
+    sum_weights,
 )
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
@@ -114,7 +114,7 @@ class Transport:
         """Return the mean displacement of the nodes of every cluster, shape (c, 2)."""
         tri, cluster = self.movable.triangulation, self.cluster
         mass = np.empty(len(cluster))
-        share_out(winners, shown.region, shown.weights, tri.elements, tri.star, mass)
+        sum_weights(winners, shown.region, shown.weights, tri.elements, tri.star, mass)
         size = np.bincount(cluster).astype(np.float64)
         a, b, c = tri.elements.node.T
         sums = np.stack([np.bincount(cluster, x[a] + x[b] + x[c]) for x in tri.position.T.copy()], axis=1)
@@ -193,10 +193,10 @@ class Transport:
         nodes = even_cuts(tri.nnodes, LIGHT)
 
         def go(thread: int, first: int, last: int) -> None:
-            step_ahead(tri.position, constraints, move, share, first, last, step.ahead, step.parameter)
+            propose_step(tri.position, constraints, move, share, first, last, step.ahead, step.parameter)
 
         def take(thread: int, first: int, last: int) -> None:
-            take_step(tri.position, constraints, step.ahead, step.parameter, first, last)
+            accept_step(tri.position, constraints, step.ahead, step.parameter, first, last)
 
         shared(go, nodes)
         self._together(step)
@@ -216,16 +216,16 @@ class Transport:
             if not step.spoiled.any():
                 break
             if attempt < MIDDLES:
-                go_to_middle(step.ahead, step.parameter, node, tri.star, constraints, step.spoiled)
+                move_to_neighbour_mean(step.ahead, step.parameter, node, tri.star, constraints, step.spoiled)
             else:
                 scratch = step.spoiled, step.ring, step.queue
                 slow_down(tri.position, step.ahead, step.parameter, node, tri.star, constraints, *scratch)
             self._together(step)
             self._mark(step)
         while True:
-            hold_back(tri.position, step.ahead, node, tri.star, self.movable.floor, step.spoiled, step.queue)
+            stop_nodes(tri.position, step.ahead, node, tri.star, self.movable.floor, step.spoiled, step.queue)
             while mark_too_long(tri.position, step.ahead, tri.elements, constraints.chains, step.spoiled):
-                hold_back(tri.position, step.ahead, node, tri.star, self.movable.floor, step.spoiled, step.queue)
+                stop_nodes(tri.position, step.ahead, node, tri.star, self.movable.floor, step.spoiled, step.queue)
             if not self._wait(step):
                 break
             self._mark(step)  # a node that waits for its partner may block others

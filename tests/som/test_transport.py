@@ -31,11 +31,11 @@ from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.kernels.triangle.geometry import element_quality
 from kohonen_adapt.kernels.triangle.transport import (
     find_directions,
-    hold_back,
     mark_spoiled,
-    share_out,
     slow_down,
     smooth_moves,
+    stop_nodes,
+    sum_weights,
 )
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import MovableMesh
@@ -78,7 +78,7 @@ def wins_per_element(mesh, density, seed=5):
     shown = density_of(tri, density).draw(40 * tri.nnodes, np.random.default_rng(seed))
     winners = winners_of(movable, shown)
     mass = np.empty(len(tri.elements.node))
-    share_out(winners, shown.region, shown.weights, tri.elements, tri.star, mass)
+    sum_weights(winners, shown.region, shown.weights, tri.elements, tri.star, mass)
     return mass
 
 
@@ -94,7 +94,7 @@ def test_points_are_shared_by_the_elements_of_their_region_around_their_winner(k
     element = rng.integers(len(tri.elements.node), size=200)
     winners, region, weights = tri.elements.node[element, 0], tri.elements.region[element], rng.random(200)
     mass, slow = np.empty(len(tri.elements.node)), np.zeros(len(tri.elements.node))
-    share_out(winners, region, weights, tri.elements, tri.star, mass)
+    sum_weights(winners, region, weights, tri.elements, tri.star, mass)
     for v, r, weight in zip(winners, region, weights, strict=True):
         around = np.any(tri.elements.node == v, axis=1) & (tri.elements.region == r)
         slow[around] += weight / around.sum()
@@ -182,7 +182,7 @@ def test_what_is_held_back_spoils_nothing(seed, length):
     after = np.array([signed_quality(*ahead[corners]) for corners in node])
     assert np.all(spoiled[after < np.minimum(FLOOR, before) - 1e-13])
     assert not np.any(spoiled[after > np.minimum(FLOOR, before) + 1e-13])
-    hold_back(tri.position, ahead, node, tri.star, FLOOR, spoiled, queue)
+    stop_nodes(tri.position, ahead, node, tri.star, FLOOR, spoiled, queue)
     after = np.array([element_quality(ahead, node, e) for e in range(m)])
     assert np.all(after >= np.minimum(FLOOR, before))
     stayed, went = (np.all(ahead == where, axis=1) for where in (tri.position, wish))

@@ -38,7 +38,7 @@ class FluxData(NamedTuple):
 
 
 @record
-class Fan(NamedTuple):
+class Patch(NamedTuple):
     """Scratch memory for one vertex patch of at most w elements."""
 
     element: np.ndarray  # (w,) int32
@@ -54,15 +54,15 @@ class Fan(NamedTuple):
     values: np.ndarray  # (4,): outward fluxes at the vertex and the other end, of the right and of the left edge
 
 
-def fan_of(width: int) -> Fan:
+def patch_scratch(width: int) -> Patch:
     element, corner = np.zeros((2, width), dtype=np.int32)
     jump, mean, tilt, load = np.zeros((4, width + 2))
     held, matrix = np.zeros(width + 2, dtype=np.bool_), np.zeros((width + 2, width + 2))
-    return Fan(element, corner, jump, mean, tilt, held, matrix, load, np.zeros((4, 4)), np.zeros(4), np.zeros(4))
+    return Patch(element, corner, jump, mean, tilt, held, matrix, load, np.zeros((4, 4)), np.zeros(4), np.zeros(4))
 
 
 @kernel
-def equilibrate(data, fan, seen, correction, imbalance):
+def equilibrate(data, patch, seen, correction, imbalance):
     """Add the P1 corrections of all patches to `correction`, shape (t, 3, 2).
 
     The residual of the equilibrium at every node is stored in `imbalance`, shape (n,). `seen`, shape (t, 3), is
@@ -73,54 +73,54 @@ def equilibrate(data, fan, seen, correction, imbalance):
         for e in range(count):
             for k in range(3):
                 if not seen[e, k] and (closed or data.neighbour[e, (k + 2) % 3] < 0):
-                    size = gather_patch(data, e, k, fan, seen)
+                    size = gather_patch(data, e, k, patch, seen)
                     v = data.node[e, k]
-                    rest = balance(data, fan, size, closed)
+                    rest = balance(data, patch, size, closed)
                     imbalance[v] = max(imbalance[v], abs(rest))
-                    minimise(data, fan, size, closed)
-                    add(data, fan, size, closed, correction)
+                    minimise(data, patch, size, closed)
+                    add(data, patch, size, closed, correction)
 
 
 @inner_kernel
-def gather_patch(data, e, k, fan, seen):
+def gather_patch(data, e, k, patch, seen):
     size = 0
     while e >= 0 and not seen[e, k]:
         seen[e, k] = True
-        fan.element[size], fan.corner[size] = e, k
+        patch.element[size], patch.corner[size] = e, k
         size += 1
         v, side = np.int64(data.node[e, k]), (k + 1) % 3
         e, outflow = np.int64(data.neighbour[e, side]), data.outflow[e, side]
         if e >= 0:
             k = corner_of(data.node, e, v)
-            fan.jump[size] = outflow + data.outflow[e, (k + 2) % 3]
+            patch.jump[size] = outflow + data.outflow[e, (k + 2) % 3]
     if e < 0:
-        fan.jump[size] = 0.0
-    fan.jump[0] = fan.jump[size]
+        patch.jump[size] = 0.0
+    patch.jump[0] = patch.jump[size]
     return size
 
 
 @inner_kernel
-def balance(data, fan, size, closed):
+def balance(data, patch, size, closed):
     for s in range(size + 1):
-        fan.tilt[s], fan.held[s] = 0.0, False
-    fan.held[size + 1], fan.mean[0] = False, 0.0
-    set_means(data, fan, size)
+        patch.tilt[s], patch.held[s] = 0.0, False
+    patch.held[size + 1], patch.mean[0] = False, 0.0
+    set_means(data, patch, size)
     if closed:
-        return fan.mean[size]
-    first, right = fan.element[0], (fan.corner[0] + 2) % 3
-    last, left = fan.element[size - 1], (fan.corner[size - 1] + 1) % 3
+        return patch.mean[size]
+    first, right = patch.element[0], (patch.corner[0] + 2) % 3
+    last, left = patch.element[size - 1], (patch.corner[size - 1] + 1) % 3
     starts = data.neighbour[first, right] == NATURAL
     ends = data.neighbour[last, left] == NATURAL
     begin, finish = 0.5 * data.outflow[first, right], -0.5 * data.outflow[last, left]
-    rest = finish - fan.mean[size] - begin if starts and ends else 0.0
-    fan.held[size + 1] = starts or ends
+    rest = finish - patch.mean[size] - begin if starts and ends else 0.0
+    patch.held[size + 1] = starts or ends
     if starts:
-        fan.tilt[0], fan.held[0] = begin, True
-        add_to_all(fan.mean, size + 1, begin)
+        patch.tilt[0], patch.held[0] = begin, True
+        add_to_all(patch.mean, size + 1, begin)
     elif ends:
-        add_to_all(fan.mean, size + 1, finish - fan.mean[size])
+        add_to_all(patch.mean, size + 1, finish - patch.mean[size])
     if ends:
-        fan.tilt[size], fan.held[size] = finish, True
+        patch.tilt[size], patch.held[size] = finish, True
     return rest
 
 
@@ -131,12 +131,12 @@ def add_to_all(values, count, amount):
 
 
 @inner_kernel
-def set_means(data, fan, size):
+def set_means(data, patch, size):
     for s in range(size):
-        e = fan.element[s]
+        e = patch.element[s]
         a, b, c = data.node[e, 0], data.node[e, 1], data.node[e, 2]
         element_source = data.source[e] * twice_area(data.point, a, b, c) / 6.0
-        fan.mean[s + 1] = fan.mean[s] + 0.25 * (fan.jump[s] + fan.jump[s + 1]) - element_source
+        patch.mean[s + 1] = patch.mean[s] + 0.25 * (patch.jump[s] + patch.jump[s + 1]) - element_source
 
 
 @inner_kernel
@@ -145,46 +145,46 @@ def twice_area(point, a, b, c):
 
 
 @inner_kernel
-def minimise(data, fan, size, closed):
+def minimise(data, patch, size, closed):
     edges = size if closed else size + 1
     if closed:
-        fan.held[size] = False
+        patch.held[size] = False
     unknowns = edges + 1
     for i in range(unknowns):
-        fan.load[i] = 0.0
+        patch.load[i] = 0.0
         for j in range(unknowns):
-            fan.matrix[i, j] = 0.0
+            patch.matrix[i, j] = 0.0
     for s in range(size):
         left = s + 1 if s + 1 < edges else 0
-        set_energy_matrix(data, fan, s)
-        set_values(fan, s, left)
-        assemble(fan, s, left, edges)
+        set_energy_matrix(data, patch, s)
+        set_values(patch, s, left)
+        assemble(patch, s, left, edges)
     for i in range(unknowns):
-        if fan.held[i]:
+        if patch.held[i]:
             for j in range(unknowns):
-                fan.matrix[i, j] = fan.matrix[j, i] = 0.0
-            fan.matrix[i, i], fan.load[i] = 1.0, 0.0
-    solve(fan.matrix, fan.load, unknowns)
+                patch.matrix[i, j] = patch.matrix[j, i] = 0.0
+            patch.matrix[i, i], patch.load[i] = 1.0, 0.0
+    solve(patch.matrix, patch.load, unknowns)
     for s in range(edges):
-        fan.tilt[s] += fan.load[s]
-    add_to_all(fan.mean, size + 1, fan.load[edges])
+        patch.tilt[s] += patch.load[s]
+    add_to_all(patch.mean, size + 1, patch.load[edges])
 
 
 @inner_kernel
-def set_energy_matrix(data, fan, s):
+def set_energy_matrix(data, patch, s):
     """Set the matrix and the load of the energy of an element.
 
     With normal fluxes P at the vertex and Q at the other ends, outward through the right edge r and the left edge l,
     the field at the three nodes is -(P_r c + P_l b) / 2|K|, -Q_r (c - b) / 2|K| and Q_l (c - b) / 2|K|. The vectors b
     and c are the right and the left edge.
     """
-    e, k = fan.element[s], fan.corner[s]
+    e, k = patch.element[s], patch.corner[s]
     v, u, w = data.node[e, k], data.node[e, (k + 1) % 3], data.node[e, (k + 2) % 3]
     bx, by = data.point[u, 0] - data.point[v, 0], data.point[u, 1] - data.point[v, 1]
     cx, cy = data.point[w, 0] - data.point[v, 0], data.point[w, 1] - data.point[v, 1]
     bb, bc, cc = bx * bx + by * by, bx * cx + by * cy, cx * cx + cy * cy
     b_rim, c_rim, rim = bc - bb, cc - bc, bb - 2.0 * bc + cc
-    gram = fan.gram
+    gram = patch.gram
     gram[0, 0], gram[1, 1], gram[2, 2], gram[3, 3] = 2.0 * cc, 2.0 * rim, 2.0 * bb, 2.0 * rim
     gram[0, 1], gram[0, 2], gram[0, 3] = c_rim, 2.0 * bc, -c_rim
     gram[1, 2], gram[1, 3], gram[2, 3] = b_rim, -rim, -b_rim
@@ -194,33 +194,33 @@ def set_energy_matrix(data, fan, s):
             gram[i, j] *= scale
             gram[j, i] = gram[i, j]
     push = data.source[e] / (360.0 * data.reluctivity[e])
-    fan.slope[0], fan.slope[2] = 2.0 * push * (bc + cc), 2.0 * push * (bb + bc)
-    fan.slope[1], fan.slope[3] = push * (2.0 * b_rim + c_rim), -push * (b_rim + 2.0 * c_rim)
+    patch.slope[0], patch.slope[2] = 2.0 * push * (bc + cc), 2.0 * push * (bb + bc)
+    patch.slope[1], patch.slope[3] = push * (2.0 * b_rim + c_rim), -push * (b_rim + 2.0 * c_rim)
 
 
 @inner_kernel
-def set_values(fan, right, left):
-    fan.values[0] = -0.5 * fan.jump[right] - fan.mean[right] - fan.tilt[right]
-    fan.values[1] = fan.tilt[right] - fan.mean[right]
-    fan.values[2] = -0.5 * fan.jump[left] + fan.mean[left] + fan.tilt[left]
-    fan.values[3] = fan.mean[left] - fan.tilt[left]
+def set_values(patch, right, left):
+    patch.values[0] = -0.5 * patch.jump[right] - patch.mean[right] - patch.tilt[right]
+    patch.values[1] = patch.tilt[right] - patch.mean[right]
+    patch.values[2] = -0.5 * patch.jump[left] + patch.mean[left] + patch.tilt[left]
+    patch.values[3] = patch.mean[left] - patch.tilt[left]
 
 
 @inner_kernel
-def assemble(fan, right, left, circulation):
+def assemble(patch, right, left, circulation):
     directions = ((-1.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, -1.0), (-1.0, -1.0, 1.0, 1.0))
     unknowns = (right, left, circulation)
     for i in range(3):
         for k in range(4):
             if directions[i][k] == 0.0:
                 continue
-            total = fan.slope[k]
+            total = patch.slope[k]
             for j in range(4):
-                total += fan.gram[k, j] * fan.values[j]
-            fan.load[unknowns[i]] -= directions[i][k] * total
+                total += patch.gram[k, j] * patch.values[j]
+            patch.load[unknowns[i]] -= directions[i][k] * total
             for n in range(3):
                 for j in range(4):
-                    fan.matrix[unknowns[i], unknowns[n]] += directions[i][k] * fan.gram[k, j] * directions[n][j]
+                    patch.matrix[unknowns[i], unknowns[n]] += directions[i][k] * patch.gram[k, j] * directions[n][j]
 
 
 @inner_kernel
@@ -244,16 +244,16 @@ def solve(matrix, load, n):
 
 
 @inner_kernel
-def add(data, fan, size, closed, correction):
+def add(data, patch, size, closed, correction):
     point = data.point
     for s in range(size):
-        e, k = fan.element[s], fan.corner[s]
+        e, k = patch.element[s], patch.corner[s]
         k1, k2 = (k + 1) % 3, (k + 2) % 3
         v, u, w = data.node[e, k], data.node[e, k1], data.node[e, k2]
-        set_values(fan, s, 0 if closed and s + 1 == size else s + 1)
+        set_values(patch, s, 0 if closed and s + 1 == size else s + 1)
         scale = -1.0 / twice_area(point, v, u, w)
         for i in range(2):
             b, c = point[u, i] - point[v, i], point[w, i] - point[v, i]
-            correction[e, k, i] += scale * (fan.values[0] * c + fan.values[2] * b)
-            correction[e, k1, i] += scale * fan.values[1] * (c - b)
-            correction[e, k2, i] -= scale * fan.values[3] * (c - b)
+            correction[e, k, i] += scale * (patch.values[0] * c + patch.values[2] * b)
+            correction[e, k1, i] += scale * patch.values[1] * (c - b)
+            correction[e, k2, i] -= scale * patch.values[3] * (c - b)

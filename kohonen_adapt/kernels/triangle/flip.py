@@ -86,34 +86,34 @@ def push(stack, waiting, height, e):
 
 
 @kernel
-def mark_doubtful(position, elements, first, last, doubtful):
+def mark_non_delaunay(position, elements, first, last, candidates):
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain
     for e in range(first, last):
         a, b, c = node[e, 0], node[e, 1], node[e, 2]
         ax, ay, bx, by = position[a, 0], position[a, 1], position[b, 0], position[b, 1]
         cx, cy, together = position[c, 0], position[c, 1], a + b + c
-        doubtful[e] = False
+        candidates[e] = False
         for k in range(3):
             other = neighbour[e, k]
             if other > e and chain[e, k] < 0:
                 s = node[other, 0] + node[other, 1] + node[other, 2] + node[e, k] - together
                 if not_delaunay(bx, by, cx, cy, ax, ay, position[s, 0], position[s, 1]):
-                    doubtful[e] = True
+                    candidates[e] = True
             ax, ay, bx, by, cx, cy = bx, by, cx, cy, ax, ay
 
 
 @kernel
-def flip_edges(position, elements, floor, doubtful, stack, waiting, limit):
+def flip_edges(position, elements, floor, candidates, stack, waiting, limit):
     """Flip edges until none is left to flip, and return the number of flips.
 
-    The number of flips exceeds `limit` only slightly. `doubtful`, shape (m,), marks the elements to begin with.
+    The number of flips exceeds `limit` only slightly. `candidates`, shape (m,), marks the elements to begin with.
     `stack` and `waiting`, shape (m,), are scratch for the elements changed by flips, with `waiting` False at entry.
     """
     flips = 0
     for first in range(elements.node.shape[0]):
         if flips >= limit:
             break
-        if not doubtful[first]:
+        if not candidates[first]:
             continue
         for side in range(3):
             other = np.int64(elements.neighbour[first, side])

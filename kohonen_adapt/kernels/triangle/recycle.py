@@ -30,7 +30,7 @@ EQUAL = 1e-9  # relative tolerance of equal qualities, so that rounding does not
 
 
 @inner_kernel
-def enter(mesh, longest, shortest, a, b):
+def push_edge(mesh, longest, shortest, a, b):
     length = metric_length(mesh, a, b)
     insert(longest, -length, a, b)
     insert(shortest, length, a, b)
@@ -75,21 +75,21 @@ def restore_delaunay(mesh, longest, shortest, floor, height):
                 continue
             _, _, r, s = corners_around(node, e, k, other)
             flip_at(mesh, e, k)
-            enter(mesh, longest, shortest, np.int64(r), s)
+            push_edge(mesh, longest, shortest, np.int64(r), s)
             height = push(scratch.stack, scratch.waiting, push(scratch.stack, scratch.waiting, height, other), e)
             break
 
 
 @inner_kernel
-def enter_around(mesh, longest, shortest, v, height):
+def push_around(mesh, longest, shortest, v, height):
     elements, scratch = mesh.elements, mesh.scratch
     node = elements.node
     for i in range(gather_around(mesh, v, scratch.around)):
         e = np.int64(scratch.around[i])
         k = corner_of(node, e, v)
-        enter(mesh, longest, shortest, v, np.int64(node[e, (k + 1) % 3]))
+        push_edge(mesh, longest, shortest, v, np.int64(node[e, (k + 1) % 3]))
         if elements.neighbour[e, (k + 1) % 3] < 0:
-            enter(mesh, longest, shortest, v, np.int64(node[e, (k + 2) % 3]))
+            push_edge(mesh, longest, shortest, v, np.int64(node[e, (k + 2) % 3]))
         height = push(scratch.stack, scratch.waiting, height, e)
     return height
 
@@ -104,7 +104,7 @@ def fill_heaps(mesh, longest, shortest):
         for k in range(3):
             if elements.neighbour[e, k] < e:  # the outer boundary is -1
                 a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
-                enter(mesh, longest, shortest, a, b)
+                push_edge(mesh, longest, shortest, a, b)
 
 
 @inner_kernel
@@ -210,7 +210,7 @@ def recycle(mesh, longest, shortest, missing, ratio, floor, limit):
         if merged < 0:
             break
         collapses += 1
-        restore_delaunay(mesh, longest, shortest, floor, enter_around(mesh, longest, shortest, merged, np.int64(0)))
+        restore_delaunay(mesh, longest, shortest, floor, push_around(mesh, longest, shortest, merged, np.int64(0)))
     while splits < limit:
         if longest.size[0] == full or shortest.size[0] == full:
             fill_heaps(mesh, longest, shortest)
@@ -228,8 +228,8 @@ def recycle(mesh, longest, shortest, missing, ratio, floor, limit):
                 return splits, collapses, True
             collapses += 1
         splits += 1
-        height = enter_around(mesh, longest, shortest, p, np.int64(0))
+        height = push_around(mesh, longest, shortest, p, np.int64(0))
         if merged >= 0:
-            height = enter_around(mesh, longest, shortest, merged, height)
+            height = push_around(mesh, longest, shortest, merged, height)
         restore_delaunay(mesh, longest, shortest, floor, height)
     return splits, collapses, False

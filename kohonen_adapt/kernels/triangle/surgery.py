@@ -99,7 +99,7 @@ def may_split(mesh, e, k, floor, x, y):
 
 
 @inner_kernel
-def halve(mesh, e, k, p):
+def halve_element(mesh, e, k, p):
     elements, pool = mesh.elements, mesh.pool
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain
     pool.height[1] -= 1
@@ -146,11 +146,11 @@ def split(mesh, e, k, x, y, parameter):
     origins.pinned[p] = origins.non_manifold[p] = False
     origins.longest[p] = min(origins.longest[a], origins.longest[b])
     origins.is_new[p] = True
-    new = halve(mesh, e, k, p)
+    new = halve_element(mesh, e, k, p)
     pool.anchor[p] = e
     neighbour[new, 0] = other
     if other >= 0:
-        new_other = halve(mesh, other, j, p)
+        new_other = halve_element(mesh, other, j, p)
         neighbour[e, k], neighbour[new_other, 0] = new_other, e
         neighbour[other, j] = new
     return p

@@ -15,7 +15,7 @@ from kohonen_adapt.kernels.triangle.geometry import FLAT, allowed, element_quali
 
 
 @kernel
-def share_out(winners, region, weights, elements, star, mass):
+def sum_weights(winners, region, weights, elements, star, mass):
     for e in range(mass.shape[0]):
         mass[e] = 0.0
     for t in range(winners.shape[0]):
@@ -125,31 +125,31 @@ def measure_moves(position, star, move, first, last, ratio):
 
 
 @kernel
-def step_ahead(position, constraints, move, fraction, first, last, ahead, parameter):
+def propose_step(position, constraints, move, fraction, first, last, target, parameter):
     for v in range(first, last):
-        ahead[v, 0], ahead[v, 1] = position[v, 0] + fraction * move[v, 0], position[v, 1] + fraction * move[v, 1]
+        target[v, 0], target[v, 1] = position[v, 0] + fraction * move[v, 0], position[v, 1] + fraction * move[v, 1]
         if constraints.kind[v] == SLIDING and (move[v, 0] != 0.0 or move[v, 1] != 0.0):
-            place_on_boundary(ahead, parameter, constraints, v)
+            place_on_boundary(target, parameter, constraints, v)
 
 
 @kernel
-def mark_spoiled(position, ahead, node, floor, first, last, spoiled):
+def mark_spoiled(position, target, node, floor, first, last, spoiled):
     bound = quality_bound(floor)
     for e in range(first, last):
         a, b, c = node[e, 0], node[e, 1], node[e, 2]
-        ux, uy = ahead[b, 0] - ahead[a, 0], ahead[b, 1] - ahead[a, 1]
-        vx, vy = ahead[c, 0] - ahead[a, 0], ahead[c, 1] - ahead[a, 1]
-        spoiled[e] = not exceeds_quality(bound, ux, uy, vx, vy) and spoils(position, ahead, node, e, floor)
+        ux, uy = target[b, 0] - target[a, 0], target[b, 1] - target[a, 1]
+        vx, vy = target[c, 0] - target[a, 0], target[c, 1] - target[a, 1]
+        spoiled[e] = not exceeds_quality(bound, ux, uy, vx, vy) and spoils(position, target, node, e, floor)
 
 
 @inner_kernel
-def spoils(position, ahead, node, e, floor):
-    after = element_quality(ahead, node, e)
+def spoils(position, target, node, e, floor):
+    after = element_quality(target, node, e)
     return not allowed(after, element_quality(position, node, e), floor)
 
 
 @kernel
-def go_to_middle(ahead, parameter, node, star, constraints, spoiled):
+def move_to_neighbour_mean(target, parameter, node, star, constraints, spoiled):
     # Means repair most elements. Stopped nodes would spoil the elements around, whose other nodes move on.
     kind = constraints.kind
     for e in range(spoiled.shape[0]):
@@ -160,15 +160,15 @@ def go_to_middle(ahead, parameter, node, star, constraints, spoiled):
                     continue
                 x, y, count = 0.0, 0.0, 2 * (star.start[v + 1] - star.start[v])
                 for k in range(star.start[v], star.start[v + 1]):
-                    x += ahead[star.ahead[k], 0] + ahead[star.behind[k], 0]
-                    y += ahead[star.ahead[k], 1] + ahead[star.behind[k], 1]
-                ahead[v, 0], ahead[v, 1] = x / count, y / count
+                    x += target[star.ahead[k], 0] + target[star.behind[k], 0]
+                    y += target[star.ahead[k], 1] + target[star.behind[k], 1]
+                target[v, 0], target[v, 1] = x / count, y / count
                 if kind[v] == SLIDING:
-                    place_on_boundary(ahead, parameter, constraints, np.int64(v))
+                    place_on_boundary(target, parameter, constraints, np.int64(v))
 
 
 @kernel
-def slow_down(position, ahead, parameter, node, star, constraints, spoiled, ring, queue):
+def slow_down(position, target, parameter, node, star, constraints, spoiled, ring, queue):
     """Stop the nodes of spoiled elements and slow the nodes around them.
 
     `ring`, shape (n,) int32, is the number of edges to the nearest stopped node, initially the number beyond which
@@ -179,48 +179,48 @@ def slow_down(position, ahead, parameter, node, star, constraints, spoiled, ring
     for e in range(spoiled.shape[0]):
         if spoiled[e]:
             for corner in range(3):
-                last = slow_node(position, ahead, parameter, constraints, node[e, corner], 0, ring, queue, last)
+                last = slow_node(position, target, parameter, constraints, node[e, corner], 0, ring, queue, last)
     first = 0
     while first < last:
         v = queue[first]
         first += 1
         for k in range(star.start[v], star.start[v + 1]):
-            last = slow_node(position, ahead, parameter, constraints, star.ahead[k], ring[v] + 1, ring, queue, last)
+            last = slow_node(position, target, parameter, constraints, star.ahead[k], ring[v] + 1, ring, queue, last)
             if not constraints.inner[v]:  # around an inner node `behind` is `ahead` in the next row
                 last = slow_node(
-                    position, ahead, parameter, constraints, star.behind[k], ring[v] + 1, ring, queue, last
+                    position, target, parameter, constraints, star.behind[k], ring[v] + 1, ring, queue, last
                 )
 
 
 @inner_kernel
-def slow_node(position, ahead, parameter, constraints, v, rings, ring, queue, last):
+def slow_node(position, target, parameter, constraints, v, rings, ring, queue, last):
     if rings >= ring[v]:
         return last
     fraction, ring[v], queue[last] = rings / ring[v], rings, v
-    x, y = (ahead[v, 0] - position[v, 0]) * fraction, (ahead[v, 1] - position[v, 1]) * fraction
-    ahead[v, 0], ahead[v, 1] = position[v, 0] + x, position[v, 1] + y
+    x, y = (target[v, 0] - position[v, 0]) * fraction, (target[v, 1] - position[v, 1]) * fraction
+    target[v, 0], target[v, 1] = position[v, 0] + x, position[v, 1] + y
     if constraints.kind[v] == SLIDING and (x != 0.0 or y != 0.0):  # a stopped node keeps its exact position
-        place_on_boundary(ahead, parameter, constraints, np.int64(v))
+        place_on_boundary(target, parameter, constraints, np.int64(v))
     return last + 1
 
 
 @inner_kernel
-def place_on_boundary(ahead, parameter, constraints, v):
+def place_on_boundary(target, parameter, constraints, v):
     chain, chains = np.int64(constraints.chain[v, OWN]), constraints.chains
     if not chains.flags[chain, PAIRED]:
-        parameter[v] = nearest_parameter(chains, chain, ahead[v, 0], ahead[v, 1], constraints.parameter[v])
-    ahead[v, 0], ahead[v, 1] = point_at(chains, chain, parameter[v])
+        parameter[v] = nearest_parameter(chains, chain, target[v, 0], target[v, 1], constraints.parameter[v])
+    target[v, 0], target[v, 1] = point_at(chains, chain, parameter[v])
 
 
 @kernel
-def mark_too_long(position, ahead, elements, chains, spoiled):
+def mark_too_long(position, target, elements, chains, spoiled):
     found = 0
     for e in range(spoiled.shape[0]):
         for k in range(3):
             c = elements.chain[e, k]
             if c >= 0 and chains.place[c, REACH] < np.inf and not spoiled[e]:
                 a, b = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]
-                length = math.hypot(ahead[b, 0] - ahead[a, 0], ahead[b, 1] - ahead[a, 1])
+                length = math.hypot(target[b, 0] - target[a, 0], target[b, 1] - target[a, 1])
                 before = math.hypot(position[b, 0] - position[a, 0], position[b, 1] - position[a, 1])
                 spoiled[e] = length > chains.place[c, REACH] and length > before
                 found += spoiled[e]
@@ -228,7 +228,7 @@ def mark_too_long(position, ahead, elements, chains, spoiled):
 
 
 @kernel
-def hold_back(position, ahead, node, star, floor, spoiled, queue):
+def stop_nodes(position, target, node, star, floor, spoiled, queue):
     last = 0
     for e in range(spoiled.shape[0]):
         if spoiled[e]:
@@ -239,20 +239,20 @@ def hold_back(position, ahead, node, star, floor, spoiled, queue):
         e = queue[last]
         for corner in range(3):
             v = node[e, corner]
-            if ahead[v, 0] == position[v, 0] and ahead[v, 1] == position[v, 1]:
+            if target[v, 0] == position[v, 0] and target[v, 1] == position[v, 1]:
                 continue
-            ahead[v, 0], ahead[v, 1] = position[v, 0], position[v, 1]
+            target[v, 0], target[v, 1] = position[v, 0], position[v, 1]
             for k in range(star.start[v], star.start[v + 1]):
                 other = np.int64(star.element[k])
-                if not spoiled[other] and spoils(position, ahead, node, other, floor):
+                if not spoiled[other] and spoils(position, target, node, other, floor):
                     spoiled[other] = True
                     queue[last] = other
                     last += 1
 
 
 @kernel
-def take_step(position, constraints, ahead, parameter, first, last):
+def accept_step(position, constraints, target, parameter, first, last):
     for v in range(first, last):
-        if constraints.kind[v] == SLIDING and (ahead[v, 0] != position[v, 0] or ahead[v, 1] != position[v, 1]):
+        if constraints.kind[v] == SLIDING and (target[v, 0] != position[v, 0] or target[v, 1] != position[v, 1]):
             constraints.parameter[v] = parameter[v]
-        position[v, 0], position[v, 1] = ahead[v, 0], ahead[v, 1]
+        position[v, 0], position[v, 1] = target[v, 0], target[v, 1]
