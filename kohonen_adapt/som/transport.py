@@ -193,10 +193,10 @@ class Transport:
         nodes = even_cuts(tri.nnodes, LIGHT)
 
         def go(thread: int, first: int, last: int) -> None:
-            propose_step(tri.position, constraints, move, share, first, last, step.ahead, step.parameter)
+            propose_step(tri.position, constraints, move, share, first, last, step.target, step.parameter)
 
         def take(thread: int, first: int, last: int) -> None:
-            accept_step(tri.position, constraints, step.ahead, step.parameter, first, last)
+            accept_step(tri.position, constraints, step.target, step.parameter, first, last)
 
         shared(go, nodes)
         self._together(step)
@@ -216,23 +216,23 @@ class Transport:
             if not step.spoiled.any():
                 break
             if attempt < MIDDLES:
-                move_to_neighbour_mean(step.ahead, step.parameter, node, tri.star, constraints, step.spoiled)
+                move_to_neighbour_mean(step.target, step.parameter, node, tri.star, constraints, step.spoiled)
             else:
                 scratch = step.spoiled, step.ring, step.queue
-                slow_down(tri.position, step.ahead, step.parameter, node, tri.star, constraints, *scratch)
+                slow_down(tri.position, step.target, step.parameter, node, tri.star, constraints, *scratch)
             self._together(step)
             self._mark(step)
         while True:
-            stop_nodes(tri.position, step.ahead, node, tri.star, self.movable.floor, step.spoiled, step.queue)
-            while mark_too_long(tri.position, step.ahead, tri.elements, constraints.chains, step.spoiled):
-                stop_nodes(tri.position, step.ahead, node, tri.star, self.movable.floor, step.spoiled, step.queue)
+            stop_nodes(tri.position, step.target, node, tri.star, self.movable.floor, step.spoiled, step.queue)
+            while mark_too_long(tri.position, step.target, tri.elements, constraints.chains, step.spoiled):
+                stop_nodes(tri.position, step.target, node, tri.star, self.movable.floor, step.spoiled, step.queue)
             if not self._wait(step):
                 break
             self._mark(step)  # a node that waits for its partner may block others
 
     def _mark(self, step: "Step") -> None:
         tri = self.movable.triangulation
-        arrays = tri.position, step.ahead, tri.elements.node, self.movable.floor
+        arrays = tri.position, step.target, tri.elements.node, self.movable.floor
         cuts = even_cuts(len(tri.elements.node), LIGHT)
         shared(lambda thread, first, last: mark_spoiled(*arrays, first, last, step.spoiled), cuts)
 
@@ -244,16 +244,16 @@ class Transport:
         for nodes in self.pairs:
             goes = place != now[nodes]
             step.parameter[nodes] = place
-            step.ahead[nodes] = self.movable.triangulation.position[nodes]
-            step.ahead[nodes[goes]] = self.movable.outline.points_on(own[nodes[goes]], place[goes])
+            step.target[nodes] = self.movable.triangulation.position[nodes]
+            step.target[nodes[goes]] = self.movable.outline.points_on(own[nodes[goes]], place[goes])
 
     def _stay(self, step: "Step", nodes: Ints) -> Mask:
-        return np.all(step.ahead[nodes] == self.movable.triangulation.position[nodes], axis=1)
+        return np.all(step.target[nodes] == self.movable.triangulation.position[nodes], axis=1)
 
     def _wait(self, step: "Step") -> bool:
         one, other = (self._stay(step, nodes) for nodes in self.pairs)
         for nodes in self.pairs:
-            step.ahead[nodes[one != other]] = self.movable.triangulation.position[nodes[one != other]]
+            step.target[nodes[one != other]] = self.movable.triangulation.position[nodes[one != other]]
         return bool(np.any(one != other))
 
 
@@ -263,7 +263,7 @@ class Step(NamedTuple):
     An element is spoiled if its quality would fall below both the floor and its quality before.
     """
 
-    ahead: Floats
+    target: Floats
     parameter: Floats
     spoiled: Mask
     ring: NDArray[np.int32]
