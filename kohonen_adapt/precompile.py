@@ -83,7 +83,7 @@ def _polish(mesh: MeshTri, ritz: Ritz) -> None:
     movable = MovableMesh.of(mesh, Rules())
     functional = Functional.of(ritz, movable, mesh)
     recycled = unchanged(movable.triangulation)
-    trial = carried(functional, movable.copy(), movable, recycled.hint)
+    trial = carried(functional, movable.copy(), movable, recycled.start_element)
     descend_and_recycle(movable, functional, trial, recycled, plan=(1, 1))
 
 

@@ -238,7 +238,7 @@ class Origins(NamedTuple):
 
     density: np.ndarray  # (n,): wanted nodes per area
     old: np.ndarray  # (n,) int32: index before, -1 for a new node
-    hint: np.ndarray  # (n,) int32: element near the node in the mesh before
+    start_element: np.ndarray  # (n,) int32: element near the node in the mesh before
     pinned: np.ndarray  # (n,) bool: edges between two pinned nodes are not split
     is_new: np.ndarray  # (n,) bool: new in this round, and not collapsed, so that a round ends
     non_manifold: np.ndarray  # (n,) bool: non-manifold nodes, into which no node is collapsed

@@ -182,7 +182,7 @@ class Adaptation:
             if solved.functional is None:
                 return moved, 0.0
             functional = solved.functional
-            trial = self.method.carried(functional, moved.before, self.movable, moved.recycled.hint)
+            trial = self.method.carried(functional, moved.before, self.movable, moved.recycled.start_element)
             recycled, gain = self.method.lowered(self.movable, functional, trial, moved.recycled, self.plan(functional))
             return replace(moved, recycled=recycled), gain
 

@@ -70,7 +70,7 @@ class OpenSolid:
         star = star_of(node, n)
         first = star.element[star.start[:-1]]
         fineness = padded(np.cbrt(density / density.max()), rows, 1.0)
-        numbers, hint = padded(np.arange(n, dtype=np.int32), rows, -1), padded(first, rows, -1)
+        numbers, start_element = padded(np.arange(n, dtype=np.int32), rows, -1), padded(first, rows, -1)
         sagitta, non_manifold = np.zeros(len(movable.surfaces.shape)), np.zeros(rows, dtype=np.bool_)
         used = np.count_nonzero(node[:, 0] >= 0)
         empty = np.append(np.flatnonzero(node[:, 0] < 0)[::-1], free_rows(len(node), capacity)[: capacity - len(node)])
@@ -84,7 +84,7 @@ class OpenSolid:
             movable.surfaces,
             freedom,
             Pool(padded(first, rows, -1), free_rows(n, rows), stack, height),
-            Origins(fineness, numbers, hint, non_manifold, sagitta),
+            Origins(fineness, numbers, start_element, non_manifold, sagitta),
             Cavity.of(rows, capacity),
         )
         mark_non_manifold(mesh, star, non_manifold)
@@ -129,7 +129,7 @@ class OpenSolid:
         for name, array in self.state.items():
             array[:] = array[elements if name in BY_ELEMENT else nodes]
         origins = mesh.origins
-        for array in (origins.fineness, origins.old, origins.hint, origins.non_manifold, mesh.pool.anchor):
+        for array in (origins.fineness, origins.old, origins.start_element, origins.non_manifold, mesh.pool.anchor):
             array[:] = array[nodes]
         for array, order in (
             (mesh.elements.node, nodes),

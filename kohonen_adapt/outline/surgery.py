@@ -35,14 +35,14 @@ class Recycled:
     ----------
     old
         Index of every node before recycling, -1 for a new node, shape (n,).
-    hint
+    start_element
         Element of the triangulation before recycling that is near each node, shape (n,).
     splits, collapses
         Number of edge splits and of edge collapses.
     """
 
     old: Ints
-    hint: Ints
+    start_element: Ints
     splits: int
     collapses: int
 
@@ -74,12 +74,12 @@ class Surgery:
             name: padded(array, spare if name in BY_ELEMENT else rows, UNUSED.get(name, -1))
             for name, array in movable.state().items()
         }
-        anchor = padded(unchanged(movable.triangulation).hint, rows, -1)
+        anchor = padded(unchanged(movable.triangulation).start_element, rows, -1)
         pool = Pool(anchor, free_rows(n, rows), free_rows(m, spare), np.array([rows - n, spare - m], dtype=np.int64))
         origins = Origins(
             padded(density, rows, 1.0),
             padded(done.old, rows, -1),
-            padded(done.hint, rows, -1),
+            padded(done.start_element, rows, -1),
             state["pinned"],
             np.zeros(rows, dtype=np.bool_),
             padded(on_boundary > 2, rows, False),

@@ -48,7 +48,7 @@ def recycle_by_energy(
     if not pairs:
         return Exchange(trial, recycled, 0.0, offered)
     kept, used = surgery.write_back(movable)
-    known = {"old": mesh.origins.old[kept], "hint": mesh.origins.hint[kept]}
+    known = {"old": mesh.origins.old[kept], "start_element": mesh.origins.start_element[kept]}
     recycled = replace(recycled, splits=recycled.splits + pairs, collapses=recycled.collapses + pairs, **known)
     return Exchange(out_of_rows(judging.trial, kept, used), recycled, lowered, offered)
 

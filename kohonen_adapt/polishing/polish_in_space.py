@@ -72,7 +72,7 @@ def descend_and_recycle_in_space(
             descent, more, lowered = before, 0, 0.0
         pairs, gain, goes_on = pairs + more, gain + lowered, more > SETTLED * movable.nnodes
     rows, origins = descent.opened.write_back(movable, renumbered=pairs > 0), descent.opened.mesh.origins
-    known = {"old": origins.old[rows], "hint": origins.hint[rows]}
+    known = {"old": origins.old[rows], "start_element": origins.start_element[rows]}
     return replace(recycled, splits=recycled.splits + pairs, collapses=recycled.collapses + pairs, **known), gain
 
 
@@ -121,7 +121,7 @@ class Descent:
 
     def came_from(self, recycled: Recycled) -> None:
         origins, n = self.opened.mesh.origins, len(recycled.old)
-        origins.old[:n], origins.hint[:n] = recycled.old, recycled.hint
+        origins.old[:n], origins.start_element[:n] = recycled.old, recycled.start_element
 
     def descend(self, sweeps: int, eager: bool) -> float:
         freedom = self.functional.freedom(self.opened.mesh.freedom, self.trial.fixed)

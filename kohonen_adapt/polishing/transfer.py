@@ -27,17 +27,17 @@ from kohonen_adapt.polishing.regions import first_of_regions
 __all__ = ["carried"]
 
 
-def carried(functional: Functional, before: MovableMesh, movable: MovableMesh, hint: Ints) -> TrialFunction:
+def carried(functional: Functional, before: MovableMesh, movable: MovableMesh, start_element: Ints) -> TrialFunction:
     """Interpolate the solution of a functional onto the moved mesh.
 
     Held nodes take the value of the old node at the same position, sliding nodes that of their curve segment, and
     free nodes that of the old element around them. Node numbers may differ. `before` is the unmoved mesh of the
-    solution, and `hint` (n,) is an old element near every node, in a region that touches the node.
+    solution, and `start_element` (n,) is an old element near every node, in a region that touches the node.
     """
     constraints, solution = movable.constraints, functional.solution
     kind, chain = constraints.kind, constraints.own_chain
     old = Old(functional, before)
-    found, share = old.located(movable.triangulation.position, hint)
+    found, share = old.located(movable.triangulation.position, start_element)
     corners = old.triangulation.elements.node[found]
     inside = solution.fixed & (before.constraints.kind == FREE)
     values = old.values(found, share)
@@ -49,10 +49,10 @@ def carried(functional: Functional, before: MovableMesh, movable: MovableMesh, h
     exact = np.flatnonzero(sliding)[functional.linear[chain[sliding]]]
     start, rate = functional.on_chain[chain[exact]].T
     values[exact] = start + rate * constraints.parameter[exact]
-    dual = None if functional.dual is None else carried(functional.dual, before, movable, hint)
+    dual = None if functional.dual is None else carried(functional.dual, before, movable, start_element)
     if solution.modes is None:
         return TrialFunction(values, fixed, None, dual)
-    return TrialFunction(values, fixed, carried_modes(old, movable, hint, values, fixed), dual)
+    return TrialFunction(values, fixed, carried_modes(old, movable, start_element, values, fixed), dual)
 
 
 class Old:
@@ -68,18 +68,18 @@ class Old:
                 self.triangulation.position.T, elements.node.T, bent.transpose(2, 1, 0), elements.neighbour.T
             )
 
-    def located(self, points: Floats, hint: Ints) -> tuple[Ints, Floats]:
+    def located(self, points: Floats, start_element: Ints) -> tuple[Ints, Floats]:
         """Return the element around each point, (n,), and barycentric coordinates (n, 3).
 
-        Coordinates are not negative. The element is in the connected part of the mesh of the `hint`, because chords
+        Coordinates are not negative. The element is in the connected part of `start_element`, because chords
         of different parts (rotor and stator) may overlap.
         """
-        found = walk_to_elements(self.triangulation, points, hint, across_regions=False)
+        found = walk_to_elements(self.triangulation, points, start_element, across_regions=False)
         elements = self.triangulation.elements
         part = parts_of_regions(elements.neighbour, elements.region)[elements.region]
-        astray = np.flatnonzero(part[found] != part[hint])
-        for number in np.unique(part[hint[astray]]):
-            rows = astray[part[hint[astray]] == number]
+        astray = np.flatnonzero(part[found] != part[start_element])
+        for number in np.unique(part[start_element[astray]]):
+            rows = astray[part[start_element[astray]] == number]
             found[rows] = nearest_on_rim(self.triangulation, points[rows], part == number)
         share = np.empty((len(points), 3))
         barycentric(self.triangulation.position, self.triangulation.elements.node, points, found, share)
@@ -96,11 +96,11 @@ class Old:
         coefficients = local_coefficients(values[self.triangulation.elements.node[element]], part)
         return evaluated(coefficients, share, None if self.kind is None else self.kind[element])
 
-    def at(self, points: Floats, hint: Ints) -> Floats:
-        return self.values(*self.located(points, hint))
+    def at(self, points: Floats, start_element: Ints) -> Floats:
+        return self.values(*self.located(points, start_element))
 
 
-def carried_modes(old: Old, movable: MovableMesh, hint: Ints, values: Floats, fixed: Mask) -> Modes:
+def carried_modes(old: Old, movable: MovableMesh, start_element: Ints, values: Floats, fixed: Mask) -> Modes:
     """Return interpolated coefficients of sides and bubbles, and Dirichlet sides.
 
     Points of an element are searched from an old element in the same region, points of a side from either
@@ -110,7 +110,7 @@ def carried_modes(old: Old, movable: MovableMesh, hint: Ints, values: Floats, fi
     elements, m, functional, degrees = new.elements, len(new.elements.node), old.functional, order - 1
     if not degrees:
         return without_modes(m)
-    start = hints_of_elements(old.triangulation, new, hint)
+    start = start_elements(old.triangulation, new, start_element)
     modes = Modes(np.empty((m, 3, degrees)), np.zeros(m), given_sides(functional, movable, fixed))
     points, middles = places_inside(movable, order)
     e, k = np.nonzero(elements.neighbour < np.arange(m)[:, None])
@@ -157,9 +157,9 @@ def straight_sides(functional: Functional, movable: MovableMesh) -> Mask:
     return on_chains(movable.triangulation.elements.chain, functional.linear)
 
 
-def hints_of_elements(old: Triangulation, new: Triangulation, hint: Ints) -> Ints:
+def start_elements(old: Triangulation, new: Triangulation, start_element: Ints) -> Ints:
     """Return an old element in the same region, (m,), near one of the corners if any."""
-    near = hint[new.elements.node]
+    near = start_element[new.elements.node]
     fits = old.elements.region[near] == new.elements.region[:, None]
     chosen = near[np.arange(len(near)), np.argmax(fits, axis=1)]
     return np.where(fits.any(axis=1), chosen, first_of_regions(old.elements.region)[new.elements.region])

@@ -17,18 +17,18 @@ __all__ = ["carried_in_space"]
 
 
 def carried_in_space(
-    functional: SolidFunctional, before: MovableSolid, movable: MovableSolid, hint: Ints
+    functional: SolidFunctional, before: MovableSolid, movable: MovableSolid, start_element: Ints
 ) -> TrialFunction:
     """Interpolate the solution of a functional onto the moved mesh.
 
     Held nodes take the value of the old node at the same position, all others that of the old element around
     them. Nodes on patches and ridges with Dirichlet values take the linear function, or without one the mean of
     the surrounding Dirichlet values. Node numbers may differ. `before` is the unmoved mesh of the solution, and
-    `hint` (n,) is an old element near every node, in a region that touches the node.
+    `start_element` (n,) is an old element near every node, in a region that touches the node.
     """
     solution, freedom, old = functional.solution, movable.freedom, before.tetrahedralization
     position = movable.tetrahedralization.position
-    found, share = located(old, position, hint)
+    found, share = located(old, position, start_element)
     corners = old.elements.node[found]
     values = np.sum(share * solution.values[corners], axis=1)
     inside = solution.fixed & (before.freedom.number == INSIDE)
@@ -56,17 +56,17 @@ def averages(weight: Floats, values: Floats, otherwise: Floats) -> Floats:
     return np.divide(np.sum(weight * values, axis=1), total, out=otherwise.copy(), where=total > 0.0)
 
 
-def located(old: Tetrahedralization, points: Floats, hint: Ints) -> tuple[Ints, Floats]:
+def located(old: Tetrahedralization, points: Floats, start_element: Ints) -> tuple[Ints, Floats]:
     """Return the element at each point, (n,), and barycentric coordinates (n, 4).
 
-    Coordinates are not negative. The element is in the connected part of the mesh of the `hint`, because bodies
+    Coordinates are not negative. The element is in the connected part of `start_element`, because bodies
     may touch without common nodes.
     """
-    found = walk_to_elements(old, points, hint, across_regions=False)
+    found = walk_to_elements(old, points, start_element, across_regions=False)
     part = parts_of_regions(old.elements.neighbour, old.elements.region)[old.elements.region]
-    astray = np.flatnonzero(part[found] != part[hint])
-    for number in np.unique(part[hint[astray]]):
-        rows, own = astray[part[hint[astray]] == number], np.flatnonzero(part == number)
+    astray = np.flatnonzero(part[found] != part[start_element])
+    for number in np.unique(part[start_element[astray]]):
+        rows, own = astray[part[start_element[astray]] == number], np.flatnonzero(part == number)
         middles = old.position[old.elements.node[own]].mean(axis=1)
         found[rows] = own[cKDTree(middles).query(points[rows])[1]]
     share = np.empty((len(points), 4))

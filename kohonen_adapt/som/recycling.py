@@ -51,7 +51,7 @@ def recycle_nodes(
         return done
     kept, _ = surgery.write_back(movable, renumbered=pairs)
     counts = done.splits + splits, done.collapses + collapses
-    return Recycled(surgery.mesh.origins.old[kept], surgery.mesh.origins.hint[kept], *counts)
+    return Recycled(surgery.mesh.origins.old[kept], surgery.mesh.origins.start_element[kept], *counts)
 
 
 def recycled_pairs(
@@ -68,7 +68,7 @@ def recycled_pairs(
     movable.flip()
     counts = done.splits + splits, done.collapses + collapses
     row = np.where(origins.is_new[kept], -1, kept)
-    return row, origins.density[kept], Recycled(origins.old[kept], origins.hint[kept], *counts)
+    return row, origins.density[kept], Recycled(origins.old[kept], origins.start_element[kept], *counts)
 
 
 def exchange(mesh: OpenMesh, floor: float, missing: int, ratio: float) -> tuple[int, int]:

@@ -192,7 +192,7 @@ def move(
         errors = trainer.learn(wanted.draw, schedule, rng, starts)
         if schedule.sweeps:
             if recycled.splits:
-                wanted.refit(movable.triangulation, before.triangulation, recycled.hint)
+                wanted.refit(movable.triangulation, before.triangulation, recycled.start_element)
             trainer.smooth(wanted, schedule.sweeps)
     return Moved(before, recycled, errors, why_still(movable, schedule))
 

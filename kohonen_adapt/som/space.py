@@ -84,7 +84,7 @@ def rearrange(
     smooth(opened, density, SWEEPS[topology] if sweeps is None else sweeps, movable)
     rows = opened.write_back(movable, renumbered=bool(pairs and splits + collapses))
     movable.project_nodes()
-    return Recycled(opened.mesh.origins.old[rows], opened.mesh.origins.hint[rows], splits, collapses)
+    return Recycled(opened.mesh.origins.old[rows], opened.mesh.origins.start_element[rows], splits, collapses)
 
 
 def exchange(opened: OpenSolid, movable: MovableSolid, target: int, ratio: float) -> tuple[int, int]:

@@ -184,17 +184,17 @@ class Trainer:
         self.method.mark_interior(self.neurons.star, part, rings, interior, self.scratch[0].queue)
         return interior
 
-    def search(self, batch: Draw, hints: Ints) -> tuple[Ints, Floats]:
-        found, distances = np.empty(len(hints), dtype=np.int32), np.empty(len(hints))
+    def search(self, batch: Draw, start_nodes: Ints) -> tuple[Ints, Floats]:
+        found, distances = np.empty(len(start_nodes), dtype=np.int32), np.empty(len(start_nodes))
 
         def task(thread: int, first: int, last: int) -> None:
             part = slice(first, last)
             self.method.find_winners(
-                self.neurons, batch.points[part], batch.region[part], hints[part], found[part], distances[part],
+                self.neurons, batch.points[part], batch.region[part], start_nodes[part], found[part], distances[part],
                 self.scratch[thread],
             )  # fmt: skip
 
-        shared(task, even_cuts(len(hints), FEW, STRETCH))
+        shared(task, even_cuts(len(start_nodes), FEW, STRETCH))
         return found, distances
 
     def _flip(self) -> None:

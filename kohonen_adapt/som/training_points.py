@@ -111,10 +111,10 @@ class ElementDensity(ElementSource):
         multiply_factors(triangulation.elements, self._sites, squares)
         return squares
 
-    def refit(self, triangulation: Triangulation, before: Triangulation, hint: Ints) -> None:
+    def refit(self, triangulation: Triangulation, before: Triangulation, start_element: Ints) -> None:
         self._sites = sites_of(triangulation)
         middle = triangulation.centroids()[self._sites.element]
-        start = hint[np.repeat(np.arange(triangulation.nnodes), np.diff(self._sites.start))]
+        start = start_element[np.repeat(np.arange(triangulation.nnodes), np.diff(self._sites.start))]
         self._sites.element[:] = walk_to_elements(before, middle, start, across_regions=True)
 
 
@@ -178,7 +178,7 @@ class CallableDensity(FunctionSource):
 
     lasting = 1  # sweeps with the same squares: the function may change from point to point
 
-    def refit(self, triangulation: Triangulation, before: Triangulation, hint: Ints) -> None:
+    def refit(self, triangulation: Triangulation, before: Triangulation, start_element: Ints) -> None:
         """Do nothing, because the function is evaluated wherever nodes are."""
 
     def squares(self, triangulation: Triangulation) -> Floats:

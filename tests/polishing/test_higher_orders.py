@@ -214,10 +214,10 @@ def test_a_polynomial_that_the_elements_have_is_carried_as_it_is(order):
     movable = MovableMesh.of(mesh, Rules("recycle").guarded())
     values = exact(basis.doflocs)
     functional = Functional.of(Ritz(values, np.zeros(basis.N, dtype=bool), 1.0, order=order), movable, mesh)
-    before, hint = movable.copy(), unchanged(movable.triangulation).hint
+    before, start_element = movable.copy(), unchanged(movable.triangulation).start_element
     free = movable.constraints.kind == 0
     movable.triangulation.position[free] += 0.003 * np.random.default_rng(2).normal(size=(free.sum(), 2))
-    after = carried(functional, before, movable, hint)
+    after = carried(functional, before, movable, start_element)
     moved = movable.mesh()
     expected = modes_of(
         moved, movable.triangulation.elements.node, exact(Basis(moved, ELEMENTS[order]()).doflocs), order

@@ -85,7 +85,7 @@ def test_a_plan_of_one_number_keeps_all_nodes():
     recycled, gain = descend_and_recycle_in_space(movable, functional, functional.solution.copy(), start, (3,))
     assert gain > 0.0 and recycled.splits == 0
     np.testing.assert_array_equal(recycled.old, start.old)
-    np.testing.assert_array_equal(recycled.hint, start.hint)
+    np.testing.assert_array_equal(recycled.start_element, start.start_element)
 
 
 def boundary_areas(mesh):

@@ -22,7 +22,7 @@ def moved_and_carried(mesh, values, fixed, topology="recycle"):
     functional = SolidFunctional.of(Ritz(values, fixed, 1.0), solid, mesh)
     x = solid.tetrahedralization.centroids() - solid.tetrahedralization.position.mean(axis=0) - 0.2
     moved = move_in_space(solid, 1.0 / (0.01 + (x**2).sum(axis=1)), None, topology, np.random.default_rng(0))
-    return solid, moved, carried_in_space(functional, moved.before, solid, moved.recycled.hint)
+    return solid, moved, carried_in_space(functional, moved.before, solid, moved.recycled.start_element)
 
 
 def rim(mesh, name=None):
@@ -106,9 +106,9 @@ def test_what_has_not_moved_is_what_it_was():
     values, fixed = np.random.default_rng(0).normal(size=mesh.nvertices), rim(mesh, "left")
     solid = MovableSolid.of(mesh, Rules())
     functional = SolidFunctional.of(Ritz(values, fixed, 1.0), solid, mesh)
-    hint = np.zeros(mesh.nvertices, dtype=np.int32)
-    hint[mesh.t] = np.arange(mesh.nelements)
-    trial = carried_in_space(functional, solid.copy(), solid, hint)
+    start_element = np.zeros(mesh.nvertices, dtype=np.int32)
+    start_element[mesh.t] = np.arange(mesh.nelements)
+    trial = carried_in_space(functional, solid.copy(), solid, start_element)
     np.testing.assert_array_equal(trial.fixed, fixed)
     np.testing.assert_allclose(trial.values, values, rtol=0.0, atol=1e-14)
     assert trial.modes is None and functional.solution.values is not trial.values

@@ -162,9 +162,9 @@ def carried_by(mesh, ritz, change, rules=None):
     """The mesh after a change of the movable mesh, and the values and what is given at its nodes."""
     movable = MovableMesh.of(mesh, rules or Rules())
     functional, before = Functional.of(ritz, movable), movable.copy()
-    hint = unchanged(movable.triangulation).hint
+    start_element = unchanged(movable.triangulation).start_element
     change(movable)
-    return movable, *carried(functional, before, movable, hint)[:2]
+    return movable, *carried(functional, before, movable, start_element)[:2]
 
 
 @pytest.mark.parametrize("build", MESHES.values(), ids=MESHES)
@@ -258,6 +258,6 @@ def test_far_hints_are_searched_for():
     star = movable.triangulation.star
     ritz = Ritz(mesh.p[0] ** 2, np.zeros(mesh.p.shape[1], dtype=bool), 1.0)
     corner = np.argmax(mesh.p[0] - mesh.p[1])  # no straight way leads from here to the other leg
-    hint = np.full(movable.nnodes, star.element[star.start[corner]])
-    values = carried(Functional.of(ritz, movable), movable.copy(), movable, hint).values
+    start_element = np.full(movable.nnodes, star.element[star.start[corner]])
+    values = carried(Functional.of(ritz, movable), movable.copy(), movable, start_element).values
     np.testing.assert_allclose(values, ritz.values, atol=1e-12)

@@ -282,4 +282,4 @@ def test_new_nodes_on_a_slit_are_found_from_their_own_bank():
     star = movable.triangulation.star
     above = [centres(movable.mesh())[1, star.element[star.start[v]]] > 0.5 for v in chains]
     assert len(chains) > 5
-    assert [middle[done.hint[v]] > 0.5 for v in chains] == above
+    assert [middle[done.start_element[v]] > 0.5 for v in chains] == above

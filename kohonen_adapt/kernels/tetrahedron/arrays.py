@@ -102,7 +102,7 @@ class Origins(NamedTuple):
 
     fineness: np.ndarray  # (n,): cube root of the requested node density
     old: np.ndarray  # (n,) int32: row in the input mesh, -1 for new nodes
-    hint: np.ndarray  # (n,) int32: an element of the input mesh near the node
+    start_element: np.ndarray  # (n,) int32: an element of the input mesh near the node
     non_manifold: np.ndarray  # (n,) bool: non-manifold, elements not all connected by faces
     sagitta: np.ndarray  # (p,): maximum distance of edge midpoints from the patch
 

@@ -206,15 +206,15 @@ def find_winner(mesh, v, x, region, scratch):
 
 
 @kernel
-def find_winners(mesh, points, region, hints, winners, distances, scratch):
+def find_winners(mesh, points, region, start_nodes, winners, distances, scratch):
     """Find the winner of every point, and its distance.
 
-    `hints` holds a start node in the region of each point, best a former winner. The winner of the previous point
+    `start_nodes` holds a start node in the region of each point, best a former winner. The winner of the previous point
     is a second start, except at every STRETCH-th point, so that points can be distributed in stretches with the
     same result.
     """
     for t in range(points.shape[0]):
-        x, v = points[t], np.int64(hints[t])
+        x, v = points[t], np.int64(start_nodes[t])
         if t % STRETCH > 0 and region[t - 1] == region[t]:
             other = np.int64(winners[t - 1])
             if squared_distance(mesh.position, other, x) < squared_distance(mesh.position, v, x):

@@ -245,7 +245,7 @@ def split(mesh, a, b, count):
     p = np.int64(pool.free_nodes[pool.height[0]])
     replace(mesh, count, 2 * count)
     origins.fineness[p] = np.sqrt(origins.fineness[a] * origins.fineness[b])
-    origins.old[p], origins.hint[p] = -1, origins.hint[a]
+    origins.old[p], origins.start_element[p] = -1, origins.start_element[a]
     mesh.freedom.pinned[p] = origins.non_manifold[p] = False
     return p
 

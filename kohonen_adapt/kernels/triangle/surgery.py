@@ -142,7 +142,7 @@ def split(mesh, e, k, x, y, parameter):
     elements.level[p] = elements.level[b if constraints.kind[b] == FREE else a]
     constraints.inner[p] = other >= 0 and elements.region[other] == elements.region[e]
     origins.density[p] = 0.5 * (origins.density[a] + origins.density[b])
-    origins.old[p], origins.hint[p] = -1, origins.hint[start_node(elements, constraints, e, k)]
+    origins.old[p], origins.start_element[p] = -1, origins.start_element[start_node(elements, constraints, e, k)]
     origins.pinned[p] = origins.non_manifold[p] = False
     origins.longest[p] = min(origins.longest[a], origins.longest[b])
     origins.is_new[p] = True
