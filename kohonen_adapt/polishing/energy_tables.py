@@ -53,8 +53,8 @@ def _table(law: EnergyLaw, b: Floats) -> Floats:
         strength, energy = (np.asarray(values, dtype=float) for values in (law.field_strength(b), law.energy(b)))
         if not strength.shape == energy.shape == b.shape:
             raise ValueError(
-                f"laws of Ritz must return arrays of the shape of b, {b.shape}; {law!r} gave {strength.shape} as field "
-                f"strength and {energy.shape} as energy."
+                f"laws of Ritz must return arrays of the shape of b, {b.shape}; {law!r} returned {strength.shape} as "
+                f"field strength and {energy.shape} as energy."
             )
         table = np.stack([energy, 0.5 * strength / b], axis=1)
     checked = slice((BELOW - CHECKED) * STEPS, (BELOW + 1) * STEPS + 1)
@@ -70,6 +70,6 @@ def _check(law: EnergyLaw, b: Floats, strength: Floats, energy: Floats) -> None:
     bad = astray | (np.diff(strength) < -ROUNDING * strength[1:]) | (strength[:-1] <= 0.0)
     if np.any(bad):
         raise ValueError(
-            f"laws of Ritz must have a field strength that rises with b, and an energy that is its integral; that of "
-            f"{law!r} is not so near b = {b[np.argmax(bad)]:g}."
+            f"laws of Ritz must have a field strength that increases with b, and an energy that is the integral of the "
+            f"field strength; {law!r} violates this near b = {b[np.argmax(bad)]:g}."
         )

@@ -146,9 +146,7 @@ class Functional:
         mesh = movable.mesh() if mesh is None else mesh
         check_fits(ritz, mesh)
         if callable(ritz.flux) and (ritz.order > 1 or general):
-            raise VariesInside(
-                "flux of Ritz can be a function beside a constant source, at order 1 and in the plane only."
-            )
+            raise VariesInside("flux of Ritz can be a function only at order 1, in the plane, with a constant source.")
         solution = solution_on(ritz, triangulation, mesh, general)
         hold_unpaired(solution, ritz, triangulation, outline)
         values, fixed, modes, _ = solution

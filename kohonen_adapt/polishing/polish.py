@@ -154,11 +154,11 @@ def polish(
 
 def check_polish(problem: Problem, sweeps: object, topology: object, seed: object) -> None:
     if topology not in ("fixed", "flip"):
-        raise ValueError(f"topology must be 'fixed' or 'flip', for polish keeps every node; got {topology!r}.")
+        raise ValueError(f"topology must be 'fixed' or 'flip', because polish keeps all nodes; got {topology!r}.")
     check_count("seed", seed)
     check_count("sweeps", sweeps)
     if not offers(problem, "solve"):
-        raise ValueError(f"polish needs a problem with the method solve(mesh); {type(problem).__name__} has none.")
+        raise ValueError(f"polish requires a problem with the method solve(mesh); {type(problem).__name__} has none.")
     check_names(problem)
     try:
         offered(problem, "ritz")
@@ -167,7 +167,7 @@ def check_polish(problem: Problem, sweeps: object, topology: object, seed: objec
 
 
 def without_functional(reason: NotOffered) -> ValueError:
-    return ValueError(f"polish needs the functional of the problem, which offers none: {reason}.")
+    return ValueError(f"polish requires the functional of the problem: {reason}.")
 
 
 def descend_and_recycle(

@@ -31,9 +31,9 @@ def numbers_of_regions(ritz: Ritz, region: NDArray[np.int32]) -> NDArray[np.int6
     if len(stray):
         e = int(stray[0])
         raise VariesInside(
-            f"region of Ritz must be one number on each region of the mesh; elements {first[region[e]]} and {e} are of "
-            f"the same region but have {number[first[region[e]]]} and {number[e]}. Divide it by subdomains of the "
-            "mesh; a flux that varies inside one is a function."
+            f"region of Ritz must be constant on each region of the mesh; elements {first[region[e]]} and {e} are in "
+            f"the same region but have {number[first[region[e]]]} and {number[e]}. Split the region by subdomains of "
+            "the mesh, or define a varying flux as a function."
         )
     return number[first]
 

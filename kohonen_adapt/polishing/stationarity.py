@@ -110,8 +110,8 @@ def check_residual(total: Floats, size: Floats, doubt: Floats, free: Mask, place
     worst = int(np.argmax(excess))
     raise ValueError(
         f"the solution is not stationary for its Ritz: at {location(mesh, place[worst])} the residual is "
-        f"{100.0 * abs(total[worst]) / size[worst]:.2g} % of the terms that it is the sum of (up to "
-        f"{100.0 * OF_TERMS:g} % is taken for a solver's tolerance), and it is too large at {wrong} of "
+        f"{100.0 * abs(total[worst]) / size[worst]:.2g} % of the terms in its sum (tolerance about "
+        f"{100.0 * OF_TERMS:g} %), and too large at {wrong} of "
         f"{np.count_nonzero(free)} free unknowns. Give Ritz every term of the equation (robin, source, flux, fixed "
         "values), or solve more accurately."
     )

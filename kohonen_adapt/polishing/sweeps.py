@@ -140,7 +140,7 @@ class Higher:
 
     def descend_patch(self, patch: Patch) -> float:
         if patch.shapes is None:
-            raise TypeError("a patch of order 2 or 3, or around an axis, needs shapes")
+            raise TypeError("a patch of order 2 or 3, or around an axis, requires shapes")
         mesh = patch.position, patch.elements, patch.star, patch.constraints
         most = int(np.diff(patch.star.start).max())
         room = Descents.of(mesh, patch.trials, patch.modes, (*self.functions, patch.shapes), most)

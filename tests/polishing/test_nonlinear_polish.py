@@ -140,13 +140,16 @@ class Coarse(Cubic):
 @pytest.mark.parametrize(
     ("law", "message"),
     [
-        (Falling(1.0), r"a field strength that rises with b, and an energy .*; that of .* is not so near b = 0\.49"),
-        (Halved(1.0), "laws of Ritz must have a field strength that rises with b, and an energy that is its integral;"),
-        (Straight(-1.0), "must have a field strength that rises with b"),
+        (Falling(1.0), r"a field strength that increases with b, and an energy .*; .* violates this near b = 0\.49"),
+        (
+            Halved(1.0),
+            "laws of Ritz must have a field strength that increases with b, and an energy that is the integral of",
+        ),
+        (Straight(-1.0), "must have a field strength that increases with b"),
         (Straight(np.nan), "laws of Ritz must be finite up to b = "),
         (
             Single(1.0),
-            r"must return arrays of the shape of b, .*; .* gave \(\d+,\) as field strength and \(\) as energy\.",
+            r"must return arrays of the shape of b, .*; .* returned \(\d+,\) as field strength and \(\) as energy\.",
         ),
     ],
 )

@@ -86,7 +86,7 @@ def test_constants_must_not_change_inside_a_region():
     mesh, number = halves()
     fixed = np.zeros(mesh.nvertices, dtype=bool)
     number[mesh.subdomains["high"][3]] = 0
-    with pytest.raises(VariesInside, match=r"one number on each region of the mesh; elements \d+ and \d+ are of"):
+    with pytest.raises(VariesInside, match=r"constant on each region of the mesh; elements \d+ and \d+ are in"):
         SolidFunctional.of(Ritz(mesh.p[0], fixed, 1.0, region=number), MovableSolid.of(mesh, Rules()))
     with pytest.raises(ValueError, match=r"values of Ritz must have shape \(nnodes,\) = \(125,\); got \(8,\)"):
         SolidFunctional.of(Ritz(np.zeros(8), np.zeros(8, dtype=bool), 1.0), MovableSolid.of(mesh, Rules()))
@@ -202,5 +202,5 @@ def test_nodes_stay_on_surfaces_without_a_formula_and_where_they_are_pinned():
 
 
 def test_a_law_whose_field_strength_falls_is_refused():
-    with pytest.raises(ValueError, match=r"field strength that rises"):
+    with pytest.raises(ValueError, match=r"field strength that increases"):
         SolidFunctional.of(Ritz(**REST, laws=(Falls(),)), MovableSolid.of(MESH, Rules()))

@@ -85,7 +85,7 @@ def test_a_functional_of_another_mesh_is_refused():
     number[mesh.subdomains["core"]] = 1
     Functional.of(Ritz(np.zeros(n), fixed, 1.0, region=number), movable)
     number[mesh.subdomains["core"][2]] = 0
-    with pytest.raises(ValueError, match=r"one number on each region of the mesh; elements \d+ and \d+ are"):
+    with pytest.raises(ValueError, match=r"constant on each region of the mesh; elements \d+ and \d+ are"):
         Functional.of(Ritz(np.zeros(n), fixed, 1.0, region=number), movable)
 
 
