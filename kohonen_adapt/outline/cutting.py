@@ -11,7 +11,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import FIRST, IS_CLOSED, IS_ROUND, LAST
 
 TURN = 1e-6  # radians: maximum turn between facets of a straight segment
-BEND = 1e-9  # maximum distance of the nodes of a straight segment from its chord, relative to the chord
+COLLINEAR = 1e-9  # maximum distance of the nodes of a straight segment from its chord, relative to the chord
 FEWEST = 6  # fewest nodes of an arc
 FEWEST_FACETS = 3  # fewest facets of a coarse arc, with four nodes: any three nodes are on a circle
 CLOSE = 0.05  # maximum distance of a node that lies on a circle, in sagittas of its facet
@@ -22,12 +22,12 @@ DISTINCT = 10.0  # minimum extent of an arc across its chord, relative to the la
 MOST = 1.8 * math.pi  # radians: a longer arc is halved, so that the nearer end of a node is unique
 
 
-def cut_runs(
-    position: Floats, node: Ints, facet: Ints, start: Ints, closed: Mask, whole: Mask, pieces: Ints, circle: Floats
+def cut_polylines(
+    position: Floats, node: Ints, facet: Ints, start: Ints, closed: Mask, whole: Mask, segments: Ints, circle: Floats
 ) -> int:
     """Cut polylines into straight segments, arcs and single facets.
 
-    Writes row p of `pieces`, shape (p, 4): the slots (indices in `node`) of the first and last node, 1 if the segment
+    Writes row p of `segments`, shape (p, 4): the slots (indices in `node`) of the first and last node, 1 if the segment
     is an arc, 1 if the segment is closed; and row p of `circle`, shape (p, 3): centre and radius of an arc. Polylines
     of the mask `whole` are not cut, except loops with a corner, which are halved. Closed polylines are rotated in place
     in `node` and `facet` to begin where a segment begins. Returns the number of segments.
@@ -36,50 +36,50 @@ def cut_runs(
     for r in range(len(start) - 1):
         first, last = int(start[r]), int(start[r + 1]) - 1
         if whole[r]:
-            enter_piece(pieces, count, first, last, False, closed[r])
+            write_segment(segments, count, first, last, False, closed[r])
             if not closed[r] and node[first] == node[last]:  # a loop with a corner: a segment needs two end nodes
                 middle = (first + last) // 2
-                pieces[count, LAST] = middle
+                segments[count, LAST] = middle
                 count += 1
-                enter_piece(pieces, count, middle, last, False, closed[r])
+                write_segment(segments, count, middle, last, False, closed[r])
             count += 1
             continue
-        if closed[r] and cut_loop(position, node, facet, first, last, pieces, circle, count):
+        if closed[r] and cut_loop(position, node, facet, first, last, segments, circle, count):
             count += 1
             continue
         before = count
-        count, proper = cut_open(position, node, first, last, pieces, circle, count)
-        if not proper and 0.0 < abs(turn_of_arc(position, node, first, last, circle, before)) <= MOST:
-            enter_piece(pieces, before, first, last, True, False)
+        count, has_long = cut_open(position, node, first, last, segments, circle, count)
+        if not has_long and 0.0 < abs(angle_on_circle(position, node, first, last, circle, before)) <= MOST:
+            write_segment(segments, before, first, last, True, False)
             count = before + 1
     return count
 
 
-def enter_piece(pieces: Ints, p: int, first: int, last: int, is_round: bool, closed: bool) -> None:
-    pieces[p, FIRST], pieces[p, LAST] = first, last
-    pieces[p, IS_ROUND], pieces[p, IS_CLOSED] = int(is_round), int(closed)
+def write_segment(segments: Ints, p: int, first: int, last: int, is_round: bool, closed: bool) -> None:
+    segments[p, FIRST], segments[p, LAST] = first, last
+    segments[p, IS_ROUND], segments[p, IS_CLOSED] = int(is_round), int(closed)
 
 
 def cut_loop(
-    position: Floats, node: Ints, facet: Ints, first: int, last: int, pieces: Ints, circle: Floats, count: int
+    position: Floats, node: Ints, facet: Ints, first: int, last: int, segments: Ints, circle: Floats, count: int
 ) -> bool:
     if circle_of_loop(position, node, first, last, circle, count):
-        enter_piece(pieces, count, first, last, True, True)
+        write_segment(segments, count, first, last, True, True)
         return True
     at = first
     while at < last:
-        end, _ = next_piece(position, node, at, last, at, circle, count)
+        end, _ = next_segment(position, node, at, last, at, circle, count)
         if end > at + 1 and end < last:
-            turn_run(node, facet, first, last, end - first)
+            rotate_polyline(node, facet, first, last, end - first)
             return False
         at = end
-    if is_round_trip(turn_of_arc(position, node, first, last, circle, count)):
-        enter_piece(pieces, count, first, last, True, True)
+    if is_full_turn(angle_on_circle(position, node, first, last, circle, count)):
+        write_segment(segments, count, first, last, True, True)
         return True
     return False
 
 
-def turn_run(node: Ints, facet: Ints, first: int, last: int, shift: int) -> None:
+def rotate_polyline(node: Ints, facet: Ints, first: int, last: int, shift: int) -> None:
     length = last - first
     nodes, facets = node[first:last].copy(), facet[first:last].copy()
     for i in range(length):
@@ -88,22 +88,22 @@ def turn_run(node: Ints, facet: Ints, first: int, last: int, shift: int) -> None
 
 
 def cut_open(
-    position: Floats, node: Ints, first: int, last: int, pieces: Ints, circle: Floats, count: int
+    position: Floats, node: Ints, first: int, last: int, segments: Ints, circle: Floats, count: int
 ) -> tuple[int, bool]:
-    at, begin, proper = first, first, False
+    at, begin, has_long = first, first, False
     while at < last:
-        end, is_round = next_piece(position, node, at, last, begin, circle, count)
-        if is_round and abs(turn_round(position, node, at, end, circle[count, 0], circle[count, 1])) > MOST:
+        end, is_round = next_segment(position, node, at, last, begin, circle, count)
+        if is_round and abs(angle_around(position, node, at, end, circle[count, 0], circle[count, 1])) > MOST:
             end = (at + end) // 2
-        enter_piece(pieces, count, at, end, is_round, False)
+        write_segment(segments, count, at, end, is_round, False)
         if end > at + 1:
-            begin, proper = end, True
+            begin, has_long = end, True
         count += 1
         at = end
-    return count, proper
+    return count, has_long
 
 
-def next_piece(
+def next_segment(
     position: Floats, node: Ints, first: int, last: int, begin: int, circle: Floats, count: int
 ) -> tuple[int, bool]:
     """Return the end of the segment that begins at `first`, and True for an arc.
@@ -127,20 +127,20 @@ def next_piece(
 def straight_end(position: Floats, node: Ints, first: int, last: int) -> int:
     end, count = first + 1, 1
     while end < last:
-        turning = np.abs(turns_between(position, node[end - 1 : min(end + count, last) + 1])) > TURN
+        turning = np.abs(turning_angles(position, node[end - 1 : min(end + count, last) + 1])) > TURN
         if turning.any():
             return end + int(np.argmax(turning))
         end, count = end + len(turning), 2 * count
     return end
 
 
-def turns_between(position: Floats, nodes: Ints) -> Floats:
+def turning_angles(position: Floats, nodes: Ints) -> Floats:
     ways = np.diff(position[nodes], axis=0)
     (ux, uy), (wx, wy) = ways[:-1].T, ways[1:].T
     return np.arctan2(ux * wy - uy * wx, ux * wx + uy * wy)
 
 
-def turn_at(position: Floats, node: Ints, slot: int) -> float:
+def turning_angle(position: Floats, node: Ints, slot: int) -> float:
     a, v, b = node[slot - 1], node[slot], node[slot + 1]
     ux, uy = position[v, 0] - position[a, 0], position[v, 1] - position[a, 1]
     wx, wy = position[b, 0] - position[v, 0], position[b, 1] - position[v, 1]
@@ -150,16 +150,16 @@ def turn_at(position: Floats, node: Ints, slot: int) -> float:
 def on_chord(position: Floats, node: Ints, first: int, last: int) -> bool:
     ux, uy = (position[node[first + 1 : last + 1]] - position[node[first]]).T
     tx, ty = ux[-1], uy[-1]
-    return bool(np.all(np.abs(ux * ty - uy * tx) <= BEND * (tx * tx + ty * ty)))
+    return bool(np.all(np.abs(ux * ty - uy * tx) <= COLLINEAR * (tx * tx + ty * ty)))
 
 
 def arc_end(position: Floats, node: Ints, first: int, last: int) -> int:
     end = first + 2
     if end > last:
         return first
-    left = turn_at(position, node, first + 1) > 0.0
+    left = turning_angle(position, node, first + 1) > 0.0
     while end < last:
-        turn = turn_at(position, node, end)
+        turn = turning_angle(position, node, end)
         x, y, radius = circle_through(position, node[first], node[(first + end) // 2], node[end])
         if (turn > 0.0) != left or not off_circle(position, node[end + 1], node[end], x, y, radius) <= CLOSE:
             break
@@ -208,10 +208,10 @@ def circle_of_loop(position: Floats, node: Ints, first: int, last: int, circle: 
         if not off_circle(position, node[i], node[i + 1], x, y, radius) <= CLOSE:
             return False
     circle[count, 0], circle[count, 1], circle[count, 2] = x, y, radius
-    return is_round_trip(turn_round(position, node, first, last, x, y))
+    return is_full_turn(angle_around(position, node, first, last, x, y))
 
 
-def turn_of_arc(position: Floats, node: Ints, first: int, last: int, circle: Floats, count: int) -> float:
+def angle_on_circle(position: Floats, node: Ints, first: int, last: int, circle: Floats, count: int) -> float:
     """Return the angle of a polyline on its least-squares circle, or 0 without a fit.
 
     The circle is written to row `count` of `circle`.
@@ -232,10 +232,10 @@ def turn_of_arc(position: Floats, node: Ints, first: int, last: int, circle: Flo
     if not (off <= LOOSE * radius and DISTINCT * off <= high - low):
         return 0.0
     circle[count, 0], circle[count, 1], circle[count, 2] = x, y, radius
-    return turn_round(position, node, first, last, x, y)
+    return angle_around(position, node, first, last, x, y)
 
 
-def turn_round(position: Floats, node: Ints, first: int, last: int, x: float, y: float) -> float:
+def angle_around(position: Floats, node: Ints, first: int, last: int, x: float, y: float) -> float:
     total = 0.0
     for i in range(first, last):
         angle = angle_between(position, node[i], node[i + 1], x, y)
@@ -245,7 +245,7 @@ def turn_round(position: Floats, node: Ints, first: int, last: int, x: float, y:
     return total
 
 
-def is_round_trip(angle: float) -> bool:
+def is_full_turn(angle: float) -> bool:
     return abs(abs(angle) - 2.0 * math.pi) < 1.0
 
 
@@ -278,20 +278,20 @@ def fitted_circle(position: Floats, node: Ints, first: int, last: int) -> tuple[
 
 
 def lengths_and_angles(
-    position: Floats, node: Ints, pieces: Ints, circle: Floats, longest: Floats, even: Floats, angle: Floats
+    position: Floats, node: Ints, segments: Ints, circle: Floats, longest: Floats, even: Floats, angle: Floats
 ) -> None:
     """Write longest facet, equivalent facet length and angle of every segment.
 
     A chord of length l cuts the area ``l^3 / (12 r)`` off a circle of radius r. Equal facets that cut off as much as
     the facets of a segment have the length `even`, sqrt(sum l^3 / sum l). Angles are in radians, positive to the left.
     """
-    for p in range(pieces.shape[0]):
+    for p in range(segments.shape[0]):
         longest[p] = angle[p] = total = cubes = 0.0
-        for i in range(pieces[p, FIRST], pieces[p, LAST]):
+        for i in range(segments[p, FIRST], segments[p, LAST]):
             a, b = node[i], node[i + 1]
             length = math.hypot(position[b, 0] - position[a, 0], position[b, 1] - position[a, 1])
             longest[p] = max(longest[p], length)
             total, cubes = total + length, cubes + length**3
-            if pieces[p, IS_ROUND]:
+            if segments[p, IS_ROUND]:
                 angle[p] += angle_between(position, a, b, circle[p, 0], circle[p, 1])
         even[p] = math.sqrt(cubes / total)

@@ -13,9 +13,9 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.names import labels, manners_of
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.polylines import CORNER, Runs, meetings, traced, turns
+from kohonen_adapt.outline.polylines import CORNER, Polylines, joined_ends, trace_polylines, turns
 
-__all__ = ["Facets", "Joints", "facet_of_edge", "joints_of", "outline_facets", "runs_of"]
+__all__ = ["Facets", "Joints", "facet_of_edge", "joints_of", "outline_facets", "trace_facets"]
 
 
 class Facets(NamedTuple):
@@ -71,7 +71,7 @@ def joints_of(facets: Facets, position: Floats, cornerless: Mask, off: Floats | 
     Facets of the mask `cornerless`, shape (f,), join smoothly at any angle. With midside offsets `off`, shape (f, 2),
     the turn is the angle between the parabolas through the nodes.
     """
-    node, rows = meetings(facets.nodes, len(position))
+    node, rows = joined_ends(facets.nodes, len(position))
     other = facets.nodes.ravel()[rows ^ 1]
     # the path arrives along the first facet and leaves along the second, so labels may be reversed
     arriving, leaving = facets.label[rows[:, 0] // 2, 1 - rows[:, 0] % 2], facets.label[rows[:, 1] // 2, rows[:, 1] % 2]
@@ -81,8 +81,8 @@ def joints_of(facets: Facets, position: Floats, cornerless: Mask, off: Floats | 
     return Joints(node, rows // 2, other, turn, (arriving == leaving) & smooth)
 
 
-def runs_of(facets: Facets, joints: Joints, stops: Mask) -> Runs:
+def trace_facets(facets: Facets, joints: Joints, stops: Mask) -> Polylines:
     through = np.full((len(stops), 2), -1, dtype=np.int32)
     going = joints.smooth & ~stops[joints.node]
     through[joints.node[going]] = joints.facets[going]
-    return traced(facets.nodes, through)
+    return trace_polylines(facets.nodes, through)

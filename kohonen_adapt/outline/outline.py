@@ -31,14 +31,14 @@ from kohonen_adapt.mesh.adjacency import write_on_both_sides
 from kohonen_adapt.mesh.host import set_boundaries
 from kohonen_adapt.mesh.names import LEFT, named_sets, turned
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.chains import chains_of, curve_of_facets, pair_chains, without_corner
+from kohonen_adapt.outline.chains import chains_of, curve_of_facets, on_lines_and_arcs, pair_chains
 from kohonen_adapt.outline.coarse_arcs import centres_of, with_coarse_arcs
 from kohonen_adapt.outline.curves import Curve, projected
-from kohonen_adapt.outline.facets import Facets, Joints, facet_of_edge, joints_of, outline_facets, runs_of
-from kohonen_adapt.outline.middles import curved_facets, joined_alike
+from kohonen_adapt.outline.facets import Facets, Joints, facet_of_edge, joints_of, outline_facets, trace_facets
+from kohonen_adapt.outline.middles import joints_on_curves, midsides_of
 from kohonen_adapt.outline.pairs import Pairs, find_pairs
 from kohonen_adapt.outline.parameters import find_parameters, parameters_of, points_on, ways_along
-from kohonen_adapt.outline.polylines import TOLD, Pieces, Runs, cut
+from kohonen_adapt.outline.polylines import BY_MIDSIDES, Polylines, Segments, cut_into_segments
 from kohonen_adapt.outline.rules import Rules, checked_curves, pinned_nodes
 from kohonen_adapt.outline.spline import Spline
 
@@ -82,14 +82,14 @@ class Outline:
         curves = with_circles(checked_curves(triangulation.mesh, rules.curves))
         facets = outline_facets(triangulation)
         pairs = find_pairs(triangulation, facets, rules.periodic)
-        bent = curved_facets(facets, triangulation, off)
-        curve = bent.told(curve_of_facets(facets.sides, len(facets.element), curves))
-        joints = joints_of(facets, triangulation.position, without_corner(curve, curves), bent.off)
-        joints, circle = joined_alike(joints, facets, triangulation.position, bent, curve)
-        runs, pieces, sliding = cut_alike(triangulation, facets, joints, pairs, pinned, curve, curves, circle)
-        chains = chains_of(triangulation.position, runs, pieces, curves, bent.off)
+        midsides = midsides_of(facets, triangulation, off)
+        curve = midsides.curve_index(curve_of_facets(facets.sides, len(facets.element), curves))
+        joints = joints_of(facets, triangulation.position, on_lines_and_arcs(curve, curves), midsides.offset)
+        joints, circle = joints_on_curves(joints, facets, triangulation.position, midsides, curve)
+        polylines, segments, sliding = cut_alike(triangulation, facets, joints, pairs, pinned, curve, curves, circle)
+        chains = chains_of(triangulation.position, polylines, segments, curves, midsides.offset)
         chain = np.empty(len(facets.element), dtype=np.int32)
-        chain[runs.facet[pieces.slots]] = pieces.of_slot
+        chain[polylines.facet[segments.slots]] = segments.of_slot
         elements = triangulation.elements
         write_on_both_sides(elements.chain, elements.neighbour, facets.element, facets.corner, chain)
         occupied = pinned.copy()
@@ -102,12 +102,12 @@ class Outline:
             chains=chains,
             periodic=periodic_pairs_of(triangulation, facets, pairs),
         )
-        find_parameters(triangulation.position, constraints, runs.node, pieces.first, pieces.last)
+        find_parameters(triangulation.position, constraints, polylines.node, segments.first, segments.last)
         make_mates(constraints, pairs, chain)
-        first = runs.facet[pieces.first]
+        first = polylines.facet[segments.first]
         along = runs_along(triangulation, constraints, facets.element[first], facets.corner[first])
         names = {name: turned(side[first], along) for name, side in facets.sides.items()}
-        return cls(constraints, names, pinned, curves, pieces.curve)
+        return cls(constraints, names, pinned, curves, segments.curve)
 
     def copy(self) -> "Outline":
         own = ("kind", "chain", "parameter", "inner")  # curve segments and periodic pairs do not change
@@ -194,28 +194,30 @@ def cut_alike(
     curve: Ints,
     curves: dict[str, Curve],
     circle: Floats,
-) -> tuple[Runs, Pieces, Mask]:
+) -> tuple[Polylines, Segments, Mask]:
     """Cut polylines into segments so that paired nodes slide or stay together.
 
     Returns polylines, segments, and the mask (n,) of nodes inside segments, which slide. A node whose partner cannot
     slide ends its segment.
     """
     paired = np.flatnonzero(pairs.partner >= 0)
-    if np.any(((curve >= 0) | ((curve == TOLD) & np.isnan(circle[:, 0]))) & (pairs.facet >= 0)):
+    if np.any(((curve >= 0) | ((curve == BY_MIDSIDES) & np.isnan(circle[:, 0]))) & (pairs.facet >= 0)):
         raise ValueError(
             "a periodic boundary cannot have a curve, too: its pieces must be straight or arcs of circles, which need "
             "none. Leave its curve out, or draw its mid-side nodes to their chords."
         )
     stops, centres = pinned.copy(), centres_of(pairs.motions)
     while True:
-        runs, pieces = cut(triangulation.position, runs_of(facets, joints, stops), curve, curves, circle)
-        pieces = with_coarse_arcs(triangulation.position, runs.node, pieces, centres)
+        polylines, segments = cut_into_segments(
+            triangulation.position, trace_facets(facets, joints, stops), curve, curves, circle
+        )
+        segments = with_coarse_arcs(triangulation.position, polylines.node, segments, centres)
         sliding = np.zeros(triangulation.nnodes, dtype=bool)
-        sliding[runs.node[pieces.slots]] = True
-        sliding[runs.node[np.stack([pieces.first, pieces.last])[:, ~pieces.closed]]] = False
+        sliding[polylines.node[segments.slots]] = True
+        sliding[polylines.node[np.stack([segments.first, segments.last])[:, ~segments.closed]]] = False
         alone = paired[sliding[paired] & ~sliding[pairs.partner[paired]]]
         if len(alone) == 0:
-            return runs, pieces, sliding
+            return polylines, segments, sliding
         stops[alone] = True
 
 

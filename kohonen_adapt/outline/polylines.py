@@ -11,25 +11,25 @@ from scipy.sparse.csgraph import connected_components
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import FIRST, IS_CLOSED, IS_ROUND, LAST
 from kohonen_adapt.outline.curves import Arc, Curve, check_near
-from kohonen_adapt.outline.cutting import cut_runs
+from kohonen_adapt.outline.cutting import cut_polylines
 
 __all__ = [
+    "BY_MIDSIDES",
     "CORNER",
-    "TOLD",
-    "Pieces",
     "Polyline",
-    "Runs",
-    "cut",
-    "meetings",
+    "Polylines",
+    "Segments",
+    "cut_into_segments",
+    "joined_ends",
     "nodes_of",
     "polylines_of",
-    "traced",
+    "trace_polylines",
     "turns",
     "without_noise",
 ]
 
 BITS = 43  # bits kept of centres and radii of recognised circles
-TOLD = -2  # index of curve of a facet that is curved by its midside node, without a user-defined curve
+BY_MIDSIDES = -2  # index of curve of a facet that is curved by its midside node, without a user-defined curve
 CORNER = np.radians(35.0)  # an angle of this size or more is a corner
 
 
@@ -43,7 +43,7 @@ class Polyline(NamedTuple):
     closed: bool
 
 
-class Runs(NamedTuple):
+class Polylines(NamedTuple):
     """Open or closed polylines of facets."""
 
     node: NDArray[np.int32]  # (s,) in order, polyline after polyline; closed polylines repeat the first node at the end
@@ -52,15 +52,15 @@ class Runs(NamedTuple):
     closed: Mask  # (r,) True if the polyline is a loop without a corner
 
 
-class Pieces(NamedTuple):
+class Segments(NamedTuple):
     """Curve segments into which polylines are cut.
 
-    A slot is an index into ``Runs.node``.
+    A slot is an index into ``Polylines.node``.
     """
 
     rows: Ints  # (p, 4) slots of the first and last node, 1 if an arc, 1 if closed
     circle: Floats  # (p, 3) centre and radius of arcs
-    curve: Ints  # (p,) index of the user-defined curve, -1 for none, `TOLD` if curved by midside nodes
+    curve: Ints  # (p,) index of the user-defined curve, -1 for none, `BY_MIDSIDES` if curved by midside nodes
 
     @property
     def first(self) -> Ints:
@@ -93,77 +93,84 @@ class Pieces(NamedTuple):
         return np.arange(count.sum()) + np.repeat(self.first - np.cumsum(count) + count, count)
 
 
-def polylines_of(segments: Ints, position: Floats) -> list[Polyline]:
-    """Join segments into polylines that end at corners of 35 degrees or more.
+def polylines_of(edges: Ints, position: Floats) -> list[Polyline]:
+    """Join edges into polylines that end at corners of 35 degrees or more.
 
-    `segments`, shape (m, 2), are the end nodes of one segment or more, no segment twice. With a midside node between
+    `edges`, shape (m, 2), are the end nodes of one edge or more, no edge twice. With a midside node between
     the ends, shape (m, 3), the angle is measured between the parabolas through the nodes. `position` has shape (2, n).
-    Polylines also end where other than two segments meet. Loops without a corner are closed.
+    Polylines also end where other than two edges meet. Loops without a corner are closed.
     """
-    end = segments[:, [0, -1]]
-    node, segment, start, closed = traced(end, _smooth(segments, position))
-    forth = end[segment, 0] == node  # the segment after the last node of a polyline is -1
+    end = edges[:, [0, -1]]
+    node, edge, start, closed = trace_polylines(end, _smooth(edges, position))
+    forth = end[edge, 0] == node  # the edge after the last node of a polyline is -1
     polylines = []
     for first, last, loop in zip(start[:-1], start[1:] - 1, closed, strict=True):
-        along = segments[segment[first:last]]
+        along = edges[edge[first:last]]
         along = np.where(forth[first:last, None], along, along[:, ::-1])
         nodes = along[:, :-1].ravel()
         polylines.append(Polyline(nodes if loop else np.append(nodes, node[last]), bool(loop)))
     return polylines
 
 
-def traced(ends: Ints, through: Ints) -> Runs:
-    """Trace polylines along segments with the ends (m, 2).
+def trace_polylines(ends: Ints, through: Ints) -> Polylines:
+    """Trace polylines along edges with the ends (m, 2).
 
-    `through`, shape (n, 2), holds the two segments that join smoothly at a node, -1 at nodes where polylines end.
-    Direction 2 f + s of segment f starts at its end s. Among the starts of a loop and the two directions of an open
+    `through`, shape (n, 2), holds the two edges that join smoothly at a node, -1 at nodes where polylines end.
+    Direction 2 f + s of edge f starts at its end s. Among the starts of a loop and the two directions of an open
     polyline, the lowest number is chosen.
     """
     begin, end = ends.ravel(), ends[:, ::-1].ravel()
-    way = np.arange(len(begin))
-    back = np.where(through[begin, 0] < 0, way // 2, through[begin].sum(axis=1) - way // 2)  # the segment before
-    before = np.where(ends[back, 1] == begin, 2 * back, 2 * back + 1)  # the direction that ends here
-    before = np.where(through[begin, 0] < 0, way, before)
-    run = connected_components(coo_array((np.ones(len(way)), (way, before)), shape=(len(way),) * 2), directed=False)[1]
-    closed = np.bincount(run, before == way) == 0
-    first = np.full(len(closed), len(way))
-    np.minimum.at(first, run, np.where(closed[run] | (before == way), way, len(way)))
-    before[first], place = first, (way != first[run]).astype(np.int64)
+    direction = np.arange(len(begin))
+    # the edge before, and its direction that ends here
+    back = np.where(through[begin, 0] < 0, direction // 2, through[begin].sum(axis=1) - direction // 2)
+    before = np.where(ends[back, 1] == begin, 2 * back, 2 * back + 1)
+    before = np.where(through[begin, 0] < 0, direction, before)
+    graph = coo_array((np.ones(len(direction)), (direction, before)), shape=(len(direction),) * 2)
+    polyline = connected_components(graph, directed=False)[1]
+    closed = np.bincount(polyline, before == direction) == 0
+    first = np.full(len(closed), len(direction))
+    np.minimum.at(first, polyline, np.where(closed[polyline] | (before == direction), direction, len(direction)))
+    before[first], rank = first, (direction != first[polyline]).astype(np.int64)
     while np.any(before != before[before]):  # twice as far back in every iteration
-        place, before = place + place[before], before[before]
-    twin = run[way ^ 1]  # the same polyline in the other direction
-    chosen = np.flatnonzero(first[run] <= first[twin])
-    start = first[run[chosen]]
-    order = chosen[np.lexsort((place[chosen], start, closed[run[chosen]]))]
-    last = np.append(np.diff(run[order]) != 0, True)[: len(order)]
+        rank, before = rank + rank[before], before[before]
+    reverse = polyline[direction ^ 1]  # the same polyline in the other direction
+    chosen = np.flatnonzero(first[polyline] <= first[reverse])
+    start = first[polyline[chosen]]
+    order = chosen[np.lexsort((rank[chosen], start, closed[polyline[chosen]]))]
+    last = np.append(np.diff(polyline[order]) != 0, True)[: len(order)]
     count = np.flatnonzero(last) + 1
     node, facet = (
         np.insert(array, count, extra) for array, extra in ((begin[order], end[order[last]]), (order // 2, -1))
     )
     slots = np.append(0, count + np.arange(1, len(count) + 1))
-    return Runs(node.astype(np.int32), facet.astype(np.int32), slots.astype(np.int32), closed[run[order[last]]])
+    return Polylines(
+        node.astype(np.int32), facet.astype(np.int32), slots.astype(np.int32), closed[polyline[order[last]]]
+    )
 
 
-def cut(position: Floats, runs: Runs, curve: Ints, curves: Mapping[str, Curve], told: Floats) -> tuple[Runs, Pieces]:
+def cut_into_segments(
+    position: Floats, polylines: Polylines, curve: Ints, curves: Mapping[str, Curve], circle_of_facet: Floats
+) -> tuple[Polylines, Segments]:
     """Cut polylines into curve segments.
 
-    Facets with the curve index `TOLD` are not cut; `told`, shape (f, 3), are their circles, nan for none.
+    Facets with the curve index `BY_MIDSIDES` are not cut; `circle_of_facet`, shape (f, 3), are their circles, nan for
+    none.
     """
-    node, facet = runs.node.copy(), runs.facet.copy()
-    of_run = curve[facet[runs.start[:-1]]]
-    most = len(facet) + len(of_run)
+    node, facet = polylines.node.copy(), polylines.facet.copy()
+    of_polyline = curve[facet[polylines.start[:-1]]]
+    most = len(facet) + len(of_polyline)
     rows, circle = np.zeros((most, 4), dtype=np.int64), np.zeros((most, 3))
-    count = cut_runs(position, node, facet, runs.start, runs.closed, of_run != -1, rows, circle)
+    count = cut_polylines(position, node, facet, polylines.start, polylines.closed, of_polyline != -1, rows, circle)
     first = facet[rows[:count, FIRST]]
-    pieces = Pieces(rows[:count], without_noise(circle[:count]), curve[first])
-    on_arc = ~np.isnan(told[first, 0])
-    pieces.rows[on_arc, IS_ROUND], pieces.circle[on_arc] = 1, told[first[on_arc]]
-    for p in np.flatnonzero(pieces.curve >= 0).tolist():
-        name, given = list(curves.items())[pieces.curve[p]]
-        check_near(nodes_of(position, node, pieces, p), given, name)
-        if isinstance(given, Arc):
-            pieces.rows[p, IS_ROUND], pieces.circle[p] = 1, (*given.centre, given.radius)
-    return runs._replace(node=node, facet=facet), pieces
+    segments = Segments(rows[:count], without_noise(circle[:count]), curve[first])
+    on_arc = ~np.isnan(circle_of_facet[first, 0])
+    segments.rows[on_arc, IS_ROUND], segments.circle[on_arc] = 1, circle_of_facet[first[on_arc]]
+    for p in np.flatnonzero(segments.curve >= 0).tolist():
+        name, shape = list(curves.items())[segments.curve[p]]
+        check_near(nodes_of(position, node, segments, p), shape, name)
+        if isinstance(shape, Arc):
+            segments.rows[p, IS_ROUND], segments.circle[p] = 1, (*shape.centre, shape.radius)
+    return polylines._replace(node=node, facet=facet), segments
 
 
 def without_noise(circle: Floats) -> Floats:
@@ -172,14 +179,14 @@ def without_noise(circle: Floats) -> Floats:
     return np.round(circle / step) * step + 0.0  # no -0
 
 
-def nodes_of(position: Floats, node: Ints, pieces: Pieces, p: int) -> Floats:
-    return position[node[pieces.first[p] : pieces.last[p] + 1]]
+def nodes_of(position: Floats, node: Ints, segments: Segments, p: int) -> Floats:
+    return position[node[segments.first[p] : segments.last[p] + 1]]
 
 
-def meetings(ends: Ints, nnodes: int) -> tuple[Ints, Ints]:
-    """Return the nodes (j,) in which exactly two segments end, and the ends (j, 2).
+def joined_ends(ends: Ints, nnodes: int) -> tuple[Ints, Ints]:
+    """Return the nodes (j,) in which exactly two edges end, and the ends (j, 2).
 
-    Ends of segment k have the indices 2 k and 2 k + 1.
+    Ends of edge k have the indices 2 k and 2 k + 1.
     """
     flat = ends.ravel()
     order, count = np.argsort(flat, kind="stable"), np.bincount(flat, minlength=nnodes)
@@ -192,17 +199,17 @@ def turns(u: Floats, w: Floats) -> Floats:
     return np.abs(np.arctan2(u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0], -np.sum(u * w, axis=1)))
 
 
-def _smooth(segments: Ints, position: Floats) -> Ints:
-    node, end = meetings(segments[:, [0, -1]], position.shape[1])
-    way = _directions(segments, position)
-    smooth = turns(way[end[:, 0]], way[end[:, 1]]) < CORNER
+def _smooth(edges: Ints, position: Floats) -> Ints:
+    node, end = joined_ends(edges[:, [0, -1]], position.shape[1])
+    direction = _directions(edges, position)
+    smooth = turns(direction[end[:, 0]], direction[end[:, 1]]) < CORNER
     through = np.full((position.shape[1], 2), -1, dtype=np.int32)
     through[node[smooth]] = end[smooth] // 2
     return through
 
 
-def _directions(segments: Ints, position: Floats) -> Floats:
-    start, end = position[:, segments[:, 0]], position[:, segments[:, -1]]
-    middle = position[:, segments[:, 1]] if segments.shape[1] == 3 else 0.5 * (start + end)
+def _directions(edges: Ints, position: Floats) -> Floats:
+    start, end = position[:, edges[:, 0]], position[:, edges[:, -1]]
+    middle = position[:, edges[:, 1]] if edges.shape[1] == 3 else 0.5 * (start + end)
     forth, back = 4.0 * (middle - start) - (end - start), 4.0 * (middle - end) - (start - end)
     return np.stack([forth, back], axis=2).reshape(2, -1).T

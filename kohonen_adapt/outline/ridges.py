@@ -23,10 +23,10 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Freedom,
 )
 from kohonen_adapt.mesh.names import joined
-from kohonen_adapt.outline.cutting import BEND, TURN, cut_runs, fitted_circle
+from kohonen_adapt.outline.cutting import COLLINEAR, TURN, cut_polylines, fitted_circle
 from kohonen_adapt.outline.faces import Edges, Faces
 from kohonen_adapt.outline.patches import Patches
-from kohonen_adapt.outline.polylines import CORNER, Runs, meetings, traced, without_noise
+from kohonen_adapt.outline.polylines import CORNER, Polylines, joined_ends, trace_polylines, without_noise
 
 __all__ = ["Ridges", "freedom_of", "ridges_of"]
 
@@ -90,21 +90,23 @@ def meeting_patches(edges: Edges, patches: Patches) -> tuple[NDArray[np.int32], 
 
 
 def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats) -> Pieces:
-    runs, bent = smooth_runs(ends, kind, position)
-    first, last = runs.node[runs.start[:-1]], runs.node[runs.start[1:] - 1]
+    polylines, bent = smooth_runs(ends, kind, position)
+    first, last = polylines.node[polylines.start[:-1]], polylines.node[polylines.start[1:] - 1]
     way = position[last] - position[first]
     length = np.linalg.norm(way, axis=1, keepdims=True)
     axis = way / np.where(length > 0.0, length, 1.0)
-    of_run = kind[runs.facet[runs.start[:-1]]]
+    of_run = kind[polylines.facet[polylines.start[:-1]]]
     straight = (np.full(len(way), LINE, dtype=np.int8), position[first], axis, np.zeros(len(way)))
     of_edge = np.empty(len(ends), dtype=np.int64)
-    of_edge[runs.facet[runs.facet >= 0]] = np.repeat(np.arange(len(way)), np.diff(runs.start))[runs.facet >= 0]
+    of_edge[polylines.facet[polylines.facet >= 0]] = np.repeat(np.arange(len(way)), np.diff(polylines.start))[
+        polylines.facet >= 0
+    ]
     more: list[Rows] = [straight]
     added, kind_of = len(way), [of_run]
     for r in np.flatnonzero(bent).tolist():
-        slots = slice(runs.start[r], runs.start[r + 1])
-        node, edge = runs.node[slots], runs.facet[slots][:-1]
-        pieces, own = pieces_of(node, bool(runs.closed[r]), kinds[of_run[r]], patches, position)
+        slots = slice(polylines.start[r], polylines.start[r + 1])
+        node, edge = polylines.node[slots], polylines.facet[slots][:-1]
+        pieces, own = pieces_of(node, bool(polylines.closed[r]), kinds[of_run[r]], patches, position)
         of_edge[edge] = added + pieces
         more.append(own)
         kind_of.append(np.full(len(own[0]), of_run[r]))
@@ -113,8 +115,8 @@ def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats)
     return Pieces(of_edge, np.concatenate(kind_of), shape, origin, axis, size)
 
 
-def smooth_runs(ends: Ints, kind: Ints, position: Floats) -> tuple[Runs, Mask]:
-    node, end = meetings(ends, len(position))
+def smooth_runs(ends: Ints, kind: Ints, position: Floats) -> tuple[Polylines, Mask]:
+    node, end = joined_ends(ends, len(position))
     other = ends.ravel()[end ^ 1]
     arriving, leaving = position[node] - position[other[:, 0]], position[other[:, 1]] - position[node]
     off = np.linalg.norm(np.cross(arriving, leaving), axis=1)
@@ -122,12 +124,16 @@ def smooth_runs(ends: Ints, kind: Ints, position: Floats) -> tuple[Runs, Mask]:
     going = (turn < CORNER) & (kind[end[:, 0] // 2] == kind[end[:, 1] // 2])
     through = np.full((len(position), 2), -1, dtype=np.int32)
     through[node[going]] = end[going] // 2
-    runs = traced(ends, through)
+    polylines = trace_polylines(ends, through)
     turning = np.zeros(len(position), dtype=bool)
     turning[node[going & (turn > TURN)]] = True
-    inner = turning[runs.node] & (np.arange(len(runs.node)) > np.repeat(runs.start[:-1], np.diff(runs.start)))
-    inner[runs.start[1:] - 1] &= runs.closed
-    return runs, np.add.reduceat(inner, runs.start[:-1], dtype=np.int64) > 0 if len(runs.closed) else runs.closed
+    inner = turning[polylines.node] & (
+        np.arange(len(polylines.node)) > np.repeat(polylines.start[:-1], np.diff(polylines.start))
+    )
+    inner[polylines.start[1:] - 1] &= polylines.closed
+    return polylines, np.add.reduceat(inner, polylines.start[:-1], dtype=np.int64) > 0 if len(
+        polylines.closed
+    ) else polylines.closed
 
 
 Rows = tuple[NDArray[np.int8], Floats, Floats, Floats]
@@ -142,7 +148,7 @@ def pieces_of(node: Ints, closed: bool, meets: Ints, patches: Patches, position:
     x = position[node]
     middle, ways = x.mean(axis=0), np.linalg.svd(x - x.mean(axis=0), full_matrices=False)[2]
     size = np.ptp(x, axis=0).max()
-    flat = np.abs((x - middle) @ ways[2]).max() <= BEND * size
+    flat = np.abs((x - middle) @ ways[2]).max() <= COLLINEAR * size
     meeting = meets[meets >= 0]
     if len(meeting) > 1 and np.any(patches.shape[meeting] != PLANE):
         rows, circle = np.array([[0, len(x) - 1, 1, closed]]), circle_through((x - middle) @ ways[:2].T)
@@ -161,7 +167,7 @@ def pieces_of(node: Ints, closed: bool, meets: Ints, patches: Patches, position:
 def circle_through(x: Floats) -> Floats:
     circle = without_noise(np.array([fitted_circle(x, np.arange(len(x)), 0, len(x) - 1)]))
     off = np.abs(np.hypot(*(x - circle[0, :2]).T) - circle[0, 2]).max()
-    return circle if off <= BEND * circle[0, 2] < np.inf else np.full((1, 3), np.nan)
+    return circle if off <= COLLINEAR * circle[0, 2] < np.inf else np.full((1, 3), np.nan)
 
 
 def cut_in_plane(x: Floats, closed: bool) -> tuple[Ints, Floats]:
@@ -173,7 +179,7 @@ def cut_in_plane(x: Floats, closed: bool) -> tuple[Ints, Floats]:
     node, facet = np.append(np.arange(count), 0 if closed else count), np.append(np.arange(count), -1)
     rows, circle = np.zeros((count + 1, 4), dtype=np.int64), np.zeros((count + 1, 3))
     start, whole = np.array([0, count + 1]), np.array([False])
-    number = cut_runs(x, node, facet, start, np.array([closed]), whole, rows, circle)
+    number = cut_polylines(x, node, facet, start, np.array([closed]), whole, rows, circle)
     piece = np.empty(count, dtype=np.int64)
     piece[facet[:-1]] = np.repeat(np.arange(number), rows[:number, 1] - rows[:number, 0])
     begin = np.flatnonzero(np.diff(piece, prepend=-1))
@@ -226,7 +232,7 @@ def freedom_of(faces: Faces, patches: Patches, ridges: Ridges, pinned: Mask, pos
     number[node[tip & (patches.shape[patch] == CONE)]] = HELD
     number[different > 1] = HELD
     number[ridges.ends] = HELD
-    inner, end = meetings(ridges.ends, nnodes)
+    inner, end = joined_ends(ridges.ends, nnodes)
     one, other = ridges.of_edge[end // 2].T
     along = (one == other) & (one >= 0)
     along[along] = np.sum(ridges.meets[one[along]] >= 0, axis=1) == different[inner[along]]

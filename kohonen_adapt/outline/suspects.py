@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import STRAIGHT
-from kohonen_adapt.outline.cutting import fitted_circle, turns_between
-from kohonen_adapt.outline.facets import joints_of, outline_facets, runs_of
+from kohonen_adapt.outline.cutting import fitted_circle, turning_angles
+from kohonen_adapt.outline.facets import joints_of, outline_facets, trace_facets
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.polylines import without_noise
 
@@ -33,16 +33,20 @@ def suspects(movable: MovableMesh) -> Iterator[Suspect]:
     triangulation, outline = movable.triangulation, movable.outline
     facets, position = outline_facets(triangulation), triangulation.position
     joints = joints_of(facets, position, np.ones(len(facets.element), dtype=bool))
-    runs = runs_of(facets, joints, outline.pinned)
+    polylines = trace_facets(facets, joints, outline.pinned)
     chain = triangulation.elements.chain[facets.element, facets.corner]
     alone = np.bincount(chain, minlength=len(outline.straight)) == 1
     single = (alone & (outline.constraints.chains.shape == STRAIGHT) & (outline.given < 0))[chain]
-    for first, last in zip(runs.start[:-1].tolist(), (runs.start[1:] - 1).tolist(), strict=True):
-        rows = runs.facet[first:last]
+    for first, last in zip(polylines.start[:-1].tolist(), (polylines.start[1:] - 1).tolist(), strict=True):
+        rows = polylines.facet[first:last]
         if last - first < FACETS or not single[rows].all():
             continue
-        turns = turns_between(position, runs.node[first : last + 1])
-        nodes = runs.node[first:last] if runs.node[first] == runs.node[last] else runs.node[first : last + 1]
+        turns = turning_angles(position, polylines.node[first : last + 1])
+        nodes = (
+            polylines.node[first:last]
+            if polylines.node[first] == polylines.node[last]
+            else polylines.node[first : last + 1]
+        )
         x, y, radius = without_noise(np.array([fitted_circle(position, nodes, 0, len(nodes) - 1)]))[0].tolist()
         off = np.abs(np.hypot(*(position[nodes] - (x, y)).T) - radius)
         one_way = abs(np.sign(turns).sum()) == len(turns) and np.abs(turns).max() < SHARPEST

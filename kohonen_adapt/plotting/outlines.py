@@ -28,7 +28,7 @@ __all__ = ["plot_outlines"]
 LABELLED = 0.08  # minimum size of a curve segment with a label, relative to the mesh
 ROOM = np.array([0.2, 0.05])  # minimum distance of labels in x and y, relative to the mesh
 STEP = np.deg2rad(2.0)  # angle between points drawn on a circle
-TOLD = (0, (6.0, 1.5, 1.0, 1.5, 1.0, 1.5))  # dashes of splines through midside nodes
+MIDSIDE_DASHES = (0, (6.0, 1.5, 1.0, 1.5, 1.0, 1.5))  # dashes of splines through midside nodes
 
 
 def plot_outlines(
@@ -123,7 +123,7 @@ def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets
         radii = in_unit(unit) / np.abs(chains.curvature)
     for mask, style, label in (
         (plain & outline.straight, "solid", "straight"),
-        (plain & ~outline.straight & ~recognised, TOLD, "on a spline through mid-side nodes"),
+        (plain & ~outline.straight & ~recognised, MIDSIDE_DASHES, "on a spline through mid-side nodes"),
         (recognised, (0, (4.0, 1.5)), f"recognised as arc or circle{_in_words(radii[recognised], unit)}"),
         (given & ~chains.paired, (0, (1.0, 1.0)), "on a given curve"),
         (chains.paired, (0, (6.0, 1.5, 1.0, 1.5)), "periodic, matched with another"),

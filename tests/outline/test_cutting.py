@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from kohonen_adapt.kernels.arrays import OWN, SLIDING, STRAIGHT
 from kohonen_adapt.kernels.compilation import interpreted
 from kohonen_adapt.kernels.triangle.chains import nearest_parameter
-from kohonen_adapt.outline.cutting import TURN, straight_end, turn_at
+from kohonen_adapt.outline.cutting import TURN, straight_end, turning_angle
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 
@@ -21,7 +21,7 @@ def test_a_run_goes_straight_on_up_to_the_first_node_where_it_turns(bends, first
     position = np.cumsum([[0.0, 0.0], *np.stack([np.cos(way), np.sin(way)], axis=1).tolist()], axis=0)
     node, last = np.arange(len(position)), len(position) - 1
     first %= last
-    turning = (slot for slot in range(first + 1, last) if abs(turn_at(position, node, slot)) > TURN)
+    turning = (slot for slot in range(first + 1, last) if abs(turning_angle(position, node, slot)) > TURN)
     assert straight_end(position, node, first, last) == next(turning, last)
 
 
