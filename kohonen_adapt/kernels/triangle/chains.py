@@ -203,10 +203,10 @@ def on_span(knot, k, fraction):
 def nearest_on_table(chains, c, x, y, near):
     knot, k, best = chains.knot, knot_before(chains, c, near), np.inf
     distance = squared_to_knot(knot, k, x, y)
-    for way in (1, -1):
+    for direction in (1, -1):
         while distance < best:
             best = distance
-            other = next_knot(chains, c, k, way)
+            other = next_knot(chains, c, k, direction)
             distance = squared_to_knot(knot, other, x, y)
             if distance < best:
                 k = other
@@ -220,9 +220,9 @@ def nearest_on_table(chains, c, x, y, near):
 
 
 @inner_kernel
-def next_knot(chains, c, k, way):
+def next_knot(chains, c, k, direction):
     first, last = chains.row[c], chains.row[c + 1] - 1
-    k += way
+    k += direction
     if chains.flags[c, CLOSED]:
         return last - 1 if k < first else (first if k >= last else k)
     return max(first, min(last, k))

@@ -52,13 +52,13 @@ def corners_around(node, e, k, other):
 
 @inner_kernel
 def has_edge(node, neighbour, e, v, other):
-    for way in (1, 2):
+    for direction in (1, 2):
         at = e
         while at >= 0:
             k = corner_of(node, at, v)
             if node[at, (k + 1) % 3] == other or node[at, (k + 2) % 3] == other:
                 return True
-            at = np.int64(neighbour[at, (k + way) % 3])
+            at = np.int64(neighbour[at, (k + direction) % 3])
             if at == e:
                 break
     return False

@@ -72,11 +72,11 @@ def derivatives(position, star, trial, v):
 
     Returns
     -------
-    size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww
+    magnitude, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww
         Sum of magnitudes of all terms, functional, gradient and Hessian.
     """
     x, y, own = position[v, 0], position[v, 1], trial.value[v]
-    size, total, by_x, by_y, by_w = 0.0, 0.0, 0.0, 0.0, 0.0
+    magnitude, total, by_x, by_y, by_w = 0.0, 0.0, 0.0, 0.0, 0.0
     xx, xy, yy, xw, yw, ww = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(star.start[v], star.start[v + 1]):
         e, a, b = star.element[j], star.ahead[j], star.behind[j]
@@ -108,7 +108,7 @@ def derivatives(position, star, trial, v):
             yw += second * square_y * square_w
             ww += second * square_w * square_w
         pull, push = load * doubled * (alpha + beta), flux_y * nx - flux_x * ny
-        size += energy + abs(pull) + abs(push)
+        magnitude += energy + abs(pull) + abs(push)
         total += energy - pull - push
         half_square = 0.5 * (qx * nx + qy * ny)
         by_x += weight * (difference * nx + half_square * ey) + load * (alpha + beta) * ey - difference * flux_y
@@ -129,7 +129,7 @@ def derivatives(position, star, trial, v):
             yy += 2.0 * difference * x_by_y
             xw -= y_by_x * ex - x_by_x * ey
             yw -= y_by_y * ex - x_by_y * ey
-    return size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww
+    return magnitude, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww
 
 
 @inner_kernel
@@ -154,9 +154,17 @@ def quadratic(position, star, trial, v, x, y):
 
 @inner_kernel
 def eliminated(slope):
-    size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
+    magnitude, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
     by_x, by_y = by_x - xw * by_w / ww, by_y - yw * by_w / ww
-    return size, total - 0.5 * by_w * by_w / ww, by_x, by_y, xx - xw * xw / ww, xy - xw * yw / ww, yy - yw * yw / ww
+    return (
+        magnitude,
+        total - 0.5 * by_w * by_w / ww,
+        by_x,
+        by_y,
+        xx - xw * xw / ww,
+        xy - xw * yw / ww,
+        yy - yw * yw / ww,
+    )
 
 
 @inner_kernel
@@ -164,16 +172,16 @@ def move_free(position, star, trials, v, floor):
     trial, dual, has_dual = trials.one, trials.other, trials.other.value.shape[0] > 0
     slope = derivatives(position, star, trial, v)
     _, _, _, _, by_w, _, _, _, xw, yw, ww = slope
-    size, now, by_x, by_y, xx, xy, yy = eliminated(slope)
+    magnitude, now, by_x, by_y, xx, xy, yy = eliminated(slope)
     dual_change = 0.0
     if has_dual:
         slope = derivatives(position, star, dual, v)
         dual_change = -slope[4] / slope[10]
         more = eliminated(slope)
-        size, now, by_x, by_y = size + more[0], now + more[1], by_x + more[2], by_y + more[3]
+        magnitude, now, by_x, by_y = magnitude + more[0], now + more[1], by_x + more[2], by_y + more[3]
         xx, xy, yy = xx + more[4], xy + more[5], yy + more[6]
     step_x, step_y = newton_step(by_x, by_y, xx, xy, yy)
-    if -(step_x * by_x + step_y * by_y) > ROUNDING * size:
+    if -(step_x * by_x + step_y * by_y) > ROUNDING * magnitude:
         for _ in range(HALVINGS + 1):
             x, y = position[v, 0] + step_x, position[v, 1] + step_y
             if may_move(position, star, v, x, y, floor):
@@ -186,7 +194,7 @@ def move_free(position, star, trials, v, floor):
                 if has_dual:
                     d, s, stiff = quadratic(position, star, dual, v, x, y)
                     gain, z = gain - d + 0.5 * s * s / stiff, -s / stiff
-                if gain > ROUNDING * size:
+                if gain > ROUNDING * magnitude:
                     position[v, 0], position[v, 1] = x, y
                     trial.value[v] -= r / k
                     if has_dual:
@@ -219,12 +227,18 @@ def newton_step(by_x, by_y, xx, xy, yy):
 
 @inner_kernel
 def along_line(slope, tx, ty, is_dirichlet, rate):
-    size, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
+    magnitude, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
     mixed = tx * xw + ty * yw
     if not is_dirichlet:
         total, rate = total - 0.5 * by_w * by_w / ww, -mixed / ww
     along = tx * by_x + ty * by_y + rate * by_w
-    return size, total, along, tx * tx * xx + 2.0 * tx * ty * xy + ty * ty * yy + (2.0 * mixed + rate * ww) * rate, rate
+    return (
+        magnitude,
+        total,
+        along,
+        tx * tx * xx + 2.0 * tx * ty * xy + ty * ty * yy + (2.0 * mixed + rate * ww) * rate,
+        rate,
+    )
 
 
 @inner_kernel
@@ -238,15 +252,15 @@ def move_on_chain(position, star, constraints, trials, v, floor):
     chain, parameter, is_dirichlet = np.int64(constraints.chain[v, OWN]), constraints.parameter[v], trial.fixed[v]
     tx, ty = constraints.chains.place[chain, DIRECTION_X], constraints.chains.place[chain, DIRECTION_Y]
     slope = derivatives(position, star, trial, v)
-    size, now, along, curvature, rate = along_line(slope, tx, ty, is_dirichlet, trial.on_chain[chain, 1])
+    magnitude, now, along, curvature, rate = along_line(slope, tx, ty, is_dirichlet, trial.on_chain[chain, 1])
     by_w, ww, dual_change = slope[4], slope[10], 0.0
     if has_dual:
         slope = derivatives(position, star, dual, v)
         dual_change = -slope[4] / slope[10]
         more = along_line(slope, tx, ty, is_dirichlet, dual.on_chain[chain, 1])
-        size, now, along, curvature = size + more[0], now + more[1], along + more[2], curvature + more[3]
+        magnitude, now, along, curvature = magnitude + more[0], now + more[1], along + more[2], curvature + more[3]
     change = -OVERSTEP * along / abs(curvature)
-    if -change * along > ROUNDING * size:
+    if -change * along > ROUNDING * magnitude:
         for _ in range(HALVINGS + 1):
             x, y = point_at(constraints.chains, chain, parameter + change)
             if may_move(position, star, v, x, y, floor):
@@ -266,7 +280,7 @@ def move_on_chain(position, star, constraints, trials, v, floor):
                     if is_dirichlet:
                         z = value_on_chain(dual, chain, parameter + change) - dual.value[v]
                     gain -= c + (r + 0.5 * k * z) * z
-                if gain > ROUNDING * size:
+                if gain > ROUNDING * magnitude:
                     constraints.parameter[v] = parameter + change
                     position[v, 0], position[v, 1] = x, y
                     trial.value[v] += w

@@ -33,34 +33,34 @@ def halves_parabola(mesh, trial, e, k, x, y, own, w):
 
 @inner_kernel
 def split_parabola(mesh, trial, e, k, x, y, own, w):
-    size, total, slope, stiffness = halves_parabola(mesh, trial, e, k, x, y, own, w)
+    magnitude, total, slope, stiffness = halves_parabola(mesh, trial, e, k, x, y, own, w)
     other = np.int64(mesh.elements.neighbour[e, k])
     if other >= 0:
         j = np.int64(corner_towards(mesh.elements.neighbour, other, e))
         more, c, r, s = halves_parabola(mesh, trial, other, j, x, y, own, w)
-        size, total, slope, stiffness = size + more, total + c, slope + r, stiffness + s
-    return size, total, slope, stiffness
+        magnitude, total, slope, stiffness = magnitude + more, total + c, slope + r, stiffness + s
+    return magnitude, total, slope, stiffness
 
 
 @inner_kernel
 def best_of_split(mesh, trial, e, k, x, y):
     a, b = np.int64(mesh.elements.node[e, (k + 1) % 3]), np.int64(mesh.elements.node[e, (k + 2) % 3])
     own = 0.5 * (trial.value[a] + trial.value[b])
-    size, before, slope, stiffness = split_parabola(mesh, trial, e, k, x, y, own, 0.0)
+    magnitude, before, slope, stiffness = split_parabola(mesh, trial, e, k, x, y, own, 0.0)
     gain, w = 0.5 * slope * slope / stiffness, -slope / stiffness
     if trial.bent[a] or trial.bent[b]:
         gain = before - split_parabola(mesh, trial, e, k, x, y, own, w)[1]
-    return size, gain, own + w
+    return magnitude, gain, own + w
 
 
 @inner_kernel
 def gain_of_split(mesh, trials, e, k, x, y):
-    size, gain, value = best_of_split(mesh, trials.one, e, k, x, y)
-    other = 0.0
+    magnitude, gain, value = best_of_split(mesh, trials.one, e, k, x, y)
+    dual_value = 0.0
     if trials.other.value.shape[0] > 0:
-        sized, more, other = best_of_split(mesh, trials.other, e, k, x, y)
-        size, gain = size + sized, gain + more
-    return gain if gain > ROUNDING * size else 0.0, value, other
+        dual_magnitude, dual_gain, dual_value = best_of_split(mesh, trials.other, e, k, x, y)
+        magnitude, gain = magnitude + dual_magnitude, gain + dual_gain
+    return gain if gain > ROUNDING * magnitude else 0.0, value, dual_value
 
 
 @kernel
@@ -100,13 +100,13 @@ def merged_functional(position, star, trial, v, w):
 
 @inner_kernel
 def star_functional(position, star, trial, v):
-    total, size = 0.0, 0.0
+    total, magnitude = 0.0, 0.0
     for j in range(star.start[v], star.start[v + 1]):
         e, a, b = np.int64(star.element[j]), np.int64(star.ahead[j]), np.int64(star.behind[j])
         part, _, _ = triangle_parabola(position, trial, e, a, b, position[v, 0], position[v, 1], trial.value[v], 0.0)
         total += part
-        size += abs(part)
-    return total - ROUNDING * size
+        magnitude += abs(part)
+    return total - ROUNDING * magnitude
 
 
 @kernel

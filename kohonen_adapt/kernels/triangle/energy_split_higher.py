@@ -32,8 +32,8 @@ ENDS = ((2, 0), (1, 2), (3, 1), (0, 3))
 
 
 @inner_kernel
-def number_split(block, degrees, both, known):
-    place, sign, rows, halves = block.place, block.sign, 4 if both else 2, 2 if known else 0
+def number_split(block, degrees, both, is_dirichlet):
+    place, sign, rows, halves = block.place, block.sign, 4 if both else 2, 2 if is_dirichlet else 0
     count = 1 + degrees * ((4 if both else 3) - halves)
     for j in range(rows):
         for i in range(place.shape[1]):
@@ -78,7 +78,7 @@ def value_on(descent, e, own):
 def derivatives_of_split(descent, e, k, x, y, wanted):
     node, position, block = descent.elements.node, descent.position, descent.block
     clear(block)
-    size, total, at, corner, row = 0.0, 0.0, e, k, 0
+    magnitude, total, at, corner, row = 0.0, 0.0, e, k, 0
     while at >= 0:
         c, a, b = node[at, corner], node[at, (corner + 1) % 3], node[at, (corner + 2) % 3]
         ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
@@ -88,15 +88,15 @@ def derivatives_of_split(descent, e, k, x, y, wanted):
             block.bend[row, 0, i] = descent.shapes.bend[at, (corner + 2) % 3, i]
             block.bend[row + 1, 0, i] = descent.shapes.bend[at, (corner + 1) % 3, i]
         if not (is_valid(block.bend[row], cx, cy, ax, ay) and is_valid(block.bend[row + 1], bx, by, cx, cy)):
-            return size, np.inf
+            return magnitude, np.inf
         after, bend = row + 1, block.bend
         one = add_bent(descent, at, row, block.local[row], bend[row], x, y, cx, cy, ax, ay, wanted)
         two = add_bent(descent, at, after, block.local[after], bend[after], x, y, bx, by, cx, cy, wanted)
-        size, total = size + one[0] + two[0], total + one[1] + two[1]
+        magnitude, total = magnitude + one[0] + two[0], total + one[1] + two[1]
         other = np.int64(descent.elements.neighbour[at, corner])
         corner = corner_towards(descent.elements.neighbour, other, at) if other >= 0 else 0
         at, row = other if row == 0 else np.int64(-1), row + 2
-    return size, total
+    return magnitude, total
 
 
 @inner_kernel
@@ -106,34 +106,34 @@ def gain_of_split(descents, e, k, x, y):
     The best coefficients of the halves are left in `Block.local`, relative to `value_near` of the first node of the
     edge. In nonlinear materials they are approximated by one step of Newton's method.
     """
-    gain, size = 0.0, 0.0
+    gain, magnitude = 0.0, 0.0
     for i in range(descents.number):
-        lowered, sized = change_by_split(descents.one if i == 0 else descents.other, e, k, x, y)
-        gain, size = gain + lowered, size + sized
-    return gain if gain > ROUNDING * size else 0.0
+        decrease, more = change_by_split(descents.one if i == 0 else descents.other, e, k, x, y)
+        gain, magnitude = gain + decrease, magnitude + more
+    return gain if gain > ROUNDING * magnitude else 0.0
 
 
 @inner_kernel
 def change_by_split(descent, e, k, x, y):
-    block, other, known = descent.block, np.int64(descent.elements.neighbour[e, k]), descent.modes.given[e, k]
+    block, other, is_dirichlet = descent.block, np.int64(descent.elements.neighbour[e, k]), descent.modes.given[e, k]
     own = value_near(descent, np.int64(descent.elements.node[e, (k + 1) % 3]))
-    first = 1 if known else 0  # first free unknown
-    special, bent, was = descent.shapes.special[e], descent.trial.laws.number[e] >= 0, 0.0
+    first = 1 if is_dirichlet else 0  # first free unknown
+    special, nonlinear, unsplit = descent.shapes.special[e], descent.trial.laws.number[e] >= 0, 0.0
     if other >= 0:
         special |= descent.shapes.special[other]
-        bent |= descent.trial.laws.number[other] >= 0
-    if special or bent:
-        was = value_on(descent, e, own) + (value_on(descent, other, own) if other >= 0 else 0.0)
+        nonlinear |= descent.trial.laws.number[other] >= 0
+    if special or nonlinear:
+        unsplit = value_on(descent, e, own) + (value_on(descent, other, own) if other >= 0 else 0.0)
     halve_coefficients(descent, e, k, own, 0)
     if other >= 0:
         halve_coefficients(descent, other, corner_towards(descent.elements.neighbour, other, e), own, 2)
-    number_split(block, descent.modes.side.shape[2], other >= 0, known)
-    size, before = derivatives_of_split(descent, e, k, x, y, COARSE_BLOCK if bent else BLOCK)
+    number_split(block, descent.modes.side.shape[2], other >= 0, is_dirichlet)
+    magnitude, before = derivatives_of_split(descent, e, k, x, y, COARSE_BLOCK if nonlinear else BLOCK)
     if not before < np.inf:
-        return -np.inf, size
+        return -np.inf, magnitude
     solved, square = factorise(block, first)
     if not solved:
-        return -np.inf, size
+        return -np.inf, magnitude
     solve_upper(block, first, 0.0, 0.0)
     for j in range(4 if other >= 0 else 2):
         for i in range(block.local.shape[1]):
@@ -141,9 +141,9 @@ def change_by_split(descent, e, k, x, y):
                 block.local[j, i] += block.sign[j, i] * block.still[block.place[j, i]]
     # The halves of curved elements, or of elements at the axis, need not contain the function, and new quadrature
     # points change the energy of a law. The gain is therefore relative to the value before the split.
-    if bent:
-        return was - derivatives_of_split(descent, e, k, x, y, VALUE)[1], size
-    return 0.5 * square + (was - before if special else 0.0), size
+    if nonlinear:
+        return unsplit - derivatives_of_split(descent, e, k, x, y, VALUE)[1], magnitude
+    return 0.5 * square + (unsplit - before if special else 0.0), magnitude
 
 
 @inner_kernel

@@ -75,8 +75,8 @@ def equilibrate(data, patch, seen, correction, imbalance):
                 if not seen[e, k] and (closed or data.neighbour[e, (k + 2) % 3] < 0):
                     size = gather_patch(data, e, k, patch, seen)
                     v = data.node[e, k]
-                    rest = balance(data, patch, size, closed)
-                    imbalance[v] = max(imbalance[v], abs(rest))
+                    residual = balance(data, patch, size, closed)
+                    imbalance[v] = max(imbalance[v], abs(residual))
                     minimise(data, patch, size, closed)
                     add(data, patch, size, closed, correction)
 
@@ -109,19 +109,19 @@ def balance(data, patch, size, closed):
         return patch.mean[size]
     first, right = patch.element[0], (patch.corner[0] + 2) % 3
     last, left = patch.element[size - 1], (patch.corner[size - 1] + 1) % 3
-    starts = data.neighbour[first, right] == NATURAL
-    ends = data.neighbour[last, left] == NATURAL
+    natural_start = data.neighbour[first, right] == NATURAL
+    natural_end = data.neighbour[last, left] == NATURAL
     begin, finish = 0.5 * data.outflow[first, right], -0.5 * data.outflow[last, left]
-    rest = finish - patch.mean[size] - begin if starts and ends else 0.0
-    patch.held[size + 1] = starts or ends
-    if starts:
+    residual = finish - patch.mean[size] - begin if natural_start and natural_end else 0.0
+    patch.held[size + 1] = natural_start or natural_end
+    if natural_start:
         patch.tilt[0], patch.held[0] = begin, True
         add_to_all(patch.mean, size + 1, begin)
-    elif ends:
+    elif natural_end:
         add_to_all(patch.mean, size + 1, finish - patch.mean[size])
-    if ends:
+    if natural_end:
         patch.tilt[size], patch.held[size] = finish, True
-    return rest
+    return residual
 
 
 @inner_kernel

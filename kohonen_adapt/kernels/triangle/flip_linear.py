@@ -47,11 +47,11 @@ def descend_flips(position, elements, trials, floor, gainful, first, last, marks
 
 @inner_kernel
 def gain_of_flip(position, node, trials, e, k, other):
-    gain, size = change_by_flip(position, node, trials.one, e, k, other)
+    gain, magnitude = change_by_flip(position, node, trials.one, e, k, other)
     if trials.other.value.shape[0] > 0:
-        more, sized = change_by_flip(position, node, trials.other, e, k, other)
-        gain, size = gain + more, size + sized
-    return gain if gain > ROUNDING * size else 0.0
+        dual_gain, dual_magnitude = change_by_flip(position, node, trials.other, e, k, other)
+        gain, magnitude = gain + dual_gain, magnitude + dual_magnitude
+    return gain if gain > ROUNDING * magnitude else 0.0
 
 
 @inner_kernel
