@@ -46,7 +46,7 @@ def case_doubts(case: Case, mesh: Mesh) -> Iterator[str]:
     for index, (name, material) in enumerate(problem.materials.items()):
         if material.permeability < LEAST_PERMEABILITY:
             yield permeability_doubt(name, material.permeability)
-        largest = remanence[given.number == index].max(initial=0.0)
+        largest = remanence[given.material_index == index].max(initial=0.0)
         if material.coercivity is None and largest > MOST_REMANENCE:
             unit, factor = ("mT", 1e3) if largest <= MOST_MILLITESLA else ("gauss", 1e4)
             yield (

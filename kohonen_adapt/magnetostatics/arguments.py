@@ -24,7 +24,7 @@ __all__ = ["Arguments", "check_plane_mesh"]
 ESTIMATORS = ("residual", "recovery", "equilibrated")  # see `estimation.estimated`
 
 
-class Chosen(int):
+class DefaultOrder(int):
     """Default order of the elements, chosen by the estimator.
 
     `dataclasses.replace` with another estimator chooses again.
@@ -47,7 +47,7 @@ class Arguments:
     open_boundary: str | None = None
     periodic: Sequence[Pair] = ()
     antiperiodic: Sequence[Pair] = ()
-    order: int = Chosen(2)
+    order: int = DefaultOrder(2)
     goal: Goal | None = None
     applied_field: tuple[float, float] = (0.0, 0.0)
     points: Mapping[str, tuple[float, float] | Floats] | None = None
@@ -56,8 +56,8 @@ class Arguments:
     def __post_init__(self) -> None:
         self._check_kinds()
         self._check_fixed()
-        if isinstance(self.order, Chosen):
-            object.__setattr__(self, "order", self._best_order())
+        if isinstance(self.order, DefaultOrder):
+            object.__setattr__(self, "order", self._default_order())
         self._check_order()
         self._check_depth()
         self._check_bound()
@@ -145,9 +145,9 @@ class Arguments:
                 f"otherwise A is known only up to a constant; got {self.potential!r}."
             )
 
-    def _best_order(self) -> Chosen:
+    def _default_order(self) -> DefaultOrder:
         # Least time to an error of 1 %, also for goals: python -m benchmarks goal-orders
-        return Chosen(2 if self.estimator == "residual" else 1)
+        return DefaultOrder(2 if self.estimator == "residual" else 1)
 
     def _check_order(self) -> None:
         if self.order not in (1, 2, 3) or isinstance(self.order, bool):

@@ -37,7 +37,7 @@ from kohonen_adapt.mesh.measures import gradient, inner_points
 from kohonen_adapt.outline.rounding import refined_on_arcs
 from kohonen_adapt.problem.outputs import Output
 
-__all__ = ["RESIDUAL_SCALE", "better_values", "error_of_goal", "estimated", "goal_indicators"]
+__all__ = ["RESIDUAL_SCALE", "better_values", "energy_indicators", "error_of_goal", "goal_indicators"]
 
 SolveFrom = Callable[[MeshTri, MeshTri, Field], Field]  # (mesh, old mesh, old solution)
 
@@ -51,63 +51,65 @@ RESIDUAL_SCALE = 1.0 / 3.6
 # The same around an axis, for a coil with and without an iron core, on squares and on adapted meshes (`benchmarks
 # axis`): order 1 3.4 - 4.8, order 2 4.3 - 8.9, order 3 6.6 - 13.9, the largest where the polish stretches elements.
 AXIS_SCALES = HIGHER_SCALES | {1: 1.0 / 4.2}
-MOST = 3  # order of the elements
+HIGHEST_ORDER = 3  # order of the elements
 
 
-def estimated(
+def energy_indicators(
     mesh: MeshTri, field: Field, estimator: str, boundaries: Boundaries, materials: Mapping[str, Material]
 ) -> Floats:
     """Return the indicators of `estimator`, unsquared, shape (nelements,)."""
-    joined = _joined(field, boundaries)
+    joined = _tied_facets(field, boundaries)
     if estimator == "residual" and (field.order > 1 or field.axisymmetric):
-        return _scale(field) * residual_by_points(field, joined)
+        return _residual_scale(field) * residual_by_points(field, joined)
     if estimator == "equilibrated":
-        return bound(mesh, field, boundaries)
+        return equilibrated_bound(mesh, field, boundaries)
     given, unknown = field.coefficients, field.unknown
-    plain = not given.pieces and not field.axisymmetric
+    plain = not given.nonlinear_materials and not field.axisymmetric
     scalar = scalar_problem(field.elements, field.symmetry, given) if plain else linearised(field, estimator)
     flux = scalar.flux
-    if given.turning and not field.axisymmetric:  # around an axis `linearised` evaluates H at the corners
-        flux = flux.reshape(2, -1, mesh.t.shape[1]) + beyond_mean(field, materials)
+    if given.varying_magnets and not field.axisymmetric:  # around an axis `linearised` evaluates H at the corners
+        flux = flux.reshape(2, -1, mesh.t.shape[1]) + flux_variation(field, materials)
     if estimator == "residual":
         bare = residual(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=flux, joined=joined)
         return RESIDUAL_SCALE * bare
-    kind = _kinds(field, list(materials.values()))
+    kind = _equal_materials(field, list(materials.values()))
     return recovery(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=flux, region=kind)
 
 
-def _joined(field: Field, boundaries: Boundaries) -> Facets | None:
+def _tied_facets(field: Field, boundaries: Boundaries) -> Facets | None:
     if not (boundaries.periodic or boundaries.antiperiodic):
         return None
     return ties_of(field.elements, boundaries.periodic, boundaries.antiperiodic).facets
 
 
-def _scale(field: Field) -> float:
+def _residual_scale(field: Field) -> float:
     return (AXIS_SCALES if field.axisymmetric else HIGHER_SCALES)[field.order]
 
 
-def beyond_mean(field: Field, materials: Mapping[str, Material]) -> Floats:
+def flux_variation(field: Field, materials: Mapping[str, Material]) -> Floats:
     # Element means alone jump between elements where the magnet does not. For a Halbach cylinder the residual was 0.6
     # and the recovery 1.6 times the error; with the variation inside elements both are within 11 %.
-    number, x = field.coefficients.number, inner_points(field.mesh.p[:, field.mesh.t])
+    number, x = field.coefficients.material_index, inner_points(field.mesh.p[:, field.mesh.t])
     inside = np.stack([coercivity_at(materials, x[:, k], number) for k in range(3)], axis=1)
     return field.symmetry.flux(2.0 * (inside - inside.mean(axis=1, keepdims=True)))
 
 
-def _kinds(field: Field, materials: Sequence[Material]) -> Ints | None:
+def _equal_materials(field: Field, materials: Sequence[Material]) -> Ints | None:
     alike = np.array([materials.index(material) for material in materials])
-    varies = field.axisymmetric or field.coefficients.pieces or any(material.turns for material in materials)
-    return alike[field.coefficients.number] if varies else None
+    varies = (
+        field.axisymmetric or field.coefficients.nonlinear_materials or any(material.turns for material in materials)
+    )
+    return alike[field.coefficients.material_index] if varies else None
 
 
-def bound(mesh: MeshTri, field: Field, boundaries: Boundaries) -> Floats:
+def equilibrated_bound(mesh: MeshTri, field: Field, boundaries: Boundaries) -> Floats:
     fixed, _ = fixed_values(field.elements, boundaries)
     given = field.coefficients
     source, flux = given.current_density, given.flux
-    if not given.pieces:
+    if not given.nonlinear_materials:
         return equilibrated(mesh, field.potential, given.reluctivity, source=source, flux=flux, fixed=fixed)
     balanced = equilibrated_flux(mesh, field.potential, field.reluctivity, source=source, flux=flux, fixed=fixed)
-    return duality_gap(mesh, field.potential, balanced, given.stored, given.costored, flux=flux)
+    return duality_gap(mesh, field.potential, balanced, given.law_energy, given.law_coenergy, flux=flux)
 
 
 def linearised(field: Field, estimator: str) -> Scalar:
@@ -124,7 +126,7 @@ def linearised(field: Field, estimator: str) -> Scalar:
     if estimator == "residual":
         weight = np.sqrt(field.reluctivity * weight)
     reluctivity, slope = (
-        field.symmetry.reluctivity(field.elements.middles, weight),
+        field.symmetry.reluctivity(field.elements.centroids, weight),
         gradient(field.mesh, field.unknown),
     )
     strength = field.field_strength
@@ -138,10 +140,10 @@ def goal_indicators(field: Field, goal: Goal, boundaries: Boundaries, newton: Ne
     """Return indicators of a goal, unsquared, in the root of its unit."""
     if field.order > 1:
         # Errors from a solve of one order more in every pass gave no better force between two magnets.
-        dual, joined = dual_of(field, goal.derivative(field), boundaries, newton), _joined(field, boundaries)
+        dual, joined = dual_of(field, goal.derivative(field), boundaries, newton), _tied_facets(field, boundaries)
         one, other = residual_by_points(field, joined), dual_residual_by_points(field, dual, joined)
-        return _scale(field) * np.sqrt(one * other)
-    pair = _pair(field, goal, boundaries, newton)
+        return _residual_scale(field) * np.sqrt(one * other)
+    pair = _primal_and_dual(field, goal, boundaries, newton)
     if isinstance(field.elements, AroundAxis):  # there B decreases like 1 / r within elements
         for name, strength in zip(("flux", "dual_flux"), field.strength_at_corners(pair["dual"]), strict=True):
             turned = field.symmetry.flux(strength)
@@ -164,7 +166,7 @@ def better_values(
     Twice as many facets on arcs reduce the area between chords and arcs to a quarter, and between parabolas and arcs to
     a sixteenth. The difference of two solves, with and without rounder arcs, is extrapolated accordingly.
     """
-    if field.order < MOST:
+    if field.order < HIGHEST_ORDER:
         better = richer_solution(field, boundaries, newton)
     else:
         better = solve_from(refined(field.mesh), field.mesh, field)
@@ -177,7 +179,7 @@ def better_values(
     return values
 
 
-def _pair(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> dict[str, Any]:
+def _primal_and_dual(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> dict[str, Any]:
     """Return the arguments of `goal_oriented` for a field and its dual.
 
     Both solve ``-div(nu grad u - flux) = source``. For nonlinear material nu is the root of the determinant of the
@@ -190,7 +192,7 @@ def _pair(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> d
         np.sqrt(field.reluctivity * field.differential_reluctivity),
         symmetry.source(field.current_density),
     )
-    nu = symmetry.reluctivity(elements.middles, weight)
+    nu = symmetry.reluctivity(elements.centroids, weight)
     change = symmetry.flux(at.change_of_strength(symmetry.flux_density(at.x, elements.gradient(dual))))
     strength, change = elements.balanced(symmetry.flux(at.field_strength), current), elements.balanced(change, source)
     return {
@@ -201,12 +203,12 @@ def _pair(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> d
         "flux": nu * gradient(field.mesh, u) - strength,
         "dual_source": source,
         "dual_flux": nu * gradient(field.mesh, dual) - change + elements.balanced(load, np.zeros_like(source)),
-        "fixed": _given(conditions_of(elements, boundaries, symmetry)),
+        "fixed": _fixed_nodes(conditions_of(elements, boundaries, symmetry)),
     }
 
 
-def _given(conditions: Conditions) -> Mask:
+def _fixed_nodes(conditions: Conditions) -> Mask:
     # On paired sides and on the open boundary the imbalance of the field is no part of the estimate.
-    fixed = conditions.held
+    fixed = conditions.fixed_or_tied
     beyond = conditions.open_boundary
     return fixed if beyond is None else fixed | (beyond.matrix.diagonal() > 0.0)

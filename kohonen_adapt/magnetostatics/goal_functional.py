@@ -37,14 +37,16 @@ def functional_for(
         return ritz
     if field.axisymmetric:
         raise NotOffered("around an axis a goal has no energy to lower")
-    if field.coefficients.pieces:
+    if field.coefficients.nonlinear_materials:
         raise NotOffered("with nonlinear material a goal has no energy to lower")
     source, load = at_points(field, goal.derivative(field))
     dual = dual_functional(field, ritz, source, load)
     values = tangent_solution(field, boundaries, field.elements.loads(source, load), newton)
     one, other = estimates_of(field, Dual(values, source, load))
     share = other / one if one * other > 0.0 else 1.0
-    return replace(ritz, dual=replace(dual, values=values), share=share, comparable=compares(field, goal, source, load))
+    return replace(
+        ritz, dual=replace(dual, values=values), share=share, comparable=is_comparable(field, goal, source, load)
+    )
 
 
 def dual_functional(field: Field, ritz: Ritz, source: Floats, load: Floats) -> Ritz:
@@ -73,7 +75,7 @@ def estimates_of(field: Field, dual: Dual) -> tuple[float, float]:
     return one, other
 
 
-def compares(field: Field, goal: Goal, source: Floats, load: Floats) -> bool:
+def is_comparable(field: Field, goal: Goal, source: Floats, load: Floats) -> bool:
     # Parabolas omit parts of curves that change a value by as much as a goal improves in a pass.
     return not field.elements.shape.curved.any() and is_linear(field, goal, source, load)
 

@@ -13,7 +13,7 @@ from kohonen_adapt.magnetostatics.equations.around_axis import elements_on
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.newton import EnergyFunctional, Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
-from kohonen_adapt.magnetostatics.estimation import better_values, error_of_goal, estimated, goal_indicators
+from kohonen_adapt.magnetostatics.estimation import better_values, energy_indicators, error_of_goal, goal_indicators
 from kohonen_adapt.magnetostatics.goal_functional import functional_for
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.quantities.field import Field
@@ -177,7 +177,7 @@ class Magnetostatics(Arguments):
         check_plane_mesh(mesh, curved=self.order > 1)
         symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
         given = coefficients(mesh, self.materials, self.ampere_turns)
-        elements = elements_on(mesh, self.order, symmetry, given.lawful)
+        elements = elements_on(mesh, self.order, symmetry, given.nonlinear)
         return EnergyFunctional(elements, symmetry, given, conditions_of(elements, self.boundaries, symmetry))
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:
@@ -199,7 +199,7 @@ class Magnetostatics(Arguments):
         """
         if self.goal is not None:
             return goal_indicators(field, self.goal, self.boundaries, self.method)
-        return estimated(mesh, field, self.estimator, self.boundaries, self.materials)
+        return energy_indicators(mesh, field, self.estimator, self.boundaries, self.materials)
 
     def incremental_inductance(self, field: Field, circuit: Mapping[str, float]) -> float:
         """Return ``d linkage / d current`` of a circuit for small changes of its current.

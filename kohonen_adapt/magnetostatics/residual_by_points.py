@@ -27,8 +27,8 @@ def residual_by_points(field: Field, joined: Facets | None) -> Floats:
     elements, given, symmetry = field.elements, field.coefficients, field.symmetry
     points = LATTICE if elements.order == 3 or elements.shape.curved.any() else LATTICE[:3]
     at = field.at_each(points.T)
-    flux = symmetry.flux(at.field_strength).reshape(2, len(points), -1) / symmetry.turn
-    inside = divergences_by_differences(field) if given.turning else divergences(flux, elements.shape)
+    flux = symmetry.flux(at.field_strength).reshape(2, len(points), -1) / symmetry.extent
+    inside = divergences_by_differences(field) if given.varying_magnets else divergences(flux, elements.shape)
     return _residual(field, at, flux, given.current_density + inside, joined)
 
 
@@ -36,8 +36,8 @@ def dual_residual_by_points(field: Field, dual: Dual, joined: Facets | None) -> 
     elements, symmetry = field.elements, field.symmetry
     at = field.at_each(LATTICE.T)
     strength = symmetry.flux(field.change_at_each(LATTICE.T, dual.values, at)).reshape(2, len(LATTICE), -1)
-    flux = (strength - on_lattice(elements, dual.load)) / symmetry.turn
-    return _residual(field, at, flux, dual.source / symmetry.turn + divergences(flux, elements.shape), joined)
+    flux = (strength - on_lattice(elements, dual.load)) / symmetry.extent
+    return _residual(field, at, flux, dual.source / symmetry.extent + divergences(flux, elements.shape), joined)
 
 
 def _residual(field: Field, at: PointField, flux: Floats, load: Floats, joined: Facets | None) -> Floats:
@@ -46,7 +46,7 @@ def _residual(field: Field, at: PointField, flux: Floats, load: Floats, joined: 
     secant, differential = at.reluctivities
     weight = np.sqrt(secant * differential).reshape(flux.shape[1], -1).mean(axis=0)
     middle = shape.corners.p[:, shape.corners.facets].mean(axis=1)
-    around = volume(elements.middles, np.ones(size.size)), volume(middle, np.ones(middle.shape[1]))
+    around = volume(elements.centroids, np.ones(size.size)), volume(middle, np.ones(middle.shape[1]))
     return residual_at_points(shape, size, flux, load, weight, around, joined)
 
 
@@ -78,6 +78,6 @@ def divergences_by_differences(field: Field) -> Floats:
     step, found = DIFFERENCE * np.sqrt(area(field.mesh))[element], np.zeros(3 * count)
     for axis, slope in enumerate(shape.hat_gradients(element, share)):
         ends = [field.at_shares(element, share + sign * step * slope).field_strength for sign in (1.0, -1.0)]
-        ahead, behind = (field.symmetry.flux(end)[axis] / field.symmetry.turn for end in ends)
+        ahead, behind = (field.symmetry.flux(end)[axis] / field.symmetry.extent for end in ends)
         found += (ahead - behind) / (2.0 * step)
     return found.reshape(3, count)

@@ -21,7 +21,7 @@ from kohonen_adapt.magnetostatics.materials.laws import Inverse
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.goals import Force, Goal, Torque, check_goal, unit_of_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
-from kohonen_adapt.magnetostatics.solid_estimation import estimated_in_space, primal_and_dual
+from kohonen_adapt.magnetostatics.solid_estimation import energy_indicators_in_space, primal_and_dual
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz
@@ -149,7 +149,7 @@ class MagneticScalarPotential:
         """
         energy, field = self.stated(mesh)
         steps, given = tuple[NewtonStep, ...](), energy.conditions.values
-        if energy.given.pieces:
+        if energy.coefficients.nonlinear_materials:
             # A start from another mesh would take three times as many steps, because the interpolation error of the
             # small H in iron is a B deep in saturation.
             start = self.method.linear(energy) if np.any(given) else given
@@ -225,7 +225,7 @@ class MagneticScalarPotential:
             Unsquared, in sqrt(J). With a goal in the root of its unit.
         """
         if self.goal is None:
-            return estimated_in_space(field, self.estimator, self.materials)
+            return energy_indicators_in_space(field, self.estimator, self.materials)
         return goal_oriented(mesh, **self._pair(field, self.goal))
 
     def goal_error(self, field: SolidField) -> float:
@@ -318,9 +318,9 @@ class MagneticScalarPotential:
         """
         given, function = field.coefficients, field.drive.function
         present, first, place = given.present(self.materials)
-        if given.pieces and function is not None:
+        if given.nonlinear_materials and function is not None:
             raise NotOffered("nonlinear material in an applied field has no energy to lower")
-        if any(given.coercivity[:, piece.elements].any() for piece in given.pieces):
+        if any(given.coercivity[:, piece.elements].any() for piece in given.nonlinear_materials):
             raise NotOffered("nonlinear magnets have no energy to lower")
         mu = 1.0 / given.reluctivity[first]
         flux: Flux = mu * given.coercivity[:, first]
@@ -332,5 +332,5 @@ class MagneticScalarPotential:
 
         laws = tuple(None if material.bh is None else Inverse(material.bh) for material in present.values())
         fixed = self._conditions(field).fixed
-        ritz = Ritz(field.potential, fixed, mu, 0.0, flux, place, laws if given.pieces else ())
+        ritz = Ritz(field.potential, fixed, mu, 0.0, flux, place, laws if given.nonlinear_materials else ())
         return ritz if self.goal is None else replace(ritz, comparable=False, shapes_only=True)

@@ -14,20 +14,20 @@ from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 
-__all__ = ["estimated_in_space", "primal_and_dual"]
+__all__ = ["energy_indicators_in_space", "primal_and_dual"]
 
 # The unscaled estimate is 3.5 to 3.8 times the error on balls (`benchmarks magnets`).
 RESIDUAL_SCALE = 1.0 / 3.6
 
 
-def estimated_in_space(field: LocalSolid, estimator: str, materials: Mapping[str, Material]) -> Floats:
+def energy_indicators_in_space(field: LocalSolid, estimator: str, materials: Mapping[str, Material]) -> Floats:
     """Return the indicators of `estimator`, unsquared, shape (nelements,)."""
     secant, differential = field.permeabilities
     weight = np.sqrt(secant * differential) if estimator == "residual" else differential
-    flux = _flux_beside(field, weight)
+    flux = _flux_for(field, weight)
     if estimator == "residual":
         return RESIDUAL_SCALE * residual(field.mesh, field.unknown, weight, flux=flux)
-    return recovery(field.mesh, field.unknown, weight, flux=flux, region=_kinds(field, materials))
+    return recovery(field.mesh, field.unknown, weight, flux=flux, region=_equal_materials(field, materials))
 
 
 def primal_and_dual(
@@ -48,26 +48,26 @@ def primal_and_dual(
         "potential": field.unknown,
         "dual": dual,
         "reluctivity": weight,
-        "flux": _flux_beside(field, weight),
+        "flux": _flux_for(field, weight),
         "dual_flux": weight * elements.gradient(dual) - change + load,
-        "region": _kinds(field, materials),
+        "region": _equal_materials(field, materials),
     }
 
 
 def _dual(field: LocalSolid, load: Floats, conditions: Conditions, newton: Newton) -> Floats:
     drive, terms = field.drive, field.elements.against_gradients(load)
     energy = CoenergyFunctional(drive.elements, field.coefficients, conditions, drive.inside, drive.load)
-    return newton.whole_step(energy, field.unknown, -terms[conditions.free])
+    return newton.full_step(energy, field.unknown, -terms[conditions.free])
 
 
-def _flux_beside(field: LocalSolid, weight: Floats) -> Floats:
+def _flux_for(field: LocalSolid, weight: Floats) -> Floats:
     """Return the flux for which ``weight grad u - flux`` equals -B."""
     slope = field.elements.gradient(field.unknown)
-    if field.drive.function is None and not field.coefficients.turning:
+    if field.drive.function is None and not field.coefficients.varying_magnets:
         return weight * slope + field.flux_density
     return (weight * slope)[:, None] + field.at_corners.flux_density.reshape(3, 4, -1)
 
 
-def _kinds(field: LocalSolid, materials: Mapping[str, Material]) -> Ints:
+def _equal_materials(field: LocalSolid, materials: Mapping[str, Material]) -> Ints:
     filled = list(materials.values())
-    return np.array([filled.index(material) for material in filled])[field.coefficients.number]
+    return np.array([filled.index(material) for material in filled])[field.coefficients.material_index]

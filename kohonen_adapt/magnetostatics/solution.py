@@ -81,12 +81,12 @@ class CubicField(QuadraticField):
 
 def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None, newton: Newton) -> Field:
     elements, steps = energy.elements, tuple[NewtonStep, ...]()
-    if energy.given.pieces:
-        unknown, steps = newton.descend(energy, _begin(energy, old, newton))
+    if energy.coefficients.nonlinear_materials:
+        unknown, steps = newton.descend(energy, _start_values(energy, old, newton))
     else:
         unknown = newton.linear(energy)
-    values = energy.symmetry.potential(elements.places, unknown)
-    made = elements.mesh, values[: elements.corners.p.shape[1]], energy.given, energy.symmetry, depth, steps
+    values = energy.symmetry.potential(elements.doflocs, unknown)
+    made = elements.mesh, values[: elements.corners.p.shape[1]], energy.coefficients, energy.symmetry, depth, steps
     if elements.order == 1:
         field = Field(*made)
     else:
@@ -96,17 +96,17 @@ def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None
     return field
 
 
-def _begin(energy: EnergyFunctional, old: Field | None, newton: Newton) -> Floats:
+def _start_values(energy: EnergyFunctional, old: Field | None, newton: Newton) -> Floats:
     # From A = 0 the first step is the whole linear solution, halved if that saturates everything. Beside prescribed
     # values A = 0 is a steep wall, and the linear solution is a better start.
     conditions = energy.conditions
     if old is not None:
-        x = energy.elements.places
-        return conditions.admitted(energy.symmetry.unknown(x, carried(x, old)))
+        x = energy.elements.doflocs
+        return conditions.admissible(energy.symmetry.unknown(x, old_potential_at(x, old)))
     return newton.linear(energy) if np.any(conditions.values) else conditions.values
 
 
-def carried(x: Floats, old: Field) -> Floats:
+def old_potential_at(x: Floats, old: Field) -> Floats:
     values = old.potential_at(x)
     outside = np.isnan(values)
     if outside.any():
@@ -119,13 +119,13 @@ def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, 
     given, conditions = field.coefficients, conditions_of(field.elements, boundaries, field.symmetry)
     present, first, place = given.present(materials)
     turns = any(material.turns for material in present.values())
-    symmetry, turn = field.symmetry, field.symmetry.turn
+    symmetry, turn = field.symmetry, field.symmetry.extent
     flux: Flux = _flux_of(present, symmetry) if turns else symmetry.flux(given.coercivity[:, first])
     laws: tuple[EnergyLaw | None, ...] = ()
-    if given.pieces:
+    if given.nonlinear_materials:
         laws = tuple(material.bh for material in present.values())
     if field.axisymmetric:
-        around = {id(law): Turned(law, turn) for law in laws if law is not None}  # equal laws stay identical
+        around = {id(law): ScaledLaw(law, turn) for law in laws if law is not None}  # equal laws stay identical
         laws = tuple(around.get(id(law)) for law in laws)
     tables = turn * given.reluctivity[first], symmetry.source(given.current_density[first]), flux
     order, around_axis = field.elements.order, field.axisymmetric
@@ -143,7 +143,7 @@ def robin_of(field: Field, given: Boundaries) -> dict[str, tuple[float, Value]]:
     name = given.open_boundary
     if name is None:
         return {}
-    (centre, size), turn = circle_of(field.mesh, name), field.symmetry.turn
+    (centre, size), turn = circle_of(field.mesh, name), field.symmetry.extent
 
     def load(x: Floats) -> Floats:
         applied, dimension = field.symmetry.uniform(x, centre, given.applied_field)
@@ -153,17 +153,17 @@ def robin_of(field: Field, given: Boundaries) -> dict[str, tuple[float, Value]]:
 
 
 @dataclass(frozen=True)
-class Turned:
+class ScaledLaw:
     """B-H law integrated over the angle around an axis."""
 
     law: EnergyLaw
-    turn: float
+    factor: float
 
     def field_strength(self, b: Floats) -> Floats:
-        return self.turn * self.law.field_strength(b)
+        return self.factor * self.law.field_strength(b)
 
     def energy(self, b: Floats) -> Floats:
-        return self.turn * self.law.energy(b)
+        return self.factor * self.law.energy(b)
 
 
 def _flux_of(materials: Mapping[str, Material], symmetry: Symmetry) -> Callable[[Floats, Ints], Floats]:
@@ -178,7 +178,7 @@ def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton:
     """
     conditions = conditions_of(field.elements, boundaries, field.symmetry)
     energy = EnergyFunctional(field.elements, field.symmetry, field.coefficients, conditions)
-    return newton.whole_step(energy, field.unknown, -load[conditions.free])
+    return newton.full_step(energy, field.unknown, -load[conditions.free])
 
 
 class Dual(NamedTuple):
@@ -200,7 +200,7 @@ def at_points(field: Field, derivative: tuple[Floats, Floats]) -> tuple[Floats, 
 
 
 def richer_solution(field: Field, boundaries: Boundaries, newton: Newton) -> Field:
-    elements = elements_on(field.mesh, field.order + 1, field.symmetry, field.coefficients.lawful)
+    elements = elements_on(field.mesh, field.order + 1, field.symmetry, field.coefficients.nonlinear)
     conditions = conditions_of(elements, boundaries, field.symmetry)
     return solution_of(
         EnergyFunctional(elements, field.symmetry, field.coefficients, conditions), field.depth, field, newton

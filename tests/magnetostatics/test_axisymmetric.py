@@ -141,7 +141,7 @@ def test_a_uniform_field_is_exact_of_higher_order(order):
         x = np.stack([np.full(41, r), z])
         np.testing.assert_allclose(field.flux_density_at(x), [[0.0], [0.8]] * np.ones(41), atol=1e-7)
         np.testing.assert_allclose(field.potential_at(x), 0.4 * r, atol=1e-15, rtol=1e-10)
-    places = field.elements.places
+    places = field.elements.doflocs
     np.testing.assert_allclose(field.values, 0.4 * places[0], atol=1e-14)
     assert np.linalg.norm(
         Magnetostatics({"air": Material()}, {"all": 0.0}, axisymmetric=True, order=order).indicators(field.mesh, field)

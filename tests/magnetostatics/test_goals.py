@@ -81,7 +81,7 @@ def test_goals_have_the_values_of_the_field():
 
 def shifted(field, change):
     """The field with another potential; `change` (nunknowns,) is of u."""
-    values = field.symmetry.potential(field.elements.places, field.unknown + change)
+    values = field.symmetry.potential(field.elements.doflocs, field.unknown + change)
     return replace(field, potential=values[: field.potential.size], **({"values": values} if field.order > 1 else {}))
 
 
@@ -95,7 +95,7 @@ def test_derivatives_are_those_of_the_values(case, order, seed):
     make, goal = CASES[case]
     field = solved(make, order)
     change = 1e-6 * np.random.default_rng(seed).normal(size=field.unknown.size) * np.abs(field.unknown).max()
-    change[field.symmetry.on_axis(field.elements.places)] = 0.0
+    change[field.symmetry.on_axis(field.elements.doflocs)] = 0.0
     wanted = 0.5 * (goal(shifted(field, change)) - goal(shifted(field, -change)))
     parts = change * field.elements.loads(*at_points(field, goal.derivative(field)))
     assert parts.sum() == pytest.approx(wanted, abs=1e-5 * np.abs(parts).sum())

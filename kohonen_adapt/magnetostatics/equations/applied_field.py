@@ -133,7 +133,7 @@ def field_at(function: AppliedField, x: Floats) -> Floats:
 def drive_on(mesh: MeshTet, given: Coefficients, function: AppliedField | None, closed: Ints) -> Drive:
     elements, none = Tetrahedra(mesh, varies=function is not None), np.zeros(mesh.p.shape[1])
     iron = given.reluctivity * VACUUM_PERMEABILITY < 1.0 / PERMEABLE
-    for piece in given.pieces:
+    for piece in given.nonlinear_materials:
         iron[piece.elements] = True
     vacuum = np.abs(given.reluctivity * VACUUM_PERMEABILITY - 1.0) < SAME
     vacuum &= ~iron

@@ -11,7 +11,7 @@ from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.elements import Linear
-from kohonen_adapt.magnetostatics.equations.higher import Elements, Higher, Part
+from kohonen_adapt.magnetostatics.equations.higher import ElementGroup, Elements, Higher
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, Symmetry
 from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.measures import hat_gradients
@@ -31,7 +31,7 @@ FACET = 10  # degree of the rule along facets
 
 
 @dataclass(frozen=True, eq=False)
-class PartAroundAxis(Part):
+class AxisGroup(ElementGroup):
     """Elements with the same corners on the axis, all with or all without a B-H law."""
 
     shape: Isoparametric
@@ -45,7 +45,7 @@ class PartAroundAxis(Part):
 
     @cached_property
     def x(self) -> Floats:
-        return self._everywhere(self.shape.points(*self._all_points))
+        return self._per_element(self.shape.points(*self._all_points))
 
     @cached_property
     def weights(self) -> Floats:
@@ -55,29 +55,31 @@ class PartAroundAxis(Part):
     @cached_property
     def values(self) -> Floats:
         own = functions_near_axis(np.full(self.share.shape[1], self.kind), self.share.T, self.order)
-        return (own @ from_values(self.order)[self.kind]).T[:, None]
+        return (own @ coefficients_of_values(self.order)[self.kind]).T[:, None]
 
     @cached_property
     def gradients(self) -> Floats:
-        slopes = np.einsum("qfc,fi->iqc", slopes_near_axis(self.kind, self.share.T, self.order), self._from_values)
-        if self._bent:
+        slopes = np.einsum(
+            "qfc,fi->iqc", slopes_near_axis(self.kind, self.share.T, self.order), self._coefficients_of_values
+        )
+        if self._is_curved:
             return np.einsum("iqc,dceq->ideq", slopes, self._hats[:, 1:], optimize=True)
         return np.einsum("iqc,dce->ideq", slopes, self._hats[:, 1:, :, 0], optimize=True)
 
     @property
-    def _from_values(self) -> Floats:
-        return from_values(self.order)[self.kind]
+    def _coefficients_of_values(self) -> Floats:
+        return coefficients_of_values(self.order)[self.kind]
 
     @cached_property
     def _hats(self) -> Floats:
         """Gradients of the barycentric coordinates at all points, (2, 3, nelements, q)."""
-        if self._bent:
-            return self._everywhere(self.shape.hat_gradients(*self._all_points))
+        if self._is_curved:
+            return self._per_element(self.shape.hat_gradients(*self._all_points))
         hats = hat_gradients(self.shape.corners)[:, :, self.rows, None]
         return np.broadcast_to(hats, (*hats.shape[:-1], self.share.shape[1]))
 
     @property
-    def _bent(self) -> bool:
+    def _is_curved(self) -> bool:
         return bool(self.shape.curved[self.rows].any())
 
     @property
@@ -85,12 +87,12 @@ class PartAroundAxis(Part):
         rows, share = np.asarray(self.rows), self.share
         return np.repeat(rows, share.shape[1]), np.tile(share, rows.size)
 
-    def _everywhere(self, values: Floats) -> Floats:
+    def _per_element(self, values: Floats) -> Floats:
         return values.reshape(*values.shape[:-1], -1, self.share.shape[1])
 
 
 @cache
-def from_values(order: int) -> Floats:
+def coefficients_of_values(order: int) -> Floats:
     """Return the matrices from values to coefficients, (7, functions, unknowns).
 
     Matrix k belongs to the kind k of `ON_AXIS`. Values on the axis are those of the functions without the factor that
@@ -113,15 +115,15 @@ class AroundAxis(Higher):
     ``B = (-du/dz, du/dr) / r`` also holds on the axis.
     """
 
-    def _parts_of(self, bent: MeshTri) -> Sequence[Part]:
-        parts, first = list[Part](), 0
+    def _make_groups(self, bent: MeshTri) -> Sequence[ElementGroup]:
+        groups, first = list[ElementGroup](), 0
         for kind, law in product(np.unique(self.kind), (False, True)):
-            rows = np.flatnonzero((self.kind == kind) & (self.lawful == law))
+            rows = np.flatnonzero((self.kind == kind) & (self.nonlinear == law))
             if rows.size:
                 own = slice(first, first + points_near_axis(self.order, law)[1].shape[1] * rows.size)
-                parts.append(PartAroundAxis(rows, own, self.shape, self.order, int(kind), law))
+                groups.append(AxisGroup(rows, own, self.shape, self.order, int(kind), law))
                 first = own.stop
-        return parts
+        return groups
 
     @cached_property
     def kind(self) -> Ints:
@@ -135,7 +137,7 @@ class AroundAxis(Higher):
         return super().mean(values * self.points[0]) / super().mean(self.points[0])
 
     @property
-    def middles(self) -> Floats:
+    def centroids(self) -> Floats:
         return super().mean(self.points)
 
     def products_on(self, facets: Ints, weight: Floats) -> Floats:
@@ -158,7 +160,7 @@ class AroundAxis(Higher):
     def _on_axis(self) -> Ints:
         return np.unique(self.corners.t[ON_AXIS[self.kind].T])
 
-    def inside(self, element: Ints, share: Floats) -> Floats:
+    def limit_points(self, element: Ints, share: Floats) -> Floats:
         # On the axis B is the limit from inside the element.
         on = factor_at(self.kind[element], share.T) < INWARDS
         return np.where(on, share + INWARDS * (1.0 / 3.0 - share), share)
@@ -168,7 +170,7 @@ class AroundAxis(Higher):
         values, slopes = np.empty((len(self.unknowns), element.size)), np.empty((len(self.unknowns), 2, element.size))
         for each in np.unique(kind):
             rows = np.flatnonzero(kind == each)
-            own = from_values(self.order)[each]
+            own = coefficients_of_values(self.order)[each]
             values[:, rows] = (functions_near_axis(kind[rows], turned[rows], self.order) @ own).T
             slopes[:, :, rows] = np.einsum("nfc,fi->icn", slopes_near_axis(int(each), turned[rows], self.order), own)
         return values, slopes
@@ -181,7 +183,7 @@ class AroundAxis(Higher):
         problem. Edges from the axis are dual to the gradients of the hat functions at their outer ends.
         """
         mean, off = super().mean(flux), np.where(ON_AXIS[self.kind].T, 0.0, 1.0)
-        size = self._by_element([part.weights.sum(axis=1) for part in self._parts])
+        size = self._by_element([group.weights.sum(axis=1) for group in self._groups])
         wanted = (self.against_gradients(flux) - self.against_functions(source)) / size + source / 3.0
         missing = off * (wanted - np.einsum("ck,cik->ik", mean, self.hats))
         touching = np.flatnonzero(self.kind)
@@ -191,7 +193,7 @@ class AroundAxis(Higher):
         return mean
 
 
-def elements_on(mesh: MeshTri, order: int, symmetry: Symmetry, lawful: Mask) -> Elements:
+def elements_on(mesh: MeshTri, order: int, symmetry: Symmetry, nonlinear: Mask) -> Elements:
     if symmetry is AXISYMMETRIC:
-        return AroundAxis(mesh, order, lawful)
-    return Higher(mesh, order, lawful) if order > 1 else Linear(mesh)
+        return AroundAxis(mesh, order, nonlinear)
+    return Higher(mesh, order, nonlinear) if order > 1 else Linear(mesh)

@@ -22,23 +22,23 @@ class CoenergyFunctional:
     """
 
     elements: Tetrahedra
-    given: Coefficients
+    coefficients: Coefficients
     conditions: Conditions
     drive: Floats  # T without the part in the load, mean of every element, (3, nelements) in A/m
     load: Floats  # (nnodes,) in Wb
 
-    def at_rest(self) -> Self:
-        return replace(self, given=replace(self.given, pieces=()))
+    def at_zero_field(self) -> Self:
+        return replace(self, coefficients=replace(self.coefficients, nonlinear_materials=()))
 
     def value(self, u: Floats) -> tuple[float, float]:
-        driven = magnitude(self._strength(u) + self.given.coercivity)
-        stored = float(np.sum(self.elements.volumes * self.given.costored(driven[None])))
+        driven = magnitude(self._strength(u) + self.coefficients.coercivity)
+        stored = float(np.sum(self.elements.volumes * self.coefficients.law_coenergy(driven[None])))
         spent = self.load * u
         return stored - float(np.sum(spent)), np.finfo(float).eps * (stored + float(np.sum(np.abs(spent))))
 
     def residual(self, u: Floats) -> tuple[Floats, float]:
-        strength, coercivity = self._strength(u), self.given.coercivity
-        secant, _ = self.given.permeabilities(strength)
+        strength, coercivity = self._strength(u), self.coefficients.coercivity
+        secant, _ = self.coefficients.permeabilities(strength)
         total = self.elements.against_gradients(-secant * (strength + coercivity)) - self.load
         largest = magnitude(self.drive) + magnitude(strength - self.drive) + magnitude(coercivity)
         size = self.elements.against_slopes(secant * largest) + np.abs(self.load)
@@ -46,17 +46,17 @@ class CoenergyFunctional:
 
     def linear_residual(self, u: Floats) -> Floats:
         with np.errstate(over="ignore", invalid="ignore"):
-            flux = (self._strength(u) + self.given.coercivity) / self.given.reluctivity
+            flux = (self._strength(u) + self.coefficients.coercivity) / self.coefficients.reluctivity
             return -(self.elements.against_gradients(flux) + self.load)[self.conditions.free]
 
     def hessian(self, u: Floats) -> csc_array:
         """Return the second derivatives, ``dB/dH`` along H + Hc and ``B/H`` across."""
         free = self.conditions.free
-        if not self.given.pieces:
-            return self.elements.stiffness(1.0 / self.given.reluctivity, free)
+        if not self.coefficients.nonlinear_materials:
+            return self.elements.stiffness(1.0 / self.coefficients.reluctivity, free)
         strength = self._strength(u)
-        secant, differential = self.given.permeabilities(strength)
-        driven = strength + self.given.coercivity
+        secant, differential = self.coefficients.permeabilities(strength)
+        driven = strength + self.coefficients.coercivity
         size = magnitude(driven)
         return self.elements.stiffness(secant, free, (differential, driven / np.where(size > 0.0, size, 1.0)))
 

@@ -62,9 +62,9 @@ class Ties:
     master: Ints  # (nunknowns,): representative of each class of tied unknowns
     sign: Floats  # (nunknowns,): 1.0 or -1.0
     zero: Mask  # (nunknowns,): classes with u = -u, so that u = 0
-    one: Ints  # (k,): unknowns tied to ...
-    other: Ints  # (k,): ... these unknowns
-    between: Floats  # (k,): sign between both, 1.0 for periodic, -1.0 for antiperiodic
+    first: Ints  # (k,): unknowns tied to ...
+    second: Ints  # (k,): ... these unknowns
+    relative_sign: Floats  # (k,): sign between both, 1.0 for periodic, -1.0 for antiperiodic
     facets: tuple[Ints, Ints, Floats]  # (f,) each: tied facets, their images, and the sign between both
 
 
@@ -80,11 +80,11 @@ class Conditions:
     ties: Ties | None = None
 
     @property
-    def held(self) -> Mask:
-        held = self.fixed.copy()
+    def fixed_or_tied(self) -> Mask:
+        fixed_or_tied = self.fixed.copy()
         if self.ties is not None:
-            held[self.ties.one] = held[self.ties.other] = True
-        return held
+            fixed_or_tied[self.ties.first] = fixed_or_tied[self.ties.second] = True
+        return fixed_or_tied
 
     def reduced(self, matrix: csc_array, right: Floats) -> tuple[csc_array, Floats]:
         """Return the equations of the classes, with the open boundary in the matrix."""
@@ -92,15 +92,15 @@ class Conditions:
             matrix = (matrix + self.open_boundary.matrix[self.free][:, self.free]).tocsc()
         if self.join is not None:
             matrix = (self.join.T @ matrix @ self.join).tocsc()
-        return matrix, self.gathered(right)
+        return matrix, self.to_classes(right)
 
-    def gathered(self, pull: Floats) -> Floats:
+    def to_classes(self, pull: Floats) -> Floats:
         return pull if self.join is None else self.join.T @ pull
 
-    def expanded(self, values: Floats) -> Floats:
+    def from_classes(self, values: Floats) -> Floats:
         return values if self.join is None else self.join @ values
 
-    def admitted(self, values: Floats) -> Floats:
+    def admissible(self, values: Floats) -> Floats:
         kept = np.where(self.fixed, self.values, values)
         if self.ties is not None:
             kept = np.where(self.fixed, self.values, self.ties.sign * kept[self.ties.master])
@@ -109,7 +109,7 @@ class Conditions:
 
 def conditions_of(elements: Elements, given: Boundaries, symmetry: Symmetry) -> Conditions:
     fixed, values = fixed_values(elements, given)
-    values, axis = symmetry.unknown(elements.places, values), symmetry.on_axis(elements.places)
+    values, axis = symmetry.unknown(elements.doflocs, values), symmetry.on_axis(elements.doflocs)
     fixed, values = fixed | axis, np.where(axis, 0.0, values)
     beyond = None
     if given.open_boundary is not None:
@@ -117,10 +117,10 @@ def conditions_of(elements: Elements, given: Boundaries, symmetry: Symmetry) -> 
     ties = None
     if given.periodic or given.antiperiodic:
         ties = ties_of(elements, given.periodic, given.antiperiodic)
-        fixed, values = _shared(elements.places, ties, fixed, values)
+        fixed, values = _values_on_ties(elements.doflocs, ties, fixed, values)
     _check_anchored(elements.corners.facets, elements.corners.p.shape[1], fixed, beyond, ties)
     free = np.flatnonzero(~fixed)
-    return Conditions(fixed, values, free, beyond, None if ties is None else _join(ties, free), ties)
+    return Conditions(fixed, values, free, beyond, None if ties is None else _class_matrix(ties, free), ties)
 
 
 def open_boundary_of(
@@ -143,9 +143,9 @@ def open_boundary_of(
             f"{inside} of its {facets.size} facets are inside."
         )
     centre, size = circle_of(mesh, name)
-    applied, dimension = symmetry.uniform(elements.places, centre, applied_field)
-    weight = np.full(facets.size, symmetry.turn / (VACUUM_PERMEABILITY * size))
-    unknowns, count = elements.on_facets(facets), elements.places.shape[1]
+    applied, dimension = symmetry.uniform(elements.doflocs, centre, applied_field)
+    weight = np.full(facets.size, symmetry.extent / (VACUUM_PERMEABILITY * size))
+    unknowns, count = elements.on_facets(facets), elements.doflocs.shape[1]
     row, column = np.broadcast_arrays(unknowns[:, None], unknowns[None])
     values = elements.products_on(facets, weight)
     matrix = coo_array((values.ravel(), (row.ravel(), column.ravel())), shape=(count, count)).tocsc()
@@ -170,7 +170,7 @@ def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
 
 
 def fixed_values(elements: Placed, given: Boundaries) -> tuple[Mask, Floats]:
-    x, mesh = elements.places, elements.corners
+    x, mesh = elements.doflocs, elements.corners
     at_points = nodes_of_points(mesh, given.points)
     fixed, values = np.zeros(x.shape[1], dtype=bool), np.zeros(x.shape[1])
     for name, value in given.potential.items():
@@ -206,7 +206,7 @@ def ties_of(elements: Elements, periodic: Sequence[Pair], antiperiodic: Sequence
     one = np.concatenate([*(nodes for nodes, _ in found), inside.ravel()])
     other = np.concatenate([*(images for _, images in found), beyond.ravel()])
     between = np.append(np.repeat(signs, [len(nodes) for nodes, _ in found]), np.tile(along[2], len(inside)))
-    return Ties(*_classes(elements.places.shape[1], one, other, between), one, other, between, along)
+    return Ties(*_classes(elements.doflocs.shape[1], one, other, between), one, other, between, along)
 
 
 def _classes(count: int, one: Ints, other: Ints, between: Floats) -> tuple[Ints, Floats, Mask]:
@@ -236,7 +236,7 @@ def _image_facets(mesh: MeshTri, facets: Ints, nodes: Ints, images: Ints) -> tup
     return found, image[mesh.facets[0, facets]] != mesh.facets[0, found]
 
 
-def _shared(x: Floats, ties: Ties, fixed: Mask, values: Floats) -> tuple[Mask, Floats]:
+def _values_on_ties(x: Floats, ties: Ties, fixed: Mask, values: Floats) -> tuple[Mask, Floats]:
     share, given = np.zeros(len(values)), np.flatnonzero(fixed)
     share[ties.master[given]] = ties.sign[given] * values[given]
     fixed_class = ties.zero.copy()
@@ -254,7 +254,7 @@ def _shared(x: Floats, ties: Ties, fixed: Mask, values: Floats) -> tuple[Mask, F
     return all_fixed, np.where(fixed, values, shared)
 
 
-def _join(ties: Ties, free: Ints) -> csc_array:
+def _class_matrix(ties: Ties, free: Ints) -> csc_array:
     masters, column = np.unique(ties.master[free], return_inverse=True)
     return csc_array((ties.sign[free], (np.arange(free.size), column)), shape=(free.size, masters.size))
 
@@ -277,9 +277,9 @@ def _check_anchored(facets: Ints, nodes: int, fixed: Mask, beyond: OpenBoundary 
     if beyond is not None:
         anchored = anchored | (beyond.matrix.diagonal()[:nodes] > 0.0)
     if ties is not None:
-        inside = ties.one < nodes
-        pairs, anchored = np.hstack((pairs, np.stack((ties.one[inside], ties.other[inside])))), anchored.copy()
-        anchored[ties.one[inside & (ties.between < 0.0)]] = True  # u = -u fixes the constant
+        inside = ties.first < nodes
+        pairs, anchored = np.hstack((pairs, np.stack((ties.first[inside], ties.second[inside])))), anchored.copy()
+        anchored[ties.first[inside & (ties.relative_sign < 0.0)]] = True  # u = -u fixes the constant
     graph = coo_array((np.ones(pairs.shape[1], dtype=np.int8), tuple(pairs)), shape=(nodes,) * 2)
     parts, part = connected_components(graph, directed=False)
     loose = np.setdiff1d(np.arange(parts), part[anchored])

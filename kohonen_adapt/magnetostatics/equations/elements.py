@@ -20,7 +20,7 @@ class Placed(Protocol):
     @property
     def corners(self) -> Mesh: ...
     @property
-    def places(self) -> Floats: ...
+    def doflocs(self) -> Floats: ...
     def on_facets(self, facets: Ints) -> Ints: ...
 
 
@@ -35,17 +35,17 @@ class Polynomials:
     facet_products: Floats  # integrals of products of the functions on a straight facet, per length, as in `on_facets`
     element: Ints  # (npoints,): element of every quadrature point
 
-    def __init__(self, mesh: MeshTri, shape: Isoparametric, unknowns: Ints, places: Floats) -> None:
+    def __init__(self, mesh: MeshTri, shape: Isoparametric, unknowns: Ints, doflocs: Floats) -> None:
         self.mesh, self.shape, self.corners = mesh, shape, shape.corners
         self.unknowns = unknowns  # (k, nelements)
-        self.places = places  # (2, nunknowns): positions of the unknowns
+        self.doflocs = doflocs  # (2, nunknowns): positions of the unknowns
 
     @cached_property
     def hats(self) -> Floats:
         return hat_gradients(self.corners)
 
     @property
-    def middles(self) -> Floats:
+    def centroids(self) -> Floats:
         return self.corners.p[:, self.corners.t].mean(axis=1)
 
     def products_on(self, facets: Ints, weight: Floats) -> Floats:
@@ -60,14 +60,14 @@ class Polynomials:
         """
         return gradient(self.corners, values)[:, self.element]
 
-    def inside(self, element: Ints, share: Floats) -> Floats:
+    def limit_points(self, element: Ints, share: Floats) -> Floats:
         return share
 
     def balanced(self, flux: Floats, source: Floats) -> Floats:
         return flux
 
-    def added(self, terms: Floats) -> Floats:
-        return np.bincount(self.unknowns.ravel(), terms.ravel(), self.places.shape[1]).astype(np.float64)
+    def assemble_vector(self, terms: Floats) -> Floats:
+        return np.bincount(self.unknowns.ravel(), terms.ravel(), self.doflocs.shape[1]).astype(np.float64)
 
 
 class Linear(Polynomials):
@@ -126,7 +126,7 @@ class Linear(Polynomials):
 
         `source` has shape (nelements,), `flux` is at the quadrature points.
         """
-        return self.added(self.weights * (source / 3.0 + np.einsum("ck,cik->ik", flux, self.hats)))
+        return self.assemble_vector(self.weights * (source / 3.0 + np.einsum("ck,cik->ik", flux, self.hats)))
 
     def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> csc_array:
         """Return the matrix of ``int nu grad phi . grad phi`` of the free unknowns.
@@ -140,10 +140,10 @@ class Linear(Polynomials):
         if along is not None:
             more, slope = self.weights * along[0] - across, np.einsum("ck,cik->ik", along[1], self.hats)
             own, next_one = own + more * slope**2, next_one + more * slope * slope[after]
-        return self._assembled(own, next_one, free)
+        return self._assemble_matrix(own, next_one, free)
 
-    def _assembled(self, own: Floats, next_one: Floats, free: Ints) -> csc_array:
-        number = np.full(self.places.shape[1], -1, dtype=np.int32)
+    def _assemble_matrix(self, own: Floats, next_one: Floats, free: Ints) -> csc_array:
+        number = np.full(self.doflocs.shape[1], -1, dtype=np.int32)
         number[free] = np.arange(free.size)
         # Symmetric: off-diagonal products are computed once, and diagonal terms are summed before the assembly.
         on = np.bincount(self.unknowns.ravel(), own.ravel(), number.size)

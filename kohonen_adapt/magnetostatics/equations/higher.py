@@ -18,13 +18,13 @@ from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.polynomials import KINDS, facet_functions, facet_products
 from kohonen_adapt.mesh.quadrature import LAW_DEGREE, LAW_DEGREE_BY_POINTS
 
-__all__ = ["Elements", "Higher", "Part"]
+__all__ = ["ElementGroup", "Elements", "Higher"]
 
 CURVED = 2  # added to the degree of quadrature on curved elements, where gradients are not polynomials
 
 
 @dataclass(frozen=True, eq=False)
-class Part(ABC):
+class ElementGroup(ABC):
     """Elements that share a quadrature rule."""
 
     rows: Ints | slice  # indices of the elements
@@ -60,13 +60,13 @@ class Part(ABC):
         values = np.broadcast_to(self.values, (len(self.values), *self.weights.shape))
         return np.einsum("ikq,kq->ik", values, self.weights)
 
-    def apart(self, values: Floats) -> Floats:
+    def restrict(self, values: Floats) -> Floats:
         own = values[..., self.points]
         return own.reshape(*own.shape[:-1], *self.weights.shape)
 
 
 @dataclass(frozen=True, eq=False)
-class PartOfBasis(Part):
+class BasisGroup(ElementGroup):
     """Elements of a basis of scikit-fem."""
 
     basis: Basis
@@ -97,58 +97,57 @@ class Higher(Polynomials):
     """P2 or P3 elements by quadrature, with the unknowns of scikit-fem.
 
     Methods are as in `Linear`, with k functions per element. Elements of a `MeshTri2` with a curved side are
-    isoparametric. Elements with a B-H law, the mask `lawful` (nelements,), have their own quadrature rule.
+    isoparametric. Elements with a B-H law, the mask `nonlinear` (nelements,), have their own quadrature rule.
     """
 
-    def __init__(self, mesh: MeshTri, order: int, lawful: Mask) -> None:
+    def __init__(self, mesh: MeshTri, order: int, nonlinear: Mask) -> None:
         shape = Isoparametric(mesh)
-        if not np.array_equal(
-            mesh.t, shape.corners.t
-        ):  # scikit-fem sorts the corners of a `MeshTri` and relies on the order
+        # scikit-fem sorts the corners of a `MeshTri` and relies on the order.
+        if not np.array_equal(mesh.t, shape.corners.t):
             names = {"boundaries": mesh.boundaries, "subdomains": mesh.subdomains}
             mesh = remade(mesh, mesh.doflocs, shape.corners.t, **names)
-        self.order, self.facet_products, self.lawful = order, facet_products(order), lawful
+        self.order, self.facet_products, self.nonlinear = order, facet_products(order), nonlinear
         bent = with_midside_offsets(shape.corners, shape.facet_offset) if shape.curved.any() else shape.corners
         numbered = Basis(bent, KINDS[order](), intorder=1)
         super().__init__(mesh, shape, numbered.dofs.element_dofs, numbered.doflocs)
-        self._parts = self._parts_of(bent)
+        self._groups = self._make_groups(bent)
         count = np.arange(mesh.t.shape[1])
-        self.element = np.concatenate([np.repeat(count[part.rows], part.share.shape[1]) for part in self._parts])
+        self.element = np.concatenate([np.repeat(count[group.rows], group.share.shape[1]) for group in self._groups])
 
-    def _parts_of(self, bent: MeshTri) -> Sequence[Part]:
-        kind, order, curved, lawful = KINDS[self.order](), 2 * self.order, self.shape.curved, self.lawful
-        if not curved.any() and not lawful.any():
+    def _make_groups(self, bent: MeshTri) -> Sequence[ElementGroup]:
+        kind, order, curved, nonlinear = KINDS[self.order](), 2 * self.order, self.shape.curved, self.nonlinear
+        if not curved.any() and not nonlinear.any():
             # two degrees more than nu |grad u|^2 needs if nu is constant
-            return [PartOfBasis(slice(None), slice(None), Basis(bent, kind, intorder=order))]
-        parts, first = list[Part](), 0
-        plain = (self.corners, ~curved & ~lawful, order), (bent, curved & ~lawful, order + CURVED)
-        straight = self.corners, ~curved & lawful, LAW_DEGREE[self.order]
-        for on, chosen, exact in (*plain, straight, (bent, curved & lawful, LAW_DEGREE_BY_POINTS[self.order])):
+            return [BasisGroup(slice(None), slice(None), Basis(bent, kind, intorder=order))]
+        groups, first = list[ElementGroup](), 0
+        plain = (self.corners, ~curved & ~nonlinear, order), (bent, curved & ~nonlinear, order + CURVED)
+        straight = self.corners, ~curved & nonlinear, LAW_DEGREE[self.order]
+        for on, chosen, exact in (*plain, straight, (bent, curved & nonlinear, LAW_DEGREE_BY_POINTS[self.order])):
             if chosen.any():
                 rows = np.flatnonzero(chosen)
                 basis = Basis(on, kind, intorder=exact, elements=rows)
-                parts.append(PartOfBasis(rows, slice(first, first + basis.dx.size), basis))
+                groups.append(BasisGroup(rows, slice(first, first + basis.dx.size), basis))
                 first += basis.dx.size
-        return parts
+        return groups
 
     @cached_property
     def points(self) -> Floats:
-        return np.concatenate([part.x.reshape(2, -1) for part in self._parts], axis=1)
+        return np.concatenate([group.x.reshape(2, -1) for group in self._groups], axis=1)
 
     @cached_property
     def weights(self) -> Floats:
-        return np.concatenate([part.weights.ravel() for part in self._parts])
+        return np.concatenate([group.weights.ravel() for group in self._groups])
 
     @cached_property
     def _integrals(self) -> Floats:
-        return self._by_element([part.integrals for part in self._parts])
+        return self._by_element([group.integrals for group in self._groups])
 
     def _by_element(self, found: Sequence[Floats]) -> Floats:
         if len(found) == 1:
             return found[0]
         whole = np.empty((*found[0].shape[:-1], self.unknowns.shape[1]))
-        for part, values in zip(self._parts, found, strict=True):
-            whole[..., part.rows] = values
+        for group, values in zip(self._groups, found, strict=True):
+            whole[..., group.rows] = values
         return whole
 
     def on_facets(self, facets: Ints) -> Ints:
@@ -157,8 +156,8 @@ class Higher(Polynomials):
         return np.vstack((self.corners.facets[:, facets], self.corners.p.shape[1] + inner))
 
     @property
-    def middles(self) -> Floats:
-        return self.mean(self.points) if self.shape.curved.any() else super().middles
+    def centroids(self) -> Floats:
+        return self.mean(self.points) if self.shape.curved.any() else super().centroids
 
     def products_on(self, facets: Ints, weight: Floats) -> Floats:
         products, off = super().products_on(facets, weight), self.shape.facet_offset[:, facets]
@@ -170,7 +169,7 @@ class Higher(Polynomials):
 
     def gradient(self, u: Floats) -> Floats:
         local = u[self.unknowns]
-        found = [np.einsum("ik,ickq->ckq", local[:, part.rows], part.gradients) for part in self._parts]
+        found = [np.einsum("ik,ickq->ckq", local[:, group.rows], group.gradients) for group in self._groups]
         return np.concatenate([each.reshape(2, -1) for each in found], axis=1)
 
     @cached_property
@@ -179,7 +178,7 @@ class Higher(Polynomials):
 
         It integrates the product of two gradients and two coordinates.
         """
-        each = [np.tile(part.share, len(part.weights)) for part in self._parts]
+        each = [np.tile(group.share, len(group.weights)) for group in self._groups]
         return self.element, np.concatenate(each, axis=1), self.weights
 
     def slope_of_corners(self, values: Floats) -> Floats:
@@ -193,12 +192,14 @@ class Higher(Polynomials):
         return hats
 
     def mean(self, values: Floats) -> Floats:
-        parts = self._parts
-        sums = [np.sum(part.apart(values) * part.weights, axis=-1) / np.sum(part.weights, axis=-1) for part in parts]
+        parts = self._groups
+        sums = [
+            np.sum(group.restrict(values) * group.weights, axis=-1) / np.sum(group.weights, axis=-1) for group in parts
+        ]
         return self._by_element(sums)
 
     def mean_function(self, u: Floats) -> Floats:
-        areas = self._by_element([np.sum(part.weights, axis=1) for part in self._parts])
+        areas = self._by_element([np.sum(group.weights, axis=1) for group in self._groups])
         return np.sum(self._integrals * u[self.unknowns], axis=0) / areas
 
     def at(self, u: Floats, element: Ints, share: Floats) -> Floats:
@@ -220,32 +221,32 @@ class Higher(Polynomials):
         return self.against_functions(source) * u[self.unknowns]
 
     def against_gradients(self, flux: Floats) -> Floats:
-        parts = self._parts
-        found = [np.einsum("ckq,ickq->ik", part.apart(flux) * part.weights, part.gradients) for part in parts]
+        parts = self._groups
+        found = [np.einsum("ckq,ickq->ik", group.restrict(flux) * group.weights, group.gradients) for group in parts]
         return self._by_element(found)
 
     def against_slopes(self, size: Floats) -> Floats:
         found = []
-        for part in self._parts:
-            slopes = np.hypot(part.gradients[:, 0], part.gradients[:, 1])
-            found.append(np.einsum("kq,ikq->ik", part.apart(size) * part.weights, slopes))
+        for group in self._groups:
+            slopes = np.hypot(group.gradients[:, 0], group.gradients[:, 1])
+            found.append(np.einsum("kq,ikq->ik", group.restrict(size) * group.weights, slopes))
         return self._by_element(found)
 
     def loads(self, source: Floats, flux: Floats) -> Floats:
-        return self.added(self.against_functions(source) + self.against_gradients(flux))
+        return self.assemble_vector(self.against_functions(source) + self.against_gradients(flux))
 
     def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> csc_array:
-        products = self._by_element([self._products(part, across, along) for part in self._parts])
+        products = self._by_element([self._products(group, across, along) for group in self._groups])
         row, column = np.broadcast_arrays(self.unknowns[:, None], self.unknowns[None])
-        count = self.places.shape[1]
+        count = self.doflocs.shape[1]
         return coo_array((products.ravel(), (row.ravel(), column.ravel())), shape=(count,) * 2).tocsc()[free][:, free]
 
-    def _products(self, part: Part, across: Floats, along: tuple[Floats, Floats] | None) -> Floats:
-        gradients, across = part.gradients, part.apart(across) * part.weights
+    def _products(self, group: ElementGroup, across: Floats, along: tuple[Floats, Floats] | None) -> Floats:
+        gradients, across = group.gradients, group.restrict(across) * group.weights
         products = np.einsum("ickq,kq,jckq->ijk", gradients, across, gradients, optimize=True)
         if along is not None:
-            more = part.apart(along[0]) * part.weights - across
-            slope = np.einsum("ckq,ickq->ikq", part.apart(along[1]), gradients)
+            more = group.restrict(along[0]) * group.weights - across
+            slope = np.einsum("ckq,ickq->ikq", group.restrict(along[1]), gradients)
             products += np.einsum("ikq,kq,jkq->ijk", slope, more, slope, optimize=True)
         return products
 

@@ -21,7 +21,7 @@ __all__ = ["Mirror", "checked_symmetry", "conditions_in_space", "mirrors_of", "s
 
 KINDS = ("parallel", "normal")  # direction of the flux at a plane of symmetry
 FLAT = 1e-6  # distance at which nodes are on a plane, relative to the size of the mesh
-ASKANCE = 0.01  # allowed asymmetric part of the applied field on a plane, relative to the largest
+ASYMMETRY = 0.01  # allowed asymmetric part of the applied field on a plane, relative to the largest
 
 
 class Mirror(NamedTuple):
@@ -90,7 +90,7 @@ def conditions_in_space(drive: Drive, potential: Mapping[str, Value], mirrors: M
         if mirror.kind == "normal":
             nodes = np.unique(mesh.facets[:, mirror.facets])
             fixed[nodes], values[nodes] = True, 0.0
-    held = fixed | _first_of_loose(mesh, fixed)
+    held = fixed | _first_of_floating(mesh, fixed)
     return Conditions(fixed, np.where(held, values + drive.potential, 0.0), np.flatnonzero(~held))
 
 
@@ -101,7 +101,7 @@ def _check_field(drive: Drive, name: str, mirror: Mirror) -> None:
     field = field_at(drive.function, mesh.p[:, np.unique(mesh.facets[:, mirror.facets])])
     across = np.outer(mirror.normal, mirror.normal @ field)
     wrong = magnitude(across if mirror.kind == "parallel" else field - across).max()
-    if wrong > ASKANCE * magnitude(field).max():
+    if wrong > ASYMMETRY * magnitude(field).max():
         other = "across" if mirror.kind == "parallel" else "along"
         raise ValueError(
             f"the flux is {mirror.kind} to the plane of symmetry {name!r}, but the applied_field has up to "
@@ -109,7 +109,7 @@ def _check_field(drive: Drive, name: str, mirror: Mirror) -> None:
         )
 
 
-def _first_of_loose(mesh: MeshTet, fixed: Mask) -> Mask:
+def _first_of_floating(mesh: MeshTet, fixed: Mask) -> Mask:
     nnodes, (a, b, c, d) = fixed.size, mesh.t
     ways = np.concatenate((a, b, c)), np.concatenate((b, c, d))
     _, part = connected_components(coo_array((np.ones(ways[0].size), ways), shape=(nnodes,) * 2), directed=False)

@@ -28,7 +28,7 @@ __all__ = [
 
 TOLERANCE = 1e-8  # of the relative residual and of the relative update
 DESCENT = 1e-4  # fraction of the descent predicted by the slope that a step must reach (Armijo)
-SHORTEST = 2.0**-40  # least damping
+LEAST_DAMPING = 2.0**-40  # least damping
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -55,13 +55,13 @@ class Convex(Protocol):
     """Convex functional of the unknowns, to minimise by Newton's method.
 
     `value` returns the functional and its rounding error. `residual` returns the gradient at the free unknowns and the
-    norm of the summed magnitudes of its terms; `linear_residual` returns the gradient for linear material. `at_rest`
-    returns the quadratic functional of the material at zero field.
+    norm of the summed magnitudes of its terms; `linear_residual` returns the gradient for linear material.
+    `at_zero_field` returns the quadratic functional of the material at zero field.
     """
 
     @property
     def conditions(self) -> Conditions: ...
-    def at_rest(self) -> Self: ...
+    def at_zero_field(self) -> Self: ...
     def value(self, u: Floats) -> tuple[float, float]: ...
     def residual(self, u: Floats) -> tuple[Floats, float]: ...
     def linear_residual(self, u: Floats) -> Floats: ...
@@ -77,19 +77,19 @@ class EnergyFunctional:
 
     elements: Elements
     symmetry: Symmetry
-    given: Coefficients
+    coefficients: Coefficients
     conditions: Conditions
 
     @cached_property
     def _at_points(self) -> Coefficients:
-        return self.given.at_quadrature(self.elements.element, self.elements.points)
+        return self.coefficients.at_quadrature(self.elements.element, self.elements.points)
 
-    def at_rest(self) -> Self:
-        return replace(self, given=replace(self.given, pieces=()))
+    def at_zero_field(self) -> Self:
+        return replace(self, coefficients=replace(self.coefficients, nonlinear_materials=()))
 
     @property
     def _source(self) -> Floats:
-        return self.symmetry.source(self.given.current_density)
+        return self.symmetry.source(self.coefficients.current_density)
 
     def flux_density(self, u: Floats) -> Floats:
         return self.symmetry.flux_density(self.elements.points, self.elements.gradient(u))
@@ -107,8 +107,8 @@ class EnergyFunctional:
         flux = self.symmetry.flux(self._at_points.field_strength(density))
         largest = self._at_points.largest_terms(density)
         sizes = np.hypot(*self.symmetry.flux(np.stack((largest, np.zeros_like(largest)))))
-        total = self.elements.added(self.elements.against_gradients(flux) - load)
-        size = self.elements.added(self.elements.against_slopes(sizes) + np.abs(load))
+        total = self.elements.assemble_vector(self.elements.against_gradients(flux) - load)
+        size = self.elements.assemble_vector(self.elements.against_slopes(sizes) + np.abs(load))
         return self._at_free(total, u), float(np.linalg.norm(size))
 
     def linear_residual(self, u: Floats) -> Floats:
@@ -120,7 +120,7 @@ class EnergyFunctional:
     def hessian(self, u: Floats) -> csc_array:
         """Return the second derivatives, differential nu along grad u and nu across."""
         points, free = self.elements.points, self.conditions.free
-        if not self.given.pieces:
+        if not self.coefficients.nonlinear_materials:
             return self.elements.stiffness(self.symmetry.reluctivity(points, self._at_points.reluctivity), free)
         slope = self.elements.gradient(u)
         pair = self._at_points.reluctivities(self.symmetry.flux_density(points, slope))
@@ -190,11 +190,11 @@ class Newton:
     most_steps: int = 60
     solver: Solver = field(default_factory=Solver)
 
-    def whole_step(self, energy: Convex, u: Floats, pull: Floats) -> Floats:
+    def full_step(self, energy: Convex, u: Floats, pull: Floats) -> Floats:
         whole, conditions = np.zeros_like(u), energy.conditions
         if conditions.free.size:
             matrix, right = conditions.reduced(energy.hessian(u), -pull)
-            whole[conditions.free] = conditions.expanded(self.solver.solve(matrix, right))
+            whole[conditions.free] = conditions.from_classes(self.solver.solve(matrix, right))
         if not np.all(np.isfinite(whole)):
             raise np.linalg.LinAlgError(
                 "the potential came out infinite or not a number; look for extreme permeabilities, sources, potentials "
@@ -203,8 +203,8 @@ class Newton:
         return whole
 
     def linear(self, energy: Convex) -> Floats:
-        given, plain = energy.conditions.values, energy.at_rest()
-        return given + self.whole_step(plain, given, plain.linear_residual(given))
+        given, plain = energy.conditions.values, energy.at_zero_field()
+        return given + self.full_step(plain, given, plain.linear_residual(given))
 
     def descend(self, energy: Convex, start: Floats) -> tuple[Floats, tuple[NewtonStep, ...]]:
         """Return the last values and all steps of a descent from admissible values.
@@ -220,7 +220,7 @@ class Newton:
             return u, ()
         while len(steps) < self.most_steps and not (steps and steps[-1].converged):
             try:
-                whole = self.whole_step(energy, u, pull)
+                whole = self.full_step(energy, u, pull)
             except np.linalg.LinAlgError:
                 if not steps:
                     raise
@@ -228,14 +228,14 @@ class Newton:
             damping, functional = _damping(energy, u, whole, float(pull @ whole[free]))
             u = u + damping * whole
             pull, size = energy.residual(u)
-            residual = _norm(energy.conditions.gathered(pull)) / max(size, np.finfo(float).tiny)
+            residual = _norm(energy.conditions.to_classes(pull)) / max(size, np.finfo(float).tiny)
             update = damping * _norm(whole) / max(_norm(u), np.finfo(float).tiny)
             steps.append(NewtonStep(residual, update, damping, functional))
             logger.debug(
                 "Newton step %d: relative residual %.2e, relative update %.2e, damping %g, functional %.9g",
                 *(len(steps), residual, update, damping, functional),
             )
-            if damping < SHORTEST:
+            if damping < LEAST_DAMPING:
                 break
         return u, tuple(steps)
 
@@ -245,7 +245,7 @@ def _damping(energy: Convex, u: Floats, whole: Floats, slope: float) -> tuple[fl
     damping = 1.0
     while True:
         after, beyond = energy.value(u + damping * whole)
-        if after <= before + DESCENT * damping * slope + 10.0 * (rounding + beyond) or damping < SHORTEST:
+        if after <= before + DESCENT * damping * slope + 10.0 * (rounding + beyond) or damping < LEAST_DAMPING:
             return damping, after
         damping *= 0.5
 

@@ -16,7 +16,7 @@ ROUND = 1e-3  # allowed distance of the centre of an open boundary from the axis
 class Planar:
     """Planar field with u = A_z and ``B = (dA/dy, -dA/dx)``, per metre of depth."""
 
-    turn = 1.0  # factor of integrals over the plane: a metre of depth, or the angle around the axis
+    extent = 1.0  # factor of integrals over the plane: a metre of depth, or the angle around the axis
 
     def unknown(self, x: Floats, potential: Floats) -> Floats:
         return potential
@@ -58,7 +58,7 @@ class Axisymmetric:
     ``B_r = -(du/dz) / r`` and ``B_z = (du/dr) / r``; results are totals. Methods are as in `Planar`.
     """
 
-    turn = 2.0 * np.pi
+    extent = 2.0 * np.pi
 
     def unknown(self, x: Floats, potential: Floats) -> Floats:
         return x[0] * potential
@@ -81,16 +81,16 @@ class Axisymmetric:
         return np.stack((-gradient[1], gradient[0])) / x[0]
 
     def flux(self, field_strength: Floats) -> Floats:
-        return self.turn * np.stack((field_strength[1], -field_strength[0]))
+        return self.extent * np.stack((field_strength[1], -field_strength[0]))
 
     def reluctivity(self, x: Floats, reluctivity: Floats) -> Floats:
-        return reluctivity * (self.turn / x[0])
+        return reluctivity * (self.extent / x[0])
 
     def source(self, current_density: Floats) -> Floats:
-        return self.turn * current_density
+        return self.extent * current_density
 
     def volume(self, x: Floats, area: Floats) -> Floats:
-        return self.turn * x[0] * area
+        return self.extent * x[0] * area
 
     def uniform(self, x: Floats, centre: Floats, field: tuple[float, float]) -> tuple[Floats, int]:
         size = np.max(np.ptp(x, axis=1))

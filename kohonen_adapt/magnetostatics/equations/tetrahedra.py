@@ -26,7 +26,7 @@ class Tetrahedra:
 
     def __init__(self, mesh: MeshTet, varies: bool = False) -> None:
         self.mesh = self.corners = mesh
-        self.unknowns, self.places = mesh.t, mesh.p
+        self.unknowns, self.doflocs = mesh.t, mesh.p
         count = mesh.t.shape[1]
         corners = mesh.p[:, mesh.t]
         inside = inner_points(corners) if varies else corners.mean(axis=1, keepdims=True)
@@ -59,13 +59,13 @@ class Tetrahedra:
 
     def against_gradients(self, flux: Floats) -> Floats:
         """Return ``int flux . grad phi`` of every unknown, shape (nnodes,)."""
-        return self._added(np.einsum("ck,cik->ik", flux * self.volumes, self.hats))
+        return self._assemble_vector(np.einsum("ck,cik->ik", flux * self.volumes, self.hats))
 
     def against_slopes(self, size: Floats) -> Floats:
-        return self._added(size * self.volumes * magnitude(self.hats))
+        return self._assemble_vector(size * self.volumes * magnitude(self.hats))
 
-    def _added(self, terms: Floats) -> Floats:
-        return np.bincount(self.unknowns.ravel(), terms.ravel(), self.places.shape[1]).astype(np.float64)
+    def _assemble_vector(self, terms: Floats) -> Floats:
+        return np.bincount(self.unknowns.ravel(), terms.ravel(), self.doflocs.shape[1]).astype(np.float64)
 
     def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> csc_array:
         (one, other), across = ENDS, self.volumes * across
@@ -74,11 +74,11 @@ class Tetrahedra:
         if along is not None:
             more, slope = self.volumes * along[0] - across, np.einsum("ck,cik->ik", along[1], self.hats)
             own, between = own + more * slope**2, between + more * slope[one] * slope[other]
-        number = np.full(self.places.shape[1], -1, dtype=np.int32)
+        number = np.full(self.doflocs.shape[1], -1, dtype=np.int32)
         number[free] = np.arange(free.size)
         start, end = number[self.unknowns[one]], number[self.unknowns[other]]
         inner = (start >= 0) & (end >= 0)
         off, start, end, diagonal = between[inner], start[inner], end[inner], number[free]
-        values = np.concatenate((off, off, self._added(own)[free]))
-        places = np.concatenate((start, end, diagonal)), np.concatenate((end, start, diagonal))
-        return coo_array((values, places), shape=(free.size, free.size)).tocsc()
+        values = np.concatenate((off, off, self._assemble_vector(own)[free]))
+        indices = np.concatenate((start, end, diagonal)), np.concatenate((end, start, diagonal))
+        return coo_array((values, indices), shape=(free.size, free.size)).tocsc()

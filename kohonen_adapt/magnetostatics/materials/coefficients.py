@@ -15,11 +15,11 @@ from kohonen_adapt.magnetostatics.materials.material import Material, Vector
 from kohonen_adapt.mesh.measures import area, inner_points
 from kohonen_adapt.mesh.names import named, named_sets
 
-__all__ = ["Coefficients", "Piece", "coefficients", "coercivity_at", "magnitude", "material_of_elements"]
+__all__ = ["Coefficients", "NonlinearMaterial", "coefficients", "coercivity_at", "magnitude", "material_of_elements"]
 
 
 @dataclass(frozen=True)
-class Piece:
+class NonlinearMaterial:
     """Elements of one nonlinear material, with its B-H law."""
 
     law: Law
@@ -27,7 +27,7 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class Turning:
+class VaryingMagnet:
     """Elements of one magnet that varies within its region, with its material."""
 
     name: str
@@ -39,13 +39,13 @@ class Turning:
 class Coefficients:
     """Material coefficients of every element of a mesh in d dimensions."""
 
-    number: Ints  # (nelements,): index of the material in the mapping of materials
+    material_index: Ints  # (nelements,): index of the material in the mapping of materials
     reluctivity: Floats  # (nelements,) in m/H; of nonlinear material at B = 0
     remanence: Floats  # (d, nelements) in T
     coercivity: Floats  # (d, nelements) in A/m, in H = nu B - Hc
     current_density: Floats  # (nelements,) in A/m^2
-    pieces: tuple[Piece, ...] = ()  # the nonlinear materials
-    turning: tuple[Turning, ...] = ()  # magnets with means as remanence and coercivity
+    nonlinear_materials: tuple[NonlinearMaterial, ...] = ()  # the nonlinear materials
+    varying_magnets: tuple[VaryingMagnet, ...] = ()  # magnets with means as remanence and coercivity
 
     @property
     def flux(self) -> Floats:
@@ -53,46 +53,50 @@ class Coefficients:
         return np.stack((-self.coercivity[1], self.coercivity[0]))
 
     @property
-    def lawful(self) -> Mask:
-        found = np.zeros(self.number.size, dtype=np.bool_)
-        for piece in self.pieces:
+    def nonlinear(self) -> Mask:
+        found = np.zeros(self.material_index.size, dtype=np.bool_)
+        for piece in self.nonlinear_materials:
             found[piece.elements] = True
         return found
 
     def at_points(self, element: Ints, x: Floats) -> "Coefficients":
         """Return the coefficients of points `x` (d, n) in the elements `element` (n,)."""
-        names = ("number", "reluctivity", "remanence", "coercivity", "current_density")
+        names = ("material_index", "reluctivity", "remanence", "coercivity", "current_density")
         arrays = {name: getattr(self, name)[..., element] for name in names}
-        pieces = tuple(replace(piece, elements=self._points_in(piece.elements, element)) for piece in self.pieces)
-        turning = tuple(replace(magnet, elements=self._points_in(magnet.elements, element)) for magnet in self.turning)
-        for magnet in turning:
+        nonlinear_materials = tuple(
+            replace(piece, elements=self._points_in(piece.elements, element)) for piece in self.nonlinear_materials
+        )
+        varying_magnets = tuple(
+            replace(magnet, elements=self._points_in(magnet.elements, element)) for magnet in self.varying_magnets
+        )
+        for magnet in varying_magnets:
             rows, material = magnet.elements, magnet.material
-            coercivity = _at(material, x[:, rows], magnet.name)
+            coercivity = _coercivity_of(material, x[:, rows], magnet.name)
             arrays["coercivity"][:, rows] = coercivity
             arrays["remanence"][:, rows] = _converted(material, coercivity, "coercivity")
-        return replace(self, **arrays, pieces=pieces, turning=turning)
+        return replace(self, **arrays, nonlinear_materials=nonlinear_materials, varying_magnets=varying_magnets)
 
     def _points_in(self, elements: Ints, element: Ints) -> Ints:
-        inside = np.zeros(self.number.size, dtype=bool)
+        inside = np.zeros(self.material_index.size, dtype=bool)
         inside[elements] = True
         return np.flatnonzero(inside[element])
 
     def at_quadrature(self, element: Ints, x: Floats) -> "Coefficients":
-        return self if element.size == self.number.size else self.at_points(element, x)
+        return self if element.size == self.material_index.size else self.at_points(element, x)
 
     def reluctivities(self, flux_density: Floats) -> tuple[Floats, Floats]:
         """Return secant |H + Hc| / |B| and differential d|H + Hc| / d|B|, in m/H."""
-        if not self.pieces:
+        if not self.nonlinear_materials:
             return self.reluctivity, self.reluctivity
         secant, differential = self.reluctivity.copy(), self.reluctivity.copy()
-        for piece in self.pieces:
+        for piece in self.nonlinear_materials:
             rows = piece.elements
             secant[rows], differential[rows] = reluctivities(piece.law, magnitude(flux_density[:, rows]))
         return secant, differential
 
     def field_strength(self, flux_density: Floats) -> Floats:
         strength = self.reluctivity * (flux_density - self.remanence)
-        for piece in self.pieces:
+        for piece in self.nonlinear_materials:
             rows = piece.elements
             secant, _ = reluctivities(piece.law, magnitude(flux_density[:, rows]))
             strength[:, rows] = secant * flux_density[:, rows] - self.coercivity[:, rows]
@@ -103,20 +107,20 @@ class Coefficients:
 
     def present(self, materials: Mapping[str, Material]) -> tuple[dict[str, Material], Ints, Ints]:
         """Return the materials in use, the first element of each, and element indices."""
-        used, first, place = np.unique(self.number, return_index=True, return_inverse=True)
+        used, first, place = np.unique(self.material_index, return_index=True, return_inverse=True)
         return {name: material for k, (name, material) in enumerate(materials.items()) if k in used}, first, place
 
-    def stored(self, b: Floats) -> Floats:
+    def law_energy(self, b: Floats) -> Floats:
         """Return ``int_0^b H dB`` without magnets, shape (k, nelements) in J/m^3."""
         density = 0.5 * self.reluctivity * b**2
-        for piece in self.pieces:
+        for piece in self.nonlinear_materials:
             density[:, piece.elements] = piece.law.energy(b[:, piece.elements])
         return density
 
-    def costored(self, h: Floats) -> Floats:
+    def law_coenergy(self, h: Floats) -> Floats:
         """Return ``int_0^h B dH`` without magnets, shape (k, nelements) in J/m^3."""
         density = 0.5 * h**2 / self.reluctivity
-        for piece in self.pieces:
+        for piece in self.nonlinear_materials:
             strength = h[:, piece.elements].ravel()
             density[:, piece.elements] = Inverse(piece.law).energy(strength).reshape(len(h), -1)
         return density
@@ -124,7 +128,7 @@ class Coefficients:
     def permeabilities(self, strength: Floats) -> tuple[Floats, Floats]:
         """Return secant |B| / |H + Hc| and differential d|B| / d|H + Hc|, in H/m."""
         secant, differential = 1.0 / self.reluctivity, 1.0 / self.reluctivity
-        for piece in self.pieces:
+        for piece in self.nonlinear_materials:
             rows = piece.elements
             size = magnitude(strength[:, rows] + self.coercivity[:, rows])
             secant[rows], differential[rows] = Inverse(piece.law).permeabilities(size)
@@ -134,7 +138,7 @@ class Coefficients:
         """Return ``int H . dB`` from the remanent state, >= 0, (nelements,) in J/m^3."""
         change = flux_density - self.remanence
         density = 0.5 * np.sum(self.reluctivity * change**2, axis=0)
-        for piece in self.pieces:
+        for piece in self.nonlinear_materials:
             rows = piece.elements
             now, rest = (piece.law.energy(magnitude(b[:, rows])) for b in (flux_density, self.remanence))
             density[rows] = now - rest - np.sum(self.coercivity[:, rows] * change[:, rows], axis=0)
@@ -150,16 +154,22 @@ def coefficients(
     for name, total in (ampere_turns or {}).items():
         current_density[mesh.subdomains[name]] = total / _area_of(mesh, name)
     remanence = np.array([_constant_remanence(material, len(mesh.p)) for material in filled]).T[:, number]
-    coercivity, pieces, turning = reluctivity * remanence, list[Piece](), list[Turning]()
+    coercivity, nonlinear_materials, varying_magnets = (
+        reluctivity * remanence,
+        list[NonlinearMaterial](),
+        list[VaryingMagnet](),
+    )
     for index, (name, material) in enumerate(materials.items()):
         if material.bh is not None or callable(material.remanence) or material.coercivity is not None:
             rows = np.flatnonzero(number == index)
-            remanence[:, rows], coercivity[:, rows] = _magnet(mesh, material, rows, name)
+            remanence[:, rows], coercivity[:, rows] = _remanence_and_coercivity(mesh, material, rows, name)
             if material.bh is not None:
-                pieces.append(Piece(material.bh, rows))
+                nonlinear_materials.append(NonlinearMaterial(material.bh, rows))
             if material.turns:
-                turning.append(Turning(name, material, rows))
-    return Coefficients(number, reluctivity, remanence, coercivity, current_density, tuple(pieces), tuple(turning))
+                varying_magnets.append(VaryingMagnet(name, material, rows))
+    return Coefficients(
+        number, reluctivity, remanence, coercivity, current_density, tuple(nonlinear_materials), tuple(varying_magnets)
+    )
 
 
 def magnitude(vectors: Floats) -> Floats:
@@ -175,31 +185,31 @@ def coercivity_at(materials: Mapping[str, Material], x: Floats, number: Ints) ->
     coercivity = np.zeros_like(x)
     for index, (name, material) in enumerate(materials.items()):
         rows = number == index
-        coercivity[:, rows] = _at(material, x[:, rows], name)
+        coercivity[:, rows] = _coercivity_of(material, x[:, rows], name)
     return coercivity
 
 
-def _magnet(mesh: Mesh, material: Material, rows: Ints, name: str) -> tuple[Floats, Floats]:
+def _remanence_and_coercivity(mesh: Mesh, material: Material, rows: Ints, name: str) -> tuple[Floats, Floats]:
     # The equations of order 1 depend on the mean coercivity of an element. Its value at the centroid is off the mean by
     # as much as the solution is in error.
     if material.turns:
         x = inner_points(mesh.p[:, mesh.t[:, rows]])
-        coercivity = np.mean([_at(material, x[:, k], name) for k in range(x.shape[1])], axis=0)
+        coercivity = np.mean([_coercivity_of(material, x[:, k], name) for k in range(x.shape[1])], axis=0)
         return _converted(material, coercivity, "coercivity"), coercivity
-    kind, given = _given(material)
+    kind, given = _magnetisation(material)
     vector = _evaluated(f"{kind} of {name!r}", given, mesh.p[:, mesh.t[0, rows]])
     other = _converted(material, vector, kind)
     return (vector, other) if kind == "remanence" else (other, vector)
 
 
-def _given(material: Material) -> tuple[str, Vector]:
+def _magnetisation(material: Material) -> tuple[str, Vector]:
     if material.coercivity is None:
         return "remanence", material.remanence
     return "coercivity", material.coercivity
 
 
-def _at(material: Material, x: Floats, name: str) -> Floats:
-    kind, given = _given(material)
+def _coercivity_of(material: Material, x: Floats, name: str) -> Floats:
+    kind, given = _magnetisation(material)
     vector = _evaluated(f"{kind} of {name!r}", given, x)
     return _converted(material, vector, kind) if kind == "remanence" else vector
 

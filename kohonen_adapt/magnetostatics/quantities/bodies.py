@@ -26,7 +26,7 @@ __all__ = [
 
 AIR_TOLERANCE = 1e-6  # of the relative permeability; real air has 1.0000004
 NEAR = 1e-9  # tolerance of lengths, relative to the size of the mesh
-FEW = (2, 4, 10)  # number of facets of a bore taken as an arc: minimum, maximum, and maximum of a circle
+BORE_FACETS = (2, 4, 10)  # number of facets of a bore taken as an arc: minimum, maximum, and maximum of a circle
 ROUND = 1e-3  # allowed difference of the radii of the ends of a facet on a circle, relative to its length
 
 Names = str | Sequence[str]
@@ -52,7 +52,7 @@ def elements_in(mesh: Mesh, names: Names) -> Mask:
     for name in _name_list(names):
         inside[named(mesh.subdomains, name, "subdomain")] = True
     if not inside.any():
-        raise ValueError(f"subdomain {_said(names)} has no elements; name one that has.")
+        raise ValueError(f"subdomain {_joined_names(names)} has no elements; name one that has.")
     return inside
 
 
@@ -67,19 +67,21 @@ def isolated_body(field: Surroundings, names: Names) -> Mask:
     in_body[mesh.t[:, inside]] = True
     around = in_body[mesh.t].any(axis=0) & ~inside
     if not around.any():
-        raise ValueError(f"subdomain {_said(names)} has nothing around it; a force needs air between it and the rest.")
+        raise ValueError(
+            f"subdomain {_joined_names(names)} has nothing around it; a force needs air between it and the rest."
+        )
     solid = np.flatnonzero(around & ~air_elements(field))
     if solid.size and len(mesh.p) == 3 and field.current_density[solid].any():
         driven = solid[np.argmax(field.current_density[solid] != 0.0)]
         raise ValueError(
-            f"subdomain {_said(names)} touches {_names_at(mesh, driven)} where the current of the applied_field runs, "
-            "and the force is computed from the field in air without current: mesh the coil as a volume of air of its "
-            "own, with air between it and the body."
+            f"subdomain {_joined_names(names)} touches {_names_at(mesh, driven)} where the current of the "
+            "applied_field runs, and the force is computed from the field in air without current: mesh the coil as a "
+            "volume of air of its own, with air between it and the body."
         )
     if solid.size:
         raise ValueError(
-            f"subdomain {_said(names)} touches {_names_at(mesh, solid[0])}, which is not air (permeability 1, no "
-            "current, no remanence), and the force is told by the field in the air around: leave air between them, "
+            f"subdomain {_joined_names(names)} touches {_names_at(mesh, solid[0])}, which is not air (permeability 1, "
+            "no current, no remanence), and the force is told by the field in the air around: leave air between them, "
             "or ask for the force on both together."
         )
     return inside
@@ -92,7 +94,7 @@ def _name_list(names: Names) -> list[str]:
     return listed
 
 
-def _said(names: Names) -> str:
+def _joined_names(names: Names) -> str:
     return " + ".join(repr(name) for name in _name_list(names))
 
 
@@ -105,13 +107,13 @@ class Cut(NamedTuple):
 
     facets: Ints  # along the cut, of the body and its neighbours
     direction: Floats | None  # unit vector (2,) of a mirror plane; None for a sector and without a cut
-    twin: Ints  # (nnodes,): node of which a node is the image, or the node itself
+    master: Ints  # (nnodes,): node of which a node is the image, or the node itself
 
 
 def mirror_cut(mesh: MeshTri, inside: Mask) -> Cut:
-    own, twin = _outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
+    own, master = _outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
     if not own.size:
-        return Cut(own, None, twin)
+        return Cut(own, None, master)
     edge = _edges(mesh, own)
     direction = edge[:, np.argmax(np.hypot(*edge))] / np.hypot(*edge).max()
     near = NEAR * np.ptp(mesh.p, axis=1).max()
@@ -124,7 +126,7 @@ def mirror_cut(mesh: MeshTri, inside: Mask) -> Cut:
     height = _cross(direction, mesh.p)[mesh.facets[:, outer]]
     level = np.unique(_cross(direction, mesh.p)[mesh.facets[0, own]])
     along = np.any(np.all(np.abs(height[:, :, None] - level) < near, axis=0), axis=1)
-    return Cut(outer[along], direction, twin)
+    return Cut(outer[along], direction, master)
 
 
 def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
@@ -137,12 +139,12 @@ def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
     ValueError
         If the body lies on other parts of the outer boundary, or the nodes of the sides have different radii.
     """
-    own, twin = _outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
+    own, master = _outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
     radial, near = mesh.p - centre[:, None], NEAR * np.ptp(mesh.p, axis=1).max()
     radius = np.hypot(*radial)[mesh.facets[:, own]]
     own = own[np.abs(radius[0] - radius[1]) > ROUND * np.hypot(*_edges(mesh, own))]
     if not own.size:
-        return Cut(own, None, twin)
+        return Cut(own, None, master)
     outer = mesh.boundary_facets()
     rays = _rays(radial[:, mesh.facets[:, own]].mean(axis=1))
     sides = [outer[np.all(_on_ray(ray, radial[:, mesh.facets[:, outer]], near), axis=0)] for ray in rays]
@@ -150,7 +152,7 @@ def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
         raise ValueError(
             "the body lies on the outer boundary elsewhere than on circles about the centre and on two straight sides "
             "through it; the torque on a part of a body can only be told of a periodic sector. Model what is beyond."
-            + _left_arcs(mesh, own, centre)
+            + _arc_remedy(mesh, own, centre)
         )
     one, other = (_by_radius(mesh.facets[:, side], radial) for side in sides)
     if one.size != other.size or np.any(np.abs(np.hypot(*radial[:, one]) - np.hypot(*radial[:, other])) > 1e3 * near):
@@ -158,8 +160,8 @@ def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
             "the two sides through the centre that cut the body have no nodes at the same radii; the torque on a part "
             "of it can only be told of a periodic sector, whose sides are one another's image."
         )
-    twin[other] = one
-    return Cut(np.concatenate(sides), None, twin)
+    master[other] = one
+    return Cut(np.concatenate(sides), None, master)
 
 
 def bores(mesh: MeshTri, names: Names, centre: ArrayLike) -> dict[str, Arc]:
@@ -172,13 +174,13 @@ def bores(mesh: MeshTri, names: Names, centre: ArrayLike) -> dict[str, Arc]:
     radius = np.hypot(*(mesh.p - middle[:, None]))
     for name, rows in named_sets(mesh.boundaries).items():
         facets, nodes = np.unique(rows), np.unique(mesh.facets[:, rows])
-        few = FEW[0] <= len(facets) <= FEW[1 + (len(nodes) == len(facets))]
+        few = BORE_FACETS[0] <= len(facets) <= BORE_FACETS[1 + (len(nodes) == len(facets))]
         if few and np.isin(facets, outer).all() and np.ptp(radius[nodes]) <= NEAR * radius.max():
             found[name] = Arc((float(middle[0]), float(middle[1])), float(radius[nodes].mean()))
     return found
 
 
-def _left_arcs(mesh: MeshTri, facets: Ints, centre: Floats) -> str:
+def _arc_remedy(mesh: MeshTri, facets: Ints, centre: Floats) -> str:
     found, radius = [], np.hypot(*(mesh.p - centre[:, None]))
     for name, rows in sorted(named_sets(mesh.boundaries).items()):
         own = radius[np.unique(mesh.facets[:, rows])]

@@ -15,7 +15,7 @@ from kohonen_adapt.magnetostatics.quantities.bodies import (
     sector_cut,
 )
 from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
-from kohonen_adapt.magnetostatics.quantities.stress import Component, component_value, pull, weight_gradient
+from kohonen_adapt.magnetostatics.quantities.stress import Component, component_value, stress_force, weight_gradient
 
 __all__ = [
     "arkkio_torque",
@@ -48,7 +48,7 @@ def torque_component(field: LocalField, body: Names, centre: ArrayLike) -> Compo
 
 def eggshell_force(field: LocalField, body: Names) -> Floats:
     slope, cut = _shell(field, body)
-    return _along(field, cut, np.sum(pull(field, slope), axis=1))
+    return _along(field, cut, np.sum(stress_force(field, slope), axis=1))
 
 
 def eggshell_torque(field: LocalField, body: Names, centre: ArrayLike = (0.0, 0.0)) -> float:

@@ -78,12 +78,12 @@ class LocalField:
     @cached_property
     def elements(self) -> Elements:
         """Finite elements of the potential."""
-        return elements_on(self.mesh, self.order, self.symmetry, self.coefficients.lawful)
+        return elements_on(self.mesh, self.order, self.symmetry, self.coefficients.nonlinear)
 
     @cached_property
     def unknown(self) -> Floats:
         """A, axisymmetric r A, at all degrees of freedom, shape (nunknowns,)."""
-        return self.symmetry.unknown(self.elements.places, self._values)
+        return self.symmetry.unknown(self.elements.doflocs, self._values)
 
     @property
     def _values(self) -> Floats:
@@ -131,13 +131,13 @@ class LocalField:
 
     def _coefficients_at(self, element: Ints, x: Floats) -> Coefficients:
         linear = isinstance(self.elements, Linear)
-        return (replace(self.coefficients, turning=()) if linear else self.coefficients).at_points(element, x)
+        return (replace(self.coefficients, varying_magnets=()) if linear else self.coefficients).at_points(element, x)
 
     def _density_of(self, unknown: Floats, element: Ints, share: Floats) -> Floats:
         if isinstance(self.elements, Linear):
             slope = self.elements.gradient(unknown)
             return self.symmetry.flux_density(self.elements.points, slope)[:, element]
-        there = self.elements.inside(element, share)
+        there = self.elements.limit_points(element, share)
         slope = self.elements.gradient_at(unknown, element, there)
         return self.symmetry.flux_density(self.elements.shape.points(element, there), slope)
 
@@ -224,7 +224,7 @@ class LocalField:
 
         In m^2 (the area) per metre of depth; with `depth`, and axisymmetric, in m^3.
         """
-        middle = self.elements.middles
+        middle = self.elements.centroids
         return self.symmetry.volume(middle, area(self.mesh)) * (1.0 if self.depth is None else self.depth)
 
     @cached_property

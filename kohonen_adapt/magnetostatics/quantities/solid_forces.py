@@ -15,7 +15,7 @@ from kohonen_adapt.magnetostatics.quantities.bodies import (
     Surroundings,
     isolated_body,
 )
-from kohonen_adapt.magnetostatics.quantities.stress import Component, Stressed, pull, weight_gradient
+from kohonen_adapt.magnetostatics.quantities.stress import Component, Stressed, stress_force, weight_gradient
 from kohonen_adapt.mesh.cells import normals
 
 __all__ = ["eggshell", "flux_through", "force_component", "torque_component"]
@@ -33,20 +33,20 @@ class Solid(Surroundings, Stressed, Protocol):
 def eggshell(field: Solid, body: Names, centre: Floats | None = None) -> Floats:
     """Return the force (3,) on a body in N, or the torque about `centre` in N m."""
     slope, cuts = _shell(field, body)
-    parts = pull(field, slope)
+    parts = stress_force(field, slope)
     if centre is not None:
         parts = np.cross(field.at_quadrature.x - centre[:, None], parts, axis=0)
-    return _kept(cuts, np.sum(parts, axis=1), centre is not None)
+    return _uncancelled(cuts, np.sum(parts, axis=1), centre is not None)
 
 
 def force_component(field: Solid, body: Names, direction: Floats) -> Component:
     slope, cuts = _shell(field, body)
-    return Component(slope, np.tile(_kept(cuts[::-1], direction, False)[:, None], slope.shape[1]))
+    return Component(slope, np.tile(_uncancelled(cuts[::-1], direction, False)[:, None], slope.shape[1]))
 
 
 def torque_component(field: Solid, body: Names, centre: Floats, axis: Floats) -> Component:
     slope, cuts = _shell(field, body)
-    across = _kept(cuts[::-1], axis, True)
+    across = _uncancelled(cuts[::-1], axis, True)
     return Component(slope, np.cross(across, field.at_quadrature.x - centre[:, None], axisb=0).T)
 
 
@@ -57,7 +57,7 @@ def _shell(field: Solid, body: Names) -> tuple[Floats, list[Mirror]]:
     return weight_gradient(field, inside, Cut(facets, None, np.arange(mesh.p.shape[1]))), cuts
 
 
-def _kept(cuts: Iterable[Mirror], vector: Floats, torque: bool) -> Floats:
+def _uncancelled(cuts: Iterable[Mirror], vector: Floats, torque: bool) -> Floats:
     """Return the vector without the components that the images cancel.
 
     Images leave the components of a force along the planes, and of a torque the components normal to the planes.
@@ -94,10 +94,10 @@ def flux_through(mesh: MeshTet, name: str, flux_density: Floats) -> float:
     out = 0.5 * normals(mesh.p.T, mesh.facets[:, facets].T).T
     away = mesh.p[:, mesh.facets[0, facets]] - mesh.p[:, mesh.t[:, one]].mean(axis=1)
     out *= np.sign(np.sum(out * away, axis=0))
-    return float(np.sum(_sense(mesh, name, facets, out) * np.sum(mean * out, axis=0)))
+    return float(np.sum(_flux_sign(mesh, name, facets, out) * np.sum(mean * out, axis=0)))
 
 
-def _sense(mesh: MeshTet, name: str, facets: Ints, out: Floats) -> Floats:
+def _flux_sign(mesh: MeshTet, name: str, facets: Ints, out: Floats) -> Floats:
     """Return 1 where the flux counts out of the first element of a facet, else -1."""
     rows = mesh.boundaries[name]
     if isinstance(rows, OrientedBoundary):

@@ -12,7 +12,7 @@ from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.bodies import Cut, Surroundings, air_elements
 from kohonen_adapt.mesh.measures import area, hat_gradients
 
-__all__ = ["Component", "Stressed", "component_change", "component_value", "pull", "weight_gradient"]
+__all__ = ["Component", "Stressed", "component_change", "component_value", "stress_force", "weight_gradient"]
 
 
 class AtPoints(Protocol):
@@ -40,7 +40,7 @@ class Component(NamedTuple):
     arm: Floats  # (d, npoints): direction of a force, or axis x (x - centre) in m of a torque, in the plane (-y, x)
 
 
-def pull(field: Stressed, slope: Floats) -> Floats:
+def stress_force(field: Stressed, slope: Floats) -> Floats:
     """Return ``-T slope`` times the volume of every quadrature point, (d, npoints).
 
     T is Maxwell's stress tensor of air.
@@ -84,9 +84,9 @@ def weight_gradient(field: Surroundings, inside: Mask, cut: Cut) -> Floats:
     """
     mesh, air = field.elements.corners, air_elements(field) & ~inside
     values, held = np.zeros(mesh.p.shape[1]), ~_free_nodes(mesh, air, cut)
-    values[cut.twin[mesh.t[:, inside]]] = 1.0
-    held[cut.twin[held]] = True
-    level = np.clip(2.0 * _laplace(mesh, air, cut.twin, values, held) - 0.5, 0.0, 1.0)
+    values[cut.master[mesh.t[:, inside]]] = 1.0
+    held[cut.master[held]] = True
+    level = np.clip(2.0 * _laplace(mesh, air, cut.master, values, held) - 0.5, 0.0, 1.0)
     slope = field.elements.slope_of_corners(level**2 * (3.0 - 2.0 * level))
     return np.where(air[field.elements.element], slope, 0.0)
 
@@ -98,14 +98,14 @@ def _free_nodes(mesh: Mesh, air: Mask, cut: Cut) -> Mask:
     return free
 
 
-def _laplace(mesh: Mesh, air: Mask, twin: Ints, values: Floats, held: Mask) -> Floats:
+def _laplace(mesh: Mesh, air: Mask, master: Ints, values: Floats, held: Mask) -> Floats:
     hats, size = hat_gradients(mesh)[:, :, air], area(mesh)[air]
-    corner = twin[mesh.t[:, air]]
+    corner = master[mesh.t[:, air]]
     products = np.einsum("cik,cjk,k->ijk", hats, hats, size)
     row, column = (np.broadcast_to(part, products.shape).ravel() for part in (corner[:, None], corner[None, :]))
     matrix = coo_array((products.ravel(), (row, column)), shape=(values.size, values.size)).tocsr()
-    solution, unknown = values.copy(), np.unique(twin[~held[twin]])
+    solution, unknown = values.copy(), np.unique(master[~held[master]])
     if unknown.size:
         solver = IN_SPACE if len(mesh.p) == 3 else Solver()
         solution[unknown] = solver.solve(matrix[unknown][:, unknown].tocsc(), -(matrix @ values)[unknown])
-    return solution[twin]
+    return solution[master]
