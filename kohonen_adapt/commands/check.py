@@ -17,12 +17,12 @@ from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.layers import bands_of, check_number, parts_of
+from kohonen_adapt.outline.layers import bands_of, check_layer_count, parts_of
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.rules import Rules, floor_of
 from kohonen_adapt.outline.surfaces import Surface
-from kohonen_adapt.outline.suspects import suspects
+from kohonen_adapt.outline.suspects import possible_arcs
 
 __all__ = ["described", "faults", "hints", "moving", "outlines_described", "points_described"]
 
@@ -158,7 +158,7 @@ def thin_parts(movable: MovableMesh) -> Iterator[str]:
                 if size[own & one & other].sum() < TIPS * size[own].sum():
                     continue
                 try:
-                    check_number(triangulation.position, band)
+                    check_layer_count(triangulation.position, band)
                 except ValueError as error:
                     yield f"{str(error).partition(';')[0]}: a field across it is poor. Refine it there."
 
@@ -172,7 +172,7 @@ def perimeter(triangulation: Triangulation, own: Mask) -> float:
 
 def coarse_arcs(movable: MovableMesh) -> Iterator[str]:
     """Yield sentences on polygons that may be coarsely meshed arcs."""
-    for names, nodes, turn, (x, y), radius in suspects(movable):
+    for names, nodes, turn, (x, y), radius in possible_arcs(movable):
         key, at = names[0] if names else "NAME", f"({x:.9g}, {y:.9g})"
         called, first = (f"boundary '{key}'", "") if names else ("an outline without a name", "name it (as lines) and ")
         yield (

@@ -13,9 +13,9 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.names import labels, manners_of
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.polylines import CORNER, Polylines, joined_ends, trace_polylines, turns
+from kohonen_adapt.outline.polylines import CORNER, Polylines, angles_between, joined_ends, trace_polylines
 
-__all__ = ["Facets", "Joints", "facet_of_edge", "joints_of", "outline_facets", "trace_facets"]
+__all__ = ["Facets", "Joints", "constrained_facets", "facet_of_edge", "joints_of", "trace_facets"]
 
 
 class Facets(NamedTuple):
@@ -38,7 +38,7 @@ class Joints(NamedTuple):
     smooth: Mask  # (j,) True if a curve may pass: same names and regions on both sides, no sharp turn
 
 
-def outline_facets(triangulation: Triangulation) -> Facets:
+def constrained_facets(triangulation: Triangulation) -> Facets:
     mesh, elements = triangulation.mesh, triangulation.elements
     across, own = elements.neighbour, elements.region[:, None]
     other = np.where(across >= 0, elements.region[across], -1)
@@ -65,24 +65,26 @@ def facet_of_edge(mesh: MeshTri, node: NDArray[np.int32]) -> NDArray[np.int32]:
     return facet
 
 
-def joints_of(facets: Facets, position: Floats, cornerless: Mask, off: Floats | float = 0.0) -> Joints:
+def joints_of(facets: Facets, position: Floats, cornerless: Mask, offset: Floats | float = 0.0) -> Joints:
     """Return the joints, the nodes in which exactly two facets meet.
 
-    Facets of the mask `cornerless`, shape (f,), join smoothly at any angle. With midside offsets `off`, shape (f, 2),
-    the turn is the angle between the parabolas through the nodes.
+    Facets of the mask `cornerless`, shape (f,), join smoothly at any angle. `offset`, shape (f, 2), is the midside
+    offset, with which the turn is the angle between parabolas.
     """
     node, rows = joined_ends(facets.nodes, len(position))
     other = facets.nodes.ravel()[rows ^ 1]
     # the path arrives along the first facet and leaves along the second, so labels may be reversed
-    arriving, leaving = facets.label[rows[:, 0] // 2, 1 - rows[:, 0] % 2], facets.label[rows[:, 1] // 2, rows[:, 1] % 2]
-    bend = np.broadcast_to(4.0 * off, facets.nodes.shape)
-    turn = turns(*(position[other[:, side]] - position[node] + bend[rows[:, side] // 2] for side in (0, 1)))
+    before, after = facets.label[rows[:, 0] // 2, 1 - rows[:, 0] % 2], facets.label[rows[:, 1] // 2, rows[:, 1] % 2]
+    tangent_change = np.broadcast_to(4.0 * offset, facets.nodes.shape)
+    turn = angles_between(
+        *(position[other[:, side]] - position[node] + tangent_change[rows[:, side] // 2] for side in (0, 1))
+    )
     smooth = (turn < CORNER) | np.all(cornerless[rows // 2], axis=1)
-    return Joints(node, rows // 2, other, turn, (arriving == leaving) & smooth)
+    return Joints(node, rows // 2, other, turn, (before == after) & smooth)
 
 
 def trace_facets(facets: Facets, joints: Joints, stops: Mask) -> Polylines:
     through = np.full((len(stops), 2), -1, dtype=np.int32)
-    going = joints.smooth & ~stops[joints.node]
-    through[joints.node[going]] = joints.facets[going]
+    continuing = joints.smooth & ~stops[joints.node]
+    through[joints.node[continuing]] = joints.facets[continuing]
     return trace_polylines(facets.nodes, through)

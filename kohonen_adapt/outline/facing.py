@@ -16,14 +16,14 @@ from kohonen_adapt.kernels.arrays import Constraints
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.rays import views_across
 
-__all__ = ["facing_sides", "joined"]
+__all__ = ["components", "facing_sides"]
 
-LOOKS = (8, 2_000)  # minimum number of rays from a curve segment, and approximate number of all rays together
+RAYS = (8, 2_000)  # minimum number of rays from a curve segment, and approximate number of all rays together
 FAR = 3.0  # maximum distance of opposite segments, relative to the median
 UNSURE = 0.5  # weight of segments that contradict the sides, relative to the sides, above which there are no sides
 
 
-class Looks(NamedTuple):
+class Hits(NamedTuple):
     """Pairs of curve segments that see each other, one row per ray."""
 
     start: Ints  # the segment on which the ray starts
@@ -39,15 +39,15 @@ def facing_sides(triangulation: Triangulation, constraints: Constraints, inside:
     e, k = np.nonzero(own[:, None] & ((across < 0) | ~own[across]))
     nodes = np.stack(elements.ends(e, k), axis=1)
     chains, chain = np.unique(elements.chain[e, k], return_inverse=True)
-    looks = views_of(triangulation, constraints, inside, e, k, chains)
-    side = sides_of(looks, ends_of(chain, nodes), len(chains))
+    hits = cast_rays(triangulation, constraints, inside, e, k, chains)
+    side = sides_of(hits, ends_of(chain, nodes), len(chains))
     for pair in np.unique(side[side >= 0] // 2):
         one, other = (np.unique(nodes[side[chain] == 2 * pair + which]) for which in (0, 1))
         if len(one) and len(other):
             yield one, other
 
 
-def joined(a: Ints, b: Ints, count: int) -> Ints:
+def components(a: Ints, b: Ints, count: int) -> Ints:
     graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
     return connected_components(graph, directed=False)[1]
 
@@ -57,29 +57,29 @@ def ends_of(chain: Ints, nodes: Ints) -> Ints:
     return rows[np.bincount(rows[:, 1])[rows[:, 1]] > 1]
 
 
-def views_of(
+def cast_rays(
     triangulation: Triangulation, constraints: Constraints, inside: Mask, e: Ints, k: Ints, chains: Ints
-) -> Looks:
+) -> Hits:
     length = constraints.chains.length
-    least, most = LOOKS
-    looks = least + np.round(most * length[chains] / length[chains].sum())
+    least, most = RAYS
+    hits = least + np.round(most * length[chains] / length[chains].sum())
     step = np.ones(len(length))
-    step[chains] = length[chains] / looks
+    step[chains] = length[chains] / hits
     views = views_across(triangulation, constraints, inside, e, k, step)
-    met = views.nearness < np.inf
-    start, end, nearness = views.start[met], views.end[met], views.nearness[met]
+    hit = views.nearness < np.inf
+    start, end, nearness = views.start[hit], views.end[hit], views.nearness[hit]
     weight = step[start] * nearness
-    near = nearness * FAR >= median(nearness, weight)
-    return Looks(np.searchsorted(chains, start[near]), np.searchsorted(chains, end[near]), weight[near])
+    near = nearness * FAR >= weighted_median(nearness, weight)
+    return Hits(np.searchsorted(chains, start[near]), np.searchsorted(chains, end[near]), weight[near])
 
 
-def median(values: Floats, weights: Floats) -> float:
+def weighted_median(values: Floats, weights: Floats) -> float:
     order = np.argsort(values, kind="stable")
     total = np.cumsum(weights[order])
     return float(values[order[np.searchsorted(total, 0.5 * total[-1])]])
 
 
-def sides_of(looks: Looks, ends: Ints, count: int) -> Ints:
+def sides_of(hits: Hits, ends: Ints, count: int) -> Ints:
     """Return the side of every curve segment of a part, -1 for none, (count,).
 
     Sides 2 i and 2 i + 1 face each other. Segments that see each other lie on opposite sides, and segments that meet in
@@ -88,7 +88,7 @@ def sides_of(looks: Looks, ends: Ints, count: int) -> Ints:
     of a gap.
     """
     sides = Sides(count)
-    weight = faced(sides, looks, touching(ends), count)
+    weight = relate_facing(sides, hits, adjacent_segments(ends), count)
     group = np.array([sides.side(chain) // 2 for chain in range(count)])
     weights = np.bincount(group, weight, count)
     accepted = np.zeros(count, dtype=bool)
@@ -98,15 +98,15 @@ def sides_of(looks: Looks, ends: Ints, count: int) -> Ints:
             break
         more = accepted | (group == number)
         tried = sides.copy()
-        if all(tried.relate(a, b, False) for a, b in touching(ends[more[ends[:, 0]]])):
+        if all(tried.relate(a, b, False) for a, b in adjacent_segments(ends[more[ends[:, 0]]])):
             sides, accepted = tried, more
         elif weights[number] > enough:
             return np.full(count, -1)
-    return with_runs(sides, accepted, ends)
+    return fill_between(sides, accepted, ends)
 
 
-def faced(sides: "Sides", looks: Looks, corners: Ints, count: int) -> Floats:
-    seen = coo_array((looks.weight, (looks.start, looks.end)), shape=(count, count)).tocsr()
+def relate_facing(sides: "Sides", hits: Hits, corners: Ints, count: int) -> Floats:
+    seen = coo_array((hits.weight, (hits.start, hits.end)), shape=(count, count)).tocsr()
     facing, weight = triu(seen.minimum(seen.T)).tocoo(), np.zeros(count)
     apart = ~np.isin(facing.row.astype(np.int64) * count + facing.col, np.sort(corners, axis=1) @ [count, 1])
     order = np.flatnonzero(apart)[np.argsort(-facing.data[apart], kind="stable")]
@@ -116,36 +116,36 @@ def faced(sides: "Sides", looks: Looks, corners: Ints, count: int) -> Floats:
     return weight
 
 
-def with_runs(sides: "Sides", accepted: Mask, ends: Ints) -> Ints:
-    runs = runs_between(ends, accepted)
-    for _, around in runs:
+def fill_between(sides: "Sides", accepted: Mask, ends: Ints) -> Ints:
+    remaining = remaining_sets(ends, accepted)
+    for _, around in remaining:
         sides.join(around)
     side = np.where(accepted, [sides.side(chain) for chain in range(len(accepted))], -1)
-    for run, around in runs:
+    for run, around in remaining:
         found = np.unique(side[around])
         side[run] = found[0] if len(found) == 1 else -1
     return side
 
 
-def touching(ends: Ints) -> Ints:
+def adjacent_segments(ends: Ints) -> Ints:
     ends = ends[np.argsort(ends[:, 1], kind="stable")]
     same = ends[1:, 1] == ends[:-1, 1]
     return np.stack([ends[:-1, 0][same], ends[1:, 0][same]], axis=1)
 
 
-def runs_between(ends: Ints, accepted: Mask) -> list[tuple[list[int], list[int]]]:
+def remaining_sets(ends: Ints, accepted: Mask) -> list[tuple[list[int], list[int]]]:
     is_accepted = accepted[ends[:, 0]]
-    links = touching(ends[~np.isin(ends[:, 1], ends[is_accepted, 1])])
-    label = joined(links[:, 0], links[:, 1], len(accepted))
+    links = adjacent_segments(ends[~np.isin(ends[:, 1], ends[is_accepted, 1])])
+    label = components(links[:, 0], links[:, 1], len(accepted))
     others: dict[int, list[int]] = {}
     for chain, node in ends[is_accepted].tolist():
         others.setdefault(node, []).append(chain)
-    runs: dict[int, tuple[set[int], set[int]]] = {}
+    remaining: dict[int, tuple[set[int], set[int]]] = {}
     for chain, node in ends[~is_accepted].tolist():
-        run, around = runs.setdefault(label[chain], (set(), set()))
+        run, around = remaining.setdefault(label[chain], (set(), set()))
         run.add(chain)
         around.update(others.get(node, ()))
-    return [(sorted(run), sorted(around)) for run, around in runs.values()]
+    return [(sorted(run), sorted(around)) for run, around in remaining.values()]
 
 
 class Sides:

@@ -23,15 +23,15 @@ def offsets_on_curves(triangulation: Triangulation, constraints: Constraints) ->
     as much.
     """
     elements = triangulation.elements
-    bent = np.zeros((*elements.node.shape, 2))
+    offsets = np.zeros((*elements.node.shape, 2))
     curved = np.append(constraints.chains.shape != STRAIGHT, False)[elements.chain]
-    e, k = np.nonzero(curved & (elements.neighbour < np.arange(len(bent))[:, None]))
-    bent[e, k] = off_chords(triangulation, constraints, e, k)
-    there, back = across(triangulation, e, k)
-    bent[there, back] = bent[e, k][elements.neighbour[e, k] >= 0]
+    e, k = np.nonzero(curved & (elements.neighbour < np.arange(len(offsets))[:, None]))
+    offsets[e, k] = offsets_from_chords(triangulation, constraints, e, k)
+    there, side = across(triangulation, e, k)
+    offsets[there, side] = offsets[e, k][elements.neighbour[e, k] >= 0]
     rows = np.flatnonzero(curved.any(axis=1))
-    bent[rows] *= factors(triangulation, constraints, rows, bent[rows])[:, :, None]
-    return bent
+    offsets[rows] *= limit_factors(triangulation, constraints, rows, offsets[rows])[:, :, None]
+    return offsets
 
 
 def across(triangulation: Triangulation, e: Ints, k: Ints) -> tuple[Ints, Ints]:
@@ -41,7 +41,7 @@ def across(triangulation: Triangulation, e: Ints, k: Ints) -> tuple[Ints, Ints]:
     return there, np.argmax(neighbour[there] == e[other >= 0][:, None], axis=1)
 
 
-def off_chords(triangulation: Triangulation, constraints: Constraints, e: Ints, k: Ints) -> Floats:
+def offsets_from_chords(triangulation: Triangulation, constraints: Constraints, e: Ints, k: Ints) -> Floats:
     position = triangulation.position
     chains, chain, ends = constraints.chains, triangulation.elements.chain[e, k], triangulation.elements.ends(e, k)
     start, end = (parameters_of(position, constraints, chain, node) for node in ends)
@@ -51,24 +51,24 @@ def off_chords(triangulation: Triangulation, constraints: Constraints, e: Ints, 
     return points_on(constraints, chain, middle - round_ * length) - 0.5 * (position[ends[0]] + position[ends[1]])
 
 
-def factors(triangulation: Triangulation, constraints: Constraints, rows: Ints, bent: Floats) -> Floats:
+def limit_factors(triangulation: Triangulation, constraints: Constraints, rows: Ints, offsets: Floats) -> Floats:
     corners = triangulation.position[triangulation.elements.node[rows]]
-    doubled = jacobian_coefficients(corners, np.zeros_like(bent))[:, 0]
-    if not np.any(jacobian_coefficients(corners, bent).min(axis=1) < LEAST * doubled):
-        return np.ones(bent.shape[:2])
-    side = np.unique(sides_alike(triangulation, constraints, rows), return_inverse=True)[1].reshape(-1, 3)
-    factor, held = np.ones(side.max(initial=0) + 1), np.zeros(len(rows), dtype=bool)
-    enough = sufficient(corners, bent, doubled)
+    doubled = jacobian_coefficients(corners, np.zeros_like(offsets))[:, 0]
+    if not np.any(jacobian_coefficients(corners, offsets).min(axis=1) < LEAST * doubled):
+        return np.ones(offsets.shape[:2])
+    side = np.unique(side_indices(triangulation, constraints, rows), return_inverse=True)[1].reshape(-1, 3)
+    factor, limited = np.ones(side.max(initial=0) + 1), np.zeros(len(rows), dtype=bool)
+    enough = sufficient_factors(corners, offsets, doubled)
     while True:
-        least = jacobian_coefficients(corners, factor[side][:, :, None] * bent).min(axis=1)
-        short = (least < LEAST * doubled) & ~held
-        if not short.any():
+        least = jacobian_coefficients(corners, factor[side][:, :, None] * offsets).min(axis=1)
+        too_small = (least < LEAST * doubled) & ~limited
+        if not too_small.any():
             return factor[side]
-        held |= short
-        np.minimum.at(factor, side[short], np.repeat(enough[short, None], 3, axis=1))
+        limited |= too_small
+        np.minimum.at(factor, side[too_small], np.repeat(enough[too_small, None], 3, axis=1))
 
 
-def sufficient(corners: Floats, bent: Floats, doubled: Floats) -> Floats:
+def sufficient_factors(corners: Floats, offsets: Floats, doubled: Floats) -> Floats:
     """Return the factors (q,) that leave elements `LEAST` of their determinant.
 
     With factors t of the sides, the Bernstein coefficients of the determinant are
@@ -76,19 +76,19 @@ def sufficient(corners: Floats, bent: Floats, doubled: Floats) -> Floats:
     decrease with every t, and smaller factors are sufficient, too. For one curved side Q is 0, and nothing is lost.
     """
     sides = np.eye(3)[:, None, :, None]
-    linear = [jacobian_coefficients(corners, bent * side) - doubled[:, None] for side in sides]
-    fall = sum(np.minimum(part, 0.0) for part in linear)
-    bow = np.zeros_like(fall)
+    linear = [jacobian_coefficients(corners, offsets * side) - doubled[:, None] for side in sides]
+    linear_sum = sum(np.minimum(part, 0.0) for part in linear)
+    quadratic_sum = np.zeros_like(linear_sum)
     for j, k in ((0, 1), (1, 2), (2, 0)):
-        both = jacobian_coefficients(corners, bent * (sides[j] + sides[k])) - doubled[:, None]
-        bow += np.minimum(both - linear[j] - linear[k], 0.0)
+        both = jacobian_coefficients(corners, offsets * (sides[j] + sides[k])) - doubled[:, None]
+        quadratic_sum += np.minimum(both - linear[j] - linear[k], 0.0)
     available = (1.0 - LEAST) * doubled[:, None]
     with np.errstate(divide="ignore"):
-        found = 2.0 * available / (-fall + np.sqrt(fall**2 - 4.0 * bow * available))
+        found = 2.0 * available / (-linear_sum + np.sqrt(linear_sum**2 - 4.0 * quadratic_sum * available))
     return np.minimum(1.0, found.min(axis=1))
 
 
-def sides_alike(triangulation: Triangulation, constraints: Constraints, rows: Ints) -> Ints:
+def side_indices(triangulation: Triangulation, constraints: Constraints, rows: Ints) -> Ints:
     elements, periodic = triangulation.elements, constraints.periodic
     ends = np.stack(elements.ends(rows[:, None], np.arange(3)))
     images = periodic.partner[ends]

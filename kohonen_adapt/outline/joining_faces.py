@@ -27,29 +27,29 @@ NOWHERE = (0.0, 0.0, 0.0)
 
 
 def patches_of(faces: Faces, seams: Seams, position: Floats, surfaces: Mapping[str, Surface]) -> Patches:
-    told = curve_of_facets(faces.sides, len(faces.element), surfaces, "surface")
+    user_defined = curve_of_facets(faces.sides, len(faces.element), surfaces, "surface")
     without_corner = np.array([*(isinstance(each, Plane | Sphere | Cylinder | Cone) for each in surfaces.values()), 0])
-    one, other = told[seams.faces].T
+    one, other = user_defined[seams.faces].T
     alike = seams.alike & (one == other)
     smooth = alike & ((seams.turn < CORNER) | without_corner.astype(bool)[one])
-    group = joined(len(told), seams.faces[np.where(one >= 0, smooth, alike & (seams.turn <= TURN))])
+    group = joined(len(user_defined), seams.faces[np.where(one >= 0, smooth, alike & (seams.turn <= TURN))])
     plain = smooth & (one < 0)
     skin = Skin(position, faces.nodes, seams.faces[plain], seams.turn[plain], group)
-    rounds = rounds_among(skin, told < 0)
+    rounds = rounds_among(skin, user_defined < 0)
     for number, (part, _) in enumerate(rounds):
-        group[part] = len(told) + number
+        group[part] = len(user_defined) + number
     patch = in_order(group)
     first = np.unique(patch, return_index=True)[1]
     shape, origin, axis, size = planes_of(faces, patch, first, position)
     for part, each in rounds:
         p = patch[part[0]]
         shape[p], origin[p], axis[p], size[p] = each.shape, each.origin, each.axis, each.size
-    for p in np.flatnonzero(told[first] >= 0).tolist():
-        name, surface = list(surfaces.items())[told[first[p]]]
+    for p in np.flatnonzero(user_defined[first] >= 0).tolist():
+        name, surface = list(surfaces.items())[user_defined[first[p]]]
         check_near(position[np.unique(faces.nodes[patch == p])], surface, name)
         shape[p], origin[p], axis[p], size[p] = row_of(surface)
     front, names, sheet = sides_of(faces, seams, patch, first, position)
-    return Patches(patch, shape, origin, axis, size, told[first], dict(surfaces), front, names, sheet)
+    return Patches(patch, shape, origin, axis, size, user_defined[first], dict(surfaces), front, names, sheet)
 
 
 def row_of(surface: Surface) -> tuple[int, tuple[float, ...], tuple[float, ...], float]:
@@ -94,5 +94,5 @@ def sides_of(
     rows = np.flatnonzero(front[patch] < 0)
     is_front = cover[rows] == cover[first[patch[rows]]]
     back = normals(position, faces.nodes[rows]) * np.where(is_front, 1.0, -1.0)[:, None]
-    middles = position[faces.nodes[rows]].mean(axis=1)
-    return front, names, Sheet.of(middles, patch[rows], back, float(np.ptp(position, axis=0).max()))
+    centroids = position[faces.nodes[rows]].mean(axis=1)
+    return front, names, Sheet.of(centroids, patch[rows], back, float(np.ptp(position, axis=0).max()))

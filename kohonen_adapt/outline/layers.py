@@ -14,10 +14,10 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Constraints, Elements
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.facing import facing_sides, joined
+from kohonen_adapt.outline.facing import components, facing_sides
 from kohonen_adapt.outline.rules import checked_layers
 
-__all__ = ["Band", "bands_of", "check_number", "lay", "lower_to_steps", "parts_of"]
+__all__ = ["Band", "bands_of", "check_layer_count", "lower_to_steps", "parts_of", "set_levels"]
 
 
 class Band(NamedTuple):
@@ -29,7 +29,7 @@ class Band(NamedTuple):
     sides: tuple[Ints, Ints]  # nodes on each side
 
 
-def lay(triangulation: Triangulation, constraints: Constraints, layers: Mapping[str, int] | None) -> None:
+def set_levels(triangulation: Triangulation, constraints: Constraints, layers: Mapping[str, int] | None) -> None:
     wanted = checked_layers(triangulation.mesh, layers)
     bands: list[Band] = []
     for name, number in wanted.items():
@@ -41,7 +41,7 @@ def lay(triangulation: Triangulation, constraints: Constraints, layers: Mapping[
             triangulation.elements.layered[inside] = True
     if bands:
         for band in bands:
-            check_number(triangulation.position, band)
+            check_layer_count(triangulation.position, band)
         triangulation.elements.level[:] = levels_of(bands, triangulation.nnodes)
 
 
@@ -51,7 +51,7 @@ def parts_of(elements: Elements, regions: Ints) -> Iterator[Mask]:
     e, k = np.nonzero(elements.neighbour >= 0)
     own, other = elements.region[e], elements.region[elements.neighbour[e, k]]
     both = inside[own] & inside[other]
-    label = joined(own[both], other[both], len(inside))
+    label = components(own[both], other[both], len(inside))
     for part in np.unique(label[inside]):
         yield inside & (label == part)
 
@@ -69,7 +69,7 @@ def bands_of(
     return [Band(name, number, pairs, both) for both in sides]
 
 
-def check_number(position: Floats, band: Band) -> None:
+def check_layer_count(position: Floats, band: Band) -> None:
     steps = np.full(len(position), min(band.number, len(position)))
     steps[band.sides[0]] = 0
     lower_to_steps(band.pairs, steps)
@@ -111,7 +111,7 @@ def levels_of(bands: list[Band], count: int) -> Ints:
 def levels_of_sides(bands: list[Band], count: int) -> tuple[Ints, Mask]:
     sides = [side for band in bands for side in band.sides]
     number = np.repeat(np.arange(len(sides)), [len(side) for side in sides])
-    label = joined(number, len(sides) + np.concatenate(sides), len(sides) + count)
+    label = components(number, len(sides) + np.concatenate(sides), len(sides) + count)
     ways: dict[int, list[tuple[int, int]]] = {}
     for i, band in enumerate(bands):
         a, b = label[2 * i], label[2 * i + 1]

@@ -39,7 +39,7 @@ class Sides(NamedTuple):
     def near(self) -> float:
         return MATCH * self.size
 
-    def said(self, verb: str) -> str:
+    def sentence(self, verb: str) -> str:
         return f"periodic boundaries {self.names[0]!r} and {self.names[1]!r} {verb}"
 
 
@@ -49,8 +49,8 @@ class Match(NamedTuple):
     motion: Floats  # [A | b]
     nodes: Ints  # (k,) nodes of the first boundary
     images: Ints  # (k,) nodes of the second boundary, nearest to the images of the first
-    off: float  # largest distance between `images` and the images of `nodes`
-    goes_on: bool  # True if the moved mesh lies on the other side of the second boundary
+    distance: float  # largest distance between `images` and the images of `nodes`
+    continues: bool  # True if the moved mesh lies on the other side of the second boundary
     fault: str  # why a motion that matches nodes is not suitable; empty if suitable
 
 
@@ -63,63 +63,67 @@ def matched(sides: Sides, named: Motion | None) -> Match:
     one, other = (len(nodes) for nodes in sides.nodes)
     if one != other:
         raise ValueError(
-            f"{sides.said('must have as many nodes')}; they have {one} and {other}. Mesh them as a pair (Gmsh: "
+            f"{sides.sentence('must have as many nodes')}; they have {one} and {other}. Mesh them as a pair (Gmsh: "
             "Periodic Curve)."
         )
     if named is None:
-        return the_only(sides)
-    match = attempt(sides, named.matrix)
-    if match.off > sides.near:
-        raise Unmatched(unmatched(sides, repr(named), f"it leaves one {match.off:.6g} off"))
+        return only_suitable(sides)
+    match = match_by(sides, named.matrix)
+    if match.distance > sides.near:
+        raise Unmatched(unmatched_message(sides, repr(named), f"it leaves one {match.distance:.6g} off"))
     if match.fault:
-        raise ValueError(f"{sides.said('do not fit')} by {named!r}: {match.fault}")
+        raise ValueError(f"{sides.sentence('do not fit')} by {named!r}: {match.fault}")
     return match
 
 
-def the_only(sides: Sides) -> Match:
-    tried = first_of(attempts(sides, mirrored=False), sides.near)
-    will_do = [match for match in tried if match.off <= sides.near and match.goes_on and not match.fault]
-    if len(will_do) == 1:
-        return will_do[0]
-    if will_do:
+def only_suitable(sides: Sides) -> Match:
+    tried = first_matches(matches_by_angle(sides, mirrored=False), sides.near)
+    suitable = [match for match in tried if match.distance <= sides.near and match.continues and not match.fault]
+    if len(suitable) == 1:
+        return suitable[0]
+    if suitable:
         raise ValueError(
-            f"{sides.said('fit')} by more than one motion, and each gives another field. "
-            f"{proposal(sides, motions_of(sides, will_do))}"
+            f"{sides.sentence('fit')} by more than one motion, and each gives another field. "
+            f"{proposal(sides, motions_of(sides, suitable))}"
         )
     raise refusal(sides, tried)
 
 
-def first_of(matches: Iterator[Match], near: float) -> list[Match]:
-    found, fitting, will_do = list[Match](), 0, 0
+def first_matches(matches: Iterator[Match], near: float) -> list[Match]:
+    found, fitting, suitable = list[Match](), 0, 0
     for match in matches:
         found.append(match)
-        fits = match.off <= near and not match.fault
-        fitting, will_do = fitting + fits, will_do + (fits and match.goes_on)
-        if will_do == SHOWN or fitting == ENOUGH:
+        fits = match.distance <= near and not match.fault
+        fitting, suitable = fitting + fits, suitable + (fits and match.continues)
+        if suitable == SHOWN or fitting == ENOUGH:
             break
     return found
 
 
 def refusal(sides: Sides, tried: Sequence[Match]) -> ValueError:
-    fitting = [match for match in tried if match.off <= sides.near]
-    folding = motions_of(sides, [match for match in fitting if not match.fault])
-    mirrored = [match for match in attempts(sides, mirrored=True) if match.off <= sides.near and not match.fault]
+    fitting = [match for match in tried if match.distance <= sides.near]
+    overlapping = motions_of(sides, [match for match in fitting if not match.fault])
+    mirrored = [
+        match for match in matches_by_angle(sides, mirrored=True) if match.distance <= sides.near and not match.fault
+    ]
     reflections = motions_of(sides, mirrored)
-    if folding:
+    if overlapping:
         return ValueError(
-            f"{sides.said('fit')} by a motion, but the mesh does not go on there: once moved it lies on the same side "
-            f"of {sides.names[1]!r}. The two may be one nevertheless, as those of a disc and its Kelvin disc are. "
-            f"{proposal(sides, [*reflections[:1], *folding[:1]])}"
+            f"{sides.sentence('fit')} by a motion, but the mesh does not go on there: once moved it lies on the same "
+            f"side of {sides.names[1]!r}. The two may be one nevertheless, as those of a disc and its Kelvin disc are. "
+            f"{proposal(sides, [*reflections[:1], *overlapping[:1]])}"
         )
     if fitting:
-        return ValueError(f"{sides.said('do not fit')}: {fitting[0].fault}")
+        return ValueError(f"{sides.sentence('do not fit')}: {fitting[0].fault}")
     if reflections:
-        return ValueError(f"{sides.said('fit')} by a reflection, which is not guessed. {proposal(sides, reflections)}")
-    least = min(match.off for match in tried)
-    return Unmatched(unmatched(sides, "a translation or rotation", f"the nearest is {least:.6g} off"))
+        return ValueError(
+            f"{sides.sentence('fit')} by a reflection, which is not guessed. {proposal(sides, reflections)}"
+        )
+    least = min(match.distance for match in tried)
+    return Unmatched(unmatched_message(sides, "a translation or rotation", f"the nearest is {least:.6g} off"))
 
 
-def unmatched(sides: Sides, motion: str, found: str) -> str:
+def unmatched_message(sides: Sides, motion: str, found: str) -> str:
     one, other = sides.names
     return (
         f"{motion} must carry the nodes of boundary {one!r} to those of {other!r}, within {MATCH:g} of the size of the "
@@ -142,17 +146,17 @@ def proposal(sides: Sides, motions: Sequence[Motion]) -> str:
     )
 
 
-def attempts(sides: Sides, mirrored: bool) -> Iterator[Match]:
+def matches_by_angle(sides: Sides, mirrored: bool) -> Iterator[Match]:
     motions = candidates(sides, mirrored)
     if mirrored:
         motions = [motion for motion in motions if motion_of(motion, sides.size)] or motions[:1]
     nodes, others = sides.nodes
     tree, probes = KDTree(sides.position[:, others].T), sides.position[:, nodes[:: max(1, len(nodes) // PROBES)]]
-    off = np.array([tree.query(moved(motion, probes).T)[0].max() for motion in motions])
-    kept = np.flatnonzero(off <= max(sides.near, off.min()))
+    distance = np.array([tree.query(moved(motion, probes).T)[0].max() for motion in motions])
+    kept = np.flatnonzero(distance <= max(sides.near, distance.min()))
     angle = np.abs([np.arctan2(motions[k][1, 0], motions[k][0, 0]) for k in kept])
     for k in kept[np.argsort(np.round(angle, 9), kind="stable")]:
-        yield attempt(sides, motions[k])
+        yield match_by(sides, motions[k])
 
 
 def candidates(sides: Sides, mirrored: bool) -> list[Floats]:
@@ -160,30 +164,30 @@ def candidates(sides: Sides, mirrored: bool) -> list[Floats]:
     if mirrored:
         points = MIRROR @ points
     ends = farthest(points)
-    middle, aim = points.mean(axis=1, keepdims=True), targets.mean(axis=1, keepdims=True)
-    radius, slack = np.hypot(*(targets - aim)), 4.0 * sides.near
+    middle, target_centre = points.mean(axis=1, keepdims=True), targets.mean(axis=1, keepdims=True)
+    radius, slack = np.hypot(*(targets - target_centre)), 4.0 * sides.near
     first, second = (np.flatnonzero(np.abs(radius - r) <= slack) for r in np.hypot(*(ends - middle)))
     apart, found = np.hypot(*(ends[:, 1] - ends[:, 0])), list[Floats]()
     for q in first:
-        off = np.hypot(*(targets[:, second] - targets[:, [q]])) - apart
-        found += [rigid_motion(ends, targets[:, [q, w]]) for w in second[np.abs(off) <= slack]]
+        distance = np.hypot(*(targets[:, second] - targets[:, [q]])) - apart
+        found += [rigid_motion(ends, targets[:, [q, w]]) for w in second[np.abs(distance) <= slack]]
     if not found:
         aims = farthest(targets)
         found = [rigid_motion(ends, aims), rigid_motion(ends, aims[:, ::-1])]
     return [np.column_stack([each[:, :2] @ MIRROR, each[:, 2]]) for each in found] if mirrored else found
 
 
-def attempt(sides: Sides, motion: Floats) -> Match:
+def match_by(sides: Sides, motion: Floats) -> Match:
     nodes, others = sides.nodes
-    off, at = KDTree(sides.position[:, others].T).query(moved(motion, sides.position[:, nodes]).T)
+    distance, at = KDTree(sides.position[:, others].T).query(moved(motion, sides.position[:, nodes]).T)
     images, (one, other) = others[at], sides.names
     against, along = senses(sides, nodes, images)
     fault = ""
     if len(np.unique(at)) < len(at):
         twice = at[np.setdiff1d(np.arange(len(at)), np.unique(at, return_index=True)[1])[0]]
         fault = (
-            f"two nodes of {one!r} come to lie on one of {other!r}, at {place(sides, others[twice])}. Merge nodes "
-            "that are in one place, or name the two sides of a slit apart."
+            f"two nodes of {one!r} come to lie on one of {other!r}, at {position_text(sides, others[twice])}. Merge "
+            "nodes that are in one place, or name the two sides of a slit apart."
         )
     elif not np.all(against | along) or len(sides.facets[0]) != len(sides.facets[1]):
         fault = (
@@ -195,7 +199,7 @@ def attempt(sides: Sides, motion: Floats) -> Match:
             f"the mesh goes on beyond {np.sum(against)} facets of {other!r} and lies on the same side of "
             f"{np.sum(along)}. Name parts apart that are one another's image by different motions."
         )
-    return Match(motion, nodes, images, float(off.max()), bool(against.all()) == is_proper(motion), fault)
+    return Match(motion, nodes, images, float(distance.max()), bool(against.all()) == is_proper(motion), fault)
 
 
 def senses(sides: Sides, nodes: Ints, images: Ints) -> tuple[Mask, Mask]:
@@ -207,7 +211,7 @@ def senses(sides: Sides, nodes: Ints, images: Ints) -> tuple[Mask, Mask]:
     return np.isin(end * count + start, first * count + second), np.isin(start * count + end, first * count + second)
 
 
-def place(sides: Sides, node: int) -> str:
+def position_text(sides: Sides, node: int) -> str:
     x, y = sides.position[:, node]
     return f"({x:.6g}, {y:.6g})"
 

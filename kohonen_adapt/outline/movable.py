@@ -17,7 +17,7 @@ from kohonen_adapt.mesh.curved import facet_midside_offsets, is_second_order, wi
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.facets import facet_of_edge
 from kohonen_adapt.outline.isoparametric import offsets_on_curves
-from kohonen_adapt.outline.layers import lay
+from kohonen_adapt.outline.layers import set_levels
 from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.outline.rules import Rules, check_for, floor_of
 
@@ -87,10 +87,10 @@ class MovableMesh:
         triangulation = Triangulation.of(mesh)
         second_order = is_second_order(mesh)
         outline = Outline.of(triangulation, rules, facet_midside_offsets(mesh) if second_order else None)
-        lay(triangulation, outline.constraints, rules.layers)
+        set_levels(triangulation, outline.constraints, rules.layers)
         floor = floor_of(rules, 2)
-        bends = (second_order if curved is None else curved) and not outline.straight.all()
-        return cls(triangulation, outline, floor, rules.flips, bends)
+        curved_output = (second_order if curved is None else curved) and not outline.straight.all()
+        return cls(triangulation, outline, floor, rules.flips, curved_output)
 
     @property
     def nnodes(self) -> int:
@@ -156,7 +156,7 @@ class MovableMesh:
     def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         n, m = (len(state.get(name, ())) for name in ("position", "elements.node"))
         chains, motions = len(self.constraints.chains.length), len(self.constraints.periodic.motions)
-        numbers = {
+        ranges = {
             "elements.node": (0, n),
             "elements.neighbour": (-1, m),
             "elements.region": (0, len(self.triangulation.elements.layered)),
@@ -166,7 +166,7 @@ class MovableMesh:
             "twins.motion": (-1, motions),
         }
         rows = {name: m if name in BY_ELEMENT else n for name in STATE_NAMES}
-        check_state(self.state(), state, rows, numbers)
+        check_state(self.state(), state, rows, ranges)
 
     def project_nodes(self) -> None:
         self.outline.project_nodes(self.triangulation, self.floor)

@@ -34,7 +34,7 @@ from kohonen_adapt.outline.patches import Patches, on_their_patches
 from kohonen_adapt.outline.ridges import Ridges, freedom_of, ridges_of
 from kohonen_adapt.outline.rules import Rules, check_for, checked_surfaces, floor_of, pinned_nodes
 from kohonen_adapt.outline.samples import samples_of
-from kohonen_adapt.outline.settling import left_out, places_of, settled
+from kohonen_adapt.outline.settling import distances_from_faces, move_to_targets, projected_positions
 
 __all__ = ["MovableSolid"]
 
@@ -136,8 +136,8 @@ class MovableSolid:
         patch = tet.elements.patch[element, corner]
         nodes = np.take_along_axis(tet.elements.node[element], FACES[corner], axis=1)
         found, rows = tet.elements.region[element] == self.patches.front[patch], self.patches.front[patch] < 0
-        middles, out = tet.position[nodes[rows]].mean(axis=1), normals(tet.position, nodes[rows])
-        found[rows] = self.patches.sheet.looks_back(middles, patch[rows], out)
+        centroids, out = tet.position[nodes[rows]].mean(axis=1), normals(tet.position, nodes[rows])
+        found[rows] = self.patches.sheet.faces_back(centroids, patch[rows], out)
         return found
 
     def copy(self) -> "MovableSolid":
@@ -157,7 +157,7 @@ class MovableSolid:
     def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         n, m = (len(state.get(name, ())) for name in ("position", "tetrahedra.node"))
         patches, ridges = len(self.surfaces.shape), len(self.surfaces.ridge_shape)
-        numbers = {
+        ranges = {
             "tetrahedra.node": (-1, n),
             "tetrahedra.neighbour": (-1, m),
             "tetrahedra.region": (0, int(self.tetrahedralization.region_of_input.max()) + 1),
@@ -165,7 +165,7 @@ class MovableSolid:
             "freedom.number": (HELD, INSIDE + 1),
         }
         rows = {name: m if name in BY_ELEMENT else n for name in STATE_NAMES}
-        check_state(self.state(), state, rows, numbers)
+        check_state(self.state(), state, rows, ranges)
         node, number, place = (state[name] for name in ("tetrahedra.node", "freedom.number", "freedom.place"))
         if np.any(node[node[:, 0] >= 0] < 0):
             raise ValueError("tetrahedra.node has elements without all of their corners")
@@ -183,22 +183,22 @@ class MovableSolid:
 
     def project_nodes(self) -> None:
         tet = self.tetrahedralization
-        target = places_of(tet.position, self.surfaces, self.freedom, self.patches)
-        tet.position[:] = settled(tet.position, tet.elements, target, self.floor)
+        target = projected_positions(tet.position, self.surfaces, self.freedom, self.patches)
+        tet.position[:] = move_to_targets(tet.position, tet.elements, target, self.floor)
 
     def sagitta(self) -> float:
         tet = self.tetrahedralization
-        return float(left_out(tet.position, tet.elements, self.patches).max(initial=0.0))
+        return float(distances_from_faces(tet.position, tet.elements, self.patches).max(initial=0.0))
 
     def farthest_surface(self) -> str:
         tet = self.tetrahedralization
-        p = np.argmax(left_out(tet.position, tet.elements, self.patches))
+        p = np.argmax(distances_from_faces(tet.position, tet.elements, self.patches))
         names = [name for name, manner in self.patches.names.items() if manner[p]]
         if names:
             return f"boundary {' + '.join(map(repr, names))}"
-        beside = set(tet.elements.region[np.any(tet.elements.patch == p, axis=1)].tolist())
+        regions = set(tet.elements.region[np.any(tet.elements.patch == p, axis=1)].tolist())
         found = named_sets(tet.mesh.subdomains).items()
-        names = [name for name, rows in found if beside & set(tet.region_of_input[rows].tolist())]
+        names = [name for name, rows in found if regions & set(tet.region_of_input[rows].tolist())]
         if names:
             return listed(names)
         e, k = np.argwhere(tet.elements.patch == p)[0]

@@ -15,7 +15,7 @@ from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import BY_ELEMENT, MovableMesh
 
-__all__ = ["along", "numbered_along_curve", "with_rows"]
+__all__ = ["element_order", "numbered_along_curve", "reordered_state"]
 
 FEW = 10_000  # number of nodes of a mesh that fits in the cache of a processor in any order
 FAR = 4.0  # median index distance of neighbours above which nodes are renumbered, relative to sqrt(nnodes)
@@ -33,12 +33,12 @@ def numbered_along_curve(movable: MovableMesh) -> Iterator[Ints | None]:
         yield None
         return
     nodes, count = along_curve(tri.position), len(tri.elements.node)
-    elements = along(tri.elements.node, ranks(nodes, tri.nnodes))
-    movable.set_arrays(with_rows(movable.state(), nodes, elements))
+    elements = element_order(tri.elements.node, ranks(nodes, tri.nnodes))
+    movable.set_arrays(reordered_state(movable.state(), nodes, elements))
     try:
         yield elements
     finally:
-        movable.set_arrays(with_rows(movable.state(), ranks(nodes, tri.nnodes), ranks(elements, count)))
+        movable.set_arrays(reordered_state(movable.state(), ranks(nodes, tri.nnodes), ranks(elements, count)))
 
 
 def is_scattered(triangulation: Triangulation) -> bool:
@@ -48,7 +48,7 @@ def is_scattered(triangulation: Triangulation) -> bool:
     return bool(np.median(np.abs(node[:, 0] - node[:, 1])) > FAR * np.sqrt(triangulation.nnodes))
 
 
-def with_rows(state: Mapping[str, NDArray[Any]], nodes: Ints, elements: Ints) -> dict[str, NDArray[Any]]:
+def reordered_state(state: Mapping[str, NDArray[Any]], nodes: Ints, elements: Ints) -> dict[str, NDArray[Any]]:
     number = ranks(nodes, len(state["position"]))
     place = np.append(ranks(elements, len(state["elements.node"])), np.int32(-1))
     kept = {name: np.take(a, elements if name in BY_ELEMENT else nodes, axis=0) for name, a in state.items()}
@@ -59,5 +59,5 @@ def with_rows(state: Mapping[str, NDArray[Any]], nodes: Ints, elements: Ints) ->
     return kept
 
 
-def along(node: Ints, number: Ints) -> Ints:
+def element_order(node: Ints, number: Ints) -> Ints:
     return np.argsort(number[node].min(axis=1), kind="stable")

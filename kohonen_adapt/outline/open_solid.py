@@ -30,7 +30,7 @@ __all__ = ["OpenSolid", "swap_elements"]
 
 PER_NODE = 7.5  # number of elements per node: meshes of good quality have 5 to 6.5
 GOOD = 0.7  # quality above which elements are not queued after nodes have moved; a tenth is worse
-LOOKS = 50_000  # elements per compiled call, so that Ctrl-C takes effect within half a second
+ELEMENTS_PER_CALL = 50_000  # elements per compiled call, so that Ctrl-C takes effect within half a second
 
 # Values of unused rows; all other arrays have -1 there.
 UNUSED = {"position": 0.0, "freedom.number": HELD, "freedom.pinned": False}
@@ -103,9 +103,9 @@ class OpenSolid:
         return OpenSolid(state, own, Queue(*(array.copy() for array in self.queue)))
 
     def swap(self) -> int:
-        return round(self.parts().work_off(self.queue, lambda *part: swap_waiting(*part, 1.0, LOOKS)))
+        return round(self.parts().work_off(self.queue, lambda *part: swap_waiting(*part, 1.0, ELEMENTS_PER_CALL)))
 
-    def look_again(self) -> None:
+    def queue_worse(self) -> None:
         enter_worse(self.mesh, self.queue, GOOD**3)
 
     def parts(self) -> Parts:

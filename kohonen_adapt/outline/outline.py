@@ -34,7 +34,7 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.chains import chains_of, curve_of_facets, on_lines_and_arcs, pair_chains
 from kohonen_adapt.outline.coarse_arcs import centres_of, with_coarse_arcs
 from kohonen_adapt.outline.curves import Curve, projected
-from kohonen_adapt.outline.facets import Facets, Joints, facet_of_edge, joints_of, outline_facets, trace_facets
+from kohonen_adapt.outline.facets import Facets, Joints, constrained_facets, facet_of_edge, joints_of, trace_facets
 from kohonen_adapt.outline.middles import joints_on_curves, midsides_of
 from kohonen_adapt.outline.pairs import Pairs, find_pairs
 from kohonen_adapt.outline.parameters import find_parameters, parameters_of, points_on, ways_along
@@ -80,13 +80,13 @@ class Outline:
         """
         pinned = pinned_nodes(triangulation.mesh, rules.pinned)
         curves = with_circles(checked_curves(triangulation.mesh, rules.curves))
-        facets = outline_facets(triangulation)
+        facets = constrained_facets(triangulation)
         pairs = find_pairs(triangulation, facets, rules.periodic)
         midsides = midsides_of(facets, triangulation, off)
         curve = midsides.curve_index(curve_of_facets(facets.sides, len(facets.element), curves))
         joints = joints_of(facets, triangulation.position, on_lines_and_arcs(curve, curves), midsides.offset)
         joints, circle = joints_on_curves(joints, facets, triangulation.position, midsides, curve)
-        polylines, segments, sliding = cut_alike(triangulation, facets, joints, pairs, pinned, curve, curves, circle)
+        polylines, segments, sliding = cut_in_pairs(triangulation, facets, joints, pairs, pinned, curve, curves, circle)
         chains = chains_of(triangulation.position, polylines, segments, curves, midsides.offset)
         chain = np.empty(len(facets.element), dtype=np.int32)
         chain[polylines.facet[segments.slots]] = segments.of_slot
@@ -103,7 +103,7 @@ class Outline:
             periodic=periodic_pairs_of(triangulation, facets, pairs),
         )
         find_parameters(triangulation.position, constraints, polylines.node, segments.first, segments.last)
-        make_mates(constraints, pairs, chain)
+        match_pairs(constraints, pairs, chain)
         first = polylines.facet[segments.first]
         along = runs_along(triangulation, constraints, facets.element[first], facets.corner[first])
         names = {name: turned(side[first], along) for name, side in facets.sides.items()}
@@ -185,7 +185,7 @@ def with_circles(curves: dict[str, Curve]) -> dict[str, Curve]:
     return curves | {name: arc for name, arc in arcs.items() if arc is not None}
 
 
-def cut_alike(
+def cut_in_pairs(
     triangulation: Triangulation,
     facets: Facets,
     joints: Joints,
@@ -215,21 +215,21 @@ def cut_alike(
         sliding = np.zeros(triangulation.nnodes, dtype=bool)
         sliding[polylines.node[segments.slots]] = True
         sliding[polylines.node[np.stack([segments.first, segments.last])[:, ~segments.closed]]] = False
-        alone = paired[sliding[paired] & ~sliding[pairs.partner[paired]]]
-        if len(alone) == 0:
+        unmatched = paired[sliding[paired] & ~sliding[pairs.partner[paired]]]
+        if len(unmatched) == 0:
             return polylines, segments, sliding
-        stops[alone] = True
+        stops[unmatched] = True
 
 
 def periodic_pairs_of(triangulation: Triangulation, facets: Facets, pairs: Pairs) -> PeriodicPairs:
     region = triangulation.elements.region
     there = np.full((len(pairs.motions), region.max() + 1), -1, dtype=np.int32)
-    rows = np.flatnonzero((pairs.facet >= 0) & np.append(pairs.goes_on, False)[pairs.facet_motion])
+    rows = np.flatnonzero((pairs.facet >= 0) & np.append(pairs.continues, False)[pairs.facet_motion])
     there[pairs.facet_motion[rows], region[facets.element[rows]]] = region[facets.element[pairs.facet[rows]]]
     return PeriodicPairs(pairs.partner, pairs.motion, pairs.motions, there)
 
 
-def make_mates(constraints: Constraints, pairs: Pairs, chain: Ints) -> None:
+def match_pairs(constraints: Constraints, pairs: Pairs, chain: Ints) -> None:
     rows = np.flatnonzero(pairs.facet >= 0)
     mate, motion = (np.full(len(constraints.chains.length), -1) for _ in range(2))
     mate[chain[rows]], motion[chain[rows]] = chain[pairs.facet[rows]], pairs.facet_motion[rows]

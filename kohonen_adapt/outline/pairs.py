@@ -11,7 +11,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import SLIDING, Constraints
 from kohonen_adapt.mesh.motions import Motion, Pair, inverse
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.facets import Facets, outline_facets
+from kohonen_adapt.outline.facets import Facets, constrained_facets
 from kohonen_adapt.outline.matching import Match, Sides, matched
 from kohonen_adapt.outline.rules import checked_pairs
 
@@ -24,7 +24,7 @@ class Pairs(NamedTuple):
     partner: NDArray[np.int32]  # (n,) partner of the node, -1 for none
     motion: NDArray[np.int32]  # (n,) index of the motion onto the partner, -1 for none
     motions: Floats  # (k, 2, 3) motions [A | b], each followed by its inverse
-    goes_on: Mask  # (k,) True if the moved mesh continues the mesh, False if both overlap
+    continues: Mask  # (k,) True if the moved mesh continues the mesh, False if both overlap
     facet: Ints  # (f,) partner of the facet, -1 for none
     facet_motion: Ints  # (f,) index of the motion onto the partner, -1 for none
 
@@ -32,7 +32,7 @@ class Pairs(NamedTuple):
 def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[Pair]) -> Pairs:
     n = triangulation.nnodes
     partner, motion = np.full(n, -1, dtype=np.int32), np.full(n, -1, dtype=np.int32)
-    facet_motion, motions, goes_on = np.full(len(facets.element), -1), list[Floats](), list[bool]()
+    facet_motion, motions, continues = np.full(len(facets.element), -1), list[Floats](), list[bool]()
     for one, other, named in checked_pairs(triangulation.mesh, periodic):
         match = match_of(triangulation, facets, one, other, named)
         moved = match.nodes != match.images
@@ -44,9 +44,11 @@ def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[
             partner[v], motion[v] = w, len(motions)
             facet_motion[facets.sides[name] > 0] = len(motions)
             motions.append(step)
-            goes_on.append(match.goes_on)
-    mates = np.where(facet_motion >= 0, mates_of(facets, partner), -1)
-    return Pairs(partner, motion, np.array(motions).reshape(-1, 2, 3), np.array(goes_on, bool), mates, facet_motion)
+            continues.append(match.continues)
+    partners = np.where(facet_motion >= 0, partner_facets(facets, partner), -1)
+    return Pairs(
+        partner, motion, np.array(motions).reshape(-1, 2, 3), np.array(continues, bool), partners, facet_motion
+    )
 
 
 def sliding_pairs(constraints: Constraints) -> tuple[Ints, Ints]:
@@ -57,7 +59,7 @@ def sliding_pairs(constraints: Constraints) -> tuple[Ints, Ints]:
 
 def image_nodes(mesh: MeshTri, periodic: Sequence[Pair]) -> list[tuple[Ints, Ints]]:
     triangulation = Triangulation.of(mesh)
-    facets = outline_facets(triangulation)
+    facets = constrained_facets(triangulation)
     matches = [match_of(triangulation, facets, *pair) for pair in checked_pairs(mesh, periodic)]
     return [(match.nodes, match.images) for match in matches]
 
@@ -80,7 +82,7 @@ def check_outer(triangulation: Triangulation, facets: Facets, *names: str) -> No
             )
 
 
-def mates_of(facets: Facets, partner: Ints) -> Ints:
+def partner_facets(facets: Facets, partner: Ints) -> Ints:
     count = len(partner)
     images = partner[facets.nodes].astype(np.int64)
     key = facets.nodes.min(axis=1).astype(np.int64) * count + facets.nodes.max(axis=1)

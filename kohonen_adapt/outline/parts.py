@@ -49,7 +49,7 @@ class Parts:
         return self._along(MARGINS[0])
 
     @cached_property
-    def ways(self) -> tuple[Nodes, ...]:
+    def partitions(self) -> tuple[Nodes, ...]:
         """Part of every row of nodes, shape (n,), in each of two partitions.
 
         Rows not in use have part 0. There are no partitions if nodes are too few.
@@ -67,12 +67,12 @@ class Parts:
 
         The result for a node may depend on its neighbours only.
         """
-        ways = list[tuple[Nodes, NDArray[np.bool_]]]()
-        for part in self.ways:
+        partitions = list[tuple[Nodes, NDArray[np.bool_]]]()
+        for part in self.partitions:
             deep = np.empty(len(part), dtype=np.bool_)
             mark_interior(star, part, 1, deep, np.empty_like(part))
-            ways.append((part, deep))
-        return shared_in_parts(task, self.order, *ways)
+            partitions.append((part, deep))
+        return shared_in_parts(task, self.order, *partitions)
 
     def work_off(self, queue: Queue, task: Callable[[OpenTetrahedra, Queue], float]) -> float:
         """Call ``task(mesh, queue)`` until no element waits, and return the sum.
@@ -80,8 +80,8 @@ class Parts:
         A task may swap any number of elements per call, but may not create or remove nodes.
         """
         gain = 0.0
-        for part in self.ways if queue.state[1] >= FEW else ():
-            gain += share_out(self.mesh, queue, part, task)
+        for part in self.partitions if queue.state[1] >= FEW else ():
+            gain += run_parts(self.mesh, queue, part, task)
         return gain + until_none_waits(self.mesh, queue, task)
 
 
@@ -92,12 +92,12 @@ def until_none_waits(mesh: OpenTetrahedra, queue: Queue, task: Callable[[OpenTet
     return gain
 
 
-def share_out(mesh: OpenTetrahedra, queue: Queue, part: Nodes, task: Callable[[OpenTetrahedra, Queue], float]) -> float:
+def run_parts(mesh: OpenTetrahedra, queue: Queue, part: Nodes, task: Callable[[OpenTetrahedra, Queue], float]) -> float:
     waiting, of_element = waiting_rows(mesh, queue), np.empty(len(mesh.elements.node), dtype=np.int32)
     find_parts(mesh.elements.node, part, of_element)
     parts, place = int(part.max()) + 1, of_element[waiting]
     count = np.bincount(of_element[of_element >= 0], minlength=parts)
-    pools, inside = shares_of(mesh.pool, count), [waiting[place == i] for i in range(parts)]
+    pools, inside = split_pool(mesh.pool, count), [waiting[place == i] for i in range(parts)]
     rows, scratch = (len(mesh.position), len(of_element)), [mesh.cavity]
     scratch += [Cavity.of(*rows) for _ in range(1, min(number_of_threads(), parts))]
     queue.waiting[(of_element == ACROSS) & (queue.waiting == FREE)] = ELSEWHERE
@@ -128,7 +128,7 @@ def wait_in(queue: Queue, rows: Ints) -> None:
     queue.element[: len(rows)], queue.state[:] = rows, (0, len(rows))
 
 
-def shares_of(pool: Pool, count: Ints) -> list[Pool]:
+def split_pool(pool: Pool, count: Ints) -> list[Pool]:
     free = pool.free_elements[: pool.height[1]]
     cuts = np.cumsum(count)[:-1] * len(free) // max(1, int(count.sum()))
     return [

@@ -45,11 +45,11 @@ class Patches(NamedTuple):
 
     def project(self, patch: Ints, x: Floats) -> Floats:
         found, shape = x.copy(), self.shape[patch]
-        for kind, put in ((PLANE, on_plane), (CYLINDER, on_cylinder), (CONE, on_cone), (SPHERE, on_sphere)):
+        for kind, projection in ((PLANE, on_plane), (CYLINDER, on_cylinder), (CONE, on_cone), (SPHERE, on_sphere)):
             rows = np.flatnonzero(shape == kind)
             p = patch[rows]
             own = [self.origin[p], *[self.axis[p]] * (kind != SPHERE), *[self.size[p]] * (kind != PLANE)]
-            found[rows] = put(x[rows], *own)
+            found[rows] = projection(x[rows], *own)
         for number, (name, surface) in enumerate(self.surfaces.items()):
             rows = np.flatnonzero((shape == PROJECTED) & (self.given[patch] == number))
             if len(rows):
@@ -68,11 +68,11 @@ class Sheet(NamedTuple):
     apart: float
 
     @classmethod
-    def of(cls, middles: Floats, patch: Ints, back: Floats, size: float) -> "Sheet":
-        return cls(cKDTree(np.column_stack([middles, patch * (10.0 * size)])), back, 10.0 * size)
+    def of(cls, centroids: Floats, patch: Ints, back: Floats, size: float) -> "Sheet":
+        return cls(cKDTree(np.column_stack([centroids, patch * (10.0 * size)])), back, 10.0 * size)
 
-    def looks_back(self, middles: Floats, patch: Ints, out: Floats) -> Mask:
-        nearest = self.tree.query(np.column_stack([middles, patch * self.apart]))[1]
+    def faces_back(self, centroids: Floats, patch: Ints, out: Floats) -> Mask:
+        nearest = self.tree.query(np.column_stack([centroids, patch * self.apart]))[1]
         return np.einsum("ij,ij->i", out, self.back[nearest]) > 0.0
 
 
@@ -89,12 +89,12 @@ def on_their_patches(nodes: Ints, patches: Patches, position: Floats) -> Floats:
     return onto_all([(node[own], patch[own]) for own in rows], patches, position)
 
 
-def onto_all(turns: Sequence[tuple[Ints, Ints]], patches: Patches, position: Floats) -> Floats:
-    x, still = position.copy(), STILL * np.ptp(position, axis=0).max()
+def onto_all(sequence: Sequence[tuple[Ints, Ints]], patches: Patches, position: Floats) -> Floats:
+    x, tolerance = position.copy(), STILL * np.ptp(position, axis=0).max()
     for _ in range(ROUNDS):
         before = x.copy()
-        for node, patch in turns:
+        for node, patch in sequence:
             x[node] = patches.project(patch, x[node])
-        if np.abs(x - before).max() <= still:
+        if np.abs(x - before).max() <= tolerance:
             break
     return x

@@ -19,12 +19,12 @@ __all__ = [
     "Polyline",
     "Polylines",
     "Segments",
+    "angles_between",
     "cut_into_segments",
     "joined_ends",
     "nodes_of",
     "polylines_of",
     "trace_polylines",
-    "turns",
     "without_noise",
 ]
 
@@ -195,14 +195,14 @@ def joined_ends(ends: Ints, nnodes: int) -> tuple[Ints, Ints]:
     return node, np.stack([order[first], order[first + 1]], axis=1)
 
 
-def turns(u: Floats, w: Floats) -> Floats:
+def angles_between(u: Floats, w: Floats) -> Floats:
     return np.abs(np.arctan2(u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0], -np.sum(u * w, axis=1)))
 
 
 def _smooth(edges: Ints, position: Floats) -> Ints:
     node, end = joined_ends(edges[:, [0, -1]], position.shape[1])
     direction = _directions(edges, position)
-    smooth = turns(direction[end[:, 0]], direction[end[:, 1]]) < CORNER
+    smooth = angles_between(direction[end[:, 0]], direction[end[:, 1]]) < CORNER
     through = np.full((position.shape[1], 2), -1, dtype=np.int32)
     through[node[smooth]] = end[smooth] // 2
     return through

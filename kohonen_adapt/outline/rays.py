@@ -29,16 +29,18 @@ def views_across(
     """
     elements, position = triangulation.elements, triangulation.position
     (a, b), c = elements.ends(element, corner), elements.chain[element, corner]
-    start, way = stretches(position, constraints, c, a, b)
+    start, way = parameters_and_lengths(position, constraints, c, a, b)
     first, last = (np.ceil(end(start, start + way) / step[c] - 0.5).astype(int) for end in (np.minimum, np.maximum))
     edge = np.repeat(np.arange(len(c)), last - first)
     number = np.arange(len(edge)) - np.repeat(np.cumsum(last - first) - last, last - first)
     share = ((number + 0.5) * step[c[edge]] - start[edge]) / way[edge]
     points = position[a[edge]] + share[:, None] * (position[b[edge]] - position[a[edge]])
-    return Views(c[edge], *look(position, elements, inside, element[edge], corner[edge], points))
+    return Views(c[edge], *trace_rays(position, elements, inside, element[edge], corner[edge], points))
 
 
-def stretches(position: Floats, constraints: Constraints, c: Ints, a: Ints, b: Ints) -> tuple[Floats, Floats]:
+def parameters_and_lengths(
+    position: Floats, constraints: Constraints, c: Ints, a: Ints, b: Ints
+) -> tuple[Floats, Floats]:
     start, end = (parameters_of(position, constraints, c, node) for node in (a, b))
     way = ways_along(constraints.chains, c, start, end)
     chord = np.sqrt(np.sum((position[b] - position[a]) ** 2, axis=1))
@@ -47,22 +49,22 @@ def stretches(position: Floats, constraints: Constraints, c: Ints, a: Ints, b: I
     return np.where(wrong, end - way, start), way
 
 
-def look(
+def trace_rays(
     position: Floats, elements: Elements, inside: Mask, element: Ints, corner: Ints, points: Floats
 ) -> tuple[Ints, Floats]:
-    e, k, going = element.copy(), corner.copy(), np.arange(len(element))
+    e, k, active = element.copy(), corner.copy(), np.arange(len(element))
     a, b = elements.ends(e, k)
     dx, dy = position[a, 1] - position[b, 1], position[b, 0] - position[a, 0]
-    while len(going):
-        at, side = e[going], k[going]
-        apex = position[elements.node[at, side]] - points[going]
-        left = dx[going] * apex[:, 1] - dy[going] * apex[:, 0] > 0.0
+    while len(active):
+        at, side = e[active], k[active]
+        apex = position[elements.node[at, side]] - points[active]
+        left = dx[active] * apex[:, 1] - dy[active] * apex[:, 0] > 0.0
         side = (side + np.where(left, 1, 2)) % 3
         across = elements.neighbour[at, side]
         on = (across >= 0) & inside[elements.region[across]]
-        k[going] = side
-        going, at, across = going[on], at[on], across[on]
-        e[going], k[going] = across, np.argmax(elements.neighbour[across] == at[:, None], axis=1)
+        k[active] = side
+        active, at, across = active[on], at[on], across[on]
+        e[active], k[active] = across, np.argmax(elements.neighbour[across] == at[:, None], axis=1)
     p, q = elements.ends(e, k)
     (ux, uy), (vx, vy) = (position[q] - position[p]).T, (position[p] - points).T
     sine = dx * uy - dy * ux

@@ -101,13 +101,13 @@ def rounds_of_set(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
     whole = round_of(skin.position, skin.nodes[part])
     if whole:
         return [(part, whole)]
-    bent = np.zeros(len(skin.nodes), dtype=bool)
-    bent[part] = True
+    curved = np.zeros(len(skin.nodes), dtype=bool)
+    curved[part] = True
     planes = skin.proper_planes(part)
     if not planes.any():
         return grown(skin, part)
     found = []
-    for rest in skin.sets(bent & ~planes):
+    for rest in skin.sets(curved & ~planes):
         whole = round_of(skin.position, skin.nodes[rest])
         found += [(rest, whole)] if whole else grown(skin, rest)
     return found
@@ -119,16 +119,16 @@ def grown(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
     own = number[skin.pairs]
     own = own[(own >= 0).all(axis=1)]
     local = replace(skin, nodes=skin.nodes[part])
-    free, fresh = (np.ones(len(part), dtype=bool) for _ in range(2))
+    free, untried = (np.ones(len(part), dtype=bool) for _ in range(2))
     found = []
     for _ in range(TRIES):
-        seeds = np.flatnonzero(free & fresh)
+        seeds = np.flatnonzero(free & untried)
         if not len(seeds):
             break
         seed = int(seeds[len(seeds) // 2])
         graph = linked(own[free[own].all(axis=1)], len(part))
         on, each = grown_from(local, graph, seed, free)
-        fresh[seed] = False
+        untried[seed] = False
         if each is not None:
             free[on] = False
             found.append((part[on], each))

@@ -90,7 +90,7 @@ def meeting_patches(edges: Edges, patches: Patches) -> tuple[NDArray[np.int32], 
 
 
 def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats) -> Pieces:
-    polylines, bent = smooth_runs(ends, kind, position)
+    polylines, curved = smooth_runs(ends, kind, position)
     first, last = polylines.node[polylines.start[:-1]], polylines.node[polylines.start[1:] - 1]
     way = position[last] - position[first]
     length = np.linalg.norm(way, axis=1, keepdims=True)
@@ -103,7 +103,7 @@ def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats)
     ]
     more: list[Rows] = [straight]
     added, kind_of = len(way), [of_run]
-    for r in np.flatnonzero(bent).tolist():
+    for r in np.flatnonzero(curved).tolist():
         slots = slice(polylines.start[r], polylines.start[r + 1])
         node, edge = polylines.node[slots], polylines.facet[slots][:-1]
         pieces, own = pieces_of(node, bool(polylines.closed[r]), kinds[of_run[r]], patches, position)
@@ -121,12 +121,12 @@ def smooth_runs(ends: Ints, kind: Ints, position: Floats) -> tuple[Polylines, Ma
     arriving, leaving = position[node] - position[other[:, 0]], position[other[:, 1]] - position[node]
     off = np.linalg.norm(np.cross(arriving, leaving), axis=1)
     turn = np.arctan2(off, np.einsum("ij,ij->i", arriving, leaving))
-    going = (turn < CORNER) & (kind[end[:, 0] // 2] == kind[end[:, 1] // 2])
+    continuing = (turn < CORNER) & (kind[end[:, 0] // 2] == kind[end[:, 1] // 2])
     through = np.full((len(position), 2), -1, dtype=np.int32)
-    through[node[going]] = end[going] // 2
+    through[node[continuing]] = end[continuing] // 2
     polylines = trace_polylines(ends, through)
     turning = np.zeros(len(position), dtype=bool)
-    turning[node[going & (turn > TURN)]] = True
+    turning[node[continuing & (turn > TURN)]] = True
     inner = turning[polylines.node] & (
         np.arange(len(polylines.node)) > np.repeat(polylines.start[:-1], np.diff(polylines.start))
     )
@@ -146,22 +146,22 @@ def pieces_of(node: Ints, closed: bool, meets: Ints, patches: Patches, position:
     unknown shape. Other polylines are cut into straight pieces and arcs if they lie in a plane, else into single edges.
     """
     x = position[node]
-    middle, ways = x.mean(axis=0), np.linalg.svd(x - x.mean(axis=0), full_matrices=False)[2]
+    middle, axes = x.mean(axis=0), np.linalg.svd(x - x.mean(axis=0), full_matrices=False)[2]
     size = np.ptp(x, axis=0).max()
-    flat = np.abs((x - middle) @ ways[2]).max() <= COLLINEAR * size
+    flat = np.abs((x - middle) @ axes[2]).max() <= COLLINEAR * size
     meeting = meets[meets >= 0]
     if len(meeting) > 1 and np.any(patches.shape[meeting] != PLANE):
-        rows, circle = np.array([[0, len(x) - 1, 1, closed]]), circle_through((x - middle) @ ways[:2].T)
+        rows, circle = np.array([[0, len(x) - 1, 1, closed]]), circle_through((x - middle) @ axes[:2].T)
         if not (flat and np.isfinite(circle).all()):
-            shape = INTERSECTION if crosses(x, meeting, patches) else -1
+            shape = INTERSECTION if intersect_at_angle(x, meeting, patches) else -1
             own = (np.array([shape], dtype=np.int8), np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1))
             return np.zeros(len(x) - 1, dtype=np.int64), own
     elif flat:
-        rows, circle = cut_in_plane((x - middle) @ ways[:2].T, closed)
+        rows, circle = cut_in_plane((x - middle) @ axes[:2].T, closed)
     else:
         edge = np.arange(len(x) - 1)
         rows, circle = np.column_stack([edge, edge + 1, 0 * edge, 0 * edge]), np.zeros((len(edge), 3))
-    return np.repeat(np.arange(len(rows)), rows[:, 1] - rows[:, 0]), placed(rows, circle, x, middle, ways)
+    return np.repeat(np.arange(len(rows)), rows[:, 1] - rows[:, 0]), lines_and_circles(rows, circle, x, middle, axes)
 
 
 def circle_through(x: Floats) -> Floats:
@@ -187,16 +187,16 @@ def cut_in_plane(x: Floats, closed: bool) -> tuple[Ints, Floats]:
     return rows, without_noise(circle[:number])[piece[begin]]
 
 
-def placed(rows: Ints, circle: Floats, x: Floats, middle: Floats, ways: Floats) -> Rows:
+def lines_and_circles(rows: Ints, circle: Floats, x: Floats, middle: Floats, axes: Floats) -> Rows:
     start, way = x[rows[:, 0]], x[rows[:, 1]] - x[rows[:, 0]]
     is_round = rows[:, 2] == 1
     length = np.linalg.norm(way, axis=1, keepdims=True)
-    axis = np.where(is_round[:, None], ways[2], way / np.where(length > 0.0, length, 1.0))
-    origin = np.where(is_round[:, None], middle + circle[:, :2] @ ways[:2], start)
+    axis = np.where(is_round[:, None], axes[2], way / np.where(length > 0.0, length, 1.0))
+    origin = np.where(is_round[:, None], middle + circle[:, :2] @ axes[:2], start)
     return np.where(is_round, CIRCLE, LINE).astype(np.int8), origin, axis, np.where(is_round, circle[:, 2], 0.0)
 
 
-def crosses(x: Floats, meeting: Ints, patches: Patches) -> bool:
+def intersect_at_angle(x: Floats, meeting: Ints, patches: Patches) -> bool:
     step = 1e-3 * np.ptp(x, axis=0).max()
     normal = []
     for p in meeting[:2].tolist():

@@ -30,20 +30,20 @@ def refined_on_arcs(mesh: MeshTri) -> tuple[MeshTri, MeshTri] | None:
     chain = np.full(mesh.facets.shape[1], -1)
     chain[facet_of_edge(mesh, elements.node)[e, k]] = elements.chain[e, k]
     finer = refined(mesh)
-    middle, facet = halves_of_facets(mesh, finer) if is_second_order(mesh) else middles_of_facets(mesh)
+    middle, facet = halves_of_facets(mesh, finer) if is_second_order(mesh) else midpoints_of_facets(mesh)
     middle, facet = middle[chain[facet] >= 0], facet[chain[facet] >= 0]
     (tx, ty), curvature = chains.direction[chain[facet]].T, chains.curvature[chain[facet]]
     centre = chains.origin[chain[facet]].T + np.stack((-ty, tx)) / curvature
     radial = finer.doflocs[:, middle] - centre
-    place, inside = centre + radial / (np.abs(curvature) * np.hypot(*radial)), mesh.f2t[1, facet] >= 0
+    on_circle, inside = centre + radial / (np.abs(curvature) * np.hypot(*radial)), mesh.f2t[1, facet] >= 0
     chords, arcs = finer.doflocs.copy(), finer.doflocs.copy()
-    chords[:, middle[~inside]], arcs[:, middle] = place[:, ~inside], place
+    chords[:, middle[~inside]], arcs[:, middle] = on_circle[:, ~inside], on_circle
     pair = replace(finer, doflocs=chords), replace(finer, doflocs=arcs)
-    overturned = [np.any(signed_area(each) * signed_area(finer) <= 0.0) for each in pair]
-    return pair if inside.any() and not any(overturned) else None
+    inverted = [np.any(signed_area(each) * signed_area(finer) <= 0.0) for each in pair]
+    return pair if inside.any() and not any(inverted) else None
 
 
-def middles_of_facets(mesh: MeshTri) -> tuple[Ints, Ints]:
+def midpoints_of_facets(mesh: MeshTri) -> tuple[Ints, Ints]:
     facet = np.arange(mesh.facets.shape[1])
     return mesh.nvertices + facet, facet  # scikit-fem numbers the new nodes of a refined mesh so
 

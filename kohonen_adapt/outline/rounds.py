@@ -47,7 +47,7 @@ class Round:
     origin: Floats  # (3,)
     axis: Floats  # (3,)
     size: float
-    off: float
+    deviation: float
     nodes: int
     places: int
 
@@ -74,32 +74,37 @@ def round_of(position: Floats, nodes: Ints) -> Round | None:
     x = position[np.unique(nodes)]
     if len(x) < FEWEST:
         return None
-    across_faces = normals(position, nodes)
-    middles = position[nodes].mean(axis=1)
-    cylinder, sphere = cylinder_through(x, across_faces), sphere_through(x)
-    found = [each for each in (cylinder, sphere) if each and fits(each, x, across_faces, middles)]
-    if len(found) == 2 and cylinder and sphere and cylinder.off > max(2.0 * sphere.off, EQUAL * sphere.size):
+    normal = normals(position, nodes)
+    centroids = position[nodes].mean(axis=1)
+    cylinder, sphere = cylinder_through(x, normal), sphere_through(x)
+    found = [each for each in (cylinder, sphere) if each and fits(each, x, normal, centroids)]
+    if (
+        len(found) == 2
+        and cylinder
+        and sphere
+        and cylinder.deviation > max(2.0 * sphere.deviation, EQUAL * sphere.size)
+    ):
         return sphere
     return found[0] if found else None
 
 
-def fits(found: Round, x: Floats, across_faces: Floats, middles: Floats) -> bool:
-    if found.places < (COARSE if found.shape == CYLINDER else ON_SPHERE) or not found.off <= LOOSE * found.size:
+def fits(found: Round, x: Floats, normal: Floats, centroids: Floats) -> bool:
+    if found.places < (COARSE if found.shape == CYLINDER else ON_SPHERE) or not found.deviation <= LOOSE * found.size:
         return False
-    out = middles - found.origin
+    out = centroids - found.origin
     flat = x - found.origin
     if found.shape == CYLINDER:
         out = out - found.axis * (out @ found.axis)[:, None]
         flat = flat - found.axis * (flat @ found.axis)[:, None]
-    cosine = np.abs(np.einsum("ij,ij->i", out, across_faces))
-    lengths = np.linalg.norm(out, axis=1) * np.linalg.norm(across_faces, axis=1)
-    return DISTINCT * found.off <= bulge(flat, found) and bool(np.all(cosine > np.cos(CORNER) * lengths))
+    cosine = np.abs(np.einsum("ij,ij->i", out, normal))
+    lengths = np.linalg.norm(out, axis=1) * np.linalg.norm(normal, axis=1)
+    return DISTINCT * found.deviation <= least_extent(flat, found) and bool(np.all(cosine > np.cos(CORNER) * lengths))
 
 
-def bulge(x: Floats, found: Round) -> float:
-    ways = np.linalg.svd(x - x.mean(axis=0), full_matrices=False)[2]
-    ways = ways[np.abs(ways @ found.axis) < 0.5] if found.shape == CYLINDER else ways
-    return float(np.min(np.ptp(x @ ways.T, axis=0)))
+def least_extent(x: Floats, found: Round) -> float:
+    axes = np.linalg.svd(x - x.mean(axis=0), full_matrices=False)[2]
+    axes = axes[np.abs(axes @ found.axis) < 0.5] if found.shape == CYLINDER else axes
+    return float(np.min(np.ptp(x @ axes.T, axis=0)))
 
 
 def sphere_through(x: Floats) -> Round | None:
@@ -115,21 +120,21 @@ def sphere_through(x: Floats) -> Round | None:
     radius = float(np.sqrt(solution[3] + np.sum(solution[:3] ** 2)))
     radius = float(rounded(scale * radius, scale * radius))
     centre = rounded(middle + scale * solution[:3], radius)
-    off = np.abs(np.linalg.norm(x - centre, axis=1) - radius).max()
-    return Round(SPHERE, centre, np.zeros(3), radius, float(off), len(x), len(x))
+    deviation = np.abs(np.linalg.norm(x - centre, axis=1) - radius).max()
+    return Round(SPHERE, centre, np.zeros(3), radius, float(deviation), len(x), len(x))
 
 
-def cylinder_through(x: Floats, across_faces: Floats) -> Round | None:
+def cylinder_through(x: Floats, normal: Floats) -> Round | None:
     """Return the cylinder with the least sum of squared distances, or None.
 
-    The first axis is the direction most nearly orthogonal to all normals `across_faces`. Iterations are of Gauss-Newton
+    The first axis is the direction most nearly orthogonal to all normals `normal`. Iterations are of Gauss-Newton
     type: with u the unit vector away from the axis and s the coordinate along the axis, a turn of the axis by t changes
     the distance of a point by -s u.t, and a shift by p changes the distance by -u.p.
     """
     middle, scale = x.mean(axis=0), np.ptp(x, axis=0).max()
     y, point = (x - middle) / scale, np.zeros(3)
-    weight = np.linalg.norm(across_faces, axis=1, keepdims=True)
-    axis = np.linalg.eigh((across_faces / weight).T @ across_faces)[1][:, 0]
+    weight = np.linalg.norm(normal, axis=1, keepdims=True)
+    axis = np.linalg.eigh((normal / weight).T @ normal)[1][:, 0]
     radius = 0.0
     for step in range(STEPS):
         one = across(axis)
@@ -165,8 +170,8 @@ def cylinder_of(x: Floats, point: Floats, axis: Floats, radius: float) -> Round 
     flat = (x - point) @ np.stack([one, np.cross(axis, one)]).T
     angle = np.sort(np.arctan2(flat[:, 1], flat[:, 0]))
     places = int(np.sum(np.diff(angle, append=angle[0] + 2.0 * np.pi) > APART))
-    off = np.abs(np.linalg.norm(flat, axis=1) - radius).max()
-    return Round(CYLINDER, point, axis, radius, float(off), len(x), places)
+    deviation = np.abs(np.linalg.norm(flat, axis=1) - radius).max()
+    return Round(CYLINDER, point, axis, radius, float(deviation), len(x), places)
 
 
 def rounded(values: Floats | float, size: float) -> Floats:
@@ -177,7 +182,7 @@ def rounded(values: Floats | float, size: float) -> Floats:
 def are_coaxial(one: Round, other: Round) -> bool:
     if one.shape != CYLINDER or other.shape != CYLINDER:
         return False
-    off = other.origin - one.origin
-    apart = np.linalg.norm(off - one.axis * (off @ one.axis))
+    deviation = other.origin - one.origin
+    apart = np.linalg.norm(deviation - one.axis * (deviation @ one.axis))
     turn = np.linalg.norm(np.cross(one.axis, other.axis))
     return bool(apart <= COAXIAL * one.size and turn <= COAXIAL)

@@ -27,7 +27,7 @@ def samples_of(faces: Faces, patches: Patches, position: Floats) -> Samples:
         if patches.shape[p] == PROJECTED:
             own = np.flatnonzero(patches.of_face == p)
             point, face = lattice(position[faces.nodes[own]])
-            found = shaped(
+            found = shapes_at(
                 patches, p, point, position[faces.nodes[own]][face], out_of(faces, patches, own, position)[face]
             )
             order = in_tree(found[0])
@@ -42,20 +42,20 @@ def out_of(faces: Faces, patches: Patches, own: Ints, position: Floats) -> Float
     normal = normals(position, nodes)
     away = faces.regions[own, 0] == patches.front[patch]
     sheet = patches.front[patch] < 0
-    away[sheet] = patches.sheet.looks_back(position[nodes[sheet]].mean(axis=1), patch[sheet], normal[sheet])
+    away[sheet] = patches.sheet.faces_back(position[nodes[sheet]].mean(axis=1), patch[sheet], normal[sheet])
     return np.where(away[:, None], normal, -normal)
 
 
 def lattice(corners: Floats) -> tuple[Floats, Ints]:
     a, b, c = corners.transpose(1, 0, 2)
-    shares = [(i / CUTS, j / CUTS) for i in range(CUTS + 1) for j in range(CUTS + 1 - i)]
+    fractions = [(i / CUTS, j / CUTS) for i in range(CUTS + 1) for j in range(CUTS + 1 - i)]
     point, rows = np.unique(
-        np.concatenate([a + s * (b - a) + t * (c - a) for s, t in shares]), axis=0, return_index=True
+        np.concatenate([a + s * (b - a) + t * (c - a) for s, t in fractions]), axis=0, return_index=True
     )
     return point, rows % len(corners)
 
 
-def shaped(patches: Patches, p: int, near: Floats, corners: Floats, out: Floats) -> tuple[Floats, Floats, Floats]:
+def shapes_at(patches: Patches, p: int, near: Floats, corners: Floats, out: Floats) -> tuple[Floats, Floats, Floats]:
     """Return points, normals and second derivatives of patch `p`.
 
     Points (k, 3) are the nearest to `near`. Unit normals (k, 3) point to the side of `out`. Second derivatives
@@ -64,8 +64,8 @@ def shaped(patches: Patches, p: int, near: Floats, corners: Floats, out: Floats)
     patch = np.full(len(near), p)
     point = patches.project(patch, near)
     along, aside = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    ways = along, aside, along + aside
-    ends = [[patches.project(patch, point + step * way) - point for step in (STEP, -STEP)] for way in ways]
+    directions = along, aside, along + aside
+    ends = [[patches.project(patch, point + step * way) - point for step in (STEP, -STEP)] for way in directions]
     tangent = np.stack([ahead - back for ahead, back in ends[:2]], axis=2) / (2.0 * STEP)
     normal = np.cross(tangent[:, :, 0], tangent[:, :, 1])
     flat = ~(np.einsum("ij,ij->i", normal, normal) > 0.0)  # no tangent plane beyond the rim of the surface
@@ -74,9 +74,9 @@ def shaped(patches: Patches, p: int, near: Floats, corners: Floats, out: Floats)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     first, second, both = (np.einsum("ij,ij->i", ahead + back, normal) / STEP**2 for ahead, back in ends)
     mixed = 0.5 * (both - first - second)
-    bend = np.stack([first, mixed, mixed, second], axis=1).reshape(-1, 2, 2)
+    second_derivatives = np.stack([first, mixed, mixed, second], axis=1).reshape(-1, 2, 2)
     inverse = np.linalg.pinv(tangent)
-    return point, normal, inverse.transpose(0, 2, 1) @ bend @ inverse
+    return point, normal, inverse.transpose(0, 2, 1) @ second_derivatives @ inverse
 
 
 def in_tree(point: Floats) -> Ints:

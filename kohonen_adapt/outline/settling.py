@@ -8,14 +8,14 @@ from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.tetrahedralization import FACES
 from kohonen_adapt.outline.patches import Patches, onto_all
 
-__all__ = ["left_out", "places_of", "settled"]
+__all__ = ["distances_from_faces", "move_to_targets", "projected_positions"]
 
 STILL = 1e-13  # distance from the target below which nodes are not moved, relative to the size of the mesh
 HALVINGS = 4  # maximum number of halvings of displacements that violate the quality rule
 SMALL = 1e-4  # maximum size of a small displacement, relative to the element
 
 
-def places_of(position: Floats, surfaces: Surfaces, freedom: Freedom, patches: Patches) -> Floats:
+def projected_positions(position: Floats, surfaces: Surfaces, freedom: Freedom, patches: Patches) -> Floats:
     x = position.copy()
     on = np.flatnonzero(freedom.number == ON_PATCH)
     on = on[patches.moves[freedom.place[on]]]
@@ -43,7 +43,7 @@ def onto_ridges(x: Floats, ridge: Ints, surfaces: Surfaces) -> Floats:
     return np.where((surfaces.ridge_shape[ridge] == LINE)[:, None], origin + along, on_circle)
 
 
-def settled(position: Floats, elements: Tetrahedra, target: Floats, floor: float) -> Floats:
+def move_to_targets(position: Floats, elements: Tetrahedra, target: Floats, floor: float) -> Floats:
     """Return positions with nodes moved to `target`, (n, 3), all at once.
 
     The quality of an element may fall to `floor`. If a displacement violates this limit, the nodes of the element move
@@ -54,27 +54,27 @@ def settled(position: Floats, elements: Tetrahedra, target: Floats, floor: float
     far = np.abs(target - position).max(axis=1) > STILL * np.ptp(position, axis=0).max()
     touched = node[far[node].any(axis=1)]
     before = qualities(position, touched)
-    least = np.minimum(floor, before * (1.0 - 100.0 * small_ways(position, target, touched)))
-    share = far.astype(np.float64)
+    least = np.minimum(floor, before * (1.0 - 100.0 * small_displacements(position, target, touched)))
+    fraction = far.astype(np.float64)
     for step in range(HALVINGS + 1):
-        moved = position + share[:, None] * (target - position)
-        bad = refused(moved, touched, least)
+        moved = position + fraction[:, None] * (target - position)
+        bad = violating(moved, touched, least)
         if not bad.any():
             break
-        share[touched[bad]] *= 0.5 if step < HALVINGS else 0.0
-    while (bad := refused(moved, touched, least)).any():  # elements nearby relied on displacements that are now 0
-        share[touched[bad]] = 0.0
-        moved = position + share[:, None] * (target - position)
-    return np.where(share[:, None] == 1.0, target, moved)
+        fraction[touched[bad]] *= 0.5 if step < HALVINGS else 0.0
+    while (bad := violating(moved, touched, least)).any():  # elements nearby relied on displacements that are now 0
+        fraction[touched[bad]] = 0.0
+        moved = position + fraction[:, None] * (target - position)
+    return np.where(fraction[:, None] == 1.0, target, moved)
 
 
-def small_ways(position: Floats, target: Floats, node: Ints) -> Floats:
+def small_displacements(position: Floats, target: Floats, node: Ints) -> Floats:
     size = np.ptp(position[node], axis=1).max(axis=1)
-    share = np.abs(target - position)[node].max(axis=(1, 2)) / size
-    return np.where(share <= SMALL, share, 0.0)
+    fraction = np.abs(target - position)[node].max(axis=(1, 2)) / size
+    return np.where(fraction <= SMALL, fraction, 0.0)
 
 
-def refused(position: Floats, node: Ints, least: Floats) -> Mask:
+def violating(position: Floats, node: Ints, least: Floats) -> Mask:
     found = qualities(position, node)
     return (found < least) | (found <= 0.0)
 
@@ -88,7 +88,7 @@ def qualities(position: Floats, node: Ints) -> Floats:
     return TETRAHEDRON.regular * np.sign(volume) * np.abs(volume) ** (2.0 / 3.0) / squares
 
 
-def left_out(position: Floats, elements: Tetrahedra, patches: Patches) -> Floats:
+def distances_from_faces(position: Floats, elements: Tetrahedra, patches: Patches) -> Floats:
     found = np.zeros(len(patches.shape))
     used = elements.node[:, 0] >= 0
     e, k = np.nonzero((elements.patch >= 0) & used[:, None] & np.append(patches.moves, False)[elements.patch])

@@ -213,8 +213,8 @@ def _sampled(pieces: Sequence[Floats], closed: Sequence[bool]) -> Samples:
     for piece, chord, loop in zip(points, chords, closed, strict=True):
         own = np.append(0.0, np.cumsum(chord)) / total
         spline = CubicSpline(own, piece.T, bc_type="periodic" if loop else "not-a-knot")
-        beyond = [spline(own[-1], order) / factorial(order) for order in (3, 2, 1)]
-        cubics += [spline.c, np.stack([*beyond, piece[:, -1]])[:, None]]
+        at_end = [spline(own[-1], order) / factorial(order) for order in (3, 2, 1)]
+        cubics += [spline.c, np.stack([*at_end, piece[:, -1]])[:, None]]
         t, far = _refined(spline, own)
         knots.append(start + own)
         parameters.append(start + t)
@@ -234,13 +234,13 @@ def _refined(spline: CubicSpline, t: Floats) -> tuple[Floats, float]:
     reach is the largest distance of a point of the curve from the nearest sample.
     """
     for _ in range(HALVINGS):
-        chord, bend = np.sqrt(_squared(np.diff(spline(t), axis=0))), np.sqrt(_squared(spline(t, 2)))
-        bulge = 0.125 * np.diff(t) ** 2 * np.maximum(bend[1:], bend[:-1])
-        bent = bulge > FLAT * chord
-        if not bent.any():
+        chord, second_derivative = np.sqrt(_squared(np.diff(spline(t), axis=0))), np.sqrt(_squared(spline(t, 2)))
+        sagitta = 0.125 * np.diff(t) ** 2 * np.maximum(second_derivative[1:], second_derivative[:-1])
+        coarse = sagitta > FLAT * chord
+        if not coarse.any():
             break
-        t = np.sort(np.append(t, 0.5 * (t[1:] + t[:-1])[bent]))
-    return t, float(np.max(0.5 * chord + bulge))
+        t = np.sort(np.append(t, 0.5 * (t[1:] + t[:-1])[coarse]))
+    return t, float(np.max(0.5 * chord + sagitta))
 
 
 def _nearest(samples: Samples, x: Floats) -> Floats:
@@ -258,17 +258,17 @@ def _nearest(samples: Samples, x: Floats) -> Floats:
 
 def _feet(samples: Samples, at: Ints, x: Floats) -> Floats:
     low, t, high = samples.t[samples.before[at]], samples.t[at], samples.t[samples.after[at]]
-    settled = np.zeros(len(at), dtype=bool)
+    converged = np.zeros(len(at), dtype=bool)
     for _ in range(STEPS):
-        off, along, bend = samples.curve(t) - x, samples.curve(t, 1), samples.curve(t, 2)
-        rate, change = np.sum(off * along, axis=1), np.sum(along**2 + off * bend, axis=1)
+        off, tangent, second_derivative = samples.curve(t) - x, samples.curve(t, 1), samples.curve(t, 2)
+        rate, change = np.sum(off * tangent, axis=1), np.sum(tangent**2 + off * second_derivative, axis=1)
         low, high = np.where(rate > 0.0, low, t), np.where(rate > 0.0, t, high)
         with np.errstate(divide="ignore", invalid="ignore"):
             newton = t - rate / change
         better = np.where((change > 0.0) & (low <= newton) & (newton <= high), newton, 0.5 * (low + high))
         # Converged parameters stay, so that no point influences the projection of another point.
-        t, settled = np.where(settled, t, better), settled | (np.abs(better - t) <= EPSILON)
-        if settled.all():
+        t, converged = np.where(converged, t, better), converged | (np.abs(better - t) <= EPSILON)
+        if converged.all():
             break
     return samples.curve(t)
 

@@ -12,7 +12,7 @@ from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.movable import BY_ELEMENT, MovableMesh, with_state
-from kohonen_adapt.outline.numbering import along, with_rows
+from kohonen_adapt.outline.numbering import element_order, reordered_state
 
 __all__ = ["Recycled", "Surgery", "unchanged"]
 
@@ -83,7 +83,7 @@ class Surgery:
             state["pinned"],
             np.zeros(rows, dtype=np.bool_),
             padded(on_boundary > 2, rows, False),
-            padded(longest_joined(movable), rows, np.inf),
+            padded(longest_merged(movable), rows, np.inf),
         )
         records = with_state(movable.triangulation.elements, movable.constraints, state)
         return cls(state, OpenMesh(state["position"], *records, pool, origins, SurgeryScratch.of(rows, spare)))
@@ -94,12 +94,12 @@ class Surgery:
         if renumbered:
             kept = kept[along_curve(self.state["position"][kept])]
         used = np.flatnonzero(node[:, 0] >= 0)
-        used = used[along(node[used], ranks(kept, len(anchor)))]
-        movable.set_arrays(with_rows(self.state, kept, used))
+        used = used[element_order(node[used], ranks(kept, len(anchor)))]
+        movable.set_arrays(reordered_state(self.state, kept, used))
         return kept, used
 
 
-def longest_joined(movable: MovableMesh) -> Floats:
+def longest_merged(movable: MovableMesh) -> Floats:
     even = np.append(movable.constraints.chains.even, np.inf)
     return even[np.where(movable.constraints.kind == SLIDING, movable.constraints.own_chain, -1)]
 

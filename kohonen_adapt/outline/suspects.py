@@ -7,18 +7,18 @@ import numpy as np
 
 from kohonen_adapt.kernels.arrays import STRAIGHT
 from kohonen_adapt.outline.cutting import fitted_circle, turning_angles
-from kohonen_adapt.outline.facets import joints_of, outline_facets, trace_facets
+from kohonen_adapt.outline.facets import constrained_facets, joints_of, trace_facets
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.polylines import without_noise
 
-__all__ = ["Suspect", "suspects"]
+__all__ = ["PossibleArc", "possible_arcs"]
 
 CIRCULAR = 1e-6  # maximum distance of a corner from the circle, relative to the radius
 SHARPEST = np.deg2rad(75.0)  # maximum turn at a corner: a pentagon turns by 72 degrees, a square by 90
 FACETS = 3  # minimum number of facets: any three nodes are on a circle
 
 
-class Suspect(NamedTuple):
+class PossibleArc(NamedTuple):
     """Polygon whose corners lie on a circle."""
 
     names: list[str]  # names of boundaries that contain the polygon
@@ -28,10 +28,10 @@ class Suspect(NamedTuple):
     radius: float
 
 
-def suspects(movable: MovableMesh) -> Iterator[Suspect]:
+def possible_arcs(movable: MovableMesh) -> Iterator[PossibleArc]:
     """Yield polygons of boundaries and interfaces whose corners lie on a circle."""
     triangulation, outline = movable.triangulation, movable.outline
-    facets, position = outline_facets(triangulation), triangulation.position
+    facets, position = constrained_facets(triangulation), triangulation.position
     joints = joints_of(facets, position, np.ones(len(facets.element), dtype=bool))
     polylines = trace_facets(facets, joints, outline.pinned)
     chain = triangulation.elements.chain[facets.element, facets.corner]
@@ -52,4 +52,4 @@ def suspects(movable: MovableMesh) -> Iterator[Suspect]:
         one_way = abs(np.sign(turns).sum()) == len(turns) and np.abs(turns).max() < SHARPEST
         if one_way and off.max() <= CIRCULAR * radius:
             names = [name for name, side in facets.sides.items() if np.all(side[rows] > 0)]
-            yield Suspect(names, len(nodes), float(np.abs(turns).max()), (x, y), radius)
+            yield PossibleArc(names, len(nodes), float(np.abs(turns).max()), (x, y), radius)

@@ -16,7 +16,7 @@ from kohonen_adapt.kernels.arrays import SLIDING
 from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, gradients
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.chains import on_chains
-from kohonen_adapt.outline.isoparametric import off_chords
+from kohonen_adapt.outline.isoparametric import offsets_from_chords
 from kohonen_adapt.outline.outline import Outline
 
 __all__ = ["CENTROID", "Chords", "Slivers", "segment_areas"]
@@ -94,7 +94,7 @@ class Chords:
         there = np.where((other >= 0)[:, None], self.constants[elements.region[other]], 0.0)
         change, rows = np.where(inwards[:, None], there - own, own), inwards | (other < 0)
         e, k = e[rows], k[rows]
-        return Slivers(e, k, change[rows], off_chords(triangulation, self.outline.constraints, e, k))
+        return Slivers(e, k, change[rows], offsets_from_chords(triangulation, self.outline.constraints, e, k))
 
     def value(self, triangulation: Triangulation, values: Floats) -> float:
         """Return the functional of all slivers for nodal values of shape (n,)."""
@@ -114,7 +114,7 @@ def cut_sources(triangulation: Triangulation, outline: Outline, constants: Float
     e, k = np.nonzero(on_chains(elements.chain, known))
     other, source = elements.neighbour[e, k], constants[elements.region, 1]
     ends = source[e] != np.where(other >= 0, source[other], 0.0)
-    off = off_chords(triangulation, outline.constraints, e, k)
+    off = offsets_from_chords(triangulation, outline.constraints, e, k)
     start, end = (triangulation.position[node] for node in elements.ends(e, k))
     ends &= np.sum(off**2, axis=1) > FLAT**2 * np.sum((end - start) ** 2, axis=1)
     found[elements.chain[e, k][ends]] = True
@@ -122,7 +122,7 @@ def cut_sources(triangulation: Triangulation, outline: Outline, constants: Float
 
 
 def leans_in(triangulation: Triangulation, outline: Outline, e: Ints, k: Ints) -> Mask:
-    (a, b), off = triangulation.elements.ends(e, k), off_chords(triangulation, outline.constraints, e, k)
+    (a, b), off = triangulation.elements.ends(e, k), offsets_from_chords(triangulation, outline.constraints, e, k)
     way = triangulation.position[b] - triangulation.position[a]
     return way[:, 0] * off[:, 1] - way[:, 1] * off[:, 0] > 0.0
 

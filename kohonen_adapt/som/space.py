@@ -119,7 +119,7 @@ def smooth(opened: OpenSolid, density: DensityInSpace, sweeps: int, movable: Mov
     for _ in range(sweeps):
         sweep(opened, parts, weights(opened, density), cubed(movable.floor))
         if movable.flips:
-            opened.look_again()
+            opened.queue_worse()
             opened.swap()
 
 

@@ -16,7 +16,7 @@ from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
 from kohonen_adapt.kernels.threads import by_turns, shared_in_parts
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.open_solid import OpenSolid
-from kohonen_adapt.outline.parts import parts_for, share_out, wait_in
+from kohonen_adapt.outline.parts import parts_for, run_parts, wait_in
 
 CELLS = 14  # 3375 nodes: two parts
 
@@ -40,7 +40,7 @@ def test_in_the_end_no_swap_is_left_to_do_and_no_row_is_lost(build):
     solid = opened(build)
     mesh, queue = solid.mesh, solid.queue
     volume = volumes_of(solid)
-    assert len(solid.parts().ways) == 2
+    assert len(solid.parts().partitions) == 2
     assert solid.swap() > 1000
     assert not queue.waiting.any() and queue.state[1] == 0
     used, free = solid.elements(), mesh.pool.free_elements[: mesh.pool.height[1]]
@@ -59,7 +59,7 @@ def test_parts_change_only_what_is_theirs(monkeypatch):
     """An element at a cut stays, but for its neighbours; what is in the way there is told."""
     monkeypatch.setattr(config, "NUMBA_NUM_THREADS", 1)
     solid = opened()
-    part, before = solid.parts().ways[0], solid.mesh.elements.node.copy()
+    part, before = solid.parts().partitions[0], solid.mesh.elements.node.copy()
     of_element, seen = np.empty(len(before), dtype=np.int32), []
     find_parts(before, part, of_element)
     slow = [
@@ -73,7 +73,7 @@ def test_parts_change_only_what_is_theirs(monkeypatch):
         return swap_waiting(mesh, queue, 1.0, 10_000)
 
     wait_in(solid.queue, np.flatnonzero(of_element >= 0))
-    assert share_out(solid.mesh, solid.queue, part, swap) > 1000
+    assert run_parts(solid.mesh, solid.queue, part, swap) > 1000
     assert np.array_equal(solid.mesh.elements.node[across], before[across])
     assert seen[0] == [ELSEWHERE] and seen[1] == [ELSEWHERE, WANTED]
     told = solid.queue.element[: solid.queue.state[1]]
@@ -111,7 +111,7 @@ def test_nodes_deep_in_a_part_of_either_way_come_before_those_that_are_not():
     for way, group in ((0, seen[:2]), (1, seen[2:4])):
         for nodes in group:
             around = np.concatenate([star.link[star.start[v] : star.start[v + 1]].ravel() for v in nodes])
-            assert len(set(parts.ways[way][around].tolist())) == 1
+            assert len(set(parts.partitions[way][around].tolist())) == 1
 
 
 def test_few_nodes_are_one_part_and_many_are_more_of_no_less_than_a_thousand():
