@@ -33,8 +33,8 @@ expected: set[str] = set()
 SEAL = 16  # bytes of the hash at the beginning of a file of machine code
 
 NOT_KEPT = (
-    "compiled loops of kohonen_adapt cannot be kept in '%s' (%s), so that every process compiles them: set "
-    "NUMBA_CACHE_DIR to a folder that takes files."
+    "compiled loops of kohonen_adapt cannot be stored in '%s' (%s), so every process compiles them again. Set "
+    "NUMBA_CACHE_DIR to a writable folder."
 )
 
 OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}

@@ -109,8 +109,8 @@ class Checkpoint:
         for file in wanted:
             if file not in files:
                 raise ValueError(
-                    f"the checkpoint has '{max(files).name}' but no '{file.name}': delete the passes after the missing "
-                    f"one to go on from the one before it, or choose another folder than '{self.folder}'."
+                    f"the checkpoint '{self.folder}' has '{max(files).name}' but no '{file.name}'. Delete the later "
+                    "files to resume from the pass before, or use another folder."
                 )
         return wanted
 
@@ -122,7 +122,7 @@ class Checkpoint:
                 arrays = {name: content[name] for name in content.files}
             about = json.loads(arrays.pop("about").tobytes())
             if (about["format"], self._file(about["number"])) != (FORMAT, file):
-                raise ValueError(f"it says format {about['format']} and pass {about['number']}")
+                raise ValueError(f"found format {about['format']} and pass {about['number']}")
             values = {name: _plain(about, arrays, name) for name in self._names()}
             _check_kinds(values | {"run": about["run"]}, get_type_hints(self.record) | {"run": dict[str, str]})
             state = {name.removeprefix(STATE): array for name, array in arrays.items() if name.startswith(STATE)}
@@ -133,8 +133,8 @@ class Checkpoint:
 
     def _damaged(self, file: Path, error: Exception) -> ValueError:
         return ValueError(
-            f"the checkpoint '{file}' is damaged ({type(error).__name__}: {error}): delete it and the passes after "
-            "it to go on from the one before, or choose another folder."
+            f"the checkpoint '{file}' is damaged ({type(error).__name__}: {error}). Delete this file and the later "
+            "ones to resume from the pass before, or use another folder."
         )
 
 
@@ -142,7 +142,7 @@ def _check_sizes(content: Any, most: int) -> None:
     """Raise ValueError if the unpacked arrays are larger than the uncompressed file."""
     declared = sum(member.file_size for member in content.zip.infolist())
     if declared > most:
-        raise ValueError(f"it would unpack to {declared} bytes, and has {most}")
+        raise ValueError(f"contents of {declared} bytes in a file of {most} bytes")
 
 
 def _check_kinds(values: Mapping[str, Any], kinds: Mapping[str, Any]) -> None:
@@ -173,12 +173,12 @@ def _plain(about: dict[str, Any], arrays: Mapping[str, NDArray[Any]], name: str)
 
 def _check_run(folder: Path, before: Mapping[str, str], now: Mapping[str, str]) -> None:
     differing = [
-        f"its {name} is another one" if now.get(name, "").startswith(DIGEST) else f"its {name} was {was}, not {is_}"
+        f"{name} differs" if now.get(name, "").startswith(DIGEST) else f"{name} was {was}, now {is_}"
         for name in dict.fromkeys([*before, *now])
         if (was := before.get(name, "none")) != (is_ := now.get(name, "none"))
     ]
     if differing:
         raise ValueError(
-            f"the checkpoint in '{folder}' is of another run: {'; '.join(differing)}. Go on with what it was begun "
-            "with, or choose another folder."
+            f"the checkpoint in '{folder}' belongs to another run: {'; '.join(differing)}. Use the mesh, problem and "
+            "arguments of that run, or another folder."
         )

@@ -70,6 +70,6 @@ class Growth:
         if nodes >= self.target:
             return ""
         return (
-            f"the mesh has {nodes} of {self.target} nodes, for every further split would have broken the quality rule "
-            "or the passes ended before: lower min_quality, improve the input, or ask for more passes"
+            f"The mesh has {nodes} of {self.target} nodes, because further splits would break the quality rule or the "
+            "passes ended too early. Decrease `min_quality`, improve the input mesh or increase `passes`."
         )

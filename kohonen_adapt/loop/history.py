@@ -61,7 +61,7 @@ class Kept:
     def best(self) -> Solved:
         best = self.lowest if all(step.comparable for step in self.passes) else self.least
         if best is None:
-            raise RuntimeError("the history has no pass to give back.")
+            raise RuntimeError("the history has no pass.")
         return best
 
 
@@ -181,7 +181,7 @@ class History:
             return result
         better = self._adaptation.better_outputs(result.mesh, result.solution)
         remark = worse_outputs(result.history[0], result.best, better)
-        return replace(result, message=f"{result.message.removesuffix('.')}{remark}.")
+        return replace(result, message=f"{result.message} {remark}".rstrip())
 
     def _with_goal_error(self, result: AdaptResult) -> AdaptResult:
         best = result.best
@@ -190,8 +190,7 @@ class History:
         self._steps.begin(best.number, "estimate the error of the goal")
         error, trouble = self._adaptation.goal_error(result.solution)
         if trouble:
-            remark = f"; the error of the goal could not be estimated ({trouble})"
-            return replace(result, message=f"{result.message.removesuffix('.')}{remark}.")
+            return replace(result, message=f"{result.message} The error of the goal could not be estimated: {trouble}.")
         known = replace(best, goal_error=error)
         return replace(result, history=tuple(known if step is best else step for step in result.history))
 

@@ -57,9 +57,9 @@ class AdaptResult:
         return next(step for step in self.history if step.mesh is self.mesh)
 
     def __str__(self) -> str:
-        marks = ["  <- result" if step is self.best else "" for step in self.history]
+        marks = ["  <- best" if step is self.best else "" for step in self.history]
         return "\n".join([*table_lines(self.history, marks), self.message])
 
     def _repr_html_(self) -> str:
         bold = [' style="font-weight: bold"' * (step is self.best) for step in self.history]
-        return f"{html_table(self.history, bold)}\n<p>The result is the pass in bold. {escape(self.message)}</p>"
+        return f"{html_table(self.history, bold)}\n<p>The best pass is in bold. {escape(self.message)}</p>"

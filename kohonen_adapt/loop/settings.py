@@ -41,7 +41,9 @@ class Settings:
     def __post_init__(self) -> None:
         check_training(self.schedule, self.seed)
         if not isinstance(self.polish, bool | np.bool_):
-            raise ValueError(f"polish must be True or False; got {self.polish!r}. Polish alone: kohonen_adapt.polish.")
+            raise ValueError(
+                f"polish must be True or False; got {self.polish!r}. kohonen_adapt.polish polishes without a map."
+            )
 
     def rng(self, number: int) -> np.random.Generator:
         return np.random.default_rng(int(np.random.SeedSequence((self.seed, number)).generate_state(1)[0]))

@@ -208,9 +208,9 @@ class Adaptation:
         an earlier pass.
         """
         if not self.settings.polish:
-            return None, None, "it is switched off"
+            return None, None, "polish=False"
         if norm_of(self.problem) != "energy":
-            return None, None, f"an error in the norm {norm_of(self.problem)!r} has no energy to lower"
+            return None, None, f"the norm {norm_of(self.problem)!r} has no energy functional"
         try:
             ritz = ritz_of(self.problem, mesh, solution)
             ritz = ritz if share is None else replace(ritz, share=share)

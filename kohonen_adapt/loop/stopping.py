@@ -10,6 +10,7 @@ from kohonen_adapt.checks import check_count, check_hook, check_tolerance
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.steps import StepFailed
+from kohonen_adapt.loop.table import energy_norm_error
 from kohonen_adapt.outline.movable import Work
 from kohonen_adapt.problem.outputs import have_settled
 
@@ -49,7 +50,9 @@ DISAGREEMENT = 3.0
 # the estimate, and for 6 of the remaining 528; after two and three passes falsely for 1 of 542 and for 1 of 548.
 UNRESOLVED = 2.0
 
-AT_ITS_END = (Status.MAX_PASSES, Status.STALLED, Status.NOT_MOVED)
+CONTINUE = "Adapt the result to continue."
+
+UNINTERRUPTED = (Status.MAX_PASSES, Status.STALLED, Status.NOT_MOVED)
 
 Passes = tuple[Pass, ...]
 
@@ -84,31 +87,27 @@ class StopTest:
 
         While the mesh is `growing`, unmoved nodes or a stall do not end the loop.
         """
-        last, result = passes[-1], said(best)
-        told = self.callback(last) if self.callback else None
+        last, result = passes[-1], best_text(best)
+        returned = self.callback(last) if self.callback else None
         if last.estimate == 0.0:
-            zero = f"every indicator of pass {last.number} is zero, so the mesh can be used as it is"
-            return Ending(Status.CONVERGED, f"Converged: {zero}.")
+            return Ending(Status.CONVERGED, f"Converged after {_done(last)}: all indicators are zero.")
         if self._met(passes):
-            return Ending(Status.CONVERGED, f"Converged: {self._reached(last)}; {result}, use it as it is.")
+            return Ending(Status.CONVERGED, f"Converged after {_done(last)}: {self._reached(last)}. {result}")
         # Only True stops the loop, because many callbacks return a path or a list by accident.
-        if isinstance(told, bool | np.bool_) and told:
-            after = f"after pass {last.number}; {result}, adapt it again to go on"
-            return Ending(Status.STOPPED, f"Stopped by the callback {after}.")
+        if isinstance(returned, bool | np.bool_) and returned:
+            return Ending(Status.STOPPED, f"Stopped by the callback after {_done(last)}. {result} {CONTINUE}")
         if last.number > 0 and last.moved == 0 and not growing:
             return not_moved(last, best)
         if stalled and not growing:
-            gained = f"the last {STALL_PASSES} passes together gained no more than {_percent(STALL_GAIN)}"
-            advice = "start from a mesh of more nodes for a smaller error"
-            return Ending(Status.STALLED, f"Stalled: {gained}; {result}, {advice}.")
+            stall = f"Stalled: the last {STALL_PASSES} passes improved the result by less than {_percent(STALL_GAIN)}."
+            return Ending(Status.STALLED, f"{stall} {result} Use more nodes (`target_nodes`) for a smaller error.")
         return self._all_passes(last, result) if last.number == self.passes else None
 
     def _all_passes(self, last: Pass, result: str) -> Ending:
         if last.number == 0:
-            text = "The input was solved and estimated and nothing moved; ask for passes >= 1 to adapt it."
+            text = "Stopped after 0 passes: the input was only solved and estimated. Increase `passes` to adapt it."
         else:
-            done = f"All passes asked for ({last.number}) are done{self._missed(last)}"
-            text = f"{done}; {result}, ask for more to go on."
+            text = f"Stopped after {_done(last)}{self._missed(last)}. {result} Increase `passes` to continue."
         return Ending(Status.MAX_PASSES, text)
 
     def _met(self, passes: Passes) -> bool:
@@ -127,27 +126,25 @@ class StopTest:
     def _reached(self, last: Pass) -> str:
         reached, tolerance = [], self._tolerance(last)
         if tolerance is not None:
-            estimate = f"the estimate {last.estimate_text} of pass {last.number}"
-            reached.append(f"{estimate} is within the tolerance {_allowed(tolerance, last)}")
+            reached.append(f"estimate {last.estimate_text} within the tolerance {_allowed(tolerance, last)}")
         if self.output_rtol is not None:
-            reached.append(f"no output changed by more than {_percent(self.output_rtol)} in pass {last.number}")
+            reached.append(f"no output changed by more than {_percent(self.output_rtol)}")
         return " and ".join(reached)
 
     def _missed(self, last: Pass) -> str:
-        wanted, tolerance = [], self._tolerance(last)
+        missed, tolerance = [], self._tolerance(last)
         if tolerance is not None:
-            wanted.append(f"reaching the tolerance {_allowed(tolerance, last)}")
+            missed.append(f"tolerance {_allowed(tolerance, last)}")
         if self.output_rtol is not None:
-            wanted.append(f"all outputs settling within {_percent(self.output_rtol)}")
-        return f" without {' and '.join(wanted)}" if wanted else ""
+            missed.append(f"output tolerance {_percent(self.output_rtol)}")
+        return f" without reaching the {' and the '.join(missed)}" if missed else ""
 
 
 def final(ending: Ending, passes: Passes, best: Pass, settings: Settings) -> Ending:
     remarks = [_choice_remark(passes, best), _resolution_remark(passes, best), _polish_remark(passes, settings)]
-    if ending.status in AT_ITS_END:
+    if ending.status in UNINTERRUPTED:
         remarks.append(settings.growth.shortfall(passes[-1].mesh.nvertices))
-    message = "; ".join([ending.message.removesuffix("."), *filter(None, remarks)])
-    return replace(ending, message=f"{message}.")
+    return replace(ending, message=" ".join([ending.message, *filter(None, remarks)]))
 
 
 def worse_outputs(first: Pass, best: Pass, better: Mapping[str, float]) -> str:
@@ -155,17 +152,17 @@ def worse_outputs(first: Pass, best: Pass, better: Mapping[str, float]) -> str:
 
     Outputs smaller than their errors, such as a force across a symmetry, are left out.
     """
-    off = {name: [abs(step.outputs[name] - value) for step in (first, best)] for name, value in better.items()}
+    errors = {name: [abs(step.outputs[name] - value) for step in (first, best)] for name, value in better.items()}
     worse = [
-        f"{name!r} is off by about {now:.2g}, of the input by {before:.2g}"
-        for name, (before, now) in off.items()
+        f"error of {name!r} about {now:.2g} (input {before:.2g})"
+        for name, (before, now) in errors.items()
         if WORSE * before < now < abs(better[name])
     ]
     if not worse:
         return ""
     return (
-        f"; the mesh is better for the energy, but worse for outputs, by better values of them: {', '.join(worse)}: "
-        "adapt for what you want to know, with goal= of the problem"
+        f"The mesh is better for the energy, but worse for outputs: {', '.join(worse)}. "
+        "To reduce the error of an output, use it as the goal of the problem."
     )
 
 
@@ -174,12 +171,12 @@ def _choice_remark(passes: Passes, best: Pass) -> str:
     if best.worth <= least.worth or not all(step.comparable for step in passes):
         return ""
     if best.worth < DISAGREEMENT * least.worth:
-        though = f"though {_named(least)} has the least estimate ({least.estimate_text})"
-        return f"{_named(best)} is the result because its functional is the lowest, {though}"
-    times = f"{best.worth / least.worth:.2g} times that of {_named(least)} ({least.estimate_text})"
+        smaller = f"{_named(least)} has the least estimate ({least.estimate_text})"
+        return f"The functional is lowest in {_named(best)}, although {smaller}."
+    times = f"{best.worth / least.worth:.2g} times the estimate of {_named(least)} ({least.estimate_text})"
     return (
-        f"functional and estimate disagree: {_named(best)} has the lowest functional, but an estimate of {times}; "
-        "compare both passes with those on a finer mesh before you use either"
+        f"Functional and estimate disagree: {_named(best)} has the lowest functional, but {times}. "
+        "Compare both passes with a solution on a finer mesh."
     )
 
 
@@ -198,8 +195,8 @@ def _resolution_remark(passes: Passes, best: Pass) -> str:
     if squared_error <= UNRESOLVED * before.estimate**2:
         return ""
     return (
-        "the mesh is not resolved: the error may be half as much again as the estimate; "
-        "ask for more passes or more nodes (target_nodes)"
+        "The mesh does not resolve the solution: the error may exceed the estimate by half. "
+        "Increase `passes` or `target_nodes`."
     )
 
 
@@ -208,39 +205,43 @@ def _polish_remark(passes: Passes, settings: Settings) -> str:
     if not settings.polish or (all(step.comparable for step in passes) and not unpolished):
         return ""
     if unpolished:
-        return f"there was no polish: {unpolished}"
+        return f"No polish: {unpolished}."
     if passes[0].functional is None:
-        return "the polish gave elements their shapes only, and passes were compared by the estimate"
+        return "The polish only improved the shapes of elements, and passes were compared by the estimate."
     return (
-        "values given on outlines are not linear along them, or given inside, or outlines are curved, so their "
-        "nodes were not polished, and passes were compared by the estimate"
+        "The polish skipped nodes on curved boundaries, and nodes with Dirichlet values that are inside or not linear "
+        "along a boundary. Passes were compared by the estimate."
     )
 
 
 def not_moved(work: Work, best: Pass) -> Ending:
     why = work.why_still.rstrip(".")
-    return Ending(Status.NOT_MOVED, f"Nothing could move: {why}; {said(best)}, change that to go on.")
+    return Ending(Status.NOT_MOVED, f"No node moved: {why}. {best_text(best)}")
 
 
 def under_way(passes: Passes, best: Pass) -> Ending:
-    done = f"pass {passes[-1].number} is done"
-    return Ending(Status.STOPPED, f"Under way: {done}; {said(best)}, adapt it to go on.")
+    return Ending(Status.STOPPED, f"Interim result after {_done(passes[-1])}. {best_text(best)} {CONTINUE}")
 
 
 def interrupted(passes: Passes, best: Pass) -> Ending:
-    after = f"after pass {passes[-1].number}"
-    return Ending(Status.STOPPED, f"Stopped by Ctrl-C {after}; {said(best)}, adapt it again to go on.")
+    return Ending(Status.STOPPED, f"Stopped by Ctrl-C after {_done(passes[-1])}. {best_text(best)} {CONTINUE}")
 
 
 def failed(failure: StepFailed, best: Pass) -> Ending:
     error = failure.__cause__
     first_line = ": ".join([type(error).__name__, *str(error).splitlines()[:1]]).rstrip(".")
-    message = f"Failed in pass {failure.number}, {failure.step}: {first_line}; {said(best)}, the exception is in error."
+    message = f"Failed in pass {failure.number}, {failure.step}: {first_line}. {best_text(best)} See `error`."
     return Ending(Status.FAILED, message, error if isinstance(error, Exception) else None)
 
 
-def said(best: Pass) -> str:
-    return f"the result is {_named(best)} (estimate {best.estimate_text})"
+def best_text(best: Pass) -> str:
+    error = energy_norm_error(best) if best.goal is None else None
+    estimate = f"estimate {best.estimate_text}" if error is None else f"estimated error {error:.3g} %"
+    return f"Best: {_named(best)}, {estimate}."
+
+
+def _done(last: Pass) -> str:
+    return f"{last.number} pass{'' if last.number == 1 else 'es'}"
 
 
 def _named(step: Pass) -> str:

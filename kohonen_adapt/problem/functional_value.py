@@ -68,7 +68,7 @@ def functional_value(mesh: Mesh, ritz: Ritz) -> float:
     """
     if mesh.dim() == TETRAHEDRON.dim:
         if unknown_in_space(ritz):
-            raise ValueError(f"a Ritz on tetrahedra has a value only of what they know: {unknown_in_space(ritz)}.")
+            raise ValueError(f"Ritz cannot be evaluated on tetrahedra: {unknown_in_space(ritz)}.")
         check_fits(ritz, mesh)
         number = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
         return value_in_space(mesh.p[:, mesh.t], np.asarray(ritz.values)[mesh.t], number, ritz)

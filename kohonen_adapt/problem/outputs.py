@@ -22,7 +22,7 @@ def check_outputs(outputs: Any, output_rtol: Any) -> dict[str, Output]:
             raise ValueError(f"outputs[{name!r}] must be a function of the solution; got {function!r}.")
     check_tolerance("output_rtol", output_rtol)
     if output_rtol is not None and not outputs:
-        raise ValueError("output_rtol needs outputs whose changes it limits; give outputs={name: function}.")
+        raise ValueError("output_rtol requires outputs; add outputs={name: function}.")
     return dict(outputs or {})
 
 
@@ -33,7 +33,7 @@ def output_value(name: str, function: Output, solution: Any) -> float:
     if value.shape != ():
         raise ValueError(
             f"outputs[{name!r}] must return one number; got an array of shape {value.shape}: "
-            "take a component, or give every component a name of its own."
+            "return one component, or add an output for each component."
         )
     if not np.isfinite(value):
         raise ValueError(f"outputs[{name!r}] must return a finite number; got {value}.")

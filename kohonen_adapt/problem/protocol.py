@@ -46,7 +46,7 @@ ATTRIBUTES = {
     "calibrated": "True or False",
     "curved": "True, False or None",
     "pairs": "a sequence of pairs of names of boundaries",
-    "points": "a mapping of names to places of shape (2, n)",
+    "points": "a mapping of names to positions of shape (2, n)",
 }
 METHODS = {
     "solve_from": "mesh, old_mesh, old_solution",
@@ -189,15 +189,15 @@ def check_names(problem: Problem) -> None:
     for name, wanted in ATTRIBUTES.items():
         if callable(getattr(problem, name, None)):
             raise ValueError(
-                f"{name} of the problem must be {wanted}; {kind} has a method of that name. Rename it if it is there "
-                "for something else; otherwise make it a property."
+                f"{name} of the problem must be {wanted}; {kind} has a method of this name. Make the method a "
+                "property, or rename a method with another purpose."
             )
     for name, arguments in METHODS.items():
         value = getattr(problem, name, None)
         if value is not None and not callable(value):
             raise ValueError(
                 f"{name} of the problem must be a method {name}({arguments}); {kind} has a {type(value).__name__} of "
-                "that name. Rename it if it is there for something else."
+                "this name. Rename an attribute with another purpose."
             )
     if not isinstance(pairs_of(problem), tuple | list):
         raise ValueError(f"pairs of the problem must be {ATTRIBUTES['pairs']}; got {pairs_of(problem)!r}.")
@@ -255,8 +255,8 @@ def solve_again(problem: Problem, mesh: Mesh, indicators: Floats) -> Any:
     off = float(np.abs(estimate(problem, mesh, solution) - indicators).max())
     if off > SAME * indicators.max():
         raise ValueError(
-            f"the problem is not the one of the checkpoint: on the same mesh its indicators differ by up to {off:.3g}. "
-            "Go on with the problem of before, or choose another folder."
+            f"the problem differs from the problem of the checkpoint: indicators on the same mesh differ by up to "
+            f"{off:.3g}. Use the same problem, or another folder."
         )
     return solution
 
@@ -274,7 +274,7 @@ def energy_norm(problem: Problem, mesh: Mesh, solution: Any, rtol: float | None 
 
 
 def without_norm(reason: object) -> ValueError:
-    return ValueError(f"rtol needs the energy norm of the problem, but {reason}: use atol instead.")
+    return ValueError(f"rtol requires the energy norm of the problem, but {reason}. Use atol instead.")
 
 
 def ritz_of(problem: Problem, mesh: Mesh, solution: Any) -> Ritz:
@@ -286,13 +286,13 @@ def ritz_of(problem: Problem, mesh: Mesh, solution: Any) -> Ritz:
         method = offered(problem, "ritz")
     except NotOffered as reason:
         if has_several_per_node(mesh, solution):
-            raise NotOffered(f"{reason}, and {VECTORS}") from None
+            raise NotOffered(f"{reason}; {VECTORS}") from None
         raise
     ritz = method(mesh, solution)
     if not isinstance(ritz, Ritz):
         raise ValueError(f"ritz of the problem must return a kohonen_adapt.Ritz; got {type(ritz).__name__}.")
     if ritz.order != order_of(problem):
-        raise NotOffered(f"the Ritz of the problem is of order {ritz.order}, its elements of order {order_of(problem)}")
+        raise NotOffered(f"the order of Ritz is {ritz.order}, the order of the problem is {order_of(problem)}")
     return ritz
 
 
@@ -335,5 +335,5 @@ def _check_values(values: Floats, good: Mask, wanted: str) -> None:
         first = int(np.argmin(good))
         raise ValueError(
             f"indicators of the problem must be {wanted}: got {values[first]} at element {first}, "
-            f"{np.sum(~good)} such in all."
+            f"{np.sum(~good)} such elements."
         )

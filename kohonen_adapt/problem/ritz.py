@@ -30,7 +30,7 @@ __all__ = ["VECTORS", "Flux", "Ritz", "Source", "check_fits", "parts_of", "unkno
 Source = ArrayLike | Callable[[Floats, Ints], ArrayLike]
 Flux = ArrayLike | Callable[[Floats, Ints], ArrayLike]
 
-VECTORS = "vector problems, with several unknowns per node, are moved by the map alone"
+VECTORS = "vector problems (several unknowns per node) cannot be polished"
 SYNONYMS = {
     "solution": "values",
     "u": "values",
@@ -198,7 +198,7 @@ class Ritz:
         if fixed.dtype != np.bool_ or fixed.shape != values.shape:
             raise ValueError(
                 f"fixed of Ritz must be bool of shape (nunknowns,) = {values.shape}; got {fixed.dtype} of shape "
-                f"{fixed.shape}. From numbers: numpy.isin(numpy.arange(nunknowns), numbers)."
+                f"{fixed.shape}. To convert indices, use numpy.isin(numpy.arange(nunknowns), indices)."
             )
         coefficient = constants("coefficient", self.coefficient, (), region)
         if not np.all(coefficient > 0.0):
@@ -233,15 +233,15 @@ def _check_dual(ritz: Ritz) -> None:
     if not isinstance(ritz.dual, Ritz) or ritz.dual.dual is not None:
         raise ValueError(f"dual of Ritz must be a Ritz without a dual, or None; got {ritz.dual!r}.")
     if ritz.laws or ritz.dual.laws:
-        raise ValueError("a Ritz with a dual must have no laws; the dual of a nonlinear problem has none either.")
+        raise ValueError("a Ritz with a dual must have no laws, nor must the dual.")
     if ritz.axisymmetric or ritz.dual.axisymmetric:
-        raise ValueError("a Ritz with a dual must be that of a plane, both; one is axisymmetric.")
+        raise ValueError("a Ritz with a dual must not be axisymmetric, nor must the dual.")
     if ritz.order != ritz.dual.order:
-        raise ValueError(f"a Ritz and its dual must be of the same order; got {ritz.order} and {ritz.dual.order}.")
+        raise ValueError(f"a Ritz and its dual must have the same order; got {ritz.order} and {ritz.dual.order}.")
     if not np.array_equal(np.asarray(ritz.dual.fixed), np.asarray(ritz.fixed)):
         counts = [np.count_nonzero(one.fixed) for one in (ritz, ritz.dual)]
         raise ValueError(
-            f"fixed of the dual of a Ritz must be that of the Ritz, with {counts[0]} given; got {counts[1]} or others."
+            f"fixed of the dual must equal fixed of Ritz, with {counts[0]} fixed unknowns; got {counts[1]}, or others."
         )
 
 
@@ -268,7 +268,7 @@ def check_fits(ritz: Ritz, mesh: Mesh) -> None:
         several = np.size(ritz.values) in (2 * unknowns, 3 * unknowns)
         raise ValueError(
             f"values of Ritz must have shape ({wanted},) = ({unknowns},); got {np.shape(ritz.values)}."
-            + f" A Ritz is of one unknown per node: {VECTORS}." * several
+            + f" Ritz has one unknown per node; {VECTORS}." * several
         )
     if ritz.region is not None and np.shape(ritz.region) != (elements,):
         raise ValueError(f"region of Ritz must have shape (nelements,) = ({elements},); got {np.shape(ritz.region)}.")
@@ -284,11 +284,11 @@ def check_fits(ritz: Ritz, mesh: Mesh) -> None:
 
 def unknown_in_space(ritz: Ritz) -> str:
     has = {
-        f"its Ritz is of order {ritz.order}": ritz.order > 1,
-        "its Ritz is axisymmetric": ritz.axisymmetric,
-        "its Ritz has Robin conditions": bool(ritz.robin),
-        "its Ritz has a dual": ritz.dual is not None,
-        "its Ritz has signs of pairs": bool(ritz.signs),
-        "the flux of its Ritz is a function": callable(ritz.flux),
+        f"order {ritz.order} of Ritz": ritz.order > 1,
+        "axisymmetric of Ritz": ritz.axisymmetric,
+        "robin of Ritz": bool(ritz.robin),
+        "dual of Ritz": ritz.dual is not None,
+        "signs of Ritz": bool(ritz.signs),
+        "a function as flux of Ritz": callable(ritz.flux),
     }
-    return next((f"{reason}, and that is for the plane only" for reason, found in has.items() if found), "")
+    return next((f"{reason} is for triangles only" for reason, found in has.items() if found), "")

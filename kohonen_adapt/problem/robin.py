@@ -46,8 +46,8 @@ def sides_of_boundary(mesh: MeshTri, name: str) -> tuple[Ints, Ints]:
     inside = int(np.count_nonzero(mesh.f2t[1, facets] >= 0))
     if inside:
         raise ValueError(
-            f"boundary {name!r} in robin of Ritz must lie on the outer boundary of the mesh, all of it; {inside} of "
-            f"its {facets.size} facets are inside."
+            f"boundary {name!r} in robin of Ritz must be on the outer boundary of the mesh; {inside} of "
+            f"{facets.size} facets are inside."
         )
     element = mesh.f2t[0, facets]
     beside = np.any(mesh.t.T[element][:, :, None] == mesh.facets[:, facets].T[:, None, :], axis=2)

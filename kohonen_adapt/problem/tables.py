@@ -69,11 +69,13 @@ def constants(name: str, given: ArrayLike, shape: tuple[int, ...], region: NDArr
     if table.ndim != len(shape) + 1 or table.shape[:-1] != shape:
         raise ValueError(f"{name} of Ritz must have shape {expected}; got {table.shape}.")
     if region is None:
-        raise ValueError(f"{name} of Ritz is a table of {table.shape[-1]}; give region, the number of each element.")
+        raise ValueError(
+            f"{name} of Ritz is a table of {table.shape[-1]} values and requires region, the number of every element."
+        )
     if region.max(initial=-1) >= table.shape[-1]:
         raise ValueError(
-            f"{name} of Ritz has {table.shape[-1]} values but region has numbers up to {region.max()}; give one for "
-            "each number from 0 on."
+            f"{name} of Ritz must have a value for every region number from 0 to {region.max()}; got "
+            f"{table.shape[-1]} values."
         )
     if table.shape[-1] == region.size > region.max(initial=-1) + 1:
         raise ValueError(
@@ -133,8 +135,8 @@ def check_axis(values: Floats, fixed: Mask, mesh: MeshTri) -> None:
     loose = on_axis[~fixed[on_axis] | (values[on_axis] != 0.0)]
     if loose.size:
         raise ValueError(
-            f"values of an axisymmetric Ritz must be given as 0 on the axis x = 0; they are not at {loose.size} of "
-            f"{on_axis.size} nodes there, first node {loose[0]}."
+            f"values of an axisymmetric Ritz must be fixed to 0 on the axis x = 0; {loose.size} of {on_axis.size} "
+            f"nodes there are not, first node {loose[0]}."
         )
 
 

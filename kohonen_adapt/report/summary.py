@@ -23,7 +23,7 @@ __all__ = ["key_figures", "sentences", "versions", "without_folders"]
 
 ENDINGS = {
     Status.CONVERGED: "the tolerance is met",
-    Status.MAX_PASSES: "all passes asked for are done",
+    Status.MAX_PASSES: "all passes are done",
     Status.STALLED: "no pass improved any more",
     Status.NOT_MOVED: "no node could move",
     Status.STOPPED: "stopped before its end",

@@ -416,9 +416,9 @@ def test_resume_where_nothing_was_begun(case, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("passes = 2", "seed = 1", "its seed was 0, not 1. Go on"),
-        ("permeability = 1000.0", "permeability = 900.0", "the problem is not the one of the checkpoint"),
-        ("scale = 1e-3", "scale = 1e-2", "its mesh is another one"),
+        ("passes = 2", "seed = 1", "seed was 0, now 1. Use"),
+        ("permeability = 1000.0", "permeability = 900.0", "the problem differs from the problem of the checkpoint"),
+        ("scale = 1e-3", "scale = 1e-2", "mesh differs"),
     ],
 )
 def test_resume_with_another_case(old, new, said, case, tmp_path, capsys):

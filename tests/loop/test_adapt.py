@@ -72,7 +72,7 @@ def test_passes_count_relocations_and_the_last_mesh_is_solved_too():
     assert result.error is None
     assert result.status is Status.MAX_PASSES
     assert result.message == (
-        "All passes asked for (3) are done; the result is pass 3 (estimate 1), ask for more to go on."
+        "Stopped after 3 passes. Best: pass 3, estimated error 10 %. Increase `passes` to continue."
     )
 
 
@@ -120,7 +120,7 @@ def test_the_best_pass_comes_back_not_the_last():
     assert result.solution == 2
     assert result.estimate == pytest.approx(1.0)
     assert result.indicators == pytest.approx(np.full(ELEMENTS, 1.0 / np.sqrt(ELEMENTS)))
-    assert "the result is pass 2 (estimate 1)" in result.message
+    assert "Best: pass 2, estimated error 10 %." in result.message
 
 
 def test_never_worse_than_the_input():
@@ -128,7 +128,7 @@ def test_never_worse_than_the_input():
     assert result.mesh is MESH
     assert result.solution == 0
     assert result.message == (
-        "All passes asked for (1) are done; the result is the input (estimate 1), ask for more to go on."
+        "Stopped after 1 pass. Best: the input, estimated error 10 %. Increase `passes` to continue."
     )
 
 
@@ -396,7 +396,9 @@ def test_no_passes():
     assert len(result.history) == 1
     assert count == 0
     assert result.status is Status.MAX_PASSES
-    assert result.message == "The input was solved and estimated and nothing moved; ask for passes >= 1 to adapt it."
+    assert result.message == (
+        "Stopped after 0 passes: the input was only solved and estimated. Increase `passes` to adapt it."
+    )
 
 
 @pytest.mark.parametrize(
@@ -409,8 +411,8 @@ def test_converged_within_the_tolerance(tolerances, number, tolerance):
     assert len(result.history) == number + 1
     best = f"pass {number}" if number else "the input"
     assert result.message == (
-        f"Converged: the estimate {4 - number} of pass {number} is within the tolerance {tolerance}; "
-        f"the result is {best} (estimate {4 - number}), use it as it is."
+        f"Converged after {number} pass{'' if number == 1 else 'es'}: estimate {4 - number} within the tolerance "
+        f"{tolerance}. Best: {best}, estimated error {40 - 10 * number} %."
     )
 
 
@@ -418,8 +420,8 @@ def test_a_tolerance_that_is_missed():
     result = adapt(MESH, Script([4.0, 3.0]), passes=1, rtol=1e-3)
     assert result.status is Status.MAX_PASSES
     assert result.message == (
-        "All passes asked for (1) are done without reaching the tolerance 0.01; "
-        "the result is pass 1 (estimate 3), ask for more to go on."
+        "Stopped after 1 pass without reaching the tolerance 0.01. Best: pass 1, estimated error 30 %. "
+        "Increase `passes` to continue."
     )
 
 
@@ -433,7 +435,7 @@ def test_indicators_that_are_all_zero_have_converged(number):
     assert result.status is Status.CONVERGED
     assert len(result.history) == number + 1
     assert result.estimate == 0.0
-    assert result.message == (f"Converged: every indicator of pass {number} is zero, so the mesh can be used as it is.")
+    assert result.message == f"Converged after {number} pass{'' if number else 'es'}: all indicators are zero."
 
 
 @pytest.mark.parametrize(
@@ -451,9 +453,9 @@ def test_stalled_after_two_passes_without_gain(script, length):
     assert len(result.history) == length
     best = int(np.argmin(script[:length]))
     assert result.message == (
-        "Stalled: the last 2 passes together gained no more than 0.1 %; "
-        f"the result is {f'pass {best}' if best else 'the input'} (estimate {script[best]:.4g}), "
-        "start from a mesh of more nodes for a smaller error."
+        "Stalled: the last 2 passes improved the result by less than 0.1 %. "
+        f"Best: {f'pass {best}' if best else 'the input'}, estimated error {10.0 * script[best]:.3g} %. "
+        "Use more nodes (`target_nodes`) for a smaller error."
     )
 
 
@@ -488,7 +490,7 @@ def test_nothing_could_move(mesh, options, why):
     assert result.status is Status.NOT_MOVED
     assert (len(result.history), len(problem.calls)) == (1, 1)
     assert result.mesh is mesh
-    assert result.message == (f"Nothing could move: {why}; the result is the input (estimate 1), change that to go on.")
+    assert result.message == f"No node moved: {why}. Best: the input, estimated error 10 %."
 
 
 def test_a_mesh_that_only_flipped_is_solved_before_the_loop_ends():
@@ -500,9 +502,7 @@ def test_a_mesh_that_only_flipped_is_solved_before_the_loop_ends():
     assert_array_equal(result.mesh.p, slanted.p)
     assert np.all(np.any(result.mesh.t == 1, axis=0) & np.any(result.mesh.t == 3, axis=0))  # the other diagonal
     assert result.best.moved == 0
-    assert result.message == (
-        "Nothing could move: every node is a corner or pinned; the result is pass 1 (estimate 1), change that to go on."
-    )
+    assert result.message == ("No node moved: every node is a corner or pinned. Best: pass 1, estimated error 10 %.")
 
 
 def test_the_callback_hears_of_every_pass_in_order():
@@ -531,8 +531,8 @@ def test_stopped_by_the_callback(number):
     assert len(result.history) == number + 1
     best = f"pass {number}" if number else "the input"
     assert result.message == (
-        f"Stopped by the callback after pass {number}; the result is {best} (estimate {3 - number}), "
-        "adapt it again to go on."
+        f"Stopped by the callback after {number} pass{'' if number else 'es'}. Best: {best}, "
+        f"estimated error {30 - 10 * number} %. Adapt the result to continue."
     )
 
 
@@ -566,7 +566,7 @@ def test_ctrl_c_later_gives_the_best_so_far():
     assert result.solution == 1
     assert result.error is None
     assert result.message == (
-        "Stopped by Ctrl-C after pass 2; the result is pass 1 (estimate 1), adapt it again to go on."
+        "Stopped by Ctrl-C after 2 passes. Best: pass 1, estimated error 10 %. Adapt the result to continue."
     )
 
 
@@ -588,7 +588,7 @@ def test_ctrl_c_in_the_map_or_in_a_hook_gives_the_best_so_far():
         assert result.status is Status.STOPPED
         assert result.mesh is MESH and result.solution == 0
         assert result.message == (
-            "Stopped by Ctrl-C after pass 0; the result is the input (estimate 3), adapt it again to go on."
+            "Stopped by Ctrl-C after 0 passes. Best: the input, estimated error 30 %. Adapt the result to continue."
         )
 
 
@@ -608,8 +608,7 @@ def test_a_later_exception_ends_the_loop_with_the_best_so_far():
     assert len(result.history) == 2
     assert result.solution == 1
     assert result.message == (
-        "Failed in pass 2, solve: ZeroDivisionError: singular; the result is pass 1 (estimate 2), "
-        "the exception is in error."
+        "Failed in pass 2, solve: ZeroDivisionError: singular. Best: pass 1, estimated error 20 %. See `error`."
     )
 
 
@@ -618,7 +617,7 @@ def test_a_later_exception_ends_the_loop_with_the_best_so_far():
 )
 def test_a_failure_is_one_sentence_whatever_was_raised(error, said):
     message = adapt(MESH, Script([3.0, error])).message
-    assert message.startswith(f"Failed in pass 1, solve: {said}; the result is the input")
+    assert message.startswith(f"Failed in pass 1, solve: {said}. Best: the input, ")
 
 
 def test_an_exception_of_the_map_ends_the_loop_too():
@@ -628,8 +627,7 @@ def test_an_exception_of_the_map_ends_the_loop_too():
     assert result.error is error
     assert result.mesh is MESH
     assert result.message == (
-        "Failed in pass 1, relocate: MemoryError: no room; the result is the input (estimate 3), "
-        "the exception is in error."
+        "Failed in pass 1, relocate: MemoryError: no room. Best: the input, estimated error 30 %. See `error`."
     )
 
 
@@ -643,7 +641,7 @@ def test_what_the_problem_raises_when_its_order_is_asked_for_later_ends_the_loop
 
     result = adapt(MESH, Forgetful([3.0]))
     assert result.status is Status.FAILED
-    assert result.message.startswith("Failed in pass 1, relocate: OSError: no licence; the result is the input")
+    assert result.message.startswith("Failed in pass 1, relocate: OSError: no licence. Best: the input, ")
 
 
 def test_what_progress_raises_is_not_caught():
@@ -698,8 +696,8 @@ def test_converged_when_no_output_changes_any_more(values, tolerance, number, pe
     result = adapt(MESH, problem, passes=3, outputs={"force": script_of(*values)}, output_rtol=tolerance)
     assert result.status is Status.CONVERGED
     assert result.message == (
-        f"Converged: no output changed by more than {percent} in pass {number}; "
-        f"the result is pass {number} (estimate {4 - number}), use it as it is."
+        f"Converged after {number} pass{'' if number == 1 else 'es'}: no output changed by more than {percent}. "
+        f"Best: pass {number}, estimated error {40 - 10 * number} %."
     )
 
 
@@ -708,8 +706,8 @@ def test_outputs_that_do_not_settle(values):
     result = adapt(MESH, Script([3.0, 2.0, 1.0]), passes=2, outputs={"force": script_of(*values)}, output_rtol=0.01)
     assert result.status is Status.MAX_PASSES
     assert result.message == (
-        "All passes asked for (2) are done without all outputs settling within 1 %; "
-        "the result is pass 2 (estimate 1), ask for more to go on."
+        "Stopped after 2 passes without reaching the output tolerance 1 %. Best: pass 2, estimated error 10 %. "
+        "Increase `passes` to continue."
     )
 
 
@@ -728,16 +726,15 @@ def test_the_estimate_and_the_outputs_must_both_be_met(estimates, values, number
     result = adapt(MESH, problem, passes=3, atol=1.0, outputs={"force": script_of(*values)}, output_rtol=0.01)
     assert result.status is Status.CONVERGED
     assert result.message == (
-        f"Converged: the estimate {estimates[number]:.4g} of pass {number} is within the tolerance 1 and no output "
-        f"changed by more than 1 % in pass {number}; the result is pass {number} "
-        f"(estimate {estimates[number]:.4g}), use it as it is."
+        f"Converged after {number} passes: estimate {estimates[number]:.4g} within the tolerance 1 and no output "
+        f"changed by more than 1 %. Best: pass {number}, estimated error {10.0 * estimates[number]:.3g} %."
     )
 
 
 def test_both_missed():
     options = {"atol": 1e-3, "outputs": {"force": script_of(1.0, 2.0)}, "output_rtol": 0.01}
     assert adapt(MESH, Script([3.0, 2.0]), passes=1, **options).message.startswith(
-        "All passes asked for (1) are done without reaching the tolerance 0.001 and all outputs settling within 1 %; "
+        "Stopped after 1 pass without reaching the tolerance 0.001 and the output tolerance 1 %. Best: "
     )
 
 
@@ -754,6 +751,6 @@ def test_what_an_output_raises_later_ends_the_loop_with_the_best_so_far():
     assert len(result.history) == 2
     assert result.solution == 1
     assert result.message == (
-        "Failed in pass 2, output 'force': ZeroDivisionError: no current; the result is pass 1 (estimate 2), "
-        "the exception is in error."
+        "Failed in pass 2, output 'force': ZeroDivisionError: no current. Best: pass 1, estimated error 20 %. "
+        "See `error`."
     )

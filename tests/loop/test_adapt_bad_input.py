@@ -95,8 +95,8 @@ def test_a_problem_without_indicators():
 
 def test_rtol_without_an_energy_norm():
     problem = refused(
-        "rtol needs the energy norm of the problem, but Constant has no method energy_norm(mesh, solution): "
-        "use atol instead.",
+        "rtol requires the energy norm of the problem, but Constant has no method energy_norm(mesh, solution). "
+        "Use atol instead.",
         rtol=0.01,
     )
     assert problem.solves == 0
@@ -127,11 +127,11 @@ BROKEN = [
     (1.0, "indicators of the problem must have shape (nelements,) = (32,); got ()."),
     (
         np.r_[1.0, np.nan, np.inf, np.ones(ELEMENTS - 3)],
-        "indicators of the problem must be finite; check the solution: got nan at element 1, 2 such in all.",
+        "indicators of the problem must be finite; check the solution: got nan at element 1, 2 such elements.",
     ),
     (
         np.r_[np.ones(ELEMENTS - 1), -2.0],
-        "indicators of the problem must be >= 0; take their absolute values: got -2.0 at element 31, 1 such in all.",
+        "indicators of the problem must be >= 0; take their absolute values: got -2.0 at element 31, 1 such elements.",
     ),
     (np.full(ELEMENTS, 1j), "indicators of the problem must be real numbers; got complex128."),
     (np.full(ELEMENTS, None), "indicators of the problem must be real numbers; got object."),
@@ -151,8 +151,8 @@ def test_broken_indicators_later(values, message):
     assert isinstance(result.error, ValueError)
     assert str(result.error) == message
     assert result.message == (
-        f"Failed in pass 1, estimate: ValueError: {message.rstrip('.')}; "
-        f"the result is the input (estimate {np.sqrt(ELEMENTS):.4g}), the exception is in error."
+        f"Failed in pass 1, estimate: ValueError: {message.rstrip('.')}. "
+        f"Best: the input, estimate {np.sqrt(ELEMENTS):.4g}. See `error`."
     )
 
 
@@ -191,7 +191,7 @@ def test_output_rtol(value):
 @pytest.mark.parametrize("outputs", [None, {}])
 def test_output_rtol_without_outputs(outputs):
     refused(
-        "output_rtol needs outputs whose changes it limits; give outputs={name: function}.",
+        "output_rtol requires outputs; add outputs={name: function}.",
         outputs=outputs,
         output_rtol=0.01,
     )
@@ -207,7 +207,7 @@ VALUES = [
     (
         np.zeros(2),
         "outputs['force'] must return one number; got an array of shape (2,): "
-        "take a component, or give every component a name of its own.",
+        "return one component, or add an output for each component.",
     ),
 ]
 
@@ -224,4 +224,4 @@ def test_an_output_that_later_is_no_number(value, message):
     assert result.status is Status.FAILED
     assert result.mesh is MESH and result.history[0].outputs == {"force": 1.0}
     assert str(result.error) == message
-    assert result.message.startswith(f"Failed in pass 1, output 'force': ValueError: {message.rstrip('.')}; ")
+    assert result.message.startswith(f"Failed in pass 1, output 'force': ValueError: {message.rstrip('.')}. ")

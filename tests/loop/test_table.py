@@ -24,13 +24,13 @@ def test_the_table():
     assert str(plain(adapt(MESH, Script([4.0, 2.0, 3.0]), passes=2, topology="flip"))).splitlines() == [
         "pass  nodes  estimate  change %  Energy-norm error %  Energy error %  Delta Energy %",
         "   0     25     4.000         -                40.00           16.00               -",
-        "   1     25     2.000     -50.0                20.00            4.00           +0.00  <- result",
+        "   1     25     2.000     -50.0                20.00            4.00           +0.00  <- best",
         "   2     25     3.000     +50.0                30.00            9.00           +0.00",
         "pass  elements  min quality  mean quality  seconds",
         "   0        32         0.87          0.90     1.50",
-        "   1        32         0.87          0.90     1.50  <- result",
+        "   1        32         0.87          0.90     1.50  <- best",
         "   2        32         0.87          0.90     1.50",
-        "All passes asked for (2) are done; the result is pass 1 (estimate 2), ask for more to go on.",
+        "Stopped after 2 passes. Best: pass 1, estimated error 20 %. Increase `passes` to continue.",
     ]
 
 
@@ -50,13 +50,13 @@ def test_the_table_with_outputs_has_their_changes():
         "pass  nodes  estimate  change %  Energy-norm error %  Energy error %  Delta Energy %    force  Delta %",
         "   0     25     4.000         -                40.00           16.00               -  -2.0000        -",
         "   1     25     2.000     -50.0                20.00            4.00           +0.00  -2.5000   +25.00"
-        "  <- result",
+        "  <- best",
         "   2     25     3.000     +50.0                30.00            9.00           +0.00  -2.4000    -4.00",
         "pass    flux  Delta %  elements  min quality  mean quality  seconds",
         "   0  0.0000        -        32         0.87          0.90     1.50",
-        "   1  1.0000        -        32         0.87          0.90     1.50  <- result",
+        "   1  1.0000        -        32         0.87          0.90     1.50  <- best",
         "   2  1.2346   +23.46        32         0.87          0.90     1.50",
-        "All passes asked for (2) are done; the result is pass 1 (estimate 2), ask for more to go on.",
+        "Stopped after 2 passes. Best: pass 1, estimated error 20 %. Increase `passes` to continue.",
     ]
 
 

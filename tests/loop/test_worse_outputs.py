@@ -37,8 +37,8 @@ def pull(solution):
 
 def test_what_became_worse_is_named_with_how_far_it_is_off():
     assert stalled(2.25, {"pull": pull, "push": lambda solution: 1.0}).endswith(
-        "; the mesh is better for the energy, but worse for outputs, by better values of them: 'pull' is off by "
-        "about 1.2, of the input by 0.25: adapt for what you want to know, with goal= of the problem."
+        " The mesh is better for the energy, but worse for outputs: error of 'pull' about 1.2 (input 0.25). To reduce "
+        "the error of an output, use it as the goal of the problem."
     )
 
 
@@ -55,7 +55,7 @@ def test_what_became_worse_is_named_with_how_far_it_is_off():
     ],
 )
 def test_nothing_is_said_where_nothing_shows_it(better, outputs):
-    assert stalled(better, outputs).endswith("start from a mesh of more nodes for a smaller error.")
+    assert stalled(better, outputs).endswith("Use more nodes (`target_nodes`) for a smaller error.")
 
 
 @pytest.mark.parametrize("degrees", [65.0, 90.0])
@@ -67,7 +67,7 @@ def test_a_torque_that_is_worse_than_the_inputs_is_told(degrees):
     before, now = (abs(step.outputs["torque"] - exact) for step in (result.history[0], result.best))
     assert result.status is ka.Status.STALLED
     assert now > 1.25 * before
-    said = re.search(r"'torque' is off by about (\S+), of the input by (\S+): adapt .* goal=", result.message)
+    said = re.search(r"error of 'torque' about (\S+) \(input (\S+)\)\. .* the goal", result.message)
     assert [float(each) for each in said.groups()] == pytest.approx([now, before], rel=0.1)
 
 
@@ -75,4 +75,4 @@ def test_a_force_that_is_better_is_not():
     mesh, problem = two_magnets(1)
     result = ka.adapt(mesh, problem, passes=12, outputs={"force": lambda field: field.force("b")[0]})
     assert result.status is ka.Status.STALLED
-    assert "goal=" not in result.message
+    assert "goal" not in result.message

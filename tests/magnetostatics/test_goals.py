@@ -275,12 +275,12 @@ def test_the_loop_with_a_goal_says_what_it_leaves_out():
     problem = replace(problem, goal=PULL)
     result = ka.adapt(mesh, problem, outputs={"pull": PULL}, passes=1)
     why = "a goal such as this one (a force, a torque, the energy of a part) has no energy to lower"
-    assert f"there was no polish: {why}" in result.message
+    assert f"No polish: {why}" in result.message
     assert "Energy" not in str(result) and "pull" in str(result)
     assert result.history[0].energy_norm is None
     message = (
-        "rtol needs the energy norm of the problem, but its indicators are those of a goal, of which the energy is no "
-        "measure: use atol instead."
+        "rtol requires the energy norm of the problem, but its indicators are those of a goal, of which the energy is "
+        "no measure. Use atol instead."
     )
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         ka.adapt(mesh, problem, rtol=0.01)

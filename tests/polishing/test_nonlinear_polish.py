@@ -500,6 +500,6 @@ def test_the_polish_lowers_the_error_of_a_saturated_core_more_than_the_map_alone
     least = functional_of(problem, with_polish.mesh.refined(3))
     start, polished, moved = (functional_of(problem, each) - least for each in (mesh, with_polish.mesh, without.mesh))
     assert polished < 0.8 * moved and moved < 0.5 * start
-    assert with_polish.history[-1].functional is not None and "no polish" not in with_polish.message
+    assert with_polish.history[-1].functional is not None and "No polish" not in with_polish.message
     values = [step.functional for step in with_polish.history]
     assert with_polish.mesh is with_polish.history[int(np.argmin(values))].mesh

@@ -255,7 +255,7 @@ class Quadratic(Diffusion):
         (
             Quadratic(),
             {},
-            r"polish requires the functional .*: the Ritz of the problem is of order 1, its elements of order 2\.",
+            r"polish requires the functional .*: the order of Ritz is 1, the order of the problem is 2\.",
         ),
         (Diffusion(), {"sweeps": -1}, r"sweeps must be an integer >= 0; got -1\."),
         (Diffusion(), {"sweeps": True}, r"sweeps must be an integer >= 0; got True\."),

@@ -95,19 +95,19 @@ def test_constants_must_not_change_inside_a_region():
 MESH = box(2)
 REST = {"values": MESH.p[0], "fixed": np.zeros(MESH.nvertices, dtype=bool), "coefficient": 1.0}
 PLANE_ONLY = {
-    "of order 2": {"order": 2},
-    "is axisymmetric": {"axisymmetric": True},
-    "has Robin conditions": {"robin": {"left": (1.0, 0.0)}},
-    "has a dual": {"dual": Ritz(**REST)},
-    "has signs of pairs": {"signs": {("left", "right"): 1}},
-    "flux of its Ritz is a function": {"flux": lambda x, number: x},
+    "order 2 of Ritz": {"order": 2},
+    "axisymmetric of Ritz": {"axisymmetric": True},
+    "robin of Ritz": {"robin": {"left": (1.0, 0.0)}},
+    "dual of Ritz": {"dual": Ritz(**REST)},
+    "signs of Ritz": {"signs": {("left", "right"): 1}},
+    "a function as flux of Ritz": {"flux": lambda x, number: x},
 }
 
 
 @pytest.mark.parametrize("reason", PLANE_ONLY)
 def test_what_is_for_the_plane_only_is_said(reason):
     ritz = Ritz(**REST, **PLANE_ONLY[reason])
-    with pytest.raises(NotOffered, match=f"{reason}, and that is for the plane only"):
+    with pytest.raises(NotOffered, match=f"{reason} is for triangles only"):
         SolidFunctional.of(ritz, MovableSolid.of(MESH, Rules()))
     with pytest.raises(ValueError, match=reason):
         functional_value(MESH, ritz)

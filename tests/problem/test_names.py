@@ -68,7 +68,7 @@ def test_signatures_are_those_that_are_written():
 @pytest.mark.parametrize(
     ("name", "wanted"),
     [
-        ("points", "a mapping of names to places of shape (2, n)"),
+        ("points", "a mapping of names to positions of shape (2, n)"),
         ("pairs", "a sequence of pairs of names of boundaries"),
         ("order", "the degree of its elements, 1 to 4"),
         ("norm", "'energy' or 'L2'"),
@@ -79,8 +79,8 @@ def test_signatures_are_those_that_are_written():
 def test_a_method_under_the_name_of_an_attribute(run, name, wanted):
     problem = type("Heat", (Even,), {name: lambda self: None})()
     message = (
-        f"{name} of the problem must be {wanted}; Heat has a method of that name. Rename it if it is there for "
-        "something else; otherwise make it a property."
+        f"{name} of the problem must be {wanted}; Heat has a method of this name. Make the method a property, "
+        "or rename a method with another purpose."
     )
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         run(MESH, problem)
@@ -100,8 +100,8 @@ def test_a_method_under_the_name_of_an_attribute(run, name, wanted):
 def test_something_else_under_the_name_of_a_method(run, name, arguments):
     problem = type("Heat", (Even,), {name: {"rim": 1.0}})()
     message = (
-        f"{name} of the problem must be a method {name}({arguments}); Heat has a dict of that name. Rename it if it is "
-        "there for something else."
+        f"{name} of the problem must be a method {name}({arguments}); Heat has a dict of this name. Rename an "
+        "attribute with another purpose."
     )
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         run(MESH, problem)
@@ -110,7 +110,7 @@ def test_something_else_under_the_name_of_a_method(run, name, arguments):
 @pytest.mark.parametrize(
     ("attributes", "message"),
     [
-        ({"points": [(0.5, 0.5)]}, "points of the problem must be a mapping of names to places"),
+        ({"points": [(0.5, 0.5)]}, "points of the problem must be a mapping of names to positions"),
         ({"points": {"a": (0.5, 0.5)}}, "points['a'] of the problem must have shape (2, n); got (2,)."),
         (
             {"pairs": {"left": "right"}},
@@ -132,8 +132,8 @@ def test_points_may_be_lists():
 
 def test_vector_problems_are_moved_by_the_map_alone():
     result = ka.adapt(MESH, Elastic(), passes=1)
-    assert "Elastic has no method ritz(mesh, solution), and vector problems, with several unknowns" in result.message
-    assert "are moved by the map alone" in result.message
+    assert "No polish: Elastic has no method ritz(mesh, solution); vector problems (several unknowns" in result.message
+    assert "cannot be polished" in result.message
     assert "vector problems" not in ka.adapt(MESH, Even(), passes=1).message
 
 
@@ -142,7 +142,5 @@ def test_a_functional_of_a_vector_problem():
         def ritz(self, mesh, solution):
             return ka.Ritz(solution, np.zeros(solution.size, dtype=bool), 1.0)
 
-    with pytest.raises(
-        ValueError, match=r"must have shape \(nnodes,\) = \(25,\); got \(50,\)\. A Ritz is of one unknown"
-    ):
+    with pytest.raises(ValueError, match=r"must have shape \(nnodes,\) = \(25,\); got \(50,\)\. Ritz has one unknown"):
         ka.polish(MeshTri().refined(2), Functional())

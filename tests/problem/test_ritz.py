@@ -41,7 +41,7 @@ def functional_for(mesh, values, fixed):
         ((ZEROS, FIXED, [1.0, -2.0], 0.0, (0.0, 0.0), REGION), r"coefficient of Ritz must be > 0; got -2\.0\."),
         ((ZEROS, FIXED, "iron"), r"coefficient of Ritz must be real numbers"),
         ((ZEROS, FIXED, np.inf), r"coefficient of Ritz must be finite; 1 of 1 are not\."),
-        ((ZEROS, FIXED, [1.0, 2.0]), r"coefficient of Ritz is a table of 2; give region, the number of each element\."),
+        ((ZEROS, FIXED, [1.0, 2.0]), r"coefficient of Ritz is a table of 2 values and requires region"),
         ((ZEROS, FIXED, 1.0, 0.0, 1.0), r"flux of Ritz must have shape \(2,\) or \(2, nregions\), on .* got \(\)\."),
         ((ZEROS, FIXED, 1.0, 0.0, np.zeros((4, 2)), REGION), r"flux of Ritz must have shape .* got \(4, 2\)\."),
         ((ZEROS, FIXED, 1.0, 0.0, np.zeros((3, 2, 1)), REGION), r"flux of Ritz must have shape .* got \(3, 2, 1\)\."),
@@ -51,7 +51,7 @@ def functional_for(mesh, values, fixed):
         ),
         (
             (ZEROS, FIXED, 1.0, [1.0, 2.0], (0.0, 0.0), [0, 2]),
-            r"source of Ritz has 2 values but region has numbers up to 2; give one for each number from 0 on\.",
+            r"source of Ritz must have a value for every region number from 0 to 2; got 2 values\.",
         ),
         (
             (ZEROS, FIXED, 1.0, 0.0, (0.0, 0.0), [0.0, 1.0]),

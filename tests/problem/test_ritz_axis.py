@@ -115,7 +115,7 @@ def test_what_a_functional_around_an_axis_refuses():
     with pytest.raises(ValueError, match=r"axisymmetric of Ritz must be True or False; got 1\."):
         replace(ritz, axisymmetric=1)
     loose = replace(ritz, fixed=np.zeros(25, dtype=bool))
-    with pytest.raises(ValueError, match=r"must be given as 0 on the axis x = 0; they are not at 5 of 5 nodes there"):
+    with pytest.raises(ValueError, match=r"must be fixed to 0 on the axis x = 0; 5 of 5 nodes there are not"):
         functional_value(mesh, loose)
     left = mesh.translated((-0.5, 0.0))
     with pytest.raises(ValueError, match=r"an axisymmetric Ritz needs a mesh at x >= 0; got nodes down to x = -0\.5\."):

@@ -207,7 +207,7 @@ def test_the_headline_is_the_goal_and_the_ending_is_in_words():
         ("estimate after", "1 N"),
     ]
     assert "ended by" not in dict(figures) and "max passes" not in dict(figures).values()
-    assert dict(figures)["how it ended"] == "all passes asked for are done"
+    assert dict(figures)["how it ended"] == "all passes are done"
     assert (
         "The goal is -133.00000 N, with an estimated error of 0.013 N: the exact value is near -132.98750 N."
     ) in sentences(found)
