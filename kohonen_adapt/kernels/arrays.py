@@ -23,7 +23,7 @@ CROSSINGS = 32  # maximum number of edges crossed by the check of a circle, othe
 # Columns of tables
 OWN, OTHER = 0, 1  # of `Constraints.chain`
 ORIGIN_X, ORIGIN_Y, DIRECTION_X, DIRECTION_Y, LENGTH = range(5)  # of `Chains.place`
-CURVATURE, REACH, MERGED, BULGE, EVEN = range(5, 10)
+CURVATURE, REACH, MERGED, SAGITTA, EVEN = range(5, 10)
 SHAPE, CLOSED, PAIRED = 0, 1, 2  # of `Chains.flags`
 AT, AT_X, AT_Y, RATE_X, RATE_Y = range(5)  # of `Chains.knot`
 FIRST, LAST, IS_ROUND, IS_CLOSED = range(4)  # of the rows of pieces of boundaries
@@ -76,7 +76,7 @@ class Star(NamedTuple):
 class Chains(NamedTuple):
     """Curve segments with their parametrisation by distance from the origin."""
 
-    place: np.ndarray  # (c, 10): origin, direction, length, curvature, reach, merged, bulge, even
+    place: np.ndarray  # (c, 10): origin, direction, length, curvature, reach, merged, sagitta, even
     flags: np.ndarray  # (c, 3) int8: shape, closed, paired
     row: np.ndarray  # (c + 1,) int32: segment c has the knots row[c] to row[c + 1]
     knot: np.ndarray  # (k, 5): parameter, position and derivative by the parameter of TABLED segments
@@ -127,9 +127,9 @@ class Chains(NamedTuple):
         return self.place[:, MERGED]
 
     @property
-    def bulge(self) -> np.ndarray:
+    def sagitta(self) -> np.ndarray:
         """Maximum distance between curve and facets, shape (c,)."""
-        return self.place[:, BULGE]
+        return self.place[:, SAGITTA]
 
     @property
     def even(self) -> np.ndarray:

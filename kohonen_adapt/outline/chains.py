@@ -112,7 +112,7 @@ def set_arcs(table: Chains, segments: Segments, angle: Floats, longest: Floats) 
     table.reach[is_round] = 2.0 * radius * np.sin(0.5 * widest)
     table.merged[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(0.5 * MAX_TURN, full / fewest))
     chord = np.maximum(table.reach, longest)[is_round]
-    table.bulge[is_round] = chord**2 / (4.0 * radius) + NEAR * radius  # at least twice the sagitta
+    table.sagitta[is_round] = chord**2 / (4.0 * radius) + NEAR * radius  # at least twice the sagitta
 
 
 def set_line(table: Chains, p: int, ends: Floats) -> None:
@@ -129,7 +129,7 @@ def set_spline(table: Chains, p: int, knots: Floats, closed: bool, longest: floa
     reach = max(longest, 2.0 * radius * np.sin(0.5 * MAX_TURN))
     sagitta = min(longest, reach * (reach / (4.0 * radius))) if radius < np.inf else 0.0
     table.reach[p], table.merged[p] = reach, 0.5 * reach
-    table.bulge[p] = sagitta + NEAR * size_of(knots[:, POSITION])
+    table.sagitta[p] = sagitta + NEAR * size_of(knots[:, POSITION])
 
 
 def cross(u: Floats, w: Floats) -> Floats:
@@ -220,7 +220,7 @@ def pair_chains(table: Chains, mate: Ints, motion: Ints, motions: Floats) -> Non
     turn, shift = step[:, :, :2], step[:, :, 2]
     table.origin[image] = np.einsum("cij,cj->ci", turn, table.origin[first]) + shift
     table.direction[image] = np.einsum("cij,cj->ci", turn, table.direction[first])
-    for array in (table.length, table.curvature, table.reach, table.merged, table.bulge, table.even):
+    for array in (table.length, table.curvature, table.reach, table.merged, table.sagitta, table.even):
         array[image] = array[first]
     table.curvature[image] *= np.sign(np.linalg.det(turn))  # a reflection changes the sign of the curvature
 

@@ -6,7 +6,7 @@ followed by a check that no other node lies in the circle through the winner.
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import BULGE, CROSSINGS
+from kohonen_adapt.kernels.arrays import CROSSINGS, SAGITTA
 from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import distance_to_chain, parameter_of
 from kohonen_adapt.kernels.triangle.geometry import squared_distance, squared_distance_to_edge
@@ -75,9 +75,9 @@ def behind_curve(position, elements, constraints, e, x, y):
     chains = constraints.chains
     for k in range(3):
         c = np.int64(elements.chain[e, k])
-        if c >= 0 and chains.place[c, BULGE] > 0.0 and side_of_edge(position, elements.node, e, k, x, y) < 0.0:
+        if c >= 0 and chains.place[c, SAGITTA] > 0.0 and side_of_edge(position, elements.node, e, k, x, y) < 0.0:
             near = parameter_of(position, constraints, c, np.int64(elements.node[e, (k + 1) % 3]))
-            if distance_to_chain(chains, c, x, y, near)[0] <= chains.place[c, BULGE] * chains.place[c, BULGE]:
+            if distance_to_chain(chains, c, x, y, near)[0] <= chains.place[c, SAGITTA] * chains.place[c, SAGITTA]:
                 return True
     return False
 
