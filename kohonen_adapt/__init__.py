@@ -4,6 +4,7 @@ from kohonen_adapt import estimators
 from kohonen_adapt.io import read_curves, read_field, read_groups, read_mesh, write_mesh
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.loop.passes import Pass, Status
+from kohonen_adapt.loop.polish import polish
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.joining import merge
 from kohonen_adapt.mesh.locate import find_elements, interpolate
@@ -14,7 +15,6 @@ from kohonen_adapt.outline.curves import Arc, Line
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.outline.spline import Spline
 from kohonen_adapt.outline.surfaces import Cone, Cylinder, Plane, Sphere
-from kohonen_adapt.polishing.polish import polish
 from kohonen_adapt.precompile import warmup
 from kohonen_adapt.problem.protocol import NotOffered, Problem
 from kohonen_adapt.problem.ritz import Ritz

@@ -9,16 +9,15 @@ from skfem import Mesh
 from kohonen_adapt.checks import with_nearest_names
 from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.loop.checkpoint import Checkpoint
+from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.history import History
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.rooms import METHODS
 from kohonen_adapt.loop.settings import PASSES, Settings
 from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.steps import Steps
 from kohonen_adapt.loop.stopping import StopTest
-from kohonen_adapt.mesh.cells import cell_of
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.outline.curves import Curve
@@ -189,7 +188,7 @@ def adapt(
     stop, steps = StopTest(passes, rtol, atol, output_rtol, callback), Steps(progress)
     check_problem(problem, rtol)
     check_mesh(mesh, curved=True, inverted=True, space=True)
-    method = METHODS[cell_of(mesh).dim]
+    method = method_of(mesh)
     round_, pairs = curves_of(problem, mesh, curves), pairs_of(problem) if periodic is None else periodic
     rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, round_, pairs, layers, surfaces)
     check_for(rules, method.dim)
@@ -197,9 +196,11 @@ def adapt(
     growth = Growth.of(int(mesh.nvertices), target_nodes, passes, polish and method.corrects(problem))
     settings = Settings(rules, schedule, seed, polish, growth, check_outputs(outputs, output_rtol), rtol)
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)
-    movable = method.from_mesh(mesh, rules, is_curved(problem))
+    movable = method.open(mesh, rules, is_curved(problem))
     kept = Checkpoint.at(checkpoint, mesh, problem, settings)
-    expect(*method.loops(problem, settings))
+    expect(*method.moving_kernels(rules.topology, schedule))
+    if polish:
+        expect(*method.polish_kernels(problem), *method.transfer_kernels)
     adaptation = Adaptation(problem, method, movable, settings, steps, order_of(problem))
     return adapted(adaptation, History(adaptation, stop, kept, interim))
 

@@ -1,13 +1,13 @@
 """Steps of a pass, which solve, estimate, relocate and polish."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.steps import Steps
@@ -16,7 +16,6 @@ from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.outline.movable import MovableMesh, Work
 from kohonen_adapt.outline.movable_solid import MovableSolid
-from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.regions import VariesInside
 from kohonen_adapt.polishing.sweeps import SWEEPS
@@ -37,11 +36,10 @@ from kohonen_adapt.problem.protocol import (
     solve,
     solve_again,
 )
-from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.density import equidistributing
 from kohonen_adapt.som.moved import Moved
 
-__all__ = ["UNSOLVED", "Adaptation", "Method", "Solved"]
+__all__ = ["UNSOLVED", "Adaptation", "Solved"]
 
 WHILE_GROWING = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
 
@@ -66,25 +64,6 @@ class Solved:
     record: Pass
     solution: Any
     functional: Functional | None = None
-
-
-class Method(NamedTuple):
-    """Methods of the adaptive loop in one dimension."""
-
-    dim: int
-    from_mesh: Callable[[Mesh, Rules, bool | None], Any]  # curved sides: True, False, None as in the input
-    loops: Callable[[Problem, Settings], tuple[str, ...]]  # groups of `kernels/entries.py`
-    moved: Callable[..., Moved[Any]]  # as `moved_triangles`
-    stated: Callable[[Ritz, Any, Mesh], tuple[Any, float]]  # functional and its value
-    carried: Callable[..., Any]  # interpolates a solution onto the moved mesh
-    lowered: Callable[..., Any]  # as `descend_and_recycle`
-    # Number of passes with recycling by density; later passes recycle by energy alone. A density is isotropic: if long
-    # elements have the lowest energy, the density moves a fifth of all nodes in every pass to positions from which the
-    # energy removes them again. For the measured optimum run `python -m benchmarks space-passes`.
-    by_density: int
-    corrects: Callable[[Problem], bool]  # True if the polish corrects misplaced nodes
-    stalls: Callable[[tuple[Pass, ...]], bool]  # True if the last passes improved nothing
-    plan: tuple[int, ...]  # sweeps of the polish, with recycling by energy between the entries
 
 
 @dataclass(frozen=True)
@@ -172,9 +151,9 @@ class Adaptation:
             settings, number = self.settings, self.steps.number
             estimate, functional = record.estimate, solved.functional
             steers = functional is not None and not functional.ritz.shapes_only
-            by_energy = steers and number > self.method.by_density
+            by_energy = steers and number > self.method.passes_by_density
             recycles = not by_energy or settings.growth.nodes(number, functional is not None) != self.movable.nnodes
-            return self.method.moved(self.movable, density, functional, estimate, settings, number, recycles)
+            return self.method.move(self.movable, density, functional, estimate, settings, number, recycles)
 
     def polish(self, solved: Solved, moved: Moved[Any]) -> tuple[Moved[Any], float]:
         """Polish the moved mesh, and return all moves and the decrease of the functional."""
@@ -182,8 +161,8 @@ class Adaptation:
             if solved.functional is None:
                 return moved, 0.0
             functional = solved.functional
-            trial = self.method.carried(functional, moved.before, self.movable, moved.recycled.start_element)
-            recycled, gain = self.method.lowered(self.movable, functional, trial, moved.recycled, self.plan(functional))
+            trial = self.method.carry(functional, moved.before, self.movable, moved.recycled.start_element)
+            recycled, gain = self.method.polish(self.movable, functional, trial, moved.recycled, self.plan(functional))
             return replace(moved, recycled=recycled), gain
 
     def better_outputs(self, mesh: Mesh, solution: Any) -> dict[str, float]:
@@ -214,8 +193,9 @@ class Adaptation:
         try:
             ritz = ritz_of(self.problem, mesh, solution)
             ritz = ritz if share is None else replace(ritz, share=share)
-            functional, value = self.method.stated(ritz, self.movable, mesh)
-            return functional, None if ritz.shapes_only else value, ""
+            functional = self.method.functional(ritz, self.movable, mesh)
+            value = None if ritz.shapes_only else self.method.value(functional, ritz, self.movable, mesh)
+            return functional, value, ""
         except NotOffered as offered:
             return None, None, str(offered)
         except VariesInside:

@@ -1,6 +1,6 @@
 """Search for the elements that contain points, and interpolation at points."""
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,10 +9,8 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.kernels.grid import Grid
-from kohonen_adapt.kernels.tetrahedron import locate as of_tetrahedra
 from kohonen_adapt.kernels.threads import even_cuts, shared
-from kohonen_adapt.kernels.triangle import locate as of_triangles
-from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, cell_of, check_kind
+from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
 from kohonen_adapt.mesh.curved import check_curved_sides, is_second_order
 from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
@@ -26,21 +24,6 @@ CHUNK = 500_000  # points per compiled call, so that Ctrl-C takes effect within 
 Tessellation: TypeAlias = Triangulation | Tetrahedralization
 
 
-class Method(NamedTuple):
-    """Functions and settings to search meshes of one kind of elements."""
-
-    from_mesh: Any  # makes the arrays of a mesh
-    kernels: Any
-    chapters: tuple[str, ...]  # groups of kernels in `kernels/entries.py`
-    crowd: int  # elements per cell of the grid; with more of them, an element meets fewer cells
-
-
-METHODS = {
-    TRIANGLE.dim: Method(Triangulation.of, of_triangles, ("locating", "carrying"), 1),
-    TETRAHEDRON.dim: Method(Tetrahedralization.of, of_tetrahedra, ("space locating", "space carrying"), 8),
-}
-
-
 class Locator:
     """Search for the elements that contain points.
 
@@ -51,7 +34,7 @@ class Locator:
 
     def __init__(self, tessellation: Tessellation) -> None:
         elements = tessellation.elements
-        self.method = METHODS[tessellation.position.shape[1]]
+        self.kernels, self.crowd = tessellation.locate_kernels, tessellation.crowd
         self.position = tessellation.position.copy()
         self.elements = elements._replace(
             node=elements.node.copy(), neighbour=elements.neighbour.copy(), region=np.zeros_like(elements.region)
@@ -60,10 +43,10 @@ class Locator:
 
     def _laid_grid(self) -> Grid:
         node = self.elements.node
-        grid = Grid.over(self.position, len(node) / self.method.crowd)
-        self.method.kernels.count_in_cells(self.position, node, grid)
+        grid = Grid.over(self.position, len(node) / self.crowd)
+        self.kernels.count_in_cells(self.position, node, grid)
         grid = grid._replace(content=np.empty(grid.start[-1], dtype=np.int32))
-        self.method.kernels.fill_cells(self.position, node, grid)
+        self.kernels.fill_cells(self.position, node, grid)
         return grid
 
     def find(self, points: Floats) -> NDArray[np.int32]:
@@ -84,14 +67,14 @@ class Locator:
 
         def task(thread: int, first: int, last: int) -> None:
             part = slice(first, last)
-            self.method.kernels.find(self.position, self.elements, points[part], self.grid, found[part])
+            self.kernels.find(self.position, self.elements, points[part], self.grid, found[part])
 
         shared(task, even_cuts(len(points), FEW))
         return found
 
     def shares(self, points: Floats, found: Ints) -> Floats:
         out = np.empty((len(points), points.shape[1] + 1))
-        self.method.kernels.barycentric(self.position, self.elements.node, points, found, out)
+        self.kernels.barycentric(self.position, self.elements.node, points, found, out)
         return out
 
 
@@ -104,7 +87,7 @@ def walk_to_elements(
     outside the mesh, an element near the point is returned.
     """
     found, inside = np.array(start, dtype=np.int32), np.empty(len(points), dtype=np.bool_)
-    elements, kernels = tessellation.elements, METHODS[points.shape[1]].kernels
+    elements, kernels = tessellation.elements, tessellation.locate_kernels
     if across_regions:
         elements = elements._replace(region=np.zeros_like(elements.region))
 
@@ -124,9 +107,9 @@ def walk_to_elements(
 
 def locator_of(mesh: Mesh) -> Locator:
     check_kind(mesh, curved=True, space=True)
-    method = METHODS[cell_of(mesh).dim]
-    expect(*method.chapters)
-    return Locator(method.from_mesh(mesh))
+    kind = Tetrahedralization if cell_of(mesh) is TETRAHEDRON else Triangulation
+    expect(*kind.locate_groups)
+    return Locator(kind.of(mesh))
 
 
 def find_elements(mesh: Mesh, x: ArrayLike) -> NDArray[np.int32]:

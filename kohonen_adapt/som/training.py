@@ -24,7 +24,7 @@ from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.open_solid import swap_elements
 from kohonen_adapt.som.draw import Draw
-from kohonen_adapt.som.rooms import METHODS, Method
+from kohonen_adapt.som.map_method import MapMethod, map_method_of
 from kohonen_adapt.som.schedule import Schedule, Stage
 from kohonen_adapt.som.training_points import Density
 from kohonen_adapt.som.transport import FLOWS, POINTS, Transport
@@ -59,7 +59,7 @@ class Trainer:
     """
 
     movable: MovableMesh | MovableSolid
-    method: Method
+    method: MapMethod
     order: Ints
     rank: Ints
     neurons: Neurons
@@ -71,7 +71,7 @@ class Trainer:
         order = along_curve(neurons.position).astype(np.int32)
         rank = np.empty_like(order)
         rank[order] = np.arange(len(order))
-        return cls(movable, METHODS[neurons.position.shape[1]], order, rank, neurons, scratch_for(neurons))
+        return cls(movable, map_method_of(neurons.position.shape[1]), order, rank, neurons, scratch_for(neurons))
 
     def learn(
         self, draw: Drawing, schedule: Schedule, rng: np.random.Generator, starts: Ints | None = None
@@ -256,11 +256,11 @@ def parts_for(neurons: int, rings: int, dim: int) -> int:
     return parts
 
 
-def disc(radius: int, method: Method) -> int:
+def disc(radius: int, method: MapMethod) -> int:
     return int(method.ring(np.arange(radius + 1)).sum())
 
 
-def batches_for(stage: Stage, rate: float, per_neuron: float, points: int, method: Method) -> int:
+def batches_for(stage: Stage, rate: float, per_neuron: float, points: int, method: MapMethod) -> int:
     pull = per_neuron * rate * float(method.ring(np.arange(stage.radius + 1)) @ stage.strength()) / PULL
     return max(1, ceil(pull), ceil(points / method.updates * disc(stage.radius, method)))
 

@@ -23,7 +23,7 @@ from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.som.density import per_element, values_at, without_zeros
 from kohonen_adapt.som.draw import Draw
-from kohonen_adapt.som.rooms import METHODS
+from kohonen_adapt.som.map_method import map_method_of
 
 __all__ = [
     "CallableDensity",
@@ -58,7 +58,7 @@ class OfElements:
         self.position, self.elements = mesh.position.copy(), mesh.elements
         own = {name: getattr(self.elements, name).copy() for name in ("node", "neighbour", "region")}
         self.elements = self.elements._replace(**own)
-        self.method = METHODS[self.position.shape[1]]
+        self.method = map_method_of(self.position.shape[1])
         corners = self.position[self.elements.node].transpose(2, 1, 0)
         self.sizes = self.method.cell.determinant(corners) / factorial(self.method.cell.dim)
         self._order = along_curve(mesh.centroids()).astype(np.int32)
@@ -168,7 +168,7 @@ class FunctionSource(OfElements):
     def _points_in(self, element: NDArray[np.int32], rng: np.random.Generator) -> Floats:
         corners = [self.position[self.elements.node[element, k]] for k in range(self.method.cell.dim + 1)]
         points = corners[0]
-        for share, corner in zip(self.method.shares(len(element), rng), corners[1:], strict=True):
+        for share, corner in zip(self.method.barycentric(len(element), rng), corners[1:], strict=True):
             points = points + share[:, None] * (corner - corners[0])
         return points
 

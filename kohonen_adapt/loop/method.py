@@ -1,0 +1,100 @@
+"""Parts of the adaptive loop that depend on the dimension of the mesh."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+from skfem import Mesh
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.settings import Settings
+from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.outline.surgery import Recycled
+from kohonen_adapt.problem.protocol import Problem
+from kohonen_adapt.problem.ritz import Ritz
+from kohonen_adapt.som.moved import Moved
+from kohonen_adapt.som.schedule import Schedule
+
+__all__ = ["Method"]
+
+
+class Method(ABC):
+    """Movement and polish of the nodes of meshes of one dimension.
+
+    Attributes
+    ----------
+    dim
+        Dimension of the meshes.
+    passes_by_density
+        Number of passes with recycling by density; later passes recycle by energy alone.
+    plan
+        Sweeps of the polish in a pass, with recycling by energy between the entries.
+    """
+
+    dim: ClassVar[int]
+    # A density is isotropic: if long elements have the lowest energy, the density moves a fifth of all nodes in every
+    # pass to positions from which the energy removes them again. For the measured optimum run
+    # `python -m benchmarks space-passes`.
+    passes_by_density: ClassVar[int]
+    plan: ClassVar[tuple[int, ...]]
+
+    @abstractmethod
+    def open(self, mesh: Mesh, rules: Rules, curved: bool | None) -> Any:
+        """Return the movable mesh, with curved or straight sides, for None with those of the input."""
+
+    @abstractmethod
+    def moving_kernels(self, topology: str, schedule: Schedule | None) -> tuple[str, ...]:
+        """Return the groups of `kernels/entries.py` that a relocation needs."""
+
+    @abstractmethod
+    def polish_kernels(self, problem: Problem) -> tuple[str, ...]:
+        """Return the groups of `kernels/entries.py` that a polish needs."""
+
+    @property
+    @abstractmethod
+    def transfer_kernels(self) -> tuple[str, ...]:
+        """Groups of `kernels/entries.py` that interpolate solutions."""
+
+    @abstractmethod
+    def move(
+        self,
+        movable: Any,
+        density: Floats,
+        functional: Any,
+        estimate: float,
+        settings: Settings,
+        number: int,
+        recycles: bool,
+    ) -> Moved[Any]:
+        """Relocate the nodes to a density (nelements,) in pass `number`, with exchange of nodes if it `recycles`."""
+
+    @abstractmethod
+    def functional(self, ritz: Ritz, movable: Any, mesh: Mesh) -> Any:
+        """Return the functional that the polish lowers, for a solution on `mesh`."""
+
+    @abstractmethod
+    def value(self, functional: Any, ritz: Ritz, movable: Any, mesh: Mesh) -> float:
+        """Return the value of the functional, slivers between facets and curves or surfaces included."""
+
+    @abstractmethod
+    def carry(self, functional: Any, before: Any, movable: Any, start_element: Ints) -> Any:
+        """Interpolate the solution of `functional` from the mesh `before` onto the moved mesh."""
+
+    @abstractmethod
+    def descend(self, movable: Any, functional: Any, trial: Any, sweeps: int) -> float:
+        """Sweep nodes and edges, and return the decrease of the functional."""
+
+    @abstractmethod
+    def polish(
+        self, movable: Any, functional: Any, trial: Any, recycled: Recycled, plan: Sequence[int]
+    ) -> tuple[Recycled, float]:
+        """Sweep and recycle after a plan, and return all recycled nodes and the decrease of the functional."""
+
+    @abstractmethod
+    def stalls(self, passes: tuple[Pass, ...]) -> bool:
+        """Return True if the last passes improved nothing."""
+
+    def corrects(self, problem: Problem) -> bool:
+        """Return True if the polish corrects nodes that the estimate misplaced."""
+        return False

@@ -1,0 +1,97 @@
+"""Parts of the adaptive loop for tetrahedra."""
+
+from collections.abc import Sequence
+
+from skfem import Mesh
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.loop.method import Method
+from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.settings import Settings
+from kohonen_adapt.loop.stopping import stalls_by_functional
+from kohonen_adapt.mesh.cells import TETRAHEDRON
+from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.outline.surgery import Recycled, unchanged
+from kohonen_adapt.polishing.polish_in_space import (
+    PLAN_IN_SPACE,
+    descend_and_recycle_in_space,
+    descend_in_space,
+)
+from kohonen_adapt.polishing.polish_in_space import (
+    loops_in_space as polish_loops,
+)
+from kohonen_adapt.polishing.solid_functional import SolidFunctional
+from kohonen_adapt.polishing.transfer_in_space import carried_in_space
+from kohonen_adapt.problem.functional_value import functional_value
+from kohonen_adapt.problem.protocol import Problem
+from kohonen_adapt.problem.ritz import Ritz
+from kohonen_adapt.som.moved import Moved, why_still
+from kohonen_adapt.som.schedule import Schedule
+from kohonen_adapt.som.space import loops_in_space, move_in_space
+
+__all__ = ["SpaceMethod"]
+
+
+class SpaceMethod(Method):
+    """Smoothing, swaps and polish of tetrahedra."""
+
+    dim = TETRAHEDRON.dim
+    passes_by_density = 2
+    plan = PLAN_IN_SPACE
+    transfer_kernels = ("space carrying",)
+
+    def open(self, mesh: Mesh, rules: Rules, curved: bool | None) -> MovableSolid:
+        return MovableSolid.of(mesh, rules, curved)
+
+    def moving_kernels(self, topology: str, schedule: Schedule | None) -> tuple[str, ...]:
+        return *loops_in_space(topology, schedule), "space locating"
+
+    def polish_kernels(self, problem: Problem) -> tuple[str, ...]:
+        return polish_loops(problem)
+
+    def move(
+        self,
+        movable: MovableSolid,
+        density: Floats,
+        functional: SolidFunctional | None,
+        estimate: float,
+        settings: Settings,
+        number: int,
+        recycles: bool,
+    ) -> Moved[MovableSolid]:
+        if not recycles:  # the map would shorten the long elements that lower the energy
+            why = why_still(movable, settings.schedule)
+            return Moved(movable.copy(), unchanged(movable.tetrahedralization), (), why)
+        nodes, rng = settings.growth.nodes(number), settings.rng(number)
+        return move_in_space(movable, density, settings.schedule, settings.rules.topology, rng, nodes)
+
+    def functional(self, ritz: Ritz, movable: MovableSolid, mesh: Mesh) -> SolidFunctional:
+        return SolidFunctional.of_solution(ritz, movable, mesh)
+
+    def value(self, functional: SolidFunctional, ritz: Ritz, movable: MovableSolid, mesh: Mesh) -> float:
+        tet = movable.tetrahedralization
+        beyond = functional.faces.value(tet.position, tet.elements, functional.solution.values)
+        return functional_value(mesh, ritz) + beyond
+
+    def carry(
+        self, functional: SolidFunctional, before: MovableSolid, movable: MovableSolid, start_element: Ints
+    ) -> TrialFunction:
+        return carried_in_space(functional, before, movable, start_element)
+
+    def descend(self, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, sweeps: int) -> float:
+        return descend_in_space(movable, functional, trial, sweeps)
+
+    def polish(
+        self,
+        movable: MovableSolid,
+        functional: SolidFunctional,
+        trial: TrialFunction,
+        recycled: Recycled,
+        plan: Sequence[int],
+    ) -> tuple[Recycled, float]:
+        return descend_and_recycle_in_space(movable, functional, trial, recycled, plan)
+
+    def stalls(self, passes: tuple[Pass, ...]) -> bool:
+        return stalls_by_functional(passes)

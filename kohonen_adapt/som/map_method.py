@@ -1,0 +1,123 @@
+"""Parts of the Kohonen map that depend on the dimension of the mesh."""
+
+from abc import ABC, abstractmethod
+from dataclasses import replace
+from math import floor, log2
+from typing import Any, ClassVar
+
+import numpy as np
+from skfem import Mesh
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.kernels import ordering
+from kohonen_adapt.kernels.tetrahedron import search as search_in_space
+from kohonen_adapt.kernels.tetrahedron import stars
+from kohonen_adapt.kernels.tetrahedron import train as train_in_space
+from kohonen_adapt.kernels.triangle import geometry, search, train
+from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, Cell
+from kohonen_adapt.outline.movable import MovableMesh
+from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.som.schedule import Schedule, Stage
+
+__all__ = ["MapMethod", "map_method_of"]
+
+
+class MapMethod(ABC):
+    """Kernels and settings of the Kohonen map for one kind of element.
+
+    Attributes
+    ----------
+    cell
+        Kind of element.
+    kernel_groups
+        Groups of `kernels/entries.py`.
+    draw_points, find_winners, learn, mark_valid, mark_interior
+        Kernels, which take the same arguments for both kinds of element.
+    updates
+        Updates of nodes per batch, so that Ctrl-C takes effect within half a second.
+    """
+
+    cell: ClassVar[Cell]
+    kernel_groups: ClassVar[tuple[str, ...]]
+    draw_points: ClassVar[Any]
+    find_winners: ClassVar[Any]
+    learn: ClassVar[Any]
+    mark_valid: ClassVar[Any]
+    mark_interior: ClassVar[Any]
+    updates: ClassVar[int]
+
+    @abstractmethod
+    def open(self, mesh: Mesh, rules: Rules) -> Any:
+        """Return the movable mesh."""
+
+    @abstractmethod
+    def barycentric(self, count: int, rng: np.random.Generator) -> Floats:
+        """Return uniform random points of an element, in barycentric coordinates 1 to dim, (dim, count)."""
+
+    @abstractmethod
+    def ring(self, rings: Ints) -> Ints:
+        """Return the number of nodes in each ring around a node of a regular mesh."""
+
+    @abstractmethod
+    def schedule(self, nnodes: int, topology: str) -> Schedule:
+        """Return the default schedule, without sweeps."""
+
+
+class PlaneMap(MapMethod):
+    """Kohonen map of triangles."""
+
+    cell = TRIANGLE
+    kernel_groups = "ground", "map", "transport", "locating"
+    draw_points = staticmethod(train.draw_points)
+    find_winners = staticmethod(search.find_winners)
+    learn = staticmethod(train.learn)
+    mark_valid = staticmethod(geometry.mark_valid)
+    mark_interior = staticmethod(ordering.mark_interior)
+    updates = 5_000_000
+
+    def open(self, mesh: Mesh, rules: Rules) -> MovableMesh:
+        return MovableMesh.of(mesh, rules)
+
+    def barycentric(self, count: int, rng: np.random.Generator) -> Floats:
+        u, v = rng.random((2, count))
+        outside = u + v > 1.0
+        return np.stack([np.where(outside, 1.0 - u, u), np.where(outside, 1.0 - v, v)])
+
+    def ring(self, rings: Ints) -> Ints:
+        return np.maximum(1, 6 * rings)
+
+    def schedule(self, nnodes: int, topology: str) -> Schedule:
+        return replace(Schedule.default(nnodes, topology=topology), sweeps=0)
+
+
+class SpaceMap(MapMethod):
+    """Kohonen map of tetrahedra."""
+
+    cell = TETRAHEDRON
+    kernel_groups = "space ground", "space map", "space moves", "space locating"
+    draw_points = staticmethod(train_in_space.draw_points)
+    find_winners = staticmethod(search_in_space.find_winners)
+    learn = staticmethod(train_in_space.learn)
+    mark_valid = staticmethod(stars.mark_valid)
+    mark_interior = staticmethod(stars.mark_interior)
+    updates = 500_000
+
+    def open(self, mesh: Mesh, rules: Rules) -> MovableSolid:
+        return MovableSolid.of(mesh, rules)
+
+    def barycentric(self, count: int, rng: np.random.Generator) -> Floats:
+        return np.diff(np.sort(rng.random((3, count)), axis=0), axis=0, prepend=0.0)
+
+    def ring(self, rings: Ints) -> Ints:
+        return np.where(rings == 0, 1, 12 * rings**2 + 2)  # of cubes cut into six tetrahedra
+
+    def schedule(self, nnodes: int, topology: str) -> Schedule:
+        doublings = max(0, floor(log2(max(1.0, 0.3 * nnodes ** (1 / 3)))))
+        radii = [2**k for k in range(doublings, 0, -1)]
+        stages = [Stage(r, 2, min(0.3, 1 / r), points_per_neuron=4 / r**2) for r in radii]
+        return Schedule((*stages, Stage(1, 5, (0.3, 0.1))))
+
+
+def map_method_of(dim: int) -> MapMethod:
+    return SpaceMap() if dim == TETRAHEDRON.dim else PlaneMap()
