@@ -67,7 +67,7 @@ __all__ = [
     "write_mesh",
 ]
 
-__version__ = "0.4.0"
+__version__ = "0.5.0"
 
 
 def __dir__() -> list[str]:

@@ -4,6 +4,7 @@ import platform
 import re
 from importlib.metadata import PackageNotFoundError, version
 
+from kohonen_adapt import __version__
 from kohonen_adapt.display import counted, significant
 from kohonen_adapt.kernels.threads import number_of_threads
 from kohonen_adapt.loop.passes import Pass, Status
@@ -30,7 +31,7 @@ ENDINGS = {
     Status.FAILED: "an error in a pass",
 }
 
-PACKAGES = ("kohonen_adapt", "numpy", "scipy", "scikit-fem", "numba", "meshio", "matplotlib", "pyamg")
+PACKAGES = ("numpy", "scipy", "scikit-fem", "numba", "meshio", "matplotlib", "pyamg")
 
 QUOTED = re.compile(r"""(["'])(?:~|[A-Za-z]:)?[\\/](?:[^"'\n]*[\\/])?""")
 BARE = re.compile(r"""(?<![\w.:/\\)\]])(?:~|[A-Za-z]:)?(?:[\\/][^\\/\s"'<>|,;]+)+[\\/]""")
@@ -107,6 +108,7 @@ def _of_output(name: str, first: Pass, last: Pass) -> str:
 
 def versions() -> dict[str, str]:
     return {
+        "kohonen_adapt": __version__,  # the metadata of an editable install may be of an earlier version
         **{name: found for name in PACKAGES if (found := _version_of(name))},
         "Python": platform.python_version(),
         "processor": platform.machine(),

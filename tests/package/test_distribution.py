@@ -83,7 +83,8 @@ def test_the_case_of_a_wheel_finds_its_mesh(built, tmp_path):
 def test_the_sources_are_all_there(built):
     with tarfile.open(built[1]) as archive:
         names = {"/".join(name.split("/")[1:]) for name in archive.getnames()}
-    for path in ("pyproject.toml", "README.md", "LICENSE", "examples/motor.msh", "kohonen_adapt/CHANGELOG.md"):
+    at_the_root = ("pyproject.toml", "README.md", "LICENSE", "CITATION.cff")
+    for path in (*at_the_root, "examples/motor.msh", "kohonen_adapt/CHANGELOG.md"):
         assert path in names
     assert {f"tests/package/{Path(__file__).name}", "benchmarks/__main__.py"} <= names
 
@@ -111,11 +112,11 @@ def test_the_index_is_told_what_pyproject_says(metadata):
 
 def cited(key):
     """A line of the citation's top level."""
-    (value,) = re.findall(rf"^{key}: (.+)$", (PACKAGE / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
+    (value,) = re.findall(rf"^{key}: (.+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
     return value
 
 
 def test_the_citation_is_of_this_version():
     assert cited("version") == ka.__version__
     assert cited("title") == PROJECT["name"] and cited("license") == PROJECT["license"]
-    assert f"- name: {PROJECT['authors'][0]['name']}" in (PACKAGE / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"- name: {PROJECT['authors'][0]['name']}" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
