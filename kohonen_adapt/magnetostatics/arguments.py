@@ -104,7 +104,7 @@ class Arguments:
             self.periodic,
             self.antiperiodic,
             self.applied_field,
-            {name: np.asarray(places) for name, places in (self.points or {}).items()},
+            {name: np.asarray(x) for name, x in (self.points or {}).items()},
         )
 
     def curves(self, mesh: MeshTri) -> dict[str, Arc]:
@@ -126,9 +126,9 @@ class Arguments:
         ValueError
             If the mesh lacks the body.
         """
-        told = bores(mesh, self.goal.body, self.goal.centre) if isinstance(self.goal, Torque) else {}
+        arcs = bores(mesh, self.goal.body, self.goal.centre) if isinstance(self.goal, Torque) else {}
         paired = {name for pair in self.pairs for name in pair[:2]}
-        return {name: arc for name, arc in told.items() if name not in paired}
+        return {name: arc for name, arc in arcs.items() if name not in paired}
 
     def _check_kinds(self) -> None:
         if self.estimator not in ESTIMATORS:
@@ -137,9 +137,9 @@ class Arguments:
         check_materials(self.materials, 2)
 
     def _check_fixed(self) -> None:
-        elsewhere = self.open_boundary is not None or self.antiperiodic or self.axisymmetric
-        given = isinstance(self.potential, Mapping) and len(self.potential) > 0
-        if not given and not (elsewhere and self.potential in (None, {})):
+        fixed_otherwise = self.open_boundary is not None or self.antiperiodic or self.axisymmetric
+        has_potential = isinstance(self.potential, Mapping) and len(self.potential) > 0
+        if not has_potential and not (fixed_otherwise and self.potential in (None, {})):
             raise ValueError(
                 "potential must fix A on at least one boundary, for instance {'outer': 0.0}: "
                 f"otherwise A is known only up to a constant; got {self.potential!r}."
@@ -168,14 +168,14 @@ class Arguments:
             raise ValueError(f"depth must be a finite number > 0 in metres, or None; got {self.depth!r}.")
 
     def _check_bound(self) -> None:
-        beyond = {
+        unsupported = {
             "an axis": self.axisymmetric,
             "an open boundary": self.open_boundary is not None,
             "periodic sides": bool(self.periodic),
             "antiperiodic sides": bool(self.antiperiodic),
             "points": bool(self.points),
         }
-        has = [name for name, there in beyond.items() if there]
+        has = [name for name, present in unsupported.items() if present]
         if self.estimator == "equilibrated" and has:
             raise ValueError(
                 f"estimator 'equilibrated' bounds the error of planar problems with potentials and natural conditions; "
@@ -183,13 +183,13 @@ class Arguments:
             )
 
     def _checked_field(self) -> tuple[float, float]:
-        given = self.applied_field
-        if np.shape(given) != (2,) or not all(is_number(part) and np.isfinite(part) for part in given):
-            raise ValueError(f"applied_field must be two finite numbers (H_x, H_y) in A/m; got {given!r}.")
-        x, y = (float(part) for part in given)
+        value = self.applied_field
+        if np.shape(value) != (2,) or not all(is_number(component) and np.isfinite(component) for component in value):
+            raise ValueError(f"applied_field must be two finite numbers (H_x, H_y) in A/m; got {value!r}.")
+        x, y = (float(component) for component in value)
         if self.axisymmetric and x != 0.0:
             raise ValueError(
-                f"applied_field must be along the axis of an axisymmetric problem, (0, H_z); got {given!r}."
+                f"applied_field must be along the axis of an axisymmetric problem, (0, H_z); got {value!r}."
             )
         if self.open_boundary is None and (x, y) != (0.0, 0.0):
             raise ValueError(
@@ -212,10 +212,10 @@ def check_plane_mesh(mesh: Any, curved: bool) -> None:
         raise
 
 
-def _checked_turns(given: Any, materials: Mapping[str, Material]) -> dict[str, float]:
-    if given is not None and not isinstance(given, Mapping):
-        raise ValueError(f"ampere_turns must map subdomain names to amperes; got {given!r}.")
-    turns = dict(given or {})
+def _checked_turns(value: Any, materials: Mapping[str, Material]) -> dict[str, float]:
+    if value is not None and not isinstance(value, Mapping):
+        raise ValueError(f"ampere_turns must map subdomain names to amperes; got {value!r}.")
+    turns = dict(value or {})
     for name, total in turns.items():
         if name not in materials:
             raise ValueError(
@@ -232,20 +232,20 @@ def _checked_turns(given: Any, materials: Mapping[str, Material]) -> dict[str, f
     return {name: float(total) for name, total in turns.items()}
 
 
-def _checked_pairs(name: str, given: Any) -> tuple[Pair, ...]:
-    if not isinstance(given, list | tuple):
-        raise ValueError(f"{name} must hold pairs of names of boundaries, as [('left', 'right')]; got {given!r}.")
-    checked = (checked_pair(pair, name) for pair in given)
-    return tuple((one, other) if motion is None else (one, other, motion) for one, other, motion in checked)
+def _checked_pairs(name: str, value: Any) -> tuple[Pair, ...]:
+    if not isinstance(value, list | tuple):
+        raise ValueError(f"{name} must hold pairs of names of boundaries, as [('left', 'right')]; got {value!r}.")
+    checked = (checked_pair(pair, name) for pair in value)
+    return tuple((first, second) if motion is None else (first, second, motion) for first, second, motion in checked)
 
 
-def _checked_points(given: Any) -> dict[str, Floats]:
-    if given is not None and not isinstance(given, Mapping):
-        raise ValueError(f"points must map names to places (x, y) in metres; got {given!r}.")
-    places = {name: np.array(place) for name, place in (given or {}).items()}
-    for name, place in places.items():
-        if place.dtype.kind not in "iuf" or place.shape[:1] != (2,) or place.ndim > 2 or not np.isfinite(place).all():
+def _checked_points(value: Any) -> dict[str, Floats]:
+    if value is not None and not isinstance(value, Mapping):
+        raise ValueError(f"points must map names to places (x, y) in metres; got {value!r}.")
+    points = {name: np.array(point) for name, point in (value or {}).items()}
+    for name, point in points.items():
+        if point.dtype.kind not in "iuf" or point.shape[:1] != (2,) or point.ndim > 2 or not np.isfinite(point).all():
             raise ValueError(
-                f"points[{name!r}] must be a place (x, y) in metres, or several (2, n); got {place.tolist()!r}."
+                f"points[{name!r}] must be a place (x, y) in metres, or several (2, n); got {point.tolist()!r}."
             )
-    return {name: place.reshape(2, -1).astype(float) for name, place in places.items()}
+    return {name: point.reshape(2, -1).astype(float) for name, point in points.items()}

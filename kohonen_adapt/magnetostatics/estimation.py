@@ -63,17 +63,17 @@ def energy_indicators(
         return _residual_scale(field) * residual_by_points(field, joined)
     if estimator == "equilibrated":
         return equilibrated_bound(mesh, field, boundaries)
-    given, unknown = field.coefficients, field.unknown
-    plain = not given.nonlinear_materials and not field.axisymmetric
-    scalar = scalar_problem(field.elements, field.symmetry, given) if plain else linearised(field, estimator)
+    coefficients, unknown = field.coefficients, field.unknown
+    is_linear = not coefficients.nonlinear_materials and not field.axisymmetric
+    scalar = scalar_problem(field.elements, field.symmetry, coefficients) if is_linear else linearised(field, estimator)
     flux = scalar.flux
-    if given.varying_magnets and not field.axisymmetric:  # around an axis `linearised` evaluates H at the corners
+    if coefficients.varying_magnets and not field.axisymmetric:  # around an axis `linearised` has H at the corners
         flux = flux.reshape(2, -1, mesh.t.shape[1]) + flux_variation(field, materials)
     if estimator == "residual":
-        bare = residual(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=flux, joined=joined)
-        return RESIDUAL_SCALE * bare
-    kind = _equal_materials(field, list(materials.values()))
-    return recovery(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=flux, region=kind)
+        unscaled = residual(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=flux, joined=joined)
+        return RESIDUAL_SCALE * unscaled
+    region = _equal_materials(field, list(materials.values()))
+    return recovery(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=flux, region=region)
 
 
 def _tied_facets(field: Field, boundaries: Boundaries) -> Facets | None:
@@ -89,27 +89,27 @@ def _residual_scale(field: Field) -> float:
 def flux_variation(field: Field, materials: Mapping[str, Material]) -> Floats:
     # Element means alone jump between elements where the magnet does not. For a Halbach cylinder the residual was 0.6
     # and the recovery 1.6 times the error; with the variation inside elements both are within 11 %.
-    number, x = field.coefficients.material_index, inner_points(field.mesh.p[:, field.mesh.t])
-    inside = np.stack([coercivity_at(materials, x[:, k], number) for k in range(3)], axis=1)
-    return field.symmetry.flux(2.0 * (inside - inside.mean(axis=1, keepdims=True)))
+    index, x = field.coefficients.material_index, inner_points(field.mesh.p[:, field.mesh.t])
+    coercivity = np.stack([coercivity_at(materials, x[:, k], index) for k in range(3)], axis=1)
+    return field.symmetry.flux(2.0 * (coercivity - coercivity.mean(axis=1, keepdims=True)))
 
 
 def _equal_materials(field: Field, materials: Sequence[Material]) -> Ints | None:
-    alike = np.array([materials.index(material) for material in materials])
+    first_equal = np.array([materials.index(material) for material in materials])
     varies = (
         field.axisymmetric or field.coefficients.nonlinear_materials or any(material.turns for material in materials)
     )
-    return alike[field.coefficients.material_index] if varies else None
+    return first_equal[field.coefficients.material_index] if varies else None
 
 
 def equilibrated_bound(mesh: MeshTri, field: Field, boundaries: Boundaries) -> Floats:
     fixed, _ = fixed_values(field.elements, boundaries)
-    given = field.coefficients
-    source, flux = given.current_density, given.flux
-    if not given.nonlinear_materials:
-        return equilibrated(mesh, field.potential, given.reluctivity, source=source, flux=flux, fixed=fixed)
+    coefficients = field.coefficients
+    source, flux = coefficients.current_density, coefficients.flux
+    if not coefficients.nonlinear_materials:
+        return equilibrated(mesh, field.potential, coefficients.reluctivity, source=source, flux=flux, fixed=fixed)
     balanced = equilibrated_flux(mesh, field.potential, field.reluctivity, source=source, flux=flux, fixed=fixed)
-    return duality_gap(mesh, field.potential, balanced, given.law_energy, given.law_coenergy, flux=flux)
+    return duality_gap(mesh, field.potential, balanced, coefficients.law_energy, coefficients.law_coenergy, flux=flux)
 
 
 def linearised(field: Field, estimator: str) -> Scalar:
@@ -141,13 +141,13 @@ def goal_indicators(field: Field, goal: Goal, boundaries: Boundaries, newton: Ne
     if field.order > 1:
         # Errors from a solve of one order more in every pass gave no better force between two magnets.
         dual, joined = dual_of(field, goal.derivative(field), boundaries, newton), _tied_facets(field, boundaries)
-        one, other = residual_by_points(field, joined), dual_residual_by_points(field, dual, joined)
-        return _residual_scale(field) * np.sqrt(one * other)
+        primal_residual, dual_residual = residual_by_points(field, joined), dual_residual_by_points(field, dual, joined)
+        return _residual_scale(field) * np.sqrt(primal_residual * dual_residual)
     pair = _primal_and_dual(field, goal, boundaries, newton)
     if isinstance(field.elements, AroundAxis):  # there B decreases like 1 / r within elements
         for name, strength in zip(("flux", "dual_flux"), field.strength_at_corners(pair["dual"]), strict=True):
-            turned = field.symmetry.flux(strength)
-            pair[name] = pair[name][:, None] - turned + turned.mean(axis=1, keepdims=True)
+            flux = field.symmetry.flux(strength)
+            pair[name] = pair[name][:, None] - flux + flux.mean(axis=1, keepdims=True)
     return goal_oriented(field.mesh, **pair)
 
 
@@ -171,11 +171,11 @@ def better_values(
     else:
         better = solve_from(refined(field.mesh), field.mesh, field)
     values = {name: float(output(better)) for name, output in outputs.items()}
-    pair, share = refined_on_arcs(field.mesh), 15.0 / 16.0 if is_second_order(field.mesh) else 0.75
-    if pair is not None:
-        chords, arcs = (solve_from(finer, field.mesh, field) for finer in pair)
+    meshes, fraction = refined_on_arcs(field.mesh), 15.0 / 16.0 if is_second_order(field.mesh) else 0.75
+    if meshes is not None:
+        chords, arcs = (solve_from(finer, field.mesh, field) for finer in meshes)
         for name, output in outputs.items():
-            values[name] += (output(arcs) - output(chords)) / share
+            values[name] += (output(arcs) - output(chords)) / fraction
     return values
 
 
@@ -210,5 +210,5 @@ def _primal_and_dual(field: Field, goal: Goal, boundaries: Boundaries, newton: N
 def _fixed_nodes(conditions: Conditions) -> Mask:
     # On paired sides and on the open boundary the imbalance of the field is no part of the estimate.
     fixed = conditions.fixed_or_tied
-    beyond = conditions.open_boundary
-    return fixed if beyond is None else fixed | (beyond.matrix.diagonal() > 0.0)
+    open_boundary = conditions.open_boundary
+    return fixed if open_boundary is None else fixed | (open_boundary.matrix.diagonal() > 0.0)

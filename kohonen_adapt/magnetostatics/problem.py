@@ -176,9 +176,9 @@ class Magnetostatics(Arguments):
     def _energy_on(self, mesh: MeshTri) -> EnergyFunctional:
         check_plane_mesh(mesh, curved=self.order > 1)
         symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
-        given = coefficients(mesh, self.materials, self.ampere_turns)
-        elements = elements_on(mesh, self.order, symmetry, given.nonlinear)
-        return EnergyFunctional(elements, symmetry, given, conditions_of(elements, self.boundaries, symmetry))
+        material = coefficients(mesh, self.materials, self.ampere_turns)
+        elements = elements_on(mesh, self.order, symmetry, material.nonlinear)
+        return EnergyFunctional(elements, symmetry, material, conditions_of(elements, self.boundaries, symmetry))
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:
         """Return error indicators in the energy norm, or of the error of the goal.

@@ -24,12 +24,14 @@ def residual_by_points(field: Field, joined: Facets | None) -> Floats:
     it is interpolated at the corners, at order 3 and beside curves also at the midsides. `joined` is as in
     `estimators.residual`.
     """
-    elements, given, symmetry = field.elements, field.coefficients, field.symmetry
+    elements, coefficients, symmetry = field.elements, field.coefficients, field.symmetry
     points = LATTICE if elements.order == 3 or elements.shape.curved.any() else LATTICE[:3]
     at = field.at_each(points.T)
     flux = symmetry.flux(at.field_strength).reshape(2, len(points), -1) / symmetry.extent
-    inside = divergences_by_differences(field) if given.varying_magnets else divergences(flux, elements.shape)
-    return _residual(field, at, flux, given.current_density + inside, joined)
+    divergence = (
+        divergences_by_differences(field) if coefficients.varying_magnets else divergences(flux, elements.shape)
+    )
+    return _residual(field, at, flux, coefficients.current_density + divergence, joined)
 
 
 def dual_residual_by_points(field: Field, dual: Dual, joined: Facets | None) -> Floats:
@@ -45,9 +47,9 @@ def _residual(field: Field, at: PointField, flux: Floats, load: Floats, joined: 
     shape, size = elements.shape, area(field.mesh)
     secant, differential = at.reluctivities
     weight = np.sqrt(secant * differential).reshape(flux.shape[1], -1).mean(axis=0)
-    middle = shape.corners.p[:, shape.corners.facets].mean(axis=1)
-    around = volume(elements.centroids, np.ones(size.size)), volume(middle, np.ones(middle.shape[1]))
-    return residual_at_points(shape, size, flux, load, weight, around, joined)
+    midpoints = shape.corners.p[:, shape.corners.facets].mean(axis=1)
+    circumference = volume(elements.centroids, np.ones(size.size)), volume(midpoints, np.ones(midpoints.shape[1]))
+    return residual_at_points(shape, size, flux, load, weight, circumference, joined)
 
 
 def on_lattice(elements: Elements, values: Floats) -> Floats:
@@ -58,26 +60,28 @@ def on_lattice(elements: Elements, values: Floats) -> Floats:
     polynomial.
     """
     degree = elements.order - 1 if isinstance(elements, AroundAxis) else 2
-    element, share, weight = elements.fine_rule
-    own, count = functions_at(share.T, degree), elements.corners.t.shape[1]
+    element, barycentric, weight = elements.fine_rule
+    functions, count = functions_at(barycentric.T, degree), elements.corners.t.shape[1]
 
     def sums(terms: Floats) -> Floats:
         return np.stack([np.bincount(element, term, count) for term in terms.reshape(-1, element.size)], axis=-1)
 
-    products = sums(np.einsum("ni,nj,n->ijn", own, own, weight)).reshape(count, *own.shape[1:], own.shape[1])
-    moments = sums(np.einsum("ni,cn,n->icn", own, values, weight)).reshape(count, -1, 2)
-    found = np.linalg.solve(products, moments)
-    return np.einsum("pi,kic->cpk", functions_at(LATTICE, degree), found)
+    products = sums(np.einsum("ni,nj,n->ijn", functions, functions, weight)).reshape(
+        count, *functions.shape[1:], functions.shape[1]
+    )
+    moments = sums(np.einsum("ni,cn,n->icn", functions, values, weight)).reshape(count, -1, 2)
+    fits = np.linalg.solve(products, moments)
+    return np.einsum("pi,kic->cpk", functions_at(LATTICE, degree), fits)
 
 
 def divergences_by_differences(field: Field) -> Floats:
     # From the point values alone, without the curvature of the magnetisation, the estimate of order 3 was 0.55 to 0.65
     # of the error.
     shape, count = field.elements.shape, field.mesh.t.shape[1]
-    element, share = np.tile(np.arange(count), 3), np.repeat(LATTICE[3:].T, count, axis=1)
-    step, found = DIFFERENCE * np.sqrt(area(field.mesh))[element], np.zeros(3 * count)
-    for axis, slope in enumerate(shape.hat_gradients(element, share)):
-        ends = [field.at_shares(element, share + sign * step * slope).field_strength for sign in (1.0, -1.0)]
-        ahead, behind = (field.symmetry.flux(end)[axis] / field.symmetry.extent for end in ends)
-        found += (ahead - behind) / (2.0 * step)
-    return found.reshape(3, count)
+    element, barycentric = np.tile(np.arange(count), 3), np.repeat(LATTICE[3:].T, count, axis=1)
+    step, divergence = DIFFERENCE * np.sqrt(area(field.mesh))[element], np.zeros(3 * count)
+    for axis, direction in enumerate(shape.hat_gradients(element, barycentric)):
+        ends = [field.at_shares(element, barycentric + sign * step * direction).field_strength for sign in (1.0, -1.0)]
+        forward, backward = (field.symmetry.flux(end)[axis] / field.symmetry.extent for end in ends)
+        divergence += (forward - backward) / (2.0 * step)
+    return divergence.reshape(3, count)

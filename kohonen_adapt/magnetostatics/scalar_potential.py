@@ -148,18 +148,18 @@ class MagneticScalarPotential:
             If Newton's method does not converge (a kind of LinAlgError); its `field` is the last iterate.
         """
         energy, field = self.stated(mesh)
-        steps, given = tuple[NewtonStep, ...](), energy.conditions.values
+        steps, values = tuple[NewtonStep, ...](), energy.conditions.values
         if energy.coefficients.nonlinear_materials:
             # A start from another mesh would take three times as many steps, because the interpolation error of the
             # small H in iron is a B deep in saturation.
-            start = self.method.linear(energy) if np.any(given) else given
+            start = self.method.linear(energy) if np.any(values) else values
             unknown, steps = self.method.descend(energy, start)
         else:
             unknown = self.method.linear(energy)
-        found = replace(field, unknown=unknown, newton=steps)
+        result = replace(field, unknown=unknown, newton=steps)
         if steps and not steps[-1].converged:
-            raise NotConverged(found)
-        return found
+            raise NotConverged(result)
+        return result
 
     def check(self, mesh: MeshTet) -> None:
         """Raise the errors of `solve` for the mesh, without solving.
@@ -198,13 +198,13 @@ class MagneticScalarPotential:
             plane = " Plane meshes are for Magnetostatics." if len(getattr(mesh, "p", ())) == 2 else ""
             raise ValueError(f"mesh must be a skfem.MeshTet; got {type(mesh).__name__}.{plane}")
         check_mesh(mesh, space=True)
-        given, planes = coefficients(mesh, self.materials), mirrors_of(mesh, self.symmetry or {})
+        material, planes = coefficients(mesh, self.materials), mirrors_of(mesh, self.symmetry or {})
         parallel = [plane.facets for plane in planes.values() if plane.kind == "parallel"]
         closed, function = np.concatenate([np.zeros(0, dtype=np.int64), *parallel]), checked_field(self.applied_field)
-        drive = drive_on(mesh, given, function, closed)
+        drive = drive_on(mesh, material, function, closed)
         conditions = conditions_in_space(drive, self.potential or {}, planes)
-        energy = CoenergyFunctional(drive.elements, given, conditions, drive.inside, drive.load)
-        field = SolidField(mesh, conditions.values, given, drive, planes)
+        energy = CoenergyFunctional(drive.elements, material, conditions, drive.inside, drive.load)
+        field = SolidField(mesh, conditions.values, material, drive, planes)
         if isinstance(self.goal, Force | Torque):
             self.goal.check_body(field)  # before the solve
         return energy, field
@@ -316,21 +316,25 @@ class MagneticScalarPotential:
         NotOffered
             For nonlinear material with a remanence, or in an applied field.
         """
-        given, function = field.coefficients, field.drive.function
-        present, first, place = given.present(self.materials)
-        if given.nonlinear_materials and function is not None:
+        coefficients_of_mesh, function = field.coefficients, field.drive.function
+        present, first, region = coefficients_of_mesh.present(self.materials)
+        if coefficients_of_mesh.nonlinear_materials and function is not None:
             raise NotOffered("nonlinear material in an applied field has no energy to lower")
-        if any(given.coercivity[:, piece.elements].any() for piece in given.nonlinear_materials):
+        if any(
+            coefficients_of_mesh.coercivity[:, part.elements].any() for part in coefficients_of_mesh.nonlinear_materials
+        ):
             raise NotOffered("nonlinear magnets have no energy to lower")
-        mu = 1.0 / given.reluctivity[first]
-        flux: Flux = mu * given.coercivity[:, first]
+        mu = 1.0 / coefficients_of_mesh.reluctivity[first]
+        flux: Flux = mu * coefficients_of_mesh.coercivity[:, first]
         if function is not None or any(material.turns for material in present.values()):
 
-            def flux(x: Floats, number: Ints) -> Floats:
+            def flux(x: Floats, index: Ints) -> Floats:
                 applied = np.zeros_like(x) if function is None else field_at(function, x)
-                return mu[number] * (coercivity_at(present, x, number) + applied)
+                return mu[index] * (coercivity_at(present, x, index) + applied)
 
         laws = tuple(None if material.bh is None else Inverse(material.bh) for material in present.values())
         fixed = self._conditions(field).fixed
-        ritz = Ritz(field.potential, fixed, mu, 0.0, flux, place, laws if given.nonlinear_materials else ())
+        ritz = Ritz(
+            field.potential, fixed, mu, 0.0, flux, region, laws if coefficients_of_mesh.nonlinear_materials else ()
+        )
         return ritz if self.goal is None else replace(ritz, comparable=False, shapes_only=True)

@@ -69,5 +69,5 @@ def _flux_for(field: LocalSolid, weight: Floats) -> Floats:
 
 
 def _equal_materials(field: LocalSolid, materials: Mapping[str, Material]) -> Ints:
-    filled = list(materials.values())
-    return np.array([filled.index(material) for material in filled])[field.coefficients.material_index]
+    values = list(materials.values())
+    return np.array([values.index(material) for material in values])[field.coefficients.material_index]

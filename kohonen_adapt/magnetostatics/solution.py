@@ -86,11 +86,11 @@ def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None
     else:
         unknown = newton.linear(energy)
     values = energy.symmetry.potential(elements.doflocs, unknown)
-    made = elements.mesh, values[: elements.corners.p.shape[1]], energy.coefficients, energy.symmetry, depth, steps
+    arguments = elements.mesh, values[: elements.corners.p.shape[1]], energy.coefficients, energy.symmetry, depth, steps
     if elements.order == 1:
-        field = Field(*made)
+        field = Field(*arguments)
     else:
-        field = (QuadraticField if elements.order == 2 else CubicField)(*made, values=values)
+        field = (QuadraticField if elements.order == 2 else CubicField)(*arguments, values=values)
     if steps and not steps[-1].converged:
         raise NotConverged(field)
     return field
@@ -116,40 +116,42 @@ def old_potential_at(x: Floats, old: Field) -> Floats:
 
 
 def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, Material]) -> Ritz:
-    given, conditions = field.coefficients, conditions_of(field.elements, boundaries, field.symmetry)
-    present, first, place = given.present(materials)
-    turns = any(material.turns for material in present.values())
-    symmetry, turn = field.symmetry, field.symmetry.extent
-    flux: Flux = _flux_of(present, symmetry) if turns else symmetry.flux(given.coercivity[:, first])
+    coefficients, conditions = field.coefficients, conditions_of(field.elements, boundaries, field.symmetry)
+    present, first, region = coefficients.present(materials)
+    varies = any(material.turns for material in present.values())
+    symmetry, extent = field.symmetry, field.symmetry.extent
+    flux: Flux = _flux_of(present, symmetry) if varies else symmetry.flux(coefficients.coercivity[:, first])
     laws: tuple[EnergyLaw | None, ...] = ()
-    if given.nonlinear_materials:
+    if coefficients.nonlinear_materials:
         laws = tuple(material.bh for material in present.values())
     if field.axisymmetric:
-        around = {id(law): ScaledLaw(law, turn) for law in laws if law is not None}  # equal laws stay identical
-        laws = tuple(around.get(id(law)) for law in laws)
-    tables = turn * given.reluctivity[first], symmetry.source(given.current_density[first]), flux
+        scaled = {id(law): ScaledLaw(law, extent) for law in laws if law is not None}  # equal laws stay identical
+        laws = tuple(scaled.get(id(law)) for law in laws)
+    tables = extent * coefficients.reluctivity[first], symmetry.source(coefficients.current_density[first]), flux
     order, around_axis = field.elements.order, field.axisymmetric
     robin, signs = robin_of(field, boundaries), signs_of(boundaries)
-    return Ritz(field.unknown, conditions.fixed, *tables, place, laws, order, around_axis, robin, signs=signs)
+    return Ritz(field.unknown, conditions.fixed, *tables, region, laws, order, around_axis, robin, signs=signs)
 
 
-def signs_of(given: Boundaries) -> dict[tuple[str, str], int]:
+def signs_of(boundaries: Boundaries) -> dict[tuple[str, str], int]:
     return {
-        (pair[0], pair[1]): sign for sign, pairs in ((1, given.periodic), (-1, given.antiperiodic)) for pair in pairs
+        (pair[0], pair[1]): sign
+        for sign, pairs in ((1, boundaries.periodic), (-1, boundaries.antiperiodic))
+        for pair in pairs
     }
 
 
-def robin_of(field: Field, given: Boundaries) -> dict[str, tuple[float, Value]]:
-    name = given.open_boundary
+def robin_of(field: Field, boundaries: Boundaries) -> dict[str, tuple[float, Value]]:
+    name = boundaries.open_boundary
     if name is None:
         return {}
-    (centre, size), turn = circle_of(field.mesh, name), field.symmetry.extent
+    (centre, radius), extent = circle_of(field.mesh, name), field.symmetry.extent
 
     def load(x: Floats) -> Floats:
-        applied, dimension = field.symmetry.uniform(x, centre, given.applied_field)
-        return turn * dimension / size * applied
+        applied, dimension = field.symmetry.uniform(x, centre, boundaries.applied_field)
+        return extent * dimension / radius * applied
 
-    return {name: (turn / (VACUUM_PERMEABILITY * size), load)}
+    return {name: (extent / (VACUUM_PERMEABILITY * radius), load)}
 
 
 @dataclass(frozen=True)
@@ -167,7 +169,7 @@ class ScaledLaw:
 
 
 def _flux_of(materials: Mapping[str, Material], symmetry: Symmetry) -> Callable[[Floats, Ints], Floats]:
-    return lambda x, number: symmetry.flux(coercivity_at(materials, x, number))
+    return lambda x, index: symmetry.flux(coercivity_at(materials, x, index))
 
 
 def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton: Newton) -> Floats:
@@ -208,7 +210,7 @@ def richer_solution(field: Field, boundaries: Boundaries, newton: Newton) -> Fie
 
 
 def linkage_slope(field: Field, boundaries: Boundaries, circuit: Mapping[str, float], newton: Newton) -> float:
-    density, none = turns_density(field, checked_circuit(circuit)), np.zeros_like(field.elements.points)
-    linked = field.elements.loads(density, none)
-    load = field.elements.loads(field.symmetry.source(density), none)
+    density, zero = turns_density(field, checked_circuit(circuit)), np.zeros_like(field.elements.points)
+    linked = field.elements.loads(density, zero)
+    load = field.elements.loads(field.symmetry.source(density), zero)
     return turn_length(field) * float(linked @ tangent_solution(field, boundaries, load, newton))

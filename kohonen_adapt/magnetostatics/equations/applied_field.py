@@ -33,7 +33,7 @@ POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)  # along an edge: error 3e-
 LINKED = 0.01  # allowed circulation along closed paths, relative to the range of the potential in a piece of iron
 FACE_EDGES = ((0, 1), (1, 2), (0, 2))  # the last in reverse orientation
 DEGREE = 4  # of the quadrature rule of facets
-SAME = 1e-9  # tolerance of equality, relative to the permeability of vacuum
+TOLERANCE = 1e-9  # tolerance of equality, relative to the permeability of vacuum
 NO_CURRENT = 0.002  # allowed circulation around a face without current, relative to the integral of |Hs|
 
 
@@ -75,17 +75,17 @@ class Drive:
     @cached_property
     def current_density(self) -> Floats:
         """Largest ``|curl Hs . n|`` on the faces of elements, (nelements,) in A/m^2."""
-        mesh, found = self.elements.mesh, np.zeros(self.iron.size)
+        mesh, zero = self.elements.mesh, np.zeros(self.iron.size)
         if self.function is None:
-            return found
-        one, other = _edges(mesh.t)
-        key, corners = one * mesh.p.shape[1] + other, np.sort(mesh.facets, axis=0).astype(np.int64)
-        along, whole = _circulation(mesh.p[:, one], mesh.p[:, other], self.function)
+            return zero
+        start, end = _edges(mesh.t)
+        key, corners = start * mesh.p.shape[1] + end, np.sort(mesh.facets, axis=0).astype(np.int64)
+        circulation, absolute = _circulation(mesh.p[:, start], mesh.p[:, end], self.function)
         sides = [np.searchsorted(key, corners[i] * mesh.p.shape[1] + corners[j]) for i, j in FACE_EDGES]
-        around = np.abs(along[sides[0]] + along[sides[1]] - along[sides[2]])
-        around[around <= NO_CURRENT * whole[sides].sum(axis=0)] = 0.0
+        total = np.abs(circulation[sides[0]] + circulation[sides[1]] - circulation[sides[2]])
+        total[total <= NO_CURRENT * absolute[sides].sum(axis=0)] = 0.0
         size = 0.5 * np.linalg.norm(normals(mesh.p.T, mesh.facets.T), axis=1)
-        return np.max((around / size)[mesh.t2f], axis=0)
+        return np.max((total / size)[mesh.t2f], axis=0)
 
     @cached_property
     def inside(self) -> Floats:
@@ -98,20 +98,20 @@ class Drive:
         return mean
 
 
-def checked_field(given: Any) -> AppliedField | None:
-    if given is None or callable(given):
-        return given
-    if callable(getattr(given, "getH", None)):
-        return lambda x: np.reshape(given.getH(x.T), x.T.shape).T
-    if isinstance(given, list | tuple) and given and all(callable(getattr(part, "getH", None)) for part in given):
-        parts = [checked_field(part) for part in given]
-        return lambda x: sum(np.asarray(part(x)) for part in parts if part is not None)
-    if np.shape(given) == (3,) and np.asarray(given).dtype.kind in "iuf" and np.all(np.isfinite(given)):
-        vector = np.array(given, dtype=float)
+def checked_field(value: Any) -> AppliedField | None:
+    if value is None or callable(value):
+        return value
+    if callable(getattr(value, "getH", None)):
+        return lambda x: np.reshape(value.getH(x.T), x.T.shape).T
+    if isinstance(value, list | tuple) and value and all(callable(getattr(source, "getH", None)) for source in value):
+        sources = [checked_field(source) for source in value]
+        return lambda x: sum(np.asarray(source(x)) for source in sources if source is not None)
+    if np.shape(value) == (3,) and np.asarray(value).dtype.kind in "iuf" and np.all(np.isfinite(value)):
+        vector = np.array(value, dtype=float)
         return lambda x: np.tile(vector[:, None], x.shape[1])
     raise ValueError(
         "applied_field must be a function of x (3, n) in m that returns the field strength of the currents, (3, n) in "
-        f"A/m, three finite numbers, magpylib's objects, or None; got {given!r}."
+        f"A/m, three finite numbers, magpylib's objects, or None; got {value!r}."
     )
 
 
@@ -130,15 +130,15 @@ def field_at(function: AppliedField, x: Floats) -> Floats:
     return values
 
 
-def drive_on(mesh: MeshTet, given: Coefficients, function: AppliedField | None, closed: Ints) -> Drive:
-    elements, none = Tetrahedra(mesh, varies=function is not None), np.zeros(mesh.p.shape[1])
-    iron = given.reluctivity * VACUUM_PERMEABILITY < 1.0 / PERMEABLE
-    for piece in given.nonlinear_materials:
-        iron[piece.elements] = True
-    vacuum = np.abs(given.reluctivity * VACUUM_PERMEABILITY - 1.0) < SAME
+def drive_on(mesh: MeshTet, coefficients: Coefficients, function: AppliedField | None, closed: Ints) -> Drive:
+    elements, zeros = Tetrahedra(mesh, varies=function is not None), np.zeros(mesh.p.shape[1])
+    iron = coefficients.reluctivity * VACUUM_PERMEABILITY < 1.0 / PERMEABLE
+    for material in coefficients.nonlinear_materials:
+        iron[material.elements] = True
+    vacuum = np.abs(coefficients.reluctivity * VACUUM_PERMEABILITY - 1.0) < TOLERANCE
     vacuum &= ~iron
     if function is None:
-        return Drive(elements, None, np.zeros_like(iron), vacuum, none, none)
+        return Drive(elements, None, np.zeros_like(iron), vacuum, zeros, zeros)
     load = _flux_out(mesh, vacuum, function, closed)
     return Drive(elements, function, iron, vacuum, total_potential(mesh, iron, function), load)
 
@@ -149,18 +149,18 @@ def _flux_out(mesh: MeshTet, inside: Mask, function: AppliedField, closed: Ints)
     The surface is that of the elements `inside` without the facets `closed`; v are the hat functions.
     """
     number_facets(mesh)
-    one, other = mesh.f2t
-    own, beyond = inside[one], inside[other] & (other >= 0)
-    surface = np.setdiff1d(np.flatnonzero(own != beyond), closed)
-    out = 0.5 * normals(mesh.p.T, mesh.facets[:, surface].T).T
+    first, second = mesh.f2t
+    first_inside, second_inside = inside[first], inside[second] & (second >= 0)
+    surface = np.setdiff1d(np.flatnonzero(first_inside != second_inside), closed)
+    normal = 0.5 * normals(mesh.p.T, mesh.facets[:, surface].T).T
     corners = mesh.p[:, mesh.facets[:, surface]]
-    away = corners[:, 0] - mesh.p[:, mesh.t[:, one[surface]]].mean(axis=1)
-    out *= np.sign(np.sum(out * away, axis=0)) * np.where(own[surface], 1.0, -1.0)
-    load, (places, weights) = np.zeros(mesh.p.shape[1]), get_quadrature(RefTri, DEGREE)
-    for (s, t), weight in zip(places.T, weights, strict=True):
-        share = np.array([1.0 - s - t, s, t])
-        through = np.sum(out * field_at(function, np.einsum("i,cin->cn", share, corners)), axis=0)
-        terms = 2.0 * weight * VACUUM_PERMEABILITY * share[:, None] * through
+    outward = corners[:, 0] - mesh.p[:, mesh.t[:, first[surface]]].mean(axis=1)
+    normal *= np.sign(np.sum(normal * outward, axis=0)) * np.where(first_inside[surface], 1.0, -1.0)
+    load, (points, weights) = np.zeros(mesh.p.shape[1]), get_quadrature(RefTri, DEGREE)
+    for (s, t), weight in zip(points.T, weights, strict=True):
+        barycentric = np.array([1.0 - s - t, s, t])
+        normal_flux = np.sum(normal * field_at(function, np.einsum("i,cin->cn", barycentric, corners)), axis=0)
+        terms = 2.0 * weight * VACUUM_PERMEABILITY * barycentric[:, None] * normal_flux
         load += np.bincount(mesh.facets[:, surface].ravel(), terms.ravel(), load.size)
     return load
 
@@ -171,22 +171,22 @@ def total_potential(mesh: MeshTet, iron: Mask, function: AppliedField) -> Floats
     chi is integrated along a tree that spans the edges of every piece of iron, from 0 at its first node. Edges outside
     the tree close paths. A circulation of Hs along an edge of this kind means that the path links a current.
     """
-    one, other = _edges(mesh.t[:, iron])
+    lower, upper = _edges(mesh.t[:, iron])
     chi, nnodes = np.zeros(mesh.p.shape[1]), mesh.p.shape[1]
-    if not one.size:
+    if not lower.size:
         return chi
-    along, _ = _circulation(mesh.p[:, one], mesh.p[:, other], function)
-    graph = coo_array((np.ones(one.size, dtype=np.int8), (one, other)), shape=(nnodes, nnodes)).tocsr()
-    _, piece = connected_components(graph, directed=False)
-    key = one * nnodes + other
-    for first in np.unique(piece[one], return_index=True)[1]:
-        order, before = breadth_first_order(graph, one[first], directed=False)
-        start, end = before[order[1:]].astype(np.int64), order[1:].astype(np.int64)
+    along, _ = _circulation(mesh.p[:, lower], mesh.p[:, upper], function)
+    graph = coo_array((np.ones(lower.size, dtype=np.int8), (lower, upper)), shape=(nnodes, nnodes)).tocsr()
+    _, component = connected_components(graph, directed=False)
+    key = lower * nnodes + upper
+    for first in np.unique(component[lower], return_index=True)[1]:
+        order, predecessor = breadth_first_order(graph, lower[first], directed=False)
+        start, end = predecessor[order[1:]].astype(np.int64), order[1:].astype(np.int64)
         row = np.searchsorted(key, np.minimum(start, end) * nnodes + np.maximum(start, end))
         drop = np.where(start < end, along[row], -along[row])
-        for node, last, fall in zip(end.tolist(), start.tolist(), drop.tolist(), strict=True):
-            chi[node] = chi[last] - fall
-    _check_unlinked(mesh, iron, piece, one, along - (chi[one] - chi[other]), chi)
+        for node, previous, difference in zip(end.tolist(), start.tolist(), drop.tolist(), strict=True):
+            chi[node] = chi[previous] - difference
+    _check_unlinked(mesh, iron, component, lower, along - (chi[lower] - chi[upper]), chi)
     return chi
 
 
@@ -199,30 +199,30 @@ def _edges(t: Ints) -> tuple[Ints, Ints]:
 
 def _circulation(start: Floats, end: Floats, function: AppliedField) -> tuple[Floats, Floats]:
     """Return ``int Hs . dl`` and ``int |Hs| dl`` along segments, shape (n,) in A."""
-    total, whole, way = np.zeros(start.shape[1]), np.zeros(start.shape[1]), end - start
-    for place, weight in zip(POINTS, WEIGHTS, strict=True):
-        values = field_at(function, start + 0.5 * (1.0 + place) * way)
-        total += 0.5 * weight * np.sum(values * way, axis=0)
-        whole += 0.5 * weight * magnitude(values) * magnitude(way)
-    return total, whole
+    circulation, absolute, edge = np.zeros(start.shape[1]), np.zeros(start.shape[1]), end - start
+    for point, weight in zip(POINTS, WEIGHTS, strict=True):
+        values = field_at(function, start + 0.5 * (1.0 + point) * edge)
+        circulation += 0.5 * weight * np.sum(values * edge, axis=0)
+        absolute += 0.5 * weight * magnitude(values) * magnitude(edge)
+    return circulation, absolute
 
 
-def _check_unlinked(mesh: MeshTet, iron: Mask, piece: Ints, one: Ints, left: Floats, chi: Floats) -> None:
-    number = piece[one]
-    highest, lowest = np.full(piece.max() + 1, -np.inf), np.full(piece.max() + 1, np.inf)
-    np.maximum.at(highest, piece, chi)
-    np.minimum.at(lowest, piece, chi)
-    linked = np.flatnonzero(np.abs(left) > LINKED * (highest - lowest)[number])
+def _check_unlinked(mesh: MeshTet, iron: Mask, component: Ints, node: Ints, circulation: Floats, chi: Floats) -> None:
+    edge_component = component[node]
+    highest, lowest = np.full(component.max() + 1, -np.inf), np.full(component.max() + 1, np.inf)
+    np.maximum.at(highest, component, chi)
+    np.minimum.at(lowest, component, chi)
+    linked = np.flatnonzero(np.abs(circulation) > LINKED * (highest - lowest)[edge_component])
     if not linked.size:
         return
-    worst = linked[np.argmax(np.abs(left[linked]))]
-    here = np.flatnonzero(iron & (piece[mesh.t[0]] == number[worst]))
-    names = _names_of(mesh, here)
+    worst = linked[np.argmax(np.abs(circulation[linked]))]
+    elements = np.flatnonzero(iron & (component[mesh.t[0]] == edge_component[worst]))
+    names = _names_of(mesh, elements)
     raise ValueError(
         f"iron links a current: along a closed path in {names} the applied_field has a circulation of "
-        f"{abs(left[worst]):.4g} A. There is no total potential there, and a reduced one would cancel. Leave a gap in "
-        "the ring, cut it by a plane of symmetry that the flux crosses (symmetry={...: 'normal'}), and keep currents "
-        "out of iron; a closed ring in one plane or around an axis is a case for Magnetostatics."
+        f"{abs(circulation[worst]):.4g} A. There is no total potential there, and a reduced one would cancel. Leave a "
+        "gap in the ring, cut it by a plane of symmetry that the flux crosses (symmetry={...: 'normal'}), and keep "
+        "currents out of iron; a closed ring in one plane or around an axis is a case for Magnetostatics."
     )
 
 

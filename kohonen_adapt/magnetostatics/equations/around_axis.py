@@ -40,7 +40,7 @@ class AxisGroup(ElementGroup):
     law: bool
 
     @property
-    def share(self) -> Floats:
+    def barycentric(self) -> Floats:
         return points_near_axis(self.order, self.law)[0][self.kind].T
 
     @cached_property
@@ -54,13 +54,13 @@ class AxisGroup(ElementGroup):
 
     @cached_property
     def values(self) -> Floats:
-        own = functions_near_axis(np.full(self.share.shape[1], self.kind), self.share.T, self.order)
-        return (own @ coefficients_of_values(self.order)[self.kind]).T[:, None]
+        functions = functions_near_axis(np.full(self.barycentric.shape[1], self.kind), self.barycentric.T, self.order)
+        return (functions @ coefficients_of_values(self.order)[self.kind]).T[:, None]
 
     @cached_property
     def gradients(self) -> Floats:
         slopes = np.einsum(
-            "qfc,fi->iqc", slopes_near_axis(self.kind, self.share.T, self.order), self._coefficients_of_values
+            "qfc,fi->iqc", slopes_near_axis(self.kind, self.barycentric.T, self.order), self._coefficients_of_values
         )
         if self._is_curved:
             return np.einsum("iqc,dceq->ideq", slopes, self._hats[:, 1:], optimize=True)
@@ -76,7 +76,7 @@ class AxisGroup(ElementGroup):
         if self._is_curved:
             return self._per_element(self.shape.hat_gradients(*self._all_points))
         hats = hat_gradients(self.shape.corners)[:, :, self.rows, None]
-        return np.broadcast_to(hats, (*hats.shape[:-1], self.share.shape[1]))
+        return np.broadcast_to(hats, (*hats.shape[:-1], self.barycentric.shape[1]))
 
     @property
     def _is_curved(self) -> bool:
@@ -84,11 +84,11 @@ class AxisGroup(ElementGroup):
 
     @property
     def _all_points(self) -> tuple[Ints, Floats]:
-        rows, share = np.asarray(self.rows), self.share
-        return np.repeat(rows, share.shape[1]), np.tile(share, rows.size)
+        rows, barycentric = np.asarray(self.rows), self.barycentric
+        return np.repeat(rows, barycentric.shape[1]), np.tile(barycentric, rows.size)
 
     def _per_element(self, values: Floats) -> Floats:
-        return values.reshape(*values.shape[:-1], -1, self.share.shape[1])
+        return values.reshape(*values.shape[:-1], -1, self.barycentric.shape[1])
 
 
 @cache
@@ -99,12 +99,14 @@ def coefficients_of_values(order: int) -> Floats:
     is 0 there.
     """
     second, third = KINDS[order].doflocs.T
-    share, found = np.stack([1.0 - second - third, second, third], axis=1), []
-    for kind in np.repeat(np.arange(len(ON_AXIS))[:, None], len(share), axis=1):
-        off = factor_at(kind, share)[:, None] > 1e-9
-        own = np.where(off, functions_near_axis(kind, share, order), functions_at(share, order))
-        found.append(np.linalg.inv(own))
-    return np.stack(found)
+    barycentric, matrices = np.stack([1.0 - second - third, second, third], axis=1), []
+    for kind in np.repeat(np.arange(len(ON_AXIS))[:, None], len(barycentric), axis=1):
+        is_off_axis = factor_at(kind, barycentric)[:, None] > 1e-9
+        functions = np.where(
+            is_off_axis, functions_near_axis(kind, barycentric, order), functions_at(barycentric, order)
+        )
+        matrices.append(np.linalg.inv(functions))
+    return np.stack(matrices)
 
 
 class AroundAxis(Higher):
@@ -115,7 +117,7 @@ class AroundAxis(Higher):
     ``B = (-du/dz, du/dr) / r`` also holds on the axis.
     """
 
-    def _make_groups(self, bent: MeshTri) -> Sequence[ElementGroup]:
+    def _make_groups(self, curved_mesh: MeshTri) -> Sequence[ElementGroup]:
         groups, first = list[ElementGroup](), 0
         for kind, law in product(np.unique(self.kind), (False, True)):
             rows = np.flatnonzero((self.kind == kind) & (self.nonlinear == law))
@@ -143,36 +145,40 @@ class AroundAxis(Higher):
     def products_on(self, facets: Ints, weight: Floats) -> Floats:
         """Return integrals of ``weight phi_i phi_j / r`` over facets, (k, k, nfacets)."""
         (at,), weights = get_quadrature(ElementLineP1, FACET)
-        (start, end), off = (
+        (start, end), offset = (
             self.corners.p[:, self.corners.facets[:, facets]].swapaxes(0, 1),
             self.shape.facet_offset[:, facets],
         )
-        there = (1.0 - at) * start[..., None] + at * end[..., None] + 4.0 * off[..., None] * at * (1.0 - at)
-        length = np.hypot(*((end - start)[..., None] + 4.0 * off[..., None] * (1.0 - 2.0 * at)))
-        begins, ends = (np.isin(nodes, self._on_axis) for nodes in self.corners.facets[:, facets])
-        places = np.concatenate(([0.0, 1.0], np.arange(1, self.order) / self.order))
-        factor, own = (1.0 - begins * (1.0 - t) - ends * t for t in (at[:, None], places[:, None]))
+        points = (1.0 - at) * start[..., None] + at * end[..., None] + 4.0 * offset[..., None] * at * (1.0 - at)
+        length = np.hypot(*((end - start)[..., None] + 4.0 * offset[..., None] * (1.0 - 2.0 * at)))
+        start_on_axis, end_on_axis = (np.isin(nodes, self._on_axis) for nodes in self.corners.facets[:, facets])
+        locations = np.concatenate(([0.0, 1.0], np.arange(1, self.order) / self.order))
+        factor, factor_there = (
+            1.0 - start_on_axis * (1.0 - t) - end_on_axis * t for t in (at[:, None], locations[:, None])
+        )
         values = (at[:, None] ** np.arange(self.order + 1)) @ facet_functions(self.order)
-        values = values[:, :, None] * factor[:, None] / np.where(own > 0.0, own, 1.0)
-        return np.einsum("qif,qjf,fq,q,f->ijf", values, values, length / there[0], weights, weight)
+        values = values[:, :, None] * factor[:, None] / np.where(factor_there > 0.0, factor_there, 1.0)
+        return np.einsum("qif,qjf,fq,q,f->ijf", values, values, length / points[0], weights, weight)
 
     @cached_property
     def _on_axis(self) -> Ints:
         return np.unique(self.corners.t[ON_AXIS[self.kind].T])
 
-    def limit_points(self, element: Ints, share: Floats) -> Floats:
+    def limit_points(self, element: Ints, barycentric: Floats) -> Floats:
         # On the axis B is the limit from inside the element.
-        on = factor_at(self.kind[element], share.T) < INWARDS
-        return np.where(on, share + INWARDS * (1.0 / 3.0 - share), share)
+        on_axis = factor_at(self.kind[element], barycentric.T) < INWARDS
+        return np.where(on_axis, barycentric + INWARDS * (1.0 / 3.0 - barycentric), barycentric)
 
-    def _functions(self, element: Ints, share: Floats) -> tuple[Floats, Floats]:
-        kind, turned = self.kind[element], share.T
+    def _functions(self, element: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
+        kind, points = self.kind[element], barycentric.T
         values, slopes = np.empty((len(self.unknowns), element.size)), np.empty((len(self.unknowns), 2, element.size))
-        for each in np.unique(kind):
-            rows = np.flatnonzero(kind == each)
-            own = coefficients_of_values(self.order)[each]
-            values[:, rows] = (functions_near_axis(kind[rows], turned[rows], self.order) @ own).T
-            slopes[:, :, rows] = np.einsum("nfc,fi->icn", slopes_near_axis(int(each), turned[rows], self.order), own)
+        for value in np.unique(kind):
+            rows = np.flatnonzero(kind == value)
+            matrix = coefficients_of_values(self.order)[value]
+            values[:, rows] = (functions_near_axis(kind[rows], points[rows], self.order) @ matrix).T
+            slopes[:, :, rows] = np.einsum(
+                "nfc,fi->icn", slopes_near_axis(int(value), points[rows], self.order), matrix
+            )
         return values, slopes
 
     def balanced(self, flux: Floats, source: Floats) -> Floats:
@@ -182,14 +188,14 @@ class AroundAxis(Higher):
         equal the loads of the flux by the functions of these elements, so that the estimators of order 1 see a balanced
         problem. Edges from the axis are dual to the gradients of the hat functions at their outer ends.
         """
-        mean, off = super().mean(flux), np.where(ON_AXIS[self.kind].T, 0.0, 1.0)
+        mean, off_axis = super().mean(flux), np.where(ON_AXIS[self.kind].T, 0.0, 1.0)
         size = self._by_element([group.weights.sum(axis=1) for group in self._groups])
-        wanted = (self.against_gradients(flux) - self.against_functions(source)) / size + source / 3.0
-        missing = off * (wanted - np.einsum("ck,cik->ik", mean, self.hats))
+        target = (self.against_gradients(flux) - self.against_functions(source)) / size + source / 3.0
+        missing = off_axis * (target - np.einsum("ck,cik->ik", mean, self.hats))
         touching = np.flatnonzero(self.kind)
-        corner, off = self.corners.p[:, self.corners.t[:, touching]], off[:, touching]
-        foot = np.sum((1.0 - off) * corner, axis=1) / np.sum(1.0 - off, axis=0)
-        mean[:, touching] += np.einsum("ik,cik->ck", missing[:, touching], corner - foot[:, None])
+        corner, off_axis = self.corners.p[:, self.corners.t[:, touching]], off_axis[:, touching]
+        projection = np.sum((1.0 - off_axis) * corner, axis=1) / np.sum(1.0 - off_axis, axis=0)
+        mean[:, touching] += np.einsum("ik,cik->ck", missing[:, touching], corner - projection[:, None])
         return mean
 
 

@@ -33,8 +33,8 @@ class CoenergyFunctional:
     def value(self, u: Floats) -> tuple[float, float]:
         driven = magnitude(self._strength(u) + self.coefficients.coercivity)
         stored = float(np.sum(self.elements.volumes * self.coefficients.law_coenergy(driven[None])))
-        spent = self.load * u
-        return stored - float(np.sum(spent)), np.finfo(float).eps * (stored + float(np.sum(np.abs(spent))))
+        work = self.load * u
+        return stored - float(np.sum(work)), np.finfo(float).eps * (stored + float(np.sum(np.abs(work))))
 
     def residual(self, u: Floats) -> tuple[Floats, float]:
         strength, coercivity = self._strength(u), self.coefficients.coercivity

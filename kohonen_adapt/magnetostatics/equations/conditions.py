@@ -94,33 +94,33 @@ class Conditions:
             matrix = (self.join.T @ matrix @ self.join).tocsc()
         return matrix, self.to_classes(right)
 
-    def to_classes(self, pull: Floats) -> Floats:
-        return pull if self.join is None else self.join.T @ pull
+    def to_classes(self, gradient: Floats) -> Floats:
+        return gradient if self.join is None else self.join.T @ gradient
 
     def from_classes(self, values: Floats) -> Floats:
         return values if self.join is None else self.join @ values
 
     def admissible(self, values: Floats) -> Floats:
-        kept = np.where(self.fixed, self.values, values)
+        result = np.where(self.fixed, self.values, values)
         if self.ties is not None:
-            kept = np.where(self.fixed, self.values, self.ties.sign * kept[self.ties.master])
-        return kept
+            result = np.where(self.fixed, self.values, self.ties.sign * result[self.ties.master])
+        return result
 
 
-def conditions_of(elements: Elements, given: Boundaries, symmetry: Symmetry) -> Conditions:
-    fixed, values = fixed_values(elements, given)
+def conditions_of(elements: Elements, boundaries: Boundaries, symmetry: Symmetry) -> Conditions:
+    fixed, values = fixed_values(elements, boundaries)
     values, axis = symmetry.unknown(elements.doflocs, values), symmetry.on_axis(elements.doflocs)
     fixed, values = fixed | axis, np.where(axis, 0.0, values)
-    beyond = None
-    if given.open_boundary is not None:
-        beyond = open_boundary_of(elements, given.open_boundary, symmetry, given.applied_field)
+    open_boundary = None
+    if boundaries.open_boundary is not None:
+        open_boundary = open_boundary_of(elements, boundaries.open_boundary, symmetry, boundaries.applied_field)
     ties = None
-    if given.periodic or given.antiperiodic:
-        ties = ties_of(elements, given.periodic, given.antiperiodic)
+    if boundaries.periodic or boundaries.antiperiodic:
+        ties = ties_of(elements, boundaries.periodic, boundaries.antiperiodic)
         fixed, values = _values_on_ties(elements.doflocs, ties, fixed, values)
-    _check_anchored(elements.corners.facets, elements.corners.p.shape[1], fixed, beyond, ties)
+    _check_anchored(elements.corners.facets, elements.corners.p.shape[1], fixed, open_boundary, ties)
     free = np.flatnonzero(~fixed)
-    return Conditions(fixed, values, free, beyond, None if ties is None else _class_matrix(ties, free), ties)
+    return Conditions(fixed, values, free, open_boundary, None if ties is None else _class_matrix(ties, free), ties)
 
 
 def open_boundary_of(
@@ -154,11 +154,11 @@ def open_boundary_of(
 
 def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
     x = mesh.p[:, np.unique(mesh.facets[:, np.asarray(mesh.boundaries[name])])]
-    middle = x.mean(axis=1, keepdims=True)
-    scale = np.max(np.abs(x - middle))
-    near = (x - middle) / scale
-    solution, _, rank, _ = np.linalg.lstsq(np.vstack((2.0 * near, np.ones(x.shape[1]))).T, np.sum(near**2, axis=0))
-    centre = middle[:, 0] + scale * solution[:2]
+    mean = x.mean(axis=1, keepdims=True)
+    scale = np.max(np.abs(x - mean))
+    scaled = (x - mean) / scale
+    solution, _, rank, _ = np.linalg.lstsq(np.vstack((2.0 * scaled, np.ones(x.shape[1]))).T, np.sum(scaled**2, axis=0))
+    centre = mean[:, 0] + scale * solution[:2]
     distance = np.hypot(*(x - centre[:, None]))
     radius = float(distance.mean())
     if rank < 3 or np.ptp(distance) > 2.0 * ROUND * radius:
@@ -169,11 +169,11 @@ def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
     return centre, radius
 
 
-def fixed_values(elements: Placed, given: Boundaries) -> tuple[Mask, Floats]:
+def fixed_values(elements: Placed, boundaries: Boundaries) -> tuple[Mask, Floats]:
     x, mesh = elements.doflocs, elements.corners
-    at_points = nodes_of_points(mesh, given.points)
+    at_points = nodes_of_points(mesh, boundaries.points)
     fixed, values = np.zeros(x.shape[1], dtype=bool), np.zeros(x.shape[1])
-    for name, value in given.potential.items():
+    for name, value in boundaries.potential.items():
         rows = at_points[name] if name in at_points else _on_boundary(elements, name)
         fixed[rows] = True
         values[rows] = _evaluated(name, value, x[:, rows])
@@ -193,33 +193,35 @@ def _on_boundary(elements: Placed, name: str) -> Ints:
 def ties_of(elements: Elements, periodic: Sequence[Pair], antiperiodic: Sequence[Pair]) -> Ties:
     mesh, pairs = elements.corners, [*periodic, *antiperiodic]
     try:
-        found = image_nodes(mesh, pairs)
+        nodes_and_images = image_nodes(mesh, pairs)
     except Unmatched as error:
         raise ValueError(f"{error} In kohonen_adapt.adapt: name the pair as periodic, too, or pin both.") from None
     signs = np.repeat([1.0, -1.0], [len(periodic), len(antiperiodic)])
     facets = [np.asarray(mesh.boundaries[name]) for name, *_ in pairs]
-    images = [_image_facets(mesh, rows, *nodes) for rows, nodes in zip(facets, found, strict=True)]
-    partners, turned = (np.concatenate(part) for part in zip(*images, strict=True))
-    along = np.concatenate(facets), partners, np.repeat(signs, [len(rows) for rows in facets])
-    inside, beyond = (elements.on_facets(rows)[2:] for rows in along[:2])
-    beyond[:, turned] = beyond[::-1, turned]
-    one = np.concatenate([*(nodes for nodes, _ in found), inside.ravel()])
-    other = np.concatenate([*(images for _, images in found), beyond.ravel()])
-    between = np.append(np.repeat(signs, [len(nodes) for nodes, _ in found]), np.tile(along[2], len(inside)))
-    return Ties(*_classes(elements.doflocs.shape[1], one, other, between), one, other, between, along)
+    images = [_image_facets(mesh, rows, *nodes) for rows, nodes in zip(facets, nodes_and_images, strict=True)]
+    partners, reversed_facets = (np.concatenate(part) for part in zip(*images, strict=True))
+    tied = np.concatenate(facets), partners, np.repeat(signs, [len(rows) for rows in facets])
+    inner, inner_image = (elements.on_facets(rows)[2:] for rows in tied[:2])
+    inner_image[:, reversed_facets] = inner_image[::-1, reversed_facets]
+    first = np.concatenate([*(nodes for nodes, _ in nodes_and_images), inner.ravel()])
+    second = np.concatenate([*(images for _, images in nodes_and_images), inner_image.ravel()])
+    relative_sign = np.append(
+        np.repeat(signs, [len(nodes) for nodes, _ in nodes_and_images]), np.tile(tied[2], len(inner))
+    )
+    return Ties(*_classes(elements.doflocs.shape[1], first, second, relative_sign), first, second, relative_sign, tied)
 
 
-def _classes(count: int, one: Ints, other: Ints, between: Floats) -> tuple[Ints, Floats, Mask]:
+def _classes(count: int, first: Ints, second: Ints, relative_sign: Floats) -> tuple[Ints, Floats, Mask]:
     master, sign = np.arange(count), np.ones(count)
     while True:
         before = master.copy()
-        for a, b in ((one, other), (other, one)):
+        for a, b in ((first, second), (second, first)):
             lower = master[b] < master[a]
-            master[a[lower]], sign[a[lower]] = master[b[lower]], (between * sign[b])[lower]
+            master[a[lower]], sign[a[lower]] = master[b[lower]], (relative_sign * sign[b])[lower]
         if np.array_equal(master, before):
             break
     zero = np.zeros(count, dtype=bool)
-    zero[master[one[sign[one] != between * sign[other]]]] = True
+    zero[master[first[sign[first] != relative_sign * sign[second]]]] = True
     return master, sign, zero[master]
 
 
@@ -237,15 +239,15 @@ def _image_facets(mesh: MeshTri, facets: Ints, nodes: Ints, images: Ints) -> tup
 
 
 def _values_on_ties(x: Floats, ties: Ties, fixed: Mask, values: Floats) -> tuple[Mask, Floats]:
-    share, given = np.zeros(len(values)), np.flatnonzero(fixed)
-    share[ties.master[given]] = ties.sign[given] * values[given]
+    class_value, prescribed = np.zeros(len(values)), np.flatnonzero(fixed)
+    class_value[ties.master[prescribed]] = ties.sign[prescribed] * values[prescribed]
     fixed_class = ties.zero.copy()
-    fixed_class[ties.master[given]] = True
+    fixed_class[ties.master[prescribed]] = True
     all_fixed = fixed_class[ties.master]
-    shared = np.where(all_fixed & ~ties.zero, ties.sign * share[ties.master], 0.0)
-    off = np.abs(shared - values)[given]
-    if off.size and off.max() > CONTRADICTION * np.max(np.abs(values)):
-        node = given[np.argmax(off)]
+    shared = np.where(all_fixed & ~ties.zero, ties.sign * class_value[ties.master], 0.0)
+    difference = np.abs(shared - values)[prescribed]
+    if difference.size and difference.max() > CONTRADICTION * np.max(np.abs(values)):
+        node = prescribed[np.argmax(difference)]
         raise ValueError(
             f"the potential {values[node]:g} fixed at node {node}, {tuple(x[:, node].tolist())}, contradicts its "
             f"periodic or antiperiodic partner, which makes it {shared[node]:g}. Fix the same value at both, with the "
@@ -260,32 +262,34 @@ def _class_matrix(ties: Ties, free: Ints) -> csc_array:
 
 
 def _evaluated(name: str, value: Value, x: Floats) -> Floats:
-    given = np.asarray(value(x) if callable(value) else value, dtype=float)
-    if given.shape not in {(), x.shape[1:]}:
+    result = np.asarray(value(x) if callable(value) else value, dtype=float)
+    if result.shape not in {(), x.shape[1:]}:
         raise ValueError(
-            f"potential of {name!r} must be a float or have shape (n,) = {x.shape[1:]}; got {given.shape}."
+            f"potential of {name!r} must be a float or have shape (n,) = {x.shape[1:]}; got {result.shape}."
         )
-    everywhere = np.broadcast_to(given, x.shape[1:])
+    everywhere = np.broadcast_to(result, x.shape[1:])
     bad = np.count_nonzero(~np.isfinite(everywhere))
     if bad:
         raise ValueError(f"potential of {name!r} must be finite; it is not at {bad} of its {everywhere.size} nodes.")
     return everywhere
 
 
-def _check_anchored(facets: Ints, nodes: int, fixed: Mask, beyond: OpenBoundary | None, ties: Ties | None) -> None:
+def _check_anchored(
+    facets: Ints, nodes: int, fixed: Mask, open_boundary: OpenBoundary | None, ties: Ties | None
+) -> None:
     pairs, anchored = facets, fixed[:nodes]
-    if beyond is not None:
-        anchored = anchored | (beyond.matrix.diagonal()[:nodes] > 0.0)
+    if open_boundary is not None:
+        anchored = anchored | (open_boundary.matrix.diagonal()[:nodes] > 0.0)
     if ties is not None:
         inside = ties.first < nodes
         pairs, anchored = np.hstack((pairs, np.stack((ties.first[inside], ties.second[inside])))), anchored.copy()
         anchored[ties.first[inside & (ties.relative_sign < 0.0)]] = True  # u = -u fixes the constant
     graph = coo_array((np.ones(pairs.shape[1], dtype=np.int8), tuple(pairs)), shape=(nodes,) * 2)
-    parts, part = connected_components(graph, directed=False)
-    loose = np.setdiff1d(np.arange(parts), part[anchored])
-    if loose.size:
-        node = int(np.flatnonzero(part == loose[0])[0])
+    count, component = connected_components(graph, directed=False)
+    floating = np.setdiff1d(np.arange(count), component[anchored])
+    if floating.size:
+        node = int(np.flatnonzero(component == floating[0])[0])
         raise ValueError(
-            f"the potential is fixed nowhere on {loose.size} of the {parts} connected parts of the mesh, "
+            f"the potential is fixed nowhere on {floating.size} of the {count} connected parts of the mesh, "
             f"first the one of node {node}. Fix it there by a boundary name."
         )

@@ -60,8 +60,8 @@ class Polynomials:
         """
         return gradient(self.corners, values)[:, self.element]
 
-    def limit_points(self, element: Ints, share: Floats) -> Floats:
-        return share
+    def limit_points(self, element: Ints, barycentric: Floats) -> Floats:
+        return barycentric
 
     def balanced(self, flux: Floats, source: Floats) -> Floats:
         return flux
@@ -82,8 +82,8 @@ class Linear(Polynomials):
 
     @property
     def fine_rule(self) -> tuple[Ints, Floats, Floats]:
-        share = np.array([[0.5, 0.0, 0.5], [0.5, 0.5, 0.0], [0.0, 0.5, 0.5]])
-        return np.repeat(self.element, 3), np.tile(share, self.element.size), np.repeat(self.weights / 3.0, 3)
+        barycentric = np.array([[0.5, 0.0, 0.5], [0.5, 0.5, 0.0], [0.0, 0.5, 0.5]])
+        return np.repeat(self.element, 3), np.tile(barycentric, self.element.size), np.repeat(self.weights / 3.0, 3)
 
     @cached_property
     def points(self) -> Floats:
@@ -99,8 +99,8 @@ class Linear(Polynomials):
     def gradient(self, u: Floats) -> Floats:
         return gradient(self.mesh, u, self.hats)
 
-    def at(self, u: Floats, element: Ints, share: Floats) -> Floats:
-        return np.sum(share * u[self.unknowns[:, element]], axis=0)
+    def at(self, u: Floats, element: Ints, barycentric: Floats) -> Floats:
+        return np.sum(barycentric * u[self.unknowns[:, element]], axis=0)
 
     def mean(self, values: Floats) -> Floats:
         return values
@@ -135,20 +135,22 @@ class Linear(Polynomials):
         npoints), in whose direction it applies.
         """
         after, across = [1, 2, 0], self.weights * across
-        own = across * np.einsum("cik,cik->ik", self.hats, self.hats)
-        next_one = across * np.einsum("cik,cik->ik", self.hats, self.hats[:, after])
+        on_diagonal = across * np.einsum("cik,cik->ik", self.hats, self.hats)
+        off_diagonal = across * np.einsum("cik,cik->ik", self.hats, self.hats[:, after])
         if along is not None:
             more, slope = self.weights * along[0] - across, np.einsum("ck,cik->ik", along[1], self.hats)
-            own, next_one = own + more * slope**2, next_one + more * slope * slope[after]
-        return self._assemble_matrix(own, next_one, free)
+            on_diagonal, off_diagonal = on_diagonal + more * slope**2, off_diagonal + more * slope * slope[after]
+        return self._assemble_matrix(on_diagonal, off_diagonal, free)
 
-    def _assemble_matrix(self, own: Floats, next_one: Floats, free: Ints) -> csc_array:
-        number = np.full(self.doflocs.shape[1], -1, dtype=np.int32)
-        number[free] = np.arange(free.size)
+    def _assemble_matrix(self, on_diagonal: Floats, off_diagonal: Floats, free: Ints) -> csc_array:
+        index = np.full(self.doflocs.shape[1], -1, dtype=np.int32)
+        index[free] = np.arange(free.size)
         # Symmetric: off-diagonal products are computed once, and diagonal terms are summed before the assembly.
-        on = np.bincount(self.unknowns.ravel(), own.ravel(), number.size)
-        start, end = number[self.unknowns], number[self.unknowns[[1, 2, 0]]]
+        diagonal_sum = np.bincount(self.unknowns.ravel(), on_diagonal.ravel(), index.size)
+        start, end = index[self.unknowns], index[self.unknowns[[1, 2, 0]]]
         inner = (start >= 0) & (end >= 0)
-        off, start, end, diagonal = next_one[inner], start[inner], end[inner], number[free]
+        values, start, end, diagonal = off_diagonal[inner], start[inner], end[inner], index[free]
         row, column = np.concatenate((start, end, diagonal)), np.concatenate((end, start, diagonal))
-        return coo_array((np.concatenate((off, off, on[free])), (row, column)), shape=(free.size, free.size)).tocsc()
+        return coo_array(
+            (np.concatenate((values, values, diagonal_sum[free])), (row, column)), shape=(free.size, free.size)
+        ).tocsc()

@@ -32,7 +32,7 @@ class ElementGroup(ABC):
 
     @property
     @abstractmethod
-    def share(self) -> Floats:
+    def barycentric(self) -> Floats:
         """Barycentric coordinates of the quadrature points, shape (3, q)."""
 
     @property
@@ -72,7 +72,7 @@ class BasisGroup(ElementGroup):
     basis: Basis
 
     @property
-    def share(self) -> Floats:
+    def barycentric(self) -> Floats:
         x, y = self.basis.X
         return np.stack((1.0 - x - y, x, y))
 
@@ -107,22 +107,28 @@ class Higher(Polynomials):
             names = {"boundaries": mesh.boundaries, "subdomains": mesh.subdomains}
             mesh = remade(mesh, mesh.doflocs, shape.corners.t, **names)
         self.order, self.facet_products, self.nonlinear = order, facet_products(order), nonlinear
-        bent = with_midside_offsets(shape.corners, shape.facet_offset) if shape.curved.any() else shape.corners
-        numbered = Basis(bent, KINDS[order](), intorder=1)
+        curved_mesh = with_midside_offsets(shape.corners, shape.facet_offset) if shape.curved.any() else shape.corners
+        numbered = Basis(curved_mesh, KINDS[order](), intorder=1)
         super().__init__(mesh, shape, numbered.dofs.element_dofs, numbered.doflocs)
-        self._groups = self._make_groups(bent)
+        self._groups = self._make_groups(curved_mesh)
         count = np.arange(mesh.t.shape[1])
-        self.element = np.concatenate([np.repeat(count[group.rows], group.share.shape[1]) for group in self._groups])
+        self.element = np.concatenate(
+            [np.repeat(count[group.rows], group.barycentric.shape[1]) for group in self._groups]
+        )
 
-    def _make_groups(self, bent: MeshTri) -> Sequence[ElementGroup]:
+    def _make_groups(self, curved_mesh: MeshTri) -> Sequence[ElementGroup]:
         kind, order, curved, nonlinear = KINDS[self.order](), 2 * self.order, self.shape.curved, self.nonlinear
         if not curved.any() and not nonlinear.any():
             # two degrees more than nu |grad u|^2 needs if nu is constant
-            return [BasisGroup(slice(None), slice(None), Basis(bent, kind, intorder=order))]
+            return [BasisGroup(slice(None), slice(None), Basis(curved_mesh, kind, intorder=order))]
         groups, first = list[ElementGroup](), 0
-        plain = (self.corners, ~curved & ~nonlinear, order), (bent, curved & ~nonlinear, order + CURVED)
+        plain = (self.corners, ~curved & ~nonlinear, order), (curved_mesh, curved & ~nonlinear, order + CURVED)
         straight = self.corners, ~curved & nonlinear, LAW_DEGREE[self.order]
-        for on, chosen, exact in (*plain, straight, (bent, curved & nonlinear, LAW_DEGREE_BY_POINTS[self.order])):
+        for on, chosen, exact in (
+            *plain,
+            straight,
+            (curved_mesh, curved & nonlinear, LAW_DEGREE_BY_POINTS[self.order]),
+        ):
             if chosen.any():
                 rows = np.flatnonzero(chosen)
                 basis = Basis(on, kind, intorder=exact, elements=rows)
@@ -160,11 +166,11 @@ class Higher(Polynomials):
         return self.mean(self.points) if self.shape.curved.any() else super().centroids
 
     def products_on(self, facets: Ints, weight: Floats) -> Floats:
-        products, off = super().products_on(facets, weight), self.shape.facet_offset[:, facets]
-        bent = np.flatnonzero(off.any(axis=0))
-        if bent.size:
-            start, end = self.corners.p[:, self.corners.facets[:, facets[bent]]].swapaxes(0, 1)
-            products[:, :, bent] = weight[bent] * curved_products(self.order, end - start, off[:, bent])
+        products, offset = super().products_on(facets, weight), self.shape.facet_offset[:, facets]
+        curved = np.flatnonzero(offset.any(axis=0))
+        if curved.size:
+            start, end = self.corners.p[:, self.corners.facets[:, facets[curved]]].swapaxes(0, 1)
+            products[:, :, curved] = weight[curved] * curved_products(self.order, end - start, offset[:, curved])
         return products
 
     def gradient(self, u: Floats) -> Floats:
@@ -178,17 +184,17 @@ class Higher(Polynomials):
 
         It integrates the product of two gradients and two coordinates.
         """
-        each = [np.tile(group.share, len(group.weights)) for group in self._groups]
+        each = [np.tile(group.barycentric, len(group.weights)) for group in self._groups]
         return self.element, np.concatenate(each, axis=1), self.weights
 
     def slope_of_corners(self, values: Floats) -> Floats:
-        element, share, _ = self.fine_rule
-        return np.einsum("in,cin->cn", values[self.corners.t[:, element]], self._hats_at(element, share))
+        element, barycentric, _ = self.fine_rule
+        return np.einsum("in,cin->cn", values[self.corners.t[:, element]], self._hats_at(element, barycentric))
 
-    def _hats_at(self, element: Ints, share: Floats) -> Floats:
+    def _hats_at(self, element: Ints, barycentric: Floats) -> Floats:
         hats, rows = self.hats[:, :, element], np.flatnonzero(self.shape.curved[element])
         if rows.size:
-            hats[:, :, rows] = self.shape.hat_gradients(element[rows], share[:, rows])
+            hats[:, :, rows] = self.shape.hat_gradients(element[rows], barycentric[:, rows])
         return hats
 
     def mean(self, values: Floats) -> Floats:
@@ -202,16 +208,16 @@ class Higher(Polynomials):
         areas = self._by_element([np.sum(group.weights, axis=1) for group in self._groups])
         return np.sum(self._integrals * u[self.unknowns], axis=0) / areas
 
-    def at(self, u: Floats, element: Ints, share: Floats) -> Floats:
-        return np.sum(self._functions(element, share)[0] * u[self.unknowns[:, element]], axis=0)
+    def at(self, u: Floats, element: Ints, barycentric: Floats) -> Floats:
+        return np.sum(self._functions(element, barycentric)[0] * u[self.unknowns[:, element]], axis=0)
 
-    def gradient_at(self, u: Floats, element: Ints, share: Floats) -> Floats:
-        slope = np.einsum("icn,in->cn", self._functions(element, share)[1], u[self.unknowns[:, element]])
-        return np.einsum("in,cin->cn", slope, self._hats_at(element, share)[:, 1:])
+    def gradient_at(self, u: Floats, element: Ints, barycentric: Floats) -> Floats:
+        slope = np.einsum("icn,in->cn", self._functions(element, barycentric)[1], u[self.unknowns[:, element]])
+        return np.einsum("in,cin->cn", slope, self._hats_at(element, barycentric)[:, 1:])
 
-    def _functions(self, element: Ints, share: Floats) -> tuple[Floats, Floats]:
+    def _functions(self, element: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
         """Return values (k, n), and slopes (k, 2, n) by the last two barycentrics."""
-        found = [KINDS[self.order]().lbasis(share[1:], i) for i in range(len(self.unknowns))]
+        found = [KINDS[self.order]().lbasis(barycentric[1:], i) for i in range(len(self.unknowns))]
         return np.stack([each[0] for each in found]), np.stack([each[1] for each in found])
 
     def against_functions(self, source: Floats) -> Floats:
@@ -254,12 +260,12 @@ class Higher(Polynomials):
 Elements = Linear | Higher
 
 
-def curved_products(order: int, chord: Floats, off: Floats) -> Floats:
+def curved_products(order: int, chord: Floats, offset: Floats) -> Floats:
     """Return integrals of products along curved facets, (order + 1, order + 1, n).
 
-    `chord` and the midside offset `off` have shape (2, n).
+    `chord` and the midside offset `offset` have shape (2, n).
     """
     (at,), weights = get_quadrature(ElementLineP1, 2 * order + CURVED)
     values = (at[:, None] ** np.arange(order + 1)) @ facet_functions(order)
-    length = np.hypot(*(chord[:, :, None] + 4.0 * off[:, :, None] * (1.0 - 2.0 * at)))
+    length = np.hypot(*(chord[:, :, None] + 4.0 * offset[:, :, None] * (1.0 - 2.0 * at)))
     return np.einsum("qi,qj,nq,q->ijn", values, values, length, weights)

@@ -54,12 +54,12 @@ def _plane_of(mesh: MeshTet, name: str) -> tuple[Ints, Floats]:
             f"{np.ptp(level):.3g} m and others up to {height.max() - middle:.3g} m off it."
         )
     outer = mesh.boundary_facets()
-    there = outer[np.all(np.abs(height[mesh.facets[:, outer]] - middle) <= FLAT * size, axis=0)]
-    missing = np.setdiff1d(there, facets)
+    in_plane = outer[np.all(np.abs(height[mesh.facets[:, outer]] - middle) <= FLAT * size, axis=0)]
+    missing = np.setdiff1d(in_plane, facets)
     if missing.size:
         raise ValueError(
-            f"the symmetry at {name!r} is not closed: {missing.size} of the {there.size} facets that the mesh has in "
-            "this plane are not of that name. Give all of them the name, or take it out of symmetry."
+            f"the symmetry at {name!r} is not closed: {missing.size} of the {in_plane.size} facets that the mesh has "
+            "in this plane are not of that name. Give all of them the name, or take it out of symmetry."
         )
     return facets, normal
 
@@ -68,9 +68,10 @@ def surface(mesh: MeshTet, name: str, argument: str) -> Ints:
     boundaries = named_sets(mesh.boundaries)
     if name not in boundaries:
         volume = name in named_sets(mesh.subdomains)
-        hint = " It is a subdomain, a volume: name the facets around it." if volume else ""
+        remedy = " It is a subdomain, a volume: name the facets around it." if volume else ""
         raise ValueError(
-            f"{argument} has {name!r}, which is no surface of the mesh; its boundaries are {listed(boundaries)}.{hint}"
+            f"{argument} has {name!r}, which is no surface of the mesh; its boundaries are {listed(boundaries)}."
+            f"{remedy}"
         )
     return boundaries[name]
 
@@ -102,29 +103,29 @@ def _check_field(drive: Drive, name: str, mirror: Mirror) -> None:
     across = np.outer(mirror.normal, mirror.normal @ field)
     wrong = magnitude(across if mirror.kind == "parallel" else field - across).max()
     if wrong > ASYMMETRY * magnitude(field).max():
-        other = "across" if mirror.kind == "parallel" else "along"
+        direction = "across" if mirror.kind == "parallel" else "along"
         raise ValueError(
             f"the flux is {mirror.kind} to the plane of symmetry {name!r}, but the applied_field has up to "
-            f"{wrong:.3g} A/m {other} it. Give the field of the whole coils, images included, or another symmetry."
+            f"{wrong:.3g} A/m {direction} it. Give the field of the whole coils, images included, or another symmetry."
         )
 
 
 def _first_of_floating(mesh: MeshTet, fixed: Mask) -> Mask:
     nnodes, (a, b, c, d) = fixed.size, mesh.t
-    ways = np.concatenate((a, b, c)), np.concatenate((b, c, d))
-    _, part = connected_components(coo_array((np.ones(ways[0].size), ways), shape=(nnodes,) * 2), directed=False)
+    edges = np.concatenate((a, b, c)), np.concatenate((b, c, d))
+    _, part = connected_components(coo_array((np.ones(edges[0].size), edges), shape=(nnodes,) * 2), directed=False)
     number, first = np.unique(part, return_index=True)
     chosen = np.zeros(nnodes, dtype=bool)
     chosen[first[~np.isin(number, part[fixed])]] = True
     return chosen
 
 
-def checked_symmetry(given: Any) -> dict[str, str]:
-    if given is not None and not isinstance(given, Mapping):
-        raise ValueError(f"symmetry must map names of boundaries to 'parallel' or 'normal'; got {given!r}.")
-    for name, kind in (given or {}).items():
+def checked_symmetry(value: Any) -> dict[str, str]:
+    if value is not None and not isinstance(value, Mapping):
+        raise ValueError(f"symmetry must map names of boundaries to 'parallel' or 'normal'; got {value!r}.")
+    for name, kind in (value or {}).items():
         if kind not in KINDS:
             raise ValueError(
                 f"symmetry of {name!r} must be 'parallel' or 'normal', what the flux is to the plane; got {kind!r}."
             )
-    return dict(given or {})
+    return dict(value or {})

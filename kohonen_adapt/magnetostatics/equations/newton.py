@@ -42,12 +42,12 @@ class Scalar:
     source: Floats  # (nelements,)
 
 
-def scalar_problem(elements: Elements, symmetry: Symmetry, given: Coefficients) -> Scalar:
+def scalar_problem(elements: Elements, symmetry: Symmetry, coefficients: Coefficients) -> Scalar:
     """Return the scalar problem at the quadrature points, for the material at B = 0."""
     return Scalar(
-        symmetry.reluctivity(elements.points, given.reluctivity),
-        -symmetry.flux(-given.coercivity),
-        symmetry.source(given.current_density),
+        symmetry.reluctivity(elements.points, coefficients.reluctivity),
+        -symmetry.flux(-coefficients.coercivity),
+        symmetry.source(coefficients.current_density),
     )
 
 
@@ -98,9 +98,11 @@ class EnergyFunctional:
         volume = self.symmetry.volume(self.elements.points, self.elements.weights)
         stored = volume * self._at_points.energy_density(self.flux_density(u))
         spent = self.elements.against_function(self._source, u)
-        beyond, size = (0.0, 0.0) if self.conditions.open_boundary is None else self.conditions.open_boundary.energy(u)
-        rounding = np.finfo(float).eps * (float(np.sum(stored)) + float(np.sum(np.abs(spent))) + size)
-        return float(np.sum(stored) - np.sum(spent)) + beyond, rounding
+        exterior, exterior_size = (
+            (0.0, 0.0) if self.conditions.open_boundary is None else self.conditions.open_boundary.energy(u)
+        )
+        rounding = np.finfo(float).eps * (float(np.sum(stored)) + float(np.sum(np.abs(spent))) + exterior_size)
+        return float(np.sum(stored) - np.sum(spent)) + exterior, rounding
 
     def residual(self, u: Floats) -> tuple[Floats, float]:
         density, load = self.flux_density(u), self.elements.against_functions(self._source)
@@ -190,21 +192,21 @@ class Newton:
     most_steps: int = 60
     solver: Solver = field(default_factory=Solver)
 
-    def full_step(self, energy: Convex, u: Floats, pull: Floats) -> Floats:
-        whole, conditions = np.zeros_like(u), energy.conditions
+    def full_step(self, energy: Convex, u: Floats, gradient: Floats) -> Floats:
+        step, conditions = np.zeros_like(u), energy.conditions
         if conditions.free.size:
-            matrix, right = conditions.reduced(energy.hessian(u), -pull)
-            whole[conditions.free] = conditions.from_classes(self.solver.solve(matrix, right))
-        if not np.all(np.isfinite(whole)):
+            matrix, right = conditions.reduced(energy.hessian(u), -gradient)
+            step[conditions.free] = conditions.from_classes(self.solver.solve(matrix, right))
+        if not np.all(np.isfinite(step)):
             raise np.linalg.LinAlgError(
                 "the potential came out infinite or not a number; look for extreme permeabilities, sources, potentials "
                 "or elements that are almost flat."
             )
-        return whole
+        return step
 
     def linear(self, energy: Convex) -> Floats:
-        given, plain = energy.conditions.values, energy.at_zero_field()
-        return given + self.full_step(plain, given, plain.linear_residual(given))
+        values, quadratic = energy.conditions.values, energy.at_zero_field()
+        return values + self.full_step(quadratic, values, quadratic.linear_residual(values))
 
     def descend(self, energy: Convex, start: Floats) -> tuple[Floats, tuple[NewtonStep, ...]]:
         """Return the last values and all steps of a descent from admissible values.
@@ -215,21 +217,21 @@ class Newton:
         """
         u, steps = start.copy(), list[NewtonStep]()
         free = energy.conditions.free
-        pull, _ = energy.residual(u)
+        gradient, _ = energy.residual(u)
         if not free.size:
             return u, ()
         while len(steps) < self.most_steps and not (steps and steps[-1].converged):
             try:
-                whole = self.full_step(energy, u, pull)
+                step = self.full_step(energy, u, gradient)
             except np.linalg.LinAlgError:
                 if not steps:
                     raise
                 break  # a law without a finite slope there; the last values are kept
-            damping, functional = _damping(energy, u, whole, float(pull @ whole[free]))
-            u = u + damping * whole
-            pull, size = energy.residual(u)
-            residual = _norm(energy.conditions.to_classes(pull)) / max(size, np.finfo(float).tiny)
-            update = damping * _norm(whole) / max(_norm(u), np.finfo(float).tiny)
+            damping, functional = _damping(energy, u, step, float(gradient @ step[free]))
+            u = u + damping * step
+            gradient, size = energy.residual(u)
+            residual = _norm(energy.conditions.to_classes(gradient)) / max(size, np.finfo(float).tiny)
+            update = damping * _norm(step) / max(_norm(u), np.finfo(float).tiny)
             steps.append(NewtonStep(residual, update, damping, functional))
             logger.debug(
                 "Newton step %d: relative residual %.2e, relative update %.2e, damping %g, functional %.9g",
@@ -240,12 +242,12 @@ class Newton:
         return u, tuple(steps)
 
 
-def _damping(energy: Convex, u: Floats, whole: Floats, slope: float) -> tuple[float, float]:
+def _damping(energy: Convex, u: Floats, step: Floats, slope: float) -> tuple[float, float]:
     before, rounding = energy.value(u)
     damping = 1.0
     while True:
-        after, beyond = energy.value(u + damping * whole)
-        if after <= before + DESCENT * damping * slope + 10.0 * (rounding + beyond) or damping < LEAST_DAMPING:
+        after, after_rounding = energy.value(u + damping * step)
+        if after <= before + DESCENT * damping * slope + 10.0 * (rounding + after_rounding) or damping < LEAST_DAMPING:
             return damping, after
         damping *= 0.5
 

@@ -64,18 +64,18 @@ class Axisymmetric:
         return x[0] * potential
 
     def potential(self, x: Floats, unknown: Floats) -> Floats:
-        off = x[0] > 0.0
-        return np.where(off, unknown / np.where(off, x[0], 1.0), 0.0)
+        off_axis = x[0] > 0.0
+        return np.where(off_axis, unknown / np.where(off_axis, x[0], 1.0), 0.0)
 
     def on_axis(self, x: Floats) -> Mask:
-        near = AXIS * np.max(np.ptp(x, axis=1))
-        outside = np.flatnonzero(x[0] < -near)
+        tolerance = AXIS * np.max(np.ptp(x, axis=1))
+        outside = np.flatnonzero(x[0] < -tolerance)
         if outside.size:
             raise ValueError(
                 f"an axisymmetric mesh must lie at r = x >= 0; {outside.size} nodes do not, first node {outside[0]} "
                 f"at r = {x[0, outside[0]]:g} m."
             )
-        return x[0] <= near
+        return x[0] <= tolerance
 
     def flux_density(self, x: Floats, gradient: Floats) -> Floats:
         return np.stack((-gradient[1], gradient[0])) / x[0]

@@ -43,14 +43,14 @@ class Solver:
 
         # CSC of a symmetric matrix is CSR; pyamg requires indices of 32 bits.
         indices, starts = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
-        whole = csr_matrix((matrix.data, indices, starts), shape=matrix.shape)
+        csr = csr_matrix((matrix.data, indices, starts), shape=matrix.shape)
         # Interpolation of least energy uses no random numbers and a fifth of the time of the default. Without the
         # threshold of strength, elements of order 2 with an aspect ratio of 20 take ten times as many iterations.
         coupled = ("symmetric", {"theta": 0.1})
-        levels = pyamg.smoothed_aggregation_solver(whole, symmetry="symmetric", strength=coupled, smooth=("energy", {}))
+        levels = pyamg.smoothed_aggregation_solver(csr, symmetry="symmetric", strength=coupled, smooth=("energy", {}))
         solution = levels.solve(right, tol=TOLERANCE, maxiter=self.most_iterations, accel="cg")
-        left = np.linalg.norm(right - whole @ solution)
-        return solution if left <= 10.0 * TOLERANCE * np.linalg.norm(right) else None
+        residual = np.linalg.norm(right - csr @ solution)
+        return solution if residual <= 10.0 * TOLERANCE * np.linalg.norm(right) else None
 
 
 # Factors fill more in space. Direct against multigrid on boxes of magnets (`benchmarks magnets`): 8379 nodes 0.25 s

@@ -68,17 +68,20 @@ class Tetrahedra:
         return np.bincount(self.unknowns.ravel(), terms.ravel(), self.doflocs.shape[1]).astype(np.float64)
 
     def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> csc_array:
-        (one, other), across = ENDS, self.volumes * across
-        own = across * np.einsum("cik,cik->ik", self.hats, self.hats)
-        between = across * np.einsum("cik,cik->ik", self.hats[:, one], self.hats[:, other])
+        (first, second), across = ENDS, self.volumes * across
+        on_diagonal = across * np.einsum("cik,cik->ik", self.hats, self.hats)
+        off_diagonal = across * np.einsum("cik,cik->ik", self.hats[:, first], self.hats[:, second])
         if along is not None:
             more, slope = self.volumes * along[0] - across, np.einsum("ck,cik->ik", along[1], self.hats)
-            own, between = own + more * slope**2, between + more * slope[one] * slope[other]
-        number = np.full(self.doflocs.shape[1], -1, dtype=np.int32)
-        number[free] = np.arange(free.size)
-        start, end = number[self.unknowns[one]], number[self.unknowns[other]]
+            on_diagonal, off_diagonal = (
+                on_diagonal + more * slope**2,
+                off_diagonal + more * slope[first] * slope[second],
+            )
+        index = np.full(self.doflocs.shape[1], -1, dtype=np.int32)
+        index[free] = np.arange(free.size)
+        start, end = index[self.unknowns[first]], index[self.unknowns[second]]
         inner = (start >= 0) & (end >= 0)
-        off, start, end, diagonal = between[inner], start[inner], end[inner], number[free]
-        values = np.concatenate((off, off, self._assemble_vector(own)[free]))
+        inner_values, start, end, diagonal = off_diagonal[inner], start[inner], end[inner], index[free]
+        values = np.concatenate((inner_values, inner_values, self._assemble_vector(on_diagonal)[free]))
         indices = np.concatenate((start, end, diagonal)), np.concatenate((end, start, diagonal))
         return coo_array((values, indices), shape=(free.size, free.size)).tocsc()

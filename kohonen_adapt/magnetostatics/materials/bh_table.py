@@ -129,11 +129,11 @@ def read_bh(path: str | Path) -> Table:
         text = Path(path).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError(f"{path} is no text in UTF-8: {error}.") from None
-    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1)]
-    lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
+    lines = [(line_number, line.strip()) for line_number, line in enumerate(text.splitlines(), 1)]
+    lines = [(line_number, line) for line_number, line in lines if line and not line.startswith("#")]
     heading = bool(lines) and _numbers(lines[0][1]) is None and bool(re.match(r"\W*[A-Za-z]", lines[0][1]))
     swapped = heading and bool(re.match(r"\W*[Hh]", lines[0][1]))
-    rows = [_row(path, number, line) for number, line in lines[heading:]]
+    rows = [_row(path, line_number, line) for line_number, line in lines[heading:]]
     table = np.array(rows).reshape(-1, 2)
     try:
         return Table(table[:, ::-1] if swapped else table)
@@ -141,10 +141,12 @@ def read_bh(path: str | Path) -> Table:
         raise ValueError(f"{path}: {error}") from None
 
 
-def _row(path: str | Path, number: int, line: str) -> list[float]:
+def _row(path: str | Path, line_number: int, line: str) -> list[float]:
     row = _numbers(line)
     if row is None or len(row) != 2:
-        raise ValueError(f"{path}, line {number}: expected two numbers, B in T and H in A/m; got {line[:SHOWN]!r}.")
+        raise ValueError(
+            f"{path}, line {line_number}: expected two numbers, B in T and H in A/m; got {line[:SHOWN]!r}."
+        )
     return row
 
 

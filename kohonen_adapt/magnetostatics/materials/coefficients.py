@@ -55,8 +55,8 @@ class Coefficients:
     @property
     def nonlinear(self) -> Mask:
         found = np.zeros(self.material_index.size, dtype=np.bool_)
-        for piece in self.nonlinear_materials:
-            found[piece.elements] = True
+        for group in self.nonlinear_materials:
+            found[group.elements] = True
         return found
 
     def at_points(self, element: Ints, x: Floats) -> "Coefficients":
@@ -64,7 +64,7 @@ class Coefficients:
         names = ("material_index", "reluctivity", "remanence", "coercivity", "current_density")
         arrays = {name: getattr(self, name)[..., element] for name in names}
         nonlinear_materials = tuple(
-            replace(piece, elements=self._points_in(piece.elements, element)) for piece in self.nonlinear_materials
+            replace(group, elements=self._points_in(group.elements, element)) for group in self.nonlinear_materials
         )
         varying_magnets = tuple(
             replace(magnet, elements=self._points_in(magnet.elements, element)) for magnet in self.varying_magnets
@@ -89,16 +89,16 @@ class Coefficients:
         if not self.nonlinear_materials:
             return self.reluctivity, self.reluctivity
         secant, differential = self.reluctivity.copy(), self.reluctivity.copy()
-        for piece in self.nonlinear_materials:
-            rows = piece.elements
-            secant[rows], differential[rows] = reluctivities(piece.law, magnitude(flux_density[:, rows]))
+        for group in self.nonlinear_materials:
+            rows = group.elements
+            secant[rows], differential[rows] = reluctivities(group.law, magnitude(flux_density[:, rows]))
         return secant, differential
 
     def field_strength(self, flux_density: Floats) -> Floats:
         strength = self.reluctivity * (flux_density - self.remanence)
-        for piece in self.nonlinear_materials:
-            rows = piece.elements
-            secant, _ = reluctivities(piece.law, magnitude(flux_density[:, rows]))
+        for group in self.nonlinear_materials:
+            rows = group.elements
+            secant, _ = reluctivities(group.law, magnitude(flux_density[:, rows]))
             strength[:, rows] = secant * flux_density[:, rows] - self.coercivity[:, rows]
         return strength
 
@@ -107,40 +107,40 @@ class Coefficients:
 
     def present(self, materials: Mapping[str, Material]) -> tuple[dict[str, Material], Ints, Ints]:
         """Return the materials in use, the first element of each, and element indices."""
-        used, first, place = np.unique(self.material_index, return_index=True, return_inverse=True)
-        return {name: material for k, (name, material) in enumerate(materials.items()) if k in used}, first, place
+        used, first, index = np.unique(self.material_index, return_index=True, return_inverse=True)
+        return {name: material for k, (name, material) in enumerate(materials.items()) if k in used}, first, index
 
     def law_energy(self, b: Floats) -> Floats:
         """Return ``int_0^b H dB`` without magnets, shape (k, nelements) in J/m^3."""
         density = 0.5 * self.reluctivity * b**2
-        for piece in self.nonlinear_materials:
-            density[:, piece.elements] = piece.law.energy(b[:, piece.elements])
+        for group in self.nonlinear_materials:
+            density[:, group.elements] = group.law.energy(b[:, group.elements])
         return density
 
     def law_coenergy(self, h: Floats) -> Floats:
         """Return ``int_0^h B dH`` without magnets, shape (k, nelements) in J/m^3."""
         density = 0.5 * h**2 / self.reluctivity
-        for piece in self.nonlinear_materials:
-            strength = h[:, piece.elements].ravel()
-            density[:, piece.elements] = Inverse(piece.law).energy(strength).reshape(len(h), -1)
+        for group in self.nonlinear_materials:
+            strength = h[:, group.elements].ravel()
+            density[:, group.elements] = Inverse(group.law).energy(strength).reshape(len(h), -1)
         return density
 
     def permeabilities(self, strength: Floats) -> tuple[Floats, Floats]:
         """Return secant |B| / |H + Hc| and differential d|B| / d|H + Hc|, in H/m."""
         secant, differential = 1.0 / self.reluctivity, 1.0 / self.reluctivity
-        for piece in self.nonlinear_materials:
-            rows = piece.elements
+        for group in self.nonlinear_materials:
+            rows = group.elements
             size = magnitude(strength[:, rows] + self.coercivity[:, rows])
-            secant[rows], differential[rows] = Inverse(piece.law).permeabilities(size)
+            secant[rows], differential[rows] = Inverse(group.law).permeabilities(size)
         return secant, differential
 
     def energy_density(self, flux_density: Floats) -> Floats:
         """Return ``int H . dB`` from the remanent state, >= 0, (nelements,) in J/m^3."""
         change = flux_density - self.remanence
         density = 0.5 * np.sum(self.reluctivity * change**2, axis=0)
-        for piece in self.nonlinear_materials:
-            rows = piece.elements
-            now, rest = (piece.law.energy(magnitude(b[:, rows])) for b in (flux_density, self.remanence))
+        for group in self.nonlinear_materials:
+            rows = group.elements
+            now, rest = (group.law.energy(magnitude(b[:, rows])) for b in (flux_density, self.remanence))
             density[rows] = now - rest - np.sum(self.coercivity[:, rows] * change[:, rows], axis=0)
         return density
 
@@ -148,12 +148,12 @@ class Coefficients:
 def coefficients(
     mesh: Mesh, materials: Mapping[str, Material], ampere_turns: Mapping[str, float] | None = None
 ) -> Coefficients:
-    number, filled = material_of_elements(mesh, materials), list(materials.values())
-    reluctivity = np.array([material.reluctivity for material in filled])[number]
-    current_density = np.array([material.current_density for material in filled])[number]
+    material_index, values = material_of_elements(mesh, materials), list(materials.values())
+    reluctivity = np.array([material.reluctivity for material in values])[material_index]
+    current_density = np.array([material.current_density for material in values])[material_index]
     for name, total in (ampere_turns or {}).items():
         current_density[mesh.subdomains[name]] = total / _area_of(mesh, name)
-    remanence = np.array([_constant_remanence(material, len(mesh.p)) for material in filled]).T[:, number]
+    remanence = np.array([_constant_remanence(material, len(mesh.p)) for material in values]).T[:, material_index]
     coercivity, nonlinear_materials, varying_magnets = (
         reluctivity * remanence,
         list[NonlinearMaterial](),
@@ -161,14 +161,20 @@ def coefficients(
     )
     for index, (name, material) in enumerate(materials.items()):
         if material.bh is not None or callable(material.remanence) or material.coercivity is not None:
-            rows = np.flatnonzero(number == index)
+            rows = np.flatnonzero(material_index == index)
             remanence[:, rows], coercivity[:, rows] = _remanence_and_coercivity(mesh, material, rows, name)
             if material.bh is not None:
                 nonlinear_materials.append(NonlinearMaterial(material.bh, rows))
             if material.turns:
                 varying_magnets.append(VaryingMagnet(name, material, rows))
     return Coefficients(
-        number, reluctivity, remanence, coercivity, current_density, tuple(nonlinear_materials), tuple(varying_magnets)
+        material_index,
+        reluctivity,
+        remanence,
+        coercivity,
+        current_density,
+        tuple(nonlinear_materials),
+        tuple(varying_magnets),
     )
 
 
@@ -177,14 +183,14 @@ def magnitude(vectors: Floats) -> Floats:
 
 
 def _constant_remanence(material: Material, dimension: int) -> Floats:
-    given = material.remanence
-    return np.zeros(dimension) if callable(given) or not any(given) else np.array(given)
+    remanence = material.remanence
+    return np.zeros(dimension) if callable(remanence) or not any(remanence) else np.array(remanence)
 
 
-def coercivity_at(materials: Mapping[str, Material], x: Floats, number: Ints) -> Floats:
+def coercivity_at(materials: Mapping[str, Material], x: Floats, material_index: Ints) -> Floats:
     coercivity = np.zeros_like(x)
     for index, (name, material) in enumerate(materials.items()):
-        rows = number == index
+        rows = material_index == index
         coercivity[:, rows] = _coercivity_of(material, x[:, rows], name)
     return coercivity
 
@@ -196,10 +202,10 @@ def _remanence_and_coercivity(mesh: Mesh, material: Material, rows: Ints, name: 
         x = inner_points(mesh.p[:, mesh.t[:, rows]])
         coercivity = np.mean([_coercivity_of(material, x[:, k], name) for k in range(x.shape[1])], axis=0)
         return _converted(material, coercivity, "coercivity"), coercivity
-    kind, given = _magnetisation(material)
-    vector = _evaluated(f"{kind} of {name!r}", given, mesh.p[:, mesh.t[0, rows]])
-    other = _converted(material, vector, kind)
-    return (vector, other) if kind == "remanence" else (other, vector)
+    kind, value = _magnetisation(material)
+    vector = _evaluated(f"{kind} of {name!r}", value, mesh.p[:, mesh.t[0, rows]])
+    converted = _converted(material, vector, kind)
+    return (vector, converted) if kind == "remanence" else (converted, vector)
 
 
 def _magnetisation(material: Material) -> tuple[str, Vector]:
@@ -209,25 +215,25 @@ def _magnetisation(material: Material) -> tuple[str, Vector]:
 
 
 def _coercivity_of(material: Material, x: Floats, name: str) -> Floats:
-    kind, given = _magnetisation(material)
-    vector = _evaluated(f"{kind} of {name!r}", given, x)
+    kind, value = _magnetisation(material)
+    vector = _evaluated(f"{kind} of {name!r}", value, x)
     return _converted(material, vector, kind) if kind == "remanence" else vector
 
 
 def _converted(material: Material, vector: Floats, kind: str) -> Floats:
     size = magnitude(vector)
     if material.bh is None:
-        other = size * material.reluctivity if kind == "remanence" else size / material.reluctivity
+        result = size * material.reluctivity if kind == "remanence" else size / material.reluctivity
     else:
-        other = material.bh.field_strength(size) if kind == "remanence" else flux_density_of(material.bh, size)
-    return vector / np.where(size > 0.0, size, 1.0) * other
+        result = material.bh.field_strength(size) if kind == "remanence" else flux_density_of(material.bh, size)
+    return vector / np.where(size > 0.0, size, 1.0) * result
 
 
-def _evaluated(name: str, given: Vector, x: Floats) -> Floats:
-    if not callable(given):
-        vector = np.array(given if any(given) else np.zeros(len(x)))
+def _evaluated(name: str, value: Vector, x: Floats) -> Floats:
+    if not callable(value):
+        vector = np.array(value if any(value) else np.zeros(len(x)))
         return np.tile(vector[:, None], x.shape[1])
-    vector = np.asarray(given(x), dtype=float)
+    vector = np.asarray(value(x), dtype=float)
     if vector.shape != x.shape:
         raise ValueError(f"{name} must have shape ({len(x)}, n) = {x.shape}; got {vector.shape}.")
     bad = np.count_nonzero(~np.isfinite(vector).all(axis=0))
@@ -246,20 +252,22 @@ def _area_of(mesh: Mesh, name: str) -> float:
 
 
 def material_of_elements(mesh: Mesh, materials: Mapping[str, Material]) -> NDArray[np.int64]:
-    number = np.full(mesh.t.shape[1], -1)
+    material_index = np.full(mesh.t.shape[1], -1)
     for index, name in enumerate(materials):
         elements = np.asarray(named(mesh.subdomains, name, "subdomain"))
-        taken = elements[number[elements] >= 0]
-        if taken.size:
-            other = list(materials)[number[taken[0]]]
-            raise ValueError(f"element {taken[0]} has two materials, {other!r} and {name!r}; give it exactly one.")
-        number[elements] = index
-    empty = np.flatnonzero(number < 0)
+        duplicated = elements[material_index[elements] >= 0]
+        if duplicated.size:
+            first_name = list(materials)[material_index[duplicated[0]]]
+            raise ValueError(
+                f"element {duplicated[0]} has two materials, {first_name!r} and {name!r}; give it exactly one."
+            )
+        material_index[elements] = index
+    empty = np.flatnonzero(material_index < 0)
     if empty.size:
         inside = [name for name, elements in named_sets(mesh.subdomains).items() if empty[0] in elements]
         where = f"in subdomain {listed(inside)}" if inside else "in no subdomain"
         raise ValueError(
-            f"every element needs a material; {empty.size} of {number.size} have none, "
+            f"every element needs a material; {empty.size} of {material_index.size} have none, "
             f"first element {empty[0]} ({where}). Add a material for their subdomain."
         )
-    return number
+    return material_index

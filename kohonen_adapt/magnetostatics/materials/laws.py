@@ -74,8 +74,8 @@ class Continued:
     def energy(self, b: Floats) -> Floats:
         """Return ``int_0^B H dB`` in J/m^3, for B >= 0 in T."""
         inside = np.minimum(b, self.end)
-        beyond = b - inside
-        return self._energy(inside) + beyond * (self._strength(inside) + 0.5 * VACUUM_RELUCTIVITY * beyond)
+        excess = b - inside
+        return self._energy(inside) + excess * (self._strength(inside) + 0.5 * VACUUM_RELUCTIVITY * excess)
 
 
 @dataclass(frozen=True)
@@ -172,10 +172,12 @@ class Froehlich(Continued):
         return VACUUM_RELUCTIVITY / self.permeability / (1.0 - b / self.saturation) ** 2
 
     def _energy(self, b: Floats) -> Floats:
-        share = b / self.saturation
-        series = share**2 * np.polyval(1.0 / np.arange(9.0, 1.0, -1.0), share)  # the difference would be rounding error
-        bent = np.where(share < 0.01, series, -np.log1p(-share) - share)
-        return VACUUM_RELUCTIVITY / self.permeability * self.saturation**2 * bent
+        fraction = b / self.saturation
+        series = fraction**2 * np.polyval(
+            1.0 / np.arange(9.0, 1.0, -1.0), fraction
+        )  # the difference would be rounding error
+        normalised = np.where(fraction < 0.01, series, -np.log1p(-fraction) - fraction)
+        return VACUUM_RELUCTIVITY / self.permeability * self.saturation**2 * normalised
 
 
 @dataclass(frozen=True)
@@ -237,9 +239,9 @@ class Arctan:
         It is computed as H B less the co-energy.
         """
         strength = self.field_strength(b)
-        turn = strength * self._steepness
-        bent = strength * np.arctan(turn) - 0.5 * np.log1p(turn**2) / self._steepness
-        return strength * b - 0.5 * VACUUM_PERMEABILITY * strength**2 - 2.0 * self.saturation / pi * bent
+        scaled = strength * self._steepness
+        integral = strength * np.arctan(scaled) - 0.5 * np.log1p(scaled**2) / self._steepness
+        return strength * b - 0.5 * VACUUM_PERMEABILITY * strength**2 - 2.0 * self.saturation / pi * integral
 
     @property
     def _steepness(self) -> float:
@@ -287,24 +289,24 @@ def flux_density_of(law: Law, h: Floats) -> Floats:
     """
     if isinstance(law, Arctan):  # defined by its inverse
         return law._flux_density(h)
-    wanted, place = np.unique(h, return_inverse=True)
-    low, high = np.zeros_like(wanted), np.ones_like(wanted)
-    while np.any(short := np.asarray(law.field_strength(high)) < wanted):
-        low, high = np.where(short, high, low), np.where(short, 2.0 * high, high)
-    b, found = 0.5 * (low + high), wanted <= 0.0
+    target, inverse = np.unique(h, return_inverse=True)
+    low, high = np.zeros_like(target), np.ones_like(target)
+    while np.any(too_small := np.asarray(law.field_strength(high)) < target):
+        low, high = np.where(too_small, high, low), np.where(too_small, 2.0 * high, high)
+    b, converged = 0.5 * (low + high), target <= 0.0
     for k in range(MOST_STEPS):
-        off = law.field_strength(b) - wanted
-        low, high = np.where(off < 0.0, b, low), np.where(off < 0.0, high, b)
-        step = off / law.slope(b)
+        residual = law.field_strength(b) - target
+        low, high = np.where(residual < 0.0, b, low), np.where(residual < 0.0, high, b)
+        step = residual / law.slope(b)
         new = b - step
         bisected = (k % 3 == 2) | ~((new >= low) & (new <= high))
-        found = found | (np.abs(step) <= 2.0 * EPSILON * b) | (high - low <= 2.0 * EPSILON * high)
-        b = np.where(found, b, np.where(bisected, 0.5 * (low + high), new))
-        if found.all():
+        converged = converged | (np.abs(step) <= 2.0 * EPSILON * b) | (high - low <= 2.0 * EPSILON * high)
+        b = np.where(converged, b, np.where(bisected, 0.5 * (low + high), new))
+        if converged.all():
             break
-    return np.where(wanted > 0.0, b, 0.0)[place].reshape(np.shape(h))
+    return np.where(target > 0.0, b, 0.0)[inverse].reshape(np.shape(h))
 
 
-def _check_above(least: float, said: str, given: Any) -> None:
-    if not (is_number(given) and least < given < np.inf):
-        raise ValueError(f"{said} must be a finite number > {least:g}; got {given!r}.")
+def _check_above(bound: float, label: str, value: Any) -> None:
+    if not (is_number(value) and bound < value < np.inf):
+        raise ValueError(f"{label} must be a finite number > {bound:g}; got {value!r}.")

@@ -95,36 +95,36 @@ class Material:
         return 1.0 / (VACUUM_PERMEABILITY * self.permeability)
 
 
-def _number(name: str, given: Any) -> float:
+def _number(name: str, value: Any) -> float:
     try:
-        number = float(given)
+        number = float(value)
     except (TypeError, ValueError):
-        raise ValueError(f"{name} must be a number; got {given!r}.") from None
+        raise ValueError(f"{name} must be a number; got {value!r}.") from None
     if not isfinite(number):
         raise ValueError(f"{name} must be finite; got {number}.")
     return number
 
 
-def _vector(name: str, given: Any) -> Vector:
-    if callable(given):
-        return given
-    if np.shape(given) not in {(2,), (3,)}:
-        raise ValueError(f"{name} must have two components (x, y); got {given!r}. In space it has three.")
-    vector = tuple(_number(name, part) for part in given)
+def _vector(name: str, value: Any) -> Vector:
+    if callable(value):
+        return value
+    if np.shape(value) not in {(2,), (3,)}:
+        raise ValueError(f"{name} must have two components (x, y); got {value!r}. In space it has three.")
+    vector = tuple(_number(name, part) for part in value)
     return vector if any(vector) else (0.0, 0.0)
 
 
 def check_materials(materials: Any, dimension: int) -> None:
     if not isinstance(materials, Mapping):
         raise ValueError(f"materials must map subdomain names to Materials; got {materials!r}.")
-    wanted = {2: "two components (x, y) in the plane", 3: "three components (x, y, z) in space"}[dimension]
+    expected = {2: "two components (x, y) in the plane", 3: "three components (x, y, z) in space"}[dimension]
     for name, material in materials.items():
         if not isinstance(material, Material):
             raise ValueError(f"materials[{name!r}] must be a Material; got {material!r}.")
         for kind in ("remanence", "coercivity"):
-            given = getattr(material, kind)
-            if given is not None and not callable(given) and any(given) and len(given) != dimension:
-                raise ValueError(f"{kind} of {name!r} must have {wanted}; got {given!r}.")
+            value = getattr(material, kind)
+            if value is not None and not callable(value) and any(value) and len(value) != dimension:
+                raise ValueError(f"{kind} of {name!r} must have {expected}; got {value!r}.")
 
 
 def radial(magnitude: float, *, centre: tuple[float, float] = (0.0, 0.0)) -> Callable[[Floats], Floats]:

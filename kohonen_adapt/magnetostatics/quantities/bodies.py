@@ -111,21 +111,21 @@ class Cut(NamedTuple):
 
 
 def mirror_cut(mesh: MeshTri, inside: Mask) -> Cut:
-    own, master = _outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
-    if not own.size:
-        return Cut(own, None, master)
-    edge = _edges(mesh, own)
+    body_facets, master = _outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
+    if not body_facets.size:
+        return Cut(body_facets, None, master)
+    edge = _edges(mesh, body_facets)
     direction = edge[:, np.argmax(np.hypot(*edge))] / np.hypot(*edge).max()
-    near = NEAR * np.ptp(mesh.p, axis=1).max()
-    if np.any(np.abs(_cross(direction, edge)) > near):
+    tolerance = NEAR * np.ptp(mesh.p, axis=1).max()
+    if np.any(np.abs(_cross(direction, edge)) > tolerance):
         raise ValueError(
             "the body lies on the outer boundary along lines of several directions; the force on a part of it can only "
             "be told where it is cut by a mirror plane. Model what is beyond the boundary."
         )
     outer = mesh.boundary_facets()
     height = _cross(direction, mesh.p)[mesh.facets[:, outer]]
-    level = np.unique(_cross(direction, mesh.p)[mesh.facets[0, own]])
-    along = np.any(np.all(np.abs(height[:, :, None] - level) < near, axis=0), axis=1)
+    level = np.unique(_cross(direction, mesh.p)[mesh.facets[0, body_facets]])
+    along = np.any(np.all(np.abs(height[:, :, None] - level) < tolerance, axis=0), axis=1)
     return Cut(outer[along], direction, master)
 
 
@@ -139,28 +139,30 @@ def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
     ValueError
         If the body lies on other parts of the outer boundary, or the nodes of the sides have different radii.
     """
-    own, master = _outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
-    radial, near = mesh.p - centre[:, None], NEAR * np.ptp(mesh.p, axis=1).max()
-    radius = np.hypot(*radial)[mesh.facets[:, own]]
-    own = own[np.abs(radius[0] - radius[1]) > ROUND * np.hypot(*_edges(mesh, own))]
-    if not own.size:
-        return Cut(own, None, master)
+    body_facets, master = _outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
+    radial, tolerance = mesh.p - centre[:, None], NEAR * np.ptp(mesh.p, axis=1).max()
+    radius = np.hypot(*radial)[mesh.facets[:, body_facets]]
+    body_facets = body_facets[np.abs(radius[0] - radius[1]) > ROUND * np.hypot(*_edges(mesh, body_facets))]
+    if not body_facets.size:
+        return Cut(body_facets, None, master)
     outer = mesh.boundary_facets()
-    rays = _rays(radial[:, mesh.facets[:, own]].mean(axis=1))
-    sides = [outer[np.all(_on_ray(ray, radial[:, mesh.facets[:, outer]], near), axis=0)] for ray in rays]
-    if len(sides) != 2 or not np.isin(own, np.concatenate(sides)).all():
+    rays = _rays(radial[:, mesh.facets[:, body_facets]].mean(axis=1))
+    sides = [outer[np.all(_on_ray(ray, radial[:, mesh.facets[:, outer]], tolerance), axis=0)] for ray in rays]
+    if len(sides) != 2 or not np.isin(body_facets, np.concatenate(sides)).all():
         raise ValueError(
             "the body lies on the outer boundary elsewhere than on circles about the centre and on two straight sides "
             "through it; the torque on a part of a body can only be told of a periodic sector. Model what is beyond."
-            + _arc_remedy(mesh, own, centre)
+            + _arc_remedy(mesh, body_facets, centre)
         )
-    one, other = (_by_radius(mesh.facets[:, side], radial) for side in sides)
-    if one.size != other.size or np.any(np.abs(np.hypot(*radial[:, one]) - np.hypot(*radial[:, other])) > 1e3 * near):
+    first_side, second_side = (_by_radius(mesh.facets[:, side], radial) for side in sides)
+    if first_side.size != second_side.size or np.any(
+        np.abs(np.hypot(*radial[:, first_side]) - np.hypot(*radial[:, second_side])) > 1e3 * tolerance
+    ):
         raise ValueError(
             "the two sides through the centre that cut the body have no nodes at the same radii; the torque on a part "
             "of it can only be told of a periodic sector, whose sides are one another's image."
         )
-    master[other] = one
+    master[second_side] = first_side
     return Cut(np.concatenate(sides), None, master)
 
 
@@ -169,26 +171,26 @@ def bores(mesh: MeshTri, names: Names, centre: ArrayLike) -> dict[str, Arc]:
 
     Only boundaries with too few nodes to be recognised as arcs are returned.
     """
-    middle, found = np.asarray(centre, dtype=float), {}
+    middle_point, found = np.asarray(centre, dtype=float), {}
     outer = _outer_facets(mesh, elements_in(mesh, names))
-    radius = np.hypot(*(mesh.p - middle[:, None]))
+    radius = np.hypot(*(mesh.p - middle_point[:, None]))
     for name, rows in named_sets(mesh.boundaries).items():
         facets, nodes = np.unique(rows), np.unique(mesh.facets[:, rows])
-        few = BORE_FACETS[0] <= len(facets) <= BORE_FACETS[1 + (len(nodes) == len(facets))]
-        if few and np.isin(facets, outer).all() and np.ptp(radius[nodes]) <= NEAR * radius.max():
-            found[name] = Arc((float(middle[0]), float(middle[1])), float(radius[nodes].mean()))
+        is_coarse = BORE_FACETS[0] <= len(facets) <= BORE_FACETS[1 + (len(nodes) == len(facets))]
+        if is_coarse and np.isin(facets, outer).all() and np.ptp(radius[nodes]) <= NEAR * radius.max():
+            found[name] = Arc((float(middle_point[0]), float(middle_point[1])), float(radius[nodes].mean()))
     return found
 
 
 def _arc_remedy(mesh: MeshTri, facets: Ints, centre: Floats) -> str:
     found, radius = [], np.hypot(*(mesh.p - centre[:, None]))
     for name, rows in sorted(named_sets(mesh.boundaries).items()):
-        own = radius[np.unique(mesh.facets[:, rows])]
-        on = own > (1.0 - NEAR) * own.max(initial=0.0)
+        node_radius = radius[np.unique(mesh.facets[:, rows])]
+        on_circle = node_radius > (1.0 - NEAR) * node_radius.max(initial=0.0)
         # Four nodes on a circle may be the corners of a rectangle.
-        if np.isin(rows, facets).any() and on.sum() > 4 and own.min() > 0.5 * own.max():
+        if np.isin(rows, facets).any() and on_circle.sum() > 4 and node_radius.min() > 0.5 * node_radius.max():
             at = ", ".join(f"{coordinate:.9g}" for coordinate in centre)
-            found.append(f'"{name}": ka.Arc(({at}), {own.max():.9g})')
+            found.append(f'"{name}": ka.Arc(({at}), {node_radius.max():.9g})')
     if not found:
         return ""
     return f" If nodes have left an arc that had too few to be seen, adapt with curves={{{', '.join(found)}}}."
@@ -219,8 +221,8 @@ def _rays(x: Floats) -> list[Floats]:
     return rays
 
 
-def _on_ray(ray: Floats, x: Floats, near: float) -> Mask:
-    return (np.abs(_cross(ray, x)) < near) & (np.tensordot(ray, x, 1) > -near)
+def _on_ray(ray: Floats, x: Floats, tolerance: float) -> Mask:
+    return (np.abs(_cross(ray, x)) < tolerance) & (np.tensordot(ray, x, 1) > -tolerance)
 
 
 def _by_radius(facets: Ints, radial: Floats) -> Ints:

@@ -140,11 +140,11 @@ class Field(LocalField):
         return self._at(x, self.corner_field_strength if recovered else None, lambda at: at.field_strength)
 
     def _at(self, x: ArrayLike, corners: Floats | None, of_points: Callable[[PointField], Floats]) -> Floats:
-        element, share = self._located(x)
+        element, barycentric = self._located(x)
         if corners is None:
-            values = of_points(self.at_shares(element, share))
+            values = of_points(self.at_shares(element, barycentric))
         else:
-            values = np.einsum("kin,in->kn", corners[:, :, element], share)
+            values = np.einsum("kin,in->kn", corners[:, :, element], barycentric)
         return np.where(element >= 0, values, np.nan)
 
     def _located(self, x: ArrayLike) -> tuple[Ints, Floats]:
@@ -176,8 +176,8 @@ class Field(LocalField):
     def _interpolated(self, x: Floats) -> Floats:
         if isinstance(self.elements, Linear):
             return interpolate(self.mesh, self.potential, x)
-        element, share = self._located(x)
-        return np.where(element >= 0, self._potential_at(element, share), np.nan)
+        element, barycentric = self._located(x)
+        return np.where(element >= 0, self._potential_at(element, barycentric), np.nan)
 
     def flux_linkage(self, coil: Names, turns: float = 1) -> float:
         """Return the flux linkage of a coil side per metre of depth, or the total.

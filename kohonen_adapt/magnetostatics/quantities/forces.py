@@ -91,9 +91,9 @@ def arkkio_torque(field: LocalField, gap: Names, centre: ArrayLike = (0.0, 0.0))
             f"{solid} of {len(ring)}. Name a ring of air around the rotor."
         )
     inner, outer = _radii(field, ring, middle, gap)
-    element, share, size = field.elements.fine_rule
+    element, barycentric, size = field.elements.fine_rule
     inside = ring[element]
-    at = field.at_shares(element[inside], share[:, inside])
+    at = field.at_shares(element[inside], barycentric[:, inside])
     (x, y), (right, up) = at.x - middle[:, None], at.flux_density
     product = (x * right + y * up) * (x * up - y * right) / np.hypot(x, y)
     total = float(np.sum(size[inside] * product)) * (1.0 if field.depth is None else field.depth)
@@ -169,8 +169,8 @@ def _shell(field: LocalField, body: Names) -> tuple[Floats, Cut]:
 
 
 def _along(field: LocalField, cut: Cut, force: Floats) -> Floats:
-    left = _along_axis(field, force)
-    return left if cut.direction is None else cut.direction * (cut.direction @ left)
+    total = _along_axis(field, force)
+    return total if cut.direction is None else cut.direction * (cut.direction @ total)
 
 
 def _along_axis(field: LocalField, force: Floats) -> Floats:
@@ -209,14 +209,14 @@ def _current_force(field: LocalField, coil: Names) -> Floats:
 
 def _radii(field: LocalField, ring: Mask, centre: Floats, gap: Names) -> tuple[float, float]:
     mesh = field.elements.corners
-    one, other = mesh.f2t
-    edge = mesh.facets[:, ring[one] != (ring[other] & (other >= 0))]
+    first, second = mesh.f2t
+    edge = mesh.facets[:, ring[first] != (ring[second] & (second >= 0))]
     radius = np.hypot(*(mesh.p - centre[:, None]))[edge]
     inner, outer = float(radius.min()), float(radius.max())
     # without the straight sides of a sector
     along = np.abs(radius[0] - radius[1]) < 0.5 * np.hypot(*(mesh.p[:, edge[0]] - mesh.p[:, edge[1]]))
-    off = np.minimum(radius - inner, outer - radius)[:, along]
-    if outer - inner < NARROW * outer or not off.size or off.max() > ROUND * (outer - inner):
+    deviation = np.minimum(radius - inner, outer - radius)[:, along]
+    if outer - inner < NARROW * outer or not deviation.size or deviation.max() > ROUND * (outer - inner):
         raise ValueError(
             f"the ring {gap!r} must be bounded by two circles about the centre {tuple(centre.tolist())}; its nodes "
             f"there are at radii between {inner:.6g} and {outer:.6g} m. Give its centre, or a subdomain that is a ring."
@@ -225,10 +225,10 @@ def _radii(field: LocalField, ring: Mask, centre: Floats, gap: Names) -> tuple[f
 
 
 def checked_point(
-    name: str, given: ArrayLike, kind: str = "point (x, y) in m", sizes: tuple[int, ...] = (2,)
+    name: str, value: ArrayLike, kind: str = "point (x, y) in m", sizes: tuple[int, ...] = (2,)
 ) -> Floats:
-    point = np.asarray(given)
+    point = np.asarray(value)
     fits = point.ndim == 1 and point.size in sizes and point.dtype.kind in "iuf"
     if not fits or not np.isfinite(point).all():
-        raise ValueError(f"{name} must be a {kind}; got {given!r}.")
+        raise ValueError(f"{name} must be a {kind}; got {value!r}.")
     return point.astype(float)

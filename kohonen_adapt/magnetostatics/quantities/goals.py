@@ -147,8 +147,8 @@ class Force(_ComponentGoal):
         object.__setattr__(self, "direction", _unit("direction of Force", self.direction))
 
     def _component(self, field: Any) -> Component:
-        tell = forces.force_component if self.dimension == 2 else solid_forces.force_component
-        component = tell(field, self.body, np.array(self.direction))
+        build = forces.force_component if self.dimension == 2 else solid_forces.force_component
+        component = build(field, self.body, np.array(self.direction))
         if not component.arm.any():
             raise ValueError(
                 f"the force on {self.body!r} has no component along {self.direction}: an axisymmetric one is along z, "
@@ -211,10 +211,10 @@ class Torque(_ComponentGoal):
         return component
 
 
-def _unit(name: str, given: tuple[float, ...]) -> tuple[float, ...]:
-    along = checked_point(name, given, VECTOR, SIZES)
+def _unit(name: str, value: tuple[float, ...]) -> tuple[float, ...]:
+    along = checked_point(name, value, VECTOR, SIZES)
     if not along.any():
-        raise ValueError(f"{name} must not be zero; got {given!r}.")
+        raise ValueError(f"{name} must not be zero; got {value!r}.")
     return tuple((along / magnitude(along)).tolist())
 
 

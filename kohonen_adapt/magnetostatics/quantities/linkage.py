@@ -25,10 +25,10 @@ EQUAL = 0.05  # allowed deviation of the currents of sides from their mean; mesh
 
 
 def coil_linkage(field: LocalField, coil: Names, turns: float) -> float:
-    inside, number = elements_in(field.mesh, coil), _checked_turns(coil, turns)
+    inside, count = elements_in(field.mesh, coil), _checked_turns(coil, turns)
     size = area(field.mesh)[inside]
     # A is constant along a turn, of length 2 pi r or the depth.
-    return number * turn_length(field) * float(np.sum(size * field.mean_unknown[inside]) / np.sum(size))
+    return count * turn_length(field) * float(np.sum(size * field.mean_unknown[inside]) / np.sum(size))
 
 
 def turns_density(field: LocalField, circuit: Mapping[str, float]) -> Floats:

@@ -99,8 +99,8 @@ class LocalField:
         """Field at the quadrature points of the elements, with volumes `point_volumes`."""
         elements = self.elements
         density = self.symmetry.flux_density(elements.points, elements.gradient(self.unknown))
-        given = self.coefficients.at_quadrature(elements.element, elements.points)
-        return PointField(elements.element, elements.points, density, given)
+        coefficients = self.coefficients.at_quadrature(elements.element, elements.points)
+        return PointField(elements.element, elements.points, density, coefficients)
 
     @cached_property
     def point_volumes(self) -> Floats:
@@ -133,13 +133,13 @@ class LocalField:
         linear = isinstance(self.elements, Linear)
         return (replace(self.coefficients, varying_magnets=()) if linear else self.coefficients).at_points(element, x)
 
-    def _density_of(self, unknown: Floats, element: Ints, share: Floats) -> Floats:
+    def _density_of(self, unknown: Floats, element: Ints, barycentric: Floats) -> Floats:
         if isinstance(self.elements, Linear):
             slope = self.elements.gradient(unknown)
             return self.symmetry.flux_density(self.elements.points, slope)[:, element]
-        there = self.elements.limit_points(element, share)
-        slope = self.elements.gradient_at(unknown, element, there)
-        return self.symmetry.flux_density(self.elements.shape.points(element, there), slope)
+        limit = self.elements.limit_points(element, barycentric)
+        slope = self.elements.gradient_at(unknown, element, limit)
+        return self.symmetry.flux_density(self.elements.shape.points(element, limit), slope)
 
     def strength_at_corners(self, other: Floats) -> tuple[Floats, Floats]:
         """Return H at element corners, and its change by the unknown `other`.
@@ -168,13 +168,13 @@ class LocalField:
         """Return the potential at the points of `at_each`, shape (k, nelements)."""
         return self._potential_at(*self._in_each(share)).reshape(share.shape[1], -1)
 
-    def _potential_at(self, element: Ints, share: Floats) -> Floats:
-        x = self.elements.shape.points(element, share)
-        return self.symmetry.potential(x, self.elements.at(self.unknown, element, share))
+    def _potential_at(self, element: Ints, barycentric: Floats) -> Floats:
+        x = self.elements.shape.points(element, barycentric)
+        return self.symmetry.potential(x, self.elements.at(self.unknown, element, barycentric))
 
-    def _in_each(self, share: Floats) -> tuple[Ints, Floats]:
+    def _in_each(self, barycentric: Floats) -> tuple[Ints, Floats]:
         count = self.mesh.t.shape[1]
-        return np.tile(np.arange(count), share.shape[1]), np.repeat(share, count, axis=1)
+        return np.tile(np.arange(count), barycentric.shape[1]), np.repeat(barycentric, count, axis=1)
 
     @cached_property
     def at_corners(self) -> PointField:

@@ -84,8 +84,8 @@ class SolidField(LocalSolid):
         points, element = points[:, inside], element[inside]
         if recovered:
             middle = self.mesh.p[:, self.mesh.t[:, element]].mean(axis=1)
-            share = 0.25 + np.einsum("cin,cn->in", self.elements.hats[:, :, element], points - middle)
-            values[:, inside] = np.einsum("cin,in->cn", self.corner_flux_density[:, :, element], share)
+            barycentric = 0.25 + np.einsum("cin,cn->in", self.elements.hats[:, :, element], points - middle)
+            values[:, inside] = np.einsum("cin,in->cn", self.corner_flux_density[:, :, element], barycentric)
         else:
             values[:, inside] = self.at(points, element).flux_density
         return values

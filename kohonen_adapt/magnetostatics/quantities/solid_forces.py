@@ -70,11 +70,11 @@ def _uncancelled(cuts: Iterable[Mirror], vector: Floats, torque: bool) -> Floats
 
 def _cuts(mesh: MeshTet, inside: Mask, mirrors: Iterable[Mirror]) -> list[Mirror]:
     outer = mesh.boundary_facets()
-    left, cuts = outer[inside[mesh.f2t[0, outer]]], []
+    body_facets, cuts = outer[inside[mesh.f2t[0, outer]]], []
     for mirror in mirrors:
-        if np.isin(mirror.facets, left).any():
+        if np.isin(mirror.facets, body_facets).any():
             cuts.append(mirror)
-    elsewhere = np.setdiff1d(left, np.concatenate([left[:0], *(mirror.facets for mirror in cuts)]))
+    elsewhere = np.setdiff1d(body_facets, np.concatenate([body_facets[:0], *(mirror.facets for mirror in cuts)]))
     if elsewhere.size:
         raise ValueError(
             f"the body lies on the outer boundary of the mesh with {elsewhere.size} facets that are on no plane of "
@@ -89,15 +89,15 @@ def flux_through(mesh: MeshTet, name: str, flux_density: Floats) -> float:
     facets = np.asarray(rows)
     if not facets.size:
         raise ValueError(f"the surface {name!r} has no facets; name one that has.")
-    one, other = mesh.f2t[:, facets]
-    mean = 0.5 * (flux_density[:, one] + flux_density[:, np.where(other < 0, one, other)])
-    out = 0.5 * normals(mesh.p.T, mesh.facets[:, facets].T).T
-    away = mesh.p[:, mesh.facets[0, facets]] - mesh.p[:, mesh.t[:, one]].mean(axis=1)
-    out *= np.sign(np.sum(out * away, axis=0))
-    return float(np.sum(_flux_sign(mesh, name, facets, out) * np.sum(mean * out, axis=0)))
+    first, second = mesh.f2t[:, facets]
+    mean = 0.5 * (flux_density[:, first] + flux_density[:, np.where(second < 0, first, second)])
+    normal = 0.5 * normals(mesh.p.T, mesh.facets[:, facets].T).T
+    outward = mesh.p[:, mesh.facets[0, facets]] - mesh.p[:, mesh.t[:, first]].mean(axis=1)
+    normal *= np.sign(np.sum(normal * outward, axis=0))
+    return float(np.sum(_flux_sign(mesh, name, facets, normal) * np.sum(mean * normal, axis=0)))
 
 
-def _flux_sign(mesh: MeshTet, name: str, facets: Ints, out: Floats) -> Floats:
+def _flux_sign(mesh: MeshTet, name: str, facets: Ints, normal: Floats) -> Floats:
     """Return 1 where the flux counts out of the first element of a facet, else -1."""
     rows = mesh.boundaries[name]
     if isinstance(rows, OrientedBoundary):
@@ -105,11 +105,11 @@ def _flux_sign(mesh: MeshTet, name: str, facets: Ints, out: Floats) -> Floats:
     outer = mesh.f2t[1, facets] < 0
     if outer.all():
         return np.ones(facets.size)
-    size = np.linalg.norm(out, axis=0)
-    unit = out / size
-    way = np.linalg.eigh((unit * size) @ unit.T)[1][:, -1]
-    way = way * np.sign(way[np.argmax(np.abs(way))])
-    along = way @ unit
+    size = np.linalg.norm(normal, axis=0)
+    unit = normal / size
+    mean_normal = np.linalg.eigh((unit * size) @ unit.T)[1][:, -1]
+    mean_normal = mean_normal * np.sign(mean_normal[np.argmax(np.abs(mean_normal))])
+    along = mean_normal @ unit
     if np.abs(along).min() < EDGEWISE:
         raise ValueError(
             f"the surface {name!r} inside the mesh has no side from which all of it is seen; say which way its flux "

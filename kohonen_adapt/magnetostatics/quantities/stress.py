@@ -56,7 +56,7 @@ def component_change(field: Stressed, component: Component) -> Floats:
     ``-((B . slope) arm + (B . arm) slope - (arm . slope) B) / mu0``.
     """
     b, (slope, arm) = field.at_quadrature.flux_density, component
-    normal, along, both = (np.sum(one * other, axis=0) for one, other in ((b, slope), (b, arm), (arm, slope)))
+    normal, along, both = (np.sum(first * second, axis=0) for first, second in ((b, slope), (b, arm), (arm, slope)))
     return -(normal * arm + along * slope - both * b) / VACUUM_PERMEABILITY
 
 
@@ -83,10 +83,10 @@ def weight_gradient(field: Surroundings, inside: Mask, cut: Cut) -> Floats:
     also on uniform meshes.
     """
     mesh, air = field.elements.corners, air_elements(field) & ~inside
-    values, held = np.zeros(mesh.p.shape[1]), ~_free_nodes(mesh, air, cut)
+    values, is_fixed = np.zeros(mesh.p.shape[1]), ~_free_nodes(mesh, air, cut)
     values[cut.master[mesh.t[:, inside]]] = 1.0
-    held[cut.master[held]] = True
-    level = np.clip(2.0 * _laplace(mesh, air, cut.master, values, held) - 0.5, 0.0, 1.0)
+    is_fixed[cut.master[is_fixed]] = True
+    level = np.clip(2.0 * _laplace(mesh, air, cut.master, values, is_fixed) - 0.5, 0.0, 1.0)
     slope = field.elements.slope_of_corners(level**2 * (3.0 - 2.0 * level))
     return np.where(air[field.elements.element], slope, 0.0)
 
@@ -98,13 +98,13 @@ def _free_nodes(mesh: Mesh, air: Mask, cut: Cut) -> Mask:
     return free
 
 
-def _laplace(mesh: Mesh, air: Mask, master: Ints, values: Floats, held: Mask) -> Floats:
+def _laplace(mesh: Mesh, air: Mask, master: Ints, values: Floats, is_fixed: Mask) -> Floats:
     hats, size = hat_gradients(mesh)[:, :, air], area(mesh)[air]
     corner = master[mesh.t[:, air]]
     products = np.einsum("cik,cjk,k->ijk", hats, hats, size)
     row, column = (np.broadcast_to(part, products.shape).ravel() for part in (corner[:, None], corner[None, :]))
     matrix = coo_array((products.ravel(), (row, column)), shape=(values.size, values.size)).tocsr()
-    solution, unknown = values.copy(), np.unique(master[~held[master]])
+    solution, unknown = values.copy(), np.unique(master[~is_fixed[master]])
     if unknown.size:
         solver = IN_SPACE if len(mesh.p) == 3 else Solver()
         solution[unknown] = solver.solve(matrix[unknown][:, unknown].tocsc(), -(matrix @ values)[unknown])
