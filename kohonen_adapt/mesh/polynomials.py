@@ -73,6 +73,11 @@ class TrialFunction(NamedTuple):
         return TrialFunction(self.values.copy(), self.fixed.copy(), modes, self.dual and self.dual.copy())
 
     @property
+    def affine(self) -> bool:
+        """True if the function is affine on every element, unlike functions of order 1 around an axis."""
+        return self.modes is None
+
+    @property
     def all_modes(self) -> tuple[Modes, ...]:
         return tuple(one.modes for one in (self, self.dual) if one is not None and one.modes is not None)
 

@@ -130,7 +130,7 @@ class _Higher(_Linear):
 def judge_of(
     movable: MovableMesh, functional: Functional, trial: TrialFunction, mesh: OpenMesh, offers: Offers
 ) -> _Linear:
-    judge = _Linear if trial.modes is None else _Higher
+    judge = _Linear if trial.affine else _Higher
     return judge(movable, functional, trial, mesh, offers)
 
 

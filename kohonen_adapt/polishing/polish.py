@@ -8,7 +8,6 @@ from kohonen_adapt.outline.surgery import Recycled
 from kohonen_adapt.polishing.curve_nodes import descend_curves
 from kohonen_adapt.polishing.energy_recycling import Exchange, recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.polish_in_space import SETTLED
 from kohonen_adapt.polishing.sweeps import SWEEPS, sweep
 
 __all__ = ["PLAN", "descend", "descend_and_recycle"]
@@ -23,6 +22,7 @@ PLAN = (2, 2, 2, 2)
 #     C                 1.04   1.02   1.02   1.02
 MORE = (0, 6, 6)
 PAYS = 0.01
+SETTLED = 0.01  # fraction of the nodes at order 1, below which a recycling is the last of its pass
 KNOWN = 2  # sweeps between two samplings of a varying flux
 # Sweeps between two samplings of a varying source. With 2, order 3 gains nothing in half the problems of `own-source`.
 KNOWN_SOURCE = 1

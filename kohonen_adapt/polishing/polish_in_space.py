@@ -19,7 +19,7 @@ from kohonen_adapt.polishing.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.surgery_in_space import recycle_in_space, swap_in_space
 from kohonen_adapt.problem.protocol import Problem
 
-__all__ = ["PLAN_IN_SPACE", "SETTLED", "descend_and_recycle_in_space", "descend_in_space", "loops_in_space"]
+__all__ = ["PLAN_IN_SPACE", "descend_and_recycle_in_space", "descend_in_space", "loops_in_space"]
 
 # Sweeps before, between and after the recyclings. After three passes on E, F and M the error is 1 to 4 % higher with
 # (4, 4), and mostly 1 % higher with (4, 4, 4).

@@ -24,7 +24,7 @@ from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import Descending, Freedom, Patch, descend_pairs, tie
 from kohonen_adapt.problem.protocol import Problem, order_of
 
-__all__ = ["SWEEPS", "Higher", "loops_of", "sweep"]
+__all__ = ["SWEEPS", "Higher", "Linear", "loops_of", "sweep"]
 
 PART = 5_000  # unknowns per part, so many that few nodes are at the cuts
 
@@ -89,7 +89,7 @@ def loops_of(problem: Problem) -> tuple[str, ...]:
     return "ground", "polish of higher order" if higher else "polish"
 
 
-class _Linear:
+class Linear:
     """Sweeps of functions of order 1."""
 
     def __init__(
@@ -148,7 +148,7 @@ class Higher:
 
 
 def _downhill(movable: MovableMesh, functional: Functional, trial: TrialFunction, constraints: Constraints) -> Downhill:
-    kind = _Linear if trial.modes is None else Higher
+    kind = Linear if trial.affine else Higher
     return kind(movable, functional, trial, constraints)
 
 

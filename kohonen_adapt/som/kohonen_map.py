@@ -10,10 +10,11 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.kernels.ordering import along_curve
-from kohonen_adapt.mesh.cells import cell_of, check_kind
+from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
 from kohonen_adapt.mesh.locate import Locator, as_rows, find_elements
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.outline.curves import Curve
+from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules
 from kohonen_adapt.outline.surfaces import Surface
@@ -91,7 +92,8 @@ class KohonenMap:
         check_kind(mesh, curved=True, space=True)
         method = map_method_of(cell_of(mesh).dim)
         expect(*method.kernel_groups)
-        self._movable = method.open(mesh, rules)
+        solid = method.cell is TETRAHEDRON
+        self._movable = MovableSolid.of(mesh, rules) if solid else MovableMesh.of(mesh, rules)
         self._trainer = Trainer.of(self._movable)
 
     def __repr__(self) -> str:

@@ -6,7 +6,6 @@ from math import floor, log2
 from typing import Any, ClassVar
 
 import numpy as np
-from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels import ordering
@@ -15,9 +14,6 @@ from kohonen_adapt.kernels.tetrahedron import stars
 from kohonen_adapt.kernels.tetrahedron import train as train_in_space
 from kohonen_adapt.kernels.triangle import geometry, search, train
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, Cell
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.movable_solid import MovableSolid
-from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.som.schedule import Schedule, Stage
 
 __all__ = ["MapMethod", "map_method_of"]
@@ -48,10 +44,6 @@ class MapMethod(ABC):
     updates: ClassVar[int]
 
     @abstractmethod
-    def open(self, mesh: Mesh, rules: Rules) -> Any:
-        """Return the movable mesh."""
-
-    @abstractmethod
     def barycentric(self, count: int, rng: np.random.Generator) -> Floats:
         """Return uniform random points of an element, in barycentric coordinates 1 to dim, (dim, count)."""
 
@@ -76,9 +68,6 @@ class PlaneMap(MapMethod):
     mark_interior = staticmethod(ordering.mark_interior)
     updates = 5_000_000
 
-    def open(self, mesh: Mesh, rules: Rules) -> MovableMesh:
-        return MovableMesh.of(mesh, rules)
-
     def barycentric(self, count: int, rng: np.random.Generator) -> Floats:
         u, v = rng.random((2, count))
         outside = u + v > 1.0
@@ -102,9 +91,6 @@ class SpaceMap(MapMethod):
     mark_valid = staticmethod(stars.mark_valid)
     mark_interior = staticmethod(stars.mark_interior)
     updates = 500_000
-
-    def open(self, mesh: Mesh, rules: Rules) -> MovableSolid:
-        return MovableSolid.of(mesh, rules)
 
     def barycentric(self, count: int, rng: np.random.Generator) -> Floats:
         return np.diff(np.sort(rng.random((3, count)), axis=0), axis=0, prepend=0.0)
