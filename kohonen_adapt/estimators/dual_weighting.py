@@ -101,7 +101,7 @@ def goal_oriented(
     order = higher_order(mesh, potential)
     if order > 1:
         pair = DualPair(mesh, order, reluctivity)
-        return pair.indicators(pair.given(*primal), pair.given(*weight, of=OF_DUAL))
+        return pair.indicators(pair.checked(*primal), pair.checked(*weight, of=OF_DUAL))
     return np.sqrt(np.abs(_contributions(mesh, reluctivity, (fixed, region), primal, weight)))
 
 
@@ -173,14 +173,18 @@ def goal_error(
         if cell_of(mesh) is not TRIANGLE:
             return float(np.sum(parts))
     pair = DualPair(mesh, order, reluctivity)
-    return pair.error(pair.given(*primal), pair.given(*weight, of=OF_DUAL), fixed)
+    return pair.error(pair.checked(*primal), pair.checked(*weight, of=OF_DUAL), fixed)
 
 
 def _contributions(
-    mesh: Mesh, reluctivity: ArrayLike, places: tuple[ArrayLike | None, ArrayLike | None], primal: Given, dual: Given
+    mesh: Mesh,
+    reluctivity: ArrayLike,
+    fixed_and_region: tuple[ArrayLike | None, ArrayLike | None],
+    primal: Given,
+    dual: Given,
 ) -> Floats:
     """Return the signed ``int_K t_u . t_z / nu`` of every element, in the unit of J."""
-    fixed, region = places
+    fixed, region = fixed_and_region
     if cell_of(mesh) is not TRIANGLE:
         discrete, one, number = recovered_correction(mesh, primal[0], reluctivity, *primal[1:], region)
         _, other, _ = recovered_correction(mesh, dual[0], reluctivity, *dual[1:], number)

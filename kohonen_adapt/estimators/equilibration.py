@@ -236,12 +236,12 @@ def equilibrated_correction(
     """
     _check_plane(mesh)
     discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
-    held = fixed_nodes(mesh, fixed)
-    problem, order = _problem(mesh, discrete, held)
+    fixed_mask = fixed_nodes(mesh, fixed)
+    problem, order = _problem(mesh, discrete, fixed_mask)
     rows, imbalance = np.zeros((*order.shape, 2)), np.zeros(mesh.p.shape[1])
     seen = np.zeros(mesh.t.T.shape, dtype=np.bool_)
     equilibrate(problem, patch_scratch(np.bincount(mesh.t.ravel()).max()), seen, rows, imbalance)
-    _check_balance(mesh, discrete, held, imbalance)
+    _check_balance(mesh, discrete, fixed_mask, imbalance)
     correction = np.empty_like(rows)
     np.put_along_axis(correction, order[:, :, None], rows, axis=1)
     return discrete, correction.T
@@ -259,16 +259,16 @@ def weighted_product(discrete: DiscreteFlux, one: Floats, other: Floats) -> Floa
 
 def fixed_nodes(mesh: MeshTri, fixed: ArrayLike | None) -> Mask:
     if fixed is None:
-        held = np.zeros(mesh.p.shape[1], dtype=bool)
-        held[mesh.facets[:, mesh.f2t[1] < 0]] = True
-        return held
-    held = np.asarray(fixed)
-    if held.shape != mesh.p.shape[1:] or held.dtype != bool:
+        fixed_mask = np.zeros(mesh.p.shape[1], dtype=bool)
+        fixed_mask[mesh.facets[:, mesh.f2t[1] < 0]] = True
+        return fixed_mask
+    fixed_mask = np.asarray(fixed)
+    if fixed_mask.shape != mesh.p.shape[1:] or fixed_mask.dtype != bool:
         raise ValueError(
             f"fixed must be a mask of bool of shape (nnodes,) = {mesh.p.shape[1:]}, True where the value is given; "
-            f"got an array of {held.dtype} of shape {held.shape}."
+            f"got an array of {fixed_mask.dtype} of shape {fixed_mask.shape}."
         )
-    return held
+    return fixed_mask
 
 
 def _check_plane(mesh: object) -> None:
@@ -280,29 +280,29 @@ def _check_plane(mesh: object) -> None:
     check_kind(mesh)
 
 
-def _problem(mesh: MeshTri, discrete: DiscreteFlux, held: Mask) -> tuple[FluxData, NDArray[np.int64]]:
+def _problem(mesh: MeshTri, discrete: DiscreteFlux, fixed_mask: Mask) -> tuple[FluxData, NDArray[np.int64]]:
     triangulation = Triangulation.of(mesh)
     node, neighbour = triangulation.elements.node, triangulation.elements.neighbour
     turned = (node[:, 1] != mesh.t[1]).astype(np.int64)
     order = np.stack((np.zeros_like(turned), 1 + turned, 2 - turned), axis=1)
     outflow = -2.0 * discrete.area * np.einsum("ck,cik->ik", discrete.values, discrete.hats)
-    given = held[node[:, [1, 2, 0]]] & held[node[:, [2, 0, 1]]]
-    neighbour = np.where(neighbour >= 0, neighbour, np.where(given, GIVEN, NATURAL)).astype(np.int32)
+    dirichlet = fixed_mask[node[:, [1, 2, 0]]] & fixed_mask[node[:, [2, 0, 1]]]
+    neighbour = np.where(neighbour >= 0, neighbour, np.where(dirichlet, GIVEN, NATURAL)).astype(np.int32)
     outflow = np.ascontiguousarray(np.take_along_axis(outflow.T, order, axis=1))
     return FluxData(triangulation.position, node, neighbour, outflow, discrete.source, discrete.reluctivity), order
 
 
-def _check_balance(mesh: MeshTri, discrete: DiscreteFlux, held: Mask, imbalance: Floats) -> None:
+def _check_balance(mesh: MeshTri, discrete: DiscreteFlux, fixed_mask: Mask, imbalance: Floats) -> None:
     parts = [np.einsum("ck,cik->ik", part, discrete.hats) for part in (discrete.values, discrete.prescribed)]
     size = discrete.area * (np.abs(parts[0] + parts[1]) + np.abs(parts[1]) + np.abs(discrete.source) / 3.0)
     largest = np.bincount(mesh.t.ravel(), size.ravel()).max()
     bad = np.flatnonzero(imbalance > UNBALANCED * largest)
     if bad.size:
         first, left = bad[0], imbalance[bad[0]] / largest
-        kind = "fixed, but without a boundary facet of given values" if held[first] else "not fixed"
+        kind = "fixed, but without a boundary facet of given values" if fixed_mask[first] else "not fixed"
         raise ValueError(
             "potential must satisfy the P1 equations where no boundary value is given; it does not at "
-            f"{bad.size} of {held.size} nodes, first {first} ({kind}; {left:.1e} of the largest balance is left "
+            f"{bad.size} of {fixed_mask.size} nodes, first {first} ({kind}; {left:.1e} of the largest balance is left "
             "over). Give `fixed` all nodes of given values, and the reluctivity, source and flux that "
             "the potential was solved with; values given inside the mesh, and parts of it that hang together by a "
             "single node, are not covered."

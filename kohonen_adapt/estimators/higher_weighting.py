@@ -55,7 +55,7 @@ class DualPair:
         self.reluctivity = checked_reluctivity(mesh, reluctivity)
         self.degree = 2 * order + 2 + CURVED * curved
 
-    def given(self, values: ArrayLike, source: ArrayLike | None, flux: ArrayLike | None, of: str = "") -> Given:
+    def checked(self, values: ArrayLike, source: ArrayLike | None, flux: ArrayLike | None, of: str = "") -> Given:
         unknowns, count = count_unknowns(self.mesh, self.order), self.size.size
         source = np.zeros(count) if source is None else source
         flux = np.zeros((2, count)) if flux is None else flux
@@ -72,18 +72,18 @@ class DualPair:
     def indicators(self, primal: Given, dual: Given) -> Floats:
         return HIGHER_SCALES[self.order] * np.sqrt(self._residual(primal) * self._residual(dual))
 
-    def _residual(self, given: Given) -> Floats:
+    def _residual(self, checked: Given) -> Floats:
         weights = np.full(len(LATTICE), 0.5 / len(LATTICE))
         basis = Basis(self.mesh, KINDS[self.order](), quadrature=(LATTICE.T[1:], weights))
-        flux = np.moveaxis(self._strength(basis, given), 2, 1)
-        load = given.source + divergences(flux, self.shape)
+        flux = np.moveaxis(self._strength(basis, checked), 2, 1)
+        load = checked.source + divergences(flux, self.shape)
         around = np.ones(self.size.size), np.ones(self.mesh.facets.shape[1])
         return residual_at_points(self.shape, self.size, flux, load, self.reluctivity, around)
 
-    def _strength(self, basis: Basis, given: Given) -> Floats:
-        share = np.vstack((1.0 - basis.X.sum(axis=0), basis.X))
-        slope = np.asarray(basis.interpolate(given.values).grad)
-        return self.reluctivity[:, None] * slope - np.einsum("cik,iq->ckq", given.flux, share)
+    def _strength(self, basis: Basis, checked: Given) -> Floats:
+        barycentric = np.vstack((1.0 - basis.X.sum(axis=0), basis.X))
+        slope = np.asarray(basis.interpolate(checked.values).grad)
+        return self.reluctivity[:, None] * slope - np.einsum("cik,iq->ckq", checked.flux, barycentric)
 
     def error(self, primal: Given, dual: Given, fixed: ArrayLike | None) -> float:
         """Return the dual-weighted residual, an estimate of the error of the goal.

@@ -72,17 +72,17 @@ def divergences(flux: Floats, shape: Isoparametric) -> Floats:
     hats = hat_gradients(shape.corners)
     if flux.shape[1] == 3:
         return np.einsum("cik,cik->k", flux, hats)[None]
-    slopes, rows = np.stack([_slopes(share) for share in LATTICE[3:]]), np.flatnonzero(shape.curved)
+    slopes, rows = np.stack([_slopes(barycentric) for barycentric in LATTICE[3:]]), np.flatnonzero(shape.curved)
     found = np.einsum("cpk,spi,cik->sk", flux, slopes, hats, optimize=True)
-    for divergence, share, slope in zip(found, LATTICE[3:], slopes, strict=True):
-        bent = shape.hat_gradients(rows, np.repeat(share[:, None], rows.size, axis=1))
-        divergence[rows] = np.einsum("cpk,pi,cik->k", flux[:, :, rows], slope, bent, optimize=True)
+    for divergence, barycentric, slope in zip(found, LATTICE[3:], slopes, strict=True):
+        curved_hats = shape.hat_gradients(rows, np.repeat(barycentric[:, None], rows.size, axis=1))
+        divergence[rows] = np.einsum("cpk,pi,cik->k", flux[:, :, rows], slope, curved_hats, optimize=True)
     return found
 
 
-def _slopes(share: Floats) -> Floats:
-    at_middles = [4.0 * (share[a] * np.eye(3)[b] + share[b] * np.eye(3)[a]) for a, b in ENDS]
-    return np.vstack((np.diag(4.0 * share - 1.0), at_middles))
+def _slopes(barycentric: Floats) -> Floats:
+    at_middles = [4.0 * (barycentric[a] * np.eye(3)[b] + barycentric[b] * np.eye(3)[a]) for a, b in ENDS]
+    return np.vstack((np.diag(4.0 * barycentric - 1.0), at_middles))
 
 
 def _jumps(shape: Isoparametric, flux: Floats, weight: Floats, joined: Facets | None, around: Floats) -> Floats:
@@ -106,8 +106,8 @@ def _jumps(shape: Isoparametric, flux: Floats, weight: Floats, joined: Facets | 
     if joined is not None:
         one, other, sign = joined
         same = along[one] != along[other]  # True if the matching facets run in opposite directions
-        beyond = np.where(same, outflow[:, other], outflow[turned][:, other])
-        jump[:, one] = outflow[:, one] + sign * beyond
+        opposite = np.where(same, outflow[:, other], outflow[turned][:, other])
+        jump[:, one] = outflow[:, one] + sign * opposite
         jump[:, other] = sign * np.where(same, jump[:, one], jump[turned][:, one])
         largest[one] = largest[other] = np.maximum(largest[one], largest[other])
     squared = np.einsum("if,ij,jf->f", jump, facet_products(degree), jump)

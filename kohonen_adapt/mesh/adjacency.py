@@ -61,8 +61,8 @@ def _is_even(rows: NDArray[np.int32]) -> Mask:
 
 def parts_of_regions(neighbour: Ints, region: Ints) -> Ints:
     e, k = np.nonzero((neighbour >= 0) & (region[neighbour] != region[:, None]))
-    beside, count = (region[e], region[neighbour[e, k]]), int(region.max()) + 1
-    return connected_components(coo_array((np.ones(len(e)), beside), shape=(count, count)), directed=False)[1]
+    adjacent, count = (region[e], region[neighbour[e, k]]), int(region.max()) + 1
+    return connected_components(coo_array((np.ones(len(e)), adjacent), shape=(count, count)), directed=False)[1]
 
 
 def write_on_both_sides(of_facet: Ints, neighbour: Ints, element: Ints, corner: Ints, value: Ints) -> None:

@@ -56,7 +56,7 @@ class Cell:
     opposite: tuple[int, ...]
     outward: tuple[tuple[int, ...], ...]
     regular: float
-    share: float
+    size_per_node: float
     floor: float
     determinant: Callable[[Floats], Floats]
     hat_gradients: Callable[[Floats], Floats]
@@ -122,7 +122,7 @@ TRIANGLE = Cell(
     opposite=(2, 0, 1),
     outward=((1, 2), (2, 0), (0, 1)),
     regular=4.0 * sqrt(3.0),
-    share=sqrt(3.0) / 2.0,
+    size_per_node=sqrt(3.0) / 2.0,
     floor=0.3,
     determinant=doubled_area,
     hat_gradients=hats_of_triangles,
@@ -138,7 +138,7 @@ TETRAHEDRON = Cell(
     opposite=(3, 2, 1, 0),
     outward=((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1)),
     regular=12.0 * 3.0 ** (2.0 / 3.0),
-    share=sqrt(0.5),
+    size_per_node=sqrt(0.5),
     floor=0.2,
     determinant=sixfold_volume,
     hat_gradients=hats_of_tetrahedra,

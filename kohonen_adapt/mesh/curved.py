@@ -54,23 +54,23 @@ def nodes_of_elements(mesh: MeshTri) -> Ints:
     return np.vstack([mesh.t, mesh.nvertices + mesh.t2f]).T if is_second_order(mesh) else mesh.t.T
 
 
-def with_midsides(mesh: MeshTri, middles: Floats) -> MeshTri2:
-    return of_kind(MeshTri2, np.hstack([mesh.p[:, : mesh.nvertices], middles]), mesh)
+def with_midsides(mesh: MeshTri, midsides: Floats) -> MeshTri2:
+    return of_kind(MeshTri2, np.hstack([mesh.p[:, : mesh.nvertices], midsides]), mesh)
 
 
-def with_midside_offsets(mesh: MeshTri, off: Floats) -> MeshTri2:
+def with_midside_offsets(mesh: MeshTri, offset: Floats) -> MeshTri2:
     number_facets(mesh)
-    return with_midsides(mesh, mesh.p[:, mesh.facets].mean(axis=1) + off)
+    return with_midsides(mesh, mesh.p[:, mesh.facets].mean(axis=1) + offset)
 
 
-def with_side_offsets(mesh: MeshTri, off: Floats) -> MeshTri:
-    if not off.any():
+def with_side_offsets(mesh: MeshTri, offset: Floats) -> MeshTri:
+    if not offset.any():
         return mesh
     number_facets(mesh)
-    bent = np.zeros(mesh.facets.shape)
+    of_facet = np.zeros(mesh.facets.shape)
     for k, row in enumerate(OPPOSITE):
-        bent[:, mesh.t2f[row]] = off[:, k].T
-    return with_midside_offsets(mesh, bent)
+        of_facet[:, mesh.t2f[row]] = offset[:, k].T
+    return with_midside_offsets(mesh, of_facet)
 
 
 def facet_midside_offsets(mesh: MeshTri) -> Floats:
@@ -88,32 +88,32 @@ def midside_offsets(mesh: MeshTri) -> Floats:
     return facet_midside_offsets(mesh).T[mesh.t2f[OPPOSITE].T]
 
 
-def jacobian_coefficients(corners: Floats, bent: Floats) -> Floats:
+def jacobian_coefficients(corners: Floats, offset: Floats) -> Floats:
     """Return the Bernstein coefficients of the Jacobian determinants, (m, 6).
 
-    `bent`, shape (m, 3, 2), are the midside offsets of the sides opposite to the corners. The first three coefficients
-    are values at the corners, the last three belong to the sides opposite to the corners. The smallest coefficient is a
-    lower bound of the determinant. In a straight element all six are twice the signed area. (G. Farin, *Curves and
-    Surfaces for CAGD*, chapter 17; A. Johnen, J.-F. Remacle and C. Geuzaine, J. Comput. Phys. 233 (2013).)
+    `offset`, shape (m, 3, 2), are the midside offsets of the sides opposite to the corners. The first three
+    coefficients are values at the corners, the last three belong to the sides opposite to the corners. The smallest
+    coefficient is a lower bound of the determinant. In a straight element all six are twice the signed area. (G. Farin,
+    *Curves and Surfaces for CAGD*, chapter 17; A. Johnen, J.-F. Remacle and C. Geuzaine, J. Comput. Phys. 233 (2013).)
     """
-    along, across = (derivative(corners, bent, corner) for corner in (1, 2))
+    along, across = (derivative(corners, offset, corner) for corner in (1, 2))
     at = cross(along, across)
     between = 0.5 * (cross(along[:, AFTER], across[:, BEFORE]) + cross(along[:, BEFORE], across[:, AFTER]))
     return np.concatenate([at, between], axis=1)
 
 
-def derivative(corners: Floats, bent: Floats, corner: int) -> Floats:
+def derivative(corners: Floats, offset: Floats, corner: int) -> Floats:
     """Return the derivative of x by the barycentric coordinate of `corner`.
 
     Values are at the three corners, (m, 3, 2), and linear between them.
     """
     other = 3 - corner
     straight = corners[:, corner] - corners[:, 0]
-    side, beside, far = 4.0 * bent[:, other], 4.0 * bent[:, corner], 4.0 * bent[:, 0]
+    first, second, third = 4.0 * offset[:, other], 4.0 * offset[:, corner], 4.0 * offset[:, 0]
     found = np.repeat(straight[:, None], 3, axis=1)
-    found[:, 0] += side
-    found[:, corner] -= side
-    found[:, other] += far - beside
+    found[:, 0] += first
+    found[:, corner] -= first
+    found[:, other] += third - second
     return found
 
 
@@ -132,23 +132,23 @@ def check_midsides(mesh: MeshTri) -> None:
 
 
 def check_curved_sides(mesh: MeshTri) -> None:
-    folded = np.flatnonzero(~(least_determinants(mesh) > 0.0))
-    if len(folded):
+    inverted = np.flatnonzero(~(least_determinants(mesh) > 0.0))
+    if len(inverted):
         raise ValueError(
-            f"the bent sides of a MeshTri2 must not fold its elements over; {len(folded)} are, the first is element "
-            f"{folded[0]}. Draw its mid-side nodes nearer to their chords, as kohonen_adapt.relocate does, or keep its "
-            "corners only: MeshTri(mesh.p[:, :mesh.nvertices], mesh.t)."
+            f"the bent sides of a MeshTri2 must not fold its elements over; {len(inverted)} are, the first is element "
+            f"{inverted[0]}. Draw its mid-side nodes nearer to their chords, as kohonen_adapt.relocate does, or keep "
+            "its corners only: MeshTri(mesh.p[:, :mesh.nvertices], mesh.t)."
         )
 
 
 def least_determinants(mesh: MeshTri) -> Floats:
-    corners, bent = corner_positions(mesh), midside_offsets(mesh)
-    coefficients = jacobian_coefficients(corners, bent)
-    coefficients *= np.sign(jacobian_coefficients(corners, np.zeros_like(bent))[:, :1])
+    corners, offset = corner_positions(mesh), midside_offsets(mesh)
+    coefficients = jacobian_coefficients(corners, offset)
+    coefficients *= np.sign(jacobian_coefficients(corners, np.zeros_like(offset))[:, :1])
     least = coefficients.min(axis=1)
     doubtful = np.flatnonzero(least <= 0.0)
-    one, two = (share.ravel() / LATTICE for share in np.mgrid[: LATTICE + 1, : LATTICE + 1])
-    a, b, c = (share[one + two <= 1.0 + 1e-9] for share in (1.0 - one - two, one, two))
-    shares = np.stack([a * a, b * b, c * c, 2.0 * b * c, 2.0 * c * a, 2.0 * a * b])
-    least[doubtful] = (coefficients[doubtful] @ shares).min(axis=1)
+    second, third = (index.ravel() / LATTICE for index in np.mgrid[: LATTICE + 1, : LATTICE + 1])
+    a, b, c = (coordinate[second + third <= 1.0 + 1e-9] for coordinate in (1.0 - second - third, second, third))
+    bernstein = np.stack([a * a, b * b, c * c, 2.0 * b * c, 2.0 * c * a, 2.0 * a * b])
+    least[doubtful] = (coefficients[doubtful] @ bernstein).min(axis=1)
     return least

@@ -29,9 +29,9 @@ def remade(mesh: Host, p: NDArray[np.float64], t: ArrayLike, *, boundaries: Name
 
 def of_kind(kind: type[MeshTri], p: NDArray[np.float64], mesh: MeshTri) -> MeshTri:
     made = kind(np.ascontiguousarray(p), mesh.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
-    known = {name: vars(mesh)[name] for name in ("_facets", "_t2f", "_f2t") if name in vars(mesh)}
+    cached = {name: vars(mesh)[name] for name in ("_facets", "_t2f", "_f2t") if name in vars(mesh)}
     if np.array_equal(made.t, mesh.t):
-        vars(made).update(known)
+        vars(made).update(cached)
     return made
 
 

@@ -16,7 +16,7 @@ from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["Sides", "joined", "merge", "outline_of", "sides_of"]
+__all__ = ["Sides", "boundary_facets", "merge", "sides_of", "with_images"]
 
 BESIDE = 0.2  # maximum distance of a curve from its chord, relative to the chord
 OPPOSITE = -0.5  # maximum cosine of the angle between boundaries along each other, each counter-clockwise
@@ -71,7 +71,7 @@ def merge(one: MeshTri, other: MeshTri, *, rtol: float = 1e-6) -> MeshTri:
     """
     for each in (one, other):
         check_mesh(each, curved=True)
-    bend = np.concatenate([midside_offsets(each) for each in (one, other)])
+    offset = np.concatenate([midside_offsets(each) for each in (one, other)])
     one, other = corners_of(one), corners_of(other)
     if not is_number(rtol) or not 0.0 <= rtol < 1.0:
         raise ValueError(f"rtol must be a number from 0 to below 1; got {rtol!r}.")
@@ -89,31 +89,31 @@ def merge(one: MeshTri, other: MeshTri, *, rtol: float = 1e-6) -> MeshTri:
     names = dict.fromkeys([*sides[0], *sides[1]])
     of_name = {name: together([each[name] for each in sides if name in each]) for name in names}
     p, t = np.hstack([one.p, other.p]), np.hstack([one.t, other.t + first])
-    return joined(one, p, t, image, subdomains, of_name, bend)
+    return with_images(one, p, t, image, subdomains, of_name, offset)
 
 
-def joined(
+def with_images(
     host: MeshTri,
     p: Floats,
     t: Ints,
     image: Ints,
     subdomains: Mapping[str, Ints],
     sides: Mapping[str, Sides],
-    bend: Floats,
+    offset: Floats,
 ) -> MeshTri:
     """Return a mesh in which every node is replaced by its `image` (n,).
 
-    `bend` (m, 3, 2) contains the midside offsets of the sides opposite to the corners of `t`; where two elements share
-    a facet, the later element counts.
+    `offset` (m, 3, 2) contains the midside offsets of the sides opposite to the corners of `t`; if two elements share a
+    facet, the later element counts.
     """
-    kept, number = np.unique(image, return_inverse=True)
-    corners, position = number[t], np.ascontiguousarray(p[:, kept])
+    unique_nodes, number = np.unique(image, return_inverse=True)
+    corners, position = number[t], np.ascontiguousarray(p[:, unique_nodes])
     elements = np.ascontiguousarray(corners, dtype=host.t.dtype)
     mesh = remade(host, position, elements, boundaries=None, subdomains=dict(subdomains) or None)
     number_facets(mesh)
     if sides:
         set_boundaries(mesh, {name: _facets(mesh, corners, each) for name, each in sides.items()})
-    ranked = np.take_along_axis(bend, np.argsort(corners, axis=0).T[:, :, None], axis=1)
+    ranked = np.take_along_axis(offset, np.argsort(corners, axis=0).T[:, :, None], axis=1)
     rank = np.argsort(np.argsort(mesh.t, axis=0), axis=0)  # scikit-fem may have reordered the corners
     return with_side_offsets(mesh, np.take_along_axis(ranked, rank.T[:, :, None], axis=1))
 
@@ -150,7 +150,7 @@ def united(parts: list[dict[str, Ints]]) -> dict[str, Ints]:
     return {name: np.concatenate([part[name] for part in parts if name in part]) for name in names}
 
 
-def outline_of(mesh: MeshTri) -> Ints:
+def boundary_facets(mesh: MeshTri) -> Ints:
     number_facets(mesh)
     facet = np.flatnonzero(mesh.f2t[1] < 0)
     (a, b), element = mesh.facets[:, facet], mesh.f2t[0, facet]
@@ -160,9 +160,9 @@ def outline_of(mesh: MeshTri) -> Ints:
 
 
 def same_nodes(one: MeshTri, other: MeshTri, near: float) -> tuple[Ints, Ints]:
-    nodes, others = (np.unique(outline_of(mesh)) for mesh in (one, other))
-    off, at = KDTree(one.p[:, nodes].T).query(other.p[:, others].T)
-    shared = off <= near
+    nodes, others = (np.unique(boundary_facets(mesh)) for mesh in (one, other))
+    distance, at = KDTree(one.p[:, nodes].T).query(other.p[:, others].T)
+    shared = distance <= near
     nodes, others = nodes[at[shared]], others[shared]
     if len(np.unique(nodes)) < len(nodes):
         raise ValueError(
@@ -173,47 +173,47 @@ def same_nodes(one: MeshTri, other: MeshTri, near: float) -> tuple[Ints, Ints]:
 
 
 def check_same_nodes(one: MeshTri, other: MeshTri, nodes: Ints, others: Ints, near: float) -> None:
-    off, place = -1.0, ""
-    for mesh, known, beyond in ((one, nodes, other), (other, others, one)):
-        alone = np.setdiff1d(outline_of(mesh), known)
-        alone = alone[beside(mesh, alone, beyond)]
+    farthest, position_text = -1.0, ""
+    for mesh, shared, neighbour in ((one, nodes, other), (other, others, one)):
+        alone = np.setdiff1d(boundary_facets(mesh), shared)
+        alone = alone[along_boundary(mesh, alone, neighbour)]
         if alone.size:
-            distance, _ = KDTree(beyond.p[:, np.unique(outline_of(beyond))].T).query(mesh.p[:, alone].T)
+            distance, _ = KDTree(neighbour.p[:, np.unique(boundary_facets(neighbour))].T).query(mesh.p[:, alone].T)
             x, y = mesh.p[:, alone[np.argmax(distance)]]
-            off, place = max((off, place), (float(distance.max()), f"({x:.6g}, {y:.6g})"))
-    if off >= 0.0:
+            farthest, position_text = max((farthest, position_text), (float(distance.max()), f"({x:.6g}, {y:.6g})"))
+    if farthest >= 0.0:
         raise ValueError(
             f"the outline that the meshes share must have the same nodes in both, within {near:.6g} (rtol); the "
-            f"farthest, at {place}, is {off:.6g} from the nearest node of the other mesh. Mesh it with the same "
-            "divisions on both sides, and turn parts by whole steps of them (kohonen_adapt.turned)."
+            f"farthest, at {position_text}, is {farthest:.6g} from the nearest node of the other mesh. Mesh it with "
+            "the same divisions on both sides, and turn parts by whole steps of them (kohonen_adapt.turned)."
         )
 
 
 def check_shared(one: MeshTri, other: MeshTri, nodes: Ints, others: Ints, near: float) -> None:
     partner = np.full(other.p.shape[1], -1)
     partner[others] = nodes
-    facets, images, count = outline_of(one), partner[outline_of(other)], one.p.shape[1]
+    facets, images, count = boundary_facets(one), partner[boundary_facets(other)], one.p.shape[1]
     start, end = images[:, (images >= 0).all(axis=0)]
     if not np.isin(end * count + start, facets[0] * count + facets[1]).any():  # in opposite directions
-        nearest = KDTree(one.p[:, np.unique(facets)].T).query(other.p[:, np.unique(outline_of(other))].T)[0].min()
+        nearest = KDTree(one.p[:, np.unique(facets)].T).query(other.p[:, np.unique(boundary_facets(other))].T)[0].min()
         raise ValueError(
             f"the meshes must share an outline, facet by facet; they share none, and the nearest of their nodes are "
             f"{nearest:.6g} apart, where {near:.6g} is allowed (rtol). Move or scale one, or give another rtol."
         )
 
 
-def beside(mesh: MeshTri, nodes: Ints, other: MeshTri) -> Mask:
+def along_boundary(mesh: MeshTri, nodes: Ints, other: MeshTri) -> Mask:
     """Return a mask of `nodes` that lie along the boundary of `other`, (k,).
 
     A node lies along a facet if it is within half the length of the facet from its midpoint and near the line through
     the facet, which may be the chord of a curve. The boundaries, both counter-clockwise, must run in opposite
     directions there, which excludes nodes at which they only touch.
     """
-    start, end = outline_of(mesh)
-    way = np.zeros_like(mesh.p)
+    start, end = boundary_facets(mesh)
+    tangent = np.zeros_like(mesh.p)
     for ends in (start, end):
-        np.add.at(way.T, ends, (mesh.p[:, end] - mesh.p[:, start]).T)
-    a, b = (other.p[:, ends] for ends in outline_of(other))
+        np.add.at(tangent.T, ends, (mesh.p[:, end] - mesh.p[:, start]).T)
+    a, b = (other.p[:, ends] for ends in boundary_facets(other))
     along, middle = b - a, 0.5 * (a + b)
     length = np.hypot(*along)
     found = np.zeros(len(nodes), dtype=bool)
@@ -221,18 +221,19 @@ def beside(mesh: MeshTri, nodes: Ints, other: MeshTri) -> Mask:
         return found
     lists = KDTree(mesh.p[:, nodes].T).query_ball_point(middle.T, 0.5 * length)
     facet, row = np.repeat(np.arange(len(lists)), [len(rows) for rows in lists]), np.concatenate(lists).astype(int)
-    along, off, way = along[:, facet] / length[facet], mesh.p[:, nodes[row]] - middle[:, facet], way[:, nodes[row]]
-    near = np.abs(along[0] * off[1] - along[1] * off[0]) < BESIDE * length[facet]
-    found[row[near & (np.sum(along * way, axis=0) < OPPOSITE * np.hypot(*way))]] = True
+    along, tangent = along[:, facet] / length[facet], tangent[:, nodes[row]]
+    relative = mesh.p[:, nodes[row]] - middle[:, facet]
+    near = np.abs(along[0] * relative[1] - along[1] * relative[0]) < BESIDE * length[facet]
+    found[row[near & (np.sum(along * tangent, axis=0) < OPPOSITE * np.hypot(*tangent))]] = True
     return found
 
 
 def check_apart(one: MeshTri, other: MeshTri) -> None:
-    for mesh, beyond, words in ((one, other, "second"), (other, one, "first")):
-        middles = beyond.p[:, beyond.t].mean(axis=1)
-        inside = np.flatnonzero(find_elements(mesh, middles) >= 0)
+    for mesh, neighbour, words in ((one, other, "second"), (other, one, "first")):
+        centroids = neighbour.p[:, neighbour.t].mean(axis=1)
+        inside = np.flatnonzero(find_elements(mesh, centroids) >= 0)
         if inside.size:
-            x, y = middles[:, inside[0]]
+            x, y = centroids[:, inside[0]]
             raise ValueError(
                 f"the meshes overlap: {inside.size} elements of the {words} have their middle in the other, the first "
                 f"at ({x:.6g}, {y:.6g}). Move one, or cut out what they both have."

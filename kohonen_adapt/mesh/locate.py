@@ -58,8 +58,8 @@ class Locator:
         return found
 
     def _cells(self, points: Floats) -> Ints:
-        place = np.nan_to_num((points - self.grid.origin) / self.grid.size)
-        inside = np.clip(place, 0, self.grid.shape - 1).astype(np.int64)
+        cell = np.nan_to_num((points - self.grid.origin) / self.grid.size)
+        inside = np.clip(cell, 0, self.grid.shape - 1).astype(np.int64)
         return np.ravel_multi_index(tuple(inside.T), tuple(self.grid.shape))
 
     def _search(self, points: Floats) -> NDArray[np.int32]:
@@ -72,7 +72,7 @@ class Locator:
         shared(task, even_cuts(len(points), FEW))
         return found
 
-    def shares(self, points: Floats, found: Ints) -> Floats:
+    def barycentric_coordinates(self, points: Floats, found: Ints) -> Floats:
         out = np.empty((len(points), points.shape[1] + 1))
         self.kernels.barycentric(self.position, self.elements.node, points, found, out)
         return out
@@ -196,9 +196,9 @@ def interpolate(mesh: Mesh, values: ArrayLike, x: ArrayLike) -> Floats:
     if is_second_order(mesh):
         check_curved_sides(mesh)
         shape = Isoparametric(mesh)
-        element, share = shape.locate(points.T, found)
-        return np.sum(share * values[shape.t[:, element]], axis=0)
-    return np.sum(locator.shares(points, found) * values[locator.elements.node[found]], axis=1)
+        element, barycentric = shape.locate(points.T, found)
+        return np.sum(barycentric * values[shape.t[:, element]], axis=0)
+    return np.sum(locator.barycentric_coordinates(points, found) * values[locator.elements.node[found]], axis=1)
 
 
 def as_rows(x: ArrayLike, name: str = "x", dim: int = 2) -> Floats:

@@ -137,5 +137,5 @@ def inner_points(corners: Floats) -> Floats:
     plane and of 1 / sqrt(5) in space. The mean over the points is exact for polynomials of degree 2 (Strang and Fix,
     1973; Hammer, Marlowe and Stroud, 1956).
     """
-    share = (len(corners) + 2.0) ** -0.5
-    return share * corners + (1.0 - share) * corners.mean(axis=1, keepdims=True)
+    fraction = (len(corners) + 2.0) ** -0.5
+    return fraction * corners + (1.0 - fraction) * corners.mean(axis=1, keepdims=True)

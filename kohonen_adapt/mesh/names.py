@@ -20,8 +20,8 @@ __all__ = [
     "UNORIENTED",
     "codes_of_names",
     "combinations",
+    "connected_components_of",
     "in_order",
-    "joined",
     "labels",
     "manners_of",
     "named",
@@ -42,8 +42,10 @@ def named_sets(sets: Mapping[str, ArrayLike] | None) -> dict[str, Ints]:
 
 def named(sets: Mapping[str, Ints] | None, name: str, kind: str) -> Ints:
     if sets is None or name not in sets:
-        known = named_sets(sets)
-        raise ValueError(f"{kind} {name!r} is not in the mesh; it has {listed(known)}.{nearest_name(name, known)}")
+        available = named_sets(sets)
+        raise ValueError(
+            f"{kind} {name!r} is not in the mesh; it has {listed(available)}.{nearest_name(name, available)}"
+        )
     return sets[name]
 
 
@@ -52,16 +54,17 @@ def nodes_of_points(mesh: MeshTri, points: Mapping[str, Floats]) -> dict[str, In
         return {}
     corners = mesh.p[:, : mesh.nvertices]
     tree, size, found = cKDTree(corners.T), np.ptp(corners, axis=1).max(), {}
-    for name, places in points.items():
+    for name, positions in points.items():
         if name in named_sets(mesh.boundaries):
             raise ValueError(f"{name!r} is a boundary of the mesh and one of the points; rename one of them.")
-        off, nodes = tree.query(places.T)
-        worst = int(np.argmax(off))
-        if off[worst] > SAME * size:
+        distance, nodes = tree.query(positions.T)
+        worst = int(np.argmax(distance))
+        if distance[worst] > SAME * size:
             near = tuple(mesh.p[:, nodes[worst]].tolist())
             raise ValueError(
-                f"the mesh has no node at the point {name!r}, {tuple(places[:, worst].tolist())}; the nearest one is "
-                f"at {near}. Make it a point of the drawing; `adapt` and `polish` keep its node, for `relocate` pin it."
+                f"the mesh has no node at the point {name!r}, {tuple(positions[:, worst].tolist())}; the nearest one "
+                f"is at {near}. Make it a point of the drawing; `adapt` and `polish` keep its node, for `relocate` pin "
+                "it."
             )
         found[name] = np.unique(nodes)
     return found
@@ -105,11 +108,11 @@ def regions_of(mesh: Mesh, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:
     codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], m)
     e, k = np.nonzero(neighbour > np.arange(m)[:, None])
     other = neighbour[e, k]
-    alike = codes[e] == codes[other]
-    return joined(m, np.stack([e[alike], other[alike]], axis=1)).astype(np.int32)
+    same_names = codes[e] == codes[other]
+    return connected_components_of(m, np.stack([e[same_names], other[same_names]], axis=1)).astype(np.int32)
 
 
-def joined(count: int, pairs: Ints) -> Ints:
+def connected_components_of(count: int, pairs: Ints) -> Ints:
     graph = coo_array((np.ones(len(pairs), dtype=np.int8), tuple(pairs.T)), shape=(count, count))
     return in_order(connected_components(graph, directed=False)[1])
 

@@ -33,12 +33,12 @@ def on_axis(x: Floats) -> Mask:
     return x <= NEAR_AXIS * x.max(axis=1, keepdims=True)
 
 
-def factor_at(kind: Ints, share: Floats) -> Floats:
+def factor_at(kind: Ints, barycentric: Floats) -> Floats:
     """Return the factor s at barycentric coordinates (n, 3).
 
     The factor is one minus the sum of the barycentric coordinates of corners on the axis.
     """
-    return 1.0 - np.sum(ON_AXIS[kind] * share, axis=-1)
+    return 1.0 - np.sum(ON_AXIS[kind] * barycentric, axis=-1)
 
 
 @cache
@@ -65,10 +65,13 @@ def points_near_axis(order: int, law: bool = False) -> tuple[Floats, Floats]:
     that the points lie on layers around the corner.
     """
     points, weight = get_quadrature(ElementTriP1, (LAW_DEGREE_BY_POINTS if law else DEGREE)[order])
-    share, layers = np.stack([1.0 - points.sum(axis=0), *points], axis=1), LAYERS[weight.size]
-    (out, of_layer), (side, across) = roots_jacobi(layers, 0, 1), np.polynomial.legendre.leggauss(len(share) // layers)
+    barycentric, layers = np.stack([1.0 - points.sum(axis=0), *points], axis=1), LAYERS[weight.size]
+    (out, of_layer), (side, across) = (
+        roots_jacobi(layers, 0, 1),
+        np.polynomial.legendre.leggauss(len(barycentric) // layers),
+    )
     far, second = np.repeat(0.5 + 0.5 * out, side.size), np.tile(0.5 + 0.5 * side, layers)
     ray = np.stack([1.0 - far, far * (1.0 - second), far * second], axis=1)
-    shares = [share, *(np.roll(ray, k, axis=1) for k in range(3)), *[share] * 3]
+    barycentrics = [barycentric, *(np.roll(ray, k, axis=1) for k in range(3)), *[barycentric] * 3]
     weights = [2.0 * weight, *[np.outer(of_layer, across).ravel() / 4.0] * 3, *[2.0 * weight] * 3]
-    return np.stack(shares), np.stack(weights)
+    return np.stack(barycentrics), np.stack(weights)

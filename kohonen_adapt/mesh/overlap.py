@@ -49,8 +49,8 @@ def refuse_overlap(mesh: Mesh, position: Floats, node: NDArray[np.int32], neighb
         holder, point = tree.boxes_around(centroids)
         other = holder != own[point]
         holder, point = holder[other], point[other]
-        off = margin[holder] + margin[own[point]]
-        inside = are_inside(scaled[node[holder]].transpose(2, 1, 0), centroids[:, point], off)
+        margin_of_pair = margin[holder] + margin[own[point]]
+        inside = are_inside(scaled[node[holder]].transpose(2, 1, 0), centroids[:, point], margin_of_pair)
         if inside.any():
             first = np.flatnonzero(inside)[np.argmin(point[inside])]
             raise ValueError(overlap_message(mesh, int(own[point[first]]), int(holder[first])))

@@ -96,16 +96,20 @@ def count_unknowns(mesh: Mesh, order: int) -> int:
     return nodes + sum(comb(order - 1, k) * part.shape[1] for k, part in enumerate(parts, start=1))
 
 
-def functions_at(share: Floats, order: int) -> Floats:
+def functions_at(barycentric: Floats, order: int) -> Floats:
     """Return the values of the `Reference` functions, (n, functions)."""
-    product, rise = share[:, AFTER] * share[:, BEFORE], share[:, BEFORE] - share[:, AFTER]
-    parts = [share, EVEN * product, ODD * product * rise, BUBBLE * np.prod(share, axis=1, keepdims=True)]
+    product, rise = barycentric[:, AFTER] * barycentric[:, BEFORE], barycentric[:, BEFORE] - barycentric[:, AFTER]
+    parts = [barycentric, EVEN * product, ODD * product * rise, BUBBLE * np.prod(barycentric, axis=1, keepdims=True)]
     return np.hstack(parts[: (1, 2, 4)[order - 1]])
 
 
-def slopes_at(share: Floats, order: int) -> Floats:
+def slopes_at(barycentric: Floats, order: int) -> Floats:
     """Return the reference gradients of the functions, (n, functions, 2)."""
-    left, right, rise = share[:, AFTER, None], share[:, BEFORE, None], (share[:, BEFORE] - share[:, AFTER])[..., None]
+    left, right, rise = (
+        barycentric[:, AFTER, None],
+        barycentric[:, BEFORE, None],
+        (barycentric[:, BEFORE] - barycentric[:, AFTER])[..., None],
+    )
     product = left * HAT_SLOPES[BEFORE] + right * HAT_SLOPES[AFTER]
     odd = rise * product + left * right * (HAT_SLOPES[BEFORE] - HAT_SLOPES[AFTER])
     bubble = np.sum(left * right * HAT_SLOPES, axis=1, keepdims=True)
@@ -116,9 +120,9 @@ def slopes_at(share: Floats, order: int) -> Floats:
 @cache
 def reference(order: int, degree: int) -> Reference:
     points, weights = get_quadrature(ElementTriP1, degree)
-    share = np.stack([1.0 - points.sum(axis=0), *points], axis=1)
+    barycentric = np.stack([1.0 - points.sum(axis=0), *points], axis=1)
     mean = [*[1.0 / 6.0] * 3, *[EVEN / 24.0] * 3, 0.0, 0.0, 0.0, BUBBLE / 120.0]
-    slope = np.ascontiguousarray(slopes_at(share, order))
+    slope = np.ascontiguousarray(slopes_at(barycentric, order))
     return Reference(slope, 2.0 * weights, np.array(mean[: slope.shape[1]]), halves(order), weights.size)
 
 
@@ -136,14 +140,14 @@ def joined_reference(order: int) -> Reference:
     return own._replace(slope=np.concatenate([own.slope, more.slope]), weight=np.append(own.weight, more.weight))
 
 
-def functions_near_axis(kind: Ints, share: Floats, order: int) -> Floats:
-    return np.where(falling(order)[kind], factor_at(kind, share)[:, None], 1.0) * functions_at(share, order)
+def functions_near_axis(kind: Ints, barycentric: Floats, order: int) -> Floats:
+    return np.where(falling(order)[kind], factor_at(kind, barycentric)[:, None], 1.0) * functions_at(barycentric, order)
 
 
-def slopes_near_axis(kind: int, share: Floats, order: int) -> Floats:
-    falls, factor = falling(order)[kind][:, None], factor_at(np.array(kind), share)[:, None, None]
-    fall = functions_at(share, order)[..., None] * (ON_AXIS[kind] @ HAT_SLOPES)
-    plain = slopes_at(share, order)
+def slopes_near_axis(kind: int, barycentric: Floats, order: int) -> Floats:
+    falls, factor = falling(order)[kind][:, None], factor_at(np.array(kind), barycentric)[:, None, None]
+    fall = functions_at(barycentric, order)[..., None] * (ON_AXIS[kind] @ HAT_SLOPES)
+    plain = slopes_at(barycentric, order)
     return np.where(falls, factor * plain - fall, plain)
 
 
@@ -177,10 +181,10 @@ def modes_of(
     """
     facet, nodes, facets = facets_of_sides(mesh, node), mesh.nvertices, mesh.facets.shape[1]
     own = values[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1)[facet]  # from the lower node index
-    given = np.zeros(node.shape, dtype=np.bool_)
+    dirichlet = np.zeros(node.shape, dtype=np.bool_)
     if fixed is not None:
-        given = np.all(fixed[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1), axis=1)[facet]
-    modes = Modes(np.empty((*node.shape, order - 1)), np.zeros(len(node)), given)
+        dirichlet = np.all(fixed[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1), axis=1)[facet]
+    modes = Modes(np.empty((*node.shape, order - 1)), np.zeros(len(node)), dirichlet)
     upward = (node[:, AFTER] < node[:, BEFORE])[..., None]
     set_sides(modes, values[node], np.where(upward, own, own[..., ::-1]), kind)
     if order == 3:
@@ -212,8 +216,8 @@ def set_sides(modes: Modes, corners: Floats, own: Floats, kind: Ints | None = No
 @cache
 def factors_on_sides(order: int) -> Floats:
     at = np.arange(1, order)[:, None] / order
-    share = np.eye(3)[AFTER][:, None] * (1.0 - at) + np.eye(3)[BEFORE][:, None] * at
-    return np.stack([factor_at(np.array(kind), share) for kind in range(len(ON_AXIS))])
+    barycentric = np.eye(3)[AFTER][:, None] * (1.0 - at) + np.eye(3)[BEFORE][:, None] * at
+    return np.stack([factor_at(np.array(kind), barycentric) for kind in range(len(ON_AXIS))])
 
 
 def set_bubbles(modes: Modes, corners: Floats, middle: Floats, kind: Ints | None = None) -> None:
@@ -231,14 +235,14 @@ def local_coefficients(corners: Floats, modes: Modes | None) -> Floats:
     return np.hstack([corners, *sides, *([modes.bubble[:, None]] if len(sides) == 2 else [])])
 
 
-def traces_at(share: Floats, order: int) -> Floats:
+def traces_at(fraction: Floats, order: int) -> Floats:
     """Return the values on a side of the functions that do not vanish there.
 
-    `share` (n,) is the position along the side, from 0 at corner k + 1 to 1 at corner k + 2. Values have shape (n,
+    `fraction` (n,) is the position along the side, from 0 at corner k + 1 to 1 at corner k + 2. Values have shape (n,
     order + 1), in the order of `trace_columns`.
     """
-    product = share * (1.0 - share)
-    functions = 1.0 - share, share, EVEN * product, ODD * product * (2.0 * share - 1.0)
+    product = fraction * (1.0 - fraction)
+    functions = 1.0 - fraction, fraction, EVEN * product, ODD * product * (2.0 * fraction - 1.0)
     return np.stack(functions[: order + 1], axis=1)
 
 
@@ -273,9 +277,9 @@ def gradients(corners: Floats, coefficients: Floats, at: Reference) -> tuple[Flo
     return doubled, np.stack([by * along - ay * aside, ax * aside - bx * along]) / doubled
 
 
-def evaluated(coefficients: Floats, share: Floats, kind: Ints | None = None) -> Floats:
+def evaluated(coefficients: Floats, barycentric: Floats, kind: Ints | None = None) -> Floats:
     order = {3: 1, 6: 2, 10: 3}[coefficients.shape[1]]
-    at = functions_at(share, order) if kind is None else functions_near_axis(kind, share, order)
+    at = functions_at(barycentric, order) if kind is None else functions_near_axis(kind, barycentric, order)
     return np.sum(at * coefficients, axis=1)
 
 
@@ -284,35 +288,37 @@ LINEAR_FUNCTIONS = reference(1, 0)
 
 @cache
 def by_points(order: int, law: bool = False) -> Points:
-    (share, weight), kinds = points_near_axis(order, law), range(len(ON_AXIS))
-    value = [functions_near_axis(np.full(len(share[kind]), kind), share[kind], order) for kind in kinds]
-    slope = [slopes_near_axis(kind, share[kind], order) for kind in kinds]
-    even = [functions_at(share[kind], 2)[:, SIDES, None] for kind in kinds]
-    sides = [np.concatenate([even[kind], slopes_at(share[kind], 2)[:, SIDES]], axis=2) for kind in kinds]
-    return Points(weight, share, np.stack(value), np.stack(slope), np.stack(sides), weight.shape[1])
+    (barycentric, weight), kinds = points_near_axis(order, law), range(len(ON_AXIS))
+    value = [functions_near_axis(np.full(len(barycentric[kind]), kind), barycentric[kind], order) for kind in kinds]
+    slope = [slopes_near_axis(kind, barycentric[kind], order) for kind in kinds]
+    even = [functions_at(barycentric[kind], 2)[:, SIDES, None] for kind in kinds]
+    sides = [np.concatenate([even[kind], slopes_at(barycentric[kind], 2)[:, SIDES]], axis=2) for kind in kinds]
+    return Points(weight, barycentric, np.stack(value), np.stack(slope), np.stack(sides), weight.shape[1])
 
 
 @cache
 def joined_points(order: int) -> Points:
     own, more = by_points(order), by_points(order, law=True)
-    weight, share, value, slope, side = (np.concatenate(pair, axis=1) for pair in zip(own[:-1], more[:-1], strict=True))
-    return Points(weight, share, value, slope, side, own.plain)
+    weight, barycentric, value, slope, side = (
+        np.concatenate(pair, axis=1) for pair in zip(own[:-1], more[:-1], strict=True)
+    )
+    return Points(weight, barycentric, value, slope, side, own.plain)
 
 
 def fields_at(
-    points: Points, kind: int, corners: Floats, bend: Floats, coefficients: Floats
+    points: Points, kind: int, corners: Floats, offset: Floats, coefficients: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return the fields of elements of one kind at the quadrature points.
 
-    `corners` (m, 3, 2) and `bend` (m, 3, 2) are the corners and midside offsets of elements with curved sides,
+    `corners` (m, 3, 2) and `offset` (m, 3, 2) are the corners and midside offsets of elements with curved sides,
     `coefficients` has shape (m, functions). The results are the Jacobian determinant, x and the values, each
     (points, m), and the gradients, (2, points, m).
     """
     side = points.side[kind]
-    way = np.einsum("id,mic->mcd", HAT_SLOPES, corners) + np.einsum("qkd,mkc->qmcd", side[:, :, 1:], bend)
-    x = points.share[kind] @ corners[:, :, 0].T + side[:, :, 0] @ bend[:, :, 0].T
+    tangent = np.einsum("id,mic->mcd", HAT_SLOPES, corners) + np.einsum("qkd,mkc->qmcd", side[:, :, 1:], offset)
+    x = points.share[kind] @ corners[:, :, 0].T + side[:, :, 0] @ offset[:, :, 0].T
     along, aside = np.einsum("qid,mi->dqm", points.slope[kind], coefficients)
-    (ax, bx), (ay, by) = np.moveaxis(way, (2, 3), (0, 1))
+    (ax, bx), (ay, by) = np.moveaxis(tangent, (2, 3), (0, 1))
     doubled = ax * by - bx * ay
     slope = np.stack([by * along - ay * aside, ax * aside - bx * along]) / doubled
     return doubled, x, points.value[kind] @ coefficients.T, slope

@@ -10,7 +10,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.curved import corners_of, midside_offsets
 from kohonen_adapt.mesh.host import number_facets
-from kohonen_adapt.mesh.joining import joined, sides_of
+from kohonen_adapt.mesh.joining import sides_of, with_images
 from kohonen_adapt.mesh.motions import Rotation, moved
 from kohonen_adapt.mesh.names import named, named_sets
 from kohonen_adapt.mesh.validity import check_mesh
@@ -67,7 +67,7 @@ def turned(
     (True, False)
     """
     check_mesh(mesh, curved=True)
-    bend, mesh = midside_offsets(mesh), corners_of(mesh)
+    offset, mesh = midside_offsets(mesh), corners_of(mesh)
     motion, part = Rotation(angle, centre), elements_of(mesh, name)
     inner, outer = (np.unique(mesh.t[:, which]) for which in (part, ~part))
     shared, origin, count = np.intersect1d(inner, outer), np.array(motion.centre)[:, None], mesh.p.shape[1]
@@ -81,13 +81,13 @@ def turned(
     image = np.arange(p.shape[1])
     for radius in radii:
         ours, theirs = (rows[on_circle(p[:, rows] - origin, radius)] for rows in (nodes, outer))
-        off, at = KDTree(p[:, theirs].T).query(p[:, ours].T)
-        image[ours[off <= SAME * radius]] = theirs[at[off <= SAME * radius]]
+        distance, at = KDTree(p[:, theirs].T).query(p[:, ours].T)
+        image[ours[distance <= SAME * radius]] = theirs[at[distance <= SAME * radius]]
     if np.array_equal(image, np.arange(len(image))):
         raise ValueError(f"turned by {turn.angle:.6g} rad {name!r} and the rest meet nowhere; turn it by less.")
     sides = {each: sides_of(mesh, rows) for each, rows in (mesh.boundaries or {}).items()}
-    bend[part] = bend[part] @ turn.matrix[:, :2].T
-    return joined(mesh, p, t, image, named_sets(mesh.subdomains), sides, bend)
+    offset[part] = offset[part] @ turn.matrix[:, :2].T
+    return with_images(mesh, p, t, image, named_sets(mesh.subdomains), sides, offset)
 
 
 def elements_of(mesh: MeshTri, name: str | Sequence[str]) -> Mask:
@@ -113,10 +113,10 @@ def circles_between(mesh: MeshTri, part: Mask, shared: Ints, origin: Floats) -> 
     first = np.flatnonzero(np.diff(radius, prepend=-np.inf) > ROUND * radius)
     radii = radius[first].tolist()
     ends = mesh.p[:, mesh.facets[:, between]] - origin[:, :, None]
-    off = np.ptp(np.hypot(*ends), axis=0) > 2.0 * ROUND * radius.max(initial=0.0)
-    if not between.size or off.any():
-        x, y = (ends[:, :, np.argmax(off)].mean(axis=1) + origin[:, 0]).tolist() if off.any() else (0.0, 0.0)
-        where = f"; they meet elsewhere, too, as at ({x:.6g}, {y:.6g})" if off.any() else "; they do not meet"
+    distance = np.ptp(np.hypot(*ends), axis=0) > 2.0 * ROUND * radius.max(initial=0.0)
+    if not between.size or distance.any():
+        x, y = (ends[:, :, np.argmax(distance)].mean(axis=1) + origin[:, 0]).tolist() if distance.any() else (0.0, 0.0)
+        where = f"; they meet elsewhere, too, as at ({x:.6g}, {y:.6g})" if distance.any() else "; they do not meet"
         raise ValueError(
             f"what turns and the rest must meet on circles about {tuple(origin[:, 0].tolist())}{where}. Name all that "
             "turns, up to a ring of nodes in the air gap (a surface of its own in the mesh)."

@@ -57,9 +57,9 @@ def _in_plane(mesh: Mesh) -> str:
     constant = np.flatnonzero(extent <= FLAT * extent.max())
     if mesh.p.shape[0] != 3 or cell_of(mesh).dim != 2 or len(constant) != 1 or constant[0] == 2:
         return ""
-    kept = [axis for axis in range(3) if axis != constant[0]]
-    plane = "".join("xyz"[axis] for axis in kept)
-    return f" They are in the {plane}-plane: rotate them with MeshTri(mesh.p[{kept}], mesh.t)."
+    axes = [axis for axis in range(3) if axis != constant[0]]
+    plane = "".join("xyz"[axis] for axis in axes)
+    return f" They are in the {plane}-plane: rotate them with MeshTri(mesh.p[{axes}], mesh.t)."
 
 
 def check_nodes_used(mesh: Mesh) -> None:

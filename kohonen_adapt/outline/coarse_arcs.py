@@ -26,14 +26,14 @@ def with_coarse_arcs(position: Floats, node: Ints, segments: Segments, centres: 
         return segments
     circles = without_noise(np.array([candidate for _, _, candidate in found]))
     others = np.concatenate([circles[:, :2], segments.circle[segments.is_round, :2], centres.reshape(-1, 2)])
-    kept, rows, circle = np.ones(len(segments.rows), dtype=bool), segments.rows.copy(), segments.circle.copy()
+    remaining, rows, circle = np.ones(len(segments.rows), dtype=bool), segments.rows.copy(), segments.circle.copy()
     for number, (first, last, _) in enumerate(found):
         near = np.hypot(*(others - circles[number, :2]).T) <= CONCENTRIC * circles[number, 2]
         near[number] = False
         if near.any():
             rows[first, LAST], rows[first, IS_ROUND], circle[first] = rows[last, LAST], 1, circles[number]
-            kept[first + 1 : last + 1] = False
-    return Segments(rows[kept], circle[kept], segments.curve[kept])
+            remaining[first + 1 : last + 1] = False
+    return Segments(rows[remaining], circle[remaining], segments.curve[remaining])
 
 
 def centres_of(motions: Floats) -> Floats:

@@ -135,10 +135,10 @@ class Arc:
             If `x` has another shape or a coordinate is not finite.
         """
         centre = np.array(self.centre)[:, None]
-        off = checked_points(x, "x") - centre
-        distance = np.sqrt(np.sum(off**2, axis=0))
-        off[:, distance == 0.0], distance[distance == 0.0] = [[1.0], [0.0]], 1.0
-        return centre + self.radius * (off / distance)
+        offset = checked_points(x, "x") - centre
+        distance = np.sqrt(np.sum(offset**2, axis=0))
+        offset[:, distance == 0.0], distance[distance == 0.0] = [[1.0], [0.0]], 1.0
+        return centre + self.radius * (offset / distance)
 
 
 def projected(curve: Curve, points: Floats, name: str) -> Floats:
@@ -154,13 +154,13 @@ def projected(curve: Curve, points: Floats, name: str) -> Floats:
 
 
 def check_near(nodes: Floats, curve: Curve, name: str) -> None:
-    way = np.sqrt(np.sum((nodes - projected(curve, nodes, name)) ** 2, axis=1))
-    off, size, kind = way.max(), size_of(nodes), KINDS[nodes.shape[1]]
-    if off > NEAR * size:
-        place = ", ".join(f"{coordinate:.6g}" for coordinate in nodes[np.argmax(way)])
+    distance = np.sqrt(np.sum((nodes - projected(curve, nodes, name)) ** 2, axis=1))
+    largest, size, kind = distance.max(), size_of(nodes), KINDS[nodes.shape[1]]
+    if largest > NEAR * size:
+        text = ", ".join(f"{coordinate:.6g}" for coordinate in nodes[np.argmax(distance)])
         raise ValueError(
             f"the nodes of boundary {name!r} must lie on the {kind} given for it, within {NEAR:g} of its size, "
-            f"{size:.6g} in units of the mesh; the one at ({place}) is {off:.6g} away. Give the {kind} "
+            f"{size:.6g} in units of the mesh; the one at ({text}) is {largest:.6g} away. Give the {kind} "
             "that the mesh was made with, in the same unit."
         )
 

@@ -135,8 +135,8 @@ def straight_end(position: Floats, node: Ints, first: int, last: int) -> int:
 
 
 def turning_angles(position: Floats, nodes: Ints) -> Floats:
-    ways = np.diff(position[nodes], axis=0)
-    (ux, uy), (wx, wy) = ways[:-1].T, ways[1:].T
+    edges = np.diff(position[nodes], axis=0)
+    (ux, uy), (wx, wy) = edges[:-1].T, edges[1:].T
     return np.arctan2(ux * wy - uy * wx, ux * wx + uy * wy)
 
 
@@ -167,17 +167,17 @@ def arc_end(position: Floats, node: Ints, first: int, last: int) -> int:
     return end
 
 
-def off_circle(position: Floats, v: int, beside: int, x: float, y: float, radius: float) -> float:
+def off_circle(position: Floats, v: int, neighbour: int, x: float, y: float, radius: float) -> float:
     """Return the distance of node `v` from a circle in sagittas of its facet.
 
-    Node `beside` of the facet lies on the circle. Hence |v - c|^2 - r^2 is computed without r, which may be large, and
-    the ratio is 4 | |v - c|^2 - r^2 | / |v - beside|^2.
+    Node `neighbour` lies on the circle. Hence |v - c|^2 - r^2 is computed without r, which may be large, and the ratio
+    is 4 | |v - c|^2 - r^2 | / |v - neighbour|^2.
     """
     if radius == np.inf:
         return radius
-    dx, dy = position[v, 0] - position[beside, 0], position[v, 1] - position[beside, 1]
+    dx, dy = position[v, 0] - position[neighbour, 0], position[v, 1] - position[neighbour, 1]
     squared = dx * dx + dy * dy
-    twice = abs(squared - 2.0 * (dx * (x - position[beside, 0]) + dy * (y - position[beside, 1])))
+    twice = abs(squared - 2.0 * (dx * (x - position[neighbour, 0]) + dy * (y - position[neighbour, 1])))
     noise = 2.0 * radius * ROUNDING * (abs(position[v, 0]) + abs(position[v, 1]))
     return 4.0 * max(0.0, twice - noise) / squared
 
@@ -220,16 +220,16 @@ def angle_on_circle(position: Floats, node: Ints, first: int, last: int, circle:
     if last - first + (0 if closed else 1) < FEWEST:
         return 0.0
     x, y, radius = fitted_circle(position, node, first, last)
-    off = low = high = 0.0
+    distance = low = high = 0.0
     a, b = node[first], node[last - 1 if closed else last]
     tx, ty = position[b, 0] - position[a, 0], position[b, 1] - position[a, 1]
     length = math.hypot(tx, ty)
     for i in range(first, last + 1):
         px, py = position[node[i], 0], position[node[i], 1]
-        off = max(off, abs(math.hypot(px - x, py - y) - radius))
+        distance = max(distance, abs(math.hypot(px - x, py - y) - radius))
         side = (tx * (py - position[a, 1]) - ty * (px - position[a, 0])) / length
         low, high = min(low, side), max(high, side)
-    if not (off <= LOOSE * radius and DISTINCT * off <= high - low):
+    if not (distance <= LOOSE * radius and DISTINCT * distance <= high - low):
         return 0.0
     circle[count, 0], circle[count, 1], circle[count, 2] = x, y, radius
     return angle_around(position, node, first, last, x, y)

@@ -47,7 +47,7 @@ class Seams(NamedTuple):
     faces: Ints  # (j, 2)
     turn: Floats  # (j,) angle between the faces in radians, 0 if they are coplanar
     opposite: Mask  # (j,) True if the elements of both faces are on the same side
-    alike: Mask  # (j,) True if names and regions on both sides are the same
+    same_label: Mask  # (j,) True if names and regions on both sides are the same
 
 
 def constrained_faces(tet: Tetrahedralization) -> Faces:
@@ -86,5 +86,5 @@ def seams_of(faces: Faces, edges: Edges, position: Floats) -> Seams:
     normal = normals(position, faces.nodes)
     here, there = normal[one], np.where(opposite[:, None], 1.0, -1.0) * normal[other]
     turn = np.arctan2(np.linalg.norm(np.cross(here, there), axis=1), np.einsum("ij,ij->i", here, there))
-    alike = faces.label[one, 0] == faces.label[other, np.where(opposite, 0, 1)]
-    return Seams(edge, np.stack([one, other], axis=1), turn, opposite, alike)
+    same_label = faces.label[one, 0] == faces.label[other, np.where(opposite, 0, 1)]
+    return Seams(edge, np.stack([one, other], axis=1), turn, opposite, same_label)

@@ -62,9 +62,9 @@ def cast_rays(
 ) -> Hits:
     length = constraints.chains.length
     least, most = RAYS
-    hits = least + np.round(most * length[chains] / length[chains].sum())
+    rays = least + np.round(most * length[chains] / length[chains].sum())
     step = np.ones(len(length))
-    step[chains] = length[chains] / hits
+    step[chains] = length[chains] / rays
     views = views_across(triangulation, constraints, inside, e, k, step)
     hit = views.nearness < np.inf
     start, end, nearness = views.start[hit], views.end[hit], views.nearness[hit]
@@ -87,7 +87,7 @@ def sides_of(hits: Hits, ends: Ints, count: int) -> Ints:
     weight decides. The remaining segments belong to the side that they touch; segments between two sides are the ends
     of a gap.
     """
-    sides = Sides(count)
+    sides = OppositeSides(count)
     weight = relate_facing(sides, hits, adjacent_segments(ends), count)
     group = np.array([sides.side(chain) // 2 for chain in range(count)])
     weights = np.bincount(group, weight, count)
@@ -105,7 +105,7 @@ def sides_of(hits: Hits, ends: Ints, count: int) -> Ints:
     return fill_between(sides, accepted, ends)
 
 
-def relate_facing(sides: "Sides", hits: Hits, corners: Ints, count: int) -> Floats:
+def relate_facing(sides: "OppositeSides", hits: Hits, corners: Ints, count: int) -> Floats:
     seen = coo_array((hits.weight, (hits.start, hits.end)), shape=(count, count)).tocsr()
     facing, weight = triu(seen.minimum(seen.T)).tocoo(), np.zeros(count)
     apart = ~np.isin(facing.row.astype(np.int64) * count + facing.col, np.sort(corners, axis=1) @ [count, 1])
@@ -116,14 +116,14 @@ def relate_facing(sides: "Sides", hits: Hits, corners: Ints, count: int) -> Floa
     return weight
 
 
-def fill_between(sides: "Sides", accepted: Mask, ends: Ints) -> Ints:
+def fill_between(sides: "OppositeSides", accepted: Mask, ends: Ints) -> Ints:
     remaining = remaining_sets(ends, accepted)
     for _, around in remaining:
         sides.join(around)
     side = np.where(accepted, [sides.side(chain) for chain in range(len(accepted))], -1)
-    for run, around in remaining:
+    for members, around in remaining:
         found = np.unique(side[around])
-        side[run] = found[0] if len(found) == 1 else -1
+        side[members] = found[0] if len(found) == 1 else -1
     return side
 
 
@@ -142,13 +142,13 @@ def remaining_sets(ends: Ints, accepted: Mask) -> list[tuple[list[int], list[int
         others.setdefault(node, []).append(chain)
     remaining: dict[int, tuple[set[int], set[int]]] = {}
     for chain, node in ends[~is_accepted].tolist():
-        run, around = remaining.setdefault(label[chain], (set(), set()))
-        run.add(chain)
+        members, around = remaining.setdefault(label[chain], (set(), set()))
+        members.add(chain)
         around.update(others.get(node, ()))
-    return [(sorted(run), sorted(around)) for run, around in remaining.values()]
+    return [(sorted(members), sorted(around)) for members, around in remaining.values()]
 
 
-class Sides:
+class OppositeSides:
     """Union-find structure of segments on the same or on opposite sides."""
 
     def __init__(self, count: int) -> None:
@@ -156,8 +156,8 @@ class Sides:
         self._opposite = [False] * count  # True if opposite to the parent
         self._size = [1] * count
 
-    def copy(self) -> "Sides":
-        other = Sides(0)
+    def copy(self) -> "OppositeSides":
+        other = OppositeSides(0)
         other._parent, other._opposite, other._size = self._parent.copy(), self._opposite.copy(), self._size.copy()
         return other
 

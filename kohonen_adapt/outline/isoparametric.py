@@ -10,7 +10,7 @@ from kohonen_adapt.kernels.arrays import STRAIGHT, Constraints
 from kohonen_adapt.kernels.triangle.by_points import LEAST
 from kohonen_adapt.mesh.curved import jacobian_coefficients
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.parameters import parameters_of, points_on, ways_along
+from kohonen_adapt.outline.parameters import parameters_of, points_on, signed_distances
 
 __all__ = ["LEAST", "offsets_on_curves"]
 
@@ -45,7 +45,7 @@ def offsets_from_chords(triangulation: Triangulation, constraints: Constraints, 
     position = triangulation.position
     chains, chain, ends = constraints.chains, triangulation.elements.chain[e, k], triangulation.elements.ends(e, k)
     start, end = (parameters_of(position, constraints, chain, node) for node in ends)
-    middle = start + 0.5 * ways_along(chains, chain, start, end)
+    middle = start + 0.5 * signed_distances(chains, chain, start, end)
     length = chains.length[chain]
     round_ = np.where(chains.closed[chain], np.floor(middle / length), 0.0)
     return points_on(constraints, chain, middle - round_ * length) - 0.5 * (position[ends[0]] + position[ends[1]])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, PLANE, PROJECTED, SPHERE
 from kohonen_adapt.mesh.cells import normals
-from kohonen_adapt.mesh.names import in_order, joined
+from kohonen_adapt.mesh.names import connected_components_of, in_order
 from kohonen_adapt.outline.chains import curve_of_facets
 from kohonen_adapt.outline.curves import check_near
 from kohonen_adapt.outline.cutting import TURN
@@ -30,9 +30,11 @@ def patches_of(faces: Faces, seams: Seams, position: Floats, surfaces: Mapping[s
     user_defined = curve_of_facets(faces.sides, len(faces.element), surfaces, "surface")
     without_corner = np.array([*(isinstance(each, Plane | Sphere | Cylinder | Cone) for each in surfaces.values()), 0])
     one, other = user_defined[seams.faces].T
-    alike = seams.alike & (one == other)
-    smooth = alike & ((seams.turn < CORNER) | without_corner.astype(bool)[one])
-    group = joined(len(user_defined), seams.faces[np.where(one >= 0, smooth, alike & (seams.turn <= TURN))])
+    same_label = seams.same_label & (one == other)
+    smooth = same_label & ((seams.turn < CORNER) | without_corner.astype(bool)[one])
+    group = connected_components_of(
+        len(user_defined), seams.faces[np.where(one >= 0, smooth, same_label & (seams.turn <= TURN))]
+    )
     plain = smooth & (one < 0)
     skin = Skin(position, faces.nodes, seams.faces[plain], seams.turn[plain], group)
     rounds = rounds_among(skin, user_defined < 0)
@@ -90,7 +92,7 @@ def sides_of(
     count, inside = len(patch), patch[seams.faces[:, 0]] == patch[seams.faces[:, 1]]
     (one, other), turned = seams.faces[inside].T, ~seams.opposite[inside]
     pairs = np.concatenate([np.stack([one + side * count, other + (side ^ turned) * count], axis=1) for side in (0, 1)])
-    cover = joined(2 * count, pairs)
+    cover = connected_components_of(2 * count, pairs)
     rows = np.flatnonzero(front[patch] < 0)
     is_front = cover[rows] == cover[first[patch[rows]]]
     back = normals(position, faces.nodes[rows]) * np.where(is_front, 1.0, -1.0)[:, None]

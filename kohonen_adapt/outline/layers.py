@@ -93,17 +93,17 @@ def lower_to_steps(edges: Ints, value: Ints) -> None:
 
 
 def levels_of(bands: list[Band], count: int) -> Ints:
-    level, known = levels_of_sides(bands, count)
+    level, on_side = levels_of_sides(bands, count)
     pairs = np.concatenate([band.pairs for band in bands])
     top = int(np.max(np.abs(level)))
-    most, least, middle = np.where(known, level, top), np.where(known, -level, top), np.full(count, top)
+    most, least, middle = np.where(on_side, level, top), np.where(on_side, -level, top), np.full(count, top)
     for band in bands:
         middle[np.concatenate([*band.sides, band.pairs.ravel()])] = (
             level[band.sides[0][0]] + level[band.sides[1][0]]
         ) // 2
     for value in (most, least, middle):
         lower_to_steps(pairs, value)
-    if not np.array_equal(most[known], level[known]):
+    if not np.array_equal(most[on_side], level[on_side]):
         raise contradiction(bands)
     return np.where(np.bincount(pairs.ravel(), minlength=count) > 0, np.minimum(most, np.maximum(-least, middle)), 0)
 
@@ -112,27 +112,27 @@ def levels_of_sides(bands: list[Band], count: int) -> tuple[Ints, Mask]:
     sides = [side for band in bands for side in band.sides]
     number = np.repeat(np.arange(len(sides)), [len(side) for side in sides])
     label = components(number, len(sides) + np.concatenate(sides), len(sides) + count)
-    ways: dict[int, list[tuple[int, int]]] = {}
+    neighbours: dict[int, list[tuple[int, int]]] = {}
     for i, band in enumerate(bands):
         a, b = label[2 * i], label[2 * i + 1]
-        ways.setdefault(a, []).append((b, band.number))
-        ways.setdefault(b, []).append((a, band.number))
+        neighbours.setdefault(a, []).append((b, band.number))
+        neighbours.setdefault(b, []).append((a, band.number))
     found: dict[int, int] = {}
-    for start in ways:
+    for start in neighbours:
         found.setdefault(start, 0)
         waiting = deque([start])
         while waiting:
             a = waiting.popleft()
-            for b, step in ways[a]:
+            for b, layers in neighbours[a]:
                 if b not in found:
-                    found[b] = found[a] + (step if found[a] <= 0 else -step)
+                    found[b] = found[a] + (layers if found[a] <= 0 else -layers)
                     waiting.append(b)
     if any(abs(found[label[2 * i]] - found[label[2 * i + 1]]) != band.number for i, band in enumerate(bands)):
         raise contradiction(bands)
-    level, known = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=bool)
+    level, on_side = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=bool)
     for i, side in enumerate(sides):
-        level[side], known[side] = found[label[i]], True
-    return level, known
+        level[side], on_side[side] = found[label[i]], True
+    return level, on_side
 
 
 def contradiction(bands: list[Band]) -> ValueError:

@@ -153,9 +153,9 @@ def matches_by_angle(sides: Sides, mirrored: bool) -> Iterator[Match]:
     nodes, others = sides.nodes
     tree, probes = KDTree(sides.position[:, others].T), sides.position[:, nodes[:: max(1, len(nodes) // PROBES)]]
     distance = np.array([tree.query(moved(motion, probes).T)[0].max() for motion in motions])
-    kept = np.flatnonzero(distance <= max(sides.near, distance.min()))
-    angle = np.abs([np.arctan2(motions[k][1, 0], motions[k][0, 0]) for k in kept])
-    for k in kept[np.argsort(np.round(angle, 9), kind="stable")]:
+    near_matches = np.flatnonzero(distance <= max(sides.near, distance.min()))
+    angle = np.abs([np.arctan2(motions[k][1, 0], motions[k][0, 0]) for k in near_matches])
+    for k in near_matches[np.argsort(np.round(angle, 9), kind="stable")]:
         yield match_by(sides, motions[k])
 
 

@@ -116,9 +116,9 @@ class MovableMesh:
         mesh = self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)
         if not self.curved:
             return mesh
-        facet, off = facet_of_edge(mesh, self.triangulation.elements.node), np.zeros((2, mesh.facets.shape[1]))
-        off[:, facet] = np.moveaxis(self.midside_offsets(), 2, 0)
-        return with_midside_offsets(mesh, off)
+        facet, offset = facet_of_edge(mesh, self.triangulation.elements.node), np.zeros((2, mesh.facets.shape[1]))
+        offset[:, facet] = np.moveaxis(self.midside_offsets(), 2, 0)
+        return with_midside_offsets(mesh, offset)
 
     def start(self) -> MeshTri:
         return self.mesh() if self.curved else self.input_mesh
@@ -147,11 +147,11 @@ class MovableMesh:
         self._check_state(state)
         self.set_arrays({name: state[name].copy() for name in STATE_NAMES})
 
-    def set_arrays(self, own: Mapping[str, NDArray[Any]]) -> None:
+    def set_arrays(self, state: Mapping[str, NDArray[Any]]) -> None:
         tri = self.triangulation
-        elements, self.outline.constraints = with_state(tri.elements, self.constraints, own)
-        tri.set_arrays(own["position"], elements)
-        self.outline.pinned = own["pinned"]
+        elements, self.outline.constraints = with_state(tri.elements, self.constraints, state)
+        tri.set_arrays(state["position"], elements)
+        self.outline.pinned = state["pinned"]
 
     def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         n, m = (len(state.get(name, ())) for name in ("position", "elements.node"))

@@ -49,15 +49,15 @@ def is_scattered(triangulation: Triangulation) -> bool:
 
 
 def reordered_state(state: Mapping[str, NDArray[Any]], nodes: Ints, elements: Ints) -> dict[str, NDArray[Any]]:
-    number = ranks(nodes, len(state["position"]))
-    place = np.append(ranks(elements, len(state["elements.node"])), np.int32(-1))
-    kept = {name: np.take(a, elements if name in BY_ELEMENT else nodes, axis=0) for name, a in state.items()}
-    kept["elements.node"] = number[kept["elements.node"]]
-    kept["elements.neighbour"] = place[kept["elements.neighbour"]]
-    partner = kept["twins.partner"]
-    kept["twins.partner"] = np.where(partner >= 0, number[partner], -1).astype(np.int32)
-    return kept
+    node_index = ranks(nodes, len(state["position"]))
+    element_index = np.append(ranks(elements, len(state["elements.node"])), np.int32(-1))
+    reordered = {name: np.take(a, elements if name in BY_ELEMENT else nodes, axis=0) for name, a in state.items()}
+    reordered["elements.node"] = node_index[reordered["elements.node"]]
+    reordered["elements.neighbour"] = element_index[reordered["elements.neighbour"]]
+    partner = reordered["twins.partner"]
+    reordered["twins.partner"] = np.where(partner >= 0, node_index[partner], -1).astype(np.int32)
+    return reordered
 
 
-def element_order(node: Ints, number: Ints) -> Ints:
-    return np.argsort(number[node].min(axis=1), kind="stable")
+def element_order(node: Ints, node_index: Ints) -> Ints:
+    return np.argsort(node_index[node].min(axis=1), kind="stable")

@@ -141,20 +141,20 @@ class OpenSolid:
             stack[:height] = free_rows(len(stack) - height, len(stack))[:height]
 
     def along_curve(self) -> tuple[Ints, Ints]:
-        node, kept, used = self.mesh.elements.node, self.nodes(), self.elements()
-        kept = kept[along_curve(self.mesh.position[kept])]
-        first = ranks(kept, len(self.mesh.position))[node[used]].min(axis=1)
-        return kept, used[np.argsort(first, kind="stable")]
+        node, nodes_in_use, used = self.mesh.elements.node, self.nodes(), self.elements()
+        nodes_in_use = nodes_in_use[along_curve(self.mesh.position[nodes_in_use])]
+        first = ranks(nodes_in_use, len(self.mesh.position))[node[used]].min(axis=1)
+        return nodes_in_use, used[np.argsort(first, kind="stable")]
 
     def write_back(self, movable: MovableSolid, renumbered: bool = False) -> Ints:
         node, rows = self.mesh.elements.node, (self.nodes(), self.elements())
-        kept, used = self.along_curve() if renumbered else rows
-        number, place = ranks(kept, len(self.mesh.position)), np.append(ranks(used, len(node)), np.int32(-1))
-        state = {name: array[used if name in BY_ELEMENT else kept] for name, array in self.state.items()}
+        nodes_in_use, used = self.along_curve() if renumbered else rows
+        number, place = ranks(nodes_in_use, len(self.mesh.position)), np.append(ranks(used, len(node)), np.int32(-1))
+        state = {name: array[used if name in BY_ELEMENT else nodes_in_use] for name, array in self.state.items()}
         nodes, across = BY_ELEMENT[:2]
         state[nodes], state[across] = number[state[nodes]], place[state[across]]
         movable.set_arrays(state)
-        return kept
+        return nodes_in_use
 
 
 def records_of(state: dict[str, NDArray[Any]]) -> tuple[Floats, Tetrahedra, Freedom]:

@@ -37,7 +37,7 @@ from kohonen_adapt.outline.curves import Curve, projected
 from kohonen_adapt.outline.facets import Facets, Joints, constrained_facets, facet_of_edge, joints_of, trace_facets
 from kohonen_adapt.outline.middles import joints_on_curves, midsides_of
 from kohonen_adapt.outline.pairs import Pairs, find_pairs
-from kohonen_adapt.outline.parameters import find_parameters, parameters_of, points_on, ways_along
+from kohonen_adapt.outline.parameters import find_parameters, parameters_of, points_on, signed_distances
 from kohonen_adapt.outline.polylines import BY_MIDSIDES, Polylines, Segments, cut_into_segments
 from kohonen_adapt.outline.rules import Rules, checked_curves, pinned_nodes
 from kohonen_adapt.outline.spline import Spline
@@ -69,20 +69,20 @@ class Outline:
     names: dict[str, NDArray[np.int8]]
     pinned: Mask
     curves: dict[str, Curve]
-    given: Ints
+    curve_index: Ints
 
     @classmethod
-    def of(cls, triangulation: Triangulation, rules: Rules, off: Floats | None = None) -> "Outline":
+    def of(cls, triangulation: Triangulation, rules: Rules, offset: Floats | None = None) -> "Outline":
         """Find the curve segments of a triangulation, and mark their facets there.
 
-        Curved facets, arcs and splines are recognised by `off`, shape (2, nfacets), the offsets of midside nodes from
-        the midpoints of the chords.
+        Curved facets, arcs and splines are recognised by `offset`, shape (2, nfacets), the offsets of midside nodes
+        from the midpoints of the chords.
         """
         pinned = pinned_nodes(triangulation.mesh, rules.pinned)
         curves = with_circles(checked_curves(triangulation.mesh, rules.curves))
         facets = constrained_facets(triangulation)
         pairs = find_pairs(triangulation, facets, rules.periodic)
-        midsides = midsides_of(facets, triangulation, off)
+        midsides = midsides_of(facets, triangulation, offset)
         curve = midsides.curve_index(curve_of_facets(facets.sides, len(facets.element), curves))
         joints = joints_of(facets, triangulation.position, on_lines_and_arcs(curve, curves), midsides.offset)
         joints, circle = joints_on_curves(joints, facets, triangulation.position, midsides, curve)
@@ -110,20 +110,20 @@ class Outline:
         return cls(constraints, names, pinned, curves, segments.curve)
 
     def copy(self) -> "Outline":
-        own = ("kind", "chain", "parameter", "inner")  # curve segments and periodic pairs do not change
-        arrays = {name: getattr(self.constraints, name).copy() for name in own}
+        names_of_arrays = ("kind", "chain", "parameter", "inner")  # curve segments and periodic pairs do not change
+        arrays = {name: getattr(self.constraints, name).copy() for name in names_of_arrays}
         return replace(self, constraints=self.constraints._replace(**arrays))
 
     def project_nodes(self, triangulation: Triangulation, floor: float) -> None:
         kind, chain, chains = self.constraints.kind, self.constraints.own_chain, self.constraints.chains
-        curved = (chains.shape != STRAIGHT) | (self.given >= 0)
+        curved = (chains.shape != STRAIGHT) | (self.curve_index >= 0)
         nodes = np.flatnonzero((kind == SLIDING) & curved[chain])
         if not len(nodes):
             return
         target = np.empty((len(nodes), 2))
         look_up(self.constraints, nodes, target)
         for number, (name, curve) in enumerate(self.curves.items()):
-            on = (self.given == number)[chain[nodes]] & (chains.shape == TABLED)[chain[nodes]]
+            on = (self.curve_index == number)[chain[nodes]] & (chains.shape == TABLED)[chain[nodes]]
             if on.any():
                 target[on] = projected(curve, triangulation.position[nodes[on]], name)
         still = STILL * np.max(np.ptp(triangulation.position, axis=0))
@@ -137,9 +137,9 @@ class Outline:
         names = [name for name, manner in self.names.items() if manner[c]]
         if names:
             return f"boundary {' + '.join(map(repr, names))}"
-        beside = set(triangulation.elements.region[np.any(triangulation.elements.chain == c, axis=1)].tolist())
+        regions = set(triangulation.elements.region[np.any(triangulation.elements.chain == c, axis=1)].tolist())
         found = named_sets(triangulation.mesh.subdomains).items()
-        return listed(name for name, rows in found if beside & set(triangulation.region_of_input[rows].tolist()))
+        return listed(name for name, rows in found if regions & set(triangulation.region_of_input[rows].tolist()))
 
     @property
     def straight(self) -> Mask:
@@ -255,13 +255,15 @@ def chains_of_nodes(
     JUNCTION if `junctions`. Nodes of the mask `occupied`, shape (n,), hold -1, because no other node may take over
     their corner: pinned nodes, and nodes of periodic boundaries that do not slide.
     """
-    own = np.full((len(sliding), 2), -1, dtype=np.int32)
-    own[joints.node] = chain[joints.facets]
+    names_of_arrays = np.full((len(sliding), 2), -1, dtype=np.int32)
+    names_of_arrays[joints.node] = chain[joints.facets]
     if junctions:
-        own[np.bincount(facets.nodes.ravel(), minlength=len(own)) == 3, OWN] = JUNCTION
-    own[occupied] = -1
-    own[(own[:, OWN] == own[:, OTHER]) & ~sliding] = -1  # the corner of a loop has no second segment to slide onto
-    return own
+        names_of_arrays[np.bincount(facets.nodes.ravel(), minlength=len(names_of_arrays)) == 3, OWN] = JUNCTION
+    names_of_arrays[occupied] = -1
+    names_of_arrays[
+        (names_of_arrays[:, OWN] == names_of_arrays[:, OTHER]) & ~sliding
+    ] = -1  # the corner of a loop has no second segment to slide onto
+    return names_of_arrays
 
 
 def inner_nodes(triangulation: Triangulation) -> Mask:
@@ -276,4 +278,4 @@ def inner_nodes(triangulation: Triangulation) -> Mask:
 def runs_along(triangulation: Triangulation, constraints: Constraints, element: Ints, corner: Ints) -> Mask:
     ends, chain = triangulation.elements.ends(element, corner), triangulation.elements.chain[element, corner]
     start, end = (parameters_of(triangulation.position, constraints, chain, node) for node in ends)
-    return ways_along(constraints.chains, chain, start, end) > 0.0
+    return signed_distances(constraints.chains, chain, start, end) > 0.0

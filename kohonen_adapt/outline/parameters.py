@@ -10,7 +10,7 @@ from kohonen_adapt.kernels.arrays import AT_X, AT_Y, OWN, ROUND, SLIDING, STRAIG
 from kohonen_adapt.kernels.compilation import interpreted
 from kohonen_adapt.kernels.triangle.chains import look_up, nearest_parameter
 
-__all__ = ["find_parameters", "parameters_of", "points_on", "ways_along"]
+__all__ = ["find_parameters", "parameters_of", "points_on", "signed_distances"]
 
 
 def find_parameters(position: Floats, constraints: Constraints, node: Ints, first: Ints, last: Ints) -> None:
@@ -34,7 +34,7 @@ def parameters_of(position: Floats, constraints: Constraints, chain: Ints, node:
     """
     chains = constraints.chains
     slides = (constraints.kind[node] == SLIDING) & (constraints.chain[node, OWN] == chain)
-    start, end = (np.sum((position[node] - place[chain]) ** 2, axis=1) for place in (chains.origin, ends_of(chains)))
+    start, end = (np.sum((position[node] - point[chain]) ** 2, axis=1) for point in (chains.origin, ends_of(chains)))
     return np.where(slides, constraints.parameter[node], np.where(end < start, chains.length[chain], 0.0))
 
 
@@ -44,16 +44,16 @@ def ends_of(chains: Chains) -> Floats:
     half = 0.5 * (chains.curvature * chains.length)[is_round]
     chord = 2.0 * np.sin(half) / chains.curvature[is_round]
     (tx, ty), sine, cosine = chains.direction[is_round].T, np.sin(half), np.cos(half)
-    way = np.stack([cosine * tx - sine * ty, sine * tx + cosine * ty], axis=1)
-    end[is_round] = chains.origin[is_round] + chord[:, None] * way
+    distance = np.stack([cosine * tx - sine * ty, sine * tx + cosine * ty], axis=1)
+    end[is_round] = chains.origin[is_round] + chord[:, None] * distance
     end[is_tabled] = chains.knot[chains.row[1:][is_tabled] - 1, AT_X : AT_Y + 1]
     return end
 
 
-def ways_along(chains: Chains, chain: Ints, start: Floats, end: Floats) -> Floats:
-    way, length = end - start, chains.length[chain]
-    beyond = chains.closed[chain] & (np.abs(way) > 0.5 * length)
-    return np.where(beyond, way - np.copysign(length, way), way)
+def signed_distances(chains: Chains, chain: Ints, start: Floats, end: Floats) -> Floats:
+    distance, length = end - start, chains.length[chain]
+    wraps = chains.closed[chain] & (np.abs(distance) > 0.5 * length)
+    return np.where(wraps, distance - np.copysign(length, distance), distance)
 
 
 def points_on(constraints: Constraints, chain: Ints, parameter: Floats) -> Floats:

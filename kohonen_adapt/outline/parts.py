@@ -95,9 +95,9 @@ def until_none_waits(mesh: OpenTetrahedra, queue: Queue, task: Callable[[OpenTet
 def run_parts(mesh: OpenTetrahedra, queue: Queue, part: Nodes, task: Callable[[OpenTetrahedra, Queue], float]) -> float:
     waiting, of_element = waiting_rows(mesh, queue), np.empty(len(mesh.elements.node), dtype=np.int32)
     find_parts(mesh.elements.node, part, of_element)
-    parts, place = int(part.max()) + 1, of_element[waiting]
+    parts, part_of = int(part.max()) + 1, of_element[waiting]
     count = np.bincount(of_element[of_element >= 0], minlength=parts)
-    pools, inside = split_pool(mesh.pool, count), [waiting[place == i] for i in range(parts)]
+    pools, inside = split_pool(mesh.pool, count), [waiting[part_of == i] for i in range(parts)]
     rows, scratch = (len(mesh.position), len(of_element)), [mesh.cavity]
     scratch += [Cavity.of(*rows) for _ in range(1, min(number_of_threads(), parts))]
     queue.waiting[(of_element == ACROSS) & (queue.waiting == FREE)] = ELSEWHERE
@@ -110,7 +110,7 @@ def run_parts(mesh: OpenTetrahedra, queue: Queue, part: Nodes, task: Callable[[O
     gains = by_turns(work, parts)
     free = np.concatenate([pool.free_elements[: pool.height[1]] for pool in pools])
     mesh.pool.free_elements[: len(free)], mesh.pool.height[1] = free, len(free)
-    wait_in(queue, np.append(waiting[place < 0], np.flatnonzero(queue.waiting == WANTED)))
+    wait_in(queue, np.append(waiting[part_of < 0], np.flatnonzero(queue.waiting == WANTED)))
     return float(np.sum(gains))
 
 

@@ -32,7 +32,7 @@ class Patches(NamedTuple):
     origin: Floats  # (p, 3)
     axis: Floats  # (p, 3)
     size: Floats  # (p,)
-    given: Ints  # (p,) index of the user-defined surface, -1 for none
+    surface_index: Ints  # (p,) index of the user-defined surface, -1 for none
     surfaces: dict[str, Surface]  # user-defined surfaces by boundary name
     front: Ints  # (p,) region in front of the patch, -1 if both sides are in the same region
     names: dict[str, NDArray[np.int8]]  # per boundary name (p,): 0, UNORIENTED, LEFT (of its front) or RIGHT
@@ -41,7 +41,7 @@ class Patches(NamedTuple):
     @property
     def moves(self) -> Mask:
         """Mask (p,) of patches onto which nodes are projected, without recognised planes."""
-        return (self.shape != PLANE) | (self.given >= 0)
+        return (self.shape != PLANE) | (self.surface_index >= 0)
 
     def project(self, patch: Ints, x: Floats) -> Floats:
         found, shape = x.copy(), self.shape[patch]
@@ -51,7 +51,7 @@ class Patches(NamedTuple):
             own = [self.origin[p], *[self.axis[p]] * (kind != SPHERE), *[self.size[p]] * (kind != PLANE)]
             found[rows] = projection(x[rows], *own)
         for number, (name, surface) in enumerate(self.surfaces.items()):
-            rows = np.flatnonzero((shape == PROJECTED) & (self.given[patch] == number))
+            rows = np.flatnonzero((shape == PROJECTED) & (self.surface_index[patch] == number))
             if len(rows):
                 found[rows] = projected(surface, x[rows], name)
         return found

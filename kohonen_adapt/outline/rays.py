@@ -7,7 +7,7 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Constraints, Elements
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.parameters import parameters_of, ways_along
+from kohonen_adapt.outline.parameters import parameters_of, signed_distances
 
 __all__ = ["Views", "views_across"]
 
@@ -29,12 +29,14 @@ def views_across(
     """
     elements, position = triangulation.elements, triangulation.position
     (a, b), c = elements.ends(element, corner), elements.chain[element, corner]
-    start, way = parameters_and_lengths(position, constraints, c, a, b)
-    first, last = (np.ceil(end(start, start + way) / step[c] - 0.5).astype(int) for end in (np.minimum, np.maximum))
+    start, distance = parameters_and_lengths(position, constraints, c, a, b)
+    first, last = (
+        np.ceil(end(start, start + distance) / step[c] - 0.5).astype(int) for end in (np.minimum, np.maximum)
+    )
     edge = np.repeat(np.arange(len(c)), last - first)
     number = np.arange(len(edge)) - np.repeat(np.cumsum(last - first) - last, last - first)
-    share = ((number + 0.5) * step[c[edge]] - start[edge]) / way[edge]
-    points = position[a[edge]] + share[:, None] * (position[b[edge]] - position[a[edge]])
+    fraction = ((number + 0.5) * step[c[edge]] - start[edge]) / distance[edge]
+    points = position[a[edge]] + fraction[:, None] * (position[b[edge]] - position[a[edge]])
     return Views(c[edge], *trace_rays(position, elements, inside, element[edge], corner[edge], points))
 
 
@@ -42,11 +44,11 @@ def parameters_and_lengths(
     position: Floats, constraints: Constraints, c: Ints, a: Ints, b: Ints
 ) -> tuple[Floats, Floats]:
     start, end = (parameters_of(position, constraints, c, node) for node in (a, b))
-    way = ways_along(constraints.chains, c, start, end)
+    distance = signed_distances(constraints.chains, c, start, end)
     chord = np.sqrt(np.sum((position[b] - position[a]) ** 2, axis=1))
-    wrong = np.abs(way) > 2.0 * chord
-    way = np.where(wrong, way - np.copysign(constraints.chains.length[c], way), way)
-    return np.where(wrong, end - way, start), way
+    wrong = np.abs(distance) > 2.0 * chord
+    distance = np.where(wrong, distance - np.copysign(constraints.chains.length[c], distance), distance)
+    return np.where(wrong, end - distance, start), distance
 
 
 def trace_rays(
@@ -69,5 +71,5 @@ def trace_rays(
     (ux, uy), (vx, vy) = (position[q] - position[p]).T, (position[p] - points).T
     sine = dx * uy - dy * ux
     with np.errstate(divide="ignore", invalid="ignore"):
-        share, cosine = (vx * uy - vy * ux) / sine, sine / (np.hypot(dx, dy) * np.hypot(ux, uy))
-        return elements.chain[e, k], cosine * cosine / (share * np.hypot(dx, dy))
+        fraction, cosine = (vx * uy - vy * ux) / sine, sine / (np.hypot(dx, dy) * np.hypot(ux, uy))
+        return elements.chain[e, k], cosine * cosine / (fraction * np.hypot(dx, dy))

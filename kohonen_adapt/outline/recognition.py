@@ -93,8 +93,8 @@ def rounds_among(skin: Skin, faces: Mask) -> list[tuple[Ints, Round]]:
         others = sure + coarse[:number] + coarse[number + 1 :]
         return any(are_coaxial(each, other) for other in others)
 
-    kept = {id(each) for number, each in enumerate(coarse) if is_one(number, each)} | set(map(id, sure))
-    return [(part, each) for part, each in found if id(each) in kept]
+    accepted = {id(each) for number, each in enumerate(coarse) if is_one(number, each)} | set(map(id, sure))
+    return [(part, each) for part, each in found if id(each) in accepted]
 
 
 def rounds_of_set(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
@@ -158,8 +158,8 @@ def grown_from(skin: Skin, graph: csr_array, seed: int, free: Mask) -> tuple[Int
 def near(skin: Skin, each: Round) -> Mask:
     corners = skin.position[skin.nodes]
     squared = np.sum((corners - np.roll(corners, 1, axis=1)) ** 2, axis=2).max(axis=1)
-    off = each.distance(corners.reshape(-1, 3)).reshape(-1, 3).max(axis=1)
-    return off <= CLOSE * squared / (8.0 * each.size)
+    distance = each.distance(corners.reshape(-1, 3)).reshape(-1, 3).max(axis=1)
+    return distance <= CLOSE * squared / (8.0 * each.size)
 
 
 def reached(skin: Skin, graph: csr_array, seed: int, faces: Mask) -> NDArray[np.integer]:

@@ -22,7 +22,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     PLANE,
     Freedom,
 )
-from kohonen_adapt.mesh.names import joined
+from kohonen_adapt.mesh.names import connected_components_of
 from kohonen_adapt.outline.cutting import COLLINEAR, TURN, cut_polylines, fitted_circle
 from kohonen_adapt.outline.faces import Edges, Faces
 from kohonen_adapt.outline.patches import Patches
@@ -68,7 +68,7 @@ def ridges_of(edges: Edges, patches: Patches, position: Floats) -> Ridges:
     known = (pieces.shape >= 0) & (pieces.kind >= 0)
     known &= np.bincount(pieces.of_edge, minlength=len(known)) > 0  # polylines that were cut further have no edges
     ridge = np.full(len(known), -1)
-    ridge[known] = joined(int(known.sum()), same_pairs(pieces, np.flatnonzero(known), position))
+    ridge[known] = connected_components_of(int(known.sum()), same_pairs(pieces, np.flatnonzero(known), position))
     kept = np.flatnonzero(known)[np.unique(ridge[known], return_index=True)[1]]
     own = (pieces.shape[kept], pieces.origin[kept], pieces.axis[kept], pieces.size[kept])
     return Ridges(ends, ridge[pieces.of_edge], kinds[pieces.kind[kept]], *own)
@@ -92,17 +92,17 @@ def meeting_patches(edges: Edges, patches: Patches) -> tuple[NDArray[np.int32], 
 def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats) -> Pieces:
     polylines, curved = smooth_runs(ends, kind, position)
     first, last = polylines.node[polylines.start[:-1]], polylines.node[polylines.start[1:] - 1]
-    way = position[last] - position[first]
-    length = np.linalg.norm(way, axis=1, keepdims=True)
-    axis = way / np.where(length > 0.0, length, 1.0)
+    chord = position[last] - position[first]
+    length = np.linalg.norm(chord, axis=1, keepdims=True)
+    axis = chord / np.where(length > 0.0, length, 1.0)
     of_run = kind[polylines.facet[polylines.start[:-1]]]
-    straight = (np.full(len(way), LINE, dtype=np.int8), position[first], axis, np.zeros(len(way)))
+    straight = (np.full(len(chord), LINE, dtype=np.int8), position[first], axis, np.zeros(len(chord)))
     of_edge = np.empty(len(ends), dtype=np.int64)
-    of_edge[polylines.facet[polylines.facet >= 0]] = np.repeat(np.arange(len(way)), np.diff(polylines.start))[
+    of_edge[polylines.facet[polylines.facet >= 0]] = np.repeat(np.arange(len(chord)), np.diff(polylines.start))[
         polylines.facet >= 0
     ]
     more: list[Rows] = [straight]
-    added, kind_of = len(way), [of_run]
+    added, kind_of = len(chord), [of_run]
     for r in np.flatnonzero(curved).tolist():
         slots = slice(polylines.start[r], polylines.start[r + 1])
         node, edge = polylines.node[slots], polylines.facet[slots][:-1]
@@ -119,8 +119,8 @@ def smooth_runs(ends: Ints, kind: Ints, position: Floats) -> tuple[Polylines, Ma
     node, end = joined_ends(ends, len(position))
     other = ends.ravel()[end ^ 1]
     arriving, leaving = position[node] - position[other[:, 0]], position[other[:, 1]] - position[node]
-    off = np.linalg.norm(np.cross(arriving, leaving), axis=1)
-    turn = np.arctan2(off, np.einsum("ij,ij->i", arriving, leaving))
+    offset = np.linalg.norm(np.cross(arriving, leaving), axis=1)
+    turn = np.arctan2(offset, np.einsum("ij,ij->i", arriving, leaving))
     continuing = (turn < CORNER) & (kind[end[:, 0] // 2] == kind[end[:, 1] // 2])
     through = np.full((len(position), 2), -1, dtype=np.int32)
     through[node[continuing]] = end[continuing] // 2
@@ -166,8 +166,8 @@ def pieces_of(node: Ints, closed: bool, meets: Ints, patches: Patches, position:
 
 def circle_through(x: Floats) -> Floats:
     circle = without_noise(np.array([fitted_circle(x, np.arange(len(x)), 0, len(x) - 1)]))
-    off = np.abs(np.hypot(*(x - circle[0, :2]).T) - circle[0, 2]).max()
-    return circle if off <= COLLINEAR * circle[0, 2] < np.inf else np.full((1, 3), np.nan)
+    offset = np.abs(np.hypot(*(x - circle[0, :2]).T) - circle[0, 2]).max()
+    return circle if offset <= COLLINEAR * circle[0, 2] < np.inf else np.full((1, 3), np.nan)
 
 
 def cut_in_plane(x: Floats, closed: bool) -> tuple[Ints, Floats]:
@@ -188,10 +188,10 @@ def cut_in_plane(x: Floats, closed: bool) -> tuple[Ints, Floats]:
 
 
 def lines_and_circles(rows: Ints, circle: Floats, x: Floats, middle: Floats, axes: Floats) -> Rows:
-    start, way = x[rows[:, 0]], x[rows[:, 1]] - x[rows[:, 0]]
+    start, chord = x[rows[:, 0]], x[rows[:, 1]] - x[rows[:, 0]]
     is_round = rows[:, 2] == 1
-    length = np.linalg.norm(way, axis=1, keepdims=True)
-    axis = np.where(is_round[:, None], axes[2], way / np.where(length > 0.0, length, 1.0))
+    length = np.linalg.norm(chord, axis=1, keepdims=True)
+    axis = np.where(is_round[:, None], axes[2], chord / np.where(length > 0.0, length, 1.0))
     origin = np.where(is_round[:, None], middle + circle[:, :2] @ axes[:2], start)
     return np.where(is_round, CIRCLE, LINE).astype(np.int8), origin, axis, np.where(is_round, circle[:, 2], 0.0)
 
@@ -200,9 +200,9 @@ def intersect_at_angle(x: Floats, meeting: Ints, patches: Patches) -> bool:
     step = 1e-3 * np.ptp(x, axis=0).max()
     normal = []
     for p in meeting[:2].tolist():
-        off = x + step * np.array([[0.36, 0.48, 0.8]])  # a direction parallel to no axis
+        offset = x + step * np.array([[0.36, 0.48, 0.8]])  # a direction parallel to no axis
         patch = np.full(len(x), p)
-        away = off - patches.project(patch, off)
+        away = offset - patches.project(patch, offset)
         again = x + step * np.array([[0.8, -0.36, 0.48]])
         other = again - patches.project(patch, again)
         longer = np.linalg.norm(away, axis=1) >= np.linalg.norm(other, axis=1)

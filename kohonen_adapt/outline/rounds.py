@@ -49,11 +49,11 @@ class Round:
     size: float
     deviation: float
     nodes: int
-    places: int
+    angles: int
 
     @property
     def is_coarse(self) -> bool:
-        return self.shape == CYLINDER and (self.places < FEWEST or self.nodes < ON_CYLINDER)
+        return self.shape == CYLINDER and (self.angles < FEWEST or self.nodes < ON_CYLINDER)
 
     def distance(self, x: Floats) -> Floats:
         near = (
@@ -89,7 +89,7 @@ def round_of(position: Floats, nodes: Ints) -> Round | None:
 
 
 def fits(found: Round, x: Floats, normal: Floats, centroids: Floats) -> bool:
-    if found.places < (COARSE if found.shape == CYLINDER else ON_SPHERE) or not found.deviation <= LOOSE * found.size:
+    if found.angles < (COARSE if found.shape == CYLINDER else ON_SPHERE) or not found.deviation <= LOOSE * found.size:
         return False
     out = centroids - found.origin
     flat = x - found.origin
@@ -169,9 +169,9 @@ def cylinder_of(x: Floats, point: Floats, axis: Floats, radius: float) -> Round 
     one = across(axis)
     flat = (x - point) @ np.stack([one, np.cross(axis, one)]).T
     angle = np.sort(np.arctan2(flat[:, 1], flat[:, 0]))
-    places = int(np.sum(np.diff(angle, append=angle[0] + 2.0 * np.pi) > APART))
+    angles = int(np.sum(np.diff(angle, append=angle[0] + 2.0 * np.pi) > APART))
     deviation = np.abs(np.linalg.norm(flat, axis=1) - radius).max()
-    return Round(CYLINDER, point, axis, radius, float(deviation), len(x), places)
+    return Round(CYLINDER, point, axis, radius, float(deviation), len(x), angles)
 
 
 def rounded(values: Floats | float, size: float) -> Floats:

@@ -65,7 +65,9 @@ def shapes_at(patches: Patches, p: int, near: Floats, corners: Floats, out: Floa
     point = patches.project(patch, near)
     along, aside = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     directions = along, aside, along + aside
-    ends = [[patches.project(patch, point + step * way) - point for step in (STEP, -STEP)] for way in directions]
+    ends = [
+        [patches.project(patch, point + step * direction) - point for step in (STEP, -STEP)] for direction in directions
+    ]
     tangent = np.stack([ahead - back for ahead, back in ends[:2]], axis=2) / (2.0 * STEP)
     normal = np.cross(tangent[:, :, 0], tangent[:, :, 1])
     flat = ~(np.einsum("ij,ij->i", normal, normal) > 0.0)  # no tangent plane beyond the rim of the surface

@@ -145,8 +145,8 @@ class Spline:
         """
         points = np.concatenate(self.pieces, axis=1).T
         x, y, radius = fitted_circle(points, np.arange(len(points)), 0, len(points) - 1)
-        off = np.abs(np.hypot(points[:, 0] - x, points[:, 1] - y) - radius)
-        return Arc((x, y), radius) if len(points) >= FEWEST and off.max() <= CIRCULAR * radius < np.inf else None
+        offset = np.abs(np.hypot(points[:, 0] - x, points[:, 1] - y) - radius)
+        return Arc((x, y), radius) if len(points) >= FEWEST and offset.max() <= CIRCULAR * radius < np.inf else None
 
     def __repr__(self) -> str:
         count = sum(points.shape[1] for points in self.pieces)
@@ -186,8 +186,8 @@ class Spline:
         Around every sample of the spline that is nearer to a point x than its neighbours, and near enough to matter,
         the root of ``(c(t) - x) . c'(t)`` is found by Newton's method, with bisection where Newton's method fails.
         """
-        off = (checked_points(x, "x") - self._origin).T
-        found = [_nearest(self._samples, off[start : start + CHUNK]) for start in range(0, len(off), CHUNK)]
+        offset = (checked_points(x, "x") - self._origin).T
+        found = [_nearest(self._samples, offset[start : start + CHUNK]) for start in range(0, len(offset), CHUNK)]
         return np.concatenate([np.empty((0, 2)), *found]).T + self._origin
 
 
@@ -248,8 +248,8 @@ def _nearest(samples: Samples, x: Floats) -> Floats:
     within = samples.tree.query_ball_point(x, near + samples.reach)
     row = np.repeat(np.arange(len(x)), [len(found) for found in within])
     at = np.fromiter(chain.from_iterable(within), np.int64, len(row))
-    here, *beside = (_squared(samples.point[i] - x[row]) for i in (at, samples.before[at], samples.after[at]))
-    least = here <= np.minimum(*beside)
+    here, *neighbours = (_squared(samples.point[i] - x[row]) for i in (at, samples.before[at], samples.after[at]))
+    least = here <= np.minimum(*neighbours)
     row, at = row[least], at[least]
     foot = _feet(samples, at, x[row])
     order = np.lexsort((at, _squared(foot - x[row]), row))
@@ -260,8 +260,8 @@ def _feet(samples: Samples, at: Ints, x: Floats) -> Floats:
     low, t, high = samples.t[samples.before[at]], samples.t[at], samples.t[samples.after[at]]
     converged = np.zeros(len(at), dtype=bool)
     for _ in range(STEPS):
-        off, tangent, second_derivative = samples.curve(t) - x, samples.curve(t, 1), samples.curve(t, 2)
-        rate, change = np.sum(off * tangent, axis=1), np.sum(tangent**2 + off * second_derivative, axis=1)
+        offset, tangent, second_derivative = samples.curve(t) - x, samples.curve(t, 1), samples.curve(t, 2)
+        rate, change = np.sum(offset * tangent, axis=1), np.sum(tangent**2 + offset * second_derivative, axis=1)
         low, high = np.where(rate > 0.0, low, t), np.where(rate > 0.0, t, high)
         with np.errstate(divide="ignore", invalid="ignore"):
             newton = t - rate / change

@@ -264,12 +264,12 @@ class Cone:
 
 
 def direction(vector: ArrayLike, what: str) -> tuple[float, float, float]:
-    given = np.array(finite_triple(vector, what))
-    largest = np.abs(given).max()
+    direction_vector = np.array(finite_triple(vector, what))
+    largest = np.abs(direction_vector).max()
     if largest == 0.0:
         raise ValueError(f"{what} must not be zero.")
-    given /= largest  # no square may overflow
-    x, y, z = (given / np.linalg.norm(given)).tolist()
+    direction_vector /= largest  # no square may overflow
+    x, y, z = (direction_vector / np.linalg.norm(direction_vector)).tolist()
     return x, y, z
 
 
@@ -308,10 +308,10 @@ def along_and_out(x: Floats, origin: Floats, axis: Floats) -> tuple[Floats, tupl
     The shapes are (k, 1), (k, 1) and (k, 3). Outward vectors have length 1, also for points on the axis.
     """
     along = np.sum((x - origin) * axis, axis=1, keepdims=True)
-    off = x - origin - axis * along
-    off[np.linalg.norm(off, axis=1) <= ROUNDING * np.abs(along[:, 0])] = 0.0
-    off -= axis * np.sum(off * axis, axis=1, keepdims=True)
-    return along, (np.linalg.norm(off, axis=1, keepdims=True), unit(off, across(axis)))
+    outward = x - origin - axis * along
+    outward[np.linalg.norm(outward, axis=1) <= ROUNDING * np.abs(along[:, 0])] = 0.0
+    outward -= axis * np.sum(outward * axis, axis=1, keepdims=True)
+    return along, (np.linalg.norm(outward, axis=1, keepdims=True), unit(outward, across(axis)))
 
 
 def across(axis: Floats) -> Floats:

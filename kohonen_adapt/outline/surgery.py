@@ -90,13 +90,13 @@ class Surgery:
 
     def write_back(self, movable: MovableMesh, renumbered: bool = False) -> tuple[Ints, Ints]:
         anchor, node = self.mesh.pool.anchor, self.mesh.elements.node
-        kept = np.flatnonzero(anchor >= 0)
+        nodes = np.flatnonzero(anchor >= 0)
         if renumbered:
-            kept = kept[along_curve(self.state["position"][kept])]
-        used = np.flatnonzero(node[:, 0] >= 0)
-        used = used[element_order(node[used], ranks(kept, len(anchor)))]
-        movable.set_arrays(reordered_state(self.state, kept, used))
-        return kept, used
+            nodes = nodes[along_curve(self.state["position"][nodes])]
+        elements = np.flatnonzero(node[:, 0] >= 0)
+        elements = elements[element_order(node[elements], ranks(nodes, len(anchor)))]
+        movable.set_arrays(reordered_state(self.state, nodes, elements))
+        return nodes, elements
 
 
 def longest_merged(movable: MovableMesh) -> Floats:

@@ -36,7 +36,7 @@ def possible_arcs(movable: MovableMesh) -> Iterator[PossibleArc]:
     polylines = trace_facets(facets, joints, outline.pinned)
     chain = triangulation.elements.chain[facets.element, facets.corner]
     alone = np.bincount(chain, minlength=len(outline.straight)) == 1
-    single = (alone & (outline.constraints.chains.shape == STRAIGHT) & (outline.given < 0))[chain]
+    single = (alone & (outline.constraints.chains.shape == STRAIGHT) & (outline.curve_index < 0))[chain]
     for first, last in zip(polylines.start[:-1].tolist(), (polylines.start[1:] - 1).tolist(), strict=True):
         rows = polylines.facet[first:last]
         if last - first < FACETS or not single[rows].all():
@@ -48,8 +48,8 @@ def possible_arcs(movable: MovableMesh) -> Iterator[PossibleArc]:
             else polylines.node[first : last + 1]
         )
         x, y, radius = without_noise(np.array([fitted_circle(position, nodes, 0, len(nodes) - 1)]))[0].tolist()
-        off = np.abs(np.hypot(*(position[nodes] - (x, y)).T) - radius)
+        distance = np.abs(np.hypot(*(position[nodes] - (x, y)).T) - radius)
         one_way = abs(np.sign(turns).sum()) == len(turns) and np.abs(turns).max() < SHARPEST
-        if one_way and off.max() <= CIRCULAR * radius:
+        if one_way and distance.max() <= CIRCULAR * radius:
             names = [name for name, side in facets.sides.items() if np.all(side[rows] > 0)]
             yield PossibleArc(names, len(nodes), float(np.abs(turns).max()), (x, y), radius)

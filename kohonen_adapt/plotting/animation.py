@@ -142,8 +142,8 @@ def _epochs(schedule: Schedule) -> Iterator[tuple[str, Schedule]]:
 
 def _title(step: Pass) -> str:
     error = energy_norm_error(step)
-    said = f"{estimate_word([step])} {step.estimate_text}" if error is None else f"error {error:.3g} %"
-    return f"pass {step.number}: {step.mesh.nvertices} nodes, {said}"
+    error_text = f"{estimate_word([step])} {step.estimate_text}" if error is None else f"error {error:.3g} %"
+    return f"pass {step.number}: {step.mesh.nvertices} nodes, {error_text}"
 
 
 def _write(path: Path, frames: Sequence[Frame], view: View, seconds: float) -> None:

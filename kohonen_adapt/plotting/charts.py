@@ -146,10 +146,10 @@ def _span_of(nodes: Floats) -> tuple[float, float]:
 
 
 def _draw_slopes(axes: Axes, nodes: Floats, errors: Floats, slope: float) -> Floats:
-    known = np.flatnonzero(errors > 0.0)
-    if not known.size:
+    positive = np.flatnonzero(errors > 0.0)
+    if not positive.size:
         return np.empty(0)
-    first, best = int(known[0]), int(known[np.argmin(errors[known] * nodes[known] ** -slope)])
+    first, best = int(positive[0]), int(positive[np.argmin(errors[positive] * nodes[positive] ** -slope)])
     _draw_slope(axes, (nodes[first], errors[first]), slope, (0, (5, 3)), "first pass")
     if best == first:
         return np.empty(0)
@@ -196,9 +196,9 @@ def plot_qualities(meshes: Mapping[str, Mesh], *, ax: Axes | None = None) -> Axe
     for (word, mesh), (colour, style) in zip(meshes.items(), STYLES, strict=False):
         values = quality(mesh)
         label = f"{word}: worst {values.min():.2f}, mean {values.mean():.2f}"
-        share = 100.0 / len(values) * np.histogram(values, BINS)[0]
-        axes.stairs(share, BINS, fill=True, color=colour, alpha=0.15)
-        axes.stairs(share, BINS, color=colour, linestyle=style, linewidth=1.6, label=label)
+        percent = 100.0 / len(values) * np.histogram(values, BINS)[0]
+        axes.stairs(percent, BINS, fill=True, color=colour, alpha=0.15)
+        axes.stairs(percent, BINS, color=colour, linestyle=style, linewidth=1.6, label=label)
     axes.set(xlabel="quality of an element (1: regular, 0: flat)", ylabel="share of the elements (%)")
     axes.set(xlim=(0.0, 1.0), title="Quality of the elements")
     axes.legend(loc="upper left", frameon=False)
@@ -299,8 +299,12 @@ def plot_bh(law: Law, ax: Axes | None = None) -> Axes:
     return axes
 
 
-def axes_of(given: Axes | None, *, height: float = 4.4) -> Axes:
-    return Figure(figsize=(6.4, height), dpi=160, layout="constrained").subplots() if given is None else given
+def axes_of(axes_or_none: Axes | None, *, height: float = 4.4) -> Axes:
+    return (
+        Figure(figsize=(6.4, height), dpi=160, layout="constrained").subplots()
+        if axes_or_none is None
+        else axes_or_none
+    )
 
 
 def _rule(axes: Axes) -> None:

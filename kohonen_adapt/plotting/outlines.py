@@ -86,7 +86,7 @@ def plot_outlines(
     facets = constrained_facets(triangulation)
     ends, chain = facets.nodes, triangulation.elements.chain[facets.element, facets.corner]
     axes.add_collection(LineCollection([*(in_unit(unit) * triangulation.position[ends])], colors="0.8", linewidths=0.5))
-    _draw_chains(axes, outline, _colours(ends, chain, len(outline.given)), np.bincount(chain), unit)
+    _draw_chains(axes, outline, _colours(ends, chain, len(outline.curve_index)), np.bincount(chain), unit)
     _draw_constraints(axes, outline, triangulation.position, unit)
     sagitta = in_unit(unit) * outline.sagitta(triangulation)
     if sagitta > 0.0:
@@ -115,8 +115,8 @@ def _colours(ends: Ints, chain: Ints, count: int) -> NDArray[np.str_]:
 
 def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets: Ints, unit: str) -> None:
     chains = outline.constraints.chains
-    given = outline.given >= 0
-    plain = ~chains.paired & ~given
+    curve_index = outline.curve_index >= 0
+    plain = ~chains.paired & ~curve_index
     recognised = outline.on_circles & plain
     lines = [in_unit(unit) * line for line in _lines_of(outline, facets)]
     with np.errstate(divide="ignore"):  # straight segments have no curvature
@@ -125,7 +125,7 @@ def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets
         (plain & outline.straight, "solid", "straight"),
         (plain & ~outline.straight & ~recognised, MIDSIDE_DASHES, "on a spline through mid-side nodes"),
         (recognised, (0, (4.0, 1.5)), f"recognised as arc or circle{_in_words(radii[recognised], unit)}"),
-        (given & ~chains.paired, (0, (1.0, 1.0)), "on a given curve"),
+        (curve_index & ~chains.paired, (0, (1.0, 1.0)), "on a given curve"),
         (chains.paired, (0, (6.0, 1.5, 1.0, 1.5)), "periodic, matched with another"),
     ):
         if mask.any():
@@ -151,8 +151,8 @@ def _lines_of(outline: Outline, facets: Ints) -> list[Floats]:
     parts = np.where(outline.on_circles, np.ceil(turn / STEP), np.where(outline.straight, 1, 8 * facets))
     stop = np.cumsum(parts.astype(np.int64) + 1)
     chain = np.repeat(np.arange(len(stop), dtype=np.int32), np.diff(stop, prepend=0))
-    share = (np.arange(len(chain)) - np.append(0, stop)[chain]) / parts[chain]
-    return np.split(outline.points_on(chain, share * chains.length[chain]), stop[:-1])
+    fraction = (np.arange(len(chain)) - np.append(0, stop)[chain]) / parts[chain]
+    return np.split(outline.points_on(chain, fraction * chains.length[chain]), stop[:-1])
 
 
 def _in_words(radii: Floats, unit: str) -> str:
@@ -180,8 +180,8 @@ def _beside(line: Floats, towards: Floats) -> tuple[Floats, Floats]:
 
 
 def _write(axes: Axes, at: Floats, normal: Floats, text: str, colour: str) -> None:
-    places = [("right", "center", "left"), ("top", "center", "bottom")]
-    ha, va = (place[1 + round(share)] for place, share in zip(places, normal, strict=True))
+    alignments = [("right", "center", "left"), ("top", "center", "bottom")]
+    ha, va = (alignment[1 + round(fraction)] for alignment, fraction in zip(alignments, normal, strict=True))
     offset = (6.0 * normal[0], 6.0 * normal[1])
     axes.annotate(
         text, (at[0], at[1]), offset, textcoords="offset points", color=colour, fontsize="small", ha=ha, va=va,

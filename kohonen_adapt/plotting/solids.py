@@ -87,12 +87,12 @@ def plot_slice(
         draw_elements(axes, shown.mesh, number.astype(float), unit, _numbered(colours), ListedColormap(colours))
         _add_legend(axes, colours, labels)
     else:
-        given = _values(mesh, values)
-        if len(given) == mesh.t.shape[1]:
-            found = shown.of_elements(given)
+        checked = _values(mesh, values)
+        if len(checked) == mesh.t.shape[1]:
+            found = shown.of_elements(checked)
         else:
-            found = shown.of_nodes(given)[shown.mesh.t]
-        norm = norm or Normalize(given.min(), given.max())
+            found = shown.of_nodes(checked)[shown.mesh.t]
+        norm = norm or Normalize(checked.min(), checked.max())
         drawn = draw_elements(axes, shown.mesh, found, unit, norm, colormaps["viridis"])
         axes.figure.colorbar(drawn, ax=axes, label=label)
     draw_edges(axes, shown, unit, "0.25", float(np.clip(15.0 / np.sqrt(shown.mesh.t.shape[1]), 0.08, 0.5)))
@@ -163,10 +163,10 @@ def plot_surface(
         painted = colours[number]
         _add_legend(axes, colours, labels)
     else:
-        given = _values(mesh, values)
-        at = mesh.f2t[0, rim] if len(given) == mesh.t.shape[1] else mesh.facets[:, rim]
-        scale = ScalarMappable(norm or Normalize(given.min(), given.max()), "viridis")
-        painted = scale.to_rgba(np.atleast_2d(given[at]).mean(axis=0))[:, :3]
+        checked = _values(mesh, values)
+        at = mesh.f2t[0, rim] if len(checked) == mesh.t.shape[1] else mesh.facets[:, rim]
+        scale = ScalarMappable(norm or Normalize(checked.min(), checked.max()), "viridis")
+        painted = scale.to_rgba(np.atleast_2d(checked[at]).mean(axis=0))[:, :3]
         axes.figure.colorbar(scale, ax=axes, label=label)
     faces.set_facecolor(painted[order] * (1.0 - SHADE * (1.0 - np.clip(brightness, 0.0, 1.0)))[:, None])
     axes.add_collection(faces)
@@ -184,9 +184,9 @@ def _faces(mesh: MeshTet, rim: Ints, camera: Floats, scale: float) -> tuple[Poly
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0)
     seen = np.flatnonzero(camera[2] @ normal > 0.0)
     order = seen[np.argsort(camera[2] @ corners.mean(axis=1)[:, seen], kind="stable")]
-    places = scale * np.einsum("kc,cif->fik", camera[:2], corners[:, :, order])
+    projected = scale * np.einsum("kc,cif->fik", camera[:2], corners[:, :, order])
     width = float(np.clip(15.0 / np.sqrt(len(order)), 0.05, 0.4))
-    drawn = PolyCollection(places, linewidths=width, edgecolors="0.25", rasterized=True)
+    drawn = PolyCollection(projected, linewidths=width, edgecolors="0.25", rasterized=True)
     towards_light = (LIGHT @ camera) @ normal[:, order] / np.linalg.norm(normal[:, order], axis=0)
     return drawn, order, towards_light
 

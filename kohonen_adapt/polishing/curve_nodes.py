@@ -15,7 +15,7 @@ from kohonen_adapt.kernels.triangle.geometry import FLAT
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.chains import on_chains
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.parameters import parameters_of, ways_along
+from kohonen_adapt.outline.parameters import parameters_of, signed_distances
 from kohonen_adapt.polishing.chords import CENTROID, Slivers, segment_areas
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import independent
@@ -46,7 +46,7 @@ def nearest_on_curves(movable: MovableMesh, known: Mask) -> Floats:
     start, end = (parameters_of(movable.triangulation.position, constraints, chain, node) for node in ends)
     near = np.full(movable.nnodes, np.inf)
     for node in ends:
-        np.minimum.at(near, node, np.abs(ways_along(constraints.chains, chain, start, end)))
+        np.minimum.at(near, node, np.abs(signed_distances(constraints.chains, chain, start, end)))
     return near
 
 
@@ -136,7 +136,7 @@ class Stars(NamedTuple):
         own = self.ends == self.node[self.owner[self.holder]][:, None]
         at = np.where(own, parameter[self.owner[self.holder]][:, None], self.parameter)
         chains, position = self.movable.constraints.chains, self.movable.triangulation.position
-        middle = at[:, 0] + 0.5 * ways_along(chains, self.chain, at[:, 0], at[:, 1])
+        middle = at[:, 0] + 0.5 * signed_distances(chains, self.chain, at[:, 0], at[:, 1])
         middle = within(middle, chains.length[self.chain], chains.closed[self.chain])
         start, end = (
             np.where(own[:, i : i + 1], x[self.owner[self.holder]], position[self.ends[:, i]]) for i in range(2)

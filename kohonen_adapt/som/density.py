@@ -139,7 +139,7 @@ def density_from_sizes(mesh: Mesh, sizes: ArrayLike) -> Floats:
         raise ValueError(f"sizes must be above zero; element {int(np.argmin(lengths))} has {lengths.min()}.")
     cell = cell_of(mesh)
     with np.errstate(all="ignore"):
-        density = 1.0 / (cell.share * lengths**cell.dim)
+        density = 1.0 / (cell.size_per_node * lengths**cell.dim)
     bad = np.flatnonzero(~(np.isfinite(density) & (density > 0)))
     if len(bad):
         raise ValueError(

@@ -34,7 +34,7 @@ class ElementDensityInSpace:
         The logarithm is linear in every element. Points outside have the value of the nearest element.
         """
         found = self._locator.find(points)
-        logs = np.sum(self._locator.shares(points, found) * self._log_at_corners[found], axis=1)
+        logs = np.sum(self._locator.barycentric_coordinates(points, found) * self._log_at_corners[found], axis=1)
         lost = np.flatnonzero(found < 0)
         if len(lost):
             nearest = cKDTree(self._centroids).query(points[lost])[1]

@@ -44,12 +44,12 @@ class Moved(Generic[Movable]):
 
     def work(self, now: Movable, polish_gain: float = 0.0) -> Work:
         old, position = self.recycled.old, now.tessellation.position
-        kept = old >= 0
-        way = np.sqrt(np.sum((position[kept] - self.before.tessellation.position[old[kept]]) ** 2, axis=1))
-        moved = int(np.count_nonzero(way) + np.count_nonzero(~kept))
+        survives = old >= 0
+        distance = np.sqrt(np.sum((position[survives] - self.before.tessellation.position[old[survives]]) ** 2, axis=1))
+        moved = int(np.count_nonzero(distance) + np.count_nonzero(~survives))
         return Work(
             quantization_errors=self.quantization_errors,
-            max_displacement=float(way.max()),
+            max_displacement=float(distance.max()),
             moved=moved,
             why_still="" if moved else with_remedy(self.why_still, now),
             splits=self.recycled.splits,

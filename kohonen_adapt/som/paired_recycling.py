@@ -21,7 +21,7 @@ from kohonen_adapt.kernels.triangle.surgery import (
     midpoint,
     split,
 )
-from kohonen_adapt.outline.parameters import parameters_of, ways_along
+from kohonen_adapt.outline.parameters import parameters_of, signed_distances
 
 __all__ = ["recycle_pairs"]
 
@@ -71,9 +71,9 @@ def images_of_chains(mesh: OpenMesh) -> list[tuple[int, int, int]]:
     for m in range(0, len(motions), 2):
         turn, shift = motions[m, :, :2], motions[m, :, 2]
         for c in paired:
-            off = np.abs(turn @ chains.origin[c] + shift - chains.origin[paired]).max(axis=1)
+            distance = np.abs(turn @ chains.origin[c] + shift - chains.origin[paired]).max(axis=1)
             turned = np.abs(turn @ chains.direction[c] - chains.direction[paired]).max(axis=1)
-            same = (off < near) & (turned < SAME) & (paired != c)
+            same = (distance < near) & (turned < SAME) & (paired != c)
             found += [(int(c), int(paired[k]), m) for k in np.flatnonzero(same)]
     return found
 
@@ -92,7 +92,7 @@ def facets_along(mesh: OpenMesh, c: int) -> tuple[Ints, Ints, Ints]:
     e, k = np.nonzero((mesh.elements.chain == c) & (mesh.elements.node[:, :1] >= 0))
     chain, ends = np.full(len(e), c), np.stack(mesh.elements.ends(e, k))
     at = np.stack([parameters_of(mesh.position, mesh.constraints, chain, node) for node in ends])
-    along = ways_along(mesh.constraints.chains, chain, *at) > 0.0
+    along = signed_distances(mesh.constraints.chains, chain, *at) > 0.0
     first = np.where(along, 0, 1)
     order = np.argsort(at[first, np.arange(len(e))], kind="stable")
     first = first[order]
@@ -100,9 +100,9 @@ def facets_along(mesh: OpenMesh, c: int) -> tuple[Ints, Ints, Ints]:
 
 
 def lengths(mesh: OpenMesh, facets: Facets) -> Floats:
-    way = mesh.position[facets.start] - mesh.position[facets.end]
+    chord = mesh.position[facets.start] - mesh.position[facets.end]
     density = mesh.origins.density
-    squared = np.sum(way**2, axis=2) * np.sqrt(density[facets.start] * density[facets.end])
+    squared = np.sum(chord**2, axis=2) * np.sqrt(density[facets.start] * density[facets.end])
     return squared.max(axis=1)
 
 
@@ -112,8 +112,10 @@ def collapse_short(mesh: OpenMesh, facets: Facets, least: float, longest: float,
         ends = facets.start[i], facets.end[i]
         if length[i] >= least or changed & {int(v) for pair in ends for v in pair}:
             continue
-        ways = [(v, w, merged_quality(mesh, v, w, facets.chain[i], longest, floor)) for v, w in (ends, ends[::-1])]
-        v, w, quality = max(ways, key=lambda way: way[2])
+        directions = [
+            (v, w, merged_quality(mesh, v, w, facets.chain[i], longest, floor)) for v, w in (ends, ends[::-1])
+        ]
+        v, w, quality = max(directions, key=lambda chord: chord[2])
         if quality < 0.0:
             continue
         merge, around = interpreted(collapse), interpreted(gather_around)
@@ -155,11 +157,11 @@ def split_long(mesh: OpenMesh, facets: Facets, longest: float, floor: float, ava
             continue
         ends = list(zip(facets.start[i].tolist(), facets.end[i].tolist(), strict=True))
         sides = [find(mesh, a, b) for a, b in ends]  # a split nearby may have given the facet another element
-        places = [middle(mesh, int(c), a, b) for c, (a, b) in zip(chain, ends, strict=True)]
-        if not all(may(mesh, e, k, floor, x, y) for (e, k), (x, y, _) in zip(sides, places, strict=True)):
+        midpoints = [middle(mesh, int(c), a, b) for c, (a, b) in zip(chain, ends, strict=True)]
+        if not all(may(mesh, e, k, floor, x, y) for (e, k), (x, y, _) in zip(sides, midpoints, strict=True)):
             continue
-        made = [make(mesh, e, k, x, y, at) for (e, k), (x, y, at) in zip(sides, places, strict=True)]
-        mesh.constraints.parameter[made] = places[0][2]
-        periodic.partner[made], periodic.motion[made] = made[::-1], [facets.motion[i], facets.motion[i] + 1]
+        new = [make(mesh, e, k, x, y, at) for (e, k), (x, y, at) in zip(sides, midpoints, strict=True)]
+        mesh.constraints.parameter[new] = midpoints[0][2]
+        periodic.partner[new], periodic.motion[new] = new[::-1], [facets.motion[i], facets.motion[i] + 1]
         count += 1
     return count

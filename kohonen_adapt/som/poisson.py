@@ -44,17 +44,17 @@ def directly(matrix: csr_array) -> Callable[[Floats], Floats]:
 def by_conjugate_gradients(matrix: csr_array, inflow: Floats) -> Floats | None:
     height, residual = np.zeros_like(inflow), inflow.copy()
     improve, enough = two_levels(matrix), ERROR**2 * np.sum(inflow**2)
-    way, before = np.zeros_like(inflow), np.inf
+    direction, before = np.zeros_like(inflow), np.inf
     for _ in range(MOST):
         if np.sum(residual**2) <= enough:
             return height
         better = improve(residual)
         slope = np.sum(residual * better)
-        way = better + (slope / before) * way
+        direction = better + (slope / before) * direction
         before = slope
-        along = matrix @ way
-        step = slope / np.sum(way * along)
-        height += step * way
+        along = matrix @ direction
+        step = slope / np.sum(direction * along)
+        height += step * direction
         residual -= step * along
     return None
 

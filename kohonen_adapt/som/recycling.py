@@ -44,14 +44,14 @@ def recycle_nodes(
     missing = target - movable.nnodes
     surgery = Surgery.on(movable, density, max(target, movable.nnodes), done)
     if longest is not None:
-        known = surgery.mesh.origins.longest[: movable.nnodes]
-        np.maximum(known, longest, out=known)
+        limits = surgery.mesh.origins.longest[: movable.nnodes]
+        np.maximum(limits, longest, out=limits)
     splits, collapses = exchange(surgery.mesh, movable.floor, missing, RATIO if pairs else np.inf)
     if not splits and not collapses:
         return done
-    kept, _ = surgery.write_back(movable, renumbered=pairs)
+    rows, _ = surgery.write_back(movable, renumbered=pairs)
     counts = done.splits + splits, done.collapses + collapses
-    return Recycled(surgery.mesh.origins.old[kept], surgery.mesh.origins.start_element[kept], *counts)
+    return Recycled(surgery.mesh.origins.old[rows], surgery.mesh.origins.start_element[rows], *counts)
 
 
 def recycled_pairs(
@@ -64,11 +64,11 @@ def recycled_pairs(
     origins = surgery.mesh.origins
     if not splits and not collapses:
         return np.arange(movable.nnodes), density, done
-    kept, _ = surgery.write_back(movable)
+    rows, _ = surgery.write_back(movable)
     movable.flip()
     counts = done.splits + splits, done.collapses + collapses
-    row = np.where(origins.is_new[kept], -1, kept)
-    return row, origins.density[kept], Recycled(origins.old[kept], origins.start_element[kept], *counts)
+    row = np.where(origins.is_new[rows], -1, rows)
+    return row, origins.density[rows], Recycled(origins.old[rows], origins.start_element[rows], *counts)
 
 
 def exchange(mesh: OpenMesh, floor: float, missing: int, ratio: float) -> tuple[int, int]:

@@ -229,8 +229,8 @@ def node_masses(elements: Elements, masses: Floats) -> Floats:
     node, region = elements.node, elements.region
     degree = np.bincount(node.ravel())
     nodes_of_region = np.bincount(region, weights=np.sum(1.0 / degree[node], axis=1))
-    share = masses * (nodes_of_region / np.bincount(region, weights=masses))[region] / 3.0
-    return np.bincount(node.ravel(), weights=np.repeat(share, 3)).astype(np.float64)
+    fraction = masses * (nodes_of_region / np.bincount(region, weights=masses))[region] / 3.0
+    return np.bincount(node.ravel(), weights=np.repeat(fraction, 3)).astype(np.float64)
 
 
 def report_curves(before: MovableMesh, now: MovableMesh) -> None:

@@ -104,13 +104,15 @@ class Trainer:
             transport.carry(shown, found, ceil((rounds - number) / FLOWS))
 
     def _present(self, draw: Drawing, schedule: Schedule, rng: np.random.Generator, winners: Ints) -> tuple[float, ...]:
-        count, errors, kept = self.movable.nnodes, list[float](), None
+        count, errors, fixed_draw = self.movable.nnodes, list[float](), None
         if not schedule.fresh:
-            kept = draw(ceil(max((stage.points_per_neuron for stage in schedule.stages), default=0.0) * count), rng)
-            winners = winners[kept.element]
+            fixed_draw = draw(
+                ceil(max((stage.points_per_neuron for stage in schedule.stages), default=0.0) * count), rng
+            )
+            winners = winners[fixed_draw.element]
         for stage, rate in schedule.epochs():
-            shown = draw(ceil(stage.points_per_neuron * count), rng) if kept is None else kept
-            slot = shown.element if kept is None else np.arange(len(winners))
+            shown = draw(ceil(stage.points_per_neuron * count), rng) if fixed_draw is None else fixed_draw
+            slot = shown.element if fixed_draw is None else np.arange(len(winners))
             errors.append(self.epoch(stage, rate, shown, slot, winners, rng))
             self._flip()
             if schedule.tolerance is not None and errors[-1] < schedule.tolerance:
@@ -171,7 +173,7 @@ class Trainer:
                 self.order[first:last], interior, which,
             )  # fmt: skip
 
-        shared(task, shares_of(starts_of_parts(tri.nnodes, parts)))
+        shared(task, starts_of_threads(starts_of_parts(tri.nnodes, parts)))
         task(0, 0, tri.nnodes, which=False)
 
     def _interior_nodes(self, parts: int, rings: int) -> Mask:
@@ -229,7 +231,7 @@ class Trainer:
             shown = batch.points[part], batch.region[part], batch.weights[part], winners[part]
             self.method.learn(self.neurons, Lesson(*shown, strength, ends), rate, floor, is_valid, self.scratch[thread])
 
-        shared(task, shares_of(cuts[:-1]))
+        shared(task, starts_of_threads(cuts[:-1]))
         task(0, cuts[-2], cuts[-1])
 
 
@@ -237,10 +239,10 @@ def starts_of_parts(neurons: int, parts: int) -> Ints:
     return -(-np.arange(parts + 1) * neurons // parts)
 
 
-def shares_of(starts: Ints) -> list[int]:
+def starts_of_threads(starts: Ints) -> list[int]:
     parts = len(starts) - 1
-    shares = min(number_of_threads(), parts)
-    return starts[np.linspace(0, parts, shares + 1).round().astype(int)].tolist()
+    threads = min(number_of_threads(), parts)
+    return starts[np.linspace(0, parts, threads + 1).round().astype(int)].tolist()
 
 
 def parts_for(neurons: int, rings: int, dim: int) -> int:

@@ -124,7 +124,7 @@ class FunctionSource(OfElements):
     def __init__(self, mesh: Triangulation | Tetrahedralization, function: Callable[[Floats], ArrayLike]) -> None:
         super().__init__(mesh)
         self.function = function
-        self.share = int(np.clip(CANDIDATES // len(self.sizes), 4, 64))
+        self.points_per_element = int(np.clip(CANDIDATES // len(self.sizes), 4, 64))
         rng = np.random.default_rng(0)
         values = np.concatenate([self._candidates(stretch, rng)[1] for stretch in self._stretches()])
         self.largest = values.max()
@@ -133,16 +133,16 @@ class FunctionSource(OfElements):
                 f"density must not be zero everywhere; the callable is at all {len(values)} points looked at. "
                 "Give it a small positive value where few nodes are wanted."
             )
-        means = without_zeros(values, self.largest).reshape(len(self.sizes), self.share).mean(axis=1)
+        means = without_zeros(values, self.largest).reshape(len(self.sizes), self.points_per_element).mean(axis=1)
         self.masses = np.empty_like(self.sizes)
         self.masses[self._order] = self.sizes[self._order] * means
 
     def _stretches(self) -> list[Ints]:
-        most = AT_ONCE // self.share
+        most = AT_ONCE // self.points_per_element
         return [self._order[first : first + most] for first in range(0, len(self._order), most)]
 
     def _candidates(self, stretch: Ints, rng: np.random.Generator) -> tuple[Floats, Floats]:
-        points = self._points_in(np.repeat(stretch, self.share), rng)
+        points = self._points_in(np.repeat(stretch, self.points_per_element), rng)
         return points, values_at(self.function, points)
 
     def draw(self, number: int, rng: np.random.Generator) -> Draw:
@@ -153,23 +153,25 @@ class FunctionSource(OfElements):
         stretches = self._stretches()
         mass = np.cumsum([0.0, *(self.masses[stretch].sum() for stretch in stretches)])
         ends = np.round(number * (mass / mass[-1])).astype(np.int64)
-        shares = zip(stretches, np.diff(ends).tolist(), strict=True)
-        drawn = [self._draw_from(stretch, share, rng) for stretch, share in shares]
+        random_points = zip(stretches, np.diff(ends).tolist(), strict=True)
+        drawn = [self._draw_from(stretch, points_per_element, rng) for stretch, points_per_element in random_points]
         points, element = (np.concatenate(parts) for parts in zip(*drawn, strict=True))
         return Draw(points, element, self.elements.region[element], np.ones(number))
 
     def _draw_from(self, stretch: Ints, number: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
         points, values = self._candidates(stretch, rng)
-        cumulated = np.cumsum(np.repeat(self.sizes[stretch], self.share) * without_zeros(values, self.largest))
+        cumulated = np.cumsum(
+            np.repeat(self.sizes[stretch], self.points_per_element) * without_zeros(values, self.largest)
+        )
         levels = (np.arange(number) + rng.random(number)) * (cumulated[-1] / max(1, number))
         chosen = np.minimum(np.searchsorted(cumulated, levels), len(cumulated) - 1)
-        return points[chosen], stretch[chosen // self.share]
+        return points[chosen], stretch[chosen // self.points_per_element]
 
     def _points_in(self, element: NDArray[np.int32], rng: np.random.Generator) -> Floats:
         corners = [self.position[self.elements.node[element, k]] for k in range(self.method.cell.dim + 1)]
         points = corners[0]
-        for share, corner in zip(self.method.barycentric(len(element), rng), corners[1:], strict=True):
-            points = points + share[:, None] * (corner - corners[0])
+        for barycentric, corner in zip(self.method.barycentric(len(element), rng), corners[1:], strict=True):
+            points = points + barycentric[:, None] * (corner - corners[0])
         return points
 
 

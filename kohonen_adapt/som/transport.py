@@ -120,12 +120,12 @@ class Transport:
         sums = np.stack([np.bincount(cluster, x[a] + x[b] + x[c]) for x in tri.position.T.copy()], axis=1)
         centre = sums / (3.0 * size[:, None])
         row, column, length = self._crossings()
-        way = centre[column] - centre[row]
-        conductance = length / np.maximum(np.hypot(*way.T), NEAREST * length)
+        direction = centre[column] - centre[row]
+        conductance = length / np.maximum(np.hypot(*direction.T), NEAREST * length)
         links = symmetric(conductance, row, column, len(size))
         found = np.bincount(cluster, weights=mass).astype(np.float64)
         height = potential(links, wanted_inflow(found, size, links, rounds * BOUND))
-        carried = 0.5 * (conductance * (height[column] - height[row]))[:, None] * way
+        carried = 0.5 * (conductance * (height[column] - height[row]))[:, None] * direction
         # flux across an edge covers half of the distance of the centres in each cluster
         flow = [np.bincount(row, x, len(size)) + np.bincount(column, x, len(size)) for x in carried.T]
         return self._smoothed(np.stack(flow, axis=1) / size[:, None], links)
@@ -188,12 +188,12 @@ class Transport:
         shared(measure, even_cuts(tri.nnodes, LIGHT))
         return float(np.quantile(ratio, 0.99))
 
-    def _take(self, step: "Step", move: Floats, share: float, rings: int) -> None:
+    def _take(self, step: "Step", move: Floats, fraction: float, rings: int) -> None:
         tri, constraints = self.movable.triangulation, self.constraints
         nodes = even_cuts(tri.nnodes, LIGHT)
 
         def go(thread: int, first: int, last: int) -> None:
-            propose_step(tri.position, constraints, move, share, first, last, step.target, step.parameter)
+            propose_step(tri.position, constraints, move, fraction, first, last, step.target, step.parameter)
 
         def take(thread: int, first: int, last: int) -> None:
             accept_step(tri.position, constraints, step.target, step.parameter, first, last)
@@ -240,12 +240,12 @@ class Transport:
         if len(self.pairs[0]) == 0:
             return
         own, now = self.constraints.own_chain, self.constraints.parameter
-        place = np.mean([np.where(self._stay(step, v), now[v], step.parameter[v]) for v in self.pairs], axis=0)
+        mean_parameter = np.mean([np.where(self._stay(step, v), now[v], step.parameter[v]) for v in self.pairs], axis=0)
         for nodes in self.pairs:
-            goes = place != now[nodes]
-            step.parameter[nodes] = place
+            moving = mean_parameter != now[nodes]
+            step.parameter[nodes] = mean_parameter
             step.target[nodes] = self.movable.triangulation.position[nodes]
-            step.target[nodes[goes]] = self.movable.outline.points_on(own[nodes[goes]], place[goes])
+            step.target[nodes[moving]] = self.movable.outline.points_on(own[nodes[moving]], mean_parameter[moving])
 
     def _stay(self, step: "Step", nodes: Ints) -> Mask:
         return np.all(step.target[nodes] == self.movable.triangulation.position[nodes], axis=1)
@@ -287,10 +287,10 @@ def clusters_of(triangulation: Triangulation, rank: Ints) -> Ints:
     order = order[np.argsort(region[order], kind="stable")]
     count = np.bincount(region)
     clusters = np.maximum(1, np.round(count / CLUSTER).astype(np.int64))
-    place = np.arange(len(order)) - np.repeat(np.cumsum(count) - count, count)
+    mean_parameter = np.arange(len(order)) - np.repeat(np.cumsum(count) - count, count)
     along = region[order]
     cluster = np.empty(len(order), dtype=np.int32)
-    cluster[order] = (np.cumsum(clusters) - clusters)[along] + place * clusters[along] // count[along]
+    cluster[order] = (np.cumsum(clusters) - clusters)[along] + mean_parameter * clusters[along] // count[along]
     return cluster
 
 
@@ -302,9 +302,9 @@ def wanted_inflow(mass: Floats, size: Floats, links: csr_array, bound: float = B
     """
     parts = connected_components(links, directed=False)[1]
     mean = (np.bincount(parts, weights=mass) / np.bincount(parts, weights=size))[parts]
-    share = np.divide(mass, size * mean, out=np.ones_like(mass), where=mean > 0.0)
+    fraction = np.divide(mass, size * mean, out=np.ones_like(mass), where=mean > 0.0)
     few = 0.5 / size  # half an element's share is added to every cluster, because a mass may be 0
-    asked = np.clip(np.log((share + few) / (1.0 + few)), -bound, bound)
+    asked = np.clip(np.log((fraction + few) / (1.0 + few)), -bound, bound)
     return (asked - (np.bincount(parts, weights=asked * size) / np.bincount(parts, weights=size))[parts]) * size
 
 

@@ -51,11 +51,11 @@ def _case(number: int, given: Any) -> Case:
     return {name: _value(value, f"case {number}: {name}") for name, value in given.items()}
 
 
-def _value(given: Any, place: str) -> Value:
+def _value(given: Any, description: str) -> Value:
     value = given.item() if isinstance(given, np.generic) else given
     if not isinstance(value, Value):
         raise ValueError(
-            f"{place} must be a number, some text, or true or false; got {given!r}. Let the function make of such a "
-            "value what it needs."
+            f"{description} must be a number, some text, or true or false; got {given!r}. Let the function make of "
+            "such a value what it needs."
         )
     return value

@@ -61,6 +61,6 @@ def _portable(error: BaseException) -> Exception:
         sent = None
     if isinstance(sent, Exception) and type(sent) is type(error):
         return sent
-    told = RuntimeError(f"{type(error).__name__}: {error}")
-    told.add_note(format_exc())
-    return told
+    replacement = RuntimeError(f"{type(error).__name__}: {error}")
+    replacement.add_note(format_exc())
+    return replacement

@@ -92,20 +92,20 @@ def sweep(
     """
     listed = list_cases(cases)
     _check(function, executor, progress)
-    kept = None if folder is None else SweepFolder.at(folder, function, listed)
-    outcomes = kept.finished(len(listed)) if kept else {}
+    store = None if folder is None else SweepFolder.at(folder, function, listed)
+    outcomes = store.finished(len(listed)) if store else {}
 
-    def told() -> None:
+    def report() -> None:
         if progress:
             progress(len(outcomes), len(listed))
 
     def ended(number: int, outcome: Outcome) -> None:
         outcomes[number] = outcome
-        if kept and outcome.error is None:
-            kept.keep(number, outcome)
-        told()
+        if store and outcome.error is None:
+            store.keep(number, outcome)
+        report()
 
-    told()
+    report()
     missing = {number: case for number, case in enumerate(listed) if number not in outcomes}
     if missing:
         with _open(executor, len(missing)) as engine:

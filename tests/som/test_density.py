@@ -132,9 +132,9 @@ def test_points_lie_in_their_elements_and_come_along_a_curve(density):
     function = lambda x: 1 + 100 * x[0] ** 4  # noqa: E731
     draw = drawn(mesh, function if density == "callable" else function(centres(mesh)), 500)
     a, b, c = mesh.p[:, mesh.t[:, draw.element]].transpose(1, 0, 2)
-    shares = np.linalg.solve(np.stack([b - a, c - a]).T, (draw.points.T - a).T[..., None])[..., 0]
-    assert shares.min() >= -1e-12
-    assert shares.sum(axis=1).max() <= 1 + 1e-12
+    random_points = np.linalg.solve(np.stack([b - a, c - a]).T, (draw.points.T - a).T[..., None])[..., 0]
+    assert random_points.min() >= -1e-12
+    assert random_points.sum(axis=1).max() <= 1 + 1e-12
     steps = np.hypot(*np.diff(draw.points, axis=0).T)
     assert steps.mean() < 0.4 * np.hypot(*(draw.points - draw.points.mean(axis=0)).T).mean()
     assert np.all(draw.region == Triangulation.of(mesh).elements.region[draw.element])

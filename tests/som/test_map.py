@@ -115,8 +115,8 @@ def test_each_ring_goes_its_share_of_the_way(neighbourhood):
     som = KohonenMap(mesh, topology="fixed")
     nearby = rings(mesh.t.T, np.zeros(mesh.t.shape[1]), nearest_node(mesh.p.T, x)[0], 3, 0)
     som.train(x[:, None], one(3, rate, neighbourhood))
-    shares = np.ones(4) if neighbourhood == "flat" else np.exp(-0.5 * (np.arange(4) * 1.5 / 3) ** 2)
-    for ring, share in zip(nearby, shares, strict=True):
+    random_points = np.ones(4) if neighbourhood == "flat" else np.exp(-0.5 * (np.arange(4) * 1.5 / 3) ** 2)
+    for ring, share in zip(nearby, random_points, strict=True):
         way = x[:, None] - mesh.p[:, ring]
         np.testing.assert_allclose(som.mesh.p[:, ring] - mesh.p[:, ring], rate * share * way, atol=1e-15)
 

@@ -100,10 +100,10 @@ def faces_are_kept(mesh, result, rows, kept):
     points = np.unique(np.vstack([*(corners := corners_of(result, kept)), corners.mean(axis=0)]), axis=0)
     for x in points:
         xu, xv = (np.sum((x - a) * way, axis=1) for way in (u, v))
-        shares = np.array([vv * xu - uv * xv, uu * xv - uv * xu]) / (uu * vv - uv * uv)
-        shares = np.clip(np.vstack([1.0 - shares.sum(axis=0), shares]), 0.0, None)
-        shares /= shares.sum(axis=0)
-        off = x - (shares[0, :, None] * a + shares[1, :, None] * b + shares[2, :, None] * c)
+        random_points = np.array([vv * xu - uv * xv, uu * xv - uv * xu]) / (uu * vv - uv * uv)
+        random_points = np.clip(np.vstack([1.0 - random_points.sum(axis=0), random_points]), 0.0, None)
+        random_points /= random_points.sum(axis=0)
+        off = x - (random_points[0, :, None] * a + random_points[1, :, None] * b + random_points[2, :, None] * c)
         assert np.sqrt(np.sum(off**2, axis=1)).min() < 10.0 * most
 
 
