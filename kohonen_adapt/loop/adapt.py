@@ -50,23 +50,23 @@ def adapt(
     *,
     passes: int = PASSES,
     rtol: float | None = None,
-    atol: float | None = None,
-    schedule: Schedule | None = None,
-    topology: str | None = None,
-    min_quality: LeastQuality = "auto",
-    pinned: Pinned = (),
-    seed: int = 0,
-    callback: Callable[[Pass], Any] | None = None,
-    polish: bool = True,
     target_nodes: int | None = None,
+    pinned: Pinned = (),
     curves: Mapping[str, Curve] | None = None,
+    outputs: Mapping[str, Output] | None = None,
+    atol: float | None = None,
+    output_rtol: float | None = None,
+    polish: bool = True,
+    surfaces: Mapping[str, Surface] | None = None,
     periodic: Sequence[Pair] | None = None,
     layers: Mapping[str, int] | None = None,
-    surfaces: Mapping[str, Surface] | None = None,
-    outputs: Mapping[str, Output] | None = None,
-    output_rtol: float | None = None,
-    interim: Callable[[AdaptResult], Any] | None = None,
+    topology: str | None = None,
+    min_quality: LeastQuality = "auto",
+    schedule: Schedule | None = None,
+    seed: int = 0,
+    callback: Callable[[Pass], Any] | None = None,
     progress: Callable[[int, str], Any] | None = None,
+    interim: Callable[[AdaptResult], Any] | None = None,
     checkpoint: str | PathLike[str] | None = None,
 ) -> AdaptResult:
     """Adapt a mesh to a problem at a given number of nodes.
@@ -189,27 +189,27 @@ def adapt(
     check_problem(problem, rtol)
     check_mesh(mesh, curved=True, inverted=True, space=True)
     method = method_of(mesh)
-    round_, pairs = curves_of(problem, mesh, curves), pairs_of(problem) if periodic is None else periodic
-    rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, round_, pairs, layers, surfaces)
+    all_curves, pairs = curves_of(problem, mesh, curves), pairs_of(problem) if periodic is None else periodic
+    rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, all_curves, pairs, layers, surfaces)
     check_for(rules, method.dim)
     rules = with_pinned(rules.guarded(), nodes_held(problem, mesh))
     growth = Growth.of(int(mesh.nvertices), target_nodes, passes, polish and method.corrects(problem))
     settings = Settings(rules, schedule, seed, polish, growth, check_outputs(outputs, output_rtol), rtol)
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)
     movable = method.open(mesh, rules, is_curved(problem))
-    kept = Checkpoint.at(checkpoint, mesh, problem, settings)
+    passes_on_disk = Checkpoint.at(checkpoint, mesh, problem, settings)
     expect(*method.moving_kernels(rules.topology, schedule))
     if polish:
         expect(*method.polish_kernels(problem), *method.transfer_kernels)
     adaptation = Adaptation(problem, method, movable, settings, steps, order_of(problem))
-    return adapted(adaptation, History(adaptation, stop, kept, interim))
+    return run_loop(adaptation, History(adaptation, stop, passes_on_disk, interim))
 
 
-def adapted(adaptation: Adaptation, history: History) -> AdaptResult:
+def run_loop(adaptation: Adaptation, history: History) -> AdaptResult:
     movable = adaptation.movable
-    with history.ending_kept():
+    with history.catching_failures():
         solved = history.resumed() or history.add(adaptation.assess())
-        while history.goes_on:
+        while history.running:
             moved = adaptation.relocate(solved)
             moved, gain = adaptation.polish(solved, moved)
             if moved.changed(movable) or history.growing:

@@ -83,7 +83,7 @@ class Checkpoint:
                     raise self._damaged(file, ValueError(f"{name} has shape {values[name].shape}, not ({size},)"))
             yield self.record(mesh=mesh, **values)
 
-    def keep(self, step: Pass, movable: MovableMesh | MovableSolid) -> None:
+    def write(self, step: Pass, movable: MovableMesh | MovableSolid) -> None:
         """Write a pass and the current mesh to a new file, all or nothing.
 
         Raises OSError if the file cannot be written.
@@ -123,7 +123,7 @@ class Checkpoint:
             about = json.loads(arrays.pop("about").tobytes())
             if (about["format"], self._file(about["number"])) != (FORMAT, file):
                 raise ValueError(f"found format {about['format']} and pass {about['number']}")
-            values = {name: _plain(about, arrays, name) for name in self._names()}
+            values = {name: _field(about, arrays, name) for name in self._names()}
             _check_kinds(values | {"run": about["run"]}, get_type_hints(self.record) | {"run": dict[str, str]})
             state = {name.removeprefix(STATE): array for name, array in arrays.items() if name.startswith(STATE)}
         except Exception as error:  # zip, array and JSON readers raise many kinds on damage
@@ -166,7 +166,7 @@ def _is_of(value: Any, kind: Any) -> bool:
     return number if origin is float else isinstance(value, origin) and (number or origin is not int)
 
 
-def _plain(about: dict[str, Any], arrays: Mapping[str, NDArray[Any]], name: str) -> Any:
+def _field(about: dict[str, Any], arrays: Mapping[str, NDArray[Any]], name: str) -> Any:
     value = arrays[name] if name in arrays else about[name]
     return tuple(value) if isinstance(value, list) else value
 

@@ -9,8 +9,8 @@ __all__ = ["Growth"]
 
 # Least number of nodes for the estimate of the last pass, and largest factor of the last pass. With fewer nodes or a
 # larger factor the polish does not always correct misplaced nodes. Cost of another pass: `python -m benchmarks growth`.
-LEAST = 500
-ONCE = 3
+MIN_PLACING_NODES = 500
+MAX_LAST_FACTOR = 3
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Growth:
         if not corrected:
             return cls(start, target, target, passes)
         evenly = round(target * (start / target) ** (1 / max(1, passes)))
-        return cls(start, min(target, max(LEAST, ceil(target / ONCE), evenly)), target, passes)
+        return cls(start, min(target, max(MIN_PLACING_NODES, ceil(target / MAX_LAST_FACTOR), evenly)), target, passes)
 
     def nodes(self, number: int, polished: bool = True) -> int:
         """Return the number of nodes of pass `number`.
@@ -59,14 +59,14 @@ class Growth:
         """
         if number >= self.passes:
             return self.target
-        share, placing = number / max(1, self.passes - 1), self.placing if polished else self.target
-        wanted = round(self.start * (placing / self.start) ** share)
+        fraction, placing = number / max(1, self.passes - 1), self.placing if polished else self.target
+        wanted = round(self.start * (placing / self.start) ** fraction)
         return min(self.target, max(wanted, self.start + number))
 
-    def goes_on(self, number: int) -> bool:
+    def grows_after(self, number: int) -> bool:
         return self.nodes(number) < self.target
 
-    def shortfall(self, nodes: int) -> str:
+    def shortfall_message(self, nodes: int) -> str:
         if nodes >= self.target:
             return ""
         return (

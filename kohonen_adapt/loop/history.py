@@ -14,12 +14,12 @@ from kohonen_adapt.loop.steps import StepFailed, Steps
 from kohonen_adapt.loop.stopping import (
     Ending,
     StopTest,
-    failed,
-    final,
-    interrupted,
-    not_moved,
-    under_way,
-    worse_outputs,
+    failed_ending,
+    interim_ending,
+    interrupted_ending,
+    outputs_remark,
+    unmoved_ending,
+    with_remarks,
 )
 from kohonen_adapt.outline.movable import Work
 from kohonen_adapt.problem.protocol import solve_again
@@ -28,7 +28,7 @@ __all__ = ["History"]
 
 
 @dataclass(frozen=True)
-class Kept:
+class BestPasses:
     """Passes so far, with the solutions of the last and the best pass.
 
     Attributes
@@ -37,36 +37,38 @@ class Kept:
         All passes in order, the input first.
     last
         Last pass, from which the next one may start warm.
-    least, lowest
+    least_error, lowest_functional
         Pass with the least error measure, and pass with the lowest functional.
     """
 
     passes: tuple[Pass, ...] = ()
     last: Solved | None = None
-    least: Solved | None = None
-    lowest: Solved | None = None
+    least_error: Solved | None = None
+    lowest_functional: Solved | None = None
 
-    def extended(self, solved: Solved) -> "Kept":
-        if self.least is None or self.lowest is None:
-            return Kept((solved.record,), solved, solved, solved)
-        least = solved if solved.record.worth < self.least.record.worth else self.least
-        lowest = solved if _lies_below(solved.record, self.lowest.record) else self.lowest
-        return Kept((*self.passes, solved.record), solved, least, lowest)
+    def with_pass(self, solved: Solved) -> "BestPasses":
+        if self.least_error is None or self.lowest_functional is None:
+            return BestPasses((solved.record,), solved, solved, solved)
+        record, least, lowest = solved.record, self.least_error, self.lowest_functional
+        least = solved if record.worth < least.record.worth else least
+        lowest = solved if has_lower_functional(record, lowest.record) else lowest
+        return BestPasses((*self.passes, record), solved, least, lowest)
 
-    def solved(self, before: Solved, now: Solved) -> "Kept":
-        found: dict[str, Any] = {name: now for name in ("last", "least", "lowest") if getattr(self, name) is before}
-        return replace(self, **found)
+    def with_solution(self, before: Solved, now: Solved) -> "BestPasses":
+        names = ("last", "least_error", "lowest_functional")
+        changes: dict[str, Any] = {name: now for name in names if getattr(self, name) is before}
+        return replace(self, **changes)
 
     @property
     def best(self) -> Solved:
-        best = self.lowest if all(step.comparable for step in self.passes) else self.least
+        best = self.lowest_functional if all(step.comparable for step in self.passes) else self.least_error
         if best is None:
             raise RuntimeError("the history has no pass.")
         return best
 
 
-def _lies_below(one: Pass, other: Pass) -> bool:
-    return one.functional is not None and other.functional is not None and one.functional < other.functional
+def has_lower_functional(step: Pass, best: Pass) -> bool:
+    return step.functional is not None and best.functional is not None and step.functional < best.functional
 
 
 class History:
@@ -94,7 +96,7 @@ class History:
         check_hook("interim", interim, "the result so far")
         self._adaptation, self._stop = adaptation, stop
         self._checkpoint, self._interim = checkpoint, interim
-        self._kept = Kept()
+        self._passes = BestPasses()
         self._ending: Ending | None = None
 
     @property
@@ -103,10 +105,10 @@ class History:
 
     @property
     def growing(self) -> bool:
-        return self._adaptation.settings.growth.goes_on(self._steps.number - 1)
+        return self._adaptation.settings.growth.grows_after(self._steps.number - 1)
 
     @property
-    def goes_on(self) -> bool:
+    def running(self) -> bool:
         return self._ending is None
 
     def resumed(self) -> Solved | None:
@@ -118,69 +120,69 @@ class History:
         for record in self._checkpoint.passes(self._adaptation.movable) if self._checkpoint else ():
             last = Solved(record, UNSOLVED)
             self._record(last)
-            if not self.goes_on:
+            if not self.running:
                 return last
         if last is None:
             return None
         self._steps.begin(last.record.number, "solve again")
         solved = self._adaptation.assess_again(last.record)
-        self._kept = self._kept.solved(last, solved)
-        self._steps.begun = True
+        self._passes = self._passes.with_solution(last, solved)
+        self._steps.has_solved = True
         return solved
 
     def add(self, solved: Solved) -> Solved:
-        self._kept = self._kept.extended(solved)
-        self._steps.begun = True
+        self._passes = self._passes.with_pass(solved)
+        self._steps.has_solved = True
         if self._interim:
             self._solve_best()
-            self._interim(self._result(under_way(self._kept.passes, self._kept.best.record)))
+            self._interim(self._result(interim_ending(self._passes.passes, self._passes.best.record)))
         if self._checkpoint:
             number = solved.record.number
             with self._steps("checkpoint", f"checkpoint of pass {number}", number):
-                self._checkpoint.keep(solved.record, self._adaptation.movable)
+                self._checkpoint.write(solved.record, self._adaptation.movable)
         self._test()
         return solved
 
     def _record(self, solved: Solved) -> None:
-        self._kept = self._kept.extended(solved)
+        self._passes = self._passes.with_pass(solved)
         self._test()
 
     def _test(self) -> None:
-        passes = self._kept.passes
+        passes = self._passes.passes
         self._steps.next_pass(len(passes))
         stalled = self._adaptation.method.stalls(passes)
-        self._ending = self._stop(passes, self._kept.best.record, self.growing, stalled)
+        self._ending = self._stop(passes, self._passes.best.record, self.growing, stalled)
 
     def end_unmoved(self, work: Work) -> None:
-        self._ending = not_moved(work, self._kept.best.record)
+        self._ending = unmoved_ending(work, self._passes.best.record)
 
     @contextmanager
-    def ending_kept(self) -> Iterator[None]:
+    def catching_failures(self) -> Iterator[None]:
         """Convert Ctrl-C and a failed step into an ending after the first solve."""
         try:
             yield
         except KeyboardInterrupt:
-            if not self._steps.begun:
+            if not self._steps.has_solved:
                 raise
-            self._ending = interrupted(self._kept.passes, self._kept.best.record)
+            self._ending = interrupted_ending(self._passes.passes, self._passes.best.record)
         except StepFailed as failure:
-            self._ending = failed(failure, self._kept.best.record)
+            self._ending = failed_ending(failure, self._passes.best.record)
 
     def result(self) -> AdaptResult:
         """Return the best pass with its solution, the history and the reason for the end.
 
         The last pass replaces the best pass of a resumed run if the best pass cannot be solved again.
         """
-        with self.ending_kept():
+        with self.catching_failures():
             self._solve_best()
         if self._ending is None:
             raise RuntimeError("the loop has not ended.")
-        ending = final(self._ending, self._kept.passes, self._kept.best.record, self._adaptation.settings)
+        ending = with_remarks(self._ending, self._passes.passes, self._passes.best.record, self._adaptation.settings)
         result = self._with_goal_error(self._result(ending))
         if result.status is not Status.STALLED:
             return result
         better = self._adaptation.better_outputs(result.mesh, result.solution)
-        remark = worse_outputs(result.history[0], result.best, better)
+        remark = outputs_remark(result.history[0], result.best, better)
         return replace(result, message=f"{result.message} {remark}".rstrip())
 
     def _with_goal_error(self, result: AdaptResult) -> AdaptResult:
@@ -195,25 +197,25 @@ class History:
         return replace(result, history=tuple(known if step is best else step for step in result.history))
 
     def _solve_best(self) -> None:
-        kept = self._kept
-        best, last = kept.best, kept.last
+        passes = self._passes
+        best, last = passes.best, passes.last
         if best.solution is not UNSOLVED or last is None:
             return
-        self._kept = kept.solved(best, last)  # the result if the solver fails
+        self._passes = passes.with_solution(best, last)  # the result if the solver fails
         record = best.record
         with self._steps("solve again", number=record.number):
             solution = solve_again(self._adaptation.problem, record.mesh, record.indicators)
-        self._steps.begun = True
-        self._kept = kept.solved(best, replace(best, solution=solution))
+        self._steps.has_solved = True
+        self._passes = passes.with_solution(best, replace(best, solution=solution))
 
     def _result(self, ending: Ending) -> AdaptResult:
-        best = self._kept.best
+        best = self._passes.best
         return AdaptResult(
             mesh=best.record.mesh,
             solution=best.solution,
             indicators=best.record.indicators,
             estimate=best.record.estimate,
-            history=self._kept.passes,
+            history=self._passes.passes,
             status=ending.status,
             message=ending.message,
             nodes=best.record.nodes,

@@ -56,7 +56,7 @@ def fingerprint(mesh: Mesh, problem: Problem, settings: Settings) -> dict[str, s
     """
     sides = {None: "", True: " on curved elements", False: " on straight elements"}[is_curved(problem)]
     texts = {
-        "mesh": digest(mesh.p, mesh.t, *_of_sets(mesh.boundaries), *_of_sets(mesh.subdomains)),
+        "mesh": digest(mesh.p, mesh.t, *_set_arrays(mesh.boundaries), *_set_arrays(mesh.subdomains)),
         "problem": f"{type(problem).__name__} of order {order_of(problem)} in the {norm_of(problem)} norm{sides}",
     }
     for part in (settings.rules, settings):
@@ -73,21 +73,21 @@ def _text(value: Any, mesh: Mesh) -> str:
     if isinstance(value, Growth):
         return f"{value.target} in {value.passes} passes" if value.target > value.start else "none"
     if isinstance(value, Mapping) and any(hasattr(item, "project") for item in value.values()):
-        return _of_curves(mesh, value)
+        return _curve_digest(mesh, value)
     if isinstance(value, Mapping) and all(callable(item) for item in value.values()):
         return str(sorted(value))
     if isinstance(value, Mapping):
-        return str({name: _number(item) for name, item in sorted(value.items())})
+        return str({name: _without_type(item) for name, item in sorted(value.items())})
     if isinstance(value, list | tuple | range | np.ndarray):
-        return str([_number(item) for item in value])
-    return str(_number(value))
+        return str([_without_type(item) for item in value])
+    return str(_without_type(value))
 
 
-def _number(value: Any) -> Any:
+def _without_type(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else tuple(value) if isinstance(value, list) else value
 
 
-def _of_sets(sets: Mapping[str, Ints] | None) -> list[NDArray[Any]]:
+def _set_arrays(sets: Mapping[str, Ints] | None) -> list[NDArray[Any]]:
     found: list[NDArray[Any]] = [np.array(sets is None)]
     for name, rows in (sets or {}).items():
         found += [
@@ -98,7 +98,7 @@ def _of_sets(sets: Mapping[str, Ints] | None) -> list[NDArray[Any]]:
     return found
 
 
-def _of_curves(mesh: Mesh, curves: Mapping[str, Curve]) -> str:
+def _curve_digest(mesh: Mesh, curves: Mapping[str, Curve]) -> str:
     """Return a digest of the curves, evaluated at the midpoints of their facets."""
     found: list[NDArray[Any]] = []
     for name, curve in sorted(curves.items()):

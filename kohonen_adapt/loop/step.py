@@ -41,7 +41,7 @@ from kohonen_adapt.som.moved import Moved
 
 __all__ = ["UNSOLVED", "Adaptation", "Solved"]
 
-WHILE_GROWING = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
+GROWING_ENTRIES = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
 
 UNSOLVED = object()
 """In place of the solution of a pass that was not solved in this process."""
@@ -97,7 +97,7 @@ class Adaptation:
         """Return the sweeps of the polish between which nodes are recycled."""
         recycles = self.settings.rules.topology == "recycle" and not functional.ritz.shapes_only
         plan = self.method.plan if recycles else (SWEEPS,)
-        return plan[:WHILE_GROWING] if self.settings.growth.goes_on(self.steps.number) else plan
+        return plan[:GROWING_ENTRIES] if self.settings.growth.grows_after(self.steps.number) else plan
 
     def assess(self, before: Solved | None = None, moved: Moved[Any] | None = None, polish_gain: float = 0.0) -> Solved:
         mesh = self.movable.mesh() if before else self.movable.start()
@@ -116,7 +116,7 @@ class Adaptation:
             number=before.record.number + 1 if before else 0,
             mesh=mesh,
             indicators=indicators,
-            nodes=numbers_in_input(before, moved, self.movable.nnodes, self.settings.growth.start),
+            nodes=indices_in_input(before, moved, self.movable.nnodes, self.settings.growth.start),
             unknowns=count_unknowns(mesh, self.order),
             estimate=root_of_squares(indicators),
             worth=root_of_squares(weight * indicators),
@@ -209,13 +209,13 @@ class Adaptation:
         return values
 
 
-def numbers_in_input(before: Solved | None, moved: Moved[Any] | None, nnodes: int, in_input: int) -> Ints:
+def indices_in_input(before: Solved | None, moved: Moved[Any] | None, nnodes: int, ninput: int) -> Ints:
     """Return the index in the input mesh of every node, -1 for a new node.
 
-    In the first mesh, nodes inserted for layers follow the `in_input` nodes of the input.
+    In the first mesh, nodes inserted for layers follow the `ninput` nodes of the input.
     """
     if before is None or moved is None:
-        return np.where(np.arange(nnodes) < in_input, np.arange(nnodes), -1)
+        return np.where(np.arange(nnodes) < ninput, np.arange(nnodes), -1)
     old = moved.recycled.old
     return np.where(old >= 0, before.record.nodes[old], -1)
 

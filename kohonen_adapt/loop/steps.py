@@ -33,7 +33,7 @@ class Steps:
 
     def __init__(self, progress: Callable[[int, str], Any] | None = None) -> None:
         check_hook("progress", progress, "number and step")
-        self.number, self.begun = 0, False
+        self.number, self.has_solved = 0, False
         self._progress = progress
         self._seconds: dict[str, float] = {}
 
@@ -49,11 +49,11 @@ class Steps:
             self._progress(number, step)
 
     @contextmanager
-    def __call__(self, step: str, failing: str = "", number: int | None = None) -> Iterator[None]:
+    def __call__(self, step: str, label: str = "", number: int | None = None) -> Iterator[None]:
         """Time a step as a context manager.
 
         Exceptions before the first solve pass unchanged, later exceptions are raised as `StepFailed`, which names
-        `failing` instead of the step if given.
+        `label` instead of the step if given.
         """
         number = self.number if number is None else number
         self.begin(number, step)
@@ -61,7 +61,7 @@ class Steps:
         try:
             yield
         except Exception as error:
-            if not self.begun:
+            if not self.has_solved:
                 raise
-            raise StepFailed(failing or step, number) from error
+            raise StepFailed(label or step, number) from error
         self._seconds[step] = self._seconds.get(step, 0.0) + perf_counter() - start

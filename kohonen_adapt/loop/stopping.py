@@ -19,14 +19,14 @@ __all__ = [
     "STALL_PASSES",
     "Ending",
     "StopTest",
-    "failed",
-    "final",
-    "interrupted",
-    "not_moved",
+    "failed_ending",
+    "interim_ending",
+    "interrupted_ending",
+    "outputs_remark",
     "stalls_by_estimate",
     "stalls_by_functional",
-    "under_way",
-    "worse_outputs",
+    "unmoved_ending",
+    "with_remarks",
 ]
 
 # The random training points scatter the estimate of a pass by about 1 %, so a pass without a decrease is often followed
@@ -87,17 +87,17 @@ class StopTest:
 
         While the mesh is `growing`, unmoved nodes or a stall do not end the loop.
         """
-        last, result = passes[-1], best_text(best)
+        last, result = passes[-1], best_pass_text(best)
         returned = self.callback(last) if self.callback else None
         if last.estimate == 0.0:
-            return Ending(Status.CONVERGED, f"Converged after {_done(last)}: all indicators are zero.")
-        if self._met(passes):
-            return Ending(Status.CONVERGED, f"Converged after {_done(last)}: {self._reached(last)}. {result}")
+            return Ending(Status.CONVERGED, f"Converged after {_count(last)}: all indicators are zero.")
+        if self._is_met(passes):
+            return Ending(Status.CONVERGED, f"Converged after {_count(last)}: {self._reached_text(last)}. {result}")
         # Only True stops the loop, because many callbacks return a path or a list by accident.
         if isinstance(returned, bool | np.bool_) and returned:
-            return Ending(Status.STOPPED, f"Stopped by the callback after {_done(last)}. {result} {CONTINUE}")
+            return Ending(Status.STOPPED, f"Stopped by the callback after {_count(last)}. {result} {CONTINUE}")
         if last.number > 0 and last.moved == 0 and not growing:
-            return not_moved(last, best)
+            return unmoved_ending(last, best)
         if stalled and not growing:
             stall = f"Stalled: the last {STALL_PASSES} passes improved the result by less than {_percent(STALL_GAIN)}."
             return Ending(Status.STALLED, f"{stall} {result} Use more nodes (`target_nodes`) for a smaller error.")
@@ -107,10 +107,10 @@ class StopTest:
         if last.number == 0:
             text = "Stopped after 0 passes: the input was only solved and estimated. Increase `passes` to adapt it."
         else:
-            text = f"Stopped after {_done(last)}{self._missed(last)}. {result} Increase `passes` to continue."
+            text = f"Stopped after {_count(last)}{self._missed_text(last)}. {result} Increase `passes` to continue."
         return Ending(Status.MAX_PASSES, text)
 
-    def _met(self, passes: Passes) -> bool:
+    def _is_met(self, passes: Passes) -> bool:
         tolerance = self._tolerance(passes[-1])
         if tolerance is not None and passes[-1].estimate > tolerance:
             return False
@@ -123,31 +123,31 @@ class StopTest:
             return None
         return (self.atol or 0.0) + (self.rtol or 0.0) * (last.energy_norm or 0.0)
 
-    def _reached(self, last: Pass) -> str:
+    def _reached_text(self, last: Pass) -> str:
         reached, tolerance = [], self._tolerance(last)
         if tolerance is not None:
-            reached.append(f"estimate {last.estimate_text} within the tolerance {_allowed(tolerance, last)}")
+            reached.append(f"estimate {last.estimate_text} within the tolerance {_tolerance_text(tolerance, last)}")
         if self.output_rtol is not None:
             reached.append(f"no output changed by more than {_percent(self.output_rtol)}")
         return " and ".join(reached)
 
-    def _missed(self, last: Pass) -> str:
+    def _missed_text(self, last: Pass) -> str:
         missed, tolerance = [], self._tolerance(last)
         if tolerance is not None:
-            missed.append(f"tolerance {_allowed(tolerance, last)}")
+            missed.append(f"tolerance {_tolerance_text(tolerance, last)}")
         if self.output_rtol is not None:
             missed.append(f"output tolerance {_percent(self.output_rtol)}")
         return f" without reaching the {' and the '.join(missed)}" if missed else ""
 
 
-def final(ending: Ending, passes: Passes, best: Pass, settings: Settings) -> Ending:
+def with_remarks(ending: Ending, passes: Passes, best: Pass, settings: Settings) -> Ending:
     remarks = [_choice_remark(passes, best), _resolution_remark(passes, best), _polish_remark(passes, settings)]
     if ending.status in UNINTERRUPTED:
-        remarks.append(settings.growth.shortfall(passes[-1].mesh.nvertices))
+        remarks.append(settings.growth.shortfall_message(passes[-1].mesh.nvertices))
     return replace(ending, message=" ".join([ending.message, *filter(None, remarks)]))
 
 
-def worse_outputs(first: Pass, best: Pass, better: Mapping[str, float]) -> str:
+def outputs_remark(first: Pass, best: Pass, better: Mapping[str, float]) -> str:
     """Return a remark on outputs that are less accurate than on the input.
 
     Outputs smaller than their errors, such as a force across a symmetry, are left out.
@@ -214,33 +214,33 @@ def _polish_remark(passes: Passes, settings: Settings) -> str:
     )
 
 
-def not_moved(work: Work, best: Pass) -> Ending:
+def unmoved_ending(work: Work, best: Pass) -> Ending:
     why = work.why_still.rstrip(".")
-    return Ending(Status.NOT_MOVED, f"No node moved: {why}. {best_text(best)}")
+    return Ending(Status.NOT_MOVED, f"No node moved: {why}. {best_pass_text(best)}")
 
 
-def under_way(passes: Passes, best: Pass) -> Ending:
-    return Ending(Status.STOPPED, f"Interim result after {_done(passes[-1])}. {best_text(best)} {CONTINUE}")
+def interim_ending(passes: Passes, best: Pass) -> Ending:
+    return Ending(Status.STOPPED, f"Interim result after {_count(passes[-1])}. {best_pass_text(best)} {CONTINUE}")
 
 
-def interrupted(passes: Passes, best: Pass) -> Ending:
-    return Ending(Status.STOPPED, f"Stopped by Ctrl-C after {_done(passes[-1])}. {best_text(best)} {CONTINUE}")
+def interrupted_ending(passes: Passes, best: Pass) -> Ending:
+    return Ending(Status.STOPPED, f"Stopped by Ctrl-C after {_count(passes[-1])}. {best_pass_text(best)} {CONTINUE}")
 
 
-def failed(failure: StepFailed, best: Pass) -> Ending:
+def failed_ending(failure: StepFailed, best: Pass) -> Ending:
     error = failure.__cause__
     first_line = ": ".join([type(error).__name__, *str(error).splitlines()[:1]]).rstrip(".")
-    message = f"Failed in pass {failure.number}, {failure.step}: {first_line}. {best_text(best)} See `error`."
+    message = f"Failed in pass {failure.number}, {failure.step}: {first_line}. {best_pass_text(best)} See `error`."
     return Ending(Status.FAILED, message, error if isinstance(error, Exception) else None)
 
 
-def best_text(best: Pass) -> str:
+def best_pass_text(best: Pass) -> str:
     error = energy_norm_error(best) if best.goal is None else None
     estimate = f"estimate {best.estimate_text}" if error is None else f"estimated error {error:.3g} %"
     return f"Best: {_named(best)}, {estimate}."
 
 
-def _done(last: Pass) -> str:
+def _count(last: Pass) -> str:
     return f"{last.number} pass{'' if last.number == 1 else 'es'}"
 
 
@@ -250,10 +250,10 @@ def _named(step: Pass) -> str:
 
 def stalls_by_estimate(passes: Passes) -> bool:
     """Return True if the last passes lowered the error measure too little."""
-    worths = [step.worth for step in passes]
-    if len(worths) <= STALL_PASSES:
+    errors = [step.worth for step in passes]
+    if len(errors) <= STALL_PASSES:
         return False
-    return min(worths[-STALL_PASSES:]) > (1.0 - STALL_GAIN) * min(worths[:-STALL_PASSES])
+    return min(errors[-STALL_PASSES:]) > (1.0 - STALL_GAIN) * min(errors[:-STALL_PASSES])
 
 
 def stalls_by_functional(passes: Passes) -> bool:
@@ -270,7 +270,7 @@ def stalls_by_functional(passes: Passes) -> bool:
     return min(levels[:-STALL_PASSES]) - now <= STALL_GAIN * (levels[0] - now)
 
 
-def _allowed(tolerance: float, last: Pass) -> str:
+def _tolerance_text(tolerance: float, last: Pass) -> str:
     return f"{tolerance:.4g}" if last.goal is None else f"{tolerance**2:.4g} {last.goal_unit} (atol squared)"
 
 

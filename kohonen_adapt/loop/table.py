@@ -16,12 +16,12 @@ __all__ = [
     "GOAL_DIGITS",
     "Columns",
     "change_of_output",
+    "changes_sign",
     "energy_error",
     "energy_norm_error",
     "estimate_word",
     "goal_figures",
     "goal_sentence",
-    "has_turned",
     "html_table",
     "pass_figures",
     "table_blocks",
@@ -33,7 +33,7 @@ __all__ = [
 WIDTH = 120  # characters; further columns are printed as a second table below
 GAP = "  "
 DASH = "-"
-TURNED = "sign"
+SIGN_CHANGE = "sign"
 GOAL_DIGITS = (8, 2, 8, 4)  # of the value, its error, their sum and the estimate
 GOAL_FIELDS = ("goal", "goal_error", "goal_unit")  # replaced by `goal_figures`
 
@@ -106,22 +106,28 @@ def estimate_word(history: Sequence[Pass]) -> str:
 
 def change_of_output(before: float, after: float) -> float | None:
     """Return the change of magnitude in per cent, None if zero or of opposite sign."""
-    return 100.0 * (abs(after) - abs(before)) / abs(before) if before and not has_turned(before, after) else None
+    return 100.0 * (abs(after) - abs(before)) / abs(before) if before and not changes_sign(before, after) else None
 
 
-def has_turned(before: float, after: float) -> bool:
+def changes_sign(before: float, after: float) -> bool:
     return min(before, after) < 0.0 < max(before, after)
 
 
 def table_columns(history: tuple[Pass, ...]) -> list[Columns]:
     number = [("pass", [str(step.number) for step in history])]
-    return [number, _solved(history), *_goal(history), *_outputs(history), _done(history)]
+    return [
+        number,
+        _solution_columns(history),
+        *_goal_columns(history),
+        *_output_columns(history),
+        _work_columns(history),
+    ]
 
 
 def table_lines(history: tuple[Pass, ...], marks: Sequence[str]) -> list[str]:
-    behind = ["", *marks]
-    blocks = table_blocks(table_columns(history), width=WIDTH - max(map(len, behind)))
-    return [line + mark for block in blocks for line, mark in zip(block, behind, strict=True)]
+    marks_with_title = ["", *marks]
+    blocks = table_blocks(table_columns(history), width=WIDTH - max(map(len, marks_with_title)))
+    return [line + mark for lines_so_far in blocks for line, mark in zip(lines_so_far, marks_with_title, strict=True)]
 
 
 def html_table(history: tuple[Pass, ...], attributes: Sequence[str]) -> str:
@@ -136,7 +142,7 @@ def _html_row(attributes: str, kind: str, cells: Sequence[str]) -> str:
     return f"<tr{attributes}>" + "".join(f"<{kind}>{escape(cell)}</{kind}>" for cell in cells) + "</tr>"
 
 
-def _solved(history: tuple[Pass, ...]) -> Columns:
+def _solution_columns(history: tuple[Pass, ...]) -> Columns:
     columns = [("nodes", [str(step.mesh.nvertices) for step in history])]
     if any(step.unknowns != step.mesh.nvertices for step in history):
         columns.append(("unknowns", [str(step.unknowns) for step in history]))
@@ -152,11 +158,11 @@ def _solved(history: tuple[Pass, ...]) -> Columns:
     return columns
 
 
-def _goal(history: tuple[Pass, ...]) -> list[Columns]:
+def _goal_columns(history: tuple[Pass, ...]) -> list[Columns]:
     if history[0].goal is None:
         return []
     figures = [goal_figures(step) for step in history]
-    forms = zip(figures[0], GOAL_DIGITS[:-1], strict=False)  # the estimate has its column in `_solved`
+    forms = zip(figures[0], GOAL_DIGITS[:-1], strict=False)  # the estimate has its column in `_solution_columns`
     return [[(title.replace("goal error", "error"), _rounded(title, digits, figures)) for title, digits in forms]]
 
 
@@ -164,34 +170,37 @@ def _rounded(title: str, digits: int, rows: Sequence[dict[str, float | None]]) -
     return [DASH if (value := row[title]) is None else significant(value, digits) for row in rows]
 
 
-def _outputs(history: tuple[Pass, ...]) -> list[Columns]:
+def _output_columns(history: tuple[Pass, ...]) -> list[Columns]:
     return [
-        [(name, [significant(value, 5) for value in values]), ("Delta %", [DASH, *map(_gain, values, values[1:])])]
+        [
+            (name, [significant(value, 5) for value in values]),
+            ("Delta %", [DASH, *map(_output_change, values, values[1:])]),
+        ]
         for name in history[0].outputs
         for values in [[step.outputs[name] for step in history]]
     ]
 
 
-def _gain(before: float, after: float) -> str:
+def _output_change(before: float, after: float) -> str:
     change = change_of_output(before, after)
-    return f"{change:+.2f}" if change is not None else TURNED if has_turned(before, after) else DASH
+    return f"{change:+.2f}" if change is not None else SIGN_CHANGE if changes_sign(before, after) else DASH
 
 
-def _done(history: tuple[Pass, ...]) -> Columns:
+def _work_columns(history: tuple[Pass, ...]) -> Columns:
     work = {each.name for each in fields(Work)}
     columns = [("elements", [str(step.mesh.t.shape[1]) for step in history])]
-    columns += [_column(each, history) for each in _titled(history) if each.name not in work]
+    columns += [_column(each, history) for each in _titled_fields(history) if each.name not in work]
     columns.append(("seconds", [f"{sum(step.seconds.values()):.2f}" for step in history]))
     if any(step.functional is not None for step in history):
         columns.append(("gain of map", [DASH, *(significant(_gain_of_map(*pair), 2) for pair in pairwise(history))]))
-    for each in _titled(history):
+    for each in _titled_fields(history):
         if each.name in work and any(getattr(step, each.name) for step in history):
             title, cells = _column(each, history)
             columns.append((title, [DASH, *cells[1:]]))
     return columns
 
 
-def _titled(history: tuple[Pass, ...]) -> list[Field[Any]]:
+def _titled_fields(history: tuple[Pass, ...]) -> list[Field[Any]]:
     return [each for each in fields(history[0]) if "title" in each.metadata]
 
 
@@ -233,13 +242,13 @@ def _gain_of_map(before: Pass, after: Pass) -> float:
 
 def table_blocks(groups: list[Columns], width: int = WIDTH) -> Iterator[list[str]]:
     first, *others = (_aligned(group) for group in groups)
-    block = first
+    lines_so_far = first
     for lines in others:
-        if block is not first and len(block[0]) + len(GAP) + len(lines[0]) > width:
-            yield block
-            block = first
-        block = [GAP.join(pair) for pair in zip(block, lines, strict=True)]
-    yield block
+        if lines_so_far is not first and len(lines_so_far[0]) + len(GAP) + len(lines[0]) > width:
+            yield lines_so_far
+            lines_so_far = first
+        lines_so_far = [GAP.join(pair) for pair in zip(lines_so_far, lines, strict=True)]
+    yield lines_so_far
 
 
 def _aligned(columns: Columns) -> list[str]:

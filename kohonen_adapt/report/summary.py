@@ -12,12 +12,12 @@ from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.table import (
     GOAL_DIGITS,
     change_of_output,
+    changes_sign,
     energy_error,
     energy_norm_error,
     estimate_word,
     goal_figures,
     goal_sentence,
-    has_turned,
 )
 
 __all__ = ["key_figures", "sentences", "versions", "without_folders"]
@@ -99,7 +99,7 @@ def _of_output(name: str, first: Pass, last: Pass) -> str:
     if last is first:
         return f"{name} is {after:.5g}."
     change, said = change_of_output(before, after), ""
-    if has_turned(before, after):
+    if changes_sign(before, after):
         said = ", so it changed its sign"
     elif change is not None:
         said = f", by {change:+.3g}\u00a0%{' in magnitude' if before < 0.0 else ''}"

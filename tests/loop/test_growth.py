@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import kohonen_adapt as ka
 from benchmarks.problems.l_shape import LShape
 from benchmarks.problems.orders import LaplaceOnL
-from kohonen_adapt.loop.growth import LEAST, ONCE, Growth
+from kohonen_adapt.loop.growth import MAX_LAST_FACTOR, MIN_PLACING_NODES, Growth
 
 
 class Plain:
@@ -35,7 +35,7 @@ def test_growth_comes_to_its_target_and_never_goes_back(start, more, passes, cor
     nodes = [growth.nodes(number) for number in range(passes + 1)]
     assert nodes == sorted(nodes) and nodes[-1] == growth.target == start + more
     assert nodes[0] == start or not passes
-    assert [growth.goes_on(number) for number in range(passes + 1)] == [count < growth.target for count in nodes]
+    assert [growth.grows_after(number) for number in range(passes + 1)] == [count < growth.target for count in nodes]
 
 
 @given(st.integers(1, 10**6), st.integers(0, 10**7), st.integers(2, 12))
@@ -43,7 +43,7 @@ def test_the_mesh_before_the_last_knows_enough_to_place_its_nodes(start, more, p
     every = Growth.of(start, start + more, passes, corrected=False)
     some = Growth.of(start, start + more, passes, corrected=True)
     assert every.nodes(passes - 1) == some.nodes(passes - 1, polished=False) == every.target
-    assert some.nodes(passes - 1) >= min(some.target, max(LEAST, some.target / ONCE))
+    assert some.nodes(passes - 1) >= min(some.target, max(MIN_PLACING_NODES, some.target / MAX_LAST_FACTOR))
 
 
 def test_without_a_target_nodes_stay_as_many():

@@ -165,7 +165,7 @@ def test_a_field_of_the_record_is_in_table_file_and_checkpoint(tmp_path):
     assert ("extra", ["1.23"]) in done
     assert pass_figures(steps[0])["extra"] == 1.23456
     kept = Checkpoint(tmp_path, {"seed": "0"}, record=Longer)
-    kept.keep(steps[0], movable)
+    kept.write(steps[0], movable)
     (back,) = Checkpoint(tmp_path, {"seed": "0"}, record=Longer).passes(MovableMesh.of(MESH, ka.Rules()))
     assert type(back) is Longer and back.extra == 1.23456
     assert back.mesh is MESH
