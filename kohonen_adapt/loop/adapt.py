@@ -25,7 +25,15 @@ from kohonen_adapt.outline.more_layers import with_layers
 from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules, check_for, with_pinned
 from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.problem.outputs import Output, check_outputs
-from kohonen_adapt.problem.protocol import Problem, check_problem, curves_of, is_curved, nodes_held, order_of, pairs_of
+from kohonen_adapt.problem.protocol import (
+    Problem,
+    check_problem,
+    curves_of,
+    is_curved,
+    nodes_of_problem,
+    order_of,
+    pairs_of,
+)
 from kohonen_adapt.som.schedule import Schedule
 
 __all__ = ["adapt"]
@@ -192,7 +200,7 @@ def adapt(
     all_curves, pairs = curves_of(problem, mesh, curves), pairs_of(problem) if periodic is None else periodic
     rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, all_curves, pairs, layers, surfaces)
     check_for(rules, method.dim)
-    rules = with_pinned(rules.guarded(), nodes_held(problem, mesh))
+    rules = with_pinned(rules.guarded(), nodes_of_problem(problem, mesh))
     growth = Growth.of(int(mesh.nvertices), target_nodes, passes, polish and method.corrects(problem))
     settings = Settings(rules, schedule, seed, polish, growth, check_outputs(outputs, output_rtol), rtol)
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)

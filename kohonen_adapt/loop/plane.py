@@ -66,8 +66,8 @@ class PlaneMethod(Method):
         return Functional.of_solution(ritz, movable, mesh)
 
     def value(self, functional: Functional, ritz: Ritz, movable: MovableMesh, mesh: Mesh) -> float:
-        beyond = functional.beyond_chords(movable.triangulation, functional.solution)
-        return functional_value(mesh, ritz) + beyond
+        curved_part = functional.beyond_chords(movable.triangulation, functional.solution)
+        return functional_value(mesh, ritz) + curved_part
 
     def carry(
         self, functional: Functional, before: MovableMesh, movable: MovableMesh, start_element: Ints

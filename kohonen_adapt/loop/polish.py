@@ -17,10 +17,10 @@ from kohonen_adapt.problem.protocol import (
     NotOffered,
     Problem,
     check_names,
+    has_method,
     is_curved,
-    nodes_held,
-    offered,
-    offers,
+    nodes_of_problem,
+    optional_method,
     ritz_of,
 )
 
@@ -118,7 +118,7 @@ def polish(
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
     check_kind(mesh, curved=True, space=True)
     method = method_of(mesh)
-    movable = method.open(mesh, with_pinned(rules, nodes_held(problem, mesh)), is_curved(problem))
+    movable = method.open(mesh, with_pinned(rules, nodes_of_problem(problem, mesh)), is_curved(problem))
     mesh = movable.start()
     expect(*method.polish_kernels(problem))
     try:
@@ -134,11 +134,11 @@ def check_polish(problem: Problem, sweeps: object, topology: object, seed: objec
         raise ValueError(f"topology must be 'fixed' or 'flip', because polish keeps all nodes; got {topology!r}.")
     check_count("seed", seed)
     check_count("sweeps", sweeps)
-    if not offers(problem, "solve"):
+    if not has_method(problem, "solve"):
         raise ValueError(f"polish requires a problem with the method solve(mesh); {type(problem).__name__} has none.")
     check_names(problem)
     try:
-        offered(problem, "ritz")
+        optional_method(problem, "ritz")
     except NotOffered as reason:
         raise without_functional(reason) from None
 

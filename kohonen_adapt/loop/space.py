@@ -72,8 +72,8 @@ class SpaceMethod(Method):
 
     def value(self, functional: SolidFunctional, ritz: Ritz, movable: MovableSolid, mesh: Mesh) -> float:
         tet = movable.tetrahedralization
-        beyond = functional.faces.value(tet.position, tet.elements, functional.solution.values)
-        return functional_value(mesh, ritz) + beyond
+        curved_part = functional.faces.value(tet.position, tet.elements, functional.solution.values)
+        return functional_value(mesh, ritz) + curved_part
 
     def carry(
         self, functional: SolidFunctional, before: MovableSolid, movable: MovableSolid, start_element: Ints

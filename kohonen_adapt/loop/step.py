@@ -196,8 +196,8 @@ class Adaptation:
             functional = self.method.functional(ritz, self.movable, mesh)
             value = None if ritz.shapes_only else self.method.value(functional, ritz, self.movable, mesh)
             return functional, value, ""
-        except NotOffered as offered:
-            return None, None, str(offered)
+        except NotOffered as reason:
+            return None, None, str(reason)
         except VariesInside:
             return None, None, "coefficients vary inside a region of the mesh"
 

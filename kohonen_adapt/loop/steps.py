@@ -27,7 +27,7 @@ class Steps:
     ----------
     number
         Index of the pass in progress.
-    begun
+    has_solved
         True after the first solve of this process, when a failure no longer leaves the loop without a result.
     """
 

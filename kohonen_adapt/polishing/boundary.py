@@ -15,10 +15,10 @@ from kohonen_adapt.mesh.near_axis import kinds_at_axis
 from kohonen_adapt.mesh.polynomials import TrialFunction, by_points, fields_at, local_coefficients, trace_columns
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.outline.chains import on_chains
-from kohonen_adapt.problem.functional_value import alike, flux_on, source_on, value_on
+from kohonen_adapt.problem.functional_value import elements_by_rule, flux_on, source_on, value_on
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.problem.robin import added_on_sides, facet_terms
-from kohonen_adapt.problem.tables import looked_up
+from kohonen_adapt.problem.robin import facet_terms, robin_value
+from kohonen_adapt.problem.tables import value_by_region
 
 __all__ = ["BoundaryTerms"]
 
@@ -66,7 +66,7 @@ class BoundaryTerms:
         total = 0.0
         for name, chains in self.chains.items():
             sides, terms = sides_on(chain, chains), self.ritz.robin[name]
-            total += added_on_sides(corners, coefficients, sides, terms, self.ritz.axisymmetric, bend)
+            total += robin_value(corners, coefficients, sides, terms, self.ritz.axisymmetric, bend)
         return total
 
     def improve(self, triangulation: Triangulation, trial: TrialFunction, bend: Floats | None = None) -> None:
@@ -130,7 +130,7 @@ class BoundaryTerms:
         if self.ritz.axisymmetric:
             kind = kinds_at_axis(near.corners[:, :, 0])
         stiffness, rest = np.empty((m, b, b)), np.empty((m, b))
-        for one, law, rows in alike(kind, near.number, self.ritz):
+        for one, law, rows in elements_by_rule(kind, near.number, self.ritz):
             stiffness[rows], rest[rows] = self._of_kind(near, rows, one, by_points(self.ritz.order, law))
         return stiffness, rest
 
@@ -141,7 +141,7 @@ class BoundaryTerms:
         repeated = np.repeat(corners, b, axis=0), np.repeat(bend, b, axis=0), np.tile(np.eye(b), (m, 1))
         each = fields_at(points, kind, *repeated)[3].reshape(2, -1, m, b)
         radius, weight = x if ritz.axisymmetric else np.ones_like(x), 0.5 * points.weight[kind][:, None] * doubled
-        secant = looked_up(np.asarray(ritz.coefficient), number) / radius
+        secant = value_by_region(np.asarray(ritz.coefficient), number) / radius
         for place, law in enumerate(ritz.laws):
             if law is not None:
                 own = number == place

@@ -18,7 +18,7 @@ from kohonen_adapt.mesh.tetrahedralization import FACES, Tetrahedralization
 from kohonen_adapt.outline.patches import Patches
 from kohonen_adapt.problem.functional_value import density_in_space
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.problem.tables import looked_up
+from kohonen_adapt.problem.tables import value_by_region
 
 __all__ = ["CurvedFaces"]
 
@@ -74,7 +74,7 @@ class CurvedFaces:
         stated = (
             np.nan if callable(ritz.source) else np.asarray(ritz.source)
         )  # a function may jump anywhere, and nan != nan
-        source = np.broadcast_to(looked_up(np.asarray(stated), number), number.shape)[elements.region]
+        source = np.broadcast_to(value_by_region(np.asarray(stated), number), number.shape)[elements.region]
         beyond = np.where(across >= 0, source[across], 0.0)
         ends = np.where(outer | (across >= 0), source[e] != beyond, source[e] != 0.0)
         level = np.abs(values[np.take_along_axis(elements.node[e], FACES[k], axis=1)]).max(axis=1, initial=0.0)

@@ -33,8 +33,8 @@ from kohonen_adapt.polishing.elements import expanded, kinds_of, steepest, with_
 from kohonen_adapt.polishing.energy_tables import Tables
 from kohonen_adapt.polishing.regions import LINEAR, VariesInside, constants_of, laws_of_regions, numbers_of_regions
 from kohonen_adapt.polishing.stationarity import check_in_plane
-from kohonen_adapt.problem.functional_value import integrated, value_on
-from kohonen_adapt.problem.ritz import Ritz, check_fits, parts_of
+from kohonen_adapt.problem.functional_value import reference_of, value_on
+from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of
 
 __all__ = ["Functional"]
 
@@ -144,7 +144,7 @@ class Functional:
     def _of_one(cls, ritz: Ritz, movable: MovableMesh, mesh: MeshTri | None, general: bool) -> "Functional":
         triangulation, outline = movable.triangulation, movable.outline
         mesh = movable.mesh() if mesh is None else mesh
-        check_fits(ritz, mesh)
+        check_matches(ritz, mesh)
         if callable(ritz.flux) and (ritz.order > 1 or general):
             raise VariesInside("flux of Ritz can be a function only at order 1, in the plane, with a constant source.")
         solution = solution_on(ritz, triangulation, mesh, general)
@@ -165,7 +165,7 @@ class Functional:
         linear = whole & ~bare & followed & (off <= LINEAR * np.ptp(values))
         given = (whole & ~bare) | partly
         sign = signs_of_chains(ritz, outline)
-        number, at = numbers_of_regions(ritz, triangulation.elements.region), integrated(ritz)
+        number, at = numbers_of_regions(ritz, triangulation.elements.region), reference_of(ritz)
         boundary = BoundaryTerms(ritz, at, number, {name: outline.names[name] != 0 for name in ritz.robin}, given)
         held = ~outline.straight | (given & ~linear) | (whole & bare) | boundary.on
         largest = steepest(ritz, triangulation, values, modes) if any(ritz.laws) else 0.0

@@ -30,7 +30,7 @@ from kohonen_adapt.polishing.stationarity import check_in_space
 from kohonen_adapt.polishing.surface_values import given_on
 from kohonen_adapt.problem.functional_value import loads_in_space, value_in_space
 from kohonen_adapt.problem.protocol import NotOffered
-from kohonen_adapt.problem.ritz import Ritz, check_fits, unknown_in_space
+from kohonen_adapt.problem.ritz import Ritz, check_matches, plane_only_term
 
 __all__ = ["SolidFunctional"]
 
@@ -107,9 +107,9 @@ class SolidFunctional:
         ValueError
             If `ritz` is of a different mesh, or its constants change inside a region.
         """
-        if unknown_in_space(ritz):
-            raise NotOffered(unknown_in_space(ritz))
-        check_fits(ritz, movable.mesh() if mesh is None else mesh)
+        if plane_only_term(ritz):
+            raise NotOffered(plane_only_term(ritz))
+        check_matches(ritz, movable.mesh() if mesh is None else mesh)
         tet, surfaces = movable.tetrahedralization, movable.surfaces
         values, fixed = np.asarray(ritz.values), np.asarray(ritz.fixed)
         number = numbers_of_regions(ritz, tet.elements.region[tet.used])

@@ -25,17 +25,17 @@ from kohonen_adapt.mesh.polynomials import (
     local_coefficients,
     modes_of,
 )
-from kohonen_adapt.problem.ritz import Ritz, check_fits, parts_of, unknown_in_space
-from kohonen_adapt.problem.robin import added_on_sides, sides_of_boundary
-from kohonen_adapt.problem.tables import flux_at, flux_table, looked_up, source_at
+from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of, plane_only_term
+from kohonen_adapt.problem.robin import robin_value, sides_of_boundary
+from kohonen_adapt.problem.tables import flux_at, flux_table, source_at, value_by_region
 
 __all__ = [
-    "alike",
     "density_in_space",
+    "elements_by_rule",
     "flux_on",
     "functional_value",
-    "integrated",
     "loads_in_space",
+    "reference_of",
     "source_on",
     "source_points",
     "value_in_space",
@@ -45,20 +45,20 @@ __all__ = [
 DEGREE_IN_SPACE = 7  # of the quadrature of a source on tetrahedra; the rule of degree 6 has points on faces
 
 
-def integrated(ritz: Ritz) -> Reference:
+def reference_of(ritz: Ritz) -> Reference:
     return joined_reference(ritz.order) if any(ritz.laws) else exact_reference(ritz.order)
 
 
-def alike(kind: Ints, number: Ints, ritz: Ritz) -> Iterator[tuple[int, bool, Ints]]:
+def elements_by_rule(kind: Ints, region: Ints, ritz: Ritz) -> Iterator[tuple[int, bool, Ints]]:
     """Yield kind, True if nonlinear, and rows of the elements with a common rule."""
-    lawful = np.zeros(len(number), dtype=np.bool_)
+    nonlinear = np.zeros(len(region), dtype=np.bool_)
     if ritz.laws and (ritz.order > 1 or ritz.axisymmetric):  # otherwise gradients are constant, and one point suffices
-        lawful = np.array([law is not None for law in ritz.laws])[number]
-    for one in np.unique(kind):
+        nonlinear = np.array([law is not None for law in ritz.laws])[region]
+    for one_kind in np.unique(kind):
         for law in (False, True):
-            rows = np.flatnonzero((kind == one) & (lawful == law))
+            rows = np.flatnonzero((kind == one_kind) & (nonlinear == law))
             if rows.size:
-                yield int(one), law, rows
+                yield int(one_kind), law, rows
 
 
 def functional_value(mesh: Mesh, ritz: Ritz) -> float:
@@ -67,126 +67,126 @@ def functional_value(mesh: Mesh, ritz: Ritz) -> float:
     Raises ValueError if the functional belongs to another mesh, or on tetrahedra has terms that are for the plane only.
     """
     if mesh.dim() == TETRAHEDRON.dim:
-        if unknown_in_space(ritz):
-            raise ValueError(f"Ritz cannot be evaluated on tetrahedra: {unknown_in_space(ritz)}.")
-        check_fits(ritz, mesh)
-        number = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
-        return value_in_space(mesh.p[:, mesh.t], np.asarray(ritz.values)[mesh.t], number, ritz)
+        if plane_only_term(ritz):
+            raise ValueError(f"Ritz cannot be evaluated on tetrahedra: {plane_only_term(ritz)}.")
+        check_matches(ritz, mesh)
+        region = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
+        return value_in_space(mesh.p[:, mesh.t], np.asarray(ritz.values)[mesh.t], region, ritz)
     return sum(_value_of_part(mesh, part) for part in parts_of(ritz))
 
 
 def _value_of_part(mesh: MeshTri, ritz: Ritz) -> float:
-    check_fits(ritz, mesh)
-    number = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
+    check_matches(ritz, mesh)
+    region = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
     values, node = np.asarray(ritz.values), mesh.t.T
     kind = kinds_at_axis(mesh.p[0, node]) if ritz.axisymmetric else None
     modes = None if ritz.order == 1 else modes_of(mesh, node, values, ritz.order, kind=kind)
     corners, coefficients = mesh.p.T[node], local_coefficients(values[node], modes)
-    bend = midside_offsets(mesh) if is_second_order(mesh) else None
-    total = value_on(corners, coefficients, number, ritz, bend)
+    offsets = midside_offsets(mesh) if is_second_order(mesh) else None
+    total = value_on(corners, coefficients, region, ritz, offsets)
     for name, terms in ritz.robin.items():
         sides = sides_of_boundary(mesh, name)
-        total += added_on_sides(corners, coefficients, sides, terms, ritz.axisymmetric, bend)
+        total += robin_value(corners, coefficients, sides, terms, ritz.axisymmetric, offsets)
     return total
 
 
-def value_on(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, bend: Floats | None = None) -> float:
+def value_on(corners: Floats, coefficients: Floats, region: Ints, ritz: Ritz, offsets: Floats | None = None) -> float:
     """Return the functional on triangles with corners (m, 3, 2).
 
-    `coefficients` has shape (m, functions), `number` contains the region numbers (m,), and `bend` the midside offsets
+    `coefficients` has shape (m, functions), `region` contains region numbers (m,), and `offsets` midside offsets
     (m, 3, 2). Elements with curved sides or around an axis are integrated by the rules of `by_points`.
     """
-    bend = np.zeros_like(corners) if bend is None else bend
-    special = np.any(bend != 0.0, axis=(1, 2)) | ritz.axisymmetric
+    offsets = np.zeros_like(corners) if offsets is None else offsets
+    special = np.any(offsets != 0.0, axis=(1, 2)) | ritz.axisymmetric
     kind = np.where(special, kinds_at_axis(corners[:, :, 0]) if ritz.axisymmetric else 0, -1)
     total = 0.0
-    for one, law, rows in alike(kind, number, ritz):
-        part = corners[rows], coefficients[rows], number[rows], ritz
-        if one < 0:
-            total += _plain_value(*part, law_reference(ritz.order) if law else exact_reference(ritz.order))
+    for one_kind, nonlinear, rows in elements_by_rule(kind, region, ritz):
+        args = corners[rows], coefficients[rows], region[rows], ritz
+        if one_kind < 0:
+            total += _straight_value(*args, law_reference(ritz.order) if nonlinear else exact_reference(ritz.order))
         else:
-            total += _value_by_points(*part, bend[rows], one, by_points(ritz.order, law))
+            total += _value_by_points(*args, offsets[rows], one_kind, by_points(ritz.order, nonlinear))
     return total
 
 
-def _plain_value(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, at: Reference) -> float:
-    doubled, slope = gradients(corners, coefficients, at)
-    density = at.weight @ _density(slope, 1.0, corners, number, ritz)
+def _straight_value(corners: Floats, coefficients: Floats, region: Ints, ritz: Ritz, at: Reference) -> float:
+    doubled_area, slope = gradients(corners, coefficients, at)
+    density = at.weight @ _density(slope, 1.0, corners, region, ritz)
     if callable(ritz.source):
-        share, weight = source_points(ritz.order)
-        source = source_at(np.einsum("qk,mkd->dqm", share, corners), number, ritz.source)
-        pull = weight @ (source * (functions_at(share, ritz.order) @ coefficients.T))
+        barycentric, weight = source_points(ritz.order)
+        source = source_at(np.einsum("qk,mkd->dqm", barycentric, corners), region, ritz.source)
+        source_term = weight @ (source * (functions_at(barycentric, ritz.order) @ coefficients.T))
     else:
-        pull = 2.0 * looked_up(np.asarray(ritz.source), number) * (coefficients @ at.mean)
-    return 0.5 * float(np.sum(np.abs(doubled) * (density - pull)))
+        source_term = 2.0 * value_by_region(np.asarray(ritz.source), region) * (coefficients @ at.mean)
+    return 0.5 * float(np.sum(np.abs(doubled_area) * (density - source_term)))
 
 
 def _value_by_points(
-    corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, bend: Floats, kind: int, points: Points
+    corners: Floats, coefficients: Floats, region: Ints, ritz: Ritz, offsets: Floats, kind: int, points: Points
 ) -> float:
-    doubled, x, value, slope = fields_at(points, kind, corners, bend, coefficients)
-    density = _density(slope, x if ritz.axisymmetric else 1.0, corners, number, ritz)
-    density -= source_on(points, kind, corners, bend, number, ritz) * value
-    return 0.5 * float(np.sum(points.weight[kind] @ (np.abs(doubled) * density)))
+    doubled_area, x, value, slope = fields_at(points, kind, corners, offsets, coefficients)
+    density = _density(slope, x if ritz.axisymmetric else 1.0, corners, region, ritz)
+    density -= source_on(points, kind, corners, offsets, region, ritz) * value
+    return 0.5 * float(np.sum(points.weight[kind] @ (np.abs(doubled_area) * density)))
 
 
-def value_in_space(corners: Floats, values: Floats, number: Ints, ritz: Ritz) -> float:
+def value_in_space(corners: Floats, values: Floats, region: Ints, ritz: Ritz) -> float:
     """Return the functional on tetrahedra with corners (3, 4, m) and values (4, m)."""
     slope = np.einsum("dkm,km->dm", TETRAHEDRON.hat_gradients(corners), values)
-    six, density = np.abs(TETRAHEDRON.determinant(corners)), density_in_space(slope, number, ritz)
+    six, density = np.abs(TETRAHEDRON.determinant(corners)), density_in_space(slope, region, ritz)
     if callable(ritz.source):
-        pull = float(np.sum(loads_in_space(corners, number, ritz.source) * values))
-        return float(np.sum(six * density)) / 6.0 - pull
-    density = density - looked_up(np.asarray(ritz.source), number) * values.mean(axis=0)
+        source_term = float(np.sum(loads_in_space(corners, region, ritz.source) * values))
+        return float(np.sum(six * density)) / 6.0 - source_term
+    density = density - value_by_region(np.asarray(ritz.source), region) * values.mean(axis=0)
     return float(np.sum(six * density)) / 6.0
 
 
-def loads_in_space(corners: Floats, number: Ints, source: Callable[[Floats, Ints], ArrayLike]) -> Floats:
+def loads_in_space(corners: Floats, region: Ints, source: Callable[[Floats, Ints], ArrayLike]) -> Floats:
     """Return the integrals of source times functions of tetrahedra, shape (4, m).
 
     The rule is exact for a source that is a polynomial of degree 6.
     """
     points, weight = get_quadrature(ElementTetP1, DEGREE_IN_SPACE)
     loads = np.zeros(corners.shape[1:])
-    for share, part in zip(np.vstack([1.0 - points.sum(axis=0), points]).T, weight, strict=True):
-        at = source_at(np.einsum("k,dkm->dm", share, corners)[:, None], number, source)[0]
-        loads += part * share[:, None] * at
+    for barycentric, part in zip(np.vstack([1.0 - points.sum(axis=0), points]).T, weight, strict=True):
+        at = source_at(np.einsum("k,dkm->dm", barycentric, corners)[:, None], region, source)[0]
+        loads += part * barycentric[:, None] * at
     return loads * np.abs(TETRAHEDRON.determinant(corners))
 
 
-def density_in_space(slope: Floats, number: Ints, ritz: Ritz) -> Floats:
+def density_in_space(slope: Floats, region: Ints, ritz: Ritz) -> Floats:
     """Return the integrand without the source for gradients (3, m), shape (m,)."""
     square = np.sum(slope**2, axis=0)
-    density = 0.5 * looked_up(np.asarray(ritz.coefficient), number) * square
+    density = 0.5 * value_by_region(np.asarray(ritz.coefficient), region) * square
     for k, law in enumerate(ritz.laws):
         if law is not None:
-            rows = number == k
+            rows = region == k
             density[rows] = law.energy(np.sqrt(square[rows]))
     for part, along in zip(flux_table(np.asarray(ritz.flux), TETRAHEDRON.dim), slope, strict=True):
-        density -= looked_up(part, number) * along
+        density -= value_by_region(part, region) * along
     return density
 
 
-def _density(slope: Floats, x: Floats | float, corners: Floats, number: Ints, ritz: Ritz) -> Floats:
+def _density(slope: Floats, x: Floats | float, corners: Floats, region: Ints, ritz: Ritz) -> Floats:
     """Return the integrand without the source for gradients (2, points, m).
 
     Around an axis `x` contains the distances of the points from the axis.
     """
-    flux_x, flux_y = flux_on(corners, number, ritz)
-    stored = 0.5 * looked_up(np.asarray(ritz.coefficient), number) * np.sum(slope**2, axis=0) / x
-    far = np.broadcast_to(x, stored.shape)
+    flux_x, flux_y = flux_on(corners, region, ritz)
+    stored = 0.5 * value_by_region(np.asarray(ritz.coefficient), region) * np.sum(slope**2, axis=0) / x
+    distance = np.broadcast_to(x, stored.shape)
     for k, law in enumerate(ritz.laws):
         if law is not None:
-            rows = number == k
-            stored[:, rows] = far[:, rows] * law.energy(np.hypot(*slope[:, :, rows]) / far[:, rows])
+            rows = region == k
+            stored[:, rows] = distance[:, rows] * law.energy(np.hypot(*slope[:, :, rows]) / distance[:, rows])
     return stored - flux_x * slope[0] - flux_y * slope[1]
 
 
-def flux_on(corners: Floats, number: Ints, ritz: Ritz) -> Floats:
+def flux_on(corners: Floats, region: Ints, ritz: Ritz) -> Floats:
     """Return the mean flux of every element, shape (2, m), or a constant, shape (2,)."""
     if callable(ritz.flux):
-        return flux_at(inner_points(corners.transpose(2, 1, 0)), number, ritz.flux).mean(axis=1)
-    return np.stack([looked_up(part, number) for part in flux_table(np.asarray(ritz.flux), 2)])
+        return flux_at(inner_points(corners.transpose(2, 1, 0)), region, ritz.flux).mean(axis=1)
+    return np.stack([value_by_region(part, region) for part in flux_table(np.asarray(ritz.flux), 2)])
 
 
 @cache
@@ -199,10 +199,10 @@ def source_points(order: int) -> tuple[Floats, Floats]:
     return np.stack([1.0 - points.sum(axis=0), *points], axis=1), 2.0 * weight
 
 
-def source_on(points: Points, kind: int, corners: Floats, bend: Floats, number: Ints, ritz: Ritz) -> Floats:
+def source_on(points: Points, kind: int, corners: Floats, offsets: Floats, region: Ints, ritz: Ritz) -> Floats:
     """Return the source at the points of elements, shape (points, m), or by element."""
     if not callable(ritz.source):
-        return looked_up(np.asarray(ritz.source), number)
+        return value_by_region(np.asarray(ritz.source), region)
     x = np.einsum("qk,mkd->dqm", points.share[kind], corners)
-    x += np.einsum("qk,mkd->dqm", points.side[kind, :, :, 0], bend)
-    return source_at(x, number, ritz.source)
+    x += np.einsum("qk,mkd->dqm", points.side[kind, :, :, 0], offsets)
+    return source_at(x, region, ritz.source)

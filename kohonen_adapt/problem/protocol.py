@@ -25,13 +25,13 @@ __all__ = [
     "goal_error_of",
     "goal_of",
     "goal_unit_of",
+    "has_method",
     "improved",
     "is_calibrated",
     "is_curved",
-    "nodes_held",
+    "nodes_of_problem",
     "norm_of",
-    "offered",
-    "offers",
+    "optional_method",
     "order_of",
     "pairs_of",
     "ritz_of",
@@ -56,7 +56,7 @@ METHODS = {
     "improved": "mesh, solution, outputs",
 }
 
-SAME = 1e-4  # of the largest indicator: allowed effect of the start values of a nonlinear solver
+RESTART_TOLERANCE = 1e-4  # of the largest indicator: allowed effect of the start values of a nonlinear solver
 
 
 class NotOffered(Exception):
@@ -142,7 +142,7 @@ def norm_of(problem: Problem) -> str:
 
 
 def has_functional(problem: Problem) -> bool:
-    return norm_of(problem) == "energy" and offers(problem, "ritz")
+    return norm_of(problem) == "energy" and has_method(problem, "ritz")
 
 
 def is_calibrated(problem: Problem) -> bool:
@@ -155,11 +155,11 @@ def is_curved(problem: Problem) -> bool | None:
 
 
 def improved(problem: Problem, mesh: Mesh, solution: Any, outputs: Mapping[str, Any]) -> dict[str, float]:
-    return offered(problem, "improved")(mesh, solution, outputs)
+    return optional_method(problem, "improved")(mesh, solution, outputs)
 
 
 def goal_of(problem: Problem, solution: Any) -> float | None:
-    if not (offers(problem, "goal") and offers(problem, "goal_error")):
+    if not (has_method(problem, "goal") and has_method(problem, "goal_error")):
         return None
     return float(problem.goal(solution))  # type: ignore[attr-defined]
 
@@ -176,12 +176,12 @@ def pairs_of(problem: Problem) -> Sequence[Pair]:
     return getattr(problem, "pairs", None) or ()
 
 
-def nodes_held(problem: Problem, mesh: Mesh) -> list[int]:
+def nodes_of_problem(problem: Problem, mesh: Mesh) -> list[int]:
     points = getattr(problem, "points", None) or {}
     if not isinstance(points, Mapping):
         raise ValueError(f"points of the problem must be {ATTRIBUTES['points']}; got {points!r}.")
-    places = {name: checked_points(x, f"points[{name!r}] of the problem", mesh.dim()) for name, x in points.items()}
-    return [int(node) for rows in nodes_of_points(mesh, places).values() for node in rows]
+    positions = {name: checked_points(x, f"points[{name!r}] of the problem", mesh.dim()) for name, x in points.items()}
+    return [int(node) for rows in nodes_of_points(mesh, positions).values() for node in rows]
 
 
 def check_names(problem: Problem) -> None:
@@ -213,7 +213,7 @@ def check_names(problem: Problem) -> None:
 
 def check_problem(problem: Problem, rtol: float | None) -> None:
     kind = type(problem).__name__
-    missing = [name for name in ("solve", "indicators") if not offers(problem, name)]
+    missing = [name for name in ("solve", "indicators") if not has_method(problem, name)]
     if missing:
         raise ValueError(
             f"problem must have the methods solve(mesh) and indicators(mesh, solution); "
@@ -222,13 +222,13 @@ def check_problem(problem: Problem, rtol: float | None) -> None:
     check_names(problem)
     if rtol is not None:
         try:
-            offered(problem, "energy_norm")
+            optional_method(problem, "energy_norm")
         except NotOffered as reason:
-            raise without_norm(reason) from None
+            raise missing_norm_error(reason) from None
 
 
 def solve(problem: Problem, mesh: Mesh, old_mesh: Mesh | None = None, old_solution: Any = None) -> Any:
-    if old_mesh is not None and offers(problem, "solve_from"):
+    if old_mesh is not None and has_method(problem, "solve_from"):
         return problem.solve_from(mesh, old_mesh, old_solution)  # type: ignore[attr-defined]
     return problem.solve(mesh)
 
@@ -252,28 +252,28 @@ def solve_again(problem: Problem, mesh: Mesh, indicators: Floats) -> Any:
     Raises ValueError if the indicators (nelements,) differ, which means another problem.
     """
     solution = problem.solve(mesh)
-    off = float(np.abs(estimate(problem, mesh, solution) - indicators).max())
-    if off > SAME * indicators.max():
+    difference = float(np.abs(estimate(problem, mesh, solution) - indicators).max())
+    if difference > RESTART_TOLERANCE * indicators.max():
         raise ValueError(
             f"the problem differs from the problem of the checkpoint: indicators on the same mesh differ by up to "
-            f"{off:.3g}. Use the same problem, or another folder."
+            f"{difference:.3g}. Use the same problem, or another folder."
         )
     return solution
 
 
 def energy_norm(problem: Problem, mesh: Mesh, solution: Any, rtol: float | None = None) -> float | None:
     try:
-        value = float(offered(problem, "energy_norm")(mesh, solution))
+        value = float(optional_method(problem, "energy_norm")(mesh, solution))
     except NotOffered as reason:
         if rtol is not None:
-            raise without_norm(reason) from None
+            raise missing_norm_error(reason) from None
         return None
     if not 0.0 <= value < np.inf:
         raise ValueError(f"energy_norm of the problem must be a finite number >= 0; got {value}.")
     return value
 
 
-def without_norm(reason: object) -> ValueError:
+def missing_norm_error(reason: object) -> ValueError:
     return ValueError(f"rtol requires the energy norm of the problem, but {reason}. Use atol instead.")
 
 
@@ -283,9 +283,9 @@ def ritz_of(problem: Problem, mesh: Mesh, solution: Any) -> Ritz:
     Raises NotOffered if the problem has no functional of its order, and ValueError if the type is wrong.
     """
     try:
-        method = offered(problem, "ritz")
+        method = optional_method(problem, "ritz")
     except NotOffered as reason:
-        if has_several_per_node(mesh, solution):
+        if is_vector_valued(mesh, solution):
             raise NotOffered(f"{reason}; {VECTORS}") from None
         raise
     ritz = method(mesh, solution)
@@ -296,26 +296,28 @@ def ritz_of(problem: Problem, mesh: Mesh, solution: Any) -> Ritz:
     return ritz
 
 
-def has_several_per_node(mesh: Mesh, solution: Any) -> bool:
+def is_vector_valued(mesh: Mesh, solution: Any) -> bool:
     size = np.size(solution) if isinstance(solution, np.ndarray) else 0
     return size >= 2 * mesh.nvertices and size not in {count_unknowns(mesh, order) for order in (1, 2, 3, 4)}
 
 
 def curves_of(problem: Problem, mesh: Mesh, given: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
-    tell = getattr(problem, "curves", None)
-    if not callable(tell) or not (given is None or isinstance(given, Mapping)):
+    method = getattr(problem, "curves", None)
+    if not callable(method) or not (given is None or isinstance(given, Mapping)):
         return given
-    told = tell(mesh)
-    if not isinstance(told, Mapping | None):
-        raise ValueError(f"curves of the problem must return a mapping of boundaries to curves, or None; got {told!r}.")
-    return {**told, **(given or {})} if told else given
+    found = method(mesh)
+    if not isinstance(found, Mapping | None):
+        raise ValueError(
+            f"curves of the problem must return a mapping of boundaries to curves, or None; got {found!r}."
+        )
+    return {**found, **(given or {})} if found else given
 
 
-def offers(problem: Problem, name: str) -> bool:
+def has_method(problem: Problem, name: str) -> bool:
     return callable(getattr(problem, name, None))
 
 
-def offered(problem: Problem, name: str) -> Callable[..., Any]:
+def optional_method(problem: Problem, name: str) -> Callable[..., Any]:
     """Return a method of the problem.
 
     Raises NotOffered for a missing method, with the message of the AttributeError if the class has the method.

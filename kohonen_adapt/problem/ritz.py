@@ -16,16 +16,16 @@ from kohonen_adapt.problem.robin import Robin, checked_conditions, sides_of_boun
 from kohonen_adapt.problem.tables import (
     EnergyLaw,
     check_axis,
+    checked_constants,
+    checked_floats,
     checked_flux,
     checked_laws,
+    checked_regions,
     checked_signs,
-    constants,
-    floats,
     flux_table,
-    numbers,
 )
 
-__all__ = ["VECTORS", "Flux", "Ritz", "Source", "check_fits", "parts_of", "unknown_in_space"]
+__all__ = ["VECTORS", "Flux", "Ritz", "Source", "check_matches", "parts_of", "plane_only_term"]
 
 Source = ArrayLike | Callable[[Floats, Ints], ArrayLike]
 Flux = ArrayLike | Callable[[Floats, Ints], ArrayLike]
@@ -191,8 +191,8 @@ class Ritz:
             raise ValueError(f"order of Ritz must be the degree of the elements, 1, 2 or 3; got {self.order!r}.")
         if not isinstance(self.axisymmetric, bool):
             raise ValueError(f"axisymmetric of Ritz must be True or False; got {self.axisymmetric!r}.")
-        region = None if self.region is None else numbers(self.region)
-        values, fixed = floats("values", self.values), np.array(self.fixed)
+        region = None if self.region is None else checked_regions(self.region)
+        values, fixed = checked_floats("values", self.values), np.array(self.fixed)
         if values.ndim != 1:
             raise ValueError(f"values of Ritz must have shape (nunknowns,); got {values.shape}.")
         if fixed.dtype != np.bool_ or fixed.shape != values.shape:
@@ -200,10 +200,10 @@ class Ritz:
                 f"fixed of Ritz must be bool of shape (nunknowns,) = {values.shape}; got {fixed.dtype} of shape "
                 f"{fixed.shape}. To convert indices, use numpy.isin(numpy.arange(nunknowns), indices)."
             )
-        coefficient = constants("coefficient", self.coefficient, (), region)
+        coefficient = checked_constants("coefficient", self.coefficient, (), region)
         if not np.all(coefficient > 0.0):
             raise ValueError(f"coefficient of Ritz must be > 0; got {coefficient.min()}.")
-        source = self.source if callable(self.source) else constants("source", self.source, (), region)
+        source = self.source if callable(self.source) else checked_constants("source", self.source, (), region)
         flux = self.flux if callable(self.flux) else checked_flux(self.flux, region)
         # Copies, so that later changes of the caller's arrays do not change the functional.
         names = ("values", "fixed", "coefficient", "source", "flux", "region", "laws")
@@ -249,10 +249,11 @@ def parts_of(ritz: Ritz) -> tuple[Ritz, ...]:
     """Return the primal and dual functionals, each multiplied by its weight."""
     if ritz.dual is None:
         return (ritz,)
-    return _times(ritz.share, replace(ritz, dual=None)), _times(1.0 / ritz.share, replace(ritz.dual, signs=ritz.signs))
+    primal, dual = replace(ritz, dual=None), replace(ritz.dual, signs=ritz.signs)
+    return _scaled(ritz.share, primal), _scaled(1.0 / ritz.share, dual)
 
 
-def _times(factor: float, ritz: Ritz) -> Ritz:
+def _scaled(factor: float, ritz: Ritz) -> Ritz:
     def scaled(given: Any) -> Any:
         return (lambda *at: factor * np.asarray(given(*at))) if callable(given) else factor * np.asarray(given)
 
@@ -261,7 +262,7 @@ def _times(factor: float, ritz: Ritz) -> Ritz:
     return replace(ritz, robin=robin, **constants)
 
 
-def check_fits(ritz: Ritz, mesh: Mesh) -> None:
+def check_matches(ritz: Ritz, mesh: Mesh) -> None:
     unknowns, elements = count_unknowns(mesh, ritz.order), mesh.t.shape[1]
     if np.shape(ritz.values) != (unknowns,):
         wanted = "nnodes" if ritz.order == 1 else f"nunknowns of order {ritz.order}"
@@ -282,7 +283,7 @@ def check_fits(ritz: Ritz, mesh: Mesh) -> None:
         named(mesh.boundaries, name, "boundary")
 
 
-def unknown_in_space(ritz: Ritz) -> str:
+def plane_only_term(ritz: Ritz) -> str:
     has = {
         f"order {ritz.order} of Ritz": ritz.order > 1,
         "axisymmetric of Ritz": ritz.axisymmetric,

@@ -13,7 +13,7 @@ from kohonen_adapt.mesh.names import named
 from kohonen_adapt.mesh.near_axis import on_axis
 from kohonen_adapt.mesh.polynomials import trace_columns, traces_at
 
-__all__ = ["Load", "Robin", "added_on_sides", "checked_conditions", "facet_terms", "sides_of_boundary"]
+__all__ = ["Load", "Robin", "checked_conditions", "facet_terms", "robin_value", "sides_of_boundary"]
 
 Load = float | Callable[[Floats], ArrayLike]
 Robin = Mapping[str, tuple[float, Load]]
@@ -55,67 +55,67 @@ def sides_of_boundary(mesh: MeshTri, name: str) -> tuple[Ints, Ints]:
 
 
 def facet_terms(
-    ends: Floats, order: int, terms: tuple[float, Load], axisymmetric: bool = False, off: Floats | None = None
+    ends: Floats, order: int, terms: tuple[float, Load], axisymmetric: bool = False, offset: Floats | None = None
 ) -> tuple[Floats, Floats]:
     """Return A (f, k, k) and b (f, k) of the terms ``c . A c / 2 - b . c`` of facets.
 
-    The coefficients c are in the order of `traces_at`. `ends` has shape (f, 2, 2), and `off`, shape (f, 2), contains
+    The coefficients c are in the order of `traces_at`. `ends` has shape (f, 2, 2), and `offset`, shape (f, 2), contains
     the midside offsets. The load is interpolated at the unknowns. Around an axis both integrals have the factor 1 / x.
     """
     coefficient, load = terms
-    off = np.zeros_like(ends[:, 0]) if off is None else off
-    share = np.append([0.0, 1.0], np.arange(1, order) / order)
-    given = load_at(_along(ends, off, share).reshape(-1, 2).T, load).reshape(-1, order + 1)
-    mass = _masses(ends, order, off, axisymmetric)
+    offset = np.zeros_like(ends[:, 0]) if offset is None else offset
+    fraction = np.append([0.0, 1.0], np.arange(1, order) / order)
+    loads = evaluate_load(_points_on_facets(ends, offset, fraction).reshape(-1, 2).T, load).reshape(-1, order + 1)
+    mass = _masses(ends, order, offset, axisymmetric)
     if axisymmetric:
-        factor = factors(ends, share)
-        given = given / np.where(factor > 0.0, factor, 1.0)
-    loads = np.linalg.solve(traces_at(share, order), given.T)
-    return coefficient * mass, np.einsum("fij,jf->fi", mass, loads)
+        factor = axis_factors(ends, fraction)
+        loads = loads / np.where(factor > 0.0, factor, 1.0)
+    interpolant = np.linalg.solve(traces_at(fraction, order), loads.T)
+    return coefficient * mass, np.einsum("fij,jf->fi", mass, interpolant)
 
 
-def _along(ends: Floats, off: Floats, share: Floats) -> Floats:
+def _points_on_facets(ends: Floats, offset: Floats, fraction: Floats) -> Floats:
     """Return the points at fractions (n,) of the length of facets, shape (f, n, 2)."""
-    chord = ends[:, :1] + share[:, None] * (ends[:, 1:] - ends[:, :1])
-    return chord + 4.0 * (share * (1.0 - share))[:, None] * off[:, None]
+    position = ends[:, :1] + fraction[:, None] * (ends[:, 1:] - ends[:, :1])
+    return position + 4.0 * (fraction * (1.0 - fraction))[:, None] * offset[:, None]
 
 
-def _masses(ends: Floats, order: int, off: Floats, axisymmetric: bool) -> Floats:
+def _masses(ends: Floats, order: int, offset: Floats, axisymmetric: bool) -> Floats:
     """Return the mass matrices of facets, around an axis with the factor 1 / x."""
-    here, way = traces_at(AT, order), ends[:, 1] - ends[:, 0]
-    measure = WEIGHTS * np.hypot(*(way[:, None] + 4.0 * (1.0 - 2.0 * AT)[:, None] * off[:, None]).transpose(2, 0, 1))
+    traces, chord = traces_at(AT, order), ends[:, 1] - ends[:, 0]
+    tangent = chord[:, None] + 4.0 * (1.0 - 2.0 * AT)[:, None] * offset[:, None]
+    measure = WEIGHTS * np.hypot(*tangent.transpose(2, 0, 1))
     if axisymmetric:
-        measure = measure * factors(ends, AT) ** 2 / _along(ends, off, AT)[:, :, 0]
-    return np.einsum("qi,qj,fq->fij", here, here, measure)
+        measure = measure * axis_factors(ends, AT) ** 2 / _points_on_facets(ends, offset, AT)[:, :, 0]
+    return np.einsum("qi,qj,fq->fij", traces, traces, measure)
 
 
-def factors(ends: Floats, share: Floats) -> Floats:
+def axis_factors(ends: Floats, fraction: Floats) -> Floats:
     """Return the factors of functions on facets that end at an axis, shape (f, n)."""
-    on = on_axis(ends[:, :, 0])
-    return 1.0 - on[:, :1] * (1.0 - share) - on[:, 1:] * share
+    at_axis = on_axis(ends[:, :, 0])
+    return 1.0 - at_axis[:, :1] * (1.0 - fraction) - at_axis[:, 1:] * fraction
 
 
-def added_on_sides(
+def robin_value(
     corners: Floats,
     coefficients: Floats,
     sides: tuple[Ints, Ints],
     terms: tuple[float, Load],
     axisymmetric: bool,
-    bend: Floats | None,
+    offsets: Floats | None,
 ) -> float:
     """Return the terms of a condition on sides, for coefficients (m, functions).
 
-    `corners` has shape (m, 3, 2), `sides` contains elements and opposite corners (f,), and `bend` the midside offsets
-    (m, 3, 2).
+    `corners` and the midside `offsets` have shape (m, 3, 2), `sides` contains elements and opposite corners (f,).
     """
     (e, k), order = sides, (3, 6, 10).index(coefficients.shape[1]) + 1
     ends = np.stack([corners[e, (k + 1) % 3], corners[e, (k + 2) % 3]], axis=1)
-    matrix, load = facet_terms(ends, order, terms, axisymmetric, None if bend is None else bend[e, k])
+    matrix, load = facet_terms(ends, order, terms, axisymmetric, None if offsets is None else offsets[e, k])
     trace = coefficients[e[:, None], trace_columns(k, order)]
     return float(0.5 * np.einsum("fi,fij,fj", trace, matrix, trace) - np.sum(load * trace))
 
 
-def load_at(x: Floats, load: Load) -> Floats:
+def evaluate_load(x: Floats, load: Load) -> Floats:
     """Return a load at points (2, n), shape (n,).
 
     Raises ValueError for another shape, and for values that are not finite.

@@ -13,19 +13,19 @@ from kohonen_adapt.mesh.near_axis import ON_AXIS, kinds_at_axis
 __all__ = [
     "EnergyLaw",
     "check_axis",
+    "checked_constants",
+    "checked_floats",
     "checked_flux",
     "checked_laws",
+    "checked_regions",
     "checked_signs",
-    "constants",
-    "floats",
     "flux_at",
     "flux_table",
-    "looked_up",
-    "numbers",
     "source_at",
+    "value_by_region",
 ]
 
-AXIS = 1e-12  # of the largest x: rounding error of a node on the axis
+AXIS_TOLERANCE = 1e-12  # of the largest x: rounding error of a node on the axis
 
 
 class EnergyLaw(Protocol):
@@ -38,7 +38,7 @@ class EnergyLaw(Protocol):
         """Return the energy density ``int_0^b H db``."""
 
 
-def floats(name: str, given: ArrayLike) -> Floats:
+def checked_floats(name: str, given: ArrayLike) -> Floats:
     array = np.array(given)
     if array.dtype.kind not in "biuf":
         raise ValueError(f"{name} of Ritz must be real numbers; got {array.dtype}.")
@@ -49,7 +49,7 @@ def floats(name: str, given: ArrayLike) -> Floats:
     return array
 
 
-def numbers(given: ArrayLike) -> NDArray[np.int64]:
+def checked_regions(given: ArrayLike) -> NDArray[np.int64]:
     number = np.array(given)
     if number.ndim != 1 or number.dtype.kind not in "iu":
         raise ValueError(
@@ -60,9 +60,9 @@ def numbers(given: ArrayLike) -> NDArray[np.int64]:
     return number.astype(np.int64)
 
 
-def constants(name: str, given: ArrayLike, shape: tuple[int, ...], region: NDArray[np.int64] | None) -> Floats:
+def checked_constants(name: str, given: ArrayLike, shape: tuple[int, ...], region: NDArray[np.int64] | None) -> Floats:
     """Return a constant of a shape, or a table with the region number as last axis."""
-    table = floats(name, given)
+    table = checked_floats(name, given)
     if table.shape == shape:
         return table
     expected = f"{shape} or {(*shape, 'nregions')}".replace("'", "")
@@ -86,11 +86,11 @@ def constants(name: str, given: ArrayLike, shape: tuple[int, ...], region: NDArr
 
 
 def checked_flux(given: ArrayLike, region: NDArray[np.int64] | None) -> Floats:
-    table = floats("flux", given)
+    table = checked_floats("flux", given)
     if table.ndim == 0 and table == 0.0:
         return table
     if table.shape[:1] in ((2,), (3,)):
-        return constants("flux", table, table.shape[:1], region)
+        return checked_constants("flux", table, table.shape[:1], region)
     raise ValueError(
         f"flux of Ritz must have shape (2,) or (2, nregions), on tetrahedra (3,) or (3, nregions); got {table.shape}."
     )
@@ -129,28 +129,28 @@ def checked_signs(given: Mapping[tuple[str, str], int]) -> dict[tuple[str, str],
 
 def check_axis(values: Floats, fixed: Mask, mesh: MeshTri) -> None:
     x = mesh.p[0]
-    if x.min() < -AXIS * x.max():
+    if x.min() < -AXIS_TOLERANCE * x.max():
         raise ValueError(f"an axisymmetric Ritz needs a mesh at x >= 0; got nodes down to x = {x.min():g}.")
     on_axis = np.unique(mesh.t[ON_AXIS[kinds_at_axis(x[mesh.t].T)].T])
-    loose = on_axis[~fixed[on_axis] | (values[on_axis] != 0.0)]
-    if loose.size:
+    unfixed = on_axis[~fixed[on_axis] | (values[on_axis] != 0.0)]
+    if unfixed.size:
         raise ValueError(
-            f"values of an axisymmetric Ritz must be fixed to 0 on the axis x = 0; {loose.size} of {on_axis.size} "
-            f"nodes there are not, first node {loose[0]}."
+            f"values of an axisymmetric Ritz must be fixed to 0 on the axis x = 0; {unfixed.size} of {on_axis.size} "
+            f"nodes there are not, first node {unfixed[0]}."
         )
 
 
-def looked_up(table: Floats, number: Ints) -> Floats:
-    return table if table.ndim == 0 else table[number]
+def value_by_region(table: Floats, region: Ints) -> Floats:
+    return table if table.ndim == 0 else table[region]
 
 
-def flux_at(x: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) -> Floats:
+def flux_at(x: Floats, region: Ints, flux: Callable[[Floats, Ints], ArrayLike]) -> Floats:
     """Return a varying flux at points x of elements, shape (2, k, m).
 
     Raises ValueError for another shape, and for values that are not finite.
     """
     flat = x.reshape(2, -1)
-    values = np.asarray(flux(flat, np.tile(number, x.shape[1])), dtype=float)
+    values = np.asarray(flux(flat, np.tile(region, x.shape[1])), dtype=float)
     if values.shape != flat.shape:
         raise ValueError(f"flux of Ritz must return the shape of x, (2, n) = {flat.shape}; got {values.shape}.")
     bad = np.flatnonzero(~np.isfinite(values).all(axis=0))
@@ -159,13 +159,13 @@ def flux_at(x: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) 
     return values.reshape(x.shape)
 
 
-def source_at(x: Floats, number: Ints, source: Callable[[Floats, Ints], ArrayLike]) -> Floats:
+def source_at(x: Floats, region: Ints, source: Callable[[Floats, Ints], ArrayLike]) -> Floats:
     """Return a varying source at points x (d, k, m) of elements, shape (k, m).
 
     Raises ValueError for another shape, and for values that are not finite.
     """
     flat = x.reshape(len(x), -1)
-    values = np.asarray(source(flat, np.tile(number, x.shape[1])), dtype=float)
+    values = np.asarray(source(flat, np.tile(region, x.shape[1])), dtype=float)
     if values.shape != flat.shape[1:]:
         raise ValueError(f"source of Ritz must return an array of shape (n,) = {flat.shape[1:]}; got {values.shape}.")
     bad = np.flatnonzero(~np.isfinite(values))
