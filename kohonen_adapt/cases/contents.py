@@ -208,7 +208,7 @@ class Case:
 
 def _check_turn(mesh: Mesh, turn: dict[str, float]) -> None:
     if type(mesh) is TETRAHEDRON.mesh and turn:
-        raise ValueError("turn is for meshes of the plane; draw what turns at its angle.")
+        raise ValueError("turn is for meshes of triangles only; draw the turned part at its angle.")
 
 
 def in_space(stated: Magnetostatics) -> MagneticScalarPotential:
@@ -223,7 +223,7 @@ def in_space(stated: Magnetostatics) -> MagneticScalarPotential:
     shared = ("materials", "potential", "estimator", "goal")
     alone = [each.name for each in fields(stated) if each.name not in shared and not _same(each.name, stated, plain)]
     if alone:
-        raise ValueError(f"{', '.join(alone)}: for meshes of the plane only, and the mesh is one of tetrahedra.")
+        raise ValueError(f"{', '.join(alone)}: for meshes of triangles only, but the mesh is one of tetrahedra.")
     return MagneticScalarPotential(**{name: getattr(stated, name) for name in shared})
 
 
@@ -240,7 +240,7 @@ def _with_rim(mesh: MeshTri, name: str) -> MeshTri:
         return mesh  # in a mesh written by `run`
     if known is not None or name in (mesh.subdomains or {}):
         raise ValueError(
-            f"rim must be a name that the mesh has not, for the whole of its rim; it has another {name!r}. Choose "
-            "another name, or leave rim out."
+            f"rim must be a new name for the whole rim of the mesh, which already has another {name!r}. Choose another "
+            "name, or leave rim out."
         )
     return mesh.with_boundaries({name: rim})

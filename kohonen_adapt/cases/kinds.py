@@ -86,7 +86,7 @@ INTEGER = Kind((int,), f"an integer up to {LARGEST}", lambda given: abs(given) <
 NUMBER = Kind(
     (int, float), "a finite number", lambda given: abs(given) <= sys.float_info.max, lambda given, place: float(given)
 )
-TEXT = Kind((str,), "some text in quotes", bool)
+TEXT = Kind((str,), "text in quotes", bool)
 SCALARS = {bool: FLAG, int: INTEGER, float: NUMBER, str: TEXT}
 
 
@@ -119,7 +119,7 @@ POINT = tuple_of([NUMBER, NUMBER])
 POINTS = list_of(POINT)
 VECTOR = Kind(
     (list,),
-    f"{POINT.wanted}, in space three of them",
+    f"{POINT.wanted}, or three of them in space",
     lambda given: len(given) in (2, 3),
     lambda given, place: tuple(NUMBER(value, f"{place}[{k}]") for k, value in enumerate(given)),
 )
@@ -165,11 +165,11 @@ def read_table(given: Any, readers: Mapping[str, Reader], place: str, required: 
         if key not in readers:
             where, near = f" in {place}" if place else "", nearest_name(key, readers)
             raise UnknownKeyError(
-                f"{_below(place, key)!r} is no key of a case.{near} Known{where}: {', '.join(readers)}.", key
+                f"{_below(place, key)!r} is not a key of a case.{near} Known{where}: {', '.join(readers)}.", key
             )
     for key in required:
         if key not in entries:
-            raise ValueError(f"{_below(place, key)} is missing; it must be there.")
+            raise ValueError(f"{_below(place, key)} is missing; it is required.")
     return {key: readers[key](value, _below(place, key)) for key, value in entries.items()}
 
 

@@ -80,7 +80,7 @@ def read_case(path: Path) -> Case:
         If the file cannot be read.
     """
     if not path.is_file():
-        raise FileNotFoundError(f"run expected a case; there is no file '{path}'. Make one: kohonen-adapt init MESH.")
+        raise FileNotFoundError(f"run expected a case; there is no file '{path}'. Create one: kohonen-adapt init MESH.")
     size = path.stat().st_size
     if size > LARGEST:
         raise ValueError(f"{path}: a case has at most {LARGEST} bytes; this has {size}.")
@@ -96,8 +96,8 @@ def read_case(path: Path) -> Case:
 
 def _remedy(path: Path) -> str:
     if path.suffix.lower() in (*MSH_VERSION, ".vtu"):
-        return f"That is a mesh; make a case for it: kohonen-adapt init {path}."
-    return "Texts need quotes, single ones where they have a backslash; numbers have a point, not a comma."
+        return f"This is a mesh; create a case for it: kohonen-adapt init {path}."
+    return "Text needs quotes (single quotes if it has a backslash); numbers need a decimal point, not a comma."
 
 
 def case_of(given: Mapping[str, Any], folder: Path) -> Case:
@@ -153,7 +153,7 @@ def _problem(values: Mapping[str, Any]) -> Magnetostatics | MagneticScalarPotent
     flat = sorted(key for key in values if key in PROBLEM and key not in SPACE)
     if flat:
         raise ValueError(
-            f"{', '.join(flat)}: for meshes of the plane only, but the case has {', '.join(solid)}, for tetrahedra. "
+            f"{', '.join(flat)}: for meshes of triangles only, but the case has {', '.join(solid)}, for tetrahedra. "
             "Vectors in the plane have two components, [x, y]."
         )
     return MagneticScalarPotential(
@@ -177,9 +177,9 @@ def _keys_of_space(materials: Mapping[str, Material], applied_field: Any, goal: 
 def _home_of(key: str, top: Mapping[str, Reader]) -> str:
     # In TOML, keys after a [table] belong to this table.
     if key in top:
-        return f" But {key} is one of the case itself: write it above all tables."
+        return f" But {key} is a key of the case itself: write it above all tables."
     home = "adapt" if key in ADAPT else "materials.NAME" if key in signature(Material).parameters else ""
-    return f" But {key} is one of [{home}]." if home else ""
+    return f" But {key} is a key of [{home}]." if home else ""
 
 
 def fitting_mesh(case: Case) -> MeshTri:
@@ -211,7 +211,7 @@ def fitting_mesh(case: Case) -> MeshTri:
     _check_dimension(case.stated, drawn)
     mesh = turned_mesh(drawn, case.turn)
     if len(case.pins(mesh)) < len(case.pins(drawn)):
-        raise ValueError("turn must leave groups of points where they are; the mesh file has some in what turns.")
+        raise ValueError("turn must not move groups of points; the mesh file has some in a turned subdomain.")
     with about("mesh"):
         check_overlap(mesh)  # before the check of the problem, whose message would concern the potential
     _check_names(case, mesh)
@@ -220,8 +220,8 @@ def fitting_mesh(case: Case) -> MeshTri:
     if case.goal is not None:
         if case.adapt.get("rtol") is not None:
             raise ValueError(
-                "adapt.rtol is a share of the energy norm, which is no measure of a goal; leave it out, or give atol, "
-                "the root of what is allowed, or output_rtol."
+                "adapt.rtol is relative to the energy norm, which does not measure a goal; leave it out, or give "
+                "atol, the square root of the allowed error, or output_rtol."
             )
         with about("goal"):
             case.goal.derivative(blank)
@@ -238,7 +238,7 @@ def _check_file(path: Path) -> None:
         return
     beside = [file.name for file in path.parent.iterdir()] if path.parent.is_dir() else []
     near = nearest_name(path.name, beside)
-    raise ValueError(f"mesh must name a mesh file, as seen from the case; there is none at '{path}'.{near}")
+    raise ValueError(f"mesh must be the path of a mesh file, relative to the case; there is no file '{path}'.{near}")
 
 
 def _check_dimension(stated: Magnetostatics | MagneticScalarPotential, mesh: Mesh) -> None:
@@ -257,8 +257,8 @@ def _check_names(case: Case, mesh: MeshTri) -> None:
     given = problem.potential or {}
     if not named_sets(mesh.boundaries) and given.keys() - points.keys():
         raise ValueError(
-            "potential must name a boundary, and the mesh file names no part of its rim: for a name of the whole rim "
-            'write rim = "outer" above all tables, or give its lines a physical group.'
+            "potential must name a boundary, but no boundary of the mesh file has a name: write "
+            'rim = "outer" above all tables to name the whole rim, or give its lines a physical group.'
         )
     for value in given.values():
         if isinstance(value, TabulatedPotential):

@@ -150,7 +150,7 @@ def _flux(surface: str) -> Quantity:
 
 def _offering(field: Field | SolidField, name: str) -> Callable[..., float]:
     if not hasattr(field, name):
-        raise ValueError("quantity flux_linkage is for meshes of the plane, quantity flux for tetrahedra.")
+        raise ValueError("quantity flux_linkage is for triangles only, quantity flux for tetrahedra only.")
     return getattr(field, name)
 
 

@@ -21,8 +21,8 @@ from kohonen_adapt.mesh.names import named_sets
 __all__ = ["case_text"]
 
 GIVEN = {
-    2: "A in Wb/m; where none is given, flux crosses the boundary at a right angle",
-    3: "phi in A, 0 beyond much air; where none is given, no flux crosses the boundary",
+    2: "A in Wb/m; flux crosses boundaries without a value at a right angle",
+    3: "phi in A, 0 on a distant boundary; no flux crosses boundaries without a value",
 }
 
 
@@ -84,7 +84,7 @@ def _names(mesh: Mesh) -> dict[str, str]:
 
 def _rim(mesh: Mesh) -> str:
     line = f"rim = {_quoted(_own_name(mesh))}  # a name for the whole rim, holes included"
-    return f"# {line}" if any(_shares(mesh).values()) else f"{line}: the mesh has none for any part of it"
+    return f"# {line}" if any(_shares(mesh).values()) else f"{line}; no part of it has a name in the mesh"
 
 
 def _own_name(mesh: Mesh) -> str:
@@ -101,7 +101,7 @@ def _materials(mesh: Mesh) -> Iterator[str]:
         if name in chosen:
             yield f"\n[materials.{_key(name)}]  # {share}\npermeability = 1.0"
         else:
-            yield f"\n# [materials.{_key(name)}]  # {share}; it overlaps others, or is empty"
+            yield f"\n# [materials.{_key(name)}]  # {share}; overlaps other subdomains, or is empty"
     bare = 1.0 - sum(part[sets[name]].sum() for name in chosen)
     if bare > 1e-9:
         share = f"{100.0 * bare:.3g} % of {whole}"
@@ -132,11 +132,11 @@ def _potential(mesh: Mesh) -> Iterator[str]:
     most = shares.get(outer, 0.0)
     yield f"\n[potential]  # {GIVEN[len(mesh.p)]}"
     if 0.0 < most <= 0.5:  # possibly a periodic side
-        yield "# No boundary holds more than half of the rim: choose where no flux leaves, not on periodic sides."
+        yield "# No boundary covers more than half of the rim: set 0 where no flux leaves, but not on periodic sides."
     if most == 0.0:
         yield f"{_key(_own_name(mesh))} = 0.0"
     for name in sorted(shares, key=lambda name: (shares[name] == 0.0, name)):
-        share = f"{100.0 * shares[name]:.3g} % of the rim" if shares[name] > 0.0 else "not on the rim alone"
+        share = f"{100.0 * shares[name]:.3g} % of the rim" if shares[name] > 0.0 else "has facets inside the mesh"
         yield f"{'' if name == outer and most > 0.5 else '# '}{_key(name)} = 0.0  # {share}"
 
 

@@ -66,7 +66,9 @@ def _turned(name: str, material: Material, mesh: MeshTri, turns: Mask, rotation:
     if not magnetic or not turns[elements].any():
         return material
     if not turns[elements].all():
-        raise ValueError(f"the magnet {name!r} must turn as a whole or not at all; a part of it is in what turns.")
+        raise ValueError(
+            f"the magnet {name!r} must turn as a whole or not at all; only a part of it is in the turned subdomain."
+        )
     now: dict[str, Any] = {key: _turned_vector(vector, rotation) for key, vector in magnetic.items()}
     return replace(material, **now)
 

@@ -14,7 +14,8 @@ from kohonen_adapt.outline.surfaces import Surface
 
 __all__ = ["command_parser", "writable_folder"]
 
-EPILOG = "For one of them: kohonen-adapt COMMAND --help. A first case: kohonen-adapt init MESH."
+EPILOG = "Help on a command: kohonen-adapt COMMAND --help. To begin: kohonen-adapt init MESH."
+MESHES = "mesh file (.msh, .msh2, .vtu, .vtk, .inp, .mesh, .su2, .med, .xdmf, .ans) or folder of Elmer"
 
 Handler = Callable[..., int]
 
@@ -27,7 +28,7 @@ def command_parser(description: str | None, version: str, run: Mapping[str, Hand
     demo = commands.add_parser(
         "demo",
         help="adapt an example and write its files",
-        description="Adapt an example that comes along, and write its mesh, fields, picture and report.",
+        description="Adapt an included example, and write its mesh, fields, picture and report.",
     )
     demo.add_argument("name", choices=["magnet"], help="magnet: a permanent magnet in an iron core with an air gap")
     _add_folder(demo, required=True)
@@ -44,31 +45,30 @@ def command_parser(description: str | None, version: str, run: Mapping[str, Hand
 def _add_relocate(commands: Any) -> None:
     move = commands.add_parser(
         "relocate",
-        help="move the nodes of a mesh to where a field wants them, for any solver",
-        description="Move the nodes of a mesh to where a field wants them. Physical groups keep names and numbers, and "
-        "points in a group their place. The field is one number per element or node of MESH: of a VTU file, a .msh "
-        "with NodeData, ElementData or ElementNodeData, or a .pos of GetDP (Print[..., OnElementsOf ...]).",
+        help="move the nodes of a mesh by an error, density or size field of any solver",
+        description="Move the nodes of a mesh by a field of error indicators, densities or sizes. Physical groups keep "
+        "their names and numbers, and points in a group their positions. The field has one number per element or node "
+        "of MESH. Its file is a VTU, VTK, XDMF or MED file, a .msh with NodeData, ElementData or ElementNodeData, or a "
+        ".pos of GetDP (Print[..., OnElementsOf ...]).",
     )
-    move.add_argument(
-        "mesh", metavar="MESH", type=Path, help="a mesh file of any kind that ka.read_mesh reads, or a folder of Elmer"
-    )
+    move.add_argument("mesh", metavar="MESH", type=Path, help=MESHES)
     field = move.add_mutually_exclusive_group(required=True)
-    field.add_argument("--density", metavar="FIELD.vtu:name", help="wanted nodes per area or volume, on any scale")
+    field.add_argument("--density", metavar="FIELD.vtu:name", help="desired nodes per area or volume, up to a factor")
     field.add_argument(
-        "--indicators", metavar="FIELD.vtu:name", help="error of each element in the energy norm, not squared"
+        "--indicators", metavar="FIELD.vtu:name", help="error indicator of each element in the energy norm, not squared"
     )
-    field.add_argument("--sizes", metavar="FIELD.vtu:name", help="wanted edge lengths, in any unit")
+    field.add_argument("--sizes", metavar="FIELD.vtu:name", help="desired edge lengths, up to a factor")
     _add_file(move, "MESH2", "file (.msh, .msh2, .vtu) or folder of Elmer to write, in the unit of MESH", required=True)
     move.add_argument(
         "--scale",
         metavar="S",
         type=float,
         default=1.0,
-        help="metres per unit of MESH, for a field file in metres; by default both are in one unit",
+        help="metres per unit of MESH, if FIELD is in metres (default: both have the same unit)",
     )
     _add_limits(move)
-    move.add_argument("--seed", metavar="N", type=int, default=0, help="of the random numbers, by default 0")
-    move.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
+    move.add_argument("--seed", metavar="N", type=int, default=0, help="seed of the random numbers (default: 0)")
+    move.add_argument("--quiet", action="store_true", help="print warnings and errors only")
 
 
 def _add_limits(move: argparse.ArgumentParser) -> None:
@@ -76,18 +76,26 @@ def _add_limits(move: argparse.ArgumentParser) -> None:
         "--topology",
         choices=TOPOLOGIES,
         default=Rules.topology,
-        help="fixed: nodes move; flip, the default: edges flip, too; recycle: nodes are taken away and put elsewhere",
+        help="fixed: nodes move; flip (default): edges are flipped, too; recycle: nodes are also removed and inserted "
+        "elsewhere",
     )
     move.add_argument(
         "--min-quality",
         metavar="Q",
         type=least_quality,
         default=Rules.min_quality,
-        help="least quality of an element, from 0, flat, to 1, equilateral; auto, the default: 0.3",
+        help="minimum quality of an element, from 0 (flat) to 1 (equilateral); auto (default): 0.3, of tetrahedra 0.2",
     )
-    move.add_argument("--pinned", metavar="NAME", nargs="+", default=[], help="names and node numbers of what stays")
     move.add_argument(
-        "--periodic", metavar="NAME", nargs=2, action="append", default=[], help="two boundaries that stay matched"
+        "--pinned", metavar="NAME", nargs="+", default=[], help="names and node numbers of nodes that do not move"
+    )
+    move.add_argument(
+        "--periodic",
+        metavar="NAME",
+        nargs=2,
+        action="append",
+        default=[],
+        help="two boundaries whose nodes stay matched",
     )
     move.add_argument(
         "--layers",
@@ -95,7 +103,7 @@ def _add_limits(move: argparse.ArgumentParser) -> None:
         nargs=2,
         action="append",
         default=[],
-        help="a thin subdomain, and how many layers of elements it keeps across; with recycle it gets them",
+        help="a thin subdomain, and the layers of elements to keep across it; recycle inserts missing layers",
     )
     _add_surfaces(move, "in the unit of MESH")
 
@@ -103,9 +111,9 @@ def _add_limits(move: argparse.ArgumentParser) -> None:
 def _add_check(commands: Any) -> None:
     check = commands.add_parser(
         "check",
-        help="say what a mesh is, and what would go wrong with it",
-        description="Say what a mesh is, and what would go wrong with it. The exit status is 0 if nothing would, 1 if "
-        "faults were found, and 2 if the file holds no mesh at all. Hints are no faults.",
+        help="describe a mesh and report its faults",
+        description="Describe a mesh and report its faults. The exit status is 0 without faults, 1 with faults, and 2 "
+        "if the file cannot be read as a mesh. Hints are not faults.",
     )
     _add_mesh(check)
     _add_surfaces(check, "in metres")
@@ -118,55 +126,53 @@ def _add_surfaces(command: argparse.ArgumentParser, unit: str) -> None:
         type=surfaces_of,
         action="append",
         default=[],
-        help="of tetrahedra, the surface that a boundary is on, " + unit + ': \'NAME = {surface = "cylinder", point = '
-        "[0, 0, 0], axis = [0, 0, 1], radius = 0.05}', or a plane (point, normal), a sphere (centre, radius) or a cone "
-        "(apex, axis, half_angle)",
+        help="surface that contains the boundary NAME of a mesh of tetrahedra, " + unit + ": 'NAME = {surface = "
+        '"cylinder", point = [0, 0, 0], axis = [0, 0, 1], radius = 0.05}\', or a plane (point, normal), a sphere '
+        "(centre, radius) or a cone (apex, axis, half_angle in radians)",
     )
 
 
 def _add_init(commands: Any) -> None:
     init = commands.add_parser(
         "init",
-        help="write a commented case for a mesh, its names filled in",
-        description="Write a case for `run`: the names of the mesh filled in, every option in a comment, all in SI "
-        "units. A case that is there stays as it is.",
+        help="write a commented case for a mesh",
+        description="Write a case for `run`, with the names of the mesh filled in and every option in a comment. All "
+        "units are SI. An existing case is not overwritten.",
     )
     _add_mesh(init)
-    _add_file(init, "CASE.toml", "the case to write, by default beside MESH")
+    _add_file(init, "CASE.toml", "case to write (default: MESH with the suffix .toml)")
     init.add_argument("--output", dest="out", type=Path, action=_OldSpelling, help=argparse.SUPPRESS)
 
 
 def _add_mesh(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "mesh", metavar="MESH", type=Path, help="a mesh file of any kind that ka.read_mesh reads, or a folder of Elmer"
-    )
+    command.add_argument("mesh", metavar="MESH", type=Path, help=MESHES)
     command.add_argument("--scale", metavar="S", type=float, default=1.0, help="metres per unit of MESH: 1e-3 for mm")
 
 
 def _add_run(commands: Any) -> None:
     run = commands.add_parser(
         "run",
-        help="adapt the mesh of a case and write what comes of it",
+        help="adapt the mesh of a case and write the results",
         description="Adapt the mesh of a case, and write adapted.msh (in the unit of the mesh), adapted.vtu (in "
-        "metres, B and H as means of the elements), inside.vtu (the field inside them, above order 1), history.csv "
-        "(a row for every pass), pictures and report.html. Ctrl-C ends it at once; the best pass so far is written "
-        "then, and --resume goes on.",
+        "metres, B and H as means over elements), inside.vtu (the field within elements, above order 1), history.csv "
+        "(one row per pass), pictures and report.html. Ctrl-C stops the run at once; the best finished pass is "
+        "already written, and --resume continues.",
     )
     run.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries and options")
-    _add_folder_or_resume(run, "folder of a run that was cut short: go on from its last pass")
-    run.add_argument("--force", action="store_true", help="write over the result of a run that is in the folder")
-    run.add_argument("--dry-run", action="store_true", help="check the case and its mesh, solve and write nothing")
-    run.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
+    _add_folder_or_resume(run, "folder of an interrupted run, to continue after its last finished pass")
+    run.add_argument("--force", action="store_true", help="overwrite the result of a run in the folder")
+    run.add_argument("--dry-run", action="store_true", help="check the case and its mesh without solving or writing")
+    run.add_argument("--quiet", action="store_true", help="print warnings and errors only")
 
 
 def _add_sweep(commands: Any) -> None:
     sweep = commands.add_parser(
         "sweep",
-        help="adapt a case for many values of its keys, several at a time, and tabulate its outputs",
-        description="Adapt a case for every combination of values of some of its keys, and write sweep.csv (a row for "
-        "each, with the outputs of the case) and sweep.png (outputs over the first key, a curve for every other "
-        "value). Ctrl-C ends it at once; what is finished is kept, and --resume goes on. The exit status is 1 if "
-        "an error ended one of them.",
+        help="adapt a case for many values of its keys, in parallel, and tabulate its outputs",
+        description="Adapt a case for every combination of values of some of its keys, and write sweep.csv (one row "
+        "per combination, with the outputs of the case) and sweep.png (outputs over the first key, one curve per "
+        "combination of the others). Ctrl-C stops the sweep at once; finished combinations are kept, and --resume "
+        "continues. The exit status is 1 if a combination failed.",
     )
     sweep.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries, outputs and options")
     sweep.add_argument(
@@ -174,13 +180,13 @@ def _add_sweep(commands: Any) -> None:
         metavar="NAME=FIRST:LAST:COUNT",
         action="append",
         required=True,
-        help="a key, as materials.coil.current_density, and so many evenly spaced values of it; may be repeated",
+        help="key of the case, such as materials.coil.current_density, and COUNT evenly spaced values; may be repeated",
     )
     who = sweep.add_mutually_exclusive_group()
-    who.add_argument("--jobs", metavar="N", type=int, help="processes, by default one for every core, or thread")
-    who.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that is to compute it")
-    _add_folder_or_resume(sweep, "folder of a sweep that was cut short: compute what is not finished")
-    sweep.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
+    who.add_argument("--jobs", metavar="N", type=int, help="number of processes (default: one per core)")
+    who.add_argument("--scheduler", metavar="ADDRESS", help="address of a Dask cluster for the computation")
+    _add_folder_or_resume(sweep, "folder of an interrupted sweep, to compute the rest")
+    sweep.add_argument("--quiet", action="store_true", help="print warnings and errors only")
 
 
 def least_quality(text: str) -> LeastQuality:
@@ -204,7 +210,7 @@ def _add_folder_or_resume(command: Any, resume: str) -> None:
 
 
 def _add_folder(command: Any, required: bool = False) -> None:
-    _add_file(command, "DIR", "folder for the files; created if missing", required)
+    _add_file(command, "DIR", "folder for the results, created if missing", required)
 
 
 def _add_file(command: Any, what: str, said: str, required: bool = False) -> None:
@@ -216,7 +222,7 @@ class _OldSpelling(argparse.Action):
 
     def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
         setattr(namespace, self.dest, values)
-        namespace.renamed = f"{option_string} is --{self.dest} now, and will not be understood for ever."
+        namespace.renamed = f"{option_string} is deprecated; use --{self.dest}."
 
 
 def writable_folder(folder: Path) -> Path:
@@ -226,11 +232,11 @@ def writable_folder(folder: Path) -> Path:
         with tempfile.TemporaryFile(dir=folder):
             return folder
     except OSError as error:
-        raise OSError(f"--out expected a folder that takes files; '{folder}' does not: {error.strerror}.") from error
+        raise OSError(f"--out expected a writable folder; cannot write to '{folder}': {error.strerror}.") from error
 
 
 def refuse_link(folder: Path) -> None:
     if folder.is_symlink():
         raise FileExistsError(
-            f"'{folder}' is a link, and files behind links are not replaced: remove the link, or choose another folder."
+            f"'{folder}' is a link, and files behind links are not replaced. Remove the link, or choose another folder."
         )

@@ -75,7 +75,7 @@ def _smallest_angle(mesh: Mesh) -> str:
     corners = mesh.p[:, mesh.t]
     one, other = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     across, along = one[0] * other[1] - one[1] * other[0], np.sum(one * other, axis=0)
-    return f"angles: from {np.degrees(np.arctan2(np.abs(across), along).min()):.3g} degrees on"
+    return f"smallest angle: {np.degrees(np.arctan2(np.abs(across), along).min()):.3g} degrees"
 
 
 ALONE: dict[int, tuple[Callable[[Mesh, Ints], str], Callable[[Mesh], str]]] = {
@@ -101,11 +101,10 @@ def outlines_described(movable: MovableMesh) -> list[str]:
     splines = len(outline.straight) - np.sum(outline.straight) - len(radii)
     free, sliding, jumps, held = (np.sum(mask) for mask in outline.nodes_by_freedom().values())
     return [
-        f"outlines: {counted(len(outline.straight), 'chain')}, {np.sum(outline.straight)} straight, "
+        f"boundaries and interfaces: {counted(len(outline.straight), 'segment')}, {np.sum(outline.straight)} straight, "
         f"{len(radii)} on arcs{_radii(radii)}, {f'{splines} on splines, ' if splines else ''}"
         f"{np.sum(chains.closed)} closed",
-        f"nodes: {free} free, {sliding} slide on outlines, {jumps} in corners that others may take, "
-        f"{held} held for good",
+        f"nodes: {free} free, {sliding} on boundaries and interfaces, {jumps} at corners, {held} fixed",
     ]
 
 
@@ -130,8 +129,8 @@ def faults(mesh: Mesh, scale: float = 1.0) -> Iterator[str]:
     if bad := np.sum(value < least):
         yield (
             f"{bad} {plural(cell.name)} have a quality below {least}, the default of min_quality; the worst, "
-            f"{value.min():.3g}, is near {_middle(mesh, np.argmin(value))}. They get no worse, and hardly move where "
-            "all are so."
+            f"{value.min():.3g}, is near {_middle(mesh, np.argmin(value))}. Their quality is not reduced further, so "
+            "their nodes hardly move."
         )
 
 
@@ -174,11 +173,13 @@ def coarse_arcs(movable: MovableMesh) -> Iterator[str]:
     """Yield sentences on polygons that may be coarsely meshed arcs."""
     for names, nodes, turn, (x, y), radius in possible_arcs(movable):
         key, at = names[0] if names else "NAME", f"({x:.9g}, {y:.9g})"
-        called, first = (f"boundary '{key}'", "") if names else ("an outline without a name", "name it (as lines) and ")
+        called, first = (
+            (f"boundary '{key}'", "") if names else ("a boundary without a name", "name it (by a group of lines) and ")
+        )
         yield (
             f"{called} has {nodes} nodes on a circle of radius {radius:.6g} m about {at} m and turns by up to "
-            f"{np.rad2deg(turn):.3g} degrees at each: it is taken for a polygon, and new nodes go on its sides. If it "
-            f'is round, {first}adapt with curves={{"{key}": ka.Arc({at}, {radius:.9g})}}, in a case '
+            f"{np.rad2deg(turn):.3g} degrees at each. It is treated as a polygon, with new nodes on its sides. If it "
+            f'is a circle, {first}adapt with curves={{"{key}": ka.Arc({at}, {radius:.9g})}}, in a case '
             f'adapt.curves.{key} = {{curve = "arc", centre = [{at[1:-1]}], radius = {radius:.9g}}}.'
         )
 
@@ -197,4 +198,4 @@ def _names(mesh: Mesh) -> Iterator[str]:
     except ValueError as error:
         yield str(error)
     if not named_sets(mesh.boundaries):
-        yield f"no boundary has a name, so a case can fix no potential: give the rim a physical group of {around}."
+        yield f"no boundary has a name, so a case cannot set a potential: give the rim a physical group of {around}."

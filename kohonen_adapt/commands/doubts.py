@@ -33,7 +33,7 @@ def unit_doubts(mesh: Mesh, scale: float = 1.0) -> Iterator[str]:
     elif extent > LARGE or extent < SMALL:
         which = "large" if extent > LARGE else "small"
         yield (
-            f"the mesh is {size}: a scale of {scale:g} looks too {which}. It is metres per unit of the file: "
+            f"the mesh is {size}: a scale of {scale:g} looks too {which}. The scale is metres per unit of the file: "
             "1 for m, 1e-3 for mm, 1e-6 for um."
         )
 
@@ -68,4 +68,4 @@ def permeability_doubt(name: str, permeability: float) -> str:
     if permeability < 0.1:
         relative = permeability / VACUUM_PERMEABILITY
         return f"{start}looks like H/m. If so, write {relative:.4g} (divide by 4 pi 1e-7)."
-    return f"{start}is below that, as of superconductors only."
+    return f"{start}is below 1, as in superconductors only."

@@ -109,23 +109,23 @@ def _demo(arguments: argparse.Namespace, terminal: Terminal) -> int:
 def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     case = read_case(arguments.case)
     if arguments.out is None and arguments.resume is None and not arguments.dry_run:
-        raise ValueError("run expected --out DIR, the folder for the files, --resume DIR, or --dry-run.")
+        raise ValueError("run expected --out DIR (folder for the results), --resume DIR or --dry-run.")
     terminal.show("read")
     with about(arguments.case):
         mesh = fitting_mesh(case)
     for doubt in case_doubts(case, mesh):
         terminal.warn(doubt)
     if arguments.dry_run:
-        found = f"{counted(len(terminal.warnings), 'warning')}, see above" if terminal.warnings else "nothing is wrong"
+        found = f"{counted(len(terminal.warnings), 'warning')}, see above" if terminal.warnings else "no faults found"
         terminal.say(f"{arguments.case}: {found}; '{case.mesh}' has {mesh.nvertices} nodes.")
         return DONE
     folder = writable_folder(arguments.out) if arguments.resume is None else arguments.resume
     passes = _Passes(terminal, case.adapt.get("passes", PASSES))
     run = CaseRun(case, mesh, folder, progress=passes.show, told=passes.report)
     if finished := run.begin(resume=arguments.resume is not None, force=arguments.force):
-        terminal.say(f"Going on after pass {finished - 1}, the last that was finished in {folder}.")
+        terminal.say(f"Continuing after pass {finished - 1}, the last finished pass in {folder}.")
     command = shlex.join(["kohonen-adapt", "run", str(arguments.case), "--resume", str(folder)])
-    terminal.say(f"The best pass so far is always in {folder}; if this is cut short, go on with: {command}")
+    terminal.say(f"The best pass so far is always in {folder}. To continue after an interruption: {command}")
     result = run.result()
     terminal.say(result)
     before = passes.before or adapt(mesh, case.problem, passes=0)  # a resumed run has only the meshes
@@ -188,7 +188,7 @@ def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     terminal.say("\n".join([*lines, *(f"hint: {hint}" for hint in hinted)]))
     for fault in found:
         terminal.say(f"- {fault}")
-    terminal.say(f"{counted(len(found), 'warning')}." if found else "Nothing is wrong.")
+    terminal.say(f"{counted(len(found), 'fault')} found." if found else "No faults found.")
     return FAILED if found else DONE
 
 
@@ -196,4 +196,4 @@ def _example(name: str) -> Path:
     for folder in EXAMPLES:
         if (folder / name).is_file():
             return folder / name
-    raise FileNotFoundError(f"the example '{name}' is not installed; expected it in {EXAMPLES[0]}. Install it again.")
+    raise FileNotFoundError(f"the example '{name}' is missing in {EXAMPLES[0]}. Install kohonen-adapt again.")

@@ -32,11 +32,11 @@ ANIMATION, REPORT = "passes.gif", "report.html"
 
 CAPTIONS = {
     PICTURE: "Meshes, error indicators before and after on one scale, flux lines over |B|, estimate over the passes",
-    DENSITY: "Density of nodes that the error indicators of the first mesh ask for",
+    DENSITY: "Density of nodes from the error indicators of the first mesh",
     QUALITY: "Quality of the elements before and after",
-    ESTIMATE: "Estimate over the number of nodes, with the slope of the best refinement",
-    OUTLINES: "Outlines of the adapted mesh: where nodes may go",
-    CUT: "Flux density in a cut through where it is largest, constant in every element",
+    ESTIMATE: "Estimate over the number of nodes, with the slope of optimal refinement",
+    OUTLINES: "Boundaries and interfaces of the adapted mesh, with the freedom of nodes",
+    CUT: "Flux density in a cut through its maximum, constant in every element",
     SURFACE: "Flux density on the surface of the mesh",
     ANIMATION: "The mesh, pass by pass",
 }
@@ -145,7 +145,7 @@ def _asked(case: Case, before: AdaptResult) -> str:
     outputs = f" Outputs: {', '.join(case.labelled_outputs)}." if case.outputs else ""
     by = f"by the {problem.estimator}" if case.goal is None else f"for the goal {case.goal}, by the dual-weighted"
     return (
-        f"Asked for: adapt {case.mesh.name} ({before.mesh.nvertices} nodes, {before.mesh.t.shape[1]} elements)"
+        f"Task: adapt {case.mesh.name} ({before.mesh.nvertices} nodes, {before.mesh.t.shape[1]} elements)"
         f"{target} in at most {passes} pass{'es' * (passes != 1)}{until}, {by} estimate of "
         f"the magnetic field in {', '.join(problem.materials)}.{outputs}"
     )

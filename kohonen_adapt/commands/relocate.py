@@ -77,7 +77,9 @@ def _source(text: str, option: str) -> tuple[Path, str]:
     found = SOURCE.fullmatch(text)
     if not found:
         others = ", ".join(FIELD_SUFFIXES[1:])
-        raise ValueError(f"{option} expected FIELD.vtu:name, a file (or {others}) and a field of it; got '{text}'.")
+        raise ValueError(
+            f"{option} expected FIELD.vtu:name, a file (.vtu, {others}) and the name of a field; got '{text}'."
+        )
     return Path(found[1]), found[2]
 
 

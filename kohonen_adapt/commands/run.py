@@ -73,8 +73,8 @@ class CaseRun:
             self._remove_run(force)
         elif not self.passes.is_dir():
             raise FileNotFoundError(
-                f"--resume expected the folder of a run that was begun; '{self.folder}' has no '{PASSES}'. Begin with "
-                f"--out {self.folder}."
+                f"--resume expected the folder of an earlier run; '{self.folder}' has no folder '{PASSES}'. Start "
+                f"with --out {self.folder}."
             )
         self.passes.mkdir(exist_ok=True)
         remove_drafts(self.folder)  # `adapt` cleans the folder of the passes
@@ -87,10 +87,10 @@ class CaseRun:
         files, ended = self._files(), self.passes / ENDED
         there = [name for name in (MESH, FIELDS, INSIDE, HISTORY) if (self.folder / name).exists()]
         if (files or there) and not force:
-            found = "the result of a run" if ended.exists() or not files else "passes of a run that has not ended"
+            found = "the result of a run" if ended.exists() or not files else "passes of an unfinished run"
             raise FileExistsError(
-                f"'{self.folder}' has {found}: go on with --resume {self.folder}, write over it with --force, or "
-                "choose another folder."
+                f"'{self.folder}' has {found}: continue with --resume {self.folder}, overwrite with --force, or choose "
+                "another folder."
             )
         for file in reversed(files):  # in reverse, so that an interruption leaves a valid run
             file.unlink()
@@ -154,7 +154,7 @@ def curve_sentence(case: Case, result: AdaptResult) -> str:
     if max(before, now) == 0.0:
         return ""
     sides = "facets" if len(result.mesh.p) == 2 else "faces"
-    return f"Curves are up to {now:.3g} away from their {sides}, before {before:.3g}, in the unit of {case.mesh.name}."
+    return f"Largest distance of curves from {sides}: {now:.3g}, before {before:.3g}, in the unit of {case.mesh.name}."
 
 
 def results_of(case: Case) -> list[str]:

@@ -23,7 +23,7 @@ def seams(mesh: Mesh) -> Iterator[tuple[Ints, str, str]]:
     yield (
         _coincident(mesh, rim),
         "coincident rim node",
-        ": the parts on both sides are not connected there. If that is no slit, merge them (Gmsh: Coherence, or "
+        ": the parts on both sides are not connected there. Unless a slit is intended, merge them (Gmsh: Coherence, or "
         "BooleanFragments).",
     )
     yield (
@@ -34,8 +34,8 @@ def seams(mesh: Mesh) -> Iterator[tuple[Ints, str, str]]:
     touch = "a point" if cell is TRIANGLE else "a point or an edge"
     yield (
         (_crossed if cell is TRIANGLE else _fanned)(mesh, rim),
-        "pinched node",
-        f": parts of the mesh touch in {touch} only; such a node stays where it is.",
+        "non-manifold node",
+        f": parts of the mesh touch only in {touch}; such a node does not move.",
     )
 
 

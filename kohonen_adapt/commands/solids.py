@@ -40,9 +40,9 @@ def surfaces_described(movable: MovableSolid) -> list[str]:
     shapes = [_counted_shape(surfaces.size[surfaces.shape == shape], said) for shape, said in SHAPES.items()]
     inside, faces, ridges, held = (np.sum(number == kind) for kind in (INSIDE, ON_PATCH, ON_RIDGE, HELD))
     return [
-        f"surfaces: {counted(len(surfaces.shape), 'patch')}, {', '.join(filter(None, shapes)) or 'none known'}, "
-        f"{counted(len(surfaces.ridge_shape), 'ridge')}",
-        f"nodes: {inside} free, {faces} slide on surfaces, {ridges} along ridges, {held} held for good",
+        f"surfaces: {len(surfaces.shape)}, {', '.join(filter(None, shapes)) or 'of unknown shape'}; "
+        f"{counted(len(surfaces.ridge_shape), 'edge')} between them",
+        f"nodes: {inside} free, {faces} on surfaces, {ridges} on edges, {held} fixed",
     ]
 
 
@@ -65,7 +65,9 @@ def doubtful_patches(movable: MovableSolid) -> Iterator[str]:
         more = ", ..." if len(names) > NAMED else ""
         where = f" in {', '.join(names[:NAMED])}{more}" if names else ""
         yield (
-            f"{np.sum(small)} patches of one face or two{where}: their nodes stay where they are. If that is a curved "
-            'surface, say so: surfaces={"NAME": ka.Cylinder(point, axis, radius)}, or ka.Sphere, ka.Cone; here the '
-            "option --surfaces."
+            f"{np.sum(small)} plane surfaces of one or two faces{where}: their nodes do not move. If they are parts "
+            "of a "
+            'curved surface, specify it with --surfaces, in Python surfaces={"NAME": ka.Cylinder(point, axis, '
+            "radius)}, "
+            "or ka.Sphere, ka.Cone."
         )

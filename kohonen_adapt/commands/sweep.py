@@ -55,7 +55,7 @@ class CaseOutputs:
     def of(cls, path: Path) -> "CaseOutputs":
         case = read_case(path)
         if not case.outputs:
-            raise ValueError(f"{path}: sweep expected [outputs], what is to be known of each solution; there are none.")
+            raise ValueError(f"{path}: sweep expected [outputs], the quantities to tabulate; the case has none.")
         files = [case.mesh, *sorted(case.mesh.glob("mesh.*"))]  # several in a folder of Elmer
         content = b"".join(file.read_bytes() for file in files if file.is_file())
         return cls(path.resolve(), case.text, blake2b(content, digest_size=16).hexdigest())
@@ -77,14 +77,14 @@ class CaseOutputs:
 
 def sweep_case(arguments: argparse.Namespace, terminal: Terminal) -> int:
     if arguments.out is None and arguments.resume is None:
-        raise ValueError("sweep expected --out DIR, the folder for the files, or --resume DIR.")
+        raise ValueError("sweep expected --out DIR (folder for the results) or --resume DIR.")
     outputs, grid = CaseOutputs.of(arguments.case), dict(map(_values, arguments.over))
     terminal.show("read")
     with about(arguments.case):
         fitting_mesh(outputs.case({name: values[0] for name, values in grid.items()}))
     folder = _begun(arguments)
     command = ["kohonen-adapt", "sweep", str(arguments.case), *(f"--over={each}" for each in arguments.over)]
-    terminal.say(f"If this is cut short, go on with: {shlex.join([*command, '--resume', str(folder)])}")
+    terminal.say(f"To continue after an interruption: {shlex.join([*command, '--resume', str(folder)])}")
 
     def told(done: int, count: int) -> None:
         terminal.show(f"{done} of {count} cases")
@@ -97,7 +97,7 @@ def sweep_case(arguments: argparse.Namespace, terminal: Terminal) -> int:
     terminal.say(f"Files in {folder}: {', '.join([TABLE, *(picture or [])])}.")
     failed = sum(error is not None for error in result.errors)
     if failed:
-        terminal.complain(f"{failed} of {len(result.errors)} cases ended with an error; --resume tries them again.")
+        terminal.complain(f"{failed} of {len(result.errors)} cases failed; --resume tries them again.")
     return int(failed > 0)
 
 
@@ -116,15 +116,15 @@ def _begun(arguments: argparse.Namespace) -> Path:
     refuse_link(cases)
     if arguments.resume and not cases.is_dir():
         raise FileNotFoundError(
-            f"--resume expected the folder of a sweep that was begun; '{folder}' has no '{CASES}'. Begin with --out "
+            f"--resume expected the folder of an earlier sweep; '{folder}' has no folder '{CASES}'. Start with --out "
             f"{folder}."
         )
     remove_drafts(folder)  # of killed processes
     if cases.is_dir() and not arguments.resume:
         if not (folder / TABLE).exists():
             raise FileExistsError(
-                f"'{folder}' has cases of a sweep that has not ended: go on with --resume {folder}, or delete "
-                f"'{cases}' to start anew."
+                f"'{folder}' has cases of an unfinished sweep: continue with --resume {folder}, or delete '{cases}' to "
+                "start anew."
             )
         for file in [*sorted(cases.glob("*.json")), folder / TABLE]:  # the table last: it marks a finished sweep
             file.unlink()
@@ -166,7 +166,7 @@ def _path(name: str) -> list[str]:
         table = tomllib.loads(f"{name} = 0")
     except tomllib.TOMLDecodeError:
         raise ValueError(
-            f"--over expected a dotted key of the case; got '{name}'. Keys with signs need quotes."
+            f"--over expected a dotted key of the case; got '{name}'. Keys with special characters need quotes."
         ) from None
     path: list[str] = []
     while isinstance(table, dict):
@@ -181,5 +181,7 @@ def _changed(table: Mapping[str, Any], path: list[str], value: float) -> dict[st
         return {**table, key: value}
     below = table.get(key, {})
     if not isinstance(below, Mapping):
-        raise ValueError(f"--over expected a key of the case; '{key}' is {below!r} there, and has no '{rest[0]}'.")
+        raise ValueError(
+            f"--over expected a key of the case; '{key}' is {below!r} in the case, and has no key '{rest[0]}'."
+        )
     return {**table, key: _changed(below, rest, value)}

@@ -14,7 +14,7 @@ __all__ = ["Terminal", "drawn", "let_signals_end_the_process"]
 
 Drawn = TypeVar("Drawn")
 
-REMEDY = 'For the picture: pip install "kohonen-adapt[plot]" and run this again.'
+REMEDY = 'Pictures need matplotlib: pip install "kohonen-adapt[plot]", then run the command again.'
 
 
 def let_signals_end_the_process() -> None:
@@ -77,7 +77,7 @@ def drawn(
     terminal: Terminal, folder: Path, draw: Callable[[], Drawn], what: str = "pictures and the report"
 ) -> Drawn | None:
     """Return the result of `draw`, or None without matplotlib."""
-    terminal.say(f"Results are in {folder}; now {what}, which Ctrl-C leaves out.")
+    terminal.say(f"Results are in {folder}. Drawing {what}; Ctrl-C skips this step.")
     terminal.show("draw")
     try:
         return draw()

@@ -36,8 +36,8 @@ logger = logging.getLogger("kohonen_adapt")
 Sets = dict[str, Ints]
 
 ROTATE = {
-    0: "It is in the yz-plane: rotate it (Gmsh: Rotate {{0, 1, 0}, {0, 0, 0}, Pi/2} {Surface{:};}).",
-    1: "It is in the xz-plane: rotate it (Gmsh: Rotate {{1, 0, 0}, {0, 0, 0}, -Pi/2} {Surface{:};}).",
+    0: "The drawing is in the yz-plane; rotate it (Gmsh: Rotate {{0, 1, 0}, {0, 0, 0}, Pi/2} {Surface{:};}).",
+    1: "The drawing is in the xz-plane; rotate it (Gmsh: Rotate {{1, 0, 0}, {0, 0, 0}, -Pi/2} {Surface{:};}).",
 }
 """Index of the constant coordinate of a plane drawing to the remedy."""
 
@@ -88,7 +88,7 @@ def to_mesh(content: Content, path: Path, scale: float) -> MeshTri:
 
 def _with_bent_sides(mesh: MeshTri, content: Content, used: Ints, path: Path, scale: float) -> MeshTri:
     middle = _middles(content.rows[TRIANGLE6].nodes, used[mesh.facets.T], path)
-    _check_points(content.points[np.append(used, middle)], path, "mid-side node")
+    _check_points(content.points[np.append(used, middle)], path, "midside node")
     position = scale * content.points[:, :2].T
     segments = np.column_stack([used[mesh.facets[0]], middle, used[mesh.facets[1]]])
     bent = _is_bent(segments, position)
@@ -105,7 +105,8 @@ def _check_shapes(content: Content, path: Path) -> None:
     if not counts.get(TRIANGLE):
         raise ValueError(
             f"read_mesh expected triangles; '{path}' has {found}. "
-            "Mesh in two dimensions (gmsh -2) and give the surfaces a physical group: Gmsh saves only what has one."
+            "Mesh in two dimensions (gmsh -2) and give the surfaces a physical group: Gmsh saves only elements in "
+            "groups."
         )
 
 
@@ -145,7 +146,7 @@ def _check_points(points: Floats, path: Path, what: str = "node") -> None:
         remedy = ROTATE.get(int(flat[0])) if len(flat) == 1 else None
         raise ValueError(
             f"read_mesh expected a drawing in the xy-plane; z runs from {low:g} to {high:g} in '{path}'. "
-            f"{remedy or 'Of a solid, mesh the inside, too: gmsh -3.'}"
+            f"{remedy or 'For a solid, mesh the volume: gmsh -3.'}"
         )
 
 
@@ -173,7 +174,7 @@ def _boundaries(mesh: MeshTri, used: Ints, content: Content, path: Path) -> Sets
     node = found_in(used, rows.nodes)
     facet = np.where(np.all(node >= 0, axis=1), sets_in(mesh.facets.T, node), -1)
     if np.any(facet < 0):
-        logger.warning("%d lines of '%s' are no side of a triangle: left out.", np.sum(facet < 0), path)
+        logger.warning("%d lines of '%s' are not sides of triangles and are left out.", np.sum(facet < 0), path)
     group, node, facet = rows.group[facet >= 0], node[facet >= 0], facet[facet >= 0]
     centre = mesh.p[:, mesh.t[:, mesh.f2t[0, facet]]].mean(axis=1)
     second = ~is_in_front(mesh.p[:, node.T], centre) & (mesh.f2t[1, facet] >= 0)
@@ -208,7 +209,7 @@ def _runs_on(lines: Ints) -> bool:
 def _report(mesh: MeshTri, content: Content, path: Path) -> None:
     sizes, unused = (mesh.p.shape[1], mesh.t.shape[1]), len(content.points) - mesh.p.shape[1]
     names = sorted(mesh.subdomains or ()), sorted(mesh.boundaries or ())
-    kind = "triangles with bent sides" if has_bent_sides(mesh) else "triangles"
+    kind = "triangles with curved sides" if has_bent_sides(mesh) else "triangles"
     said = "read '%s': %d nodes, %d %s, subdomains %s, boundaries %s; %d unused nodes dropped."
     logger.info(said, path, *sizes, kind, *names, unused)
     if mesh.subdomains:
@@ -221,7 +222,7 @@ def _report(mesh: MeshTri, content: Content, path: Path) -> None:
         surfaces = ", ".join(map(str, content.missing))
         logger.warning(
             "'%s' has no triangles for surface %s of its geometry: the mesh has holes there. "
-            "Put every surface into a physical group: where there are groups, Gmsh saves only what is in one.",
+            "Put every surface into a physical group: if there are groups, Gmsh saves only the elements in groups.",
             *(path, surfaces),
         )
 
@@ -244,7 +245,7 @@ def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict
     ends = used[mesh.facets[:, facets].T]
     middle = _middles(triangles, ends, path)
     position = scale * content.points[:, :2].T
-    check_finite(position[:, middle].T, path, "read_curves", "mid-side node")
+    check_finite(position[:, middle].T, path, "read_curves", "midside node")
     segments = np.column_stack([ends[:, 0], middle, ends[:, 1]])
     bent = _is_bent(segments, position)
     curves = {}
@@ -263,10 +264,10 @@ def is_second_order(content: Content) -> bool:
 
 def _check_order(content: Content, path: Path) -> None:
     if not is_second_order(content):
-        found = "others, too" if TRIANGLE6 in content.rows else "none"
+        found = "other elements, too" if TRIANGLE6 in content.rows else "none"
         raise ValueError(
-            f"read_curves expected triangles of second order only, for their mid-side nodes; '{path}' has {found}. "
-            "Mesh with Mesh.ElementOrder = 2, or take the nodes of the mesh: Spline.through(mesh, name)."
+            f"read_curves expected triangles of second order only, for their midside nodes; '{path}' has {found}. "
+            "Mesh with Mesh.ElementOrder = 2, or use the nodes of the mesh: Spline.through(mesh, name)."
         )
 
 
@@ -276,11 +277,11 @@ def _check_same(p: Floats, own: Floats, path: Path) -> None:
     off = np.max(np.abs(p - own))
     size = np.ptp(own, axis=1).max()
     if off > SAME * size + DIGITS * np.abs(own).max():
-        raise _of_another_mesh(path, f" at this scale; a node is {off / size:.3g} sizes of the mesh off its place")
+        raise _of_another_mesh(path, f" at this scale; a node is off by {off / size:.3g} times the size of the mesh")
 
 
 def _of_another_mesh(path: Path, why: str) -> ValueError:
-    expected = f"read_curves expected the mesh that read_mesh('{path}') gives"
+    expected = f"read_curves expected the mesh that read_mesh('{path}') returns"
     return ValueError(f"{expected}{why}. Read the curves before the mesh is changed.")
 
 
@@ -292,7 +293,7 @@ def _middles(triangles: Ints, ends: Ints, path: Path) -> Ints:
         middle[facet[facet >= 0]] = triangles[facet >= 0, between]
     if np.any(middle < 0):
         count = np.sum(middle < 0)
-        raise _of_another_mesh(path, f"; {count} facets in its boundaries are no side of a triangle of the file")
+        raise _of_another_mesh(path, f"; {count} facets of its boundaries are not sides of triangles in the file")
     return middle
 
 

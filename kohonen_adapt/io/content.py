@@ -221,7 +221,7 @@ def parsed(text: str | bytes, kind: DTypeLike = float) -> NDArray[Any]:
         try:
             return np.fromstring(text.strip(), kind, sep=" ")
         except (DeprecationWarning, RuntimeWarning, ValueError):
-            raise ValueError("a section of numbers holds something else") from None
+            raise ValueError("a section of numbers has other text") from None
 
 
 def suffix_of(path: Path, caller: str, known: tuple[str, ...], remedy: str = "") -> str:

@@ -45,7 +45,7 @@ def read_elmer(folder: Path) -> Content:
         for kind, rows in blocks:
             place = found_in(nodes[:, 0], rows.nodes)
             if np.any(place < 0):
-                raise ValueError(f"an element has node {rows.nodes[place < 0][0]}, which is not there")
+                raise ValueError(f"an element has node {rows.nodes[place < 0][0]}, which does not exist")
             parts.setdefault(kind, []).append(Rows(place, rows.group, rows.number))
         joined = {kind: Rows.joined(rows, nodes_of(kind)) for kind, rows in parts.items()}
         bare = Content(nodes[:, 2:], joined, {}, numbers=nodes[:, 0].astype(np.int64))
@@ -117,7 +117,7 @@ def _numbered(sets: Sets, dimension: int, count: int, numbers: Mapping[tuple[int
         taken = number[np.asarray(items)].max(initial=0)
         if taken:
             other = next(other for other in sets if numbers[dimension, other] == taken)
-            raise ValueError(f"Elmer has one name for a place; '{other}' and '{name}' overlap. Leave one of them out.")
+            raise ValueError(f"groups must not overlap in Elmer; '{other}' and '{name}' do. Leave one of them out.")
         number[np.asarray(items)] = numbers[dimension, name]
     return number
 

@@ -39,12 +39,12 @@ def read_ans(path: Path) -> Content:
     with refusing(path, f"read_mesh expected a solution of FEMM; '{path}' cannot be read: {{}}."):
         head, mark, solution = path.read_text(encoding="utf-8", errors="replace").partition("[Solution]")
         if not mark:
-            raise ValueError("it has no [Solution]: analyse the model in FEMM, and take the .ans file that this writes")
+            raise ValueError("it has no [Solution]: analyse the model in FEMM, and use the .ans file of the solution")
         lines = solution.split("\n")[1:]
         nodes = _table(lines, 2)
         elements = _table(lines[1 + len(nodes) :], 4).astype(np.int64)
         if np.any((elements[:, :3] < 0) | (elements[:, :3] >= len(nodes))):
-            raise ValueError("a triangle has a node that is not there")
+            raise ValueError("a triangle has a node that does not exist")
         blocks, boundaries = _blocks(head, elements), _boundaries(head, nodes[:, 0] + 1j * nodes[:, 1])
         points = _unit(head) * np.column_stack([nodes, np.zeros(len(nodes))])
         return gathered(points, [*blocks, *boundaries])
@@ -62,7 +62,7 @@ def _table(lines: list[str], columns: int) -> Floats:
     count = int(lines[0].split("=")[-1])
     rows = [line.split()[:columns] for line in lines[1 : 1 + max(count, 0)]]
     if len(rows) != count:
-        raise ValueError(f"it says that {count} rows follow, and has {len(rows)}")
+        raise ValueError(f"it announces {count} rows, but has {len(rows)}")
     return np.array(rows, dtype=float).reshape(count, columns)
 
 
@@ -77,7 +77,7 @@ def _blocks(head: str, elements: Ints) -> Iterator[tuple[int, str, Ints, Ints]]:
     block = _section(head, "NumBlockLabels", 3)[:, 2].astype(np.int64)
     label, number = elements[:, 3], np.arange(len(elements))
     if np.any((label < 0) | (label >= len(block))) or np.any((block < 0) | (block >= len(names))):
-        raise ValueError("a triangle is in a block that is not there")
+        raise ValueError("a triangle is in a block that does not exist")
     for k in np.unique(block).tolist():
         members = np.flatnonzero(block[label] == k)
         yield TRIANGLE, names[k], elements[members, :3], number[members]

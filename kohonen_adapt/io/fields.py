@@ -96,7 +96,7 @@ def _places(mesh: Mesh, points: Floats, cells: Ints, path: Path, shape: str) -> 
     _matched(mesh.p.T, points[used], mesh, path, "node")
     place = _matched(mesh.p[:, mesh.t].mean(axis=1).T, points[cells].mean(axis=1), mesh, path, shape)
     if len(np.unique(place)) < len(place):
-        raise ValueError(f"read_field expected a field on the mesh; '{path}' has other {plural(shape)}.")
+        raise ValueError(f"read_field expected a field on the mesh; '{path}' has different {plural(shape)}.")
     return place
 
 
@@ -119,8 +119,8 @@ def _check_unit(mesh: Mesh, points: Floats, path: Path, scale: float) -> None:
         alike = np.max(np.abs(given / factor - own)) < NEAR * size
     if alike and abs(factor / scale - 1.0) > NEAR:
         raise ValueError(
-            f"read_field expected the mesh in '{path}' at a scale of {scale:g}; it is there at {factor:.6g}, so the "
-            f"units differ. Give --scale {factor:.6g} (metres per unit of the mesh, for a field file in metres)."
+            f"read_field expected the mesh in '{path}' at a scale of {scale:g}; its scale is {factor:.6g}, so the "
+            f"units differ. Use --scale {factor:.6g} (metres per unit of the mesh, for a field file in metres)."
         )
 
 
@@ -134,8 +134,8 @@ def _matched(wanted: Floats, given: Floats, mesh: Mesh, path: Path, what: str) -
     off = float(np.max(distance) / np.ptp(mesh.p, axis=1).max())
     if off > NEAR:
         raise ValueError(
-            f"read_field expected a field on the mesh; in '{path}' a {what} is {off:.3g} sizes of the mesh off its "
-            "place. Are both in the same unit, and of the same step?"
+            f"read_field expected a field on the mesh; in '{path}' a {what} is off by {off:.3g} times the size "
+            "of the mesh. Do both files have the same unit and step?"
         )
     return place
 

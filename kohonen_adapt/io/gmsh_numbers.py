@@ -107,7 +107,7 @@ def _need(there: bool) -> None:
 
 def _whole(values: NDArray[Any]) -> Ints:
     if not np.all(np.abs(values) < EXACT):
-        raise ValueError("a number that counts is too large, or none")
+        raise ValueError("an integer is too large, or not finite")
     if np.any(np.trunc(values) != values):
-        raise ValueError(f"{values[np.trunc(values) != values][0]} stands where a whole number must")
+        raise ValueError(f"{values[np.trunc(values) != values][0]} is not an integer")
     return values.astype(np.int64)

@@ -85,7 +85,7 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
         return Numbers(data, data.index(b"\n", start) + 1, binary)
 
     if b"\n$PartitionedEntities" in data:
-        raise ValueError("it is partitioned")
+        raise ValueError("it is partitioned, which is not supported")
     missing: tuple[int, ...] = ()
     if version == "4.1":
         groups = _entities(section("Entities")) if b"\n$Entities" in data else {}
@@ -185,7 +185,7 @@ def _rows(blocks: list[Block], numbers: Ints) -> dict[int, Rows]:
             raise ValueError("it has elements and no nodes")
         place = found_in(numbers, rows.nodes)
         if np.any(place < 0):
-            raise ValueError(f"an element has node {rows.nodes[place < 0][0]}, which is not there")
+            raise ValueError(f"an element has node {rows.nodes[place < 0][0]}, which does not exist")
         found[kind] = replace(rows, nodes=place)
     return found
 
@@ -211,7 +211,9 @@ def _listed(data: bytes, path: Path, shape: str) -> Sampled:
     corners = np.empty((0, 3 * width))
     found = list(VIEW.finditer(data))
     if not found:
-        raise ValueError(f"read_field expected lists of {plural(shape)}; '{path}' begins like one and has none.")
+        raise ValueError(
+            f"read_field expected lists of {plural(shape)}; '{path}' begins with View, but has no such list."
+        )
     ends = [*(view.start() for view in found[1:]), len(data)]
     for view, end in zip(found, ends, strict=True):
         name, rows = view[1].decode("utf-8", "replace"), LISTED.findall(data, view.end(), end)
@@ -225,7 +227,7 @@ def _listed(data: bytes, path: Path, shape: str) -> Sampled:
                 "write one step only."
             ) from None
         if len(fields) and not np.array_equal(places, corners):
-            raise ValueError(f"'{path}' has views on other {plural(shape)}; write each to a file of its own.")
+            raise ValueError(f"'{path}' has views on different {plural(shape)}; write each view to its own file.")
         corners = places
         fields.append(Field(name, False, table.mean(axis=1)))
     points, node = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)

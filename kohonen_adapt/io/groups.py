@@ -129,8 +129,8 @@ def _report_shared(names: Mapping[tuple[int, int], str], path: Path) -> None:
         kept = first.setdefault((dimension, name), number)
         if kept != number and dimension > 0:
             logger.warning(
-                "groups %d and %d of '%s' have the name '%s' in common and become one, of number %d; give them two "
-                "names to keep them apart.",
+                "groups %d and %d of '%s' have the same name '%s' and are merged into group %d; give them different "
+                "names to keep both.",
                 *(kept, number, path, name, kept),
             )
 

@@ -66,13 +66,13 @@ def _counted(data: bytes, path: Path) -> bytes:
     # meshio reserves memory for the counts of a file.
     most = max((int(number) for pair in COUNTS.findall(data) for number in pair if number), default=0)
     if most > len(data):
-        raise ValueError(f"it says that {most} of something follow, in {len(data)} bytes")
+        raise ValueError(f"it announces {most} items in {len(data)} bytes")
     return data
 
 
 def _vtk(data: bytes, path: Path) -> bytes:
     if not re.search(rb"(?im)^DATASET\s+UNSTRUCTURED_GRID\b", data):
-        raise ValueError("it holds no UNSTRUCTURED_GRID")
+        raise ValueError("it has no UNSTRUCTURED_GRID")
     _counted(b"\n".join(data.split(b"\n", 3)[2:]), path)  # without the title, a free text
     return data
 
@@ -84,7 +84,7 @@ def _abaqus(data: bytes, path: Path) -> bytes:
         raise ValueError("it has a set of sets: list their elements")
     for first, last, step in RANGE.findall(data):
         if int(step) == 0 or (int(last) - int(first)) // int(step) > len(data):
-            raise ValueError(f"it says that a set runs from {int(first)} to {int(last)}, in {len(data)} bytes")
+            raise ValueError(f"it has a set from {int(first)} to {int(last)} in {len(data)} bytes")
     return data
 
 
@@ -104,7 +104,7 @@ def _xdmf(data: bytes, path: Path) -> bytes:
         form, (name, *_) = item.get("Format"), (item.text or "").strip().split(":")
         if form == "HDF":
             if Path(name).name != name or not path.with_name(name).is_file():
-                raise ValueError(f"its data must be in a file beside it; there is none of the name '{name}'")
+                raise ValueError(f"its data must be in a file in the same folder; there is no file '{name}' in it")
             _check_hdf(path.with_name(name))
         elif form not in ("XML", None):
             raise ValueError(f"its data has the format '{form}'; write it with HDF or XML")
@@ -117,7 +117,7 @@ def _check_hdf(path: Path) -> None:
     def nbytes(group: Any) -> Iterator[int]:
         for name in group:
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-                raise ValueError(f"'{name}' in it is a link to elsewhere")
+                raise ValueError(f"'{name}' in it is a link")
             item = group[name]
             if isinstance(item, h5py.Group):
                 yield from nbytes(item)
@@ -128,7 +128,7 @@ def _check_hdf(path: Path) -> None:
 
     with h5py.File(path, "r") as file:
         if sum(nbytes(file)) > PACKED * path.stat().st_size + ALWAYS:
-            raise ValueError("it unpacks to far more than a mesh of its size holds")
+            raise ValueError("it unpacks to more data than plausible for its size")
 
 
 FORMATS: dict[str, tuple[str, Any, Callable[[bytes, Path], bytes]]] = {
@@ -189,7 +189,7 @@ def _quietly(read: Callable[[str], Any], path: Path) -> Any:
     if "cannot handle" in words:
         raise ValueError(words)
     if words:
-        logger.warning("meshio says of '%s': %s", path, words)
+        logger.warning("meshio reports for '%s': %s", path, words)
     return mesh
 
 
@@ -227,7 +227,7 @@ def _nodes(block: Any, kind: int, count: int) -> Ints:
         return np.empty((len(block.data), 0), np.int64)
     nodes = np.asarray(block.data, np.int64).reshape(-1, nodes_of(kind))
     if np.any((nodes < 0) | (nodes >= count)):
-        raise ValueError("a cell has a node that is not there")
+        raise ValueError("a cell has a node that does not exist")
     return nodes
 
 
@@ -269,7 +269,7 @@ def _names(mesh: Any, key: str, tag: int, dimension: int) -> list[str]:
 def _whole(values: Any, key: str) -> Ints:
     values = values.ravel() if values.shape[1:] == (1,) else values
     if not (values.ndim == 1 and values.dtype.kind in "iuf" and np.all(np.abs(values) < EXACT)):
-        raise ValueError(f"'{key}' expects whole numbers, one for each cell")
+        raise ValueError(f"'{key}' must have one integer per cell")
     return values.astype(np.int64)
 
 

@@ -165,7 +165,7 @@ def _reader(path: Path, scale: float, caller: str, readers: dict[str, Reader]) -
         raise ValueError(f"scale must be a positive number, 1e-3 for a drawing in millimetres; got {scale!r}.")
     if readers is READERS and (path / HEADER).is_file():
         return read_elmer
-    remedy = f" Gmsh converts others, .unv and .cgns with all names: gmsh '{path.name}' -save -o NEW.msh"
+    remedy = f" Gmsh converts other formats (.unv and .cgns with all names): gmsh '{path.name}' -save -o NEW.msh"
     suffix = suffix_of(path, caller, tuple(readers), remedy)
     if not path.is_file():
         raise FileNotFoundError(f"{caller} expected a mesh file; there is none at '{path}'.")

@@ -85,7 +85,7 @@ def _boundaries(mesh: MeshTet, used: Ints, content: Content, path: Path) -> Sets
     if np.any(facet < 0):
         place = tuple(content.points[rows.nodes[facet < 0][0]].mean(axis=0).tolist())
         raise ValueError(
-            f"read_mesh expected triangles that are faces of tetrahedra; {np.sum(facet < 0)} of '{path}' are none, one "
+            f"read_mesh expected triangles that are faces of tetrahedra; {np.sum(facet < 0)} of '{path}' are not, one "
             f"near {place}. Put the volumes beside them into a physical group, mesh surfaces inside a volume with it "
             "(Gmsh: BooleanFragments), or leave them out."
         )
@@ -113,7 +113,7 @@ def _report(mesh: MeshTet, content: Content, path: Path) -> None:
     logger.info(said, path, *sizes, *names, unused)
     curves = sorted({name for (dimension, _), name in content.names.items() if dimension == 1})
     if curves:
-        logger.warning("groups of lines of '%s' have no place in a mesh of tetrahedra: %s left out.", path, curves)
+        logger.warning("groups of lines of '%s' are left out of a mesh of tetrahedra: %s.", path, curves)
     if mesh.subdomains:
         bare = np.ones(mesh.t.shape[1], dtype=bool)
         bare[np.concatenate(list(mesh.subdomains.values()))] = False
@@ -124,6 +124,6 @@ def _report(mesh: MeshTet, content: Content, path: Path) -> None:
         volumes = ", ".join(map(str, content.missing))
         logger.warning(
             "'%s' has no tetrahedra for volume %s of its geometry: the mesh has holes there. "
-            "Put every volume into a physical group: where there are groups, Gmsh saves only what is in one.",
+            "Put every volume into a physical group: if there are groups, Gmsh saves only the elements in groups.",
             *(path, volumes),
         )

@@ -42,7 +42,9 @@ def write_vtu(
     names |= {BOUNDARY + name: _mark_sides(mesh, items) for name, items in boundaries.items()}
     taken = names.keys() & cell_data.keys()
     if taken:
-        raise ValueError(f"cell_data '{min(taken)}' has a name that write_mesh needs for the mesh; choose another.")
+        raise ValueError(
+            f"cell_data '{min(taken)}' has a name that write_mesh reserves for the mesh; choose another name."
+        )
     # meshio does not escape names in the XML.
     cells = {escape(name, quote=False): [_components(values)] for name, values in (names | cell_data).items()}
     nodal = {escape(name, quote=False): values for name, values in point_data.items()}

@@ -36,7 +36,7 @@ class _Plain(ElementTree.TreeBuilder):
     """
 
     def doctype(self, name: str, public: str | None, system: str | None) -> None:
-        raise ValueError("it declares a document type, which no mesh needs")
+        raise ValueError("it declares a document type, which is not allowed")
 
 
 def plain_xml(text: bytes) -> ElementTree.Element:
@@ -58,10 +58,10 @@ def checked_vtu(data: bytes) -> bytes:
     text, raw = _without_raw(data)
     root = plain_xml(text)
     if root.tag != "VTKFile" or root.get("type") != "UnstructuredGrid":
-        raise ValueError("it holds no UnstructuredGrid")
+        raise ValueError("it has no UnstructuredGrid")
     pieces = len(root.findall("UnstructuredGrid/Piece"))
     if pieces != 1:
-        raise ValueError(f"it has {pieces} pieces where one is expected: merge them, in ParaView by Merge Blocks")
+        raise ValueError(f"it has {pieces} pieces instead of one: merge them, in ParaView by Merge Blocks")
     order = _known(ORDERS, "byte order", root.get("byte_order", "LittleEndian"))
     head = np.dtype(order + _known(HEADERS, "header type", root.get("header_type", "UInt32")))
     decompressor = root.get("compressor") and _known(DECOMPRESSORS, "compressor", root.get("compressor"))
@@ -105,7 +105,7 @@ def _unpacked(source: Source, head: np.dtype[Any], most: int, decompressor: Call
         _, full, last, *sizes = np.frombuffer(header, head).tolist()
         lengths = [full] * (count - 1) + [last or full] if count else []
     if sum(lengths) > most:  # arrays may refer to the same bytes
-        raise ValueError("it unpacks to far more than a mesh of its size holds")
+        raise ValueError("it unpacks to more data than plausible for its size")
     if decompressor:
         packed, start = _taken(source, end, sum(sizes))[0], 0
         for length, size in zip(lengths, sizes, strict=True):
@@ -120,7 +120,7 @@ def _check_block(decompressor: Any, block: bytes, length: int) -> None:
     except (zlib.error, lzma.LZMAError, EOFError) as error:
         raise ValueError(f"a block of its data cannot be unpacked: {error}") from None
     if len(unpacked) != length:
-        raise ValueError("a block of its data has another length than it says")
+        raise ValueError("a block of its data has a wrong length")
 
 
 def _taken(source: Source, start: int, count: int) -> tuple[bytes, int]:

@@ -167,4 +167,7 @@ def _check_name(name: object, kind: str) -> None:
             f"the name of a {kind} must be printable text without a double quote, which Gmsh cannot read; got {name!r}."
         )
     if len(name.encode()) > LONGEST_NAME:
-        raise ValueError(f"the name of a {kind} may have {LONGEST_NAME} bytes, more Gmsh cuts off; got {name!r}.")
+        raise ValueError(
+            f"the name of a {kind} must have at most {LONGEST_NAME} bytes, because Gmsh cuts longer names; got "
+            f"{name!r}."
+        )

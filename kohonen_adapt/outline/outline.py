@@ -155,8 +155,8 @@ class Outline:
         return {
             "free": kind == FREE,
             "sliding": kind == SLIDING,
-            "in corners that others may take": held & jumps,
-            "held for good": held & ~jumps,
+            "at corners": held & jumps,
+            "fixed": held & ~jumps,
         }
 
     def points_on(self, chain: Ints, parameter: Floats) -> Floats:
@@ -204,7 +204,7 @@ def cut_in_pairs(
     if np.any(((curve >= 0) | ((curve == BY_MIDSIDES) & np.isnan(circle[:, 0]))) & (pairs.facet >= 0)):
         raise ValueError(
             "a periodic boundary cannot have a curve, too: its pieces must be straight or arcs of circles, which need "
-            "none. Leave its curve out, or draw its mid-side nodes to their chords."
+            "none. Leave its curve out, or draw its midside nodes to their chords."
         )
     stops, centres = pinned.copy(), centres_of(pairs.motions)
     while True:

@@ -123,7 +123,7 @@ def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets
         radii = in_unit(unit) / np.abs(chains.curvature)
     for mask, style, label in (
         (plain & outline.straight, "solid", "straight"),
-        (plain & ~outline.straight & ~recognised, MIDSIDE_DASHES, "on a spline through mid-side nodes"),
+        (plain & ~outline.straight & ~recognised, MIDSIDE_DASHES, "on a spline through midside nodes"),
         (recognised, (0, (4.0, 1.5)), f"recognised as arc or circle{_in_words(radii[recognised], unit)}"),
         (curve_index & ~chains.paired, (0, (1.0, 1.0)), "on a given curve"),
         (chains.paired, (0, (6.0, 1.5, 1.0, 1.5)), "periodic, matched with another"),

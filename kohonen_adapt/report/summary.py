@@ -23,12 +23,12 @@ from kohonen_adapt.loop.table import (
 __all__ = ["key_figures", "sentences", "versions", "without_folders"]
 
 ENDINGS = {
-    Status.CONVERGED: "the tolerance is met",
-    Status.MAX_PASSES: "all passes are done",
-    Status.STALLED: "no pass improved any more",
+    Status.CONVERGED: "tolerance met",
+    Status.MAX_PASSES: "maximum number of passes",
+    Status.STALLED: "no further improvement",
     Status.NOT_MOVED: "no node could move",
-    Status.STOPPED: "stopped before its end",
-    Status.FAILED: "an error in a pass",
+    Status.STOPPED: "stopped early",
+    Status.FAILED: "error in a pass",
 }
 
 PACKAGES = ("numpy", "scipy", "scikit-fem", "numba", "meshio", "matplotlib", "pyamg")
@@ -50,7 +50,7 @@ def key_figures(result: AdaptResult) -> list[tuple[str, str]]:
         ("nodes", _from_to(*(step.mesh.nvertices for step in (first, last)))),
         ("worst quality", f"{last.min_quality:.2f}"),
         *((name, significant(value, 5)) for name, value in last.outputs.items()),
-        ("how it ended", ENDINGS[result.status]),
+        ("ending", ENDINGS[result.status]),
     ]
 
 
@@ -87,7 +87,7 @@ def _error(step: Pass, other: Pass) -> str:
 def _share(first: Pass, last: Pass) -> str:
     if last is first or not first.estimate:
         return ""
-    return f": the estimate is {100.0 * last.shown_estimate / first.shown_estimate:.3g}\u00a0% of what it was"
+    return f": the estimate is {100.0 * last.shown_estimate / first.shown_estimate:.3g}\u00a0% of its initial value"
 
 
 def _from_to(first: int, last: int) -> str:

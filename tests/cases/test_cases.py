@@ -231,11 +231,11 @@ def wrong(old, new, *said):
     ("text", "said"),
     [
         wrong('mesh = "c_core.msh"', "", "mesh is missing"),
-        wrong('mesh = "c_core.msh"', "mesh = 3", "mesh must be some text in quotes; got 3."),
+        wrong('mesh = "c_core.msh"', "mesh = 3", "mesh must be text in quotes; got 3."),
         wrong("scale = 1e-3", "scale = nan", "scale must be a finite number; got nan."),
         wrong("scale = 1e-3", "scale = true", "scale must be a finite number; got True."),
         wrong("scale = 1e-3", "scale = 1" + 400 * "0", "scale must be a finite number; got 1000"),
-        wrong("scale = 1e-3", "scal = 1e-3", "'scal' is no key of a case. Did you mean 'scale'? Known: mesh, scale"),
+        wrong("scale = 1e-3", "scal = 1e-3", "'scal' is not a key of a case. Did you mean 'scale'? Known: mesh, scale"),
         wrong("scale = 1e-3", "axisymmetric = 1", "axisymmetric must be true or false; got 1."),
         wrong("scale = 1e-3", "order = 4", "order of the elements must be 1, 2 or 3; got 4."),
         wrong("scale = 1e-3", "order = true", "order must be an integer up to 2147483647; got True."),
@@ -253,7 +253,8 @@ def wrong(old, new, *said):
         wrong(
             "permeability = 1000.0",
             "permeabilty = 1000.0",
-            "'materials.iron.permeabilty' is no key of a case. Did you mean 'permeability'? Known in materials.iron: ",
+            "'materials.iron.permeabilty' is not a key of a case. Did you mean 'permeability'? Known in "
+            "materials.iron: ",
         ),
         wrong(
             "permeability = 1000.0",
@@ -293,13 +294,13 @@ def wrong(old, new, *said):
         wrong(
             "passes = 4",
             "depth = 0.1",
-            "'adapt.depth' is no key",
-            "But depth is one of the case itself: write it above",
+            "'adapt.depth' is not a key",
+            "But depth is a key of the case itself: write it above",
         ),
-        wrong("scale = 1e-3", "passes = 3", "'passes' is no key of a case.", "But passes is one of [adapt]."),
+        wrong("scale = 1e-3", "passes = 3", "'passes' is not a key of a case.", "But passes is a key of [adapt]."),
         wrong("outer = 0.0", "outer = 0.0\n[goal]\nbh = 2", "goal.quantity is missing; it must be one of 'force', 't"),
         wrong(
-            "outer = 0.0", "outer = 0.0\n[points]\n[outputs.a]\nquantity = 'energy'\nbh = 2", "But bh is one of [mat"
+            "outer = 0.0", "outer = 0.0\n[points]\n[outputs.a]\nquantity = 'energy'\nbh = 2", "But bh is a key of [mat"
         ),
         wrong("scale = 1e-3", "goal = 'force'", "goal must be a table with a key quantity, one of 'force', 'torque', "),
         pytest.param('mesh = "m"\nmaterials = {air = 1}', ["materials.air must be a table of keys; got 1."], id="air"),
@@ -328,19 +329,21 @@ def wrong(old, new, *said):
         wrong(
             "passes = 4",
             "pinned = [1.5]",
-            "adapt.pinned[0] must be an integer up to 2147483647 or some text in quotes; got 1.5.",
+            "adapt.pinned[0] must be an integer up to 2147483647 or text in quotes; got 1.5.",
         ),
         wrong(
             "passes = 4",
             "pinned = 3",
-            "adapt.pinned must be [an integer up to 2147483647 or some text in quotes, ...] or some",
+            "adapt.pinned must be [an integer up to 2147483647 or text in quotes, ...] or text",
         ),
         wrong(
             "min_quality = 0.3", "[outputs.f]\nquantity = 'forc'", "outputs.f.quantity must be", "Did you mean 'force'?"
         ),
         wrong("min_quality = 0.3", "[outputs.f]\nquantity = 'force'\nbody = 'a'", "outputs.f.component is missing"),
         wrong(
-            "min_quality = 0.3", "[outputs.f]\nquantity = 'energy'\nbody = 'a'", "'outputs.f.body' is no key of a case."
+            "min_quality = 0.3",
+            "[outputs.f]\nquantity = 'energy'\nbody = 'a'",
+            "'outputs.f.body' is not a key of a case.",
         ),
         wrong(
             "min_quality = 0.3",
@@ -402,7 +405,9 @@ def test_what_is_no_toml(content, tmp_path):
 
 
 def test_no_file(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"there is no file '.*case\.toml'\. Make one: kohonen-adapt init MESH"):
+    with pytest.raises(
+        FileNotFoundError, match=r"there is no file '.*case\.toml'\. Create one: kohonen-adapt init MESH"
+    ):
         read_case(tmp_path / "case.toml")
 
 

@@ -168,5 +168,5 @@ def test_a_group_of_points_stays(folder):
         if point == 0:
             assert case.pins(fitting_mesh(case)) == [0]
         else:
-            with pytest.raises(ValueError, match="turn must leave groups of points where they are"):
+            with pytest.raises(ValueError, match="turn must not move groups of points"):
                 fitting_mesh(case)

@@ -58,7 +58,10 @@ def test_demo_without_matplotlib_writes_its_files_and_names_the_remedy(tmp_path,
     without_matplotlib(monkeypatch)
     assert cli.main(["demo", "magnet", "--out", str(tmp_path)]) == 0
     assert sorted(file.name for file in tmp_path.iterdir()) == ["magnet.msh", "magnet.vtu"]
-    assert 'For the picture: pip install "kohonen-adapt[plot]" and run this again.' in capsys.readouterr().out
+    assert (
+        'Pictures need matplotlib: pip install "kohonen-adapt[plot]", then run the command again.'
+        in capsys.readouterr().out
+    )
 
 
 def test_an_error_in_the_drawing_is_not_taken_for_a_missing_matplotlib(tmp_path):
@@ -114,7 +117,7 @@ def test_an_old_spelling_works_with_a_warning(tmp_path, capsys):
     ]
     assert cli.main(arguments) == 0
     assert (tmp_path / "new.toml").exists()
-    said = "kohonen-adapt: warning: --output is --out now, and will not be understood for ever.\n"
+    said = "kohonen-adapt: warning: --output is deprecated; use --out.\n"
     assert said in capsys.readouterr().err
     with pytest.raises(SystemExit):
         cli.main(["init", "--help"])
@@ -127,7 +130,7 @@ def test_without_arguments_there_is_the_help(capsys):
     said = capsys.readouterr().err
     commands = ("demo", "run", "init", "check", "relocate")
     assert all(re.search(rf"^    {name} +\S", said, re.MULTILINE) for name in commands)
-    assert " ".join(said.split()).endswith("A first case: kohonen-adapt init MESH.")
+    assert " ".join(said.split()).endswith("To begin: kohonen-adapt init MESH.")
 
 
 def test_out_is_a_file(tmp_path, capsys):
@@ -135,7 +138,7 @@ def test_out_is_a_file(tmp_path, capsys):
     assert cli.main(["demo", "magnet", "--out", str(tmp_path / "file")]) == 2
     error = capsys.readouterr().err
     assert one_line(error)
-    assert f"--out expected a folder that takes files; '{tmp_path / 'file'}' does not: File exists." in error
+    assert f"--out expected a writable folder; cannot write to '{tmp_path / 'file'}': File exists." in error
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="permissions do not bind the superuser")
@@ -156,8 +159,8 @@ def test_a_missing_example(tmp_path):
     shutil.copytree(ROOT / "kohonen_adapt", tmp_path / "kohonen_adapt", ignore=shutil.ignore_patterns("__pycache__"))
     done = run("demo", "magnet", "--out", tmp_path / "out", PYTHONPATH=str(tmp_path), PYTHONSAFEPATH="1")
     assert done.returncode == 2
-    expected = f"expected it in {tmp_path / 'kohonen_adapt' / 'data'}. Install it again."
-    assert done.stderr == f"kohonen-adapt: the example 'magnet.toml' is not installed; {expected}\n"
+    expected = f"is missing in {tmp_path / 'kohonen_adapt' / 'data'}. Install kohonen-adapt again."
+    assert done.stderr == f"kohonen-adapt: the example 'magnet.toml' {expected}\n"
 
 
 def test_a_problem_that_fails_on_the_way(tmp_path, capsys, monkeypatch):

@@ -79,7 +79,7 @@ UNITS = {
         "permeability of 'iron' is relative, 1 for air; 1.2566e-06 looks like H/m. If so, write 1 (divide by 4 pi",
     ),
     "of iron in H/m": (0.1, CASE.replace("1000.0", "1.2566e-3"), "0.0012566 looks like H/m. If so, write 1000 ("),
-    "below that of vacuum": (0.1, CASE.replace("1000.0", "0.5"), "1 for air; 0.5 is below that, as of supercond"),
+    "below that of vacuum": (0.1, CASE.replace("1000.0", "0.5"), "1 for air; 0.5 is below 1, as in supercond"),
     "remanence in mT": (
         0.1,
         MAGNET,
@@ -106,12 +106,12 @@ UNITS = {
     "scale too large": (
         100.0,
         "scale = 10.0\n" + CASE,
-        "the mesh is 1000 x 1000 m: a scale of 10 looks too large. It is metres per unit of the file: 1 for m, 1e-3",
+        "the mesh is 1000 x 1000 m: a scale of 10 looks too large. The scale is metres per unit of the file: 1 fo",
     ),
     "scale too small": (
         0.01,
         "scale = 1e-3\n" + CASE,
-        "the mesh is 1e-05 x 1e-05 m: a scale of 0.001 looks too small. It is metres per unit of the file: 1 for m,",
+        "the mesh is 1e-05 x 1e-05 m: a scale of 0.001 looks too small. The scale is metres per unit of the file: 1 fo",
     ),
 }
 
@@ -123,14 +123,14 @@ def test_numbers_in_another_unit_end_a_dry_run_with_a_count(name, said_of_case):
     assert status == 0
     assert warning in said
     assert said.count("kohonen-adapt: warning: ") == 1
-    assert ": 1 warning, see above; '" in said and "nothing is wrong" not in said
+    assert ": 1 warning, see above; '" in said and "no faults found" not in said
 
 
 def test_plausible_numbers_are_not_doubted(said_of_case):
     toml = CASE.replace("1000.0", "0.99998\nremanence = [0.0, 1.45]\ncurrent_density = 2e6")
     for size in (1e-4, 0.1, 1.9):
         _, said = said_of_case(bar_in_air(size), toml)
-        assert "nothing is wrong" in said and "warning" not in said
+        assert "no faults found" in said and "warning" not in said
 
 
 def test_a_run_repeats_its_warnings_at_the_end(said_of_case, tmp_path):
@@ -146,8 +146,8 @@ def test_check_counts_what_it_found(tmp_path, capsys):
     status, said = said_by(capsys, "check", tmp_path / "it.msh")
     assert status == 1
     assert "- the mesh is 1e-05 x 1e-05 m: a scale of 1 looks too small." in said
-    assert "\n1 warning.\n" in said
-    assert "Nothing is wrong" not in said
+    assert "\n1 fault found.\n" in said
+    assert "No faults found" not in said
 
 
 MAGNET_IN_SPACE = CASE.replace("1000.0", "1.05\nremanence = [0.0, 1.2, 0.0]")
@@ -159,7 +159,7 @@ NAMES = {
     ),
     "remanence in space beside a key of the plane": (
         "order = 2\n" + MAGNET_IN_SPACE,
-        "order: for meshes of the plane only, but the case has materials.iron.remanence of three components, for tet",
+        "order: for meshes of triangles only, but the case has materials.iron.remanence of three components, for tet",
     ),
     "symmetry": ('symmetry = {outer = "normal"}\n' + CASE, "the mesh is one of triangles, but the case has symmetry"),
     "material": (CASE.replace("materials.iron", "materials.irn"), "it has 'air', 'iron'. Did you mean 'iron'?"),
@@ -205,7 +205,7 @@ def test_a_drawing_in_another_plane_is_to_be_rotated(axis, plane, turn, tmp_path
         gmsh.write(str(tmp_path / "it.msh"))
         status, said = said_by(capsys, "check", tmp_path / "it.msh")
         command = said.partition("Gmsh: Rotate ")[2].partition(" {Surface")[0]
-        assert status == 2 and f"It is in the {plane}-plane: rotate it (Gmsh: Rotate {{{{" in said
+        assert status == 2 and f"The drawing is in the {plane}-plane; rotate it (Gmsh: Rotate {{{{" in said
         assert command == f"{{{{{', '.join(map(str, axis))}}}, {{0, 0, 0}}, {turn}}}"
         model.occ.rotate(sheet, 0, 0, 0, *axis, {"-Pi/2": -np.pi / 2, "Pi/2": np.pi / 2}[turn])
         model.occ.synchronize()

@@ -258,9 +258,7 @@ def test_sides_of_higher_order_are_bent_or_straight(curved, run, tmp_path):
 def test_a_name_for_the_rim_that_means_something_else_is_refused(name, run, tmp_path, capsys):
     (tmp_path / "case.toml").write_text(case_text(f'rim = "{name}"'))
     assert cli.main(["run", str(tmp_path / "case.toml"), "--dry-run"]) == 2
-    said = (
-        f"case.toml: mesh: rim must be a name that the mesh has not, for the whole of its rim; it has another '{name}'"
-    )
+    said = f"case.toml: mesh: rim must be a new name for the whole rim of the mesh, which already has another '{name}'"
     assert said in capsys.readouterr().err
 
 
@@ -283,7 +281,7 @@ def test_a_name_for_the_rim_that_means_something_else_is_refused(name, run, tmp_
         ),
         (
             'goal = {quantity = "energy", part = "core"}\nadapt.rtol = 0.1',
-            "adapt.rtol is a share of the energy norm, which is no measure of a goal",
+            "adapt.rtol is relative to the energy norm, which does not measure a goal",
         ),
         (
             'potential.left = {over = "y", points = [[0.0, 0.0], [0.5, 1.0]]}',
@@ -301,7 +299,7 @@ def test_a_mesh_without_named_lines_is_told_how_to_name_its_rim(tmp_path, capsys
     ka.write_mesh(tmp_path / "m.msh", inset(8))
     (tmp_path / "case.toml").write_text(case_text(""))
     assert cli.main(["run", str(tmp_path / "case.toml"), "--dry-run"]) == 2
-    said = "potential must name a boundary, and the mesh file names no part of its rim: for a name of the whole rim"
+    said = "potential must name a boundary, but no boundary of the mesh file has a name:"
     assert f'case.toml: {said} write rim = "outer"' in capsys.readouterr().err
 
 

@@ -23,7 +23,7 @@ def said_of(mesh, tmp_path, capsys):
     ka.write_mesh(tmp_path / "it.msh", mesh)
     status = cli.main(["check", str(tmp_path / "it.msh")])
     said = capsys.readouterr().out
-    assert status == (0 if said.endswith("\nNothing is wrong.\n") else 1)
+    assert status == (0 if said.endswith("\nNo faults found.\n") else 1)
     return said
 
 
@@ -46,19 +46,19 @@ def test_a_good_mesh(capsys):
     assert lines[3] == "coverage: 1696 triangles in one subdomain, 0 in none, 0 in two or more"
     assert lines[4].startswith(f"quality: worst {value.min():.3g} (triangle {np.argmin(value)} near (")
     assert lines[4].endswith(f"mean {value.mean():.3g}")
-    assert lines[5].startswith("angles: from ")
-    assert lines[6] == "outlines: 22 chains, 22 straight, 0 on arcs, 0 closed"
-    assert lines[7].startswith("nodes: ") and lines[7].endswith(" 20 in corners that others may take, 0 held for good")
-    assert lines[8:] == ["Nothing is wrong."]
+    assert lines[5].startswith("smallest angle: ")
+    assert lines[6] == "boundaries and interfaces: 22 segments, 22 straight, 0 on arcs, 0 closed"
+    assert lines[7].startswith("nodes: ") and lines[7].endswith(" 20 at corners, 0 fixed")
+    assert lines[8:] == ["No faults found."]
 
 
 def test_arcs_have_radii(tmp_path, capsys):
     said = said_of(whole(disk(6, 0.25)), tmp_path, capsys)
-    assert "outlines: 1 chain, 0 straight, 1 on arcs (radius 0.25 m), 1 closed" in said
+    assert "boundaries and interfaces: 1 segment, 0 straight, 1 on arcs (radius 0.25 m), 1 closed" in said
 
 
 def test_the_smallest_angle(tmp_path, capsys):
-    assert "angles: from 45 degrees on" in said_of(whole(square(2)), tmp_path, capsys)
+    assert "smallest angle: 45 degrees" in said_of(whole(square(2)), tmp_path, capsys)
 
 
 def test_millimetres(capsys):
@@ -74,12 +74,12 @@ def test_names_that_overlap_or_lack(tmp_path, capsys):
     assert "in two or more" in said and re.search(r"- \d+ triangles are in more than one subdomain, one near \(", said)
     said = said_of(square(4), tmp_path, capsys)
     assert "- 32 triangles are in no subdomain, one near (" in said
-    assert "- no boundary has a name, so a case can fix no potential" in said
+    assert "- no boundary has a name, so a case cannot set a potential" in said
 
 
 def test_a_slit_is_a_seam():
     (found,) = [fault for fault in faults(whole(slit(4))) if "coincident rim node" in fault]
-    assert "If that is no slit, merge them" in found
+    assert "Unless a slit is intended, merge them" in found
 
 
 def test_hanging_nodes_are_found_where_they_are():
@@ -92,8 +92,8 @@ def test_hanging_nodes_are_found_where_they_are():
 def test_pinched_nodes():
     p = np.array([[0.0, 1, 0, -1, 0], [0, 0, 1, 0, -1]])
     mesh = whole(MeshTri(p, np.array([[0, 0], [1, 3], [2, 4]])))
-    (found,) = [fault for fault in faults(mesh) if "pinched" in fault]
-    assert found.startswith("1 pinched node, at (0, 0): parts of the mesh touch in a point only")
+    (found,) = [fault for fault in faults(mesh) if "non-manifold" in fault]
+    assert found.startswith("1 non-manifold node, at (0, 0): parts of the mesh touch only in a point")
 
 
 def test_bad_elements():
@@ -123,7 +123,7 @@ def test_a_gap_of_one_layer_is_no_fault(tmp_path, capsys):
     mesh = mesh.with_subdomains({"gap": np.flatnonzero(gap), "rest": np.flatnonzero(~gap)})
     lines = said_of(mesh, tmp_path, capsys).splitlines()
     assert lines[-2].startswith("hint: subdomain 'gap' has 1 layer of elements between its sides near (")
-    assert lines[-1] == "Nothing is wrong."
+    assert lines[-1] == "No faults found."
 
 
 def test_a_region_of_many_elements_is_not_thin_where_its_sides_meet(capsys):
@@ -141,7 +141,7 @@ def test_the_status_is_in_the_help(capsys):
     with pytest.raises(SystemExit):
         cli.main(["check", "--help"])
     said = " ".join(capsys.readouterr().out.split())
-    assert "The exit status is 0 if nothing would, 1 if faults were found, and 2 if the file holds no mesh" in said
+    assert "The exit status is 0 without faults, 1 with faults, and 2 if the file cannot be read as a mesh" in said
 
 
 def test_no_mesh(tmp_path, capsys):
@@ -163,6 +163,6 @@ def test_a_name_that_no_file_can_carry_is_refused_before_the_solve(command, tmp_
     }[command]
     assert cli.main(arguments) == (1 if command == "check" else 2)
     said = "".join(capsys.readouterr())
-    assert f"the name of a boundary may have 127 bytes, more Gmsh cuts off; got '{name}'." in said
+    assert f"the name of a boundary must have at most 127 bytes, because Gmsh cuts longer names; got '{name}'." in said
     assert "pass 0" not in said
     assert not out.exists() and not out.with_suffix(".msh").exists()

@@ -41,12 +41,12 @@ def test_without_a_boundary_on_most_of_the_rim_the_user_chooses():
     text = case_text(ka.read_mesh(EXAMPLES / "motor.msh", scale=1e-3), "motor.msh", 1e-3)
     assert tomllib.loads(text)["potential"] == {}
     assert (
-        "# No boundary holds more than half of the rim: choose where no flux leaves, not on periodic sides.\n"
+        "# No boundary covers more than half of the rim: set 0 where no flux leaves, but not on periodic sides.\n"
         "# inner = 0.0  # 5.76 % of the rim\n"
         "# left = 0.0  # 31.8 % of the rim\n"
         "# outer = 0.0  # 30.7 % of the rim\n"
         "# right = 0.0  # 31.8 % of the rim\n"
-        "# ring = 0.0  # not on the rim alone\n"
+        "# ring = 0.0  # has facets inside the mesh\n"
     ) in text
 
 
@@ -87,14 +87,14 @@ def test_no_flux_leaves_where_most_of_the_rim_is():
     mesh = mesh.with_boundaries({"hole": rim[~far], "inside": inside, "outside": rim[far]})
     written = case_text(mesh, "m.msh", 1.0)
     assert tomllib.loads(written)["potential"] == {"outside": 0.0}
-    assert "# inside = 0.0  # not on the rim alone\n" in written
+    assert "# inside = 0.0  # has facets inside the mesh\n" in written
     assert "# hole = 0.0  # 10 % of the rim\noutside = 0.0  # 90 % of the rim\n" in written
 
 
 def test_a_mesh_without_names_says_what_it_lacks():
     text = case_text(MeshTri().refined(1), "m.msh", 1.0)
     assert "# 100 % of the area has no material above: give it a surface group of its own" in text
-    assert 'rim = "rim"  # a name for the whole rim, holes included: the mesh has none for any part of it' in text
+    assert 'rim = "rim"  # a name for the whole rim, holes included; no part of it has a name in the mesh' in text
     assert tomllib.loads(text)["potential"] == {"rim": 0.0}
 
 

@@ -97,7 +97,7 @@ def test_init_writes_a_case_that_runs(folder, capsys):
     text = (folder / "new.toml").read_text()
     assert "% of the volume" in text and "0.12 x 0.12 x 0.06 m" in text and "phi in A" in text
     assert cli.main(["run", str(folder / "new.toml"), "--dry-run"]) == 0
-    assert "nothing is wrong" in capsys.readouterr().out
+    assert "no faults found" in capsys.readouterr().out
     case = read_case(folder / "new.toml")
     mesh = fitting_mesh(case)
     assert isinstance(case.problem, MagneticScalarPotential) and case.problem.symmetry == {}
@@ -114,15 +114,15 @@ def test_init_writes_a_case_that_runs(folder, capsys):
     [
         ("[0.0, 0.0, 1.2]", "[0.0, 1.2]", "remanence of 'magnet' must have three components"),
         ('"normal"', '"odd"', "symmetry of 'z-' must be 'parallel' or 'normal'"),
-        ('scale = 1e-3', "scale = 1e-3\ndepth = 0.1", "depth: for meshes of the plane only"),
-        ('"flux"\nsurface', '"flux_linkage"\ncoil', "quantity flux_linkage is for meshes of the plane"),
+        ('scale = 1e-3', "scale = 1e-3\ndepth = 0.1", "depth: for meshes of triangles only"),
+        ('"flux"\nsurface', '"flux_linkage"\ncoil', "quantity flux_linkage is for triangles only"),
         ('surface = "z-"', 'surface = "air"', "flux has 'air', which is no surface of the mesh"),
         ('"z-" = "normal"', '"magnet" = "normal"', "symmetry has 'magnet', which is no surface"),
         ("at = [0.0, 0.0, 0.015]", "at = [0.0, 0.015]", r"x must have shape (3, n); got (2, 1)"),
         ("scale", 'goal = {quantity = "force", body = "air", direction = [0, 1]}\nscale', "vectors (x, y, z) in"),
         ("scale", 'goal = {quantity = "flux_linkage", circuit = {air = 1}}\nscale', "is a goal in the plane"),
         ("scale", 'goal = {quantity = "energy", part = "rotor"}\nscale', "goal: subdomain 'rotor' is not in the mesh"),
-        ("[adapt]", "[turn]\nmagnet = 3.0\n[adapt]", "turn is for meshes of the plane"),
+        ("[adapt]", "[turn]\nmagnet = 3.0\n[adapt]", "turn is for meshes of triangles only"),
     ],
 )  # fmt: skip
 def test_wrong_cases_are_refused_before_anything_is_solved(folder, capsys, before, after, said):
@@ -152,7 +152,7 @@ def test_keys_of_space_and_of_the_plane_are_told_apart(folder, capsys):
     plain = CASE.replace('symmetry = {"z-" = "normal"}', "order = 2").replace("remanence = [0.0, 0.0, 1.2]", "")
     (folder / "case.toml").write_text(plain)
     assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 2
-    assert "order: for meshes of the plane only" in capsys.readouterr().err
+    assert "order: for meshes of triangles only" in capsys.readouterr().err
     (folder / "case.toml").write_text(plain.replace("order = 2", ""))
     case = read_case(folder / "case.toml")
     assert isinstance(case.stated, Magnetostatics) and isinstance(case.problem, MagneticScalarPotential)

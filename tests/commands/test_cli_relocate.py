@@ -176,10 +176,10 @@ def spoilt(mesh, how):
 @pytest.mark.parametrize(
     ("how", "said"),
     [
-        ("shifted", "sizes of the mesh off its place. Are both in the same unit, and of the same step?"),
+        ("shifted", "times the size of the mesh. Do both files have the same unit and step?"),
         (
             "millimetres",
-            "at a scale of 1; it is there at 1000, so the units differ. Give --scale 1000 (metres per unit",
+            "at a scale of 1; its scale is 1000, so the units differ. Use --scale 1000 (metres per unit",
         ),
         ("refined", "read_field expected a field on the mesh, of"),
         ("flipped", "a triangle is "),
@@ -200,7 +200,9 @@ def test_fields_that_do_not_fit(how, said, source, tmp_path, capsys):
     assert error.startswith("kohonen-adapt: ") and error.count("\n") == 1 and said in error
 
 
-EXPECTED = "--density expected FIELD.vtu:name, a file (or .vtk, .xdmf, .med, .msh, .msh2, .pos) and a field of it;"
+EXPECTED = (
+    "--density expected FIELD.vtu:name, a file (.vtu, .vtk, .xdmf, .med, .msh, .msh2, .pos) and the name of a field;"
+)
 
 
 @pytest.mark.parametrize(

@@ -151,7 +151,7 @@ def test_a_loop_that_hears_of_nothing_ends_at_once(number, case, tmp_path, begin
     process.send_signal(number)
     process.communicate(timeout=30)
     assert process.returncode == -number
-    assert first.endswith(f"if this is cut short, go on with: kohonen-adapt run {case} --resume {out}\n")
+    assert first.endswith(f"To continue after an interruption: kohonen-adapt run {case} --resume {out}\n")
     assert_whole(out)
     assert len(history(out)) == 1
     assert run(case, "--resume", out) == 0
@@ -166,7 +166,7 @@ def test_drawing_that_hears_of_nothing_ends_at_once(number, case, tmp_path, begi
     (tmp_path / "slow").mkdir()
     (tmp_path / "slow" / "matplotlib.py").write_text("sum(range(10**13))  # a loop of C that keeps Python's lock\n")
     process = begin("run", case, "--out", out, code=COMMAND, path=tmp_path / "slow")
-    wait_for_line(process, f"Results are in {out}; now pictures and the report, which Ctrl-C leaves out.")
+    wait_for_line(process, f"Results are in {out}. Drawing pictures and the report; Ctrl-C skips this step.")
     time.sleep(1.0)  # until it has the lock
     process.send_signal(number)
     process.communicate(timeout=30)
@@ -197,7 +197,7 @@ def test_cut_short_at_any_moment_and_resumed(number, tmp_path, begin):
     draw, out = random.Random(int(number)), tmp_path / "out"
     for option in ("--out", "--resume", "--resume"):
         process = begin("run", case, option, out)
-        wait_for_line(process, "pass " if option == "--out" else ("pass ", "Going on"))
+        wait_for_line(process, "pass " if option == "--out" else ("pass ", "Continuing"))
         time.sleep(draw.uniform(0.0, 0.8))
         process.send_signal(number)
         process.communicate(timeout=30)
@@ -340,7 +340,7 @@ def test_resume_says_where_it_goes_on(case, tmp_path, capsys):
     case.write_text(CASE.replace("passes = 2", "passes = 3"))
     assert cli.main(["run", str(case), "--resume", str(tmp_path / "out")]) == 0
     said = capsys.readouterr().out.splitlines()
-    assert said[0] == f"Going on after pass 2, the last that was finished in {tmp_path / 'out'}."
+    assert said[0] == f"Continuing after pass 2, the last finished pass in {tmp_path / 'out'}."
     assert said[2].startswith("pass 3: 81 nodes")
     assert [row["pass"] for row in history(tmp_path / "out")] == ["0", "1", "2", "3"]
 
@@ -363,7 +363,7 @@ def test_run_over_a_finished_run_asks_for_force_and_then_nothing_of_it_stays(cas
     capsys.readouterr()
     assert run(case, "--out", out) == 2
     assert capsys.readouterr().err == (
-        f"kohonen-adapt: '{out}' has the result of a run: go on with --resume {out}, write over it with --force, or "
+        f"kohonen-adapt: '{out}' has the result of a run: continue with --resume {out}, overwrite with --force, or "
         "choose another folder.\n"
     )
     assert contents(out) == before
@@ -378,7 +378,7 @@ def test_out_keeps_a_run_that_has_not_ended(case, tmp_path, capsys):
     before = contents(out)
     assert run(case, "--out", out) == 2
     assert capsys.readouterr().err == (
-        f"kohonen-adapt: '{out}' has passes of a run that has not ended: go on with --resume {out}, write over it with "
+        f"kohonen-adapt: '{out}' has passes of an unfinished run: continue with --resume {out}, overwrite with "
         "--force, or choose another folder.\n"
     )
     assert contents(out) == before
@@ -408,8 +408,8 @@ def test_resume_where_nothing_was_begun(case, tmp_path, capsys):
     for folder in (tmp_path, tmp_path / "none"):
         assert run(case, "--resume", folder) == 2
         assert capsys.readouterr().err == (
-            f"kohonen-adapt: --resume expected the folder of a run that was begun; '{folder}' has no 'passes'. Begin "
-            f"with --out {folder}.\n"
+            f"kohonen-adapt: --resume expected the folder of an earlier run; '{folder}' has no folder "
+            f"'passes'. Start with --out {folder}.\n"
         )
 
 

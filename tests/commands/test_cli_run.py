@@ -85,7 +85,7 @@ def test_run_writes_mesh_fields_table_and_pictures(finished):
     assert all(float(row["output stored (J/m)"]) > 0.0 for row in rows)
     report = (out / "report.html").read_text(encoding="utf-8")
     assert "kohonen-adapt run case.toml --out out" in report and "permeability = 1000.0" in report
-    assert "Asked for: adapt c_core.msh (899 nodes, 1696 elements) in at most 2 passes" in report
+    assert "Task: adapt c_core.msh (899 nodes, 1696 elements) in at most 2 passes" in report
     assert report.count("<img ") == len(PICTURES)
     assert str(out.parents[1]) not in report and str(EXAMPLES) not in report
 
@@ -125,8 +125,8 @@ def test_the_fields_of_a_run_go_with_its_mesh_once_more(finished, tmp_path, caps
     relocate = ["relocate", str(adapted), "--indicators", f"{fields}:indicator", "--out", str(out), "--quiet"]
     assert cli.main(relocate) == 2
     assert capsys.readouterr().err.splitlines()[-1] == (
-        f"kohonen-adapt: read_field expected the mesh in '{fields}' at a scale of 1; it is there at 0.001, so the "
-        "units differ. Give --scale 0.001 (metres per unit of the mesh, for a field file in metres)."
+        f"kohonen-adapt: read_field expected the mesh in '{fields}' at a scale of 1; its scale is 0.001, so the "
+        "units differ. Use --scale 0.001 (metres per unit of the mesh, for a field file in metres)."
     )
     assert cli.main([*relocate, "--scale", "0.001"]) == 0
     before, after = ka.read_mesh(adapted), ka.read_mesh(out)
@@ -151,7 +151,7 @@ def test_a_dry_run_solves_and_writes_nothing(case, tmp_path, capsys, monkeypatch
 
     monkeypatch.setattr(Magnetostatics, "solve", solve)
     assert cli.main(["run", str(case), "--dry-run", "--out", str(tmp_path / "out")]) == 0
-    assert "nothing is wrong;" in capsys.readouterr().out
+    assert "no faults found;" in capsys.readouterr().out
     assert names_in(tmp_path) == ["case.toml"]
 
 
@@ -174,7 +174,7 @@ def test_a_dry_run_solves_and_writes_nothing(case, tmp_path, capsys, monkeypatch
             "adapt: target_nodes must be at least the number of nodes of the mesh, 899",
         ),
         ('"energy"', '"torque"\nbody = "rotor"', "outputs.stored: "),
-        ("c_core.msh", "none.msh", "mesh must name a mesh file, as seen from the case; there is none at '"),
+        ("c_core.msh", "none.msh", "mesh must be the path of a mesh file, relative to the case; there is no file '"),
         (
             "passes = 2",
             'passes = "2"',
@@ -198,7 +198,7 @@ def test_what_is_not_toml(case, capsys):
     error = capsys.readouterr().err
     assert error.startswith(f"kohonen-adapt: {case}: is not TOML: ") and error.count("\n") == 1
     assert error.endswith(
-        "Texts need quotes, single ones where they have a backslash; numbers have a point, not a comma.\n"
+        "Text needs quotes (single quotes if it has a backslash); numbers need a decimal point, not a comma.\n"
     )
 
 
@@ -207,7 +207,8 @@ def test_a_mesh_is_no_case(capsys):
     assert cli.main(["run", str(mesh), "--dry-run"]) == 2
     error = capsys.readouterr().err
     assert (
-        error.endswith(f". That is a mesh; make a case for it: kohonen-adapt init {mesh}.\n") and error.count("\n") == 1
+        error.endswith(f". This is a mesh; create a case for it: kohonen-adapt init {mesh}.\n")
+        and error.count("\n") == 1
     )
 
 
@@ -233,7 +234,10 @@ def test_without_matplotlib_there_are_the_other_files(case, tmp_path, capsys, mo
     names = ["adapted.msh", "adapted.vtu", "history.csv", "passes", "report.html"]  # nothing more inside of order 1
     assert names_in(tmp_path / "out") == names
     assert "<img " not in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert 'For the picture: pip install "kohonen-adapt[plot]" and run this again.' in capsys.readouterr().out
+    assert (
+        'Pictures need matplotlib: pip install "kohonen-adapt[plot]", then run the command again.'
+        in capsys.readouterr().out
+    )
 
 
 def test_a_disk_that_is_full_leaves_no_half_file(case, tmp_path, capsys, monkeypatch):
@@ -251,7 +255,7 @@ def test_a_disk_that_is_full_leaves_no_half_file(case, tmp_path, capsys, monkeyp
 def test_without_a_folder(case, capsys):
     assert cli.main(["run", str(case)]) == 2
     assert capsys.readouterr().err == (
-        "kohonen-adapt: run expected --out DIR, the folder for the files, --resume DIR, or --dry-run.\n"
+        "kohonen-adapt: run expected --out DIR (folder for the results), --resume DIR or --dry-run.\n"
     )
 
 
@@ -322,7 +326,7 @@ def test_how_far_curves_are_from_their_facets_is_said_once_in_the_unit_of_the_fi
     )
     assert cli.main(["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "out")]) == 0
     heard = capsys.readouterr()
-    found = re.findall(r"[Cc]urves are up to (\S+) away .*", heard.out + heard.err)
+    found = re.findall(r"[Cc]urves are up to|distance of curves", heard.out + heard.err)
     sagitta = 10.0 * (1.0 - np.cos(np.pi / 12))  # of the magnet, which has 12 facets around
-    (line,) = [line for line in heard.out.splitlines() if line.startswith("Curves are up to")]
+    (line,) = [line for line in heard.out.splitlines() if line.startswith("Largest distance of curves from ")]
     assert len(found) == 1 and line.endswith(f"before {sagitta:.3g}, in the unit of round.msh.")

@@ -35,7 +35,7 @@ def said_of(mesh, tmp_path, capsys):
     ka.write_mesh(tmp_path / "it.msh", mesh)
     status = cli.main(["check", str(tmp_path / "it.msh")])
     said = capsys.readouterr().out
-    assert status == (0 if said.endswith("\nNothing is wrong.\n") else 1)
+    assert status == (0 if said.endswith("\nNo faults found.\n") else 1)
     return said
 
 
@@ -58,10 +58,10 @@ def test_a_good_solid(tmp_path, capsys):
     ]
     assert lines[7] == f"coverage: {count} tetrahedra in one subdomain, 0 in none, 0 in two or more"
     assert re.fullmatch(rf"quality: worst {value.min():.3g} \(tetrahedron \d+ near \(.*\) m\), mean .*", lines[8])
-    assert lines[10].startswith("surfaces: 13 patches, 13 planes, ")
-    assert re.fullmatch(r"nodes: \d+ free, \d+ slide on surfaces, \d+ along ridges, \d+ held for good", lines[11])
+    assert lines[10].startswith("surfaces: 13, 13 planes; ")
+    assert re.fullmatch(r"nodes: \d+ free, \d+ on surfaces, \d+ on edges, \d+ fixed", lines[11])
     assert sum(map(int, re.findall(r"\d+", lines[11]))) == mesh.p.shape[1]
-    assert lines[12:] == ["Nothing is wrong."]
+    assert lines[12:] == ["No faults found."]
 
 
 def test_dihedral_angles(tmp_path, capsys):
@@ -102,11 +102,11 @@ def test_parts_that_touch():
     middle = grid.p[:, grid.t].mean(axis=1)
     octant = np.sum(middle > 0.5, axis=0)
     corner = grid.restrict(np.flatnonzero((octant == 0) | (octant == 3)))  # two cubes that have a corner in common
-    assert found(corner) == {"pinched": [[0.5, 0.5, 0.5]]}
+    assert found(corner) == {"non-manifold": [[0.5, 0.5, 0.5]]}
     edge = grid.restrict(np.flatnonzero((middle[0] > 0.5) == (middle[1] > 0.5)))
-    assert sorted(found(edge)["pinched"]) == [[0.5, 0.5, 0.0], [0.5, 0.5, 0.5], [0.5, 0.5, 1.0]]
+    assert sorted(found(edge)["non-manifold"]) == [[0.5, 0.5, 0.0], [0.5, 0.5, 0.5], [0.5, 0.5, 1.0]]
     assert found(grid) == {}
-    assert any("touch in a point or an edge only" in fault for fault in faults(whole(edge)))
+    assert any("touch only in a point or an edge" in fault for fault in faults(whole(edge)))
 
 
 def test_curved_surfaces_that_nothing_was_recognised_as(tmp_path, capsys):
@@ -115,7 +115,7 @@ def test_curved_surfaces_that_nothing_was_recognised_as(tmp_path, capsys):
     scale = np.max(np.abs(x), axis=0) / np.maximum(np.linalg.norm(x * [[1.0], [0.8], [0.6]], axis=0), 1e-9)
     egg = MeshTet(0.1 * x * scale, mesh.t)  # an ellipsoid
     said = said_of(whole(egg), tmp_path, capsys)
-    assert "patches of one face or two in 'rim': their nodes stay where they are." in said
+    assert "plane surfaces of one or two faces in 'rim': their nodes do not move." in said
 
 
 TOLD = 'side = {surface = "cone", apex = [0, 0, 2.0], axis = [0, 0, -1], half_angle = 0.4636476090008061}'
@@ -129,7 +129,7 @@ def test_surfaces_are_told_to_check_and_to_relocate(tmp_path, capsys):
     cli.main(["check", before])
     assert "1 cone" not in capsys.readouterr().out
     cli.main(["check", before, "--surfaces", TOLD])
-    assert "surfaces: 3 patches, 2 planes, 1 cone, 2 ridges" in capsys.readouterr().out
+    assert "surfaces: 3, 2 planes, 1 cone; 2 edges between them" in capsys.readouterr().out
     ka.write_mesh(tmp_path / "field.vtu", mesh, cell_data={"want": 1.0 + mesh.p[0, mesh.t].mean(axis=0) ** 2})
     density = ["--density", str(tmp_path / "field.vtu:want")]
     assert cli.main(["relocate", before, *density, "-o", after, "--surfaces", TOLD]) == 0

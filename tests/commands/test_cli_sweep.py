@@ -74,7 +74,7 @@ def test_every_combination_is_a_row_and_a_point(case, tmp_path, capsys):
     assert {name: float(table[-1][name]) for name in result.best.outputs} == result.best.outputs
     assert (tmp_path / "out" / "sweep.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     said = capsys.readouterr().out
-    assert said.startswith(f"If this is cut short, go on with: kohonen-adapt sweep {case} --over=materials.core.")
+    assert said.startswith(f"To continue after an interruption: kohonen-adapt sweep {case} --over=materials.core.")
     assert "stored (J/m)" in said and said.endswith(f"Files in {tmp_path / 'out'}: sweep.csv, sweep.png.\n")
 
 
@@ -83,7 +83,7 @@ def test_a_case_with_an_error_ends_no_sweep(case, tmp_path, capsys):
     assert sweep(case, "--over", "materials.core.permeability=1000:-1000:3", "--out", tmp_path / "out") == 1
     errors = [row["error"] for row in rows(tmp_path / "out")]
     assert errors[0] == "" and all("permeability" in error for error in errors[1:])
-    assert "2 of 3 cases ended with an error; --resume tries them again." in capsys.readouterr().err
+    assert "2 of 3 cases failed; --resume tries them again." in capsys.readouterr().err
     assert (tmp_path / "out" / "sweep.png").exists()
 
 
@@ -119,12 +119,12 @@ def test_names_and_values(over, path, values, monkeypatch):
         (["--over", "scale=1:2:x", "--out", "out"], "got 'scale=1:2:x'"),
         (["--over", "scale=1:inf:3", "--out", "out"], "got 'scale=1:inf:3'"),
         (["--over", "a b=1:2:3", "--out", "out"], "--over expected a dotted key of the case; got 'a b'"),
-        (["--over", "scale.x=1:2:3", "--out", "out"], "'scale' is 0.001 there, and has no 'x'"),
+        (["--over", "scale.x=1:2:3", "--out", "out"], "'scale' is 0.001 in the case, and has no key 'x'"),
         (["--over", "materials.core.permeabilty=1:2:3", "--out", "out"], "Did you mean 'permeability'?"),
         (["--over", "materials.cor.permeability=1:2:3", "--out", "out"], "cor"),
         (["--over", "scale=1:2:3"], "sweep expected --out DIR"),
         (["--over", "scale=1:2:3", "--out", "out", "--jobs", "0"], "processes must be an integer >= 1; got 0"),
-        (["--over", "scale=1:2:3", "--resume", "none"], "'none' has no 'cases'. Begin with --out none."),
+        (["--over", "scale=1:2:3", "--resume", "none"], "'none' has no folder 'cases'. Start with --out none."),
     ],
 )
 def test_wrong_arguments(arguments, said, case, tmp_path, monkeypatch, capsys):
@@ -149,7 +149,7 @@ def test_what_has_not_ended_is_not_thrown_away(case, tmp_path, capsys):
     (out / "sweep.csv").unlink()  # as if it were cut short
     (out / "cases" / "case-0000.json").unlink()
     assert sweep(case, *over, "--out", out) == 2
-    assert f"has cases of a sweep that has not ended: go on with --resume {out}" in capsys.readouterr().err
+    assert f"has cases of an unfinished sweep: continue with --resume {out}" in capsys.readouterr().err
     before = (out / "cases" / "case-0001.json").read_bytes()
     assert sweep(case, *over, "--resume", out) == 0
     assert rows(out) == first and (out / "cases" / "case-0001.json").read_bytes() == before

@@ -59,12 +59,12 @@ def test_coordinates_that_are_not_finite(tmp_path):
 
 
 def test_words_among_the_numbers(tmp_path):
-    with pytest.raises(ValueError, match="is not a complete Gmsh file: a section of numbers holds something else"):
+    with pytest.raises(ValueError, match="is not a complete Gmsh file: a section of numbers has other text"):
         read_mesh(damaged(tmp_path, "\n0.5 0.5 0\n", "\nhalf 0.5 0\n"))
 
 
 def test_a_node_that_is_not_there(tmp_path):
-    with pytest.raises(ValueError, match="an element has node 77, which is not there"):
+    with pytest.raises(ValueError, match="an element has node 77, which does not exist"):
         read_mesh(damaged(tmp_path, "$Elements\n1 8 1 8\n2 1 2 8\n1 1 ", "$Elements\n1 8 1 8\n2 1 2 8\n1 77 "))
 
 
@@ -123,7 +123,9 @@ def test_write_refuses_names_that_gmsh_cannot_read(tmp_path, name):
 
 
 def test_write_refuses_names_that_gmsh_cuts_off(tmp_path):
-    with pytest.raises(ValueError, match="the name of a boundary may have 127 bytes, more Gmsh cuts off; got 'aaa"):
+    with pytest.raises(
+        ValueError, match="the name of a boundary must have at most 127 bytes, because Gmsh cuts longer names; got 'aaa"
+    ):
         write_mesh(tmp_path / "mesh.msh", MeshTri().with_boundaries({"a" * 128: lambda x: x[0] == 0}))
 
 
@@ -134,5 +136,5 @@ def test_write_refuses_sets_outside_the_mesh(tmp_path):
 
 
 def test_names_that_the_file_needs(tmp_path):
-    with pytest.raises(ValueError, match="cell_data 'region' has a name that write_mesh needs for the mesh"):
+    with pytest.raises(ValueError, match="cell_data 'region' has a name that write_mesh reserves for the mesh"):
         write_mesh(tmp_path / "mesh.vtu", MeshTri(), cell_data={"region": [1.0, 2.0]})

@@ -109,7 +109,7 @@ def test_a_case_may_name_a_folder(tmp_path):
 
 
 def test_what_overlaps_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="Elmer has one name for a place; 'right side' and 'low' overlap"):
+    with pytest.raises(ValueError, match="groups must not overlap in Elmer; 'right side' and 'low' do"):
         ka.write_mesh(tmp_path / "elmer", two_rooms())
     with pytest.raises(ValueError, match="a mesh of Elmer holds no fields; write them to a file"):
         ka.write_mesh(tmp_path / "elmer", rooms(), cell_data={"e": np.ones(64)})
@@ -122,7 +122,7 @@ def test_what_overlaps_is_refused(tmp_path):
         ("mesh.elements", "1 3 404 9 2 1 4\n", r"expected triangles only; .* has 3 line elements, .* 1 quadrilateral"),
         ("mesh.elements", "1 3 808 9 2 1 4 9 2 1 4\n", "expected tetrahedra and triangles only; .* 1 hexahedron elem"),
         ("mesh.elements", "1 3 999 9 2 1 4\n", "cannot be read: element type 999 is unknown"),
-        ("mesh.elements", "1 3 303 9 2 77\n", "cannot be read: an element has node 77, which is not there"),
+        ("mesh.elements", "1 3 303 9 2 77\n", "cannot be read: an element has node 77, which does not exist"),
         ("mesh.elements", "1 3 303 9 2\n", "cannot be read: "),
         ("mesh.nodes", "1 2 3\n", "cannot be read: "),
         ("mesh.nodes", None, "expected a mesh of Elmer; '.*' cannot be read: it has no file mesh.nodes"),

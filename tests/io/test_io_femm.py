@@ -203,8 +203,8 @@ def test_what_the_recipe_does_not_know(old, new, said, tmp_path):
     [
         ("[Solution]", "[Problem]", r"it has no \[Solution\]: analyse the model in FEMM"),
         ("inches", "furlongs", "its unit of length is 'furlongs'; FEMM has 'centimeters', 'inches', "),
-        ("[NumPoints] = 2", "[NumPoints] = 7000", "it says that 7000 rows follow, and has "),
-        ("[NumBlockLabels] = 3", "[NumBlockLabels] = 2", "a triangle is in a block that is not there"),
+        ("[NumPoints] = 2", "[NumPoints] = 7000", "it announces 7000 rows, but has "),
+        ("[NumBlockLabels] = 3", "[NumBlockLabels] = 2", "a triangle is in a block that does not exist"),
     ],
 )
 def test_damage(old, new, said, tmp_path):

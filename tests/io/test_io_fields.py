@@ -79,7 +79,7 @@ def test_lists_that_do_not_fit(tmp_path):
     with pytest.raises(ValueError, match="has 2 fields or steps 'f'; write one only"):
         ka.read_field(path, mesh, "f")
     path.write_text(as_list(mesh, values) + as_list(mesh.translated((1.0, 0.0)), values, "g"))
-    with pytest.raises(ValueError, match="has views on other triangles; write each to a file of its own"):
+    with pytest.raises(ValueError, match="has views on different triangles; write each view to its own file"):
         ka.read_field(path, mesh, "f")
     path.write_text('View "f" {\n};')
     with pytest.raises(ValueError, match=r"expected a field on the mesh, of 45 nodes and 64 triangles; .* 0 and 0"):

@@ -191,18 +191,18 @@ HUGE = {
 @pytest.mark.parametrize("name", HUGE)
 def test_counts_beyond_the_file(name, tmp_path):
     (tmp_path / name).write_text(HUGE[name])
-    with pytest.raises(ValueError, match=r"cannot be read: it says that .*, in [0-9]+ bytes\."):
+    with pytest.raises(ValueError, match=r"cannot be read: it (announces|has a set from) .* in [0-9]+ bytes\."):
         ka.read_mesh(tmp_path / name)
 
 
 @pytest.mark.parametrize(
     ("name", "text", "said"),
     [
-        ("m.vtk", "# vtk DataFile Version 3.0\n\nASCII\nDATASET STRUCTURED_POINTS\n", "holds no UNSTRUCTURED_GRID"),
+        ("m.vtk", "# vtk DataFile Version 3.0\n\nASCII\nDATASET STRUCTURED_POINTS\n", "has no UNSTRUCTURED_GRID"),
         ("m.inp", ABAQUS + "*INCLUDE, INPUT=/etc/passwd\n", "it includes another file"),
         ("m.inp", ABAQUS + "*ELSET, ELSET=both\nsome\n", "it has a set of sets: list their elements"),
         ("m.inp", ABAQUS.replace("1, 1, 2\n*", "1, 1, 9\n*"), "cannot be read: "),
-        ("m.su2", SU2.replace("5 0 2 3 1", "5 0 2 7 1"), "a cell has a node that is not there"),
+        ("m.su2", SU2.replace("5 0 2 3 1", "5 0 2 7 1"), "a cell has a node that does not exist"),
         ("m.su2", SU2.replace("NPOIN= 4", "POINTS= 4"), "cannot be read: UnboundLocalError"),
         ("m.mesh", "MeshVersionFormatted 2\nDimension 2\nVertices\n2\n0 0 0 zero one 0\n", "cannot be read"),
     ],
@@ -224,9 +224,9 @@ def xdmf(item):
 @pytest.mark.parametrize(
     ("item", "said"),
     [
-        ('Format="HDF">../m.h5:/a', "its data must be in a file beside it; there is none of the name '../m.h5'"),
-        ('Format="HDF">/dev/zero:/a', "its data must be in a file beside it"),
-        ('Format="HDF">none.h5:/a', "its data must be in a file beside it"),
+        ('Format="HDF">../m.h5:/a', "its data must be in a file in the same folder; there is no file '../m.h5'"),
+        ('Format="HDF">/dev/zero:/a', "its data must be in a file in the same folder"),
+        ('Format="HDF">none.h5:/a', "its data must be in a file in the same folder"),
         ('Format="Binary">/dev/zero', "its data has the format 'Binary'; write it with HDF or XML"),
     ],
 )
@@ -241,11 +241,11 @@ def test_hdf_opens_nothing_else_and_does_not_grow(tmp_path):
     h5py = pytest.importorskip("h5py")
     two_rooms().save(tmp_path / "m.xdmf")
     for name, spoil in {
-        "is a link to elsewhere": lambda file: file.__setitem__("data0", h5py.ExternalLink("/etc/passwd", "/a")),
+        "is a link": lambda file: file.__setitem__("data0", h5py.ExternalLink("/etc/passwd", "/a")),
         "has its data in another file": lambda file: file.create_dataset(
             "data0", (9, 3), "f8", external=[(str(tmp_path / "raw"), 0, 216)]
         ),
-        "unpacks to far more than a mesh": lambda file: file.create_dataset(
+        "unpacks to more data than plausible": lambda file: file.create_dataset(
             "data0", (10**9, 3), "f8", chunks=(1000, 3), compression="gzip"
         ),
     }.items():

@@ -208,7 +208,7 @@ def test_trap_8_partly_tagged_surfaces_leave_a_hole(drawn, caplog):
     assert areas(mesh) == {"air": 1.0} and area(mesh).sum() == pytest.approx(1.0)
     assert lengths(mesh) == {"outer": 1.0}
     assert_array_equal(np.unique(mesh.t), np.arange(mesh.p.shape[1]))
-    assert "lines of" in caplog.text and "are no side of a triangle: left out." in caplog.text
+    assert "lines of" in caplog.text and "are not sides of triangles and are left out." in caplog.text
     assert "unused nodes dropped." in caplog.text and "; 0 unused" not in caplog.text
     if b"4.1" in path.read_bytes()[:20]:
         assert "has no triangles for surface 1 of its geometry: the mesh has holes there." in caplog.text

@@ -191,7 +191,9 @@ def test_two_numbers_of_one_name_are_reported(tmp_path, caplog):
     ka.write_mesh(
         tmp_path / "out.msh", ka.read_mesh(tmp_path / "mesh.msh"), groups=ka.read_groups(tmp_path / "mesh.msh")
     )
-    assert f"groups 1 and 2 of '{tmp_path / 'mesh.msh'}' have the name 'a' in common and become one" in caplog.text
+    assert (
+        f"groups 1 and 2 of '{tmp_path / 'mesh.msh'}' have the same name 'a' and are merged into group 1" in caplog.text
+    )
     assert ka.read_groups(tmp_path / "out.msh").names == {(2, 1): "a"}
 
 

@@ -1,4 +1,4 @@
-"""Second-order files: meshes with bent sides in and out, and curves through the mid-side nodes."""
+"""Second-order files: meshes with bent sides in and out, and curves through the midside nodes."""
 
 import logging
 import sys
@@ -145,7 +145,7 @@ def test_a_first_order_file_is_refused_with_two_remedies(tmp_path):
     with pytest.raises(
         ValueError,
         match=r"read_curves expected triangles of second order only, .*; '.*first\.msh' has none\. "
-        r"Mesh with Mesh\.ElementOrder = 2, or take the nodes of the mesh: Spline\.through\(mesh, name\)",
+        r"Mesh with Mesh\.ElementOrder = 2, or use the nodes of the mesh: Spline\.through\(mesh, name\)",
     ):
         read_curves(tmp_path / "first.msh", mesh)
 
@@ -160,7 +160,7 @@ def test_a_file_of_both_orders_is_refused(tmp_path):
     lines[last] = " ".join([words[0], "2", *words[2:8]])
     path.write_text("\n".join(lines))
     assert read_mesh(path).t.shape == mesh.t.shape
-    with pytest.raises(ValueError, match=r"expected triangles of second order only, .* has others, too"):
+    with pytest.raises(ValueError, match=r"expected triangles of second order only, .* has other elements, too"):
         read_curves(path, read_mesh(path))
 
 
@@ -180,11 +180,14 @@ def flipped(mesh):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda mesh: mesh.refined(1), r"gives, with 72 nodes; got one with \d+\. Read the curves before the mesh is"),
-        (lambda mesh: mesh.scaled(1e-3), r"gives at this scale; a node is 0\.499 sizes of the mesh off its place"),
-        (lambda mesh: mesh.translated((1e-9, 0.0)), r"gives at this scale; a node is 3\.33e-10 sizes of the mesh off"),
-        (flipped, r"gives; 1 facets in its boundaries are no side of a triangle of the file\. Read the curves before"),
-        (lambda mesh: MeshTri(), "gives, with 72 nodes; got one with 4"),
+        (
+            lambda mesh: mesh.refined(1),
+            r"returns, with 72 nodes; got one with \d+\. Read the curves before the mesh is",
+        ),
+        (lambda mesh: mesh.scaled(1e-3), r"returns at this scale; a node is off by 0\.499 times the size of the mesh"),
+        (lambda mesh: mesh.translated((1e-9, 0.0)), r"returns at this scale; a node is off by 3\.33e-10 times"),
+        (flipped, r"returns; 1 facets of its boundaries are not sides of triangles in the file\. Read the curves"),
+        (lambda mesh: MeshTri(), "returns, with 72 nodes; got one with 4"),
         (lambda mesh: "mesh", r"mesh must be a skfem\.MeshTri or MeshTri2; got str"),
     ],
 )
@@ -222,11 +225,11 @@ def test_a_middle_that_is_not_finite_is_refused(tmp_path):
     middles[0, mesh.boundaries["outer"][3]] = np.nan
     path = write_second_order(tmp_path / "ring.msh", mesh, middles, version="2.2")
     with pytest.raises(
-        ValueError, match=r"read_mesh expected finite coordinates; '.*ring\.msh' has a mid-side node at \[ *nan"
+        ValueError, match=r"read_mesh expected finite coordinates; '.*ring\.msh' has a midside node at \[ *nan"
     ):
         read_mesh(path)
     with pytest.raises(
-        ValueError, match=r"read_curves expected finite coordinates; '.*ring\.msh' has a mid-side node at \[ *nan"
+        ValueError, match=r"read_curves expected finite coordinates; '.*ring\.msh' has a midside node at \[ *nan"
     ):
         read_curves(path, mesh)
 

@@ -232,15 +232,15 @@ def test_a_volume_without_group_leaves_a_hole(drawn, caplog):
 def test_groups_of_lines_are_left_out(drawn, caplog):
     mesh = read_mesh(drawn('Physical Volume("all", 1) = {left(), right()}; Physical Curve("rim", 2) = {1};'))
     assert sizes(mesh) == {"all": 2.0}
-    assert "no place in a mesh of tetrahedra: ['rim'] left out" in caplog.text
+    assert "are left out of a mesh of tetrahedra: ['rim']." in caplog.text
 
 
 def test_what_is_drawn_and_no_mesh_of_tetrahedra_is_refused(drawn):
-    with pytest.raises(ValueError, match=r"in the xy-plane; z runs from 0 to 1 in '.*'\. Of a solid, mesh the inside"):
+    with pytest.raises(ValueError, match=r"in the xy-plane; z runs from 0 to 1 in '.*'\. For a solid, mesh the volume"):
         read_mesh(drawn(NAMED, dimension=2))
     with pytest.raises(ValueError, match=r"expected tetrahedra of four nodes; '.*' has some of higher order.*-order 1"):
         read_mesh(drawn(NAMED, order=2))
-    with pytest.raises(ValueError, match=r"triangles that are faces of tetrahedra; \d+ of '.*' are none, one near \("):
+    with pytest.raises(ValueError, match=r"triangles that are faces of tetrahedra; \d+ of '.*' are not, one near \("):
         read_mesh(drawn('Physical Volume("a", 1) = {left()}; Physical Surface("b", 2) = {floor()};'))
 
 

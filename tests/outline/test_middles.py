@@ -207,7 +207,7 @@ def test_periodic_sides_cannot_be_splines():
     rim = mesh.boundary_facets()
     right = rim[mesh.p[0, mesh.facets[:, rim]].mean(axis=0) > 0.0]
     named = MeshTri2(mesh.p, mesh.t, _boundaries={"right": right, "left": np.setdiff1d(rim, right)})
-    with pytest.raises(ValueError, match=r"its pieces must be straight or arcs .* or draw its mid-side nodes to"):
+    with pytest.raises(ValueError, match=r"its pieces must be straight or arcs .* or draw its midside nodes to"):
         movable(named, periodic=[("right", "left", ka.Rotation(np.pi))])
 
 

@@ -66,7 +66,7 @@ def test_a_report_has_lines_along_the_arc(monkeypatch):
 def test_chains_are_called_what_they_are():
     mesh = MeshTri2(ROUND.p * np.array([[2.0], [1.0]]), ROUND.t)
     words = [text.get_text() for text in plot_outlines(mesh, unit="").get_legend().get_texts()]
-    assert "1 chain on a spline through mid-side nodes" in words
+    assert "1 chain on a spline through midside nodes" in words
     assert not any("straight" in word for word in words)
     lines = outlines_described(MovableMesh.of(mesh, Rules()))
-    assert lines[0] == "outlines: 1 chain, 0 straight, 0 on arcs, 1 on splines, 1 closed"
+    assert lines[0] == "boundaries and interfaces: 1 segment, 0 straight, 0 on arcs, 1 on splines, 1 closed"

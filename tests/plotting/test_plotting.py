@@ -226,8 +226,8 @@ def test_every_node_is_drawn_once_as_what_it_may_do():
         "10 chains straight",
         f"{81 - 32 - 10 - 1} nodes free",
         f"{32 + 10 - 8} nodes sliding",
-        "8 nodes in corners that others may take",
-        "1 node held for good",
+        "8 nodes at corners",
+        "1 node fixed",
     ]
     markers = [line for line in drawing.lines if line.get_marker() in ("o", "s")]
     drawn = np.hstack([np.array(line.get_data()) for line in markers])
@@ -242,7 +242,7 @@ def test_every_node_is_drawn_once_as_what_it_may_do():
 def test_a_pinned_node_is_held_for_good_and_ends_a_chain():
     floor = int(np.flatnonzero((square(8).p[0] == 0.5) & (square(8).p[1] == 0.0))[0])
     drawing = plotting.plot_outlines(square(8), pinned=[floor])
-    assert "1 node held for good" in legend_of(drawing)
+    assert "1 node fixed" in legend_of(drawing)
     assert "5 chains straight" in legend_of(drawing)
 
 

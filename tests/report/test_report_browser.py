@@ -250,7 +250,7 @@ def test_without_javascript_there_is_all_but_the_view(browser, path):
     try:
         browser.get(path.as_uri())
         shown = browser.find_element("tag name", "body").text
-        assert "needs JavaScript" in shown and "Passes" in shown and "To do it again" in shown
+        assert "needs JavaScript" in shown and "Passes" in shown and "Reproduction" in shown
         assert not browser.find_element("id", "view").is_displayed()
     finally:
         browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})
