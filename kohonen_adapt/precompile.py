@@ -4,7 +4,7 @@ import numpy as np
 from skfem import Basis, ElementTriP1, ElementTriP2, MeshTri
 
 from kohonen_adapt.kernels.ahead import compile_ahead
-from kohonen_adapt.kernels.compilation import expect, is_kept, may_be_kept
+from kohonen_adapt.kernels.compilation import expect, is_cacheable, is_cached
 from kohonen_adapt.kernels.entries import ENTRIES
 from kohonen_adapt.kernels.tetrahedron.entries import SPACE
 from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equilibrate, patch_scratch
@@ -74,8 +74,8 @@ def compile_missing() -> None:
     """
     entries = [entry for chapter in ENTRIES if chapter not in SPACE for entry in ENTRIES[chapter]]
     compiled = [entry for entry in entries if hasattr(entry.loop, "py_func")]  # plain functions if numba is disabled
-    missing = [entry for entry in compiled if not is_kept(entry.loop, entry.types)]
-    if missing and may_be_kept(missing[0].loop):
+    missing = [entry for entry in compiled if not is_cached(entry.loop, entry.types)]
+    if missing and is_cacheable(missing[0].loop):
         warmup()
 
 

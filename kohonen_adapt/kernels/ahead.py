@@ -16,7 +16,7 @@ from typing import Any
 
 from numba.core import event
 
-from kohonen_adapt.kernels.compilation import expected, is_kept, may_be_kept, number_of_threads
+from kohonen_adapt.kernels.compilation import expected, is_cacheable, is_cached, number_of_threads
 from kohonen_adapt.kernels.entries import ENTRIES
 from kohonen_adapt.kernels.entry import Entry, name_of
 
@@ -58,9 +58,9 @@ class _Compiling(event.Listener):
     """Listener to the compilations of numba, which occur only without code on disk."""
 
     def __init__(self) -> None:
-        self._waiting: set[str] = set()
-        self._number = 0
-        self._since = 0.0
+        self._remaining: set[str] = set()
+        self._total = 0
+        self._start = 0.0
         self._depth = 0
         self._collects = True
 
@@ -70,8 +70,12 @@ class _Compiling(event.Listener):
             gc.disable()  # numba's objects are not freed, and the collector takes 5 % of the time
         self._depth += 1
         function = event.data["dispatcher"].py_func
-        if self._depth == 1 and function.__module__.startswith(__package__) and name_of(function) not in self._waiting:
-            self._begin(name_of(function), may_be_kept(event.data["dispatcher"]))
+        if (
+            self._depth == 1
+            and function.__module__.startswith(__package__)
+            and name_of(function) not in self._remaining
+        ):
+            self._begin(name_of(function), is_cacheable(event.data["dispatcher"]))
 
     def on_end(self, event: Any) -> None:
         self._depth -= 1
@@ -88,38 +92,38 @@ class _Compiling(event.Listener):
         """
         expected.update(chapter for chapter in ENTRIES if any(name == entry.name for entry in ENTRIES[chapter]))
         entries = [entry for chapter in ENTRIES if chapter in expected for entry in ENTRIES[chapter]]
-        missing = [entry for entry in entries if not is_kept(entry.loop, entry.types)]
-        self._waiting = {name, *(entry.name for entry in missing)}
-        self._number, self._since = len(self._waiting), time.perf_counter()
-        helped = len(missing) > 1 and number_of_threads() > 1 and once and self._help(missing)
-        seconds = max(1.0, SECONDS * self._number / (2 if helped else 1))
-        logger.warning("compiling loops of kohonen_adapt%s (%d, about %.0f s)", ", once" * once, self._number, seconds)
+        missing = [entry for entry in entries if not is_cached(entry.loop, entry.types)]
+        self._remaining = {name, *(entry.name for entry in missing)}
+        self._total, self._start = len(self._remaining), time.perf_counter()
+        in_parallel = len(missing) > 1 and number_of_threads() > 1 and once and self._start_second_process(missing)
+        seconds = max(1.0, SECONDS * self._total / (2 if in_parallel else 1))
+        logger.warning("compiling loops of kohonen_adapt%s (%d, about %.0f s)", ", once" * once, self._total, seconds)
 
-    def _help(self, missing: list[Entry]) -> bool:
+    def _start_second_process(self, missing: list[Entry]) -> bool:
         names, package = [entry.name for entry in reversed(missing)], str(Path(__file__).parents[1])
         code = RUN.format(path=sys.path, package=package, names=names)
-        hidden = getattr(subprocess, "CREATE_NO_WINDOW", 0)
-        pipe, nowhere = subprocess.PIPE, subprocess.DEVNULL
+        flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)
+        pipe, devnull = subprocess.PIPE, subprocess.DEVNULL
         try:
-            helper = subprocess.Popen(
-                [sys.executable, "-c", code], stdin=pipe, stdout=pipe, stderr=nowhere, text=True, creationflags=hidden
+            process = subprocess.Popen(
+                [sys.executable, "-c", code], stdin=pipe, stdout=pipe, stderr=devnull, text=True, creationflags=flags
             )
         except OSError:
             return False
-        threading.Thread(target=self._listen, args=(helper,), daemon=True).start()
+        threading.Thread(target=self._read_progress, args=(process,), daemon=True).start()
         return True
 
-    def _listen(self, helper: "subprocess.Popen[str]") -> None:
-        for line in helper.stdout or ():
+    def _read_progress(self, process: "subprocess.Popen[str]") -> None:
+        for line in process.stdout or ():
             self._finish(line.strip())
-        helper.wait()
+        process.wait()
 
     def _finish(self, name: str) -> None:
-        if name in self._waiting:
-            self._waiting.discard(name)
-            done, left = self._number - len(self._waiting), len(self._waiting)
-            seconds = (time.perf_counter() - self._since) / done * left
-            progress.info("compiled %d of %d loops, about %.0f s to go", done, self._number, seconds)
+        if name in self._remaining:
+            self._remaining.discard(name)
+            done, left = self._total - len(self._remaining), len(self._remaining)
+            seconds = (time.perf_counter() - self._start) / done * left
+            progress.info("compiled %d of %d loops, about %.0f s left", done, self._total, seconds)
 
 
 def _count_as_old() -> None:

@@ -28,12 +28,8 @@ SHAPE, CLOSED, PAIRED = 0, 1, 2  # of `Chains.flags`
 AT, AT_X, AT_Y, RATE_X, RATE_Y = range(5)  # of `Chains.knot`
 FIRST, LAST, IS_ROUND, IS_CLOSED = range(4)  # of the rows of pieces of boundaries
 HALF_COEFFICIENT, SIXTH_SOURCE, HALF_FLUX_X, HALF_FLUX_Y, CENTRE_X, CENTRE_Y = range(6)  # of `Trial.data`
-CONSTANTS, RATES_X, RATES_Y, VARYING = (
-    4,
-    6,
-    11,
-    16,
-)  # number of constants, first columns of the derivatives of a varying flux, columns then
+# Number of constants, first columns of the derivatives of a varying flux, and number of columns with these derivatives
+CONSTANTS, RATES_X, RATES_Y, VARYING = 4, 6, 11, 16
 # Columns after the centre if the source varies: affine coordinates, then the terms of the polynomial
 X_BY_X, X_BY_Y, Y_BY_X, Y_BY_Y, SOURCE_TERMS = range(6, 11)
 DENSITY, RATE = 0, 1  # of `Laws.table`

@@ -24,7 +24,16 @@ except ImportError:  # numba 0.61
     from numba.core.caching import _InTreeCacheLocator as InTreeCacheLocator
     from numba.core.caching import _UserProvidedCacheLocator as UserProvidedCacheLocator
 
-__all__ = ["expect", "expected", "inner_kernel", "interpreted", "is_kept", "kernel", "may_be_kept", "number_of_threads"]
+__all__ = [
+    "expect",
+    "expected",
+    "inner_kernel",
+    "interpreted",
+    "is_cacheable",
+    "is_cached",
+    "kernel",
+    "number_of_threads",
+]
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -32,7 +41,7 @@ expected: set[str] = set()
 
 SEAL = 16  # bytes of the hash at the beginning of a file of machine code
 
-NOT_KEPT = (
+NOT_CACHED = (
     "compiled loops of kohonen_adapt cannot be stored in '%s' (%s), so every process compiles them again. Set "
     "NUMBA_CACHE_DIR to a writable folder."
 )
@@ -67,12 +76,12 @@ def interpreted(loop: Any) -> Callable:
     return FunctionType(function.__code__, {**function.__globals__, **own})
 
 
-def is_kept(loop: Any, types: tuple[Any, ...]) -> bool:
+def is_cached(loop: Any, types: tuple[Any, ...]) -> bool:
     cache = loop._cache
     return cache._index_key(types, loop.targetctx.codegen()) in cache._cache_file._load_index()
 
 
-def may_be_kept(loop: Any) -> bool:
+def is_cacheable(loop: Any) -> bool:
     folder = Path(loop._cache.cache_path)
     there = next(path for path in (folder, *folder.parents) if os.path.exists(path))
     return there.is_dir() and os.access(there, os.W_OK)
@@ -210,5 +219,5 @@ class _KernelCache(FunctionCache):
             super().save_overload(sig, data)
         except OSError as error:
             if not _KernelCache._warned:
-                logger.warning(NOT_KEPT, self.cache_path, error.strerror or error)
+                logger.warning(NOT_CACHED, self.cache_path, error.strerror or error)
             _KernelCache._warned = True

@@ -46,7 +46,7 @@ class KernelCompiler(Compiler):
     def define_pipelines(self) -> list[PassManager]:
         (manager,) = super().define_pipelines()
         lean = PassManager(manager.pipeline_name)
-        lean.passes = [(each, says) for each, says in manager.passes if each not in NOT_NEEDED]
+        lean.passes = [(step, reason) for step, reason in manager.passes if step not in NOT_NEEDED]
         lean.finalize()
         return [lean]
 
@@ -76,12 +76,12 @@ class _LinkedCode(JITCodeLibrary):
         """Skip the optimisation, which follows after linking."""
 
     def _finalize_final_module(self) -> None:
-        for each in self._final_module.functions:
-            if not each.is_declaration:
-                each.linkage = "linkonce_odr"
-        self.become(self._final_module)
+        for function in self._final_module.functions:
+            if not function.is_declaration:
+                function.linkage = "linkonce_odr"
+        self.set_module(self._final_module)
 
-    def become(self, module: Any) -> None:
+    def set_module(self, module: Any) -> None:
         self._shared_module, self._finalized = module, True
 
     def serialize_using_object_code(self) -> tuple[str, str, bytes]:
@@ -99,7 +99,7 @@ class _Codegen(JITCPUCodegen):
         if kind != _LinkedCode.KIND:
             return super().unserialize_library(serialized)
         library = _LinkedCode(self, name)
-        library.become(parse_bitcode(data))
+        library.set_module(parse_bitcode(data))
         return library
 
     def set_env(self, env_name: str, env: Any) -> None:
@@ -107,7 +107,7 @@ class _Codegen(JITCPUCodegen):
             super().set_env(env_name, env)
 
 
-class _Remembering(Context):
+class _CachedTypes(Context):
     """Typing context of numba with a cache of function signatures.
 
     numba checks some ten rules for each of the thousands of operators in a loop, mostly products of two numbers.
@@ -131,7 +131,7 @@ class _Target(CPUTarget):
 
     @cached_property
     def _toplevel_typing_context(self) -> Context:
-        return _Remembering(cpu_target.typing_context)
+        return _CachedTypes(cpu_target.typing_context)
 
     @cached_property
     def _toplevel_target_context(self) -> Any:

@@ -11,7 +11,7 @@ __all__ = ["interrupts_held"]
 Handler = Callable[[int, FrameType | None], object]
 
 
-class _Held:
+class _DelayedHandler:
     """Signal handler that stores signals for the original handler."""
 
     def __init__(self, handler: Handler) -> None:
@@ -37,13 +37,13 @@ def interrupts_held() -> Iterator[None]:
         yield  # Python runs handlers in the main thread only
         return
     before = signal.getsignal(signal.SIGINT)
-    held = before if isinstance(before, _Held) else _Held(before) if callable(before) else None
-    if held is None:  # Ctrl-C is ignored or ends the process
+    delayed = before if isinstance(before, _DelayedHandler) else _DelayedHandler(before) if callable(before) else None
+    if delayed is None:  # Ctrl-C is ignored or ends the process
         yield
         return
-    signal.signal(signal.SIGINT, held)
+    signal.signal(signal.SIGINT, delayed)
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-        held.deliver()
+        delayed.deliver()

@@ -157,13 +157,13 @@ def sort_into_tiles(winners, rank, interior, count, tiles, cuts, order):
 
 
 @kernel
-def swap_each(order, one, other):
-    for i in range(one.shape[0]):
-        order[one[i]], order[other[i]] = order[other[i]], order[one[i]]
+def swap_each(order, first, second):
+    for i in range(first.shape[0]):
+        order[first[i]], order[second[i]] = order[second[i]], order[first[i]]
 
 
 def shuffle(cuts: Ints, order: Ints, rng: np.random.Generator) -> None:
     count = np.maximum(np.diff(cuts) - 1, 0)
     stretch = np.repeat(np.arange(len(count)), count)
-    one = cuts[stretch + 1] - 1 - (np.arange(len(stretch)) - (np.cumsum(count) - count)[stretch])
-    swap_each(order, one, rng.integers(cuts[stretch], one + 1))
+    last = cuts[stretch + 1] - 1 - (np.arange(len(stretch)) - (np.cumsum(count) - count)[stretch])
+    swap_each(order, last, rng.integers(cuts[stretch], last + 1))

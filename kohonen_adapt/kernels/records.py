@@ -22,20 +22,20 @@ Record = TypeVar("Record", bound=type)
 class RecordType(types.Type):
     """Type of a record, defined by its class and the types of its fields."""
 
-    def __init__(self, made_by: Any, fields: tuple[types.Type, ...]) -> None:
-        self.made_by, self.fields = made_by, fields
-        super().__init__(name=f"{made_by.__name__}({', '.join(map(str, fields))})")
+    def __init__(self, record_class: Any, fields: tuple[types.Type, ...]) -> None:
+        self.record_class, self.fields = record_class, fields
+        super().__init__(name=f"{record_class.__name__}({', '.join(map(str, fields))})")
 
-    def place(self, name: str) -> int:
-        return self.made_by._fields.index(name)
+    def index(self, name: str) -> int:
+        return self.record_class._fields.index(name)
 
 
-def record(made_by: Record) -> Record:
-    @typeof_impl.register(made_by)
+def record(record_class: Record) -> Record:
+    @typeof_impl.register(record_class)
     def type_of(value: Any, context: Any) -> RecordType:
-        return RecordType(made_by, tuple(typeof_impl(field, context) for field in value))
+        return RecordType(record_class, tuple(typeof_impl(field, context) for field in value))
 
-    return made_by
+    return record_class
 
 
 @register_model(RecordType)
@@ -48,21 +48,21 @@ class RecordModel(models.PrimitiveModel):
 
 
 @unbox(RecordType)
-def address_of(kind: RecordType, given: Any, c: Any) -> NativeValue:
+def address_of(kind: RecordType, obj: Any, c: Any) -> NativeValue:
     adapt = cgutils.get_or_insert_function(
         c.builder.module, ir.FunctionType(ir.IntType(32), [c.pyapi.pyobj, c.pyapi.voidptr]), "numba_adapt_ndarray"
     )
     address = cgutils.alloca_once(c.builder, c.context.get_value_type(kind).pointee)
     failed = cgutils.false_bit
-    for number, field in enumerate(kind.fields):
-        item = c.pyapi.tuple_getitem(given, number)
-        place = cgutils.gep_inbounds(c.builder, address, 0, number)
+    for k, field in enumerate(kind.fields):
+        item = c.pyapi.tuple_getitem(obj, k)
+        field_address = cgutils.gep_inbounds(c.builder, address, 0, k)
         if isinstance(field, types.Array):
-            code = c.builder.call(adapt, (item, c.builder.bitcast(place, c.pyapi.voidptr)))
+            code = c.builder.call(adapt, (item, c.builder.bitcast(field_address, c.pyapi.voidptr)))
             failed = c.builder.or_(failed, cgutils.is_not_null(c.builder, code))
         else:
             native = c.unbox(field, item)
-            c.builder.store(native.value, place)
+            c.builder.store(native.value, field_address)
             failed = c.builder.or_(failed, native.is_error)
     return NativeValue(address, is_error=failed)
 
@@ -74,7 +74,7 @@ class RecordAttributes(AttributeTemplate):
     key = RecordType
 
     def generic_resolve(self, kind: RecordType, name: str) -> types.Type | None:
-        return kind.fields[kind.place(name)] if name in kind.made_by._fields else None
+        return kind.fields[kind.index(name)] if name in kind.record_class._fields else None
 
 
 @lower_getattr_generic(RecordType)
@@ -83,26 +83,28 @@ def field_of(context: Any, builder: Any, kind: RecordType, address: Any, name: s
 
     Loads are marked as invariant because no loop changes a record, so that LLVM moves them out of loops.
     """
-    number = kind.place(name)
-    field, place = kind.fields[number], cgutils.gep_inbounds(builder, address, 0, number)
+    index = kind.index(name)
+    field, field_address = kind.fields[index], cgutils.gep_inbounds(builder, address, 0, index)
     if not isinstance(field, types.Array):
-        return _constant_load(builder, place)
-    array = ir.Constant(place.type.pointee, None)
+        return _constant_load(builder, field_address)
+    array = ir.Constant(field_address.type.pointee, None)
     members = context.data_model_manager[field]._fields
     for member in ("nitems", "data"):
         k = members.index(member)
-        array = builder.insert_value(array, _constant_load(builder, cgutils.gep_inbounds(builder, place, 0, k)), k)
+        array = builder.insert_value(
+            array, _constant_load(builder, cgutils.gep_inbounds(builder, field_address, 0, k)), k
+        )
     k, size = members.index("itemsize"), numpy_support.as_dtype(field.dtype).itemsize
     array = builder.insert_value(array, context.get_constant(types.intp, size), k)
     for member in ("shape", "strides"):
         k = members.index(member)
         for axis in range(field.ndim):
-            extent = _constant_load(builder, cgutils.gep_inbounds(builder, place, 0, k, axis))
+            extent = _constant_load(builder, cgutils.gep_inbounds(builder, field_address, 0, k, axis))
             array = builder.insert_value(array, extent, (k, axis))
     return array
 
 
-def _constant_load(builder: Any, place: Any) -> Any:
-    loaded = builder.load(place)
+def _constant_load(builder: Any, address: Any) -> Any:
+    loaded = builder.load(address)
     loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
     return loaded

@@ -41,7 +41,7 @@ class Method(ABC):
 
     @abstractmethod
     def open(self, mesh: Mesh, rules: Rules, curved: bool | None) -> Any:
-        """Return the movable mesh, with curved or straight sides, for None with those of the input."""
+        """Return the movable mesh, with sides as in the input if `curved` is None."""
 
     @abstractmethod
     def moving_kernels(self, topology: str, schedule: Schedule | None) -> tuple[str, ...]:
@@ -67,7 +67,10 @@ class Method(ABC):
         number: int,
         recycles: bool,
     ) -> Moved[Any]:
-        """Relocate the nodes to a density (nelements,) in pass `number`, with exchange of nodes if it `recycles`."""
+        """Relocate the nodes to a density (nelements,) in pass `number`.
+
+        Nodes are exchanged only if the pass `recycles`.
+        """
 
     @abstractmethod
     def functional(self, ritz: Ritz, movable: Any, mesh: Mesh) -> Any:
@@ -75,11 +78,11 @@ class Method(ABC):
 
     @abstractmethod
     def value(self, functional: Any, ritz: Ritz, movable: Any, mesh: Mesh) -> float:
-        """Return the value of the functional, slivers between facets and curves or surfaces included."""
+        """Return the value of the functional, up to the curves and surfaces."""
 
     @abstractmethod
     def carry(self, functional: Any, before: Any, movable: Any, start_element: Ints) -> Any:
-        """Interpolate the solution of `functional` from the mesh `before` onto the moved mesh."""
+        """Interpolate the solution of `functional` onto the moved mesh."""
 
     @abstractmethod
     def descend(self, movable: Any, functional: Any, trial: Any, sweeps: int) -> float:
@@ -89,7 +92,7 @@ class Method(ABC):
     def polish(
         self, movable: Any, functional: Any, trial: Any, recycled: Recycled, plan: Sequence[int]
     ) -> tuple[Recycled, float]:
-        """Sweep and recycle after a plan, and return all recycled nodes and the decrease of the functional."""
+        """Polish after a plan, and return recycled nodes and decrease."""
 
     @abstractmethod
     def stalls(self, passes: tuple[Pass, ...]) -> bool:

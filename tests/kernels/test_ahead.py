@@ -40,7 +40,7 @@ class Heard(event.Listener):
 
 event.register("numba:compile", Heard())
 import kohonen_adapt as ka
-from kohonen_adapt.kernels.compilation import expect, expected, is_kept
+from kohonen_adapt.kernels.compilation import expect, expected, is_cached
 from kohonen_adapt.kernels.entries import ENTRIES
 from kohonen_adapt.kernels.entry import name_of
 """
@@ -93,7 +93,7 @@ expect(*{FEW})
 first, *rest = [entry for chapter in ENTRIES if chapter in {FEW} for entry in ENTRIES[chapter]]
 first.compile()
 end = time.monotonic() + 100
-while not all(is_kept(entry.loop, entry.types) for entry in rest) and time.monotonic() < end:
+while not all(is_cached(entry.loop, entry.types) for entry in rest) and time.monotonic() < end:
     time.sleep(0.02)
 for entry in rest:
     entry.compile()

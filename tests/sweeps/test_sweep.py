@@ -173,7 +173,7 @@ def test_before_they_begin_all_is_compiled_that_is_not_kept(monkeypatch):
     begun = []
     monkeypatch.setattr(precompile, "warmup", lambda: begun.append("now"))
     for missing, wanted in [(None, []), ("walk_each", ["now"])]:
-        monkeypatch.setattr(precompile, "is_kept", lambda loop, types, missing=missing: loop.__name__ != missing)
+        monkeypatch.setattr(precompile, "is_cached", lambda loop, types, missing=missing: loop.__name__ != missing)
         precompile.compile_missing()
         assert begun == wanted
 
