@@ -98,27 +98,27 @@ class Checkpoint:
             np.savez(stream, allow_pickle=False, **arrays)
 
     def _names(self) -> list[str]:
-        return [each.name for each in fields(self.record) if each.name != "mesh"]
+        return [field.name for field in fields(self.record) if field.name != "mesh"]
 
     def _file(self, number: int) -> Path:
         return self.folder / f"pass-{number:04d}.npz"
 
     def _files(self) -> list[Path]:
         files = set(self.folder.glob("pass-*.npz"))
-        wanted = [self._file(number) for number in range(len(files))]
-        for file in wanted:
+        expected_files = [self._file(number) for number in range(len(files))]
+        for file in expected_files:
             if file not in files:
                 raise ValueError(
                     f"the checkpoint '{self.folder}' has '{max(files).name}' but no '{file.name}'. Delete the later "
                     "files to resume from the pass before, or use another folder."
                 )
-        return wanted
+        return expected_files
 
     def _read(self, file: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        whole = BytesIO(file.read_bytes())  # read first, so that later errors mean damage, not a disk error
+        stream_of_file = BytesIO(file.read_bytes())  # read first, so that later errors mean damage, not a disk error
         try:
-            with np.load(whole, allow_pickle=False) as content:
-                _check_sizes(content, whole.getbuffer().nbytes)
+            with np.load(stream_of_file, allow_pickle=False) as content:
+                _check_sizes(content, stream_of_file.getbuffer().nbytes)
                 arrays = {name: content[name] for name in content.files}
             about = json.loads(arrays.pop("about").tobytes())
             if (about["format"], self._file(about["number"])) != (FORMAT, file):
@@ -138,11 +138,11 @@ class Checkpoint:
         )
 
 
-def _check_sizes(content: Any, most: int) -> None:
+def _check_sizes(content: Any, file_size: int) -> None:
     """Raise ValueError if the unpacked arrays are larger than the uncompressed file."""
     declared = sum(member.file_size for member in content.zip.infolist())
-    if declared > most:
-        raise ValueError(f"contents of {declared} bytes in a file of {most} bytes")
+    if declared > file_size:
+        raise ValueError(f"contents of {declared} bytes in a file of {file_size} bytes")
 
 
 def _check_kinds(values: Mapping[str, Any], kinds: Mapping[str, Any]) -> None:

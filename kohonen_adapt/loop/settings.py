@@ -22,8 +22,7 @@ __all__ = ["DIGEST", "ONLY_ENDS", "PASSES", "Settings", "fingerprint"]
 DIGEST = "sha256 "
 PASSES = 4
 
-ONLY_ENDS = {"only ends": True}
-"""Metadata of a setting that says when to end, and changes no pass."""
+ONLY_ENDS = {"only ends": True}  # metadata of a setting that ends the loop, and changes no pass
 
 
 @dataclass(frozen=True)
@@ -59,11 +58,11 @@ def fingerprint(mesh: Mesh, problem: Problem, settings: Settings) -> dict[str, s
         "mesh": digest(mesh.p, mesh.t, *_set_arrays(mesh.boundaries), *_set_arrays(mesh.subdomains)),
         "problem": f"{type(problem).__name__} of order {order_of(problem)} in the {norm_of(problem)} norm{sides}",
     }
-    for part in (settings.rules, settings):
-        for each in fields(part):
-            if each.metadata != ONLY_ENDS and each.name != "rules":
-                name = each.metadata.get("argument", each.name)
-                texts[name] = _text(getattr(part, each.name), mesh)
+    for group in (settings.rules, settings):
+        for entry in fields(group):
+            if entry.metadata != ONLY_ENDS and entry.name != "rules":
+                name = entry.metadata.get("argument", entry.name)
+                texts[name] = _text(getattr(group, entry.name), mesh)
     return texts
 
 
@@ -88,28 +87,28 @@ def _without_type(value: Any) -> Any:
 
 
 def _set_arrays(sets: Mapping[str, Ints] | None) -> list[NDArray[Any]]:
-    found: list[NDArray[Any]] = [np.array(sets is None)]
+    arrays: list[NDArray[Any]] = [np.array(sets is None)]
     for name, rows in (sets or {}).items():
-        found += [
+        arrays += [
             np.array(name),
             np.asarray(rows, dtype=np.int64),
             np.asarray(getattr(rows, "ori", []), dtype=np.int64),
         ]
-    return found
+    return arrays
 
 
 def _curve_digest(mesh: Mesh, curves: Mapping[str, Curve]) -> str:
     """Return a digest of the curves, evaluated at the midpoints of their facets."""
-    found: list[NDArray[Any]] = []
+    arrays: list[NDArray[Any]] = []
     for name, curve in sorted(curves.items()):
         ends = mesh.p[:, mesh.facets[:, np.asarray((mesh.boundaries or {})[name])]]
-        found += [np.array(name), np.asarray(curve.project(ends.mean(axis=1)), dtype=float)]
-    return digest(*found)
+        arrays += [np.array(name), np.asarray(curve.project(ends.mean(axis=1)), dtype=float)]
+    return digest(*arrays)
 
 
 def digest(*arrays: NDArray[Any]) -> str:
-    found = sha256()
+    hashed = sha256()
     for array in map(np.ascontiguousarray, arrays):
-        found.update(f"{array.dtype.str}{array.shape}".encode())
-        found.update(array.tobytes())
-    return f"{DIGEST}{found.hexdigest()[:32]}"
+        hashed.update(f"{array.dtype.str}{array.shape}".encode())
+        hashed.update(array.tobytes())
+    return f"{DIGEST}{hashed.hexdigest()[:32]}"

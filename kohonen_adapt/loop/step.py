@@ -43,8 +43,7 @@ __all__ = ["UNSOLVED", "Adaptation", "Solved"]
 
 GROWING_ENTRIES = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
 
-UNSOLVED = object()
-"""In place of the solution of a pass that was not solved in this process."""
+UNSOLVED = object()  # replaces the solution of a pass of an earlier process
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ Columns = list[tuple[str, list[str]]]
 
 def pass_figures(step: Pass) -> dict[str, Any]:
     figures: dict[str, Any] = {}
-    for name in (each.name for each in fields(step) if each.name not in GOAL_FIELDS):
+    for name in (entry.name for entry in fields(step) if entry.name not in GOAL_FIELDS):
         value = getattr(step, name)
         if isinstance(value, dict):
             singular = name.removesuffix("s") if name == "outputs" else name
@@ -134,7 +134,7 @@ def html_table(history: tuple[Pass, ...], attributes: Sequence[str]) -> str:
     columns = list(chain.from_iterable(table_columns(history)))
     titles = _html_row("", "th", [title for title, _ in columns])
     rows = zip(attributes, *(cells for _, cells in columns), strict=True)
-    lines = [_html_row(given, "td", cells) for given, *cells in rows]
+    lines = [_html_row(row_attributes, "td", cells) for row_attributes, *cells in rows]
     return "\n".join([f"<table><thead>{titles}</thead><tbody>", *lines, "</tbody></table>"])
 
 
@@ -187,25 +187,25 @@ def _output_change(before: float, after: float) -> str:
 
 
 def _work_columns(history: tuple[Pass, ...]) -> Columns:
-    work = {each.name for each in fields(Work)}
+    work = {entry.name for entry in fields(Work)}
     columns = [("elements", [str(step.mesh.t.shape[1]) for step in history])]
-    columns += [_column(each, history) for each in _titled_fields(history) if each.name not in work]
+    columns += [_column(entry, history) for entry in _titled_fields(history) if entry.name not in work]
     columns.append(("seconds", [f"{sum(step.seconds.values()):.2f}" for step in history]))
     if any(step.functional is not None for step in history):
         columns.append(("gain of map", [DASH, *(significant(_gain_of_map(*pair), 2) for pair in pairwise(history))]))
-    for each in _titled_fields(history):
-        if each.name in work and any(getattr(step, each.name) for step in history):
-            title, cells = _column(each, history)
+    for entry in _titled_fields(history):
+        if entry.name in work and any(getattr(step, entry.name) for step in history):
+            title, cells = _column(entry, history)
             columns.append((title, [DASH, *cells[1:]]))
     return columns
 
 
 def _titled_fields(history: tuple[Pass, ...]) -> list[Field[Any]]:
-    return [each for each in fields(history[0]) if "title" in each.metadata]
+    return [entry for entry in fields(history[0]) if "title" in entry.metadata]
 
 
-def _column(each: Field[Any], history: tuple[Pass, ...]) -> tuple[str, list[str]]:
-    return each.metadata["title"], [_formatted(getattr(step, each.name), each.metadata["form"]) for step in history]
+def _column(entry: Field[Any], history: tuple[Pass, ...]) -> tuple[str, list[str]]:
+    return entry.metadata["title"], [_formatted(getattr(step, entry.name), entry.metadata["form"]) for step in history]
 
 
 def _formatted(value: Any, form: str) -> str:
