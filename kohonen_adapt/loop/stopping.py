@@ -134,7 +134,7 @@ class StopTest:
     def _missed_text(self, last: Pass) -> str:
         missed, tolerance = [], self._tolerance(last)
         if tolerance is not None:
-            missed.append(f"tolerance {_tolerance_text(tolerance, last)}")
+            missed.append(f"tolerance {_tolerance_text(tolerance, last)} (estimate {last.estimate_text})")
         if self.output_rtol is not None:
             missed.append(f"output tolerance {_percent(self.output_rtol)}")
         return f" without reaching the {' and the '.join(missed)}" if missed else ""

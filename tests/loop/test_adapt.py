@@ -420,7 +420,7 @@ def test_a_tolerance_that_is_missed():
     result = adapt(MESH, Script([4.0, 3.0]), passes=1, rtol=1e-3)
     assert result.status is Status.MAX_PASSES
     assert result.message == (
-        "Stopped after 1 pass without reaching the tolerance 0.01. Best: pass 1, estimated error 30 %. "
+        "Stopped after 1 pass without reaching the tolerance 0.01 (estimate 3). Best: pass 1, estimated error 30 %. "
         "Increase `passes` to continue."
     )
 
@@ -734,7 +734,7 @@ def test_the_estimate_and_the_outputs_must_both_be_met(estimates, values, number
 def test_both_missed():
     options = {"atol": 1e-3, "outputs": {"force": script_of(1.0, 2.0)}, "output_rtol": 0.01}
     assert adapt(MESH, Script([3.0, 2.0]), passes=1, **options).message.startswith(
-        "Stopped after 1 pass without reaching the tolerance 0.001 and the output tolerance 1 %. Best: "
+        "Stopped after 1 pass without reaching the tolerance 0.001 (estimate 2) and the output tolerance 1 %. Best: "
     )
 
 
