@@ -66,7 +66,7 @@ class PlaneMethod(Method):
         return Functional.of_solution(ritz, movable, mesh)
 
     def value(self, functional: Functional, ritz: Ritz, movable: MovableMesh, mesh: Mesh) -> float:
-        curved_part = functional.beyond_chords(movable.triangulation, functional.solution)
+        curved_part = functional.energy_beyond_chords(movable.triangulation, functional.solution)
         return functional_value(mesh, ritz) + curved_part
 
     def carry(

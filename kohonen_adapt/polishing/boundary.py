@@ -37,7 +37,7 @@ class BoundaryTerms:
         Index of every region in the tables of the functional, (nregions,).
     chains
         Curve segments of every named Robin boundary, (c,) bool.
-    given
+    dirichlet
         Curve segments with Dirichlet values, (c,) bool.
     """
 
@@ -45,11 +45,11 @@ class BoundaryTerms:
     reference: Reference
     number: Ints
     chains: dict[str, Mask]
-    given: Mask
+    dirichlet: Mask
 
     @property
     def on(self) -> Mask:
-        return np.any([np.zeros(len(self.given), dtype=np.bool_), *self.chains.values()], axis=0)
+        return np.any([np.zeros(len(self.dirichlet), dtype=np.bool_), *self.chains.values()], axis=0)
 
     def nodes(self, triangulation: Triangulation) -> Mask:
         elements, found = triangulation.elements, np.zeros(triangulation.nnodes, dtype=np.bool_)
@@ -57,36 +57,36 @@ class BoundaryTerms:
             found[np.concatenate(elements.ends(*np.nonzero(on_chains(elements.chain, self.on))))] = True
         return found
 
-    def value(self, chain: Ints, corners: Floats, coefficients: Floats, bend: Floats | None = None) -> float:
+    def value(self, chain: Ints, corners: Floats, coefficients: Floats, offsets: Floats | None = None) -> float:
         """Return the Robin terms of a function, summed over all elements.
 
         `chain` (m, 3) holds the curve segment of every side, `corners` (m, 3, 2) and `coefficients` (m, b) belong to
-        the elements, and `bend` (m, 3, 2) holds the midside offsets.
+        the elements, and `offsets` (m, 3, 2) holds the midside offsets.
         """
         total = 0.0
         for name, chains in self.chains.items():
             sides, terms = sides_on(chain, chains), self.ritz.robin[name]
-            total += robin_value(corners, coefficients, sides, terms, self.ritz.axisymmetric, bend)
+            total += robin_value(corners, coefficients, sides, terms, self.ritz.axisymmetric, offsets)
         return total
 
-    def improve(self, triangulation: Triangulation, trial: TrialFunction, bend: Floats | None = None) -> None:
+    def improve(self, triangulation: Triangulation, trial: TrialFunction, offsets: Floats | None = None) -> None:
         """Set the values on Robin boundaries to the minimiser of the functional.
 
         All values are found by one linear solve. With nonlinear laws the matrix has secant coefficients, and the step
-        is undone if the functional rises. `bend` holds the midside offsets, shape (m, 3, 2).
+        is undone if the functional rises. `offsets` holds the midside offsets, shape (m, 3, 2).
         """
         unknown, count = self._unknowns(triangulation, trial) if self.chains else (np.empty((0, 3), dtype=int), 0)
         if not count:
             return
         rows = np.flatnonzero(np.any(unknown >= 0, axis=1))
-        bend = np.zeros((len(rows), 3, 2)) if bend is None else bend[rows]
-        near = Near.of(triangulation, trial, bend, rows, unknown[rows], self.number)
+        offsets = np.zeros((len(rows), 3, 2)) if offsets is None else offsets[rows]
+        near = Near.of(triangulation, trial, offsets, rows, unknown[rows], self.number)
         matrix, rest = self._equations(near, count)
         change, before = spsolve(matrix.tocsc(), -rest), self._total(near)
         near.add(trial, change)
         if (
             any(self.ritz.laws)
-            and self._total(Near.of(triangulation, trial, bend, rows, near.unknown, self.number)) > before
+            and self._total(Near.of(triangulation, trial, offsets, rows, near.unknown, self.number)) > before
         ):
             near.add(trial, -change)
 
@@ -97,15 +97,15 @@ class BoundaryTerms:
         count, functions = int(free.sum()), self.reference.slope.shape[1]
         unknown = np.full((len(elements.node), functions), -1)
         unknown[:, :3] = np.where(free, np.cumsum(free) - 1, -1)[elements.node]
-        e, k = sides_on(elements.chain, self.on & ~self.given)
+        e, k = sides_on(elements.chain, self.on & ~self.dirichlet)
         for first in range(3, min(functions, 9), 3):
             unknown[e, first + k] = count + np.arange(len(e))
             count += len(e)
         return unknown, count
 
     def _total(self, near: "Near") -> float:
-        own = value_on(near.corners, near.coefficients, near.number, self.ritz, near.bend)
-        return own + self.value(near.chain, near.corners, near.coefficients, near.bend)
+        own = value_on(near.corners, near.coefficients, near.number, self.ritz, near.offsets)
+        return own + self.value(near.chain, near.corners, near.coefficients, near.offsets)
 
     def _equations(self, near: "Near", count: int) -> tuple[coo_array, Floats]:
         """Return the Hessian, with secant coefficients if nonlinear, and the gradient."""
@@ -113,7 +113,7 @@ class BoundaryTerms:
         for name, chains in self.chains.items():
             e, k = sides_on(near.chain, chains)
             ends = np.stack([near.corners[e, (k + 1) % 3], near.corners[e, (k + 2) % 3]], axis=1)
-            terms, off = self.ritz.robin[name], near.bend[e, k]
+            terms, off = self.ritz.robin[name], near.offsets[e, k]
             matrix, load = facet_terms(ends, self.ritz.order, terms, self.ritz.axisymmetric, off)
             own = e[:, None], trace_columns(k, self.ritz.order)
             parts.append((near.unknown[own], matrix, np.einsum("fij,fj->fi", matrix, near.coefficients[own]) - load))
@@ -136,9 +136,9 @@ class BoundaryTerms:
 
     def _of_kind(self, near: "Near", rows: Ints, kind: int, points: Points) -> tuple[Floats, Floats]:
         ritz, (m, b) = self.ritz, (len(rows), near.coefficients.shape[1])
-        corners, bend, number = near.corners[rows], near.bend[rows], near.number[rows]
-        doubled, x, _, slope = fields_at(points, kind, corners, bend, near.coefficients[rows])
-        repeated = np.repeat(corners, b, axis=0), np.repeat(bend, b, axis=0), np.tile(np.eye(b), (m, 1))
+        corners, offsets, number = near.corners[rows], near.offsets[rows], near.number[rows]
+        doubled, x, _, slope = fields_at(points, kind, corners, offsets, near.coefficients[rows])
+        repeated = np.repeat(corners, b, axis=0), np.repeat(offsets, b, axis=0), np.tile(np.eye(b), (m, 1))
         each = fields_at(points, kind, *repeated)[3].reshape(2, -1, m, b)
         radius, weight = x if ritz.axisymmetric else np.ones_like(x), 0.5 * points.weight[kind][:, None] * doubled
         secant = value_by_region(np.asarray(ritz.coefficient), number) / radius
@@ -149,7 +149,7 @@ class BoundaryTerms:
                 secant[:, own] = law.field_strength(size / radius[:, own]) / size
         flux = np.broadcast_to(np.reshape(flux_on(corners, number, ritz), (2, 1, -1)), slope.shape)
         stiffness = np.einsum("qm,cqmi,cqmj->mij", weight * secant, each, each)
-        pulled = (weight * source_on(points, kind, corners, bend, number, ritz)).T @ points.value[kind]
+        pulled = (weight * source_on(points, kind, corners, offsets, number, ritz)).T @ points.value[kind]
         return stiffness, np.einsum("cqm,cqmi->mi", weight * (secant * slope - flux), each) - pulled
 
 
@@ -162,18 +162,18 @@ class Near:
     chain: Ints  # (k, 3)
     number: Ints  # (k,): indices of regions in the tables of the functional
     corners: Floats  # (k, 3, 2)
-    bend: Floats  # (k, 3, 2): midside offsets
+    offsets: Floats  # (k, 3, 2): midside offsets
     coefficients: Floats  # (k, b)
     unknown: Ints  # (k, b): index of every coefficient, -1 if fixed
 
     @classmethod
     def of(
-        cls, tri: Triangulation, trial: TrialFunction, bend: Floats, rows: Ints, unknown: Ints, number: Ints
+        cls, tri: Triangulation, trial: TrialFunction, offsets: Floats, rows: Ints, unknown: Ints, number: Ints
     ) -> "Near":
         node, chain, region = (array[rows] for array in (tri.elements.node, tri.elements.chain, tri.elements.region))
         modes = None if trial.modes is None else Modes(*(array[rows] for array in trial.modes))
         coefficients = local_coefficients(trial.values[node], modes)
-        return cls(rows, node, chain, number[region], tri.position[node], bend, coefficients, unknown)
+        return cls(rows, node, chain, number[region], tri.position[node], offsets, coefficients, unknown)
 
     def add(self, trial: TrialFunction, change: Floats) -> None:
         e, i = np.nonzero(self.unknown >= 0)

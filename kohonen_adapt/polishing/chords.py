@@ -44,25 +44,31 @@ class Chords:
         Boundaries and interfaces, which define the curves.
     constants
         Coefficient, source and flux of every region of the triangulation, (nregions, 4).
-    known
+    counted
         Curve segments whose slivers can be counted, (c,) bool.
-    given
-        Curve segments with Dirichlet values, (c,) bool. On `known` segments these are constant, and slivers have
+    dirichlet
+        Curve segments with Dirichlet values, (c,) bool. On `counted` segments these are constant, and slivers have
         the same values.
     cut
-        `known` curve segments at which a source ends, (c,) bool. The polygon changes the area of the source
+        `counted` curve segments at which a source ends, (c,) bool. The polygon changes the area of the source
         there.
     """
 
     outline: Outline
     constants: Floats
-    known: Mask
-    given: Mask
+    counted: Mask
+    dirichlet: Mask
     cut: Mask
 
     @classmethod
     def of(
-        cls, triangulation: Triangulation, outline: Outline, constants: Floats, curves: Mask, given: Mask, level: Floats
+        cls,
+        triangulation: Triangulation,
+        outline: Outline,
+        constants: Floats,
+        curves: Mask,
+        dirichlet: Mask,
+        level: Floats,
     ) -> "Chords":
         """Select the curve segments whose slivers can be counted.
 
@@ -70,26 +76,26 @@ class Chords:
         values are counted only on the convex outer boundary, and only if the source times `level` is 0.
         """
         if not curves.any():
-            return cls(outline, constants, curves, given, curves)
+            return cls(outline, constants, curves, dirichlet, curves)
         elements = triangulation.elements
-        e, k = np.nonzero(on_chains(elements.chain, curves & given))
-        inwards = leans_in(triangulation, outline, e, k)
+        e, k = np.nonzero(on_chains(elements.chain, curves & dirichlet))
+        inwards = bends_inwards(triangulation, outline, e, k)
         loaded = constants[elements.region[e], 1] * level[elements.chain[e, k]] != 0.0
-        unknown = given & np.isnan(level)
+        unknown = dirichlet & np.isnan(level)
         unknown[elements.chain[e, k][(elements.neighbour[e, k] >= 0) | inwards | loaded]] = True
-        known = curves & ~unknown
-        return cls(outline, constants, known, given, cut_sources(triangulation, outline, constants, known))
+        counted = curves & ~unknown
+        return cls(outline, constants, counted, dirichlet, cut_sources(triangulation, outline, constants, counted))
 
     def moving(self, triangulation: Triangulation) -> Mask:
         constraints, found = self.outline.constraints, np.zeros(triangulation.nnodes, dtype=np.bool_)
         slides = constraints.kind == SLIDING
-        found[slides] = (self.known & ~self.cut)[constraints.own_chain[slides]]
+        found[slides] = (self.counted & ~self.cut)[constraints.own_chain[slides]]
         return found
 
     def slivers(self, triangulation: Triangulation) -> Slivers:
         elements = triangulation.elements
-        e, k = np.nonzero(on_chains(elements.chain, self.known & ~self.given))
-        other, inwards = elements.neighbour[e, k], leans_in(triangulation, self.outline, e, k)
+        e, k = np.nonzero(on_chains(elements.chain, self.counted & ~self.dirichlet))
+        other, inwards = elements.neighbour[e, k], bends_inwards(triangulation, self.outline, e, k)
         own = self.constants[elements.region[e]]
         there = np.where((other >= 0)[:, None], self.constants[elements.region[other]], 0.0)
         change, rows = np.where(inwards[:, None], there - own, own), inwards | (other < 0)
@@ -98,7 +104,7 @@ class Chords:
 
     def value(self, triangulation: Triangulation, values: Floats) -> float:
         """Return the functional of all slivers for nodal values of shape (n,)."""
-        if not self.known.any():
+        if not self.counted.any():
             return 0.0
         e, k, change, off = self.slivers(triangulation)
         node, (a, b) = triangulation.elements.node[e], triangulation.elements.ends(e, k)
@@ -109,9 +115,9 @@ class Chords:
         return float(np.sum(segment_areas(triangulation.position[b] - triangulation.position[a], off) * density))
 
 
-def cut_sources(triangulation: Triangulation, outline: Outline, constants: Floats, known: Mask) -> Mask:
-    elements, found = triangulation.elements, np.zeros(len(known), dtype=np.bool_)
-    e, k = np.nonzero(on_chains(elements.chain, known))
+def cut_sources(triangulation: Triangulation, outline: Outline, constants: Floats, counted: Mask) -> Mask:
+    elements, found = triangulation.elements, np.zeros(len(counted), dtype=np.bool_)
+    e, k = np.nonzero(on_chains(elements.chain, counted))
     other, source = elements.neighbour[e, k], constants[elements.region, 1]
     ends = source[e] != np.where(other >= 0, source[other], 0.0)
     off = offsets_from_chords(triangulation, outline.constraints, e, k)
@@ -121,7 +127,7 @@ def cut_sources(triangulation: Triangulation, outline: Outline, constants: Float
     return found
 
 
-def leans_in(triangulation: Triangulation, outline: Outline, e: Ints, k: Ints) -> Mask:
+def bends_inwards(triangulation: Triangulation, outline: Outline, e: Ints, k: Ints) -> Mask:
     (a, b), off = triangulation.elements.ends(e, k), offsets_from_chords(triangulation, outline.constraints, e, k)
     way = triangulation.position[b] - triangulation.position[a]
     return way[:, 0] * off[:, 1] - way[:, 1] * off[:, 0] > 0.0

@@ -33,15 +33,15 @@ def descend_curves(movable: MovableMesh, functional: Functional, trial: TrialFun
         return 0.0
     number = np.full(triangulation.nnodes, -1)
     number[nodes] = np.arange(len(nodes))
-    slivers, near = functional.chords.slivers(triangulation), nearest_on_curves(movable, functional.chords.known)
+    slivers, near = functional.chords.slivers(triangulation), nearest_on_curves(movable, functional.chords.counted)
     for rows in independent(number[triangulation.elements.node], len(nodes)):
-        gain += moved(Stars.of(movable, functional, trial, nodes[rows], slivers), near[nodes[rows]])
+        gain += move_nodes(Stars.of(movable, functional, trial, nodes[rows], slivers), near[nodes[rows]])
     return gain
 
 
-def nearest_on_curves(movable: MovableMesh, known: Mask) -> Floats:
+def nearest_on_curves(movable: MovableMesh, curves: Mask) -> Floats:
     elements, constraints = movable.triangulation.elements, movable.constraints
-    e, k = np.nonzero(on_chains(elements.chain, known))
+    e, k = np.nonzero(on_chains(elements.chain, curves))
     chain, ends = elements.chain[e, k], elements.ends(e, k)
     start, end = (parameters_of(movable.triangulation.position, constraints, chain, node) for node in ends)
     near = np.full(movable.nnodes, np.inf)
@@ -64,7 +64,7 @@ class Stars(NamedTuple):
     movable: MovableMesh
     parts: list[Part]
     node: Ints  # (k,)
-    given: Mask  # (k,): True for Dirichlet values
+    dirichlet: Mask  # (k,): True for Dirichlet values
     owner: Ints  # (r,): index of the node among the k
     ahead: Ints  # (r,)
     behind: Ints  # (r,)
@@ -90,27 +90,27 @@ class Stars(NamedTuple):
         at, corner = slivers.element[which], slivers.corner[which]
         chain, ends = elements.chain[at, corner], np.stack(elements.ends(at, corner), axis=1)
         parameter = np.stack([parameters_of(position, constraints, chain, ends[:, i]) for i in range(2)], axis=1)
-        known, parts = slivers, list[Part]()
+        own_slivers, parts = slivers, list[Part]()
         for one, function in ((functional, trial), (functional.dual, trial.dual)):
             if one is not None and function is not None:
-                known = slivers if one is functional else one.chords.slivers(triangulation)
-                parts.append(Part(function.values, one.constants[elements.region[e]], known.change[which]))
+                own_slivers = slivers if one is functional else one.chords.slivers(triangulation)
+                parts.append(Part(function.values, one.constants[elements.region[e]], own_slivers.change[which]))
         k = np.argmax(elements.node[e] == node[owner][:, None], axis=1)
         lengths = np.append(constraints.chains.reach, np.inf)
         reach = np.stack([lengths[elements.chain[e, (k + side) % 3]] for side in (2, 1)], axis=1)
-        given = functional.chords.given[constraints.own_chain[node]]
-        return cls(movable, parts, node, given, owner, ahead, behind, reach, holder, ends, chain, parameter)
+        dirichlet = functional.chords.dirichlet[constraints.own_chain[node]]
+        return cls(movable, parts, node, dirichlet, owner, ahead, behind, reach, holder, ends, chain, parameter)
 
     def points(self, parameter: Floats) -> Floats:
         chains, chain = self.movable.constraints.chains, self.movable.constraints.own_chain[self.node]
-        return self.movable.outline.points_on(chain, within(parameter, chains.length[chain], chains.closed[chain]))
+        return self.movable.outline.points_on(chain, wrapped(parameter, chains.length[chain], chains.closed[chain]))
 
     def sides(self, x: Floats) -> tuple[Floats, Floats]:
         position = self.movable.triangulation.position
         return position[self.ahead] - x[self.owner], position[self.behind] - x[self.owner]
 
     def totals(self, rows: Floats) -> Floats:
-        return added(self.owner, rows, len(self.node))
+        return sum_by_owner(self.owner, rows, len(self.node))
 
     def worst(self, x: Floats) -> Floats:
         a, b = self.sides(x)
@@ -119,15 +119,15 @@ class Stars(NamedTuple):
         np.minimum.at(least, self.owner, quality)
         return least
 
-    def may_be(self, x: Floats, before: Floats) -> Mask:
+    def is_allowed(self, x: Floats, before: Floats) -> Mask:
         after, now = self.worst(x), self.worst(before)
         lengths = (np.hypot(*np.stack(self.sides(place)).T) for place in (x, before))
         new, old = lengths
         too_long = np.any((new > self.reach) & (new > old), axis=1)
-        sound = (after > FLAT) & (after >= np.minimum(self.movable.floor, now))
-        return sound & (self.totals(too_long.astype(float)) == 0.0)
+        valid = (after > FLAT) & (after >= np.minimum(self.movable.floor, now))
+        return valid & (self.totals(too_long.astype(float)) == 0.0)
 
-    def measured(self, parameter: Floats) -> tuple[Floats, Floats, list[Floats]]:
+    def evaluated(self, parameter: Floats) -> tuple[Floats, Floats, list[Floats]]:
         """Return functional and magnitude of terms per star, and value changes per part.
 
         `parameter` (k,) places the nodes. The nodal values minimise the functional unless they are Dirichlet values.
@@ -137,7 +137,7 @@ class Stars(NamedTuple):
         at = np.where(own, parameter[self.owner[self.holder]][:, None], self.parameter)
         chains, position = self.movable.constraints.chains, self.movable.triangulation.position
         middle = at[:, 0] + 0.5 * signed_distances(chains, self.chain, at[:, 0], at[:, 1])
-        middle = within(middle, chains.length[self.chain], chains.closed[self.chain])
+        middle = wrapped(middle, chains.length[self.chain], chains.closed[self.chain])
         start, end = (
             np.where(own[:, i : i + 1], x[self.owner[self.holder]], position[self.ends[:, i]]) for i in range(2)
         )
@@ -146,7 +146,7 @@ class Stars(NamedTuple):
         total, size, changes = np.zeros(len(self.node)), np.zeros(len(self.node)), []
         for part in self.parts:
             value, magnitude, slope, stiffness = self._of_part(part, x, area, off, touches)
-            change = np.where(self.given, 0.0, -slope / stiffness)
+            change = np.where(self.dirichlet, 0.0, -slope / stiffness)
             total += value + (slope + 0.5 * stiffness * change) * change
             size += magnitude
             changes.append(change)
@@ -165,13 +165,13 @@ class Stars(NamedTuple):
         slope = np.stack([turned[:, 1], -turned[:, 0]], axis=1) / doubled[:, None]
         mean = 0.5 * part.values[self.ends].sum(axis=1) + CENTROID * np.sum(slope[holder] * off, axis=1)
         share = touches + CENTROID * np.sum(hat[holder] * off, axis=1)
-        of_rows = summed(part.constants, 0.5 * doubled, slope, hat, (own + ua + ub) / 3.0, 1.0 / 3.0)
-        of_slivers = summed(part.change, area, slope[holder], hat[holder], mean, share)
+        of_rows = energy_terms(part.constants, 0.5 * doubled, slope, hat, (own + ua + ub) / 3.0, 1.0 / 3.0)
+        of_slivers = energy_terms(part.change, area, slope[holder], hat[holder], mean, share)
         pairs = zip(map(self.totals, of_rows), of_slivers, strict=True)
-        return tuple(rows + added(self.owner[holder], slivers, len(self.node)) for rows, slivers in pairs)
+        return tuple(rows + sum_by_owner(self.owner[holder], slivers, len(self.node)) for rows, slivers in pairs)
 
 
-def summed(
+def energy_terms(
     constants: Floats, weight: Floats, slope: Floats, hat: Floats, mean: Floats, share: Floats | float
 ) -> tuple[Floats, Floats, Floats, Floats]:
     coefficient, source, flux = constants[:, 0], constants[:, 1], constants[:, 2:]
@@ -186,43 +186,43 @@ def summed(
     return weight * (stored - pulled - pushed), weight * magnitude, weight * first, weight * second
 
 
-def moved(stars: Stars, near: Floats) -> float:
+def move_nodes(stars: Stars, near: Floats) -> float:
     movable, node = stars.movable, stars.node
     start, short = movable.constraints.parameter[node], SHORT * near
-    now, size, stay = stars.measured(start)
-    above, below = stars.measured(start + short)[0], stars.measured(start - short)[0]
-    slope, bend = (above - below) / (2.0 * short), np.abs(above - 2.0 * now + below) / short**2
-    bend = np.maximum(bend, np.abs(slope) / near)
-    change = np.divide(-OVERSTEP * slope, bend, out=np.zeros_like(slope), where=bend > 0.0)
+    now, size, changes_before = stars.evaluated(start)
+    above, below = stars.evaluated(start + short)[0], stars.evaluated(start - short)[0]
+    slope, second = (above - below) / (2.0 * short), np.abs(above - 2.0 * now + below) / short**2
+    second = np.maximum(second, np.abs(slope) / near)
+    change = np.divide(-OVERSTEP * slope, second, out=np.zeros_like(slope), where=second > 0.0)
     change = np.clip(change, -FARTHEST * near, FARTHEST * near)
     before, done, total = movable.triangulation.position[node], np.abs(change * slope) <= ROUNDING * size, 0.0
     for _ in range(HALVINGS + 1):
         x = stars.points(start + change)
-        value, _, follow = stars.measured(start + change)
+        value, _, changes_after = stars.evaluated(start + change)
         gain = now - value
-        goes = ~done & stars.may_be(x, before) & (gain > ROUNDING * size)
-        if goes.any():
+        accepted = ~done & stars.is_allowed(x, before) & (gain > ROUNDING * size)
+        if accepted.any():
             chain = movable.constraints.own_chain[node]
             chains = movable.constraints.chains
-            settled = within(start + change, chains.length[chain], chains.closed[chain])
-            movable.constraints.parameter[node[goes]] = settled[goes]
-            movable.triangulation.position[node[goes]] = x[goes]
-            for mine, other in zip(stay, follow, strict=True):
-                mine[goes] = other[goes]
-            total += float(gain[goes].sum())
-        done, change = done | goes, 0.5 * change
+            settled = wrapped(start + change, chains.length[chain], chains.closed[chain])
+            movable.constraints.parameter[node[accepted]] = settled[accepted]
+            movable.triangulation.position[node[accepted]] = x[accepted]
+            for mine, other in zip(changes_before, changes_after, strict=True):
+                mine[accepted] = other[accepted]
+            total += float(gain[accepted].sum())
+        done, change = done | accepted, 0.5 * change
         if done.all():
             break
-    for part, each in zip(stars.parts, stay, strict=True):
+    for part, each in zip(stars.parts, changes_before, strict=True):
         part.values[node] += each
     return total
 
 
-def added(owner: Ints, rows: Floats, count: int) -> Floats:
+def sum_by_owner(owner: Ints, rows: Floats, count: int) -> Floats:
     return np.bincount(owner, rows, count).astype(np.float64)
 
 
-def within(parameter: Floats, length: Floats, closed: Mask) -> Floats:
+def wrapped(parameter: Floats, length: Floats, closed: Mask) -> Floats:
     return np.where(closed, parameter - np.floor(parameter / length) * length, np.clip(parameter, 0.0, length))
 
 

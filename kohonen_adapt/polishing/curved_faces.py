@@ -56,7 +56,7 @@ class CurvedFaces:
         ritz: Ritz,
         number: Ints,
         linear: Mask,
-        given: Mask,
+        dirichlet: Mask,
         rate: Floats,
     ) -> "CurvedFaces":
         """Select the patches whose slivers are counted.
@@ -70,22 +70,22 @@ class CurvedFaces:
         counted = linear & np.isin(patches.shape, (SPHERE, CYLINDER, CONE))
         e, k = np.nonzero(np.append(counted, False)[elements.patch] & (elements.node[:, :1] >= 0))
         patch, across = elements.patch[e, k], elements.neighbour[e, k]
-        outer = covered(tet.position, elements, patches, e, k)
-        stated = (
+        outer = is_outside(tet.position, elements, patches, e, k)
+        sources = (
             np.nan if callable(ritz.source) else np.asarray(ritz.source)
         )  # a function may jump anywhere, and nan != nan
-        source = np.broadcast_to(value_by_region(np.asarray(stated), number), number.shape)[elements.region]
-        beyond = np.where(across >= 0, source[across], 0.0)
-        ends = np.where(outer | (across >= 0), source[e] != beyond, source[e] != 0.0)
+        source = np.broadcast_to(value_by_region(np.asarray(sources), number), number.shape)[elements.region]
+        source_across = np.where(across >= 0, source[across], 0.0)
+        ends = np.where(outer | (across >= 0), source[e] != source_across, source[e] != 0.0)
         level = np.abs(values[np.take_along_axis(elements.node[e], FACES[k], axis=1)]).max(axis=1, initial=0.0)
-        where_given = (across >= 0) | outer | ((source[e] != 0.0) & (level > 0.0))
-        counted[patch[np.where(given[patch], where_given, ends)]] = False
-        return cls(patches, ritz, number, counted, counted & given, rate)
+        cannot_count = (across >= 0) | outer | ((source[e] != 0.0) & (level > 0.0))
+        counted[patch[np.where(dirichlet[patch], cannot_count, ends)]] = False
+        return cls(patches, ritz, number, counted, counted & dirichlet, rate)
 
     def value(self, position: Floats, elements: Tetrahedra, values: Floats) -> float:
         """Return the sum of S + abs(S) over all slivers for nodal values of shape (n,)."""
         e, k = np.nonzero(np.append(self.counted, False)[elements.patch] & (elements.node[:, :1] >= 0))
-        outer, across = covered(position, elements, self.patches, e, k), elements.neighbour[e, k]
+        outer, across = is_outside(position, elements, self.patches, e, k), elements.neighbour[e, k]
         has = outer | (across < 0)
         e, k, outer, across = e[has], k[has], outer[has], across[has]
         if not len(e):
@@ -101,7 +101,7 @@ class CurvedFaces:
         return float(2.0 * volume @ np.maximum(np.where(outer, change - own_density, own_density), 0.0))
 
 
-def covered(position: Floats, elements: Tetrahedra, patches: Patches, e: Ints, k: Ints) -> Mask:
+def is_outside(position: Floats, elements: Tetrahedra, patches: Patches, e: Ints, k: Ints) -> Mask:
     corners = position[np.take_along_axis(elements.node[e], FACES[k], axis=1)]
     middle = corners.mean(axis=1)
     out = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -36,8 +36,8 @@ from kohonen_adapt.problem.tables import flux_at, source_at
 __all__ = [
     "UNKNOWNS",
     "expanded",
-    "few_for_threads",
     "kinds_of",
+    "min_per_thread",
     "shapes_of",
     "steepest",
     "with_source",
@@ -48,20 +48,20 @@ UNKNOWNS = (1, 4, 9)  # per node of a large mesh, by order
 FEW = 5_000  # elements or nodes of order 1 per thread at least; the work grows as the cube of the unknowns
 
 
-def few_for_threads(order: int) -> int:
+def min_per_thread(order: int) -> int:
     return FEW // UNKNOWNS[order - 1] ** 3
 
 
-def shapes_of(ritz: Ritz, bent: Floats, rows: int) -> tuple[Points, Shapes]:
+def shapes_of(ritz: Ritz, offsets: Floats, rows: int) -> tuple[Points, Shapes]:
     """Return quadrature points, and element shapes with `rows` rows.
 
-    `bent` (m, 3, 2) holds the midside offsets. Rows after m are straight.
+    `offsets` (m, 3, 2) holds the midside offsets. Rows after m are straight.
     """
-    bend = np.zeros((rows, 3, 2))
-    bend[: len(bent)] = bent
-    special = np.any(bend != 0.0, axis=(1, 2)) | ritz.axisymmetric
+    all_offsets = np.zeros((rows, 3, 2))
+    all_offsets[: len(offsets)] = offsets
+    special = np.any(all_offsets != 0.0, axis=(1, 2)) | ritz.axisymmetric
     points = joined_points(ritz.order) if any(ritz.laws) else by_points(ritz.order)
-    return points, Shapes(bend, special, ritz.axisymmetric)
+    return points, Shapes(all_offsets, special, ritz.axisymmetric)
 
 
 def kinds_of(ritz: Ritz, triangulation: Triangulation) -> Ints | None:
@@ -134,6 +134,8 @@ def polynomial(points: Floats, values: Floats) -> tuple[Floats, Floats]:
     )
     after = np.roll(hat, -1, axis=0)
     slope = np.einsum("im,icm->cm", corner, hat) + 4.0 * np.einsum("im,icm->cm", middle, hat + after)
-    bend = np.einsum("im,icm,idm->cdm", corner, hat, hat) + 2.0 * np.einsum("im,icm,idm->cdm", middle, hat, after)
+    hessian = np.einsum("im,icm,idm->cdm", corner, hat, hat) + 2.0 * np.einsum("im,icm,idm->cdm", middle, hat, after)
     value = (4.0 * middle.sum(axis=0) - corner.sum(axis=0)) / 9.0
-    return value, np.stack([*slope / 3.0, 4.0 * bend[0, 0], 2.0 * (bend[0, 1] + bend[1, 0]), 4.0 * bend[1, 1]])
+    return value, np.stack(
+        [*slope / 3.0, 4.0 * hessian[0, 0], 2.0 * (hessian[0, 1] + hessian[1, 0]), 4.0 * hessian[1, 1]]
+    )

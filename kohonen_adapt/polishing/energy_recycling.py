@@ -14,7 +14,7 @@ from kohonen_adapt.kernels.triangle.energy_recycle_higher import exchange_higher
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.surgery import Recycled, Surgery
-from kohonen_adapt.polishing.elements import few_for_threads, shapes_of
+from kohonen_adapt.polishing.elements import min_per_thread, shapes_of
 from kohonen_adapt.polishing.functional import Functional
 
 __all__ = ["Exchange", "recycle_by_energy"]
@@ -27,7 +27,7 @@ class Exchange(NamedTuple):
 
     trial: TrialFunction  # function on the new mesh
     recycled: Recycled  # including earlier recyclings
-    lowered: float  # decrease of the functional
+    decrease: float  # decrease of the functional
     offered: float  # sum of the gains of all splits, an estimate of the distance to the minimum
 
 
@@ -41,36 +41,36 @@ def recycle_by_energy(
     n = movable.nnodes
     surgery = Surgery.on(movable, np.ones(n), n, recycled)
     mesh, offers = surgery.mesh, offers_of(movable, functional, trial.fixed, surgery.mesh)
-    judging = judge_of(movable, functional, trial, mesh, offers)
-    most = weighed(judging, offers)
-    edges, nodes = in_order(-offers.gain.ravel(), 0.0), in_order(offers.cost, most)
-    offered, (pairs, lowered) = float(offers.gain.sum()), judging.exchange(edges, nodes)
+    judge = make_judge(movable, functional, trial, mesh, offers)
+    most = compute_gains(judge, offers)
+    edges, nodes = sorted_below(-offers.gain.ravel(), 0.0), sorted_below(offers.cost, most)
+    offered, (pairs, decrease) = float(offers.gain.sum()), judge.exchange(edges, nodes)
     if not pairs:
         return Exchange(trial, recycled, 0.0, offered)
     kept, used = surgery.write_back(movable)
-    known = {"old": mesh.origins.old[kept], "start_element": mesh.origins.start_element[kept]}
-    recycled = replace(recycled, splits=recycled.splits + pairs, collapses=recycled.collapses + pairs, **known)
-    return Exchange(out_of_rows(judging.trial, kept, used), recycled, lowered, offered)
+    ancestry = {"old": mesh.origins.old[kept], "start_element": mesh.origins.start_element[kept]}
+    recycled = replace(recycled, splits=recycled.splits + pairs, collapses=recycled.collapses + pairs, **ancestry)
+    return Exchange(without_spare_rows(judge.trial, kept, used), recycled, decrease, offered)
 
 
 def offers_of(movable: MovableMesh, functional: Functional, fixed: Mask, mesh: OpenMesh) -> Offers:
     n, m = movable.nnodes, len(movable.triangulation.elements.node)
     is_open = ~(functional.held | movable.constraints.chains.paired)
     if functional.ritz.order == 1:
-        is_open &= ~functional.given
+        is_open &= ~functional.dirichlet
     removable = (functional.kinds(movable.outline, fixed) != HELD) & (movable.constraints.periodic.partner < 0)
     locked = np.zeros(len(mesh.elements.node), dtype=np.bool_)
     return Offers(np.empty((m, 3)), np.empty(n), np.empty(n, dtype=np.int32), is_open, removable, locked)
 
 
-def in_rows(trial: TrialFunction, nodes: int, elements: int) -> TrialFunction:
-    dual = trial.dual and in_rows(trial.dual, nodes, elements)
+def with_spare_rows(trial: TrialFunction, nodes: int, elements: int) -> TrialFunction:
+    dual = trial.dual and with_spare_rows(trial.dual, nodes, elements)
     modes = trial.modes and Modes(*(padded(array, elements, 0) for array in trial.modes))
     return TrialFunction(padded(trial.values, nodes, 0.0), padded(trial.fixed, nodes, False), modes, dual)
 
 
-def out_of_rows(trial: TrialFunction, kept: Ints, used: Ints) -> TrialFunction:
-    dual = trial.dual and out_of_rows(trial.dual, kept, used)
+def without_spare_rows(trial: TrialFunction, kept: Ints, used: Ints) -> TrialFunction:
+    dual = trial.dual and without_spare_rows(trial.dual, kept, used)
     modes = trial.modes and Modes(*(array[used] for array in trial.modes))
     return TrialFunction(trial.values[kept], trial.fixed[kept], modes, dual)
 
@@ -83,8 +83,8 @@ class _Linear:
     ) -> None:
         triangulation = movable.triangulation
         self.mesh, self.star, self.floor, self.offers = mesh, triangulation.star, movable.floor, offers
-        self.few = few_for_threads(functional.ritz.order)
-        self.trial = in_rows(trial, len(mesh.position), len(mesh.elements.node))
+        self.few = min_per_thread(functional.ritz.order)
+        self.trial = with_spare_rows(trial, len(mesh.position), len(mesh.elements.node))
         self.trials = functional.trials(triangulation, self.trial)
 
     def weigh_splits(self, thread: int, first: int, last: int) -> None:
@@ -108,56 +108,56 @@ class _Higher(_Linear):
         arrays, modes = (mesh.position, mesh.elements, self.star, mesh.constraints), self.trial.all_modes
         shapes = functional.reference, *shapes_of(functional.ritz, movable.midside_offsets(), len(mesh.elements.node))
         self.shared = arrays, self.trials, modes, shapes, int(np.diff(self.star.start).max())
-        self.rooms = dict[int, Descents]()
+        self.scratches = dict[int, Descents]()
 
-    def _room(self, thread: int) -> Descents:
-        if thread not in self.rooms:
-            self.rooms[thread] = Descents.of(*self.shared)
-        return self.rooms[thread]
+    def _scratch(self, thread: int) -> Descents:
+        if thread not in self.scratches:
+            self.scratches[thread] = Descents.of(*self.shared)
+        return self.scratches[thread]
 
     def weigh_splits(self, thread: int, first: int, last: int) -> None:
-        weigh_higher(self.mesh, self._room(thread), self.offers, 0.0, self.floor, first, last, True)
+        weigh_higher(self.mesh, self._scratch(thread), self.offers, 0.0, self.floor, first, last, True)
 
     def weigh_collapses(self, thread: int, scratch: SurgeryScratch, most: float, first: int, last: int) -> None:
         mesh = self.mesh._replace(scratch=scratch)
-        weigh_higher(mesh, self._room(thread), self.offers, most, self.floor, first, last, False)
+        weigh_higher(mesh, self._scratch(thread), self.offers, most, self.floor, first, last, False)
 
     def exchange(self, edges: Ints, nodes: Ints) -> tuple[int, float]:
-        pairs, lowered = exchange_higher(self.mesh, self._room(0), self.offers, edges, nodes, self.floor)
-        return int(pairs), float(lowered)
+        pairs, decrease = exchange_higher(self.mesh, self._scratch(0), self.offers, edges, nodes, self.floor)
+        return int(pairs), float(decrease)
 
 
-def judge_of(
+def make_judge(
     movable: MovableMesh, functional: Functional, trial: TrialFunction, mesh: OpenMesh, offers: Offers
 ) -> _Linear:
     judge = _Linear if trial.affine else _Higher
     return judge(movable, functional, trial, mesh, offers)
 
 
-def weighed(judging: _Linear, offers: Offers) -> float:
+def compute_gains(judge: _Linear, offers: Offers) -> float:
     """Compute all gains and costs, and return the largest gain.
 
     Costs above the largest gain are not computed. Gains and costs depend on the current mesh alone, and therefore
     not on the number of threads.
     """
-    mesh, cuts = judging.mesh, even_cuts(len(offers.cost), judging.few)
+    mesh, cuts = judge.mesh, even_cuts(len(offers.cost), judge.few)
     own = [SurgeryScratch.of(len(mesh.position), len(mesh.elements.node)) for _ in cuts[1:]]
 
     def weigh_edges(thread: int, first: int, last: int) -> None:
         for e in range(first, last, PART):
-            judging.weigh_splits(thread, e, min(e + PART, last))
+            judge.weigh_splits(thread, e, min(e + PART, last))
 
-    shared(weigh_edges, even_cuts(len(offers.gain), judging.few))
+    shared(weigh_edges, even_cuts(len(offers.gain), judge.few))
     most = float(offers.gain.max())
 
     def weigh_nodes(thread: int, first: int, last: int) -> None:
         for v in range(first, last, PART):
-            judging.weigh_collapses(thread, own[thread], most, v, min(v + PART, last))
+            judge.weigh_collapses(thread, own[thread], most, v, min(v + PART, last))
 
     shared(weigh_nodes, cuts)
     return most
 
 
-def in_order(values: Floats, below: float) -> Ints:
+def sorted_below(values: Floats, below: float) -> Ints:
     found = np.flatnonzero(values < below)
     return found[np.argsort(values[found], kind="stable")]

@@ -58,10 +58,10 @@ class Functional:
     constants
         Coefficient, source and flux of every region, (nregions, 4). A source or flux that is a function is 0
         here.
-    given
+    dirichlet
         Curve segments with Dirichlet values, (c,) bool.
     linear
-        `given` segments on which nodes may slide, (c,) bool. Values are linear in arc length, on curves constant.
+        `dirichlet` segments on which nodes may slide, (c,) bool. Values are linear in arc length, on curves constant.
     sign
         Sign of periodic pairs, (c,). Values on one side are `sign` times the values on the opposite side. 0 for
         all other segments.
@@ -92,7 +92,7 @@ class Functional:
     ritz: Ritz
     number: NDArray[np.int64]
     constants: Floats
-    given: Mask
+    dirichlet: Mask
     linear: Mask
     sign: Floats
     boundary: BoundaryTerms
@@ -163,30 +163,30 @@ class Functional:
             np.maximum.at(off, side, np.abs(modes.side[e, k]).max(axis=1))
         followed = outline.straight | (movable.curved and ritz.order <= FOLLOWED)
         linear = whole & ~bare & followed & (off <= LINEAR * np.ptp(values))
-        given = (whole & ~bare) | partly
+        dirichlet = (whole & ~bare) | partly
         sign = signs_of_chains(ritz, outline)
         number, at = numbers_of_regions(ritz, triangulation.elements.region), reference_of(ritz)
-        boundary = BoundaryTerms(ritz, at, number, {name: outline.names[name] != 0 for name in ritz.robin}, given)
-        held = ~outline.straight | (given & ~linear) | (whole & bare) | boundary.on
+        boundary = BoundaryTerms(ritz, at, number, {name: outline.names[name] != 0 for name in ritz.robin}, dirichlet)
+        held = ~outline.straight | (dirichlet & ~linear) | (whole & bare) | boundary.on
         largest = steepest(ritz, triangulation, values, modes) if any(ritz.laws) else 0.0
         law, tables = laws_of_regions(ritz, number, largest)
         constants = constants_of(ritz, number)
         level = np.where(whole & (off <= LINEAR * np.ptp(values)), on_chain[:, 0], np.nan)
         curves = ~followed & ~bare & ~boundary.on & is_plain(ritz, outline)
-        chords = Chords.of(triangulation, outline, constants, curves, given, level)
-        linear |= chords.known & given
-        alike = bool(np.all(followed | chords.known)) and not np.any(given & ~linear)
-        alike = alike and not chords.cut.any()
-        comparable = ritz.comparable and alike and not np.any(fixed & (kind == FREE))
+        chords = Chords.of(triangulation, outline, constants, curves, dirichlet, level)
+        linear |= chords.counted & dirichlet
+        same_space = bool(np.all(followed | chords.counted)) and not np.any(dirichlet & ~linear)
+        same_space = same_space and not chords.cut.any()
+        comparable = ritz.comparable and same_space and not np.any(fixed & (kind == FREE))
         if modes is not None:
             modes.given[on_chains(triangulation.elements.chain, boundary.on | outline.constraints.chains.paired)] = True
-        chains = given, linear, sign, boundary, held, on_chain
+        chains = dirichlet, linear, sign, boundary, held, on_chain
         return cls(solution, at, ritz, number, constants, *chains, comparable, law, tables, chords)
 
     @property
-    def nearly(self) -> bool:
+    def is_approximate(self) -> bool:
         """True if stars give the functional approximately (varying data or slivers)."""
-        return self.varies or bool(self.chords.known.any())
+        return self.varies or bool(self.chords.counted.any())
 
     @property
     def varies(self) -> bool:
@@ -196,29 +196,29 @@ class Functional:
     def has_varying_source(self) -> bool:
         return callable(self.ritz.source) or (self.dual is not None and self.dual.has_varying_source)
 
-    def value(self, triangulation: Triangulation, trial: TrialFunction, bend: Floats | None = None) -> float:
-        """Return the functional for midside offsets `bend` of shape (m, 3, 2)."""
+    def value(self, triangulation: Triangulation, trial: TrialFunction, offsets: Floats | None = None) -> float:
+        """Return the functional for midside `offsets` of shape (m, 3, 2)."""
         node, number = triangulation.elements.node, self.number[triangulation.elements.region]
         corners, coefficients = triangulation.position[node], local_coefficients(trial.values[node], trial.modes)
-        total = value_on(corners, coefficients, number, self.ritz, bend)
-        total += self.boundary.value(triangulation.elements.chain, corners, coefficients, bend)
+        total = value_on(corners, coefficients, number, self.ritz, offsets)
+        total += self.boundary.value(triangulation.elements.chain, corners, coefficients, offsets)
         total += self.chords.value(triangulation, trial.values)
         if self.dual is None or trial.dual is None:
             return total
-        return total + self.dual.value(triangulation, trial.dual, bend)
+        return total + self.dual.value(triangulation, trial.dual, offsets)
 
-    def beyond_chords(self, triangulation: Triangulation, trial: TrialFunction) -> float:
+    def energy_beyond_chords(self, triangulation: Triangulation, trial: TrialFunction) -> float:
         own = self.chords.value(triangulation, trial.values)
         if self.dual is None or trial.dual is None:
             return own
-        return own + self.dual.beyond_chords(triangulation, trial.dual)
+        return own + self.dual.energy_beyond_chords(triangulation, trial.dual)
 
     def improve_on_boundary(
-        self, triangulation: Triangulation, trial: TrialFunction, bend: Floats | None = None
+        self, triangulation: Triangulation, trial: TrialFunction, offsets: Floats | None = None
     ) -> None:
-        self.boundary.improve(triangulation, trial, bend)
+        self.boundary.improve(triangulation, trial, offsets)
         if self.dual is not None and trial.dual is not None:
-            self.dual.improve_on_boundary(triangulation, trial.dual, bend)
+            self.dual.improve_on_boundary(triangulation, trial.dual, offsets)
 
     def trials(self, triangulation: Triangulation, trial: TrialFunction) -> Trials:
         one = self.trial(triangulation, trial.values, trial.fixed)
@@ -227,10 +227,10 @@ class Functional:
         return Trials(one, self.dual.trial(triangulation, trial.dual.values, trial.fixed))
 
     def trial(self, triangulation: Triangulation, values: Floats, fixed: Mask) -> Trial:
-        law, bent = self.law[triangulation.elements.region], np.zeros(len(values), dtype=np.bool_)
-        bent[triangulation.elements.node[law >= 0]] = True
+        law, nonlinear = self.law[triangulation.elements.region], np.zeros(len(values), dtype=np.bool_)
+        nonlinear[triangulation.elements.node[law >= 0]] = True
         laws = Laws(law, self.tables.first, self.tables.energy)
-        return Trial(values, fixed, self.on_chain, self.of_elements(triangulation), bent, laws)
+        return Trial(values, fixed, self.on_chain, self.of_elements(triangulation), nonlinear, laws)
 
     def of_elements(self, triangulation: Triangulation) -> Floats:
         region = triangulation.elements.region

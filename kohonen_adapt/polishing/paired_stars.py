@@ -33,7 +33,7 @@ from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.pairs import sliding_pairs
 
-__all__ = ["Descending", "Freedom", "Patch", "descend_pairs", "independent", "tie"]
+__all__ = ["Descending", "Freedom", "Patch", "descend_pairs", "independent", "set_partners"]
 
 
 class Patch(NamedTuple):
@@ -89,8 +89,8 @@ class Couples(NamedTuple):
     def of(cls, movable: MovableMesh, sign: Floats) -> "Couples":
         constraints = movable.constraints
         node, partner = sliding_pairs(constraints)
-        known = sign[constraints.own_chain[node]] != 0.0
-        node, partner = node[known], partner[known]
+        has_sign = sign[constraints.own_chain[node]] != 0.0
+        node, partner = node[has_sign], partner[has_sign]
         motion = constraints.periodic.motions[constraints.periodic.motion[node]]
         return cls(node, partner, motion[:, :, :2], motion[:, :, 2], sign[constraints.own_chain[node]])
 
@@ -98,7 +98,7 @@ class Couples(NamedTuple):
         return Couples(self.node[rows], self.partner[rows], self.turn[rows], self.shift[rows], self.sign[rows])
 
 
-def tie(movable: MovableMesh, trial: TrialFunction, sign: Floats) -> None:
+def set_partners(movable: MovableMesh, trial: TrialFunction, sign: Floats) -> None:
     """Set the values of partners, and coefficients of their sides, from the nodes.
 
     After interpolation onto a moved mesh both sides differ by rounding, on arcs by more.
@@ -109,13 +109,13 @@ def tie(movable: MovableMesh, trial: TrialFunction, sign: Floats) -> None:
     if trial.modes is None or not len(couples.node):
         return
     stars, degrees = Gathered.of(movable, couples), trial.modes.side.shape[2]
-    (own, a), (beyond, b) = stars.joints(movable, couples)
+    (own, a), (at_partner, b) = stars.end_corners(movable, couples)
     # odd coefficients change sign unless the pair folds the mesh, because both elements are counter-clockwise
     against = np.where((a == b)[:, None], 1.0, [1.0, -1.0])[:, :degrees]
-    times = against * stars.turns(degrees, stars.signs(couples))[beyond, 0]
+    times = against * stars.side_factors(degrees, stars.signs(couples))[at_partner, 0]
     for modes in trial.all_modes:
         coefficients = modes.side[stars.element[own], stars.corner[own, 3 - a]]
-        modes.side[stars.element[beyond], stars.corner[beyond, 3 - b]] = times * coefficients
+        modes.side[stars.element[at_partner], stars.corner[at_partner, 3 - b]] = times * coefficients
 
 
 def descend_pairs(movable: MovableMesh, downhill: Descending, freedom: Freedom) -> float:
@@ -129,7 +129,7 @@ def descend_pairs(movable: MovableMesh, downhill: Descending, freedom: Freedom) 
         stars = Gathered.of(movable, some)
         patch = stars.patch(movable, downhill, some, freedom)
         gain += downhill.descend_patch(patch)
-        stars.put_back(movable, downhill, some, patch)
+        stars.write_back(movable, downhill, some, patch)
     return gain
 
 
@@ -162,7 +162,7 @@ class Gathered(NamedTuple):
     owner: Ints  # (r,): index of the pair
     element: Ints  # (r,)
     corner: Ints  # (r, 3): corners of the element in the order of the patch
-    beyond: Mask  # (r,): True around the partner
+    at_partner: Mask  # (r,): True around the partner
     mirrored: Mask  # (r,): True if the motion reverses the orientation
 
     @classmethod
@@ -171,43 +171,43 @@ class Gathered(NamedTuple):
         start, end = tri.star.start[centres], tri.star.start[centres + 1]
         which = np.repeat(np.arange(len(centres)), end - start)
         row = np.arange(len(which)) - np.repeat(np.cumsum(end - start) - (end - start), end - start) + start[which]
-        element, owner, beyond = tri.star.element[row], which % len(couples.node), which >= len(couples.node)
+        element, owner, at_partner = tri.star.element[row], which % len(couples.node), which >= len(couples.node)
         order = np.argsort(owner, kind="stable")
-        element, owner, beyond = element[order], owner[order], beyond[order]
-        mirrored = beyond & (np.linalg.det(couples.turn) < 0.0)[owner]
+        element, owner, at_partner = element[order], owner[order], at_partner[order]
+        mirrored = at_partner & (np.linalg.det(couples.turn) < 0.0)[owner]
         k = np.argmax(tri.elements.node[element] == centres[which[order]][:, None], axis=1)
         step = np.where(mirrored[:, None], [0, 2, 1], [0, 1, 2])
-        return cls(owner, element, (k[:, None] + step) % 3, beyond, mirrored)
+        return cls(owner, element, (k[:, None] + step) % 3, at_partner, mirrored)
 
     def nodes(self, movable: MovableMesh) -> Ints:
         return movable.triangulation.elements.node[self.element[:, None], self.corner]
 
-    def places(self, movable: MovableMesh, couples: Couples) -> Floats:
+    def positions(self, movable: MovableMesh, couples: Couples) -> Floats:
         """Return the corners, (r, 3, 2), moved back where they belong to a partner."""
         position = movable.triangulation.position[self.nodes(movable)]
         turn, shift = couples.turn[self.owner], couples.shift[self.owner]
         back = np.einsum("rkj,rji->rki", position - shift[:, None], turn)
-        return np.where(self.beyond[:, None, None], back, position)
+        return np.where(self.at_partner[:, None, None], back, position)
 
-    def joints(self, movable: MovableMesh, couples: Couples) -> tuple[tuple[Ints, Ints], tuple[Ints, Ints]]:
+    def end_corners(self, movable: MovableMesh, couples: Couples) -> tuple[tuple[Ints, Ints], tuple[Ints, Ints]]:
         """Return the corners at the ends of the curve segments, here and at the partner.
 
         Corners are rows and columns (2 k,). The first corner here is the last at the partner, except for pairs that
         fold the mesh (Kelvin discs).
         """
-        node, star = self.nodes(movable), (2 * self.owner + self.beyond) * movable.nnodes
+        node, star = self.nodes(movable), (2 * self.owner + self.at_partner) * movable.nnodes
         ahead, behind = star + node[:, 1], star + node[:, 2]
         first, last = np.flatnonzero(~np.isin(ahead, behind)), np.flatnonzero(~np.isin(behind, ahead))
         (first, first_beyond), (last, last_beyond) = (
-            (rows[~self.beyond[rows]], rows[self.beyond[rows]]) for rows in (first, last)
+            (rows[~self.at_partner[rows]], rows[self.at_partner[rows]]) for rows in (first, last)
         )
-        x = self.places(movable, couples)
+        x = self.positions(movable, couples)
         way = [np.sum((x[first_beyond, 1] - end) ** 2, axis=1) for end in (x[first, 1], x[last, 2])]
         folds = way[0] < way[1]
         to_first, to_last = np.where(folds, 1, 2), np.where(folds, 2, 1)
-        beyond = np.where(folds, first_beyond, last_beyond), np.where(folds, last_beyond, first_beyond)
+        at_partner = np.where(folds, first_beyond, last_beyond), np.where(folds, last_beyond, first_beyond)
         here = np.concatenate([first, last]), np.repeat([1, 2], len(first))
-        return here, (np.concatenate(beyond), np.concatenate([to_first, to_last]))
+        return here, (np.concatenate(at_partner), np.concatenate([to_first, to_last]))
 
     def numbers(self, movable: MovableMesh, couples: Couples) -> tuple[Ints, Ints]:
         """Return the patch node of every corner, (r, 3), and a corner 3 r + k of each.
@@ -215,9 +215,9 @@ class Gathered(NamedTuple):
         The first patch nodes are those of the pairs.
         """
         node, count = self.nodes(movable), len(couples.node)
-        key = (self.owner[:, None] * 2 + self.beyond[:, None]) * movable.nnodes + node
-        here, beyond = self.joints(movable, couples)
-        key[beyond] = key[here]
+        key = (self.owner[:, None] * 2 + self.at_partner[:, None]) * movable.nnodes + node
+        here, at_partner = self.end_corners(movable, couples)
+        key[at_partner] = key[here]
         key[:, 0] = self.owner - count  # smallest keys, so that pairs have the first rows
         _, found, number = np.unique(key, return_index=True, return_inverse=True)
         return number.reshape(key.shape), found
@@ -226,7 +226,7 @@ class Gathered(NamedTuple):
         tri, constraints, count = movable.triangulation, movable.constraints, len(couples.node)
         number, found = self.numbers(movable, couples)
         node, times = self.nodes(movable), self.signs(couples)
-        position = self.places(movable, couples).reshape(-1, 2)[found]
+        position = self.positions(movable, couples).reshape(-1, 2)[found]
         rows = np.ravel(node)[found]
         start = np.full(len(rows) + 1, len(node), dtype=np.int32)
         start[: count + 1] = np.searchsorted(self.owner, np.arange(count + 1))
@@ -247,25 +247,28 @@ class Gathered(NamedTuple):
     def trial(
         self, trial: Trial, couples: Couples, freedom: Freedom, ends: Ints, found: Ints, node: Ints, general: bool
     ) -> Trial:
-        laws, bent = trial.laws._replace(number=trial.laws.number[self.element]), np.zeros(len(found), dtype=np.bool_)
-        bent[ends[laws.number >= 0]] = True
+        laws, nonlinear = (
+            trial.laws._replace(number=trial.laws.number[self.element]),
+            np.zeros(len(found), dtype=np.bool_),
+        )
+        nonlinear[ends[laws.number >= 0]] = True
         values = trial.value
         if len(values):
             values = (self.signs(couples)[:, None] * values[node]).ravel()[found]
         fixed, data = freedom.fixed[np.ravel(node)[found]], self.data(trial.data, couples, general)
-        return trial._replace(value=values, fixed=fixed, data=data, bent=bent, laws=laws)
+        return trial._replace(value=values, fixed=fixed, data=data, bent=nonlinear, laws=laws)
 
     def signs(self, couples: Couples) -> Floats:
-        return np.where(self.beyond, couples.sign[self.owner], 1.0)
+        return np.where(self.at_partner, couples.sign[self.owner], 1.0)
 
     def data(self, data: Floats, couples: Couples, general: bool) -> Floats:
         """Return `Trial.data` of the patch.
 
         `general` states that a function in `data` is a source, otherwise a flux.
         """
-        moved, beyond = data[self.element].copy(), self.beyond
-        turn, shift, sign = (array[self.owner[beyond]] for array in (couples.turn, couples.shift, couples.sign))
-        rows = moved[beyond]
+        moved, at_partner = data[self.element].copy(), self.at_partner
+        turn, shift, sign = (array[self.owner[at_partner]] for array in (couples.turn, couples.shift, couples.sign))
+        rows = moved[at_partner]
         rows[:, SIXTH_SOURCE] *= sign
         half_flux = slice(HALF_FLUX_X, HALF_FLUX_X + 2)
         rows[:, half_flux] = sign[:, None] * np.einsum("rp,rpq->rq", rows[:, half_flux], turn)
@@ -279,31 +282,33 @@ class Gathered(NamedTuple):
         elif data.shape[1] > CONSTANTS:
             rates = np.stack([rows[:, at : at + 5] for at in (RATES_X, RATES_Y)], axis=1)  # by x, y, xx, xy and yy
             slope = np.einsum("r,rpq,rpj,rji->rqi", sign, turn, rates[:, :, :2], turn)
-            bend = rates[:, :, [[2, 3], [3, 4]]]
-            bend = np.einsum("r,rpq,rpij,rik,rjl->rqkl", sign, turn, bend, turn, turn)
-            parts = np.concatenate([slope, bend[:, :, [0, 0, 1], [0, 1, 1]]], axis=2)
+            hessian = rates[:, :, [[2, 3], [3, 4]]]
+            hessian = np.einsum("r,rpq,rpij,rik,rjl->rqkl", sign, turn, hessian, turn, turn)
+            parts = np.concatenate([slope, hessian[:, :, [0, 0, 1], [0, 1, 1]]], axis=2)
             for part, at in enumerate((RATES_X, RATES_Y)):
                 rows[:, at : at + 5] = parts[:, part]
-        moved[beyond] = rows
+        moved[at_partner] = rows
         return moved
 
-    def turns(self, degrees: int, times: Floats) -> Floats:
+    def side_factors(self, degrees: int, times: Floats) -> Floats:
         odd = np.where(self.mirrored, -1.0, 1.0)
         return (times[:, None] * np.stack([np.ones(len(odd)), odd], axis=1)[:, :degrees])[:, None]
 
     def shapes(self, shapes: Shapes, couples: Couples) -> Shapes:
-        bend = shapes.bend[self.element[:, None], self.corner]
-        back = np.einsum("rkj,rji->rki", bend, couples.turn[self.owner])
-        return Shapes(np.where(self.beyond[:, None, None], back, bend), shapes.special[self.element], shapes.around)
+        offsets = shapes.bend[self.element[:, None], self.corner]
+        back = np.einsum("rkj,rji->rki", offsets, couples.turn[self.owner])
+        return Shapes(
+            np.where(self.at_partner[:, None, None], back, offsets), shapes.special[self.element], shapes.around
+        )
 
     def modes(self, movable: MovableMesh, modes: Modes, times: Floats, sign: Floats) -> Modes:
         at = self.element[:, None], self.corner
         chain = movable.triangulation.elements.chain[at]
-        given = modes.given[at] & ~((chain >= 0) & (np.append(sign, 0.0)[chain] != 0.0))
-        side = modes.side[at] * self.turns(modes.side.shape[2], times)
-        return Modes(side, modes.bubble[self.element] * times, given)
+        dirichlet = modes.given[at] & ~((chain >= 0) & (np.append(sign, 0.0)[chain] != 0.0))
+        side = modes.side[at] * self.side_factors(modes.side.shape[2], times)
+        return Modes(side, modes.bubble[self.element] * times, dirichlet)
 
-    def put_back(self, movable: MovableMesh, downhill: Descending, couples: Couples, patch: Patch) -> None:
+    def write_back(self, movable: MovableMesh, downhill: Descending, couples: Couples, patch: Patch) -> None:
         constraints, count = movable.constraints, len(couples.node)
         parameter = patch.constraints.parameter[:count]
         for nodes, times in ((couples.node, np.ones(count)), (couples.partner, couples.sign)):
@@ -316,5 +321,5 @@ class Gathered(NamedTuple):
                     function.value[nodes] = times * now.value[:count]
         signs = self.signs(couples)
         for modes, own in zip(downhill.modes, patch.modes, strict=True):
-            modes.side[self.element[:, None], self.corner] = own.side * self.turns(modes.side.shape[2], signs)
+            modes.side[self.element[:, None], self.corner] = own.side * self.side_factors(modes.side.shape[2], signs)
             modes.bubble[self.element] = own.bubble * signs

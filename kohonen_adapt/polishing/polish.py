@@ -23,9 +23,9 @@ PLAN = (2, 2, 2, 2)
 MORE = (0, 6, 6)
 PAYS = 0.01
 SETTLED = 0.01  # fraction of the nodes at order 1, below which a recycling is the last of its pass
-KNOWN = 2  # sweeps between two samplings of a varying flux
+RESAMPLE = 2  # sweeps between two samplings of a varying flux
 # Sweeps between two samplings of a varying source. With 2, order 3 gains nothing in half the problems of `own-source`.
-KNOWN_SOURCE = 1
+RESAMPLE_SOURCE = 1
 
 
 def descend_and_recycle(
@@ -36,20 +36,20 @@ def descend_and_recycle(
     At order 2 and 3 up to `MORE` recyclings and sweeps follow. Returned are all recycled nodes, including those
     of `recycled`, and the decrease of the functional. A plan of one number keeps all nodes.
     """
-    eager = pays = len(plan) > 1
-    gain = descend(movable, functional, trial, plan[0], eager)
-    for sweeps, planned in rounds(plan, functional.ritz.order):
+    swap_first = pays = len(plan) > 1
+    gain = descend(movable, functional, trial, plan[0], swap_first)
+    for sweeps, planned in recyclings(plan, functional.ritz.order):
         if pays:
             exchange = recycle_downhill(movable, functional, trial, recycled)
             pays = still_pays(exchange, recycled, movable.nnodes, functional.ritz.order)
-            trial, recycled, gain = exchange.trial, exchange.recycled, gain + exchange.lowered
+            trial, recycled, gain = exchange.trial, exchange.recycled, gain + exchange.decrease
         elif not planned:
             break
-        gain += descend(movable, functional, trial, sweeps, eager)
+        gain += descend(movable, functional, trial, sweeps, swap_first)
     return recycled, gain
 
 
-def rounds(plan: Sequence[int], order: int) -> list[tuple[int, bool]]:
+def recyclings(plan: Sequence[int], order: int) -> list[tuple[int, bool]]:
     more = MORE[order - 1] if len(plan) > 1 else 0
     return [(sweeps, True) for sweeps in plan[1:]] + [(plan[-1], False)] * more
 
@@ -57,11 +57,11 @@ def rounds(plan: Sequence[int], order: int) -> list[tuple[int, bool]]:
 def still_pays(exchange: Exchange, before: Recycled, nodes: int, order: int) -> bool:
     if order == 1:
         return exchange.recycled.splits - before.splits > SETTLED * nodes
-    return exchange.lowered > PAYS * exchange.offered
+    return exchange.decrease > PAYS * exchange.offered
 
 
 def descend(
-    movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int = SWEEPS, eager: bool = False
+    movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int = SWEEPS, swap_first: bool = False
 ) -> float:
     """Sweep nodes and edges, and return the decrease of the functional.
 
@@ -69,32 +69,32 @@ def descend(
     which are undone if the functional has not decreased. The same holds with slivers between chords and curves,
     which the kernels do not include.
     """
-    if not functional.nearly:
-        return sweep(movable, functional, trial, sweeps, eager)
-    total, known = 0.0, KNOWN_SOURCE if functional.has_varying_source else KNOWN
-    for done in range(0, sweeps, known):
+    if not functional.is_approximate:
+        return sweep(movable, functional, trial, sweeps, swap_first)
+    total, interval = 0.0, RESAMPLE_SOURCE if functional.has_varying_source else RESAMPLE
+    for done in range(0, sweeps, interval):
         state, old = {name: array.copy() for name, array in movable.state().items()}, trial.copy()
         before = functional.value(movable.triangulation, trial)
-        gain = sweep(movable, functional, trial, min(known, sweeps - done), eager)
+        gain = sweep(movable, functional, trial, min(interval, sweeps - done), swap_first)
         gain += descend_curves(movable, functional, trial)
-        fallen = before - functional.value(movable.triangulation, trial)
-        if not fallen > 0.0:
+        full_decrease = before - functional.value(movable.triangulation, trial)
+        if not full_decrease > 0.0:
             movable.restore(state)
             trial.restore(old)
             break
-        total += min(gain, fallen)
+        total += min(gain, full_decrease)
     return total
 
 
 def recycle_downhill(
     movable: MovableMesh, functional: Functional, trial: TrialFunction, recycled: Recycled
 ) -> Exchange:
-    if not functional.nearly:
+    if not functional.is_approximate:
         return recycle_by_energy(movable, functional, trial, recycled)
     state, before = movable.state(), functional.value(movable.triangulation, trial)
     done = recycle_by_energy(movable, functional, trial, recycled)
-    fallen = before - functional.value(movable.triangulation, done.trial)
-    if fallen > 0.0:
-        return done._replace(lowered=min(done.lowered, fallen))
+    full_decrease = before - functional.value(movable.triangulation, done.trial)
+    if full_decrease > 0.0:
+        return done._replace(decrease=min(done.decrease, full_decrease))
     movable.restore(state)
     return Exchange(trial, recycled, 0.0, done.offered)

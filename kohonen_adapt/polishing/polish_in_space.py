@@ -28,14 +28,14 @@ SETTLED = 0.01  # fraction of the nodes, below which a recycling is the last of 
 
 
 def descend_in_space(
-    movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, sweeps: int, eager: bool = False
+    movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, sweeps: int, swap_first: bool = False
 ) -> float:
     """Sweep nodes and swap elements, and return the decrease of the functional.
 
-    Elements are swapped after the nodes of every sweep, with `eager` also before the first sweep. The numbering
+    Elements are swapped after the nodes of every sweep, with `swap_first` also before the first sweep. The numbering
     of nodes does not change.
     """
-    descent, gain = Descent.of(movable, functional, trial).lowered(sweeps, eager)
+    descent, gain = Descent.of(movable, functional, trial).descend_checked(sweeps, swap_first)
     descent.opened.write_back(movable)
     trial.values[:] = descent.trial.value[: len(trial.values)]
     return gain
@@ -55,25 +55,25 @@ def descend_and_recycle_in_space(
     of `recycled`, and the decrease of the functional. A plan of one number keeps all nodes. Recycled meshes are
     numbered along a space-filling curve.
     """
-    eager = goes_on = len(plan) > 1
+    swap_first = goes_on = len(plan) > 1
     descent, pairs = Descent.of(movable, functional, trial), 0
-    descent.came_from(recycled)
-    descent, gain = descent.lowered(plan[0], eager)
+    descent.set_origins(recycled)
+    descent, gain = descent.descend_checked(plan[0], swap_first)
     for sweeps in plan[1:]:
-        before, more, lowered = descent, 0, 0.0
+        before, more, decrease = descent, 0, 0.0
         if goes_on:
             before = descent.copy()
-            more, lowered = descent.recycle()
-            lowered += descent.descend(sweeps, eager)
-            lowered = before.value() - descent.value() if functional.nearly else lowered
+            more, decrease = descent.recycle()
+            decrease += descent.descend(sweeps, swap_first)
+            decrease = before.value() - descent.value() if functional.is_approximate else decrease
         else:
-            descent, lowered = descent.lowered(sweeps, eager)
-        if lowered < 0.0:
-            descent, more, lowered = before, 0, 0.0
-        pairs, gain, goes_on = pairs + more, gain + lowered, more > SETTLED * movable.nnodes
+            descent, decrease = descent.descend_checked(sweeps, swap_first)
+        if decrease < 0.0:
+            descent, more, decrease = before, 0, 0.0
+        pairs, gain, goes_on = pairs + more, gain + decrease, more > SETTLED * movable.nnodes
     rows, origins = descent.opened.write_back(movable, renumbered=pairs > 0), descent.opened.mesh.origins
-    known = {"old": origins.old[rows], "start_element": origins.start_element[rows]}
-    return replace(recycled, splits=recycled.splits + pairs, collapses=recycled.collapses + pairs, **known), gain
+    ancestry = {"old": origins.old[rows], "start_element": origins.start_element[rows]}
+    return replace(recycled, splits=recycled.splits + pairs, collapses=recycled.collapses + pairs, **ancestry), gain
 
 
 def loops_in_space(problem: Problem) -> tuple[str, ...]:
@@ -89,7 +89,7 @@ class Descent:
     opened
         Mesh with spare rows, which changes.
     functional
-        Functional that is lowered.
+        Functional to minimise.
     trial
         Function and functional for the kernels.
     floor
@@ -119,34 +119,34 @@ class Descent:
         trial = self.trial._replace(value=self.trial.value.copy(), fixed=self.trial.fixed.copy())
         return replace(self, opened=self.opened.copy(), trial=trial, seen=self.seen.copy())
 
-    def came_from(self, recycled: Recycled) -> None:
+    def set_origins(self, recycled: Recycled) -> None:
         origins, n = self.opened.mesh.origins, len(recycled.old)
         origins.old[:n], origins.start_element[:n] = recycled.old, recycled.start_element
 
-    def descend(self, sweeps: int, eager: bool) -> float:
+    def descend(self, sweeps: int, swap_first: bool) -> float:
         freedom = self.functional.freedom(self.opened.mesh.freedom, self.trial.fixed)
         parts = self.opened.parts()
-        gain = self.swap(parts) if eager else 0.0
+        gain = self.swap(parts) if swap_first else 0.0
         for _ in range(sweeps):
             gain += self.sweep(parts, freedom)
             gain += self.swap(parts)
         return gain
 
-    def lowered(self, sweeps: int, eager: bool) -> tuple["Descent", float]:
+    def descend_checked(self, sweeps: int, swap_first: bool) -> tuple["Descent", float]:
         """Return the descent after some sweeps, and the decrease of the functional.
 
         If the functional is approximate and has not decreased, the state before the sweeps is returned.
         """
-        if not self.functional.nearly:
-            return self, self.descend(sweeps, eager)
+        if not self.functional.is_approximate:
+            return self, self.descend(sweeps, swap_first)
         if self.functional.has_varying_source and sweeps > 1:
-            descent, fallen = self.lowered(1, eager)
-            descent, more = descent.lowered(sweeps - 1, eager) if fallen > 0.0 else (descent, 0.0)
-            return descent, fallen + more
+            descent, decrease = self.descend_checked(1, swap_first)
+            descent, more = descent.descend_checked(sweeps - 1, swap_first) if decrease > 0.0 else (descent, 0.0)
+            return descent, decrease + more
         before = self.copy()
-        self.descend(sweeps, eager)
-        fallen = before.value() - self.value()
-        return (self, fallen) if fallen > 0.0 else (before, 0.0)
+        self.descend(sweeps, swap_first)
+        decrease = before.value() - self.value()
+        return (self, decrease) if decrease > 0.0 else (before, 0.0)
 
     def value(self) -> float:
         return self.functional.value_on(self.opened.mesh.position, self.opened.mesh.elements, self.trial.value)
@@ -168,9 +168,9 @@ class Descent:
         mesh, star = self.opened.mesh, self.opened.star()
         self.sample_source()
         constraints = Constraints(freedom, mesh.surfaces, freedom.number == INSIDE)
-        neurons = Neurons(mesh.position, mesh.elements, star, constraints)
+        arrays = Neurons(mesh.position, mesh.elements, star, constraints)
 
         def task(thread: int, nodes: Nodes) -> float:
-            return float(descend_nodes(neurons, self.trial, nodes, self.floor**3))
+            return float(descend_nodes(arrays, self.trial, nodes, self.floor**3))
 
         return parts.sweep(star, task)

@@ -91,7 +91,7 @@ def state_of(ritz: Ritz, triangulation: Triangulation, sides: Ints) -> Floats:
         flux = [*flux_at(corners.mean(axis=1).T[:, None], number, ritz.flux)[:, 0]]
     size = np.hypot(gx, gy)
     for place, law in enumerate(ritz.laws):
-        bent = (number == place) & (size > 0.0)
-        if law is not None and bent.any():
-            coefficient[bent] = law.field_strength(size[bent]) / size[bent]
+        nonlinear = (number == place) & (size > 0.0)
+        if law is not None and nonlinear.any():
+            coefficient[nonlinear] = law.field_strength(size[nonlinear]) / size[nonlinear]
     return np.stack([coefficient, source, *flux, gx, gy]).reshape(6, *sides.shape)

@@ -27,7 +27,7 @@ from kohonen_adapt.polishing.curved_faces import CurvedFaces
 from kohonen_adapt.polishing.energy_tables import Tables
 from kohonen_adapt.polishing.regions import constants_of, laws_of_regions, numbers_of_regions
 from kohonen_adapt.polishing.stationarity import check_in_space
-from kohonen_adapt.polishing.surface_values import given_on
+from kohonen_adapt.polishing.surface_values import dirichlet_on
 from kohonen_adapt.problem.functional_value import loads_in_space, value_in_space
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz, check_matches, plane_only_term
@@ -56,7 +56,7 @@ class SolidFunctional:
         `Trial.data`, (nregions, 5).
     patches
         Number of patches.
-    given
+    dirichlet
         Patches and ridges with Dirichlet values, (p + r,) bool.
     held
         Patches and ridges whose nodes do not slide and are not recycled, (p + r,) bool: curved patches whose
@@ -64,7 +64,7 @@ class SolidFunctional:
         inner node whose nodes all have Dirichlet values, which may or may not be Dirichlet patches. Ridges of
         held patches are held.
     rate
-        Gradient of the Dirichlet values along patches and ridges, (p + r, 3), valid where `given` and not `held`.
+        Gradient of the Dirichlet values along patches and ridges, (p + r, 3), valid where `dirichlet` and not `held`.
     comparable
         True if values of the functional on different meshes are comparable, because the set of admissible
         functions does not depend on the mesh.
@@ -83,7 +83,7 @@ class SolidFunctional:
     number: NDArray[np.int64]
     data: Floats
     patches: int
-    given: Mask
+    dirichlet: Mask
     held: Mask
     rate: Floats
     comparable: bool
@@ -114,19 +114,21 @@ class SolidFunctional:
         values, fixed = np.asarray(ritz.values), np.asarray(ritz.fixed)
         number = numbers_of_regions(ritz, tet.elements.region[tet.used])
         law, tables = laws_of_regions(ritz, number, steepest(tet, values) if any(ritz.laws) else 0.0)
-        on = given_on(tet, surfaces, movable.freedom, values, fixed)
+        on = dirichlet_on(tet, surfaces, movable.freedom, values, fixed)
         patches, curved = len(surfaces.shape), surfaces.shape != PLANE
-        linear = (~on.unknown & (~on.given | on.linear))[:patches]
-        faces = CurvedFaces.of(tet, movable.patches, ritz, number, linear, on.given[:patches], on.rate[:patches])
+        linear = (~on.unknown & (~on.dirichlet | on.linear))[:patches]
+        faces = CurvedFaces.of(tet, movable.patches, ritz, number, linear, on.dirichlet[:patches], on.rate[:patches])
         rims = (surfaces.ridge_shape != LINE) & ~np.append(curved, False)[surfaces.meets].any(axis=1)
-        bent = np.append(curved & ~faces.counted, rims)
-        held = bent | (on.given & ~on.linear) | on.unknown
+        uncounted = np.append(curved & ~faces.counted, rims)
+        held = uncounted | (on.dirichlet & ~on.linear) | on.unknown
         held[patches:] |= np.append(held[:patches], False)[surfaces.meets].any(axis=1)
-        alike = not (bent.any() or np.any(on.given & ~on.linear) or np.any(fixed & (movable.freedom.number == INSIDE)))
+        same_space = not (
+            uncounted.any() or np.any(on.dirichlet & ~on.linear) or np.any(fixed & (movable.freedom.number == INSIDE))
+        )
         solution = TrialFunction(values.copy(), fixed.copy(), None)
         data = constants_of(ritz, number, TETRAHEDRON.dim) / PARTS
-        places = on.given, held, on.rate
-        return cls(solution, ritz, number, data, patches, *places, ritz.comparable and alike, law, tables, faces)
+        places = on.dirichlet, held, on.rate
+        return cls(solution, ritz, number, data, patches, *places, ritz.comparable and same_space, law, tables, faces)
 
     @classmethod
     def of_solution(cls, ritz: Ritz, movable: MovableSolid, mesh: MeshTet) -> "SolidFunctional":
@@ -144,7 +146,7 @@ class SolidFunctional:
         return functional
 
     @property
-    def nearly(self) -> bool:
+    def is_approximate(self) -> bool:
         """True if stars give the functional approximately (varying source or slivers)."""
         return self.has_varying_source or bool(self.faces.counted.any())
 
@@ -182,7 +184,7 @@ class SolidFunctional:
         for kind, first in ((ON_PATCH, 0), (ON_RIDGE, self.patches)):
             rows = number == kind
             place = freedom.place[rows] + first
-            held[rows] |= self.held[place] | (fixed[rows] & ~self.given[place])
+            held[rows] |= self.held[place] | (fixed[rows] & ~self.dirichlet[place])
         return freedom._replace(number=np.where(held, HELD, number).astype(number.dtype))
 
     def value(self, tetrahedralization: Tetrahedralization, trial: TrialFunction) -> float:

@@ -42,12 +42,12 @@ def check_in_plane(
     """
     elements, values = movable.triangulation.elements, solution.values
     node, corners = elements.node, movable.triangulation.position[elements.node]
-    coefficients, bend = local_coefficients(values[node], solution.modes), movable.midside_offsets()
-    parts = derivatives_on(corners, coefficients, numbers_of(ritz, len(node)), ritz, bend)
+    coefficients, offsets = local_coefficients(values[node], solution.modes), movable.midside_offsets()
+    parts = derivatives_on(corners, coefficients, numbers_of(ritz, len(node)), ritz, offsets)
     for name, chains in boundary.chains.items():
         e, k = sides_on(elements.chain, chains)
         ends, own = np.stack([corners[e, (k + 1) % 3], corners[e, (k + 2) % 3]], axis=1), trace_columns(k, ritz.order)
-        matrix, load = facet_terms(ends, ritz.order, ritz.robin[name], ritz.axisymmetric, bend[e, k])
+        matrix, load = facet_terms(ends, ritz.order, ritz.robin[name], ritz.axisymmetric, offsets[e, k])
         pulled = np.einsum("fij,fj->fi", matrix, coefficients[e[:, None], own])
         np.add.at(parts.total, (e[:, None], own), pulled - load)
         np.add.at(parts.size, (e[:, None], own), np.abs(pulled) + np.abs(load))

@@ -9,16 +9,16 @@ from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_PATCH, ON_RIDGE, F
 from kohonen_adapt.mesh.tetrahedralization import FACES, Tetrahedralization
 from kohonen_adapt.polishing.regions import LINEAR
 
-__all__ = ["GivenValues", "given_on"]
+__all__ = ["DirichletValues", "dirichlet_on"]
 
 
 @dataclass(frozen=True)
-class GivenValues:
+class DirichletValues:
     """Dirichlet values of faces (patches), then of edges (ridges) of a body, (k,).
 
     Attributes
     ----------
-    given
+    dirichlet
         True if all nodes, or some of the sliding nodes, have Dirichlet values.
     linear
         True if all nodes have Dirichlet values, which are linear in the position.
@@ -29,13 +29,15 @@ class GivenValues:
         Gradient of `linear` values, (k, 3).
     """
 
-    given: Mask
+    dirichlet: Mask
     linear: Mask
     unknown: Mask
     rate: Floats
 
 
-def given_on(tet: Tetrahedralization, surfaces: Surfaces, freedom: Freedom, values: Floats, fixed: Mask) -> GivenValues:
+def dirichlet_on(
+    tet: Tetrahedralization, surfaces: Surfaces, freedom: Freedom, values: Floats, fixed: Mask
+) -> DirichletValues:
     patches = len(surfaces.shape)
     count = patches + len(surfaces.ridge_shape)
     patch, node = nodes_of_patches(tet)
@@ -50,7 +52,7 @@ def given_on(tet: Tetrahedralization, surfaces: Surfaces, freedom: Freedom, valu
     unknown = bare & np.append(whole[:patches], near)
     rate, off = linear_fits(place, tet.position[node], values[node], whole & ~bare)
     linear = whole & ~bare & (off <= LINEAR * np.ptp(values))
-    return GivenValues((whole & ~bare) | partly, linear, unknown, rate)
+    return DirichletValues((whole & ~bare) | partly, linear, unknown, rate)
 
 
 def nodes_of_patches(tet: Tetrahedralization) -> tuple[Ints, Ints]:

@@ -51,26 +51,26 @@ def recycle_in_space(opened: OpenSolid, functional: SolidFunctional, trial: Tria
     enter the queue of swaps.
     """
     mesh, offers = opened.mesh, offers_of(opened.mesh, functional, trial)
-    most = weighed(mesh, trial, offers, floor**3)
+    most = compute_gains(mesh, trial, offers, floor**3)
     gain, node = offers.gain.ravel(), mesh.elements.node
     edges = np.flatnonzero(gain > max(0.0, MARGIN * offers.cost.min(initial=0.0)))
     edges = edges[np.argsort(-gain[edges], kind="stable")]
     ends = node[edges[:, None] // 6, EDGES[edges % 6, :2]]
     nodes = np.flatnonzero(offers.cost < most)
     nodes = nodes[np.argsort(offers.cost[nodes], kind="stable")]
-    pairs, lowered = 0, 0.0
+    pairs, decrease = 0, 0.0
     for i in range(0, len(edges), PAIRS):
         part = ends[i : i + PAIRS], gain[edges[i : i + PAIRS]]
         more, fall = exchange(mesh, trial, opened.queue, offers, *part, nodes, MARGIN, floor**3)
-        pairs, lowered = pairs + more, lowered + fall
-    return pairs, lowered
+        pairs, decrease = pairs + more, decrease + fall
+    return pairs, decrease
 
 
 def offers_of(mesh: OpenTetrahedra, functional: SolidFunctional, trial: Trial) -> Offers:
     patches, rows = slice(functional.patches), len(mesh.position)
     removable = (functional.freedom(mesh.freedom, trial.fixed).number != HELD) & (mesh.pool.anchor >= 0)
-    lone = trial.fixed & ~on_patches(mesh, functional.given[patches])
-    is_open = ~(functional.held | functional.given)[patches]
+    lone = trial.fixed & ~on_patches(mesh, functional.dirichlet[patches])
+    is_open = ~(functional.held | functional.dirichlet)[patches]
     gain, cost = np.zeros((len(mesh.elements.node), 6)), np.full(rows, np.inf)
     return Offers(gain, cost, is_open, removable, lone, np.zeros(rows, dtype=np.bool_))
 
@@ -82,7 +82,7 @@ def on_patches(mesh: OpenTetrahedra, some: Mask) -> Mask:
     return found
 
 
-def weighed(mesh: OpenTetrahedra, trial: Trial, offers: Offers, floor: float) -> float:
+def compute_gains(mesh: OpenTetrahedra, trial: Trial, offers: Offers, floor: float) -> float:
     """Compute all gains and costs, and return the largest worthwhile cost.
 
     Larger costs are not computed. Gains and costs depend on the current mesh alone, and therefore not on the

@@ -19,9 +19,9 @@ from kohonen_adapt.kernels.triangle.flip_linear import descend_flips
 from kohonen_adapt.kernels.triangle.sweep_higher import descend_nodes_higher
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.polishing.elements import UNKNOWNS, few_for_threads, shapes_of
+from kohonen_adapt.polishing.elements import UNKNOWNS, min_per_thread, shapes_of
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.paired_stars import Descending, Freedom, Patch, descend_pairs, tie
+from kohonen_adapt.polishing.paired_stars import Descending, Freedom, Patch, descend_pairs, set_partners
 from kohonen_adapt.problem.protocol import Problem, order_of
 
 __all__ = ["SWEEPS", "Higher", "Linear", "loops_of", "sweep"]
@@ -53,10 +53,10 @@ class Downhill(Descending, Protocol):
         """
 
 
-def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int, eager: bool) -> float:
+def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int, swap_first: bool) -> float:
     """Sweep nodes and edges, and return the decrease by moves and flips.
 
-    Edges are flipped after the nodes of every sweep. With `eager` they are also flipped before the first sweep,
+    Edges are flipped after the nodes of every sweep. With `swap_first` they are also flipped before the first sweep,
     so that useless nodes are detected earlier. The decrease excludes the gain of better values on Robin
     boundaries.
     """
@@ -66,21 +66,21 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
     pairs, on_robin = outline.constraints.periodic.partner >= 0, functional.boundary.nodes(movable.triangulation)
     constraints = outline.constraints._replace(kind=np.where(pairs, HELD, freedom.kind).astype(np.int8))
     if pairs.any():
-        tie(movable, trial, functional.sign)
-    beyond = pairs | on_robin | functional.chords.moving(movable.triangulation)
-    downhill = _downhill(movable, functional, trial._replace(fixed=trial.fixed | beyond), constraints)
+        set_partners(movable, trial, functional.sign)
+    excluded = pairs | on_robin | functional.chords.moving(movable.triangulation)
+    downhill = _downhill(movable, functional, trial._replace(fixed=trial.fixed | excluded), constraints)
     order = along_curve(movable.triangulation.position).astype(np.int32)
     parts = max(1, len(order) // (PART // UNKNOWNS[functional.ritz.order - 1]))
     part, interior = parts_along(order, len(order), parts), np.empty(len(order), dtype=np.bool_)
-    if eager:
+    if swap_first:
         gain += flip_downhill(movable, downhill)
     for _ in range(sweeps):
         mark_interior(movable.triangulation.star, part, 1, interior, np.empty_like(order))
         gain += shared_in_parts(downhill.descend_nodes, order, (part, interior))
         gain += descend_pairs(movable, downhill, freedom)
         gain += flip_downhill(movable, downhill)
-        bend = movable.midside_offsets() if movable.curved else None
-        functional.improve_on_boundary(movable.triangulation, trial, bend)
+        offsets = movable.midside_offsets() if movable.curved else None
+        functional.improve_on_boundary(movable.triangulation, trial, offsets)
     return gain
 
 
@@ -96,7 +96,7 @@ class Linear:
         self, movable: MovableMesh, functional: Functional, trial: TrialFunction, constraints: Constraints
     ) -> None:
         self.triangulation, self.floor, self.constraints = movable.triangulation, movable.floor, constraints
-        self.few = few_for_threads(functional.ritz.order)
+        self.few = min_per_thread(functional.ritz.order)
         self.trials, self.modes, self.shapes = functional.trials(self.triangulation, trial), (), None
 
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
@@ -119,32 +119,34 @@ class Higher:
     def __init__(
         self, movable: MovableMesh, functional: Functional, trial: TrialFunction, constraints: Constraints
     ) -> None:
-        triangulation, self.few = movable.triangulation, few_for_threads(functional.ritz.order)
-        self.triangulation, self.floor, self.rooms = triangulation, movable.floor, dict[int, Descents]()
+        triangulation, self.few = movable.triangulation, min_per_thread(functional.ritz.order)
+        self.triangulation, self.floor, self.scratches = triangulation, movable.floor, dict[int, Descents]()
         self.trials, self.modes = functional.trials(triangulation, trial), trial.all_modes
         points, self.shapes = shapes_of(functional.ritz, movable.midside_offsets(), len(triangulation.elements.node))
         self.mesh = triangulation.position, triangulation.elements, triangulation.star, constraints
         self.functions = functional.reference, points
 
-    def room(self, thread: int) -> Descents:
+    def scratch(self, thread: int) -> Descents:
         most = int(np.diff(self.triangulation.star.start).max())
-        if thread not in self.rooms or len(self.rooms[thread].one.block.place) < most:
-            self.rooms[thread] = Descents.of(self.mesh, self.trials, self.modes, (*self.functions, self.shapes), most)
-        return self.rooms[thread]
+        if thread not in self.scratches or len(self.scratches[thread].one.block.place) < most:
+            self.scratches[thread] = Descents.of(
+                self.mesh, self.trials, self.modes, (*self.functions, self.shapes), most
+            )
+        return self.scratches[thread]
 
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
-        return float(descend_nodes_higher(self.room(thread), nodes, self.floor))
+        return float(descend_nodes_higher(self.scratch(thread), nodes, self.floor))
 
     def descend_flips(self, thread: int, first: int, last: int, gainful: Mask, marks: bool) -> tuple[float, int]:
-        return descend_flips_higher(self.room(thread), self.floor, gainful, first, last, marks)
+        return descend_flips_higher(self.scratch(thread), self.floor, gainful, first, last, marks)
 
     def descend_patch(self, patch: Patch) -> float:
         if patch.shapes is None:
             raise TypeError("a patch of order 2 or 3, or around an axis, requires shapes")
         mesh = patch.position, patch.elements, patch.star, patch.constraints
         most = int(np.diff(patch.star.start).max())
-        room = Descents.of(mesh, patch.trials, patch.modes, (*self.functions, patch.shapes), most)
-        return float(descend_nodes_higher(room, patch.nodes, self.floor))
+        scratch = Descents.of(mesh, patch.trials, patch.modes, (*self.functions, patch.shapes), most)
+        return float(descend_nodes_higher(scratch, patch.nodes, self.floor))
 
 
 def _downhill(movable: MovableMesh, functional: Functional, trial: TrialFunction, constraints: Constraints) -> Downhill:

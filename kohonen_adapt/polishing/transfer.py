@@ -37,15 +37,15 @@ def carried(functional: Functional, before: MovableMesh, movable: MovableMesh, s
     constraints, solution = movable.constraints, functional.solution
     kind, chain = constraints.kind, constraints.own_chain
     old = Old(functional, before)
-    found, share = old.located(movable.triangulation.position, start_element)
+    found, weights = old.located(movable.triangulation.position, start_element)
     corners = old.triangulation.elements.node[found]
     inside = solution.fixed & (before.constraints.kind == FREE)
-    values = old.values(found, share)
+    values = old.values(found, weights)
     fixed = np.all(solution.fixed[corners], axis=1) & np.any(inside[corners], axis=1)
     held, sliding = kind == HELD, kind == SLIDING
-    nearest = corners[held, np.argmax(share[held], axis=1)]
+    nearest = corners[held, np.argmax(weights[held], axis=1)]
     values[held], fixed[held] = solution.values[nearest], solution.fixed[nearest]
-    fixed[sliding] = functional.given[chain[sliding]]
+    fixed[sliding] = functional.dirichlet[chain[sliding]]
     exact = np.flatnonzero(sliding)[functional.linear[chain[sliding]]]
     start, rate = functional.on_chain[chain[exact]].T
     values[exact] = start + rate * constraints.parameter[exact]
@@ -63,9 +63,9 @@ class Old:
         self.kind = kinds_of(functional.ritz, before.triangulation)
         self.curved: CurvedElements | None = None
         if before.curved:
-            elements, bent = self.triangulation.elements, before.midside_offsets()
+            elements, offsets = self.triangulation.elements, before.midside_offsets()
             self.curved = CurvedElements(
-                self.triangulation.position.T, elements.node.T, bent.transpose(2, 1, 0), elements.neighbour.T
+                self.triangulation.position.T, elements.node.T, offsets.transpose(2, 1, 0), elements.neighbour.T
             )
 
     def located(self, points: Floats, start_element: Ints) -> tuple[Ints, Floats]:
@@ -81,20 +81,20 @@ class Old:
         for number in np.unique(part[start_element[astray]]):
             rows = astray[part[start_element[astray]] == number]
             found[rows] = nearest_on_rim(self.triangulation, points[rows], part == number)
-        share = np.empty((len(points), 3))
-        barycentric(self.triangulation.position, self.triangulation.elements.node, points, found, share)
+        weights = np.empty((len(points), 3))
+        barycentric(self.triangulation.position, self.triangulation.elements.node, points, found, weights)
         if self.curved is not None:
             rows = np.flatnonzero(self.curved.curved[found])
             found[rows] = self.curved.walk(found[rows], points[rows].T)
-            share[rows] = self.curved.barycentric_coordinates(found[rows], points[rows].T).T
-        share = np.maximum(share, 0.0)
-        return found, share / share.sum(axis=1, keepdims=True)
+            weights[rows] = self.curved.barycentric_coordinates(found[rows], points[rows].T).T
+        weights = np.maximum(weights, 0.0)
+        return found, weights / weights.sum(axis=1, keepdims=True)
 
-    def values(self, element: Ints, share: Floats) -> Floats:
+    def values(self, element: Ints, weights: Floats) -> Floats:
         values, _, modes, _ = self.functional.solution
         part = None if modes is None else Modes(*(array[element] for array in modes))
         coefficients = local_coefficients(values[self.triangulation.elements.node[element]], part)
-        return evaluated(coefficients, share, None if self.kind is None else self.kind[element])
+        return evaluated(coefficients, weights, None if self.kind is None else self.kind[element])
 
     def at(self, points: Floats, start_element: Ints) -> Floats:
         return self.values(*self.located(points, start_element))
@@ -111,19 +111,19 @@ def carried_modes(old: Old, movable: MovableMesh, start_element: Ints, values: F
     if not degrees:
         return without_modes(m)
     start = start_elements(old.triangulation, new, start_element)
-    modes = Modes(np.empty((m, 3, degrees)), np.zeros(m), given_sides(functional, movable, fixed))
-    points, middles = places_inside(movable, order)
+    modes = Modes(np.empty((m, 3, degrees)), np.zeros(m), dirichlet_sides(functional, movable, fixed))
+    points, centroids = places_inside(movable, order)
     e, k = np.nonzero(elements.neighbour < np.arange(m)[:, None])
     own = np.empty((m, 3, degrees))
     own[e, k] = old.at(points[e, k].reshape(-1, 2), np.repeat(start[e], degrees)).reshape(-1, degrees)
-    beyond = elements.neighbour[e, k]
-    e, k, beyond = e[beyond >= 0], k[beyond >= 0], beyond[beyond >= 0]
-    own[beyond, np.argmax(elements.neighbour[beyond] == e[:, None], axis=1)] = own[e, k, ::-1]
+    across = elements.neighbour[e, k]
+    e, k, across = e[across >= 0], k[across >= 0], across[across >= 0]
+    own[across, np.argmax(elements.neighbour[across] == e[:, None], axis=1)] = own[e, k, ::-1]
     kind = kinds_of(functional.ritz, new)
     set_sides(modes, values[elements.node], own, kind)
     modes.side[modes.given & straight_sides(functional, movable)] = 0.0
     if order == 3:
-        set_bubbles(modes, values[elements.node], old.at(middles, start), kind)
+        set_bubbles(modes, values[elements.node], old.at(centroids, start), kind)
     return modes
 
 
@@ -133,24 +133,24 @@ def places_inside(movable: MovableMesh, order: int) -> tuple[Floats, Floats]:
     The nodes of a side are ordered counter-clockwise.
     """
     corners, along = movable.triangulation.position[movable.triangulation.elements.node], np.arange(1, order) / order
-    on_sides, middles = places_on_sides(corners, order), corners.mean(axis=1)
+    on_sides, centroids = places_on_sides(corners, order), corners.mean(axis=1)
     if movable.curved:
-        bent = movable.midside_offsets()
-        on_sides += (4.0 * along * (1.0 - along))[:, None] * bent[:, :, None]
-        middles += 4.0 / 9.0 * bent.sum(axis=1)
-    return on_sides, middles
+        offsets = movable.midside_offsets()
+        on_sides += (4.0 * along * (1.0 - along))[:, None] * offsets[:, :, None]
+        centroids += 4.0 / 9.0 * offsets.sum(axis=1)
+    return on_sides, centroids
 
 
-def given_sides(functional: Functional, movable: MovableMesh, fixed: Mask) -> Mask:
+def dirichlet_sides(functional: Functional, movable: MovableMesh, fixed: Mask) -> Mask:
     """Return the sides with Dirichlet values, (m, 3).
 
     Sides on periodic or Robin boundaries are included, because sweeps must not change their coefficients.
     """
     elements, constraints = movable.triangulation.elements, movable.constraints
-    given = on_chains(elements.chain, functional.given | functional.boundary.on | constraints.chains.paired)
+    dirichlet = on_chains(elements.chain, functional.dirichlet | functional.boundary.on | constraints.chains.paired)
     inside = fixed & (constraints.kind == FREE)
     ends = elements.node[:, AFTER], elements.node[:, BEFORE]
-    return given | (fixed[ends[0]] & fixed[ends[1]] & (inside[ends[0]] | inside[ends[1]]))
+    return dirichlet | (fixed[ends[0]] & fixed[ends[1]] & (inside[ends[0]] | inside[ends[1]]))
 
 
 def straight_sides(functional: Functional, movable: MovableMesh) -> Mask:
@@ -170,5 +170,5 @@ def nearest_on_rim(triangulation: Triangulation, points: Floats, inside: Mask) -
     e, k = np.nonzero(inside[:, None] & (triangulation.elements.neighbour < 0))
     start, end = (triangulation.position[nodes] for nodes in triangulation.elements.ends(e, k))
     way, to = end - start, points[:, None] - start
-    share = np.clip(np.sum(to * way, axis=2) / np.sum(way**2, axis=1), 0.0, 1.0)
-    return e[np.argmin(np.sum((to - share[..., None] * way) ** 2, axis=2), axis=1)]
+    weights = np.clip(np.sum(to * way, axis=2) / np.sum(way**2, axis=1), 0.0, 1.0)
+    return e[np.argmin(np.sum((to - weights[..., None] * way) ** 2, axis=2), axis=1)]

@@ -28,25 +28,25 @@ def carried_in_space(
     """
     solution, freedom, old = functional.solution, movable.freedom, before.tetrahedralization
     position = movable.tetrahedralization.position
-    found, share = located(old, position, start_element)
+    found, weights = located(old, position, start_element)
     corners = old.elements.node[found]
-    values = np.sum(share * solution.values[corners], axis=1)
+    values = np.sum(weights * solution.values[corners], axis=1)
     inside = solution.fixed & (before.freedom.number == INSIDE)
     fixed = np.all(solution.fixed[corners], axis=1) & np.any(inside[corners], axis=1)
-    nearest = corners[np.arange(len(corners)), np.argmax(share, axis=1)]
+    nearest = corners[np.arange(len(corners)), np.argmax(weights, axis=1)]
     held = freedom.number == HELD
     values[held], fixed[held] = solution.values[nearest[held]], solution.fixed[nearest[held]]
     for kind, first in ((ON_PATCH, 0), (ON_RIDGE, functional.patches)):
         rows = np.flatnonzero(freedom.number == kind)
         place = freedom.place[rows] + first
-        fixed[rows] = functional.given[place]
-        rows, place = rows[functional.given[place]], place[functional.given[place]]
-        weight = share[rows] * solution.fixed[corners[rows]]
+        fixed[rows] = functional.dirichlet[place]
+        rows, place = rows[functional.dirichlet[place]], place[functional.dirichlet[place]]
+        weight = weights[rows] * solution.fixed[corners[rows]]
         values[rows] = averages(weight, solution.values[corners[rows]], values[rows])
         linear = ~functional.held[place] & np.any(weight > 0.0, axis=1)
         rows, place, start = rows[linear], place[linear], corners[rows[linear], np.argmax(weight[linear], axis=1)]
-        way = position[rows] - old.position[start]
-        values[rows] = solution.values[start] + np.sum(functional.rate[place] * way, axis=1)
+        step = position[rows] - old.position[start]
+        values[rows] = solution.values[start] + np.sum(functional.rate[place] * step, axis=1)
     return TrialFunction(values, fixed, None)
 
 
@@ -67,9 +67,9 @@ def located(old: Tetrahedralization, points: Floats, start_element: Ints) -> tup
     astray = np.flatnonzero(part[found] != part[start_element])
     for number in np.unique(part[start_element[astray]]):
         rows, own = astray[part[start_element[astray]] == number], np.flatnonzero(part == number)
-        middles = old.position[old.elements.node[own]].mean(axis=1)
-        found[rows] = own[cKDTree(middles).query(points[rows])[1]]
-    share = np.empty((len(points), 4))
-    barycentric(old.position, old.elements.node, points, found, share)
-    share = np.maximum(share, 0.0)
-    return found, share / share.sum(axis=1, keepdims=True)
+        centroids = old.position[old.elements.node[own]].mean(axis=1)
+        found[rows] = own[cKDTree(centroids).query(points[rows])[1]]
+    weights = np.empty((len(points), 4))
+    barycentric(old.position, old.elements.node, points, found, weights)
+    weights = np.maximum(weights, 0.0)
+    return found, weights / weights.sum(axis=1, keepdims=True)

@@ -38,7 +38,7 @@ def sliding(functional, movable):
     """Nodes on the curves of which the slivers are known, (n,)."""
     constraints = movable.constraints
     on_curves = constraints.kind == SLIDING
-    return on_curves & functional.chords.known[np.where(on_curves, constraints.own_chain, 0)]
+    return on_curves & functional.chords.counted[np.where(on_curves, constraints.own_chain, 0)]
 
 
 PARTS = (("core", 0.0, 0.29), ("ring", 0.29, 0.595), ("air", 0.595, 1.0))
@@ -81,10 +81,12 @@ def test_with_slivers_it_is_the_functional_of_the_true_domain(natural):
     ritz = functional_on(mesh, natural)
     movable = MovableMesh.of(mesh, Rules())
     functional = Functional.of(ritz, movable)
-    assert functional.chords.known.all() and functional.comparable == natural  # where no source ends
+    assert functional.chords.counted.all() and functional.comparable == natural  # where no source ends
     polygons, exact = functional_value(mesh, ritz), true_functional(mesh, ritz, np.asarray(ritz.values))
     counted = functional.value(movable.triangulation, functional.solution)
-    assert counted == pytest.approx(polygons + functional.beyond_chords(movable.triangulation, functional.solution))
+    assert counted == pytest.approx(
+        polygons + functional.energy_beyond_chords(movable.triangulation, functional.solution)
+    )
     assert abs(counted - exact) < 0.02 * abs(polygons - exact)
 
 
@@ -104,7 +106,7 @@ def test_stars_know_what_a_move_along_a_curve_does_to_the_whole(dual):
         stars = Stars.of(movable, functional, trial, node, functional.chords.slivers(tri))
         start = constraints.parameter[node].copy()
         for parameter in (start, start + 0.02):
-            old, (total, _, changes) = trial.copy(), stars.measured(parameter)
+            old, (total, _, changes) = trial.copy(), stars.evaluated(parameter)
             tri.position[node], constraints.parameter[node] = stars.points(parameter), parameter
             for part, change in zip(stars.parts, changes, strict=True):
                 part.values[node] += change

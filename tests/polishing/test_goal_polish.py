@@ -67,13 +67,13 @@ class Setting:
 def test_the_sum_falls_by_no_less_than_the_gain(name, order, seed, share):
     at = Setting(MESHES[name](), two_functionals(MESHES[name](), seed, share, order=order))
     before = at.value()
-    gain = sweep(at.movable, at.functional, at.trial, 2, eager=True)
+    gain = sweep(at.movable, at.functional, at.trial, 2, swap_first=True)
     assert 0.0 < gain < (before - at.value()) * (1.0 + 1e-9)
     before = at.value()
-    at.trial, recycled, lowered, _ = recycle_by_energy(
+    at.trial, recycled, decrease, _ = recycle_by_energy(
         at.movable, at.functional, at.trial, unchanged(at.movable.triangulation)
     )
-    assert before - at.value() == pytest.approx(lowered, rel=1e-7, abs=1e-10 * abs(before))
+    assert before - at.value() == pytest.approx(decrease, rel=1e-7, abs=1e-10 * abs(before))
     assert recycled.splits == recycled.collapses
 
 
@@ -117,14 +117,14 @@ def test_a_node_comes_to_rest_where_the_sum_is_least(order):
     one, other = (np.where(ritz.fixed, each.values, wave) for each, wave in zip((ritz, ritz.dual), waves, strict=True))
     at = Setting(MESHES["inset"](), replace(ritz, values=one, dual=replace(ritz.dual, values=other)))
     tri, constraints, trial = at.movable.triangulation, at.movable.constraints, at.trial
-    room = Higher(at.movable, at.functional, trial, constraints).room(0)
+    scratch = Higher(at.movable, at.functional, trial, constraints).scratch(0)
     sliding, chain = constraints.kind == SLIDING, constraints.own_chain
     alone = Alone(at)
     groups = constraints.kind == FREE, sliding & trial.fixed, sliding & ~trial.fixed
     for v in (np.flatnonzero(group)[2] for group in groups):
         for _ in range(100):
             before = at.value()
-            gain = descend_nodes_higher(room, np.array([v], dtype=np.int32), 0.0)
+            gain = descend_nodes_higher(scratch, np.array([v], dtype=np.int32), 0.0)
             assert 0.0 <= gain <= before - at.value() + 1e-12 * abs(before)
         rate = at.functional.on_chain[chain[v], 1] if trial.fixed[v] else 0.0
         for way in constraints.chains.direction[chain[v]][None] if sliding[v] else np.eye(2):

@@ -16,7 +16,7 @@ from kohonen_adapt.mesh.polynomials import count_unknowns, evaluated, local_coef
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.outline.surgery import Surgery, unchanged
-from kohonen_adapt.polishing.energy_recycling import judge_of, offers_of, recycle_by_energy, weighed
+from kohonen_adapt.polishing.energy_recycling import compute_gains, make_judge, offers_of, recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend
 from kohonen_adapt.polishing.transfer import carried
@@ -115,9 +115,9 @@ def test_sweeps_and_recycling_take_off_what_they_say(letter, order):
         after = setting.value()
         assert 0.0 < gain <= (before - after) * (1.0 + 1e-9)  # what better values gain at the same place is not in it
         now = setting.movable, setting.functional, setting.trial, recycled
-        setting.trial, recycled, lowered, _ = recycle_by_energy(*now)
+        setting.trial, recycled, decrease, _ = recycle_by_energy(*now)
         before = setting.value()
-        assert after - before == pytest.approx(lowered, rel=1e-7)
+        assert after - before == pytest.approx(decrease, rel=1e-7)
         assert setting.torn() <= 1e-14
         assert setting.solved() <= before + 1e-12 * abs(before)  # the certificate: the solution lies lower still
     assert recycled.splits == recycled.collapses > 0
@@ -130,9 +130,9 @@ def test_edges_with_values_given_linearly_are_split_where_that_gains(order):
     before, recycled, legs = setting.value(), unchanged(setting.movable.triangulation), []
     for _ in range(4):
         now = setting.movable, setting.functional, setting.trial, recycled
-        setting.trial, recycled, lowered, _ = recycle_by_energy(*now)
+        setting.trial, recycled, decrease, _ = recycle_by_energy(*now)
         after = setting.value()
-        assert before - after == pytest.approx(lowered, rel=1e-7)
+        assert before - after == pytest.approx(decrease, rel=1e-7)
         before, (x, y) = after, setting.movable.triangulation.position.T
         legs.append(np.flatnonzero(((x == 0.0) & (y < 0.0)) | ((y == 0.0) & (x > 0.0))))
     assert len(legs[0]) < len(legs[3])
@@ -160,8 +160,8 @@ def test_what_was_in_memory_before_has_no_say(order):
     movable, functional, trial, recycled = taken(Setting(perturbed(l_shaped_mesh(3), 1), problem("F", order)))
     mesh = Surgery.on(movable, np.ones(movable.nnodes), movable.nnodes, recycled).mesh
     offers = offers_of(movable, functional, trial.fixed, mesh)
-    judging = judge_of(movable, functional, trial, mesh, offers)
-    most, costs = weighed(judging, offers), offers.cost.copy()
+    judging = make_judge(movable, functional, trial, mesh, offers)
+    most, costs = compute_gains(judging, offers), offers.cost.copy()
     assert np.isfinite(costs).sum() > 10
     for v in range(movable.nnodes):
         room = Descents.of(*judging.shared)
@@ -195,11 +195,11 @@ def test_nonlinear_material_is_swept_downhill(order):
         gain = descend(setting.movable, setting.functional, setting.trial, 2)
         after = setting.value()
         assert 0.0 < gain <= before - after + TABLE * abs(before)
-        setting.trial, recycled, lowered, _ = recycle_by_energy(
+        setting.trial, recycled, decrease, _ = recycle_by_energy(
             setting.movable, setting.functional, setting.trial, recycled
         )
         before = setting.value()
-        assert after - before == pytest.approx(lowered, abs=TABLE * abs(before))
+        assert after - before == pytest.approx(decrease, abs=TABLE * abs(before))
         assert setting.solved() <= before + 1e-9 * abs(before)
 
 

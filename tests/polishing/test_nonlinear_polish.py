@@ -227,11 +227,11 @@ class Setting:
 
     def flips(self):
         every = np.ones(len(self.tri.elements.node), dtype=np.bool_)
-        lowered, count = descend_flips(
+        decrease, count = descend_flips(
             self.tri.position, self.tri.elements, self.trials, FLOOR, every, 0, len(every), False
         )
         self.tri.refill_star()
-        return lowered, count
+        return decrease, count
 
 
 MESHES = {
@@ -347,9 +347,9 @@ def test_every_sweep_and_every_flip_lowers_the_functional_by_what_it_says_or_mor
         rounding = TABLE * (size + at.size())
         assert gain >= 0.0
         assert after <= before - gain + rounding
-        lowered, flips = at.flips()
-        assert at.exact() == pytest.approx(after - lowered, abs=rounding)
-        assert (lowered > 0.0) == (flips > 0)
+        decrease, flips = at.flips()
+        assert at.exact() == pytest.approx(after - decrease, abs=rounding)
+        assert (decrease > 0.0) == (flips > 0)
 
 
 @each_law

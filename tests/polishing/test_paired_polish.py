@@ -17,7 +17,7 @@ from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.paired_stars import Freedom, descend_pairs, tie
+from kohonen_adapt.polishing.paired_stars import Freedom, descend_pairs, set_partners
 from kohonen_adapt.polishing.polish import descend
 from kohonen_adapt.polishing.sweeps import _downhill
 from kohonen_adapt.problem.functional_value import functional_value
@@ -82,7 +82,7 @@ class Setting:
         self.trial = self.functional.solution.copy()
         for one in filter(None, (self.trial, self.trial.dual)):
             one.values[self.movable.constraints.kind == HELD] = 0.0  # corners are one, too
-        tie(self.movable, self.trial, self.functional.sign)
+        set_partners(self.movable, self.trial, self.functional.sign)
         kind = self.functional.kinds(self.movable.outline, self.trial.fixed)
         self.freedom = Freedom(kind, self.trial.fixed, self.functional.sign)
 
@@ -196,9 +196,9 @@ def test_sweeps_and_recycling_take_off_what_they_say(order, iron, times):
         gain = descend(movable, functional, trial, 2)
         after = functional.value(movable.triangulation, trial)
         assert 0.0 < gain <= (before - after) * (1.0 + 1e-9)
-        trial, recycled, lowered, _ = recycle_by_energy(movable, functional, trial, recycled)
+        trial, recycled, decrease, _ = recycle_by_energy(movable, functional, trial, recycled)
         before = functional.value(movable.triangulation, trial)
-        assert after - before == pytest.approx(lowered, rel=1e-6)
+        assert after - before == pytest.approx(decrease, rel=1e-6)
         now = movable.mesh()
         solved = functional_value(now, problem.ritz(now, problem.solve(now)))
         assert solved <= before + 1e-12 * abs(before)  # the certificate: the solution lies lower still

@@ -130,9 +130,9 @@ def test_sweeps_and_recycling_take_off_what_they_say(device, order):
         after = setting.value()
         assert 0.0 < gain <= (before - after) * (1.0 + 1e-9)
         now = setting.movable, setting.functional, setting.trial, recycled
-        setting.trial, recycled, lowered, _ = recycle_by_energy(*now)
+        setting.trial, recycled, decrease, _ = recycle_by_energy(*now)
         before = setting.value()
-        assert after - before == pytest.approx(lowered, rel=1e-6, abs=TABLE * abs(before))
+        assert after - before == pytest.approx(decrease, rel=1e-6, abs=TABLE * abs(before))
         assert setting.solved() <= before + NEAR * abs(before)  # the certificate: the solution lies lower still
     now = setting.movable.triangulation
     np.testing.assert_array_equal(now.position[setting.functional.boundary.nodes(now)], rim)

@@ -102,33 +102,33 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
     at = Setting(case)
     tri, movable = at.movable.triangulation, at.movable
     assert at.value() == pytest.approx(functional_value(at.mesh, at.ritz), rel=1e-12)
-    room = Higher(movable, at.functional, at.trial, movable.constraints).room(0).one
+    scratch = Higher(movable, at.functional, at.trial, movable.constraints).scratch(0).one
     derivatives, number, change = (
         interpreted(loop) for loop in (kernels.derivatives, kernels.number_block, kernels.change_block)
     )
-    special = np.unique(tri.elements.node[room.shapes.special])
+    special = np.unique(tri.elements.node[scratch.shapes.special])
     nodes = special[movable.constraints.kind[special] == FREE]
     for v in (nodes[np.argmin(tri.position[nodes, 0])], nodes[-1]):  # beside the axis, and beside a curve
-        number(room, v)
-        room.block.own[0] = 0.0
-        count, (x, y) = room.block.unknowns[0], tri.position[v].copy()
+        number(scratch, v)
+        scratch.block.own[0] = 0.0
+        count, (x, y) = scratch.block.unknowns[0], tri.position[v].copy()
 
         def now(dx=0.0, dy=0.0, v=v, count=count, x=x, y=y):
             """The functional of the whole mesh, and what the kernel has of the star."""
             tri.position[v] = x + dx, y + dy
-            star, value = np.array(derivatives(room, v, x + dx, y + dy, PLACE)), at.value()
+            star, value = np.array(derivatives(scratch, v, x + dx, y + dy, PLACE)), at.value()
             tri.position[v] = x, y
-            block = room.block
+            block = scratch.block
             stiffness = np.tril(block.stiffness[:count, :count])
             whole = stiffness + np.tril(stiffness, -1).T
             return value, star[2:4], block.rest[:count].copy(), block.mixed[:count].copy(), whole, star[4:]
 
         _, slope, rest, mixed, stiffness, (xx, xy, yy) = now()
-        value = derivatives(room, v, x, y, PLACE)[1]
+        value = derivatives(scratch, v, x, y, PLACE)[1]
         for wanted in (VALUE, BLOCK):
-            assert derivatives(room, v, x, y, wanted)[1] == pytest.approx(value, rel=1e-14)
-        np.testing.assert_array_equal(room.block.rest[:count], rest)
-        np.testing.assert_array_equal(np.tril(room.block.stiffness[:count, :count]), np.tril(stiffness))
+            assert derivatives(scratch, v, x, y, wanted)[1] == pytest.approx(value, rel=1e-14)
+        np.testing.assert_array_equal(scratch.block.rest[:count], rest)
+        np.testing.assert_array_equal(np.tril(scratch.block.stiffness[:count, :count]), np.tril(stiffness))
         hessian, scale = np.array([[xx, xy], [xy, yy]]), np.abs(stiffness).max()
         near = {"rtol": 1e-5, "atol": 1e-6 * scale}
         loose = {"rtol": 1e-5, "atol": (1e-6 if case[3] is None else 1e-3) * scale}  # tables know W'' to first order
@@ -138,13 +138,13 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
             np.testing.assert_allclose((up_slope - down_slope) / (2.0 * STEP), hessian[i], **loose)
             np.testing.assert_allclose((up_rest - down_rest) / (2.0 * STEP), mixed[:, i], **loose)
         for i in range(count):
-            room.block.still[:count], room.block.follow[:count] = np.eye(count)[i], 0.0
+            scratch.block.still[:count], scratch.block.follow[:count] = np.eye(count)[i], 0.0
             found = []
             for step in (STEP, -2.0 * STEP):
-                room.block.still[:count] = np.eye(count)[i]
-                change(room, v, 0, step, 0.0)
+                scratch.block.still[:count] = np.eye(count)[i]
+                change(scratch, v, 0, step, 0.0)
                 found.append(now())
-            change(room, v, 0, STEP, 0.0)
+            change(scratch, v, 0, STEP, 0.0)
             np.testing.assert_allclose((found[0][0] - found[1][0]) / (2.0 * STEP), rest[i], **near)
             np.testing.assert_allclose((found[0][2] - found[1][2]) / (2.0 * STEP), stiffness[i], **loose)
 
@@ -154,14 +154,14 @@ def test_few_points_integrate_the_block_of_a_uniform_field(name):
     at = Setting(CASES[name])
     tri, movable = at.movable.triangulation, at.movable
     at.trial.values[:], at.trial.modes.side[:], at.trial.modes.bubble[:] = tri.position[:, 0], 0.0, 0.0
-    room = Higher(movable, at.functional, at.trial, movable.constraints).room(0).one
-    straight = np.setdiff1d(tri.elements.node, tri.elements.node[room.shapes.special])
+    scratch = Higher(movable, at.functional, at.trial, movable.constraints).scratch(0).one
+    straight = np.setdiff1d(tri.elements.node, tri.elements.node[scratch.shapes.special])
     v = straight[movable.constraints.kind[straight] == FREE][0]
-    interpreted(kernels.number_block)(room, v)
-    count, found = room.block.unknowns[0], []
+    interpreted(kernels.number_block)(scratch, v)
+    count, found = scratch.block.unknowns[0], []
     for wanted in (COARSE_BLOCK, BLOCK):
-        interpreted(kernels.derivatives)(room, v, *tri.position[v], wanted)
-        found.append((room.block.rest[:count].copy(), np.tril(room.block.stiffness[:count, :count])))
+        interpreted(kernels.derivatives)(scratch, v, *tri.position[v], wanted)
+        found.append((scratch.block.rest[:count].copy(), np.tril(scratch.block.stiffness[:count, :count])))
     for few, all_points in zip(*found, strict=True):
         np.testing.assert_allclose(few, all_points, rtol=1e-12, atol=1e-12 * np.abs(all_points).max())
 
@@ -187,9 +187,9 @@ def check_what_is_taken_off(case, at):
         gain = descend(movable, at.functional, at.trial, 2)
         after = at.value()
         assert 0.0 < gain <= before - after + table * abs(before)
-        at.trial, recycled, lowered, _ = recycle_by_energy(movable, at.functional, at.trial, recycled)
+        at.trial, recycled, decrease, _ = recycle_by_energy(movable, at.functional, at.trial, recycled)
         before = at.value()
-        assert after - before == pytest.approx(lowered, rel=1e-7, abs=table * abs(before))
+        assert after - before == pytest.approx(decrease, rel=1e-7, abs=table * abs(before))
         assert at.torn() <= 1e-14
     assert recycled.splits == recycled.collapses > 0
     assert {*map(tuple, start)} <= {

@@ -24,7 +24,7 @@ from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing import surgery_in_space
 from kohonen_adapt.polishing.polish_in_space import Descent, descend_and_recycle_in_space
 from kohonen_adapt.polishing.solid_functional import SolidFunctional
-from kohonen_adapt.polishing.surgery_in_space import offers_of, recycle_in_space, swap_in_space, weighed
+from kohonen_adapt.polishing.surgery_in_space import compute_gains, offers_of, recycle_in_space, swap_in_space
 
 FLOOR = 0.2
 MESHES = {
@@ -69,7 +69,7 @@ class Setting:
 
     def offers(self):
         offers = offers_of(self.opened.mesh, self.functional, self.trial)
-        weighed(self.opened.mesh, self.trial, offers, FLOOR**3)
+        compute_gains(self.opened.mesh, self.trial, offers, FLOOR**3)
         return offers
 
     def value(self):
@@ -141,7 +141,7 @@ def test_no_exchange_raises_the_functional_where_none_is_to_be_won_back(seed, mo
     at = Setting(perturbed(two_regions(4), seed), seed)
     found = [at.recycle() for _ in range(3)]
     assert found[0][0] > 0
-    assert all(lowered > 0.0 if pairs else lowered == 0.0 for pairs, lowered in found)
+    assert all(decrease > 0.0 if pairs else decrease == 0.0 for pairs, decrease in found)
 
 
 def test_exchanges_that_sweeps_do_not_win_back_are_undone(monkeypatch):
@@ -169,8 +169,8 @@ def test_recycling_goes_on_where_rows_of_nodes_are_used_again():
     at = Setting(mesh, 3, values=np.exp(-60.0 * ((mesh.p - 0.8) ** 2).sum(axis=0)), fixed=mesh.p[0] == 0.0, load=0.0)
     before, pairs, told = at.value(), 0, 0.0
     for _ in range(3):
-        more, lowered = at.recycle()
-        pairs, told = pairs + more, told + lowered
+        more, decrease = at.recycle()
+        pairs, told = pairs + more, told + decrease
     assert pairs > 0.2 * mesh.nvertices
     assert before - at.value() == pytest.approx(told, rel=1e-10)
     found, values, _ = at.handed_back()
@@ -198,12 +198,12 @@ def test_gains_of_splits_are_those_of_a_slow_twin(name):
     assert checked > 5
 
 
-def slow(at, made, came_from, p=None, value=0.0):
+def slow(at, made, set_origins, p=None, value=0.0):
     """The functional of elements made of others, with that value at node p."""
     values, mesh = at.trial.value.copy(), at.opened.mesh
     if p is not None:
         values[p] = value
-    region = at.functional.number[mesh.elements.region[came_from]]
+    region = at.functional.number[mesh.elements.region[set_origins]]
     corners = mesh.position[made]
     planes = np.dstack([corners, np.ones(made.shape)])
     gradient = np.linalg.solve(planes, values[made][..., None])[:, :3, 0]
@@ -290,7 +290,7 @@ def test_a_source_by_node_and_one_by_region_of_the_same_value_exchange_nodes_ali
     other.trial = other.trial._replace(
         data=one.trial.data * np.array([1.0, 0.0, 1.0, 1.0, 1.0]), source=np.tile(load, (len(one.trial.value), 1))
     )
-    pairs, lowered = one.recycle()
-    assert pairs > 0 and (pairs, lowered) == other.recycle()
+    pairs, decrease = one.recycle()
+    assert pairs > 0 and (pairs, decrease) == other.recycle()
     np.testing.assert_array_equal(one.trial.value, other.trial.value)
     np.testing.assert_array_equal(other.trial.source, np.tile(load, (len(one.trial.value), 1)))

@@ -115,9 +115,9 @@ def test_recycling_takes_off_what_it_says(build):
     at = Setting(build())
     fixed, before = at.trial.fixed, at.value()
     trial = TrialFunction(at.values, fixed, None)
-    left, recycled, lowered, _ = recycle_by_energy(at.movable, at.functional, trial, unchanged(at.tri))
+    left, recycled, decrease, _ = recycle_by_energy(at.movable, at.functional, trial, unchanged(at.tri))
     assert recycled.splits > 0
-    assert before - at.functional.value(at.tri, left) == pytest.approx(lowered, rel=1e-9)
+    assert before - at.functional.value(at.tri, left) == pytest.approx(decrease, rel=1e-9)
 
 
 def test_sweeps_lower_the_functional_by_their_gain():
