@@ -14,7 +14,7 @@ from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend_and_recycle
-from kohonen_adapt.polishing.transfer import carried
+from kohonen_adapt.polishing.transfer import transferred
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.relocate import relocate
 from kohonen_adapt.som.schedule import Schedule, Stage
@@ -83,7 +83,7 @@ def _polish(mesh: MeshTri, ritz: Ritz) -> None:
     movable = MovableMesh.of(mesh, Rules())
     functional = Functional.of(ritz, movable, mesh)
     recycled = unchanged(movable.triangulation)
-    trial = carried(functional, movable.copy(), movable, recycled.start_element)
+    trial = transferred(functional, movable.copy(), movable, recycled.start_element)
     descend_and_recycle(movable, functional, trial, recycled, plan=(1, 1))
 
 

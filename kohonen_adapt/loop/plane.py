@@ -18,7 +18,7 @@ from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import PLAN, descend, descend_and_recycle
 from kohonen_adapt.polishing.slivers import longest_on_arcs
 from kohonen_adapt.polishing.sweeps import loops_of
-from kohonen_adapt.polishing.transfer import carried
+from kohonen_adapt.polishing.transfer import transferred
 from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.problem.protocol import Problem, has_functional, order_of
 from kohonen_adapt.problem.ritz import Ritz
@@ -72,7 +72,7 @@ class PlaneMethod(Method):
     def carry(
         self, functional: Functional, before: MovableMesh, movable: MovableMesh, start_element: Ints
     ) -> TrialFunction:
-        return carried(functional, before, movable, start_element)
+        return transferred(functional, before, movable, start_element)
 
     def descend(self, movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int) -> float:
         return descend(movable, functional, trial, sweeps)

@@ -23,7 +23,7 @@ from kohonen_adapt.polishing.polish_in_space import (
     loops_in_space as polish_loops,
 )
 from kohonen_adapt.polishing.solid_functional import SolidFunctional
-from kohonen_adapt.polishing.transfer_in_space import carried_in_space
+from kohonen_adapt.polishing.transfer_in_space import transferred_in_space
 from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.problem.protocol import Problem
 from kohonen_adapt.problem.ritz import Ritz
@@ -78,7 +78,7 @@ class SpaceMethod(Method):
     def carry(
         self, functional: SolidFunctional, before: MovableSolid, movable: MovableSolid, start_element: Ints
     ) -> TrialFunction:
-        return carried_in_space(functional, before, movable, start_element)
+        return transferred_in_space(functional, before, movable, start_element)
 
     def descend(self, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, sweeps: int) -> float:
         return descend_in_space(movable, functional, trial, sweeps)

@@ -80,13 +80,13 @@ class BoundaryTerms:
             return
         rows = np.flatnonzero(np.any(unknown >= 0, axis=1))
         offsets = np.zeros((len(rows), 3, 2)) if offsets is None else offsets[rows]
-        near = Near.of(triangulation, trial, offsets, rows, unknown[rows], self.number)
+        near = RobinElements.of(triangulation, trial, offsets, rows, unknown[rows], self.number)
         matrix, rest = self._equations(near, count)
         change, before = spsolve(matrix.tocsc(), -rest), self._total(near)
         near.add(trial, change)
         if (
             any(self.ritz.laws)
-            and self._total(Near.of(triangulation, trial, offsets, rows, near.unknown, self.number)) > before
+            and self._total(RobinElements.of(triangulation, trial, offsets, rows, near.unknown, self.number)) > before
         ):
             near.add(trial, -change)
 
@@ -103,11 +103,11 @@ class BoundaryTerms:
             count += len(e)
         return unknown, count
 
-    def _total(self, near: "Near") -> float:
+    def _total(self, near: "RobinElements") -> float:
         own = value_on(near.corners, near.coefficients, near.number, self.ritz, near.offsets)
         return own + self.value(near.chain, near.corners, near.coefficients, near.offsets)
 
-    def _equations(self, near: "Near", count: int) -> tuple[coo_array, Floats]:
+    def _equations(self, near: "RobinElements", count: int) -> tuple[coo_array, Floats]:
         """Return the Hessian, with secant coefficients if nonlinear, and the gradient."""
         parts = [(near.unknown, *self._of_elements(near))]
         for name, chains in self.chains.items():
@@ -125,7 +125,7 @@ class BoundaryTerms:
             np.add.at(right, at[at >= 0], slope[at >= 0])
         return total, right
 
-    def _of_elements(self, near: "Near") -> tuple[Floats, Floats]:
+    def _of_elements(self, near: "RobinElements") -> tuple[Floats, Floats]:
         (m, b), kind = near.coefficients.shape, np.zeros(len(near.rows), dtype=int)
         if self.ritz.axisymmetric:
             kind = kinds_at_axis(near.corners[:, :, 0])
@@ -134,7 +134,7 @@ class BoundaryTerms:
             stiffness[rows], rest[rows] = self._of_kind(near, rows, one, by_points(self.ritz.order, law))
         return stiffness, rest
 
-    def _of_kind(self, near: "Near", rows: Ints, kind: int, points: Points) -> tuple[Floats, Floats]:
+    def _of_kind(self, near: "RobinElements", rows: Ints, kind: int, points: Points) -> tuple[Floats, Floats]:
         ritz, (m, b) = self.ritz, (len(rows), near.coefficients.shape[1])
         corners, offsets, number = near.corners[rows], near.offsets[rows], near.number[rows]
         doubled, x, _, slope = fields_at(points, kind, corners, offsets, near.coefficients[rows])
@@ -154,7 +154,7 @@ class BoundaryTerms:
 
 
 @dataclass(frozen=True)
-class Near:
+class RobinElements:
     """Elements at Robin boundaries, and a function on them."""
 
     rows: Ints  # (k,): their indices in the mesh
@@ -169,7 +169,7 @@ class Near:
     @classmethod
     def of(
         cls, tri: Triangulation, trial: TrialFunction, offsets: Floats, rows: Ints, unknown: Ints, number: Ints
-    ) -> "Near":
+    ) -> "RobinElements":
         node, chain, region = (array[rows] for array in (tri.elements.node, tri.elements.chain, tri.elements.region))
         modes = None if trial.modes is None else Modes(*(array[rows] for array in trial.modes))
         coefficients = local_coefficients(trial.values[node], modes)

@@ -198,14 +198,17 @@ class Gathered(NamedTuple):
         node, star = self.nodes(movable), (2 * self.owner + self.at_partner) * movable.nnodes
         ahead, behind = star + node[:, 1], star + node[:, 2]
         first, last = np.flatnonzero(~np.isin(ahead, behind)), np.flatnonzero(~np.isin(behind, ahead))
-        (first, first_beyond), (last, last_beyond) = (
+        (first, first_at_partner), (last, last_at_partner) = (
             (rows[~self.at_partner[rows]], rows[self.at_partner[rows]]) for rows in (first, last)
         )
         x = self.positions(movable, couples)
-        way = [np.sum((x[first_beyond, 1] - end) ** 2, axis=1) for end in (x[first, 1], x[last, 2])]
+        way = [np.sum((x[first_at_partner, 1] - end) ** 2, axis=1) for end in (x[first, 1], x[last, 2])]
         folds = way[0] < way[1]
         to_first, to_last = np.where(folds, 1, 2), np.where(folds, 2, 1)
-        at_partner = np.where(folds, first_beyond, last_beyond), np.where(folds, last_beyond, first_beyond)
+        at_partner = (
+            np.where(folds, first_at_partner, last_at_partner),
+            np.where(folds, last_at_partner, first_at_partner),
+        )
         here = np.concatenate([first, last]), np.repeat([1, 2], len(first))
         return here, (np.concatenate(at_partner), np.concatenate([to_first, to_last]))
 

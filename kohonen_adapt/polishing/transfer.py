@@ -24,10 +24,12 @@ from kohonen_adapt.polishing.elements import kinds_of, without_modes
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.regions import first_of_regions
 
-__all__ = ["carried"]
+__all__ = ["transferred"]
 
 
-def carried(functional: Functional, before: MovableMesh, movable: MovableMesh, start_element: Ints) -> TrialFunction:
+def transferred(
+    functional: Functional, before: MovableMesh, movable: MovableMesh, start_element: Ints
+) -> TrialFunction:
     """Interpolate the solution of a functional onto the moved mesh.
 
     Held nodes take the value of the old node at the same position, sliding nodes that of their curve segment, and
@@ -36,7 +38,7 @@ def carried(functional: Functional, before: MovableMesh, movable: MovableMesh, s
     """
     constraints, solution = movable.constraints, functional.solution
     kind, chain = constraints.kind, constraints.own_chain
-    old = Old(functional, before)
+    old = InputSolution(functional, before)
     found, weights = old.located(movable.triangulation.position, start_element)
     corners = old.triangulation.elements.node[found]
     inside = solution.fixed & (before.constraints.kind == FREE)
@@ -49,13 +51,13 @@ def carried(functional: Functional, before: MovableMesh, movable: MovableMesh, s
     exact = np.flatnonzero(sliding)[functional.linear[chain[sliding]]]
     start, rate = functional.on_chain[chain[exact]].T
     values[exact] = start + rate * constraints.parameter[exact]
-    dual = None if functional.dual is None else carried(functional.dual, before, movable, start_element)
+    dual = None if functional.dual is None else transferred(functional.dual, before, movable, start_element)
     if solution.modes is None:
         return TrialFunction(values, fixed, None, dual)
-    return TrialFunction(values, fixed, carried_modes(old, movable, start_element, values, fixed), dual)
+    return TrialFunction(values, fixed, transferred_modes(old, movable, start_element, values, fixed), dual)
 
 
-class Old:
+class InputSolution:
     """Solution of a functional on the unmoved mesh."""
 
     def __init__(self, functional: Functional, before: MovableMesh) -> None:
@@ -100,7 +102,9 @@ class Old:
         return self.values(*self.located(points, start_element))
 
 
-def carried_modes(old: Old, movable: MovableMesh, start_element: Ints, values: Floats, fixed: Mask) -> Modes:
+def transferred_modes(
+    old: InputSolution, movable: MovableMesh, start_element: Ints, values: Floats, fixed: Mask
+) -> Modes:
     """Return interpolated coefficients of sides and bubbles, and Dirichlet sides.
 
     Points of an element are searched from an old element in the same region, points of a side from either

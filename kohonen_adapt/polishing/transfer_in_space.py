@@ -13,10 +13,10 @@ from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.polishing.solid_functional import SolidFunctional
 
-__all__ = ["carried_in_space"]
+__all__ = ["transferred_in_space"]
 
 
-def carried_in_space(
+def transferred_in_space(
     functional: SolidFunctional, before: MovableSolid, movable: MovableSolid, start_element: Ints
 ) -> TrialFunction:
     """Interpolate the solution of a functional onto the moved mesh.

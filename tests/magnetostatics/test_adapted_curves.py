@@ -13,7 +13,7 @@ from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.transfer import carried
+from kohonen_adapt.polishing.transfer import transferred
 from kohonen_adapt.problem.functional_value import functional_value
 
 MAGNET = RoundMagnet(shift=0.3)
@@ -79,7 +79,7 @@ def test_solutions_are_carried_from_curved_to_curved_meshes(order):
     field = problem.solve(mesh)
     ritz = problem.ritz(mesh, field)
     functional = Functional.of(ritz, movable, mesh)
-    same = carried(functional, before, movable, unchanged(movable.triangulation).start_element)
+    same = transferred(functional, before, movable, unchanged(movable.triangulation).start_element)
     np.testing.assert_allclose(same.values, functional.solution.values, atol=1e-12)
     np.testing.assert_allclose(same.modes.side, functional.solution.modes.side, atol=1e-12)
     np.testing.assert_allclose(same.modes.bubble, functional.solution.modes.bubble, atol=1e-11)

@@ -19,7 +19,7 @@ from kohonen_adapt.outline.surgery import Surgery, unchanged
 from kohonen_adapt.polishing.energy_recycling import compute_gains, make_judge, offers_of, recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend
-from kohonen_adapt.polishing.transfer import carried
+from kohonen_adapt.polishing.transfer import transferred
 from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.problem.ritz import Ritz
 
@@ -217,7 +217,7 @@ def test_a_polynomial_that_the_elements_have_is_carried_as_it_is(order):
     before, start_element = movable.copy(), unchanged(movable.triangulation).start_element
     free = movable.constraints.kind == 0
     movable.triangulation.position[free] += 0.003 * np.random.default_rng(2).normal(size=(free.sum(), 2))
-    after = carried(functional, before, movable, start_element)
+    after = transferred(functional, before, movable, start_element)
     moved = movable.mesh()
     expected = modes_of(
         moved, movable.triangulation.elements.node, exact(Basis(moved, ELEMENTS[order]()).doflocs), order

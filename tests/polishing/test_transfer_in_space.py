@@ -10,7 +10,7 @@ from kohonen_adapt import Ritz, Rules
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE
 from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.polishing.solid_functional import SolidFunctional
-from kohonen_adapt.polishing.transfer_in_space import carried_in_space
+from kohonen_adapt.polishing.transfer_in_space import transferred_in_space
 from kohonen_adapt.som.space import move_in_space
 
 TOPOLOGIES = ("recycle", "flip", "fixed")
@@ -22,7 +22,7 @@ def moved_and_carried(mesh, values, fixed, topology="recycle"):
     functional = SolidFunctional.of(Ritz(values, fixed, 1.0), solid, mesh)
     x = solid.tetrahedralization.centroids() - solid.tetrahedralization.position.mean(axis=0) - 0.2
     moved = move_in_space(solid, 1.0 / (0.01 + (x**2).sum(axis=1)), None, topology, np.random.default_rng(0))
-    return solid, moved, carried_in_space(functional, moved.before, solid, moved.recycled.start_element)
+    return solid, moved, transferred_in_space(functional, moved.before, solid, moved.recycled.start_element)
 
 
 def rim(mesh, name=None):
@@ -108,7 +108,7 @@ def test_what_has_not_moved_is_what_it_was():
     functional = SolidFunctional.of(Ritz(values, fixed, 1.0), solid, mesh)
     start_element = np.zeros(mesh.nvertices, dtype=np.int32)
     start_element[mesh.t] = np.arange(mesh.nelements)
-    trial = carried_in_space(functional, solid.copy(), solid, start_element)
+    trial = transferred_in_space(functional, solid.copy(), solid, start_element)
     np.testing.assert_array_equal(trial.fixed, fixed)
     np.testing.assert_allclose(trial.values, values, rtol=0.0, atol=1e-14)
     assert trial.modes is None and functional.solution.values is not trial.values

@@ -11,7 +11,7 @@ from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.transfer import carried
+from kohonen_adapt.polishing.transfer import transferred
 from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import density_of
@@ -164,7 +164,7 @@ def carried_by(mesh, ritz, change, rules=None):
     functional, before = Functional.of(ritz, movable), movable.copy()
     start_element = unchanged(movable.triangulation).start_element
     change(movable)
-    return movable, *carried(functional, before, movable, start_element)[:2]
+    return movable, *transferred(functional, before, movable, start_element)[:2]
 
 
 @pytest.mark.parametrize("build", MESHES.values(), ids=MESHES)
@@ -259,5 +259,5 @@ def test_far_hints_are_searched_for():
     ritz = Ritz(mesh.p[0] ** 2, np.zeros(mesh.p.shape[1], dtype=bool), 1.0)
     corner = np.argmax(mesh.p[0] - mesh.p[1])  # no straight way leads from here to the other leg
     start_element = np.full(movable.nnodes, star.element[star.start[corner]])
-    values = carried(Functional.of(ritz, movable), movable.copy(), movable, start_element).values
+    values = transferred(Functional.of(ritz, movable), movable.copy(), movable, start_element).values
     np.testing.assert_allclose(values, ritz.values, atol=1e-12)
