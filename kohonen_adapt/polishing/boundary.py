@@ -113,8 +113,8 @@ class BoundaryTerms:
         for name, chains in self.chains.items():
             e, k = sides_on(near.chain, chains)
             ends = np.stack([near.corners[e, (k + 1) % 3], near.corners[e, (k + 2) % 3]], axis=1)
-            terms, off = self.ritz.robin[name], near.offsets[e, k]
-            matrix, load = facet_terms(ends, self.ritz.order, terms, self.ritz.axisymmetric, off)
+            terms, offset = self.ritz.robin[name], near.offsets[e, k]
+            matrix, load = facet_terms(ends, self.ritz.order, terms, self.ritz.axisymmetric, offset)
             own = e[:, None], trace_columns(k, self.ritz.order)
             parts.append((near.unknown[own], matrix, np.einsum("fij,fj->fi", matrix, near.coefficients[own]) - load))
         total, right = coo_array((count, count)), np.zeros(count)
@@ -130,8 +130,8 @@ class BoundaryTerms:
         if self.ritz.axisymmetric:
             kind = kinds_at_axis(near.corners[:, :, 0])
         stiffness, rest = np.empty((m, b, b)), np.empty((m, b))
-        for one, law, rows in elements_by_rule(kind, near.number, self.ritz):
-            stiffness[rows], rest[rows] = self._of_kind(near, rows, one, by_points(self.ritz.order, law))
+        for rule, law, rows in elements_by_rule(kind, near.number, self.ritz):
+            stiffness[rows], rest[rows] = self._of_kind(near, rows, rule, by_points(self.ritz.order, law))
         return stiffness, rest
 
     def _of_kind(self, near: "RobinElements", rows: Ints, kind: int, points: Points) -> tuple[Floats, Floats]:

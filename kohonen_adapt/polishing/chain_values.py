@@ -44,12 +44,12 @@ def line_of_chains(
     A linear function is stored as the value at the start and the rate along the segment. The rate is 0 on curves.
     """
     chains = outline.constraints.chains
-    way = triangulation.position[node] - chains.origin[chain]
-    parameter = np.sum(way * chains.direction[chain], axis=1)
+    offset = triangulation.position[node] - chains.origin[chain]
+    parameter = np.sum(offset * chains.direction[chain], axis=1)
     order = np.lexsort((parameter, chain))
     last = np.cumsum(np.bincount(chain, minlength=len(chains.length))) - 1
     end, start = values[node[order[last]]], values[node[order[np.append(0, last[:-1] + 1)]]]
     rate = np.where(outline.straight, (end - start) / chains.length, 0.0)
-    off = np.zeros(len(start))
-    np.maximum.at(off, chain, np.abs(values[node] - start[chain] - rate[chain] * parameter))
-    return np.stack([start, rate], axis=1), off
+    deviation = np.zeros(len(start))
+    np.maximum.at(deviation, chain, np.abs(values[node] - start[chain] - rate[chain] * parameter))
+    return np.stack([start, rate], axis=1), deviation

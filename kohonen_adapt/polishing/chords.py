@@ -31,7 +31,7 @@ class Slivers(NamedTuple):
     element: Ints  # (s,)
     corner: Ints  # (s,): corner opposite to the chord
     change: Floats  # (s, 4): coefficient, source and flux of the sliver minus the values counted in the elements
-    off: Floats  # (s, 2): from the midpoint of the chord to the curve
+    offset: Floats  # (s, 2): from the midpoint of the chord to the curve
 
 
 @dataclass(frozen=True)
@@ -95,10 +95,10 @@ class Chords:
     def slivers(self, triangulation: Triangulation) -> Slivers:
         elements = triangulation.elements
         e, k = np.nonzero(on_chains(elements.chain, self.counted & ~self.dirichlet))
-        other, inwards = elements.neighbour[e, k], bends_inwards(triangulation, self.outline, e, k)
+        across, inwards = elements.neighbour[e, k], bends_inwards(triangulation, self.outline, e, k)
         own = self.constants[elements.region[e]]
-        there = np.where((other >= 0)[:, None], self.constants[elements.region[other]], 0.0)
-        change, rows = np.where(inwards[:, None], there - own, own), inwards | (other < 0)
+        there = np.where((across >= 0)[:, None], self.constants[elements.region[across]], 0.0)
+        change, rows = np.where(inwards[:, None], there - own, own), inwards | (across < 0)
         e, k = e[rows], k[rows]
         return Slivers(e, k, change[rows], offsets_from_chords(triangulation, self.outline.constraints, e, k))
 
@@ -106,38 +106,38 @@ class Chords:
         """Return the functional of all slivers for nodal values of shape (n,)."""
         if not self.counted.any():
             return 0.0
-        e, k, change, off = self.slivers(triangulation)
+        e, k, change, offset = self.slivers(triangulation)
         node, (a, b) = triangulation.elements.node[e], triangulation.elements.ends(e, k)
         slope = gradients(triangulation.position[node], values[node], LINEAR_FUNCTIONS)[1][:, 0].T
-        mean = 0.5 * (values[a] + values[b]) + CENTROID * np.sum(slope * off, axis=1)
+        mean = 0.5 * (values[a] + values[b]) + CENTROID * np.sum(slope * offset, axis=1)
         density = 0.5 * change[:, 0] * np.sum(slope**2, axis=1) - change[:, 1] * mean
         density -= np.sum(change[:, 2:] * slope, axis=1)
-        return float(np.sum(segment_areas(triangulation.position[b] - triangulation.position[a], off) * density))
+        return float(np.sum(segment_areas(triangulation.position[b] - triangulation.position[a], offset) * density))
 
 
 def cut_sources(triangulation: Triangulation, outline: Outline, constants: Floats, counted: Mask) -> Mask:
     elements, found = triangulation.elements, np.zeros(len(counted), dtype=np.bool_)
     e, k = np.nonzero(on_chains(elements.chain, counted))
-    other, source = elements.neighbour[e, k], constants[elements.region, 1]
-    ends = source[e] != np.where(other >= 0, source[other], 0.0)
-    off = offsets_from_chords(triangulation, outline.constraints, e, k)
+    across, source = elements.neighbour[e, k], constants[elements.region, 1]
+    ends = source[e] != np.where(across >= 0, source[across], 0.0)
+    offset = offsets_from_chords(triangulation, outline.constraints, e, k)
     start, end = (triangulation.position[node] for node in elements.ends(e, k))
-    ends &= np.sum(off**2, axis=1) > FLAT**2 * np.sum((end - start) ** 2, axis=1)
+    ends &= np.sum(offset**2, axis=1) > FLAT**2 * np.sum((end - start) ** 2, axis=1)
     found[elements.chain[e, k][ends]] = True
     return found
 
 
 def bends_inwards(triangulation: Triangulation, outline: Outline, e: Ints, k: Ints) -> Mask:
-    (a, b), off = triangulation.elements.ends(e, k), offsets_from_chords(triangulation, outline.constraints, e, k)
-    way = triangulation.position[b] - triangulation.position[a]
-    return way[:, 0] * off[:, 1] - way[:, 1] * off[:, 0] > 0.0
+    (a, b), offset = triangulation.elements.ends(e, k), offsets_from_chords(triangulation, outline.constraints, e, k)
+    chord = triangulation.position[b] - triangulation.position[a]
+    return chord[:, 0] * offset[:, 1] - chord[:, 1] * offset[:, 0] > 0.0
 
 
-def segment_areas(way: Floats, off: Floats) -> Floats:
+def segment_areas(chord: Floats, offset: Floats) -> Floats:
     """Return the areas between chords and curves, for vectors of shape (s, 2).
 
-    `way` is the vector along the chord, `off` the vector from its midpoint to the curve. The relative error for
+    `chord` is the vector along the chord, `offset` the vector from its midpoint to the curve. The relative error for
     arcs up to 30 degrees is below 2e-4.
     """
-    length, height = np.hypot(*way.T), np.hypot(*off.T)
+    length, height = np.hypot(*chord.T), np.hypot(*offset.T)
     return height * (2.0 / 3.0 * length + height**2 / (2.0 * length))

@@ -91,10 +91,10 @@ class Stars(NamedTuple):
         chain, ends = elements.chain[at, corner], np.stack(elements.ends(at, corner), axis=1)
         parameter = np.stack([parameters_of(position, constraints, chain, ends[:, i]) for i in range(2)], axis=1)
         own_slivers, parts = slivers, list[Part]()
-        for one, function in ((functional, trial), (functional.dual, trial.dual)):
-            if one is not None and function is not None:
-                own_slivers = slivers if one is functional else one.chords.slivers(triangulation)
-                parts.append(Part(function.values, one.constants[elements.region[e]], own_slivers.change[which]))
+        for source, function in ((functional, trial), (functional.dual, trial.dual)):
+            if source is not None and function is not None:
+                own_slivers = slivers if source is functional else source.chords.slivers(triangulation)
+                parts.append(Part(function.values, source.constants[elements.region[e]], own_slivers.change[which]))
         k = np.argmax(elements.node[e] == node[owner][:, None], axis=1)
         lengths = np.append(constraints.chains.reach, np.inf)
         reach = np.stack([lengths[elements.chain[e, (k + side) % 3]] for side in (2, 1)], axis=1)
@@ -141,30 +141,30 @@ class Stars(NamedTuple):
         start, end = (
             np.where(own[:, i : i + 1], x[self.owner[self.holder]], position[self.ends[:, i]]) for i in range(2)
         )
-        off = self.movable.outline.points_on(self.chain, middle) - 0.5 * (start + end)
-        area, touches = segment_areas(end - start, off), 0.5 * own.any(axis=1)
+        offset = self.movable.outline.points_on(self.chain, middle) - 0.5 * (start + end)
+        area, touches = segment_areas(end - start, offset), 0.5 * own.any(axis=1)
         total, size, changes = np.zeros(len(self.node)), np.zeros(len(self.node)), []
         for part in self.parts:
-            value, magnitude, slope, stiffness = self._of_part(part, x, area, off, touches)
+            value, magnitude, slope, stiffness = self._of_part(part, x, area, offset, touches)
             change = np.where(self.dirichlet, 0.0, -slope / stiffness)
             total += value + (slope + 0.5 * stiffness * change) * change
             size += magnitude
             changes.append(change)
         return total, size, changes
 
-    def _of_part(self, part: Part, x: Floats, area: Floats, off: Floats, touches: Floats) -> tuple[Floats, ...]:
+    def _of_part(self, part: Part, x: Floats, area: Floats, offset: Floats, touches: Floats) -> tuple[Floats, ...]:
         """Return value, magnitude, and first and second derivative by the nodal value.
 
-        `area`, `off` and `touches` (s,) belong to the slivers. `touches` is the value of the node's shape function at
-        the midpoint of the chord.
+        `area`, `offset` and `touches` (s,) belong to the slivers. `touches` is the value of the node's shape function
+        at the midpoint of the chord.
         """
         (a, b), own, holder = self.sides(x), part.values[self.node][self.owner], self.holder
         doubled, ua, ub = cross(a, b), part.values[self.ahead], part.values[self.behind]
         hat = np.stack([a[:, 1] - b[:, 1], b[:, 0] - a[:, 0]], axis=1) / doubled[:, None]
         turned = (ua - own)[:, None] * b - (ub - own)[:, None] * a
         slope = np.stack([turned[:, 1], -turned[:, 0]], axis=1) / doubled[:, None]
-        mean = 0.5 * part.values[self.ends].sum(axis=1) + CENTROID * np.sum(slope[holder] * off, axis=1)
-        share = touches + CENTROID * np.sum(hat[holder] * off, axis=1)
+        mean = 0.5 * part.values[self.ends].sum(axis=1) + CENTROID * np.sum(slope[holder] * offset, axis=1)
+        share = touches + CENTROID * np.sum(hat[holder] * offset, axis=1)
         of_rows = energy_terms(part.constants, 0.5 * doubled, slope, hat, (own + ua + ub) / 3.0, 1.0 / 3.0)
         of_slivers = energy_terms(part.change, area, slope[holder], hat[holder], mean, share)
         pairs = zip(map(self.totals, of_rows), of_slivers, strict=True)
@@ -207,8 +207,8 @@ def move_nodes(stars: Stars, near: Floats) -> float:
             settled = wrapped(start + change, chains.length[chain], chains.closed[chain])
             movable.constraints.parameter[node[accepted]] = settled[accepted]
             movable.triangulation.position[node[accepted]] = x[accepted]
-            for mine, other in zip(changes_before, changes_after, strict=True):
-                mine[accepted] = other[accepted]
+            for old, new in zip(changes_before, changes_after, strict=True):
+                old[accepted] = new[accepted]
             total += float(gain[accepted].sum())
         done, change = done | accepted, 0.5 * change
         if done.all():

@@ -95,8 +95,8 @@ class CurvedFaces:
         slope = np.where(~outer & self.follows[patch], self.rate[patch].T, slope)
         volume = volumes(position, elements, self.patches, e, k)
         volume = np.where(outer, np.minimum(volume, TETRAHEDRON.determinant(corners) / 6.0), volume)
-        own, other = (self.number[elements.region[rows]] for rows in (e, across))
-        change = np.where(across >= 0, density_in_space(slope, other, self.ritz), 0.0)
+        own, outer_number = (self.number[elements.region[rows]] for rows in (e, across))
+        change = np.where(across >= 0, density_in_space(slope, outer_number, self.ritz), 0.0)
         own_density = density_in_space(slope, own, self.ritz)
         return float(2.0 * volume @ np.maximum(np.where(outer, change - own_density, own_density), 0.0))
 

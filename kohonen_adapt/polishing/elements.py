@@ -79,9 +79,9 @@ def steepest(ritz: Ritz, triangulation: Triangulation, values: Floats, modes: Mo
     if kind is None:
         return float(np.hypot(*gradients(corners, coefficients, law_reference(ritz.order))[1]).max(initial=0.0))
     points, largest = by_points(ritz.order, law=True), 0.0
-    for one in np.unique(kind):
-        rows = np.flatnonzero(kind == one)
-        _, x, _, slope = fields_at(points, int(one), corners[rows], np.zeros_like(corners[rows]), coefficients[rows])
+    for value in np.unique(kind):
+        rows = np.flatnonzero(kind == value)
+        _, x, _, slope = fields_at(points, int(value), corners[rows], np.zeros_like(corners[rows]), coefficients[rows])
         largest = max(largest, float((np.hypot(*slope) / x).max()))
     return largest
 

@@ -68,8 +68,8 @@ class Functional:
     boundary
         Robin terms. Nodes on Robin boundaries do not move.
     held
-        Segments on which nodes do not slide, (c,) bool: curves, nonlinear Dirichlet values, Robin boundaries, and
-        single facets between two Dirichlet nodes, which may or may not be Dirichlet facets.
+        Segments on which nodes do not slide, (c,) bool: curves, Dirichlet values that are not linear, Robin
+        boundaries, and single facets between two Dirichlet nodes, which may or may not be Dirichlet facets.
     on_chain
         Value at the start of every segment and rate along the segment, (c, 2), valid where `linear`.
     comparable
@@ -118,13 +118,13 @@ class Functional:
         """
         parts = parts_of(ritz)
         general = any(part.axisymmetric or callable(part.source) for part in parts)
-        one, *other = (cls._of_one(part, movable, mesh, general) for part in parts)
-        if not other:
-            return one
-        (dual,) = other
-        solution, comparable = one.solution._replace(dual=dual.solution), one.comparable and dual.comparable
-        held = one.held | dual.held
-        return replace(one, solution=solution, held=held, comparable=comparable, dual=dual, share=ritz.share)
+        primal, *rest = (cls._of_one(part, movable, mesh, general) for part in parts)
+        if not rest:
+            return primal
+        (dual,) = rest
+        solution, comparable = primal.solution._replace(dual=dual.solution), primal.comparable and dual.comparable
+        held = primal.held | dual.held
+        return replace(primal, solution=solution, held=held, comparable=comparable, dual=dual, share=ritz.share)
 
     @classmethod
     def of_solution(cls, ritz: Ritz, movable: MovableMesh, mesh: MeshTri) -> "Functional":
@@ -136,8 +136,8 @@ class Functional:
             If `of` raises, or if the functional is not stationary at the solution.
         """
         functional = cls.of(ritz, movable, mesh)
-        for one in filter(None, (functional, functional.dual)):
-            check_in_plane(one.ritz, mesh, movable, one.solution, one.boundary, one.sign)
+        for each in filter(None, (functional, functional.dual)):
+            check_in_plane(each.ritz, mesh, movable, each.solution, each.boundary, each.sign)
         return functional
 
     @classmethod
@@ -155,14 +155,14 @@ class Functional:
         whole = np.bincount(chain, weights=~fixed[node], minlength=count) == 0
         partly = np.bincount(chain, weights=fixed[node] & (kind[node] == SLIDING), minlength=count) > 0
         bare = np.bincount(chain, weights=kind[node] == SLIDING, minlength=count) == 0
-        on_chain, off = line_of_chains(triangulation, outline, chain, node, values)
+        on_chain, deviation = line_of_chains(triangulation, outline, chain, node, values)
         if modes is not None and ritz.order > 1:
             e, k = np.nonzero(triangulation.elements.chain >= 0)
             side = triangulation.elements.chain[e, k]
             whole &= np.bincount(side, weights=~modes.given[e, k], minlength=count) == 0
-            np.maximum.at(off, side, np.abs(modes.side[e, k]).max(axis=1))
+            np.maximum.at(deviation, side, np.abs(modes.side[e, k]).max(axis=1))
         followed = outline.straight | (movable.curved and ritz.order <= FOLLOWED)
-        linear = whole & ~bare & followed & (off <= LINEAR * np.ptp(values))
+        linear = whole & ~bare & followed & (deviation <= LINEAR * np.ptp(values))
         dirichlet = (whole & ~bare) | partly
         sign = signs_of_chains(ritz, outline)
         number, at = numbers_of_regions(ritz, triangulation.elements.region), reference_of(ritz)
@@ -171,7 +171,7 @@ class Functional:
         largest = steepest(ritz, triangulation, values, modes) if any(ritz.laws) else 0.0
         law, tables = laws_of_regions(ritz, number, largest)
         constants = constants_of(ritz, number)
-        level = np.where(whole & (off <= LINEAR * np.ptp(values)), on_chain[:, 0], np.nan)
+        level = np.where(whole & (deviation <= LINEAR * np.ptp(values)), on_chain[:, 0], np.nan)
         curves = ~followed & ~bare & ~boundary.on & is_plain(ritz, outline)
         chords = Chords.of(triangulation, outline, constants, curves, dirichlet, level)
         linear |= chords.counted & dirichlet
@@ -221,10 +221,10 @@ class Functional:
             self.dual.improve_on_boundary(triangulation, trial.dual, offsets)
 
     def trials(self, triangulation: Triangulation, trial: TrialFunction) -> Trials:
-        one = self.trial(triangulation, trial.values, trial.fixed)
+        primal = self.trial(triangulation, trial.values, trial.fixed)
         if self.dual is None or trial.dual is None:
-            return Trials(one, one._replace(value=one.value[:0]))
-        return Trials(one, self.dual.trial(triangulation, trial.dual.values, trial.fixed))
+            return Trials(primal, primal._replace(value=primal.value[:0]))
+        return Trials(primal, self.dual.trial(triangulation, trial.dual.values, trial.fixed))
 
     def trial(self, triangulation: Triangulation, values: Floats, fixed: Mask) -> Trial:
         law, nonlinear = self.law[triangulation.elements.region], np.zeros(len(values), dtype=np.bool_)

@@ -104,8 +104,8 @@ def set_partners(movable: MovableMesh, trial: TrialFunction, sign: Floats) -> No
     After interpolation onto a moved mesh both sides differ by rounding, on arcs by more.
     """
     couples = Couples.of(movable, sign)
-    for one in filter(None, (trial, trial.dual)):
-        one.values[couples.partner] = couples.sign * one.values[couples.node]
+    for function in filter(None, (trial, trial.dual)):
+        function.values[couples.partner] = couples.sign * function.values[couples.node]
     if trial.modes is None or not len(couples.node):
         return
     stars, degrees = Gathered.of(movable, couples), trial.modes.side.shape[2]
@@ -202,8 +202,8 @@ class Gathered(NamedTuple):
             (rows[~self.at_partner[rows]], rows[self.at_partner[rows]]) for rows in (first, last)
         )
         x = self.positions(movable, couples)
-        way = [np.sum((x[first_at_partner, 1] - end) ** 2, axis=1) for end in (x[first, 1], x[last, 2])]
-        folds = way[0] < way[1]
+        distance = [np.sum((x[first_at_partner, 1] - end) ** 2, axis=1) for end in (x[first, 1], x[last, 2])]
+        folds = distance[0] < distance[1]
         to_first, to_last = np.where(folds, 1, 2), np.where(folds, 2, 1)
         at_partner = (
             np.where(folds, first_at_partner, last_at_partner),
@@ -235,9 +235,9 @@ class Gathered(NamedTuple):
         start[: count + 1] = np.searchsorted(self.owner, np.arange(count + 1))
         ends = number.astype(np.int32)
         star = Star(start, np.arange(len(node), dtype=np.int32), *np.ascontiguousarray(ends[:, 1:].T))
-        one, other = downhill.trials
+        primal, dual = downhill.trials
         general = bool(downhill.modes)
-        trials = Trials(*(self.trial(each, couples, freedom, ends, found, node, general) for each in (one, other)))
+        trials = Trials(*(self.trial(each, couples, freedom, ends, found, node, general) for each in (primal, dual)))
         kind = np.where(np.arange(len(rows)) < count, freedom.kind[rows], HELD).astype(np.int8)
         of_nodes = {name: getattr(constraints, name)[rows] for name in ("chain", "parameter", "inner")}
         modes = tuple(self.modes(movable, own, times, freedom.sign) for own in downhill.modes)

@@ -22,7 +22,7 @@ def longest_on_arcs(ritz: Ritz, movable: MovableMesh, estimate: float) -> Floats
     The area between an arc of radius r and its chord of length l is ``l^3 / (12 r)``, between the arc and a
     curved side (the parabola through the ends and the midpoint) ``l^5 / (960 r^3)``. Twice the change of the
     functional per facet is at most ``estimate^2 / n`` and ``SHARE estimate^2 / f``, for n nodes and f facets on
-    arcs. All other nodes have 0. All other nodes have 0.
+    arcs. All other nodes have 0.
     """
     triangulation, constraints = movable.triangulation, movable.constraints
     elements, chains = triangulation.elements, constraints.chains

@@ -61,13 +61,13 @@ def check_in_plane(
         e, k = np.nonzero(solution.modes.given | ((elements.chain >= 0) & np.append(paired, False)[elements.chain]))
         for first in range(3, min(coefficients.shape[1], 9), 3):
             free[index[e, first + k]] = False
-    one, other = sliding_pairs(movable.constraints)
-    times = sign[movable.constraints.own_chain[one]]
-    one, other, times = (array[times != 0.0] for array in (one, other, times))
-    total[one] += times * total[other]
-    size[one] += size[other]
-    doubt[one] += doubt[other]
-    free[one] = ~solution.fixed[one]
+    primary, partner = sliding_pairs(movable.constraints)
+    times = sign[movable.constraints.own_chain[primary]]
+    primary, partner, times = (array[times != 0.0] for array in (primary, partner, times))
+    total[primary] += times * total[partner]
+    size[primary] += size[partner]
+    doubt[primary] += doubt[partner]
+    free[primary] = ~solution.fixed[primary]
     check_residual(total, size, doubt, free, place, mesh)
 
 

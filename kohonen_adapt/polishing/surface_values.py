@@ -50,8 +50,8 @@ def dirichlet_on(
     whole = np.bincount(place, weights=~fixed[node], minlength=count) == 0
     near = np.append(touched, False)[surfaces.meets].any(axis=1)
     unknown = bare & np.append(whole[:patches], near)
-    rate, off = linear_fits(place, tet.position[node], values[node], whole & ~bare)
-    linear = whole & ~bare & (off <= LINEAR * np.ptp(values))
+    rate, deviation = linear_fits(place, tet.position[node], values[node], whole & ~bare)
+    linear = whole & ~bare & (deviation <= LINEAR * np.ptp(values))
     return DirichletValues((whole & ~bare) | partly, linear, unknown, rate)
 
 
@@ -91,7 +91,7 @@ def linear_fits(place: Ints, position: Floats, values: Floats, wanted: Mask) -> 
 
     `place` (q,) is the patch or ridge of every position (q, 3). Rows that are not `wanted` are 0.
     """
-    rate, off = np.zeros((len(wanted), 3)), np.zeros(len(wanted))
+    rate, deviation = np.zeros((len(wanted), 3)), np.zeros(len(wanted))
     low, high = np.full(len(wanted), np.inf), np.full(len(wanted), -np.inf)
     np.minimum.at(low, place, values)
     np.maximum.at(high, place, values)
@@ -99,7 +99,7 @@ def linear_fits(place: Ints, position: Floats, values: Floats, wanted: Mask) -> 
     start = np.searchsorted(place[order], np.arange(len(wanted) + 1))
     for p in np.flatnonzero(wanted & (low < high)).tolist():
         rows = order[start[p] : start[p + 1]]
-        way, rest = position[rows] - position[rows].mean(axis=0), values[rows] - values[rows].mean()
-        rate[p] = np.linalg.lstsq(way, rest, rcond=1e-9)[0]
-        off[p] = np.abs(rest - way @ rate[p]).max()
-    return rate, off
+        offset, rest = position[rows] - position[rows].mean(axis=0), values[rows] - values[rows].mean()
+        rate[p] = np.linalg.lstsq(offset, rest, rcond=1e-9)[0]
+        deviation[p] = np.abs(rest - offset @ rate[p]).max()
+    return rate, deviation

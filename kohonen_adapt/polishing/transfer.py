@@ -173,6 +173,6 @@ def nearest_on_rim(triangulation: Triangulation, points: Floats, inside: Mask) -
     """Return the boundary elements `inside` (m,) nearest to points (n, 2)."""
     e, k = np.nonzero(inside[:, None] & (triangulation.elements.neighbour < 0))
     start, end = (triangulation.position[nodes] for nodes in triangulation.elements.ends(e, k))
-    way, to = end - start, points[:, None] - start
-    weights = np.clip(np.sum(to * way, axis=2) / np.sum(way**2, axis=1), 0.0, 1.0)
-    return e[np.argmin(np.sum((to - weights[..., None] * way) ** 2, axis=2), axis=1)]
+    edge, to = end - start, points[:, None] - start
+    weights = np.clip(np.sum(to * edge, axis=2) / np.sum(edge**2, axis=1), 0.0, 1.0)
+    return e[np.argmin(np.sum((to - weights[..., None] * edge) ** 2, axis=2), axis=1)]

@@ -25,12 +25,12 @@ def nearest_sample(samples, p, x, y, z):
             squared = dx * dx + dy * dy + dz * dz
             if squared < least:
                 found, least = row, squared
-        way = dx if depth % 3 == 0 else dy if depth % 3 == 1 else dz
-        near = 2 * here + (2 if way > 0.0 else 1)
+        distance = dx if depth % 3 == 0 else dy if depth % 3 == 1 else dz
+        near = 2 * here + (2 if distance > 0.0 else 1)
         far = 4 * here + 3 - near
         if before < here:
             onward = near
-        elif before == near and way * way < least:
+        elif before == near and distance * distance < least:
             onward = far
         else:
             onward = above

@@ -130,8 +130,8 @@ def newton_step(position, star, surfaces, freedom, weight, v):
     tx, ty, tz = tangent_of_ridge(surfaces, place, x, y, z)
     hx, hy, hz = multiply(tx, ty, tz, hessian)
     gx, gy, gz = gradient
-    way = -(gx * tx + gy * ty + gz * tz) / (tx * hx + ty * hy + tz * hz)
-    return way * tx, way * ty, way * tz
+    length = -(gx * tx + gy * ty + gz * tz) / (tx * hx + ty * hy + tz * hz)
+    return length * tx, length * ty, length * tz
 
 
 @inner_kernel

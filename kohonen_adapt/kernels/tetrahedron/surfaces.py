@@ -71,11 +71,10 @@ def onto_ridge(surfaces, r, x, y, z):
     ax, ay, az = surfaces.ridge_axis[r, 0], surfaces.ridge_axis[r, 1], surfaces.ridge_axis[r, 2]
     along = px * ax + py * ay + pz * az
     if surfaces.ridge_shape[r] == LINE:
-        off = along
         return (
-            surfaces.ridge_origin[r, 0] + off * ax,
-            surfaces.ridge_origin[r, 1] + off * ay,
-            surfaces.ridge_origin[r, 2] + off * az,
+            surfaces.ridge_origin[r, 0] + along * ax,
+            surfaces.ridge_origin[r, 1] + along * ay,
+            surfaces.ridge_origin[r, 2] + along * az,
         )
     if surfaces.ridge_shape[r] == CIRCLE:
         rx, ry, rz = px - along * ax, py - along * ay, pz - along * az
