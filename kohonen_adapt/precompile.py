@@ -3,9 +3,9 @@
 import numpy as np
 from skfem import Basis, ElementTriP1, ElementTriP2, MeshTri
 
-from kohonen_adapt.kernels.ahead import compile_ahead
-from kohonen_adapt.kernels.compilation import expect, is_cacheable, is_cached
 from kohonen_adapt.kernels.entries import ENTRIES
+from kohonen_adapt.kernels.numba.compilation import expect
+from kohonen_adapt.kernels.numba.switch import CACHED, PLAIN
 from kohonen_adapt.kernels.tetrahedron.entries import SPACE
 from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equilibrate, patch_scratch
 from kohonen_adapt.mesh.locate import interpolate
@@ -21,8 +21,11 @@ from kohonen_adapt.som.schedule import Schedule, Stage
 
 __all__ = ["compile_missing", "warmup"]
 
+if CACHED and not PLAIN:  # the second process leaves code in the cache, for types known to the fast compiler alone
+    from kohonen_adapt.kernels.numba.ahead import compile_ahead
+    from kohonen_adapt.kernels.numba.cache import is_cacheable, is_cached
 
-compile_ahead()  # before any first use, not by `warmup` only
+    compile_ahead()  # before any first use, not by `warmup` only
 
 
 def warmup(space: bool = False) -> None:
@@ -72,6 +75,8 @@ def compile_missing() -> None:
     Nothing is loaded if all are in the cache: the check takes 0.01 s, and `warmup` 0.5 s. Nothing is compiled if the
     cache cannot be written, because no other process would find the code.
     """
+    if not CACHED or PLAIN:
+        return warmup() if CACHED else None
     entries = [entry for chapter in ENTRIES if chapter not in SPACE for entry in ENTRIES[chapter]]
     compiled = [entry for entry in entries if hasattr(entry.loop, "py_func")]  # plain functions if numba is disabled
     missing = [entry for entry in compiled if not is_cached(entry.loop, entry.types)]

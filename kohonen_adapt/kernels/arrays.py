@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.records import record
+from kohonen_adapt.kernels.numba.records import record
 
 FREE, SLIDING, HELD = 0, 1, 2  # degrees of freedom: in the plane, along a curve segment, none
 STRAIGHT, ROUND, TABLED = 0, 1, 2  # shapes of curve segments

@@ -3,7 +3,7 @@
 from numba.types import boolean, float64, int8, int64
 
 from kohonen_adapt.kernels import arrays, ordering
-from kohonen_adapt.kernels.entry import (
+from kohonen_adapt.kernels.numba.entry import (
     B1,
     GRID,
     HEAP,
@@ -19,7 +19,7 @@ from kohonen_adapt.kernels.entry import (
     SEARCH_SCRATCH,
     Entry,
 )
-from kohonen_adapt.kernels.records import RecordType
+from kohonen_adapt.kernels.numba.records import record_type
 from kohonen_adapt.kernels.tetrahedron.entries import SPACE
 from kohonen_adapt.kernels.triangle import (
     chains,
@@ -44,29 +44,29 @@ from kohonen_adapt.kernels.triangle import (
 
 __all__ = ["ENTRIES"]
 
-STAR = RecordType(arrays.Star, (I1, I1, I1, I1))
-ELEMENTS = RecordType(arrays.Elements, (I2, I2, I1, I2, I1, B1))
-SITES = RecordType(smooth.Sites, (I1, I1, I1, R1))
-CHAINS = RecordType(arrays.Chains, (R2, int8[:, ::1], I1, R2))
-PERIODIC_PAIRS = RecordType(arrays.PeriodicPairs, (I1, I1, R3, I2))
-CONSTRAINTS = RecordType(arrays.Constraints, (int8[::1], I2, R1, B1, CHAINS, PERIODIC_PAIRS))
-NEURONS = RecordType(arrays.Neurons, (R2, ELEMENTS, STAR, CONSTRAINTS))
-ORIGINS = RecordType(arrays.Origins, (R1, I1, I1, B1, B1, B1, R1))
-SURGERY_SCRATCH = RecordType(arrays.SurgeryScratch, (I1, I1, L1, L1, I1, B1))
-OPEN_MESH = RecordType(arrays.OpenMesh, (R2, ELEMENTS, CONSTRAINTS, POOL, ORIGINS, SURGERY_SCRATCH))
-LAWS = RecordType(arrays.Laws, (I1, int64, R3))
-TRIAL = RecordType(arrays.Trial, (R1, B1, R2, R2, B1, LAWS))
-TRIALS = RecordType(arrays.Trials, (TRIAL, TRIAL))
-MODES = RecordType(arrays.Modes, (R3, R1, boolean[:, ::1]))
-REFERENCE = RecordType(arrays.Reference, (R3, R1, R1, R3, int64))
-POINTS = RecordType(arrays.Points, (R2, R3, R3, R4, R4, int64))
-SHAPES = RecordType(arrays.Shapes, (R3, B1, boolean))
-BLOCK = RecordType(arrays.Block, (I1, R1, I2, R2, I1, R2, R1, R3, R2, R2, R2, R1, R2, R1, R1))
-DESCENT = RecordType(arrays.Descent, (R2, ELEMENTS, STAR, CONSTRAINTS, TRIAL, MODES, REFERENCE, POINTS, SHAPES, BLOCK))
-DESCENTS = RecordType(descend_higher.Descents, (DESCENT, DESCENT, int64))
-OFFERS = RecordType(arrays.Offers, (R2, R1, I1, B1, B1, B1))
-FLUX_DATA = RecordType(equilibrate.FluxData, (R2, I2, I2, R2, R1, R1))
-PATCH_SCRATCH = RecordType(equilibrate.Patch, (I1, I1, R1, R1, R1, B1, R2, R1, R2, R1, R1))
+STAR = record_type(arrays.Star, (I1, I1, I1, I1))
+ELEMENTS = record_type(arrays.Elements, (I2, I2, I1, I2, I1, B1))
+SITES = record_type(smooth.Sites, (I1, I1, I1, R1))
+CHAINS = record_type(arrays.Chains, (R2, int8[:, ::1], I1, R2))
+PERIODIC_PAIRS = record_type(arrays.PeriodicPairs, (I1, I1, R3, I2))
+CONSTRAINTS = record_type(arrays.Constraints, (int8[::1], I2, R1, B1, CHAINS, PERIODIC_PAIRS))
+NEURONS = record_type(arrays.Neurons, (R2, ELEMENTS, STAR, CONSTRAINTS))
+ORIGINS = record_type(arrays.Origins, (R1, I1, I1, B1, B1, B1, R1))
+SURGERY_SCRATCH = record_type(arrays.SurgeryScratch, (I1, I1, L1, L1, I1, B1))
+OPEN_MESH = record_type(arrays.OpenMesh, (R2, ELEMENTS, CONSTRAINTS, POOL, ORIGINS, SURGERY_SCRATCH))
+LAWS = record_type(arrays.Laws, (I1, int64, R3))
+TRIAL = record_type(arrays.Trial, (R1, B1, R2, R2, B1, LAWS))
+TRIALS = record_type(arrays.Trials, (TRIAL, TRIAL))
+MODES = record_type(arrays.Modes, (R3, R1, boolean[:, ::1]))
+REFERENCE = record_type(arrays.Reference, (R3, R1, R1, R3, int64))
+POINTS = record_type(arrays.Points, (R2, R3, R3, R4, R4, int64))
+SHAPES = record_type(arrays.Shapes, (R3, B1, boolean))
+BLOCK = record_type(arrays.Block, (I1, R1, I2, R2, I1, R2, R1, R3, R2, R2, R2, R1, R2, R1, R1))
+DESCENT = record_type(arrays.Descent, (R2, ELEMENTS, STAR, CONSTRAINTS, TRIAL, MODES, REFERENCE, POINTS, SHAPES, BLOCK))
+DESCENTS = record_type(descend_higher.Descents, (DESCENT, DESCENT, int64))
+OFFERS = record_type(arrays.Offers, (R2, R1, I1, B1, B1, B1))
+FLUX_DATA = record_type(equilibrate.FluxData, (R2, I2, I2, R2, R1, R1))
+PATCH_SCRATCH = record_type(equilibrate.Patch, (I1, I1, R1, R1, R1, B1, R2, R1, R2, R1, R1))
 
 
 # Groups by use. In "polish" the loops that exchange nodes are first: the second process works backwards, and compiles

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel
-from kohonen_adapt.kernels.records import record
+from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.numba.records import record
 
 
 @record

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import DENSITY, RATE
-from kohonen_adapt.kernels.compilation import inner_kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel
 
 STEPS = 2048  # of a table in every octave of |grad u|^2
 LEAST_BEND = -0.4  # least d2W/ds2 as a fraction of (dW/ds) / s; at -0.5 the field strength is constant

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.compilation import kernel
+from kohonen_adapt.kernels.numba.compilation import kernel
 from kohonen_adapt.kernels.threads import even_cuts, shared
 
 BITS = 20  # per coordinate

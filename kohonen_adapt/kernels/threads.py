@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kohonen_adapt.kernels.compilation import number_of_threads
+from kohonen_adapt.kernels.numba.compilation import number_of_threads
 
 __all__ = ["LIGHT", "Nodes", "by_turns", "even_cuts", "number_of_threads", "shared", "shared_in_parts"]
 

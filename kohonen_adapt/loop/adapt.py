@@ -7,7 +7,7 @@ from typing import Any
 from skfem import Mesh
 
 from kohonen_adapt.checks import with_nearest_names
-from kohonen_adapt.kernels.compilation import expect
+from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.growth import Growth

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from skfem import Mesh
 
 from kohonen_adapt.checks import check_count, with_nearest_names
-from kohonen_adapt.kernels.compilation import expect
+from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.motions import Pair

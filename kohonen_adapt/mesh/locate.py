@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.compilation import expect
 from kohonen_adapt.kernels.grid import Grid
+from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
 from kohonen_adapt.mesh.curved import check_curved_sides, is_second_order

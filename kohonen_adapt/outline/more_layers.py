@@ -9,7 +9,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.checks import listed
-from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.surgery import find_edge, midpoint, split
 from kohonen_adapt.outline.layers import Band, bands_of, lower_to_steps, parts_of
 from kohonen_adapt.outline.movable import MovableMesh

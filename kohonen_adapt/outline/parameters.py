@@ -7,7 +7,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import AT_X, AT_Y, OWN, ROUND, SLIDING, STRAIGHT, TABLED, Chains, Constraints
-from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.chains import look_up, nearest_parameter
 
 __all__ = ["find_parameters", "parameters_of", "points_on", "signed_distances"]

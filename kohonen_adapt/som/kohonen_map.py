@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.kernels.compilation import expect
+from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
 from kohonen_adapt.mesh.locate import Locator, as_rows, find_elements

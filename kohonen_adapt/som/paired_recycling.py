@@ -11,7 +11,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import SLIDING, OpenMesh
-from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.surgery import (
     collapse,
     collapsed_quality,

@@ -11,7 +11,7 @@ from skfem import Mesh, MeshTet, MeshTri
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import with_nearest_names
 from kohonen_adapt.kernels.arrays import Elements
-from kohonen_adapt.kernels.compilation import expect
+from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.motions import Pair

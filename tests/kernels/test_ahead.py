@@ -13,7 +13,7 @@ from numba.core.dispatcher import Dispatcher
 
 import kohonen_adapt.kernels as package
 from kohonen_adapt.kernels.entries import ENTRIES
-from kohonen_adapt.kernels.entry import name_of
+from kohonen_adapt.kernels.numba.entry import name_of
 from kohonen_adapt.precompile import compile_missing
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -40,9 +40,10 @@ class Heard(event.Listener):
 
 event.register("numba:compile", Heard())
 import kohonen_adapt as ka
-from kohonen_adapt.kernels.compilation import expect, expected, is_cached
+from kohonen_adapt.kernels.numba.cache import is_cached
+from kohonen_adapt.kernels.numba.compilation import expect, expected
 from kohonen_adapt.kernels.entries import ENTRIES
-from kohonen_adapt.kernels.entry import name_of
+from kohonen_adapt.kernels.numba.entry import name_of
 """
 LOOPS = """
 modules = [module for name, module in sys.modules.items() if name.startswith("kohonen_adapt.kernels")]

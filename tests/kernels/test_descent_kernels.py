@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING
-from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle import descend as kernels
 from kohonen_adapt.kernels.triangle.descend import LEAST_CURVATURE, OVERSTEP, derivatives, quadratic
 from kohonen_adapt.kernels.triangle.flip import flip_edge

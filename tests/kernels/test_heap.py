@@ -4,8 +4,8 @@ import heapq
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import interpreted
 from kohonen_adapt.kernels.heap import Heap, insert, remove_first
+from kohonen_adapt.kernels.numba.compilation import interpreted
 
 insert, remove_first = (interpreted(loop) for loop in (insert, remove_first))
 

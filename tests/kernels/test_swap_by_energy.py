@@ -7,7 +7,7 @@ from helpers.functions_in_space import functional, functional_of, on_nodes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron import swap
 from kohonen_adapt.kernels.tetrahedron.arrays import RING, Queue
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse

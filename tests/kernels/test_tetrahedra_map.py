@@ -8,7 +8,7 @@ from skfem import MeshTet
 
 from kohonen_adapt.kernels import ordering
 from kohonen_adapt.kernels.arrays import Lesson, Neurons, SearchScratch
-from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     CYLINDER,
     HELD,

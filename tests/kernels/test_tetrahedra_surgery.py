@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kohonen_adapt.kernels.arrays import Neurons
-from kohonen_adapt.kernels.compilation import interpreted
 from kohonen_adapt.kernels.heap import Heap
+from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron import smooth, swap
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, INTERSECTION, RING, Constraints, Queue, Star
 from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star, mark_non_manifold

@@ -8,7 +8,7 @@ from skfem import MeshTri
 
 from kohonen_adapt import Rules, Schedule, Stage
 from kohonen_adapt.kernels.arrays import Neurons, SearchScratch
-from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.search import find_winner, find_winners
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.outline.movable import MovableMesh

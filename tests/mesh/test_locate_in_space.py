@@ -9,7 +9,7 @@ from helpers.tetrahedra import comb, fichera, generic_cube, hollow, slit, thrown
 from skfem import MeshTet
 
 import kohonen_adapt as ka
-from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.mesh.locate import Locator, walk_to_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation

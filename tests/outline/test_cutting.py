@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kohonen_adapt.kernels.arrays import OWN, SLIDING, STRAIGHT
-from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.chains import nearest_parameter
 from kohonen_adapt.outline.cutting import TURN, straight_end, turning_angle
 from kohonen_adapt.outline.movable import MovableMesh

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
-from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron.arrays import PROJECTED
 from kohonen_adapt.kernels.tetrahedron.samples import nearest_sample
 from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance

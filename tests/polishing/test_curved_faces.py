@@ -11,7 +11,7 @@ import kohonen_adapt as ka
 from benchmarks.problems.magnets_in_space import nested_balls
 from kohonen_adapt import Rules
 from kohonen_adapt.kernels.arrays import Neurons
-from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, Constraints
 from kohonen_adapt.kernels.tetrahedron.descend import with_slivers
 from kohonen_adapt.kernels.tetrahedron.surfaces import slid

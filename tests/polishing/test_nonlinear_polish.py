@@ -14,8 +14,8 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING, Laws
-from kohonen_adapt.kernels.compilation import interpreted
 from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle import descend as kernels
 from kohonen_adapt.kernels.triangle.descend import (
     LEAST_CURVATURE,

@@ -7,7 +7,7 @@ import pytest
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 
 from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, FREE, PLACE, SLIDING, VALUE
-from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle import descend_higher as kernels
 from kohonen_adapt.mesh.curved import jacobian_coefficients
 from kohonen_adapt.outline.isoparametric import LEAST

@@ -10,7 +10,7 @@ from helpers.tensor_meshes import disk
 
 import kohonen_adapt as ka
 from kohonen_adapt.kernels.arrays import FREE
-from kohonen_adapt.kernels.compilation import interpreted
+from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.descend import derivatives, descend_nodes, quadratic
 from kohonen_adapt.kernels.triangle.flip import flip_edge
 from kohonen_adapt.kernels.triangle.flip_linear import gain_of_flip

@@ -18,8 +18,8 @@ import math
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,
     INSIDE,

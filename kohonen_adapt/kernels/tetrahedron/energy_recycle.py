@@ -8,8 +8,8 @@ exchange changes the gains of other pairs.
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     INSIDE,
     MOST,

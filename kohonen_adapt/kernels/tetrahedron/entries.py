@@ -4,8 +4,22 @@ from numba.types import boolean, float64, int8, int32, int64
 
 from kohonen_adapt.kernels import arrays as shared
 from kohonen_adapt.kernels import ordering
-from kohonen_adapt.kernels.entry import B1, GRID, HEAP, I1, I2, L1, LESSON, POOL, R1, R2, R3, SEARCH_SCRATCH, Entry
-from kohonen_adapt.kernels.records import RecordType
+from kohonen_adapt.kernels.numba.entry import (
+    B1,
+    GRID,
+    HEAP,
+    I1,
+    I2,
+    L1,
+    LESSON,
+    POOL,
+    R1,
+    R2,
+    R3,
+    SEARCH_SCRATCH,
+    Entry,
+)
+from kohonen_adapt.kernels.numba.records import record_type
 from kohonen_adapt.kernels.tetrahedron import (
     arrays,
     connectivity,
@@ -24,21 +38,21 @@ from kohonen_adapt.kernels.tetrahedron import (
 
 __all__ = ["SPACE"]
 
-TETRAHEDRA = RecordType(arrays.Tetrahedra, (I2, I2, I1, I2))
-STAR = RecordType(arrays.Star, (I1, I1, I2))
-SAMPLES = RecordType(arrays.Samples, (I1, R2, R2, R3))
-SURFACES = RecordType(arrays.Surfaces, (int8[::1], R2, R2, R1, int32[:, ::1], int8[::1], R2, R2, R1, SAMPLES))
-FREEDOM = RecordType(arrays.Freedom, (int8[::1], I1, B1))
-CONSTRAINTS = RecordType(arrays.Constraints, (FREEDOM, SURFACES, B1))
-ORIGINS = RecordType(arrays.Origins, (R1, I1, I1, B1, R1))
+TETRAHEDRA = record_type(arrays.Tetrahedra, (I2, I2, I1, I2))
+STAR = record_type(arrays.Star, (I1, I1, I2))
+SAMPLES = record_type(arrays.Samples, (I1, R2, R2, R3))
+SURFACES = record_type(arrays.Surfaces, (int8[::1], R2, R2, R1, int32[:, ::1], int8[::1], R2, R2, R1, SAMPLES))
+FREEDOM = record_type(arrays.Freedom, (int8[::1], I1, B1))
+CONSTRAINTS = record_type(arrays.Constraints, (FREEDOM, SURFACES, B1))
+ORIGINS = record_type(arrays.Origins, (R1, I1, I1, B1, R1))
 I3 = int32[:, :, ::1]
-CAVITY = RecordType(arrays.Cavity, (L1, L1, L1, I1, I1, I1, I2, I1, I2, I1, I2, I1, I2, I2, R3, I3, I2, I1))
-OPEN_TETRAHEDRA = RecordType(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, FREEDOM, POOL, ORIGINS, CAVITY))
-QUEUE = RecordType(arrays.Queue, (int8[::1], I1, L1))
-LAWS = RecordType(shared.Laws, (I1, int64, R3))
-TRIAL = RecordType(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, R2))
-OFFERS = RecordType(arrays.Offers, (R2, R1, B1, B1, B1, B1))
-NEURONS = RecordType(shared.Neurons, (R2, TETRAHEDRA, STAR, CONSTRAINTS))
+CAVITY = record_type(arrays.Cavity, (L1, L1, L1, I1, I1, I1, I2, I1, I2, I1, I2, I1, I2, I2, R3, I3, I2, I1))
+OPEN_TETRAHEDRA = record_type(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, FREEDOM, POOL, ORIGINS, CAVITY))
+QUEUE = record_type(arrays.Queue, (int8[::1], I1, L1))
+LAWS = record_type(shared.Laws, (I1, int64, R3))
+TRIAL = record_type(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, R2))
+OFFERS = record_type(arrays.Offers, (R2, R1, B1, B1, B1, B1))
+NEURONS = record_type(shared.Neurons, (R2, TETRAHEDRA, STAR, CONSTRAINTS))
 
 # Groups "space ..." are compiled by a warm-up on request only.
 SPACE: dict[str, tuple[Entry, ...]] = {

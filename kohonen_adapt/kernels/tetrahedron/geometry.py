@@ -5,7 +5,7 @@ The quality of an element is 12 (3 V)^(2/3) / (sum of squared edges). Its cube n
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel
 
 FLAT = 1e-18  # largest cubed quality of a flat element
 

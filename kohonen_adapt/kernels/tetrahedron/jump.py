@@ -7,7 +7,7 @@ lines).
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_RIDGE
 from kohonen_adapt.kernels.tetrahedron.connectivity import OPPOSITE
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, star_quality

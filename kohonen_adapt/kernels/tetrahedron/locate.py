@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.grid import cell_index, clear_counts, enter, sum_up_counts
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 
 TOLERANCE = 1e-10  # relative to the element size, so that points on faces are inside
 WALK = 128  # maximum number of steps; walks from grid cells in uniform meshes take three or four

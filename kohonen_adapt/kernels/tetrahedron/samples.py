@@ -7,7 +7,7 @@ next step follows from the previous row (Wald, "A Stack-Free Traversal Algorithm
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel
 
 
 @inner_kernel

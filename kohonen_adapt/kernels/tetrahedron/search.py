@@ -6,7 +6,7 @@ former winner and a check that the sphere through the winner contains no other n
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import PLANE
 from kohonen_adapt.kernels.tetrahedron.locate import TOLERANCE, depth_in_element, side_of_face, walk
 from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance

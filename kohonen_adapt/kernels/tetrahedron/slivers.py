@@ -10,8 +10,8 @@ would be at places without a jump of the field, and results on the mesh would su
 
 import math
 
-from kohonen_adapt.kernels.compilation import inner_kernel
 from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     SIXTH_FLUX_X,
     SIXTH_FLUX_Y,

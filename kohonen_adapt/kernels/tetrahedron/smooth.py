@@ -10,7 +10,7 @@ linear, so the sum is convex.
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, PLANE
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, allowed, sum_of_squares
 from kohonen_adapt.kernels.tetrahedron.surfaces import (

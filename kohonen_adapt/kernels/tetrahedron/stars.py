@@ -1,7 +1,7 @@
 """Quality guard of moved nodes, and partition of nodes."""
 
 from kohonen_adapt.kernels.arrays import UNGUARDED
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, star_quality
 
 ACROSS, UNUSED = -1, -2  # parts of elements with mixed nodes, and of unused rows

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     CIRCLE,
     CYLINDER,

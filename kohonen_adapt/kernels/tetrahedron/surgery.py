@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE, PLANE
 from kohonen_adapt.kernels.tetrahedron.connectivity import (
     OPPOSITE,

@@ -10,7 +10,7 @@ quality is maximised, and numba compiles both versions.
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import ELSEWHERE, FREE, PLANE, RING, WAITS, WANTED
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of, fourth_node, has_constrained_face
 from kohonen_adapt.kernels.tetrahedron.energy import energy_on, source_along, triangle_tilts

@@ -7,7 +7,7 @@ from a node to its neighbour on another ridge, so that nodes move from ridge to 
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE
 from kohonen_adapt.kernels.tetrahedron.jump import jump
 from kohonen_adapt.kernels.tetrahedron.search import next_stamp

@@ -6,8 +6,8 @@ quadrature point therefore serve all functions, which keeps the many points of a
 """
 
 from kohonen_adapt.kernels.arrays import COARSE_BLOCK, HALF_FLUX_X, HALF_FLUX_Y, PLACE, VALUE
-from kohonen_adapt.kernels.compilation import inner_kernel
 from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.numba.compilation import inner_kernel
 
 
 @inner_kernel

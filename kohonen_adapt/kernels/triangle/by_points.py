@@ -18,8 +18,8 @@ from kohonen_adapt.kernels.arrays import (
     SIXTH_SOURCE,
     VALUE,
 )
-from kohonen_adapt.kernels.compilation import inner_kernel
 from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.numba.compilation import inner_kernel
 
 # Minimum Bernstein coefficient of the Jacobian determinant of a curved element, as a fraction of the determinant with
 # straight sides, for accurate quadrature and well-conditioned quadratic elements. On facets of 15 degrees every element

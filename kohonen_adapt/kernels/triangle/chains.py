@@ -30,7 +30,7 @@ from kohonen_adapt.kernels.arrays import (
     STRAIGHT,
     TABLED,
 )
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 
 BISECTIONS = 45  # of a span between knots, one bit of the nearest point each
 

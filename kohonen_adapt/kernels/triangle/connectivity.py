@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 
 
 @inner_kernel

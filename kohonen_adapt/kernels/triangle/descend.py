@@ -28,8 +28,8 @@ from kohonen_adapt.kernels.arrays import (
     OWN,
     SIXTH_SOURCE,
 )
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import point_at
 from kohonen_adapt.kernels.triangle.geometry import may_move
 from kohonen_adapt.kernels.triangle.varying_flux import half_flux, half_flux_rates

@@ -39,8 +39,8 @@ from kohonen_adapt.kernels.arrays import (
     Star,
     Trials,
 )
-from kohonen_adapt.kernels.compilation import inner_kernel
-from kohonen_adapt.kernels.records import record
+from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.numba.records import record
 from kohonen_adapt.kernels.triangle.by_law import add_by_law
 from kohonen_adapt.kernels.triangle.by_points import add_by_points, gather_bends, is_curved, is_valid, valid_at
 from kohonen_adapt.kernels.triangle.connectivity import corner_of

@@ -6,7 +6,7 @@ The method is that of `energy_recycle`, with the new coefficients eliminated. A 
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, OWN, SLIDING, VALUE
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.by_points import gather_bends, is_valid, put_bends
 from kohonen_adapt.kernels.triangle.connectivity import corner_of, row_beside, rows_with
 from kohonen_adapt.kernels.triangle.descend import ROUNDING

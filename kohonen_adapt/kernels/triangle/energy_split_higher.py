@@ -8,7 +8,7 @@ values, which are linear, the value of the node and the coefficients of the edge
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, VALUE
-from kohonen_adapt.kernels.compilation import inner_kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.triangle.by_points import gather_bends, is_valid, put_bends
 from kohonen_adapt.kernels.triangle.connectivity import corner_of, corner_towards
 from kohonen_adapt.kernels.triangle.descend import ROUNDING

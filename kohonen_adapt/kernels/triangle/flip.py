@@ -3,7 +3,7 @@
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import UNGUARDED
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.connectivity import corner_towards, corners_around, has_edge
 from kohonen_adapt.kernels.triangle.geometry import FLAT, allowed, element_quality, may_join, signed_quality
 

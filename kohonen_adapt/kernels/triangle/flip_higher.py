@@ -6,7 +6,7 @@ The coefficients inside the two elements are eliminated before and after a flip.
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, CONSTANTS, VALUE
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.by_points import gather_bends, put_bends, valid_at
 from kohonen_adapt.kernels.triangle.connectivity import corner_towards, corners_around
 from kohonen_adapt.kernels.triangle.descend import ROUNDING

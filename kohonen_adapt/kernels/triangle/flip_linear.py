@@ -3,8 +3,8 @@
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import CONSTANTS, HALF_COEFFICIENT, SIXTH_SOURCE
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.connectivity import corners_around
 from kohonen_adapt.kernels.triangle.descend import ROUNDING
 from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import OWN, UNGUARDED
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import point_at, within_reach
 
 SQRT12 = 2.0 * math.sqrt(3.0)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.grid import cell_index, clear_counts, enter, sum_up_counts
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.geometry import orientation
 
 TOLERANCE = 1e-10  # relative to an element: points on an edge or on the boundary count as inside

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import FREE, HELD, OWN, PAIRED
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.records import record
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.numba.records import record
 from kohonen_adapt.kernels.triangle.chains import advanced_parameter, nearest_parameter, signed_distance
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
 from kohonen_adapt.kernels.triangle.geometry import may_move, slide, slide_pair

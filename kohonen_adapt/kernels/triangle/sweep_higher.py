@@ -3,7 +3,7 @@
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import BLOCK, DIRECTION_X, DIRECTION_Y, FREE, HELD, OWN, PLACE, VALUE
-from kohonen_adapt.kernels.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import point_at
 from kohonen_adapt.kernels.triangle.descend import HALVINGS, OVERSTEP, ROUNDING, TRIES, newton_step, value_on_chain
 from kohonen_adapt.kernels.triangle.descend_higher import (

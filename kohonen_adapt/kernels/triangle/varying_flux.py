@@ -17,7 +17,7 @@ columns of the data are defined in `kernels/arrays.py`. Without a varying flux t
 """
 
 from kohonen_adapt.kernels.arrays import CENTRE_X, CENTRE_Y, CONSTANTS, HALF_FLUX_X, HALF_FLUX_Y, RATES_X, RATES_Y
-from kohonen_adapt.kernels.compilation import inner_kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel
 
 
 @inner_kernel

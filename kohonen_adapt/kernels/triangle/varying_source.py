@@ -9,7 +9,7 @@ columns of the data are defined in `kernels/arrays.py`. Without a varying source
 """
 
 from kohonen_adapt.kernels.arrays import CENTRE_X, CENTRE_Y, SOURCE_TERMS, VALUE, X_BY_X, X_BY_Y, Y_BY_X, Y_BY_Y
-from kohonen_adapt.kernels.compilation import inner_kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.triangle.by_points import kind_of
 
 

@@ -13,7 +13,7 @@ from numba.core.registry import CPUDispatcher, CPUTarget, cpu_target
 from numba.core.types.misc import unliteral
 from numba.core.typing import Context
 
-from kohonen_adapt.kernels.interrupts import interrupts_held
+from kohonen_adapt.kernels.numba.interrupts import interrupts_held
 
 __all__ = ["InnerCompiler", "KernelCompiler", "Loop"]
 

@@ -5,7 +5,7 @@ from typing import Any
 from numba.types import boolean, float64, int32, int64
 
 from kohonen_adapt.kernels import arrays, grid, heap
-from kohonen_adapt.kernels.records import RecordType
+from kohonen_adapt.kernels.numba.records import record_type
 
 __all__ = [
     "B1",
@@ -30,11 +30,11 @@ R1, R2, R3, R4 = float64[::1], float64[:, ::1], float64[:, :, ::1], float64[:, :
 I1, I2, L1, B1 = int32[::1], int32[:, ::1], int64[::1], boolean[::1]
 
 # Records of loops over triangles and over tetrahedra.
-POOL = RecordType(arrays.Pool, (I1, I1, I1, L1))
-HEAP = RecordType(heap.Heap, (R1, I2, L1))
-SEARCH_SCRATCH = RecordType(arrays.SearchScratch, (L1, L1, L1, I1, I1, R1, I2))
-GRID = RecordType(grid.Grid, (R1, R1, L1, L1, I1))
-LESSON = RecordType(arrays.Lesson, (R2, I1, R1, I1, R1, L1))
+POOL = record_type(arrays.Pool, (I1, I1, I1, L1))
+HEAP = record_type(heap.Heap, (R1, I2, L1))
+SEARCH_SCRATCH = record_type(arrays.SearchScratch, (L1, L1, L1, I1, I1, R1, I2))
+GRID = record_type(grid.Grid, (R1, R1, L1, L1, I1))
+LESSON = record_type(arrays.Lesson, (R2, I1, R1, I1, R1, L1))
 
 
 class Entry:

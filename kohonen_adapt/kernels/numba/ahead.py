@@ -16,15 +16,17 @@ from typing import Any
 
 from numba.core import event
 
-from kohonen_adapt.kernels.compilation import expected, is_cacheable, is_cached, number_of_threads
 from kohonen_adapt.kernels.entries import ENTRIES
-from kohonen_adapt.kernels.entry import Entry, name_of
+from kohonen_adapt.kernels.numba.cache import is_cacheable, is_cached
+from kohonen_adapt.kernels.numba.compilation import expected, number_of_threads
+from kohonen_adapt.kernels.numba.entry import Entry, name_of
 
 __all__ = ["compile_ahead", "compile_each"]
 
 logger = logging.getLogger("kohonen_adapt")
 progress = logging.getLogger("kohonen_adapt.compiling")
 
+KERNELS = "kohonen_adapt.kernels."
 SECONDS = 0.6  # per entry on one core, for the first message
 
 # Program of the second process. A package without `__init__` makes the import of the kernels fast, from the folder of
@@ -35,7 +37,7 @@ threading.Thread(target=lambda: (sys.stdin.read(), os._exit(0)), daemon=True).st
 sys.path[:] = {path!r}
 sys.modules["kohonen_adapt"] = types.ModuleType("kohonen_adapt")
 sys.modules["kohonen_adapt"].__path__ = [{package!r}]
-from kohonen_adapt.kernels.ahead import compile_each
+from kohonen_adapt.kernels.numba.ahead import compile_each
 compile_each({names!r})
 """
 
@@ -70,11 +72,7 @@ class _Compiling(event.Listener):
             gc.disable()  # numba's objects are not freed, and the collector takes 5 % of the time
         self._depth += 1
         function = event.data["dispatcher"].py_func
-        if (
-            self._depth == 1
-            and function.__module__.startswith(__package__)
-            and name_of(function) not in self._remaining
-        ):
+        if self._depth == 1 and function.__module__.startswith(KERNELS) and name_of(function) not in self._remaining:
             self._begin(name_of(function), is_cacheable(event.data["dispatcher"]))
 
     def on_end(self, event: Any) -> None:
@@ -100,7 +98,7 @@ class _Compiling(event.Listener):
         logger.warning("compiling loops of kohonen_adapt%s (%d, about %.0f s)", ", once" * once, self._total, seconds)
 
     def _start_second_process(self, missing: list[Entry]) -> bool:
-        names, package = [entry.name for entry in reversed(missing)], str(Path(__file__).parents[1])
+        names, package = [entry.name for entry in reversed(missing)], str(Path(__file__).parents[2])
         code = RUN.format(path=sys.path, package=package, names=names)
         flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)
         pipe, devnull = subprocess.PIPE, subprocess.DEVNULL

@@ -5,7 +5,7 @@ class with the decorator `record` is passed by address instead. Kernels read the
 return a record.
 """
 
-from typing import Any, TypeVar
+from typing import Any
 
 from llvmlite import ir
 from numba.core import cgutils, types
@@ -14,9 +14,7 @@ from numba.core.typing.templates import AttributeTemplate
 from numba.extending import NativeValue, infer_getattr, lower_getattr_generic, register_model, typeof_impl, unbox
 from numba.np import numpy_support
 
-__all__ = ["RecordType", "record"]
-
-Record = TypeVar("Record", bound=type)
+__all__ = ["RecordType", "register"]
 
 
 class RecordType(types.Type):
@@ -30,12 +28,10 @@ class RecordType(types.Type):
         return self.record_class._fields.index(name)
 
 
-def record(record_class: Record) -> Record:
+def register(record_class: Any) -> None:
     @typeof_impl.register(record_class)
     def type_of(value: Any, context: Any) -> RecordType:
         return RecordType(record_class, tuple(typeof_impl(field, context) for field in value))
-
-    return record_class
 
 
 @register_model(RecordType)

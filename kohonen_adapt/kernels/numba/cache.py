@@ -1,4 +1,4 @@
-"""Compilation of kernels on first use, with a cache of machine code on disk."""
+"""Cache of machine code on disk, through numba's inner modules."""
 
 import functools
 import logging
@@ -9,14 +9,11 @@ from contextlib import contextmanager, suppress
 from hashlib import blake2b
 from io import BytesIO
 from pathlib import Path
-from types import FunctionType
 from typing import Any, ClassVar
 
 import numba
 from numba import config
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
-
-from kohonen_adapt.kernels.compiler import InnerCompiler, KernelCompiler, Loop
 
 try:
     from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator
@@ -24,20 +21,9 @@ except ImportError:  # numba 0.61
     from numba.core.caching import _InTreeCacheLocator as InTreeCacheLocator
     from numba.core.caching import _UserProvidedCacheLocator as UserProvidedCacheLocator
 
-__all__ = [
-    "expect",
-    "expected",
-    "inner_kernel",
-    "interpreted",
-    "is_cacheable",
-    "is_cached",
-    "kernel",
-    "number_of_threads",
-]
+__all__ = ["KernelCache", "is_cacheable", "is_cached"]
 
 logger = logging.getLogger("kohonen_adapt")
-
-expected: set[str] = set()
 
 SEAL = 16  # bytes of the hash at the beginning of a file of machine code
 
@@ -45,35 +31,6 @@ NOT_CACHED = (
     "compiled loops of kohonen_adapt cannot be stored in '%s' (%s), so every process compiles them again. Set "
     "NUMBA_CACHE_DIR to a writable folder."
 )
-
-OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
-
-
-def kernel(function: Callable) -> Callable:
-    """Return a compiled loop that Python calls.
-
-    Arithmetic follows IEEE 754, so that a seed gives the same bits. A kernel cannot allocate arrays.
-    """
-    return _compiled(function, inner=False)
-
-
-def inner_kernel(function: Callable) -> Callable:
-    """Return a compiled loop that only kernels call, without a wrapper for Python."""
-    return _compiled(function, inner=True)
-
-
-def expect(*chapters: str) -> None:
-    """Register groups of `kernels/entries.py` for compilation ahead of use."""
-    expected.update(chapters)
-
-
-@functools.cache
-def interpreted(loop: Any) -> Callable:
-    """Return a kernel as a Python function, with the kernels called as well."""
-    function = getattr(loop, "py_func", loop)
-    called = {name: function.__globals__.get(name) for name in function.__code__.co_names}
-    own = {name: interpreted(value) for name, value in called.items() if hasattr(value, "py_func")}
-    return FunctionType(function.__code__, {**function.__globals__, **own})
 
 
 def is_cached(loop: Any, types: tuple[Any, ...]) -> bool:
@@ -87,30 +44,13 @@ def is_cacheable(loop: Any) -> bool:
     return there.is_dir() and os.access(there, os.W_OK)
 
 
-def number_of_threads() -> int:
-    """Return the number of threads, as set by ``NUMBA_NUM_THREADS``.
-
-    The default is the number of cores available to the process. No result depends on the number of threads.
-    """
-    return max(1, config.NUMBA_NUM_THREADS)
-
-
-def _compiled(function: Callable, inner: bool) -> Callable:
-    if config.DISABLE_JIT:
-        return function
-    options = {**OPTIONS, "no_cpython_wrapper": inner}
-    loop = Loop(function, targetoptions=options, pipeline_class=InnerCompiler if inner else KernelCompiler)
-    loop._cache = _KernelCache(function)
-    return loop
-
-
 @functools.cache
-def _contents_of_all_kernels() -> str:
-    """Return a hash of all files of kernels.
+def _contents_of_all_kernels(compiler: str) -> str:
+    """Return a hash of all files of kernels and the name of the compiler.
 
     numba checks only the file of a function, although code of functions called from other files is linked into it.
     """
-    folder, found = Path(__file__).parent, blake2b(digest_size=16)
+    folder, found = Path(__file__).parents[1], blake2b(compiler.encode(), digest_size=16)
     for path in sorted(folder.rglob("*.py")):
         found.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return found.hexdigest()
@@ -201,7 +141,7 @@ class _KernelCode(CompileResultCacheImpl):
     _locator_classes: ClassVar = [*CompileResultCacheImpl._locator_classes, _ReadOnlyLocator]
 
 
-class _KernelCache(FunctionCache):
+class KernelCache(FunctionCache):
     """Cache of numba on disk, invalidated by the contents of the kernels' files.
 
     If code cannot be written, the first failure is logged as a warning.
@@ -210,14 +150,14 @@ class _KernelCache(FunctionCache):
     _impl_class = _KernelCode
     _warned = False
 
-    def __init__(self, function: Callable) -> None:
+    def __init__(self, function: Callable, compiler: str) -> None:
         super().__init__(function)
-        self._cache_file = _KernelFiles(self.cache_path, self._impl.filename_base, _contents_of_all_kernels())
+        self._cache_file = _KernelFiles(self.cache_path, self._impl.filename_base, _contents_of_all_kernels(compiler))
 
     def save_overload(self, sig: Any, data: Any) -> None:
         try:
             super().save_overload(sig, data)
         except OSError as error:
-            if not _KernelCache._warned:
+            if not KernelCache._warned:
                 logger.warning(NOT_CACHED, self.cache_path, error.strerror or error)
-            _KernelCache._warned = True
+            KernelCache._warned = True

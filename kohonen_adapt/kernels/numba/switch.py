@@ -1,0 +1,67 @@
+"""Choice between the fast compiler of kernels and plain numba.
+
+The fast compiler, records passed by address and the cache use numba's inner modules, which may change in any release.
+Plain numba compiles the same kernels in 2.4 to 2.9 times the time. Rounding may differ.
+"""
+
+import logging
+import os
+from importlib import import_module
+
+import numba
+
+__all__ = ["CACHED", "PLAIN", "SWITCH"]
+
+logger = logging.getLogger("kohonen_adapt")
+
+SWITCH = "KOHONEN_ADAPT_PLAIN_NUMBA"
+FAST = ("compiler", "fast_records")
+
+# Methods of numba that the fast compiler and the cache override, by module and class.
+OVERRIDDEN = {
+    "numba.core.codegen.JITCodeLibrary": ("_optimize_final_module", "_finalize_final_module"),
+    "numba.core.codegen.JITCPUCodegen": ("unserialize_library", "set_env"),
+    "numba.core.typing.Context": ("resolve_function_type",),
+    "numba.core.registry.CPUTarget": ("_toplevel_typing_context", "_toplevel_target_context"),
+    "numba.core.registry.CPUDispatcher": ("compile", "get_call_template", "enable_caching"),
+    "numba.core.compiler.Flags": ("values",),
+}
+OVERRIDDEN_BY_CACHE = {
+    "numba.core.caching.IndexDataCacheFile": ("load", "save", "_load_index", "_save_index", "_save_data", "_data_name"),
+    "numba.core.caching.FunctionCache": ("save_overload", "_index_key"),
+}
+
+
+def missing(modules: tuple[str, ...], overridden: dict[str, tuple[str, ...]]) -> str:
+    """Return why modules of this package cannot be used with the installed numba, or an empty string."""
+    try:
+        for path, names in overridden.items():
+            module, _, owner = path.rpartition(".")
+            found = getattr(import_module(module), owner)
+            for name in names:
+                getattr(found, name)
+        for name in modules:
+            import_module(f"{__package__}.{name}")
+    except Exception as error:  # inner modules may fail in any way
+        return f"{type(error).__name__}: {error}"
+    return ""
+
+
+def uses_plain_numba() -> bool:
+    if os.environ.get(SWITCH, "0") not in ("", "0"):
+        return True
+    why = missing(FAST, OVERRIDDEN)
+    if why:
+        logger.warning(
+            "numba %s differs from the versions known to kohonen_adapt (%s), so loops are compiled more slowly.",
+            numba.__version__,
+            why,
+        )
+    return bool(why)
+
+
+PLAIN = uses_plain_numba()
+"""True if kernels are compiled by plain numba."""
+
+CACHED = not missing(("cache",), OVERRIDDEN_BY_CACHE)
+"""True if machine code is stored on disk."""
