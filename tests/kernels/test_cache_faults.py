@@ -5,15 +5,12 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from shutil import copy
 
 import pytest
+from helpers.copied_kernels import make_package
 
-import kohonen_adapt
-
-COMPILATION = Path(kohonen_adapt.__file__).parent / "kernels" / "compilation.py"
 LOOPS = """
-from .compilation import inner_kernel, kernel
+from .numba.compilation import inner_kernel, kernel
 
 @inner_kernel
 def scale(x):
@@ -36,9 +33,7 @@ REMEDY = "so every process compiles them again. Set NUMBA_CACHE_DIR to a writabl
 def kernels(tmp_path):
     """A package of two loops, whose code goes to a folder of its own."""
     folder = tmp_path / "copied"
-    folder.mkdir()
-    (folder / "__init__.py").touch()
-    copy(COMPILATION, folder)
+    make_package(folder)
     (folder / "loops.py").write_text(LOOPS.format(factor=2))
     return folder
 
@@ -99,7 +94,7 @@ DAMAGES = {
 }
 
 
-MANY = "from .compilation import kernel\n" + "".join(
+MANY = "from .numba.compilation import kernel\n" + "".join(
     f"\n@kernel\ndef loop_{number}(x):\n    return {number} + x\n" for number in range(2 * len(DAMAGES))
 )
 RUN_MANY = """

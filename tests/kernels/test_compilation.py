@@ -4,19 +4,18 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from shutil import copy
 
 import pytest
+from helpers.copied_kernels import make_package
 
-import kohonen_adapt
-
-COMPILATION = Path(kohonen_adapt.__file__).parent / "kernels" / "compilation.py"
-CALLEE = "from .compilation import inner_kernel\n\n@inner_kernel\ndef scale(x):\n    return {factor} * x\n"
-CALLER = "from .compilation import kernel\nfrom .callee import scale\n\n@kernel\ndef scaled(x):\n    return scale(x)\n"
-TIMES = "from .compilation import inner_kernel\n\n@inner_kernel\ndef times(x, k):\n    return k * x\n"
+CALLEE = "from .numba.compilation import inner_kernel\n\n@inner_kernel\ndef scale(x):\n    return {factor} * x\n"
+CALLER = (
+    "from .numba.compilation import kernel\nfrom .callee import scale\n\n@kernel\ndef scaled(x):\n    return scale(x)\n"
+)
+TIMES = "from .numba.compilation import inner_kernel\n\n@inner_kernel\ndef times(x, k):\n    return k * x\n"
 MANY_TIMES = """
 import numpy as np
-from .compilation import kernel
+from .numba.compilation import kernel
 from .callee import times
 
 @kernel
@@ -38,9 +37,7 @@ print(*values, sum(scaled.stats.cache_hits.values()), sum(scaled.stats.cache_mis
 def kernels(tmp_path):
     """A package of two kernels in two files, one of which calls the other."""
     folder = tmp_path / "copied"
-    folder.mkdir()
-    (folder / "__init__.py").touch()
-    copy(COMPILATION, folder)
+    make_package(folder)
     (folder / "callee.py").write_text(CALLEE.format(factor=2))
     (folder / "caller.py").write_text(CALLER)
     return folder
@@ -86,7 +83,7 @@ def test_a_loop_is_compiled_once_whatever_integers_it_is_called_with(kernels):
 
 def test_an_index_of_types_that_are_gone_is_an_empty_one(kernels):
     types = "from typing import NamedTuple\n\nclass {name}(NamedTuple):\n    x: float\n"
-    caller = "from .compilation import kernel\n\n@kernel\ndef scaled(pair):\n    return 2 * pair.x\n"
+    caller = "from .numba.compilation import kernel\n\n@kernel\ndef scaled(pair):\n    return 2 * pair.x\n"
     pairs = "(__import__('copied.{module}').{module}.{name}(1.0),)"
     (kernels / "caller.py").write_text(caller)
     (kernels / "before.py").write_text(types.format(name="Before"))
@@ -156,7 +153,7 @@ def test_what_moves_no_node_compiles_nothing(tmp_path):
 
 def test_a_kernel_can_be_interpreted(kernels):
     code = (
-        "from copied.caller import scaled; from copied.compilation import interpreted; "
+        "from copied.caller import scaled; from copied.numba.compilation import interpreted; "
         "print(interpreted(scaled)(1.5), len(scaled.overloads))"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=kernels.parent, capture_output=True, text=True, check=True)
