@@ -2,7 +2,12 @@
 
 from pathlib import Path
 
+import pytest
+
 import kohonen_adapt
+from kohonen_adapt.kernels.numba.switch import PLAIN
+
+fast_compiler_only = pytest.mark.skipif(PLAIN, reason="kernels are compiled by plain numba")
 
 FENCE = Path(kohonen_adapt.__file__).parent / "kernels" / "numba"
 

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from helpers.copied_kernels import fast_compiler_only
 from numba.core.dispatcher import Dispatcher
 
 import kohonen_adapt.kernels as package
@@ -124,6 +125,7 @@ def test_the_entries_are_the_loops_of_a_warm_up_which_expects_all_and_finds_what
     assert compiled == [] and said == ""
 
 
+@fast_compiler_only
 def test_just_the_entries_have_machine_code_that_python_can_call():
     found = pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
     kernels = [importlib.import_module(each.name) for each in found]
@@ -148,6 +150,7 @@ def test_a_second_process_compiles_what_is_expected_beside_what_is_compiled_here
     assert f"compiling loops of kohonen_adapt, once ({1 + len(REST)}, about" in said and said.count("\n") == 1
 
 
+@fast_compiler_only
 def test_with_one_core_one_process_compiles_a_chapter_that_nobody_expected_and_says_so_once(tmp_path):
     compiled, said = in_a_process(CHAPTER, NUMBA_CACHE_DIR=str(tmp_path), NUMBA_NUM_THREADS="1")
     assert compiled == [entry.name for entry in ENTRIES["locating"]]

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from helpers.copied_kernels import make_package
+from helpers.copied_kernels import fast_compiler_only, make_package
 
 LOOPS = """
 from .numba.compilation import inner_kernel, kernel
@@ -171,6 +171,7 @@ print(result.status, result.message)
 """
 
 
+@fast_compiler_only
 @pytest.mark.skipif(not hasattr(signal, "raise_signal") or os.name == "nt", reason="signals of POSIX")
 def test_a_ctrl_c_inside_a_compilation_stops_the_loop(tmp_path):
     code = INTERRUPTED.format(examples=str(Path(__file__).parents[2] / "examples"))

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from helpers.copied_kernels import make_package
+from helpers.copied_kernels import fast_compiler_only, make_package
 
 CALLEE = "from .numba.compilation import inner_kernel\n\n@inner_kernel\ndef scale(x):\n    return {factor} * x\n"
 CALLER = (
@@ -74,6 +74,7 @@ def test_an_edited_kernel_is_seen_in_its_caller_and_no_code_of_the_old_one_is_le
     assert code_in(kernels) == first  # named by signature, whichever came first
 
 
+@fast_compiler_only
 def test_a_loop_is_compiled_once_whatever_integers_it_is_called_with(kernels):
     (kernels / "callee.py").write_text(TIMES)
     (kernels / "caller.py").write_text(MANY_TIMES)

@@ -60,7 +60,7 @@ def test_the_switch_compiles_with_plain_numba_and_a_cache_of_its_own(folder):
 
 
 def test_an_unknown_numba_falls_back_with_one_warning(folder):
-    done = run(folder, WITHOUT_A_PASS)
+    done = run(folder, WITHOUT_A_PASS, KOHONEN_ADAPT_PLAIN_NUMBA="0")
     assert done.stdout.split()[:2] == ["True", "5.0"]
     (line,) = done.stderr.splitlines()
     assert "differs from the versions known to kohonen_adapt (AttributeError: " in line
