@@ -5,6 +5,7 @@ from kohonen_adapt.io import read_curves, read_field, read_groups, read_mesh, wr
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.polish import polish
+from kohonen_adapt.loop.relocate import relocate
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.joining import merge
 from kohonen_adapt.mesh.locate import find_elements, interpolate
@@ -20,7 +21,6 @@ from kohonen_adapt.problem.protocol import NotOffered, Problem
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.density import density_from_indicators, density_from_sizes
 from kohonen_adapt.som.kohonen_map import KohonenMap
-from kohonen_adapt.som.relocate import relocate
 from kohonen_adapt.som.schedule import Schedule, Stage
 from kohonen_adapt.sweeps.result import SweepResult
 from kohonen_adapt.sweeps.sweep import sweep

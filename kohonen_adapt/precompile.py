@@ -8,6 +8,7 @@ from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.kernels.numba.switch import CACHED, PLAIN
 from kohonen_adapt.kernels.tetrahedron.entries import SPACE
 from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equilibrate, patch_scratch
+from kohonen_adapt.loop.relocate import relocate
 from kohonen_adapt.mesh.locate import interpolate
 from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.outline.rules import Rules
@@ -16,7 +17,6 @@ from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend_and_recycle
 from kohonen_adapt.polishing.transfer import transferred
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.som.relocate import relocate
 from kohonen_adapt.som.schedule import Schedule, Stage
 
 __all__ = ["compile_missing", "warmup"]

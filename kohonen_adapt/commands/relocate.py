@@ -22,9 +22,9 @@ from kohonen_adapt.io import (
     read_mesh,
     write_mesh,
 )
+from kohonen_adapt.loop.relocate import relocate
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.som.density import density_from_indicators, density_from_sizes
-from kohonen_adapt.som.relocate import relocate
 
 __all__ = ["relocate_file"]
 

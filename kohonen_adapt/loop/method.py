@@ -1,9 +1,11 @@
 """Parts of the adaptive loop that depend on the dimension of the mesh."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
+import numpy as np
+from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -55,6 +57,22 @@ class Method(ABC):
     @abstractmethod
     def transfer_kernels(self) -> tuple[str, ...]:
         """Groups of `kernels/entries.py` that interpolate solutions."""
+
+    @abstractmethod
+    def relocate(
+        self,
+        movable: Any,
+        density: ArrayLike | Callable[[Floats], ArrayLike],
+        schedule: Schedule | None,
+        topology: str,
+        rng: np.random.Generator,
+        nodes: int,
+    ) -> Moved[Any]:
+        """Relocate the nodes to a density, and recycle to `nodes` nodes."""
+
+    @abstractmethod
+    def report_sagitta(self, before: Any, now: Any) -> None:
+        """Log the distance of curves or surfaces from their facets."""
 
     @abstractmethod
     def move(

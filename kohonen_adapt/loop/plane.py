@@ -1,7 +1,9 @@
 """Parts of the adaptive loop for triangles."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
+import numpy as np
+from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -23,7 +25,7 @@ from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.problem.protocol import Problem, has_functional, order_of
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.moved import Moved
-from kohonen_adapt.som.relocate import loops_in_plane, move
+from kohonen_adapt.som.relocate import loops_in_plane, move, report_curves
 from kohonen_adapt.som.schedule import Schedule
 
 __all__ = ["PlaneMethod"]
@@ -45,6 +47,20 @@ class PlaneMethod(Method):
 
     def polish_kernels(self, problem: Problem) -> tuple[str, ...]:
         return loops_of(problem)
+
+    def relocate(
+        self,
+        movable: MovableMesh,
+        density: ArrayLike | Callable[[Floats], ArrayLike],
+        schedule: Schedule | None,
+        topology: str,
+        rng: np.random.Generator,
+        nodes: int,
+    ) -> Moved[MovableMesh]:
+        return move(movable, density, schedule, topology, rng, nodes)
+
+    def report_sagitta(self, before: MovableMesh, now: MovableMesh) -> None:
+        report_curves(before, now)
 
     def move(
         self,

@@ -1,7 +1,9 @@
 """Parts of the adaptive loop for tetrahedra."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
+import numpy as np
+from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -29,7 +31,7 @@ from kohonen_adapt.problem.protocol import Problem
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.moved import Moved, why_still
 from kohonen_adapt.som.schedule import Schedule
-from kohonen_adapt.som.space import loops_in_space, move_in_space
+from kohonen_adapt.som.space import loops_in_space, move_in_space, report_surfaces
 
 __all__ = ["SpaceMethod"]
 
@@ -50,6 +52,20 @@ class SpaceMethod(Method):
 
     def polish_kernels(self, problem: Problem) -> tuple[str, ...]:
         return polish_loops(problem)
+
+    def relocate(
+        self,
+        movable: MovableSolid,
+        density: ArrayLike | Callable[[Floats], ArrayLike],
+        schedule: Schedule | None,
+        topology: str,
+        rng: np.random.Generator,
+        nodes: int,
+    ) -> Moved[MovableSolid]:
+        return move_in_space(movable, density, schedule, topology, rng, nodes)
+
+    def report_sagitta(self, before: MovableSolid, now: MovableSolid) -> None:
+        report_surfaces(before, now)
 
     def move(
         self,

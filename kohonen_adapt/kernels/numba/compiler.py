@@ -1,7 +1,11 @@
 """Compiler of numba with fewer passes and a cache of types, to save compile time."""
 
-from collections.abc import Iterable
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import cached_property
+from types import FrameType
 from typing import Any
 
 from llvmlite.binding import parse_bitcode
@@ -13,9 +17,9 @@ from numba.core.registry import CPUDispatcher, CPUTarget, cpu_target
 from numba.core.types.misc import unliteral
 from numba.core.typing import Context
 
-from kohonen_adapt.kernels.numba.interrupts import interrupts_held
-
 __all__ = ["InnerCompiler", "KernelCompiler", "Loop"]
+
+Handler = Callable[[int, FrameType | None], object]
 
 DEFAULTS = Flags().values()
 
@@ -158,3 +162,41 @@ class Loop(CPUDispatcher):
 def _widened(kind: types.Type) -> types.Type:
     kind = unliteral(kind)
     return types.int64 if isinstance(kind, types.Integer) else kind
+
+
+class _DelayedHandler:
+    """Signal handler that stores signals for the original handler."""
+
+    def __init__(self, handler: Handler) -> None:
+        self._handler = handler
+        self._signals: list[tuple[int, FrameType | None]] = []
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        self._signals.append((number, frame))
+
+    def deliver(self) -> None:
+        while self._signals:
+            self._handler(*self._signals.pop())
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Hold Ctrl-C back until the end of the outermost block.
+
+    LLVM calls Python while it makes machine code. A KeyboardInterrupt in such a call would be lost, and numba would
+    later raise a RuntimeError because of the incomplete call.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield  # Python runs handlers in the main thread only
+        return
+    before = signal.getsignal(signal.SIGINT)
+    delayed = before if isinstance(before, _DelayedHandler) else _DelayedHandler(before) if callable(before) else None
+    if delayed is None:  # Ctrl-C is ignored or ends the process
+        yield
+        return
+    signal.signal(signal.SIGINT, delayed)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        delayed.deliver()
