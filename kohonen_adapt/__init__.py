@@ -1,6 +1,10 @@
 """Adaptive finite elements for scikit-fem, with nodes moved by a Kohonen map."""
 
 from kohonen_adapt import estimators
+from kohonen_adapt.geometry.plane.curves import Arc, Line
+from kohonen_adapt.geometry.plane.spline import Spline
+from kohonen_adapt.geometry.rules import Rules
+from kohonen_adapt.geometry.space.surfaces import Cone, Cylinder, Plane, Sphere
 from kohonen_adapt.io import read_curves, read_field, read_groups, read_mesh, write_mesh
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.loop.passes import Pass, Status
@@ -12,10 +16,6 @@ from kohonen_adapt.mesh.locate import find_elements, interpolate
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.mesh.motions import Reflection, Rotation, Translation
 from kohonen_adapt.mesh.turning import turned
-from kohonen_adapt.outline.curves import Arc, Line
-from kohonen_adapt.outline.rules import Rules
-from kohonen_adapt.outline.spline import Spline
-from kohonen_adapt.outline.surfaces import Cone, Cylinder, Plane, Sphere
 from kohonen_adapt.precompile import warmup
 from kohonen_adapt.problem.protocol import NotOffered, Problem
 from kohonen_adapt.problem.ritz import Ritz

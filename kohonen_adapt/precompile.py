@@ -3,6 +3,9 @@
 import numpy as np
 from skfem import Basis, ElementTriP1, ElementTriP2, MeshTri
 
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.recycled import unchanged
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.entries import ENTRIES
 from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.kernels.numba.switch import CACHED, PLAIN
@@ -10,9 +13,6 @@ from kohonen_adapt.kernels.tetrahedron.entries import SPACE
 from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equilibrate, patch_scratch
 from kohonen_adapt.loop.relocate import relocate
 from kohonen_adapt.mesh.locate import interpolate
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
-from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend_and_recycle
 from kohonen_adapt.polishing.transfer import transferred

@@ -10,6 +10,8 @@ from skfem import Mesh, MeshTri
 
 from kohonen_adapt.cases.tables import Quantity
 from kohonen_adapt.cases.turning import turned_materials
+from kohonen_adapt.geometry.plane.curves import Arc, Line
+from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.io import Groups, read_groups, read_mesh
 from kohonen_adapt.io.read import shown_curves
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
@@ -18,8 +20,6 @@ from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
 from kohonen_adapt.mesh.cells import TETRAHEDRON, check_kind
 from kohonen_adapt.mesh.curved import corners_of, is_second_order
-from kohonen_adapt.outline.curves import Arc, Line
-from kohonen_adapt.outline.spline import Spline
 
 __all__ = ["Case"]
 

@@ -11,6 +11,9 @@ import numpy as np
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.cases.kinds import POINT, POINTS, TEXT, VECTOR, Kind, Reader, called, list_of, made, made_by_name
 from kohonen_adapt.checks import point_text
+from kohonen_adapt.geometry.plane.curves import Arc, Line
+from kohonen_adapt.geometry.plane.spline import Spline
+from kohonen_adapt.geometry.space.surfaces import Cone, Cylinder, Plane, Sphere
 from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
 from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector, halbach, radial
@@ -18,9 +21,6 @@ from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Goal, StoredEnergy, Torque
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.mesh.motions import Motion, Pair, Reflection, Rotation, Translation
-from kohonen_adapt.outline.curves import Arc, Line
-from kohonen_adapt.outline.spline import Spline
-from kohonen_adapt.outline.surfaces import Cone, Cylinder, Plane, Sphere
 from kohonen_adapt.som.schedule import Schedule, Stage
 
 __all__ = [

@@ -9,8 +9,8 @@ from typing import Any
 
 from kohonen_adapt.cases.kinds import table_of
 from kohonen_adapt.cases.tables import surface
-from kohonen_adapt.outline.rules import TOPOLOGIES, LeastQuality, Rules
-from kohonen_adapt.outline.surfaces import Surface
+from kohonen_adapt.geometry.rules import TOPOLOGIES, LeastQuality, Rules
+from kohonen_adapt.geometry.space.surfaces import Surface
 
 __all__ = ["command_parser", "writable_folder"]
 

@@ -12,17 +12,17 @@ from kohonen_adapt.commands.doubts import size_text, unit_doubts
 from kohonen_adapt.commands.seams import seams
 from kohonen_adapt.commands.solids import angles_described, doubtful_patches, facets_described, surfaces_described
 from kohonen_adapt.display import counted, plural
+from kohonen_adapt.geometry.plane.layers import bands_of, check_layer_count, parts_of
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.plane.suspects import possible_arcs
+from kohonen_adapt.geometry.rules import Rules, floor_of
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.io import Groups, check_names_written
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.layers import bands_of, check_layer_count, parts_of
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.movable_solid import MovableSolid
-from kohonen_adapt.outline.rules import Rules, floor_of
-from kohonen_adapt.outline.surfaces import Surface
-from kohonen_adapt.outline.suspects import possible_arcs
 
 __all__ = ["described", "faults", "hints", "moving", "outlines_described", "points_described"]
 

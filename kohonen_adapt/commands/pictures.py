@@ -14,11 +14,11 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.cases.contents import Case
 from kohonen_adapt.display import lattice
 from kohonen_adapt.files import save_figure
+from kohonen_adapt.geometry.space.surfaces import Plane
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.settings import PASSES
 from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
-from kohonen_adapt.outline.surfaces import Plane
 from kohonen_adapt.problem.protocol import pairs_of
 from kohonen_adapt.report.scene import FieldOf
 from kohonen_adapt.report.writing import write_report

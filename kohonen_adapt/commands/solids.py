@@ -8,9 +8,9 @@ from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.display import counted
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, HELD, INSIDE, ON_PATCH, ON_RIDGE, PLANE, SPHERE
 from kohonen_adapt.mesh.measures import hat_gradients
-from kohonen_adapt.outline.movable_solid import MovableSolid
 
 __all__ = ["angles_described", "doubtful_patches", "facets_described", "surfaces_described"]
 

@@ -9,6 +9,8 @@ from skfem import MeshTet, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.geometry.plane.polylines import polylines_of
+from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.io.content import (
     DIMENSION,
     LINE,
@@ -26,8 +28,6 @@ from kohonen_adapt.mesh.curved import is_second_order as has_bent_sides
 from kohonen_adapt.mesh.host import is_own_name
 from kohonen_adapt.mesh.measures import area, directed, is_in_front
 from kohonen_adapt.mesh.names import named_sets
-from kohonen_adapt.outline.polylines import polylines_of
-from kohonen_adapt.outline.spline import Spline
 
 __all__ = ["by_name", "is_second_order", "listed_once", "oriented", "said_of", "to_curves", "to_mesh"]
 

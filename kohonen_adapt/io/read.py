@@ -8,6 +8,7 @@ from pathlib import Path
 
 from skfem import MeshTet, MeshTri
 
+from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.io.assembly import is_second_order, to_curves, to_mesh
 from kohonen_adapt.io.content import MSH_VERSION, Content, suffix_of
 from kohonen_adapt.io.elmer import HEADER, read_elmer
@@ -17,7 +18,6 @@ from kohonen_adapt.io.groups import Groups, to_groups
 from kohonen_adapt.io.meshio_reader import FORMATS, read_content
 from kohonen_adapt.io.solids import to_solid
 from kohonen_adapt.mesh.validity import check_mesh
-from kohonen_adapt.outline.spline import Spline
 
 __all__ = ["read_curves", "read_groups", "read_mesh", "shown_curves"]
 

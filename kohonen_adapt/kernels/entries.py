@@ -24,22 +24,24 @@ from kohonen_adapt.kernels.tetrahedron.entries import SPACE
 from kohonen_adapt.kernels.triangle import (
     chains,
     connectivity,
-    descend,
-    descend_higher,
-    energy_recycle,
-    energy_recycle_higher,
     equilibrate,
     flip,
-    flip_higher,
-    flip_linear,
     geometry,
     locate,
     recycle,
     search,
     smooth,
-    sweep_higher,
     train,
     transport,
+)
+from kohonen_adapt.kernels.triangle.polish import (
+    descend,
+    descend_higher,
+    energy_recycle,
+    energy_recycle_higher,
+    flip_higher,
+    flip_linear,
+    sweep_higher,
 )
 
 __all__ = ["ENTRIES"]

@@ -7,6 +7,10 @@ from typing import Any
 from skfem import Mesh
 
 from kohonen_adapt.checks import with_nearest_names
+from kohonen_adapt.geometry.plane.curves import Curve
+from kohonen_adapt.geometry.plane.more_layers import with_layers
+from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules, check_for, with_pinned
+from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.dimension import method_of
@@ -20,10 +24,6 @@ from kohonen_adapt.loop.steps import Steps
 from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
-from kohonen_adapt.outline.curves import Curve
-from kohonen_adapt.outline.more_layers import with_layers
-from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules, check_for, with_pinned
-from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.problem.outputs import Output, check_outputs
 from kohonen_adapt.problem.protocol import (
     Problem,

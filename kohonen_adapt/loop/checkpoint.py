@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from skfem import Mesh
 
 from kohonen_adapt.files import remove_drafts, whole_file
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import DIGEST, Settings, fingerprint
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.problem.protocol import Problem
 
 __all__ = ["Checkpoint"]

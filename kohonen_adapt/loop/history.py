@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from kohonen_adapt.checks import check_hook
+from kohonen_adapt.geometry.plane.movable import Work
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
@@ -21,7 +22,6 @@ from kohonen_adapt.loop.stopping import (
     unmoved_ending,
     with_remarks,
 )
-from kohonen_adapt.outline.movable import Work
 from kohonen_adapt.problem.protocol import solve_again
 
 __all__ = ["History"]

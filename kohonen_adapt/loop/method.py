@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.geometry.recycled import Recycled
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
-from kohonen_adapt.outline.rules import Rules
-from kohonen_adapt.outline.surgery import Recycled
 from kohonen_adapt.problem.protocol import Problem
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.moved import Moved

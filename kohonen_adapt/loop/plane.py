@@ -7,15 +7,15 @@ from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.recycled import Recycled
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.stopping import stalls_by_estimate
 from kohonen_adapt.mesh.cells import TRIANGLE
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
-from kohonen_adapt.outline.surgery import Recycled
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import PLAN, descend, descend_and_recycle
 from kohonen_adapt.polishing.slivers import longest_on_arcs

@@ -5,13 +5,13 @@ from collections.abc import Mapping, Sequence
 from skfem import Mesh
 
 from kohonen_adapt.checks import check_count, with_nearest_names
+from kohonen_adapt.geometry.plane.curves import Curve
+from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules, with_pinned
+from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.motions import Pair
-from kohonen_adapt.outline.curves import Curve
-from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules, with_pinned
-from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.polishing.sweeps import SWEEPS
 from kohonen_adapt.problem.protocol import (
     NotOffered,

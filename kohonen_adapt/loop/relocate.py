@@ -9,15 +9,15 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import with_nearest_names
+from kohonen_adapt.geometry.plane.curves import Curve
+from kohonen_adapt.geometry.plane.more_layers import with_layers
+from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules, check_for
+from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.motions import Pair
-from kohonen_adapt.outline.curves import Curve
-from kohonen_adapt.outline.more_layers import with_layers
-from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules, check_for
-from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.som.schedule import Schedule, check_training
 
 logger = logging.getLogger("kohonen_adapt")

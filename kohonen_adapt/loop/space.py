@@ -7,15 +7,15 @@ from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.geometry.recycled import Recycled, unchanged
+from kohonen_adapt.geometry.rules import Rules
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.stopping import stalls_by_functional
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.outline.movable_solid import MovableSolid
-from kohonen_adapt.outline.rules import Rules
-from kohonen_adapt.outline.surgery import Recycled, unchanged
 from kohonen_adapt.polishing.polish_in_space import (
     PLAN_IN_SPACE,
     descend_and_recycle_in_space,

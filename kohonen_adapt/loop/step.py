@@ -7,6 +7,8 @@ import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.geometry.plane.movable import MovableMesh, Work
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
@@ -14,10 +16,8 @@ from kohonen_adapt.loop.steps import Steps
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.polynomials import count_unknowns
-from kohonen_adapt.outline.movable import MovableMesh, Work
-from kohonen_adapt.outline.movable_solid import MovableSolid
+from kohonen_adapt.polishing.energy_tables import VariesInside
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.regions import VariesInside
 from kohonen_adapt.polishing.sweeps import SWEEPS
 from kohonen_adapt.problem.outputs import output_value
 from kohonen_adapt.problem.protocol import (

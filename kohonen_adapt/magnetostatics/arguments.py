@@ -9,6 +9,8 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_number, listed, nearest_name
+from kohonen_adapt.geometry.plane.curves import Arc
+from kohonen_adapt.geometry.rules import checked_pair
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
@@ -16,8 +18,6 @@ from kohonen_adapt.magnetostatics.quantities.goals import Goal, Torque, check_go
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
-from kohonen_adapt.outline.curves import Arc
-from kohonen_adapt.outline.rules import checked_pair
 
 __all__ = ["Arguments", "check_plane_mesh"]
 

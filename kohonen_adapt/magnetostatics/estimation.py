@@ -16,6 +16,7 @@ from kohonen_adapt.estimators import (
     residual,
 )
 from kohonen_adapt.estimators.residual_at_points import HIGHER_SCALES, Facets
+from kohonen_adapt.geometry.plane.arc_refinement import refined_on_arcs
 from kohonen_adapt.magnetostatics.equations.around_axis import AroundAxis
 from kohonen_adapt.magnetostatics.equations.conditions import (
     Boundaries,
@@ -34,7 +35,6 @@ from kohonen_adapt.magnetostatics.solution import dual_of, richer_solution
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.isoparametric import refined
 from kohonen_adapt.mesh.measures import gradient, inner_points
-from kohonen_adapt.outline.rounding import refined_on_arcs
 from kohonen_adapt.problem.outputs import Output
 
 __all__ = ["RESIDUAL_SCALE", "better_values", "energy_indicators", "error_of_goal", "goal_indicators"]

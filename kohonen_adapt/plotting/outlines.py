@@ -15,12 +15,12 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.display import counted, in_unit
+from kohonen_adapt.geometry.plane.curves import Curve
+from kohonen_adapt.geometry.plane.facets import constrained_facets
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.plane.outline import Outline
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.mesh.motions import Pair
-from kohonen_adapt.outline.curves import Curve
-from kohonen_adapt.outline.facets import constrained_facets
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.outline import Outline
-from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.plotting.drawing import COLOURS, set_axes
 
 __all__ = ["plot_outlines"]

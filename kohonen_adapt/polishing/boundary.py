@@ -10,11 +10,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.kernels.arrays import Modes, Points, Reference
 from kohonen_adapt.mesh.near_axis import kinds_at_axis
 from kohonen_adapt.mesh.polynomials import TrialFunction, by_points, fields_at, local_coefficients, trace_columns
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.chains import on_chains
 from kohonen_adapt.problem.functional_value import elements_by_rule, flux_on, source_on, value_on
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.robin import facet_terms, robin_value

@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.geometry.plane.chains import on_chains
+from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.chains import on_chains
-from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = ["hold_unpaired", "line_of_chains", "nodes_of_chains", "signs_of_chains"]

@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.triangle.descend import HALVINGS, OVERSTEP, ROUNDING
+from kohonen_adapt.geometry.plane.chains import on_chains
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.plane.parameters import parameters_of, signed_distances
 from kohonen_adapt.kernels.triangle.geometry import FLAT
+from kohonen_adapt.kernels.triangle.polish.descend import HALVINGS, OVERSTEP, ROUNDING
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.outline.chains import on_chains
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.parameters import parameters_of, signed_distances
 from kohonen_adapt.polishing.chords import CENTROID, Slivers, segment_areas
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import independent

@@ -6,14 +6,15 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask, padded
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.plane.surgery import Surgery
+from kohonen_adapt.geometry.recycled import Recycled
 from kohonen_adapt.kernels.arrays import HELD, Modes, Offers, OpenMesh, SurgeryScratch
 from kohonen_adapt.kernels.threads import even_cuts, shared
-from kohonen_adapt.kernels.triangle.descend_higher import Descents
-from kohonen_adapt.kernels.triangle.energy_recycle import exchange, weigh_collapses, weigh_splits
-from kohonen_adapt.kernels.triangle.energy_recycle_higher import exchange_higher, weigh_higher
+from kohonen_adapt.kernels.triangle.polish.descend_higher import Descents
+from kohonen_adapt.kernels.triangle.polish.energy_recycle import exchange, weigh_collapses, weigh_splits
+from kohonen_adapt.kernels.triangle.polish.energy_recycle_higher import exchange_higher, weigh_higher
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.surgery import Recycled, Surgery
 from kohonen_adapt.polishing.elements import min_per_thread, shapes_of
 from kohonen_adapt.polishing.functional import Functional
 

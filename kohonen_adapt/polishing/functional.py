@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.geometry.plane.chains import on_chains
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.kernels.arrays import (
     FREE,
     HELD,
@@ -18,9 +21,6 @@ from kohonen_adapt.kernels.arrays import (
 )
 from kohonen_adapt.mesh.polynomials import TrialFunction, local_coefficients, modes_of
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.chains import on_chains
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.outline import Outline
 from kohonen_adapt.polishing.boundary import BoundaryTerms
 from kohonen_adapt.polishing.chain_values import (
     hold_unpaired,
@@ -30,8 +30,14 @@ from kohonen_adapt.polishing.chain_values import (
 )
 from kohonen_adapt.polishing.chords import Chords
 from kohonen_adapt.polishing.elements import expanded, kinds_of, steepest, with_source, without_modes
-from kohonen_adapt.polishing.energy_tables import Tables
-from kohonen_adapt.polishing.regions import LINEAR, VariesInside, constants_of, laws_of_regions, numbers_of_regions
+from kohonen_adapt.polishing.energy_tables import (
+    LINEAR,
+    Tables,
+    VariesInside,
+    constants_of,
+    laws_of_regions,
+    numbers_of_regions,
+)
 from kohonen_adapt.polishing.stationarity import check_in_plane
 from kohonen_adapt.problem.functional_value import reference_of, value_on
 from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of

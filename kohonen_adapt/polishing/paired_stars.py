@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.plane.pairs import sliding_pairs
 from kohonen_adapt.kernels.arrays import (
     CENTRE_X,
     CONSTANTS,
@@ -30,8 +32,6 @@ from kohonen_adapt.kernels.arrays import (
     Trials,
 )
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.pairs import sliding_pairs
 
 __all__ = ["Descending", "Freedom", "Patch", "descend_pairs", "independent", "set_partners"]
 

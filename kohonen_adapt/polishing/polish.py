@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.recycled import Recycled
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.surgery import Recycled
 from kohonen_adapt.polishing.curve_nodes import descend_curves
 from kohonen_adapt.polishing.energy_recycling import Exchange, recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional

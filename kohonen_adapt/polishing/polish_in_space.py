@@ -6,15 +6,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, padded
+from kohonen_adapt.geometry.recycled import Recycled
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.geometry.space.open_solid import OpenSolid
+from kohonen_adapt.geometry.space.parts import Parts
 from kohonen_adapt.kernels.arrays import Neurons
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints, Freedom, Trial
 from kohonen_adapt.kernels.tetrahedron.descend import descend_nodes
 from kohonen_adapt.kernels.threads import Nodes
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.outline.movable_solid import MovableSolid
-from kohonen_adapt.outline.open_solid import OpenSolid
-from kohonen_adapt.outline.parts import Parts
-from kohonen_adapt.outline.surgery import Recycled
 from kohonen_adapt.polishing.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.surgery_in_space import recycle_in_space, swap_in_space
 from kohonen_adapt.problem.protocol import Problem

@@ -3,11 +3,11 @@
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.arrays import ROUND, SLIDING
 from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, gradients
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.polishing.regions import constants_of
+from kohonen_adapt.polishing.energy_tables import constants_of
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_at, source_at
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.arrays import Laws
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,
@@ -22,10 +23,8 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
-from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.polishing.curved_faces import CurvedFaces
-from kohonen_adapt.polishing.energy_tables import Tables
-from kohonen_adapt.polishing.regions import constants_of, laws_of_regions, numbers_of_regions
+from kohonen_adapt.polishing.energy_tables import Tables, constants_of, laws_of_regions, numbers_of_regions
 from kohonen_adapt.polishing.stationarity import check_in_space
 from kohonen_adapt.polishing.surface_values import dirichlet_on
 from kohonen_adapt.problem.functional_value import loads_in_space, value_in_space

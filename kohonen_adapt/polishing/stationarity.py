@@ -10,11 +10,11 @@ from skfem import Mesh, MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed, point_text
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.plane.pairs import sliding_pairs
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.polynomials import TrialFunction, facets_of_sides, local_coefficients, trace_columns
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.pairs import sliding_pairs
 from kohonen_adapt.polishing.boundary import BoundaryTerms, sides_on
 from kohonen_adapt.problem.derivatives import Derivatives, derivatives_in_space, derivatives_on
 from kohonen_adapt.problem.ritz import Ritz

@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Mask
+from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.arrays import HELD, Constraints
 from kohonen_adapt.kernels.ordering import along_curve, mark_interior, parts_along
 from kohonen_adapt.kernels.threads import even_cuts, shared, shared_in_parts
-from kohonen_adapt.kernels.triangle.descend import descend_nodes
-from kohonen_adapt.kernels.triangle.descend_higher import Descents
-from kohonen_adapt.kernels.triangle.flip_higher import descend_flips_higher
-from kohonen_adapt.kernels.triangle.flip_linear import descend_flips
-from kohonen_adapt.kernels.triangle.sweep_higher import descend_nodes_higher
+from kohonen_adapt.kernels.triangle.polish.descend import descend_nodes
+from kohonen_adapt.kernels.triangle.polish.descend_higher import Descents
+from kohonen_adapt.kernels.triangle.polish.flip_higher import descend_flips_higher
+from kohonen_adapt.kernels.triangle.polish.flip_linear import descend_flips
+from kohonen_adapt.kernels.triangle.polish.sweep_higher import descend_nodes_higher
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.polishing.elements import UNKNOWNS, min_per_thread, shapes_of
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import Descending, Freedom, Patch, descend_pairs, set_partners

@@ -3,6 +3,8 @@
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.geometry.plane.chains import on_chains
+from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING, Modes
 from kohonen_adapt.kernels.triangle.locate import barycentric
 from kohonen_adapt.mesh.adjacency import parts_of_regions
@@ -18,11 +20,9 @@ from kohonen_adapt.mesh.polynomials import (
     set_sides,
 )
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.chains import on_chains
-from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.polishing.elements import kinds_of, without_modes
+from kohonen_adapt.polishing.energy_tables import first_of_regions
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.regions import first_of_regions
 
 __all__ = ["transferred"]
 

@@ -4,13 +4,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE
 from kohonen_adapt.kernels.tetrahedron.locate import barycentric
 from kohonen_adapt.mesh.adjacency import parts_of_regions
 from kohonen_adapt.mesh.locate import walk_to_elements
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
-from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.polishing.solid_functional import SolidFunctional
 
 __all__ = ["transferred_in_space"]

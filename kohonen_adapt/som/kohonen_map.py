@@ -8,16 +8,16 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.geometry.plane.curves import Curve
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
 from kohonen_adapt.mesh.locate import Locator, as_rows, find_elements
 from kohonen_adapt.mesh.motions import Pair
-from kohonen_adapt.outline.curves import Curve
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.movable_solid import MovableSolid
-from kohonen_adapt.outline.rules import LeastQuality, Pinned, Rules
-from kohonen_adapt.outline.surfaces import Surface
 from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.map_method import map_method_of
 from kohonen_adapt.som.schedule import Schedule, check_training

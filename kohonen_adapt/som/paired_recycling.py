@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.geometry.plane.parameters import parameters_of, signed_distances
 from kohonen_adapt.kernels.arrays import SLIDING, OpenMesh
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.surgery import (
@@ -21,7 +22,6 @@ from kohonen_adapt.kernels.triangle.surgery import (
     midpoint,
     split,
 )
-from kohonen_adapt.outline.parameters import parameters_of, signed_distances
 
 __all__ = ["recycle_pairs"]
 

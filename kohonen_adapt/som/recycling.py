@@ -7,14 +7,15 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.plane.surgery import Surgery
+from kohonen_adapt.geometry.recycled import Recycled, unchanged
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.arrays import OpenMesh
 from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.triangle.connectivity import spread_starts
 from kohonen_adapt.kernels.triangle.recycle import fill_heaps, recycle
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.movable_solid import MovableSolid
-from kohonen_adapt.outline.surgery import Recycled, Surgery, unchanged
 from kohonen_adapt.som.paired_recycling import recycle_pairs
 
 __all__ = ["recycle_nodes", "starts_in_space", "starts_of"]

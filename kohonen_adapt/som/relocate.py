@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.plane.numbering import numbered_along_curve
+from kohonen_adapt.geometry.recycled import Recycled, unchanged
 from kohonen_adapt.kernels.arrays import Elements
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.numbering import numbered_along_curve
-from kohonen_adapt.outline.surgery import Recycled, unchanged
 from kohonen_adapt.som.moved import Moved, why_still
 from kohonen_adapt.som.recycling import recycle_nodes, starts_of
 from kohonen_adapt.som.schedule import Schedule, most_doublings

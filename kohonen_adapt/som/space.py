@@ -7,16 +7,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.geometry.recycled import Recycled
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.geometry.space.open_solid import OpenSolid
+from kohonen_adapt.geometry.space.parts import Parts
 from kohonen_adapt.kernels.arrays import Neurons
 from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints
 from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
 from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
 from kohonen_adapt.kernels.threads import Nodes
-from kohonen_adapt.outline.movable_solid import MovableSolid
-from kohonen_adapt.outline.open_solid import OpenSolid
-from kohonen_adapt.outline.parts import Parts
-from kohonen_adapt.outline.surgery import Recycled
 from kohonen_adapt.som.density_in_space import DensityInSpace, density_in_space
 from kohonen_adapt.som.moved import Moved, why_still
 from kohonen_adapt.som.recycling import starts_in_space

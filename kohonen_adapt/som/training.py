@@ -15,14 +15,14 @@ from math import ceil
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.geometry.space.open_solid import swap_elements
 from kohonen_adapt.kernels.arrays import Lesson, Neurons, SearchScratch
 from kohonen_adapt.kernels.ordering import along_curve, shuffle, sort_into_tiles
 from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
 from kohonen_adapt.kernels.triangle.search import STRETCH
 from kohonen_adapt.kernels.triangle.smooth import sweep
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.movable_solid import MovableSolid
-from kohonen_adapt.outline.open_solid import swap_elements
 from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.map_method import MapMethod, map_method_of
 from kohonen_adapt.som.schedule import Schedule, Stage

@@ -23,6 +23,8 @@ from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.plane.pairs import sliding_pairs
 from kohonen_adapt.kernels.arrays import PAIRED, STRAIGHT, Constraints
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
 from kohonen_adapt.kernels.triangle.transport import (
@@ -41,8 +43,6 @@ from kohonen_adapt.kernels.triangle.transport import (
     sum_weights,
 )
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.pairs import sliding_pairs
 from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.poisson import potential
 

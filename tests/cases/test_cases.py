@@ -13,10 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kohonen_adapt.cases import case_of, fitting_mesh, read_case
+from kohonen_adapt.geometry.plane.curves import Arc, Line
+from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.io import write_mesh
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table
-from kohonen_adapt.outline.curves import Arc, Line
-from kohonen_adapt.outline.spline import Spline
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -12,8 +12,8 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt.commands import main as cli
 from kohonen_adapt.commands.check import faults, thin_parts
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.rules import Rules
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

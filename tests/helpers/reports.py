@@ -6,9 +6,9 @@ import numpy as np
 from skfem import MeshTri
 
 from helpers.mesh_files import two_boxes
+from kohonen_adapt.geometry.space.surfaces import Plane
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.outline.surfaces import Plane
 from kohonen_adapt.report import write_report
 
 CUT = Plane((0.5, 0.4, 0.4), (0.0, 1.0, 0.0))

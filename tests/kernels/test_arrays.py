@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from helpers.meshes import square
 
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels import arrays
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
 
 ROW = re.compile(r"^    (\w+): np\.ndarray  # \(([^)]+)\)(?: (int8|int32|int64|bool)\b)?", re.MULTILINE)
 NO_ARRAYS = {

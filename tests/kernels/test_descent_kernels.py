@@ -8,15 +8,15 @@ from helpers.meshes import generic_square, inset, junction, perturbed, square
 from hypothesis import given
 from hypothesis import strategies as st
 
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.triangle import descend as kernels
-from kohonen_adapt.kernels.triangle.descend import LEAST_CURVATURE, OVERSTEP, derivatives, quadratic
 from kohonen_adapt.kernels.triangle.flip import flip_edge
-from kohonen_adapt.kernels.triangle.flip_linear import descend_flips, gain_of_flip
+from kohonen_adapt.kernels.triangle.polish import descend as kernels
+from kohonen_adapt.kernels.triangle.polish.descend import LEAST_CURVATURE, OVERSTEP, derivatives, quadratic
+from kohonen_adapt.kernels.triangle.polish.flip_linear import descend_flips, gain_of_flip
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.problem.ritz import Ritz

@@ -6,6 +6,8 @@ from helpers.slow_solids import SlowSolidMap, canonical_winner, distance_to_simp
 from helpers.solids import box, l_shape, two_regions, volumes
 from skfem import MeshTet
 
+from kohonen_adapt.geometry.rules import Rules
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels import ordering
 from kohonen_adapt.kernels.arrays import Lesson, Neurons, SearchScratch
 from kohonen_adapt.kernels.numba.compilation import interpreted
@@ -24,8 +26,6 @@ from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star
 from kohonen_adapt.kernels.tetrahedron.search import find_winners, squared_distance_to_face
 from kohonen_adapt.kernels.tetrahedron.stars import mark_interior, mark_valid
 from kohonen_adapt.kernels.tetrahedron.train import draw_points, learn
-from kohonen_adapt.outline.movable_solid import MovableSolid
-from kohonen_adapt.outline.rules import Rules
 
 
 class Map:

@@ -7,11 +7,11 @@ from helpers.meshes import comb, generic_square, holed, inset, junction, l_shape
 from skfem import MeshTri
 
 from kohonen_adapt import Rules, Schedule, Stage
+from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.arrays import Neurons, SearchScratch
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.search import find_winner, find_winners
 from kohonen_adapt.mesh.locate import Locator
-from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.training import Trainer
 

@@ -6,11 +6,11 @@ import pytest
 from helpers.stand_ins import MESH, Script, adapt, script_of
 
 import kohonen_adapt as ka
+from kohonen_adapt.geometry.plane.movable import MovableMesh, shown
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.settings import ONLY_ENDS, Settings, fingerprint
 from kohonen_adapt.loop.table import pass_figures, table_columns
-from kohonen_adapt.outline.movable import MovableMesh, shown
 
 
 def plain(result):

@@ -13,11 +13,11 @@ from skfem import MeshTri
 
 from kohonen_adapt import plotting
 from kohonen_adapt.display import divided, divisions_of, lattice
+from kohonen_adapt.geometry.plane.curves import Arc, Line
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.magnetostatics import Arctan, Table
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.outline.curves import Arc, Line
 
 
 def two_regions(levels=3):

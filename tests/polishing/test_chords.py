@@ -8,10 +8,10 @@ from helpers.meshes import circle, shells
 from skfem import Basis, ElementTriP1, MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.arrays import SLIDING
 from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material, radial
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polishing.curve_nodes import Stars
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value

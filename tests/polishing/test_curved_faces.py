@@ -10,13 +10,13 @@ from skfem import MeshTet
 import kohonen_adapt as ka
 from benchmarks.problems.magnets_in_space import nested_balls
 from kohonen_adapt import Rules
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.arrays import Neurons
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, Constraints
 from kohonen_adapt.kernels.tetrahedron.descend import with_slivers
 from kohonen_adapt.kernels.tetrahedron.surfaces import slid
 from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Material
-from kohonen_adapt.outline.movable_solid import MovableSolid
 from kohonen_adapt.polishing.polish_in_space import Descent
 from kohonen_adapt.polishing.solid_functional import SolidFunctional
 from kohonen_adapt.problem.functional_value import functional_value

@@ -11,11 +11,12 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.plane.surgery import Surgery
+from kohonen_adapt.geometry.recycled import unchanged
 from kohonen_adapt.kernels.arrays import HELD, SLIDING
 from kohonen_adapt.magnetostatics import Brauer, Froehlich
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.surgery import Surgery, unchanged
 from kohonen_adapt.polishing.energy_recycling import compute_gains, make_judge, offers_of, recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from skfem import MeshTri
 
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.polishing.elements import without_modes
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.sweeps import Higher, Linear

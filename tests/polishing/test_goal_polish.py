@@ -15,12 +15,12 @@ from skfem.models import laplace, unit_load
 import kohonen_adapt as ka
 from benchmarks.problems.patch_mean import PatchMeanOfOrder, PolishedPatchMeanOfOrder, patched_mesh
 from kohonen_adapt.estimators import residual
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.recycled import unchanged
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.arrays import FREE, SLIDING
-from kohonen_adapt.kernels.triangle.sweep_higher import descend_nodes_higher
+from kohonen_adapt.kernels.triangle.polish.sweep_higher import descend_nodes_higher
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
-from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend_and_recycle

@@ -9,13 +9,14 @@ import kohonen_adapt as ka
 from benchmarks.problems.l_shape import l_shaped_mesh
 from benchmarks.problems.orders import problem
 from benchmarks.problems.square_magnet import magnet_mesh
-from kohonen_adapt.kernels.triangle.descend_higher import Descents
-from kohonen_adapt.kernels.triangle.energy_recycle_higher import weigh_higher
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.plane.surgery import Surgery
+from kohonen_adapt.geometry.recycled import unchanged
+from kohonen_adapt.geometry.rules import Rules
+from kohonen_adapt.kernels.triangle.polish.descend_higher import Descents
+from kohonen_adapt.kernels.triangle.polish.energy_recycle_higher import weigh_higher
 from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
 from kohonen_adapt.mesh.polynomials import count_unknowns, evaluated, local_coefficients, modes_of
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
-from kohonen_adapt.outline.surgery import Surgery, unchanged
 from kohonen_adapt.polishing.energy_recycling import compute_gains, make_judge, offers_of, recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend

@@ -13,22 +13,22 @@ from hypothesis import strategies as st
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING, Laws
 from kohonen_adapt.kernels.nonlinear import stored
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.triangle import descend as kernels
-from kohonen_adapt.kernels.triangle.descend import (
+from kohonen_adapt.kernels.triangle.flip import flip_edge
+from kohonen_adapt.kernels.triangle.polish import descend as kernels
+from kohonen_adapt.kernels.triangle.polish.descend import (
     LEAST_CURVATURE,
     OVERSTEP,
     derivatives,
     parabola,
 )
-from kohonen_adapt.kernels.triangle.flip import flip_edge
-from kohonen_adapt.kernels.triangle.flip_linear import descend_flips, gain_of_flip
+from kohonen_adapt.kernels.triangle.polish.flip_linear import descend_flips, gain_of_flip
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table, radial
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polishing.energy_tables import tabulated
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value

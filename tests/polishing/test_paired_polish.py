@@ -9,12 +9,12 @@ from helpers.meshes import apart, disk, perturbed, ring, square
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.recycled import unchanged
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.arrays import HELD, SLIDING
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.polynomials import count_unknowns
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
-from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import Freedom, descend_pairs, set_partners

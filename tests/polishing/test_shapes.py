@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 
+from kohonen_adapt.geometry.plane.midsides import LEAST
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.recycled import unchanged
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, FREE, PLACE, SLIDING, VALUE
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.triangle import descend_higher as kernels
+from kohonen_adapt.kernels.triangle.polish import descend_higher as kernels
 from kohonen_adapt.mesh.curved import jacobian_coefficients
-from kohonen_adapt.outline.isoparametric import LEAST
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
-from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend

@@ -7,10 +7,10 @@ import pytest
 from helpers.meshes import circle, disk, shells
 
 import kohonen_adapt as ka
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.polishing.slivers import longest_on_arcs, shift_per_area
 
 CIRCLES = np.array([1.0, 5.0, 10.0, 40.0])  # radii: the magnet is between the second and the third

@@ -14,13 +14,13 @@ from skfem import MeshTet
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.arrays import padded
+from kohonen_adapt.geometry.recycled import unchanged
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, SOURCE_24TH
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES
 from kohonen_adapt.magnetostatics import Froehlich
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.outline.movable_solid import MovableSolid
-from kohonen_adapt.outline.open_solid import OpenSolid
-from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing import surgery_in_space
 from kohonen_adapt.polishing.polish_in_space import Descent, descend_and_recycle_in_space
 from kohonen_adapt.polishing.solid_functional import SolidFunctional

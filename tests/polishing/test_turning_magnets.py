@@ -9,18 +9,18 @@ from helpers.meshes import generic_square, inset, perturbed
 from helpers.tensor_meshes import disk
 
 import kohonen_adapt as ka
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.recycled import unchanged
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.arrays import FREE
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.triangle.descend import derivatives, descend_nodes, quadratic
 from kohonen_adapt.kernels.triangle.flip import flip_edge
-from kohonen_adapt.kernels.triangle.flip_linear import gain_of_flip
+from kohonen_adapt.kernels.triangle.polish.descend import derivatives, descend_nodes, quadratic
+from kohonen_adapt.kernels.triangle.polish.flip_linear import gain_of_flip
 from kohonen_adapt.magnetostatics import Froehlich, Magnetostatics, Material, halbach, radial
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.measures import area, inner_points
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
-from kohonen_adapt.outline.surgery import unchanged
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value

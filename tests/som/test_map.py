@@ -10,10 +10,10 @@ from helpers.processes import output_with
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Rules, Schedule, Stage
+from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.ordering import mark_interior, shuffle, sort_into_tiles
 from kohonen_adapt.kernels.triangle.smooth import RELAXATION
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import density_of
 

@@ -9,9 +9,9 @@ from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.arrays import SLIDING
-from kohonen_adapt.outline.movable import MovableMesh
-from kohonen_adapt.outline.rules import Rules
 from kohonen_adapt.som.recycling import recycle_nodes
 
 LINES = {"left": (0, 0), "right": (0, 1), "low": (1, 0), "top": (1, 1)}

@@ -13,8 +13,8 @@ from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt import Schedule, Stage
+from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.som.recycling import recycle_nodes
 from kohonen_adapt.som.training_points import density_of
 

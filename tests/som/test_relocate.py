@@ -28,8 +28,8 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from benchmarks.problems.l_shape import LShape, l_shaped_mesh
 from kohonen_adapt import Rules, Schedule, Stage
+from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.som.relocate import doublings_for, move
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import density_of

@@ -25,6 +25,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Rules, Schedule
+from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.arrays import FREE, HELD
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.ordering import along_curve
@@ -38,7 +39,6 @@ from kohonen_adapt.kernels.triangle.transport import (
     sum_weights,
 )
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.outline.movable import MovableMesh
 from kohonen_adapt.som.poisson import potential
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import density_of

@@ -1,6 +1,6 @@
 """Recycling by energy on tetrahedra, with splits and collapses in pairs.
 
-As in `kernels/triangle/energy_recycle.py`, the gain of a split is the decrease of the functional at the best
+As in `kernels/triangle/polish/energy_recycle.py`, the gain of a split is the decrease of the functional at the best
 value of the new node, and the cost of a collapse is the increase of the functional around the node, with all
 other values fixed. On tetrahedra every pair is evaluated again before the exchange, because almost every
 exchange changes the gains of other pairs.

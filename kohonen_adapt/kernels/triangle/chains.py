@@ -31,6 +31,7 @@ from kohonen_adapt.kernels.arrays import (
     TABLED,
 )
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.geometry import may_move
 
 BISECTIONS = 45  # of a span between knots, one bit of the nearest point each
 
@@ -277,3 +278,30 @@ def farthest_from_facets(position, elements, constraints):
             if distance > farthest:
                 farthest, which = distance, c
     return farthest, which
+
+
+@inner_kernel
+def slide(position, elements, star, constraints, v, parameter, floor):
+    chains, chain = constraints.chains, np.int64(constraints.chain[v, OWN])
+    x, y = point_at(chains, chain, parameter)
+    if not within_reach(position, elements, star, chains, chain, v, x, y):
+        return False
+    if not may_move(position, star, v, x, y, floor):
+        return False
+    position[v, 0], position[v, 1], constraints.parameter[v] = x, y, parameter
+    return True
+
+
+@inner_kernel
+def slide_pair(position, elements, star, constraints, v, parameter, floor):
+    w, before = np.int64(constraints.periodic.partner[v]), constraints.parameter[v]
+    before_x, before_y = position[v, 0], position[v, 1]
+    # The star of the partner depends on the node where the mesh is a single element wide, so the node moves first.
+    if not slide(position, elements, star, constraints, v, parameter, floor):
+        return False
+    x, y = point_at(constraints.chains, np.int64(constraints.chain[w, OWN]), parameter)
+    if not may_move(position, star, w, x, y, floor):
+        position[v, 0], position[v, 1], constraints.parameter[v] = before_x, before_y, before
+        return False
+    position[w, 0], position[w, 1], constraints.parameter[w] = x, y, parameter
+    return True

@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import OWN, UNGUARDED
+from kohonen_adapt.kernels.arrays import UNGUARDED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.triangle.chains import point_at, within_reach
 
 SQRT12 = 2.0 * math.sqrt(3.0)
 FLAT = 1e-12  # minimum quality above rounding, required of every move and flip whatever the floor
@@ -115,33 +114,6 @@ def may_move(position, star, v, x, y, floor):
         return False
     worst = worst_in_star(position, star, v, x, y)
     return worst > FLAT and worst >= worst_in_star(position, star, v, position[v, 0], position[v, 1])
-
-
-@inner_kernel
-def slide(position, elements, star, constraints, v, parameter, floor):
-    chains, chain = constraints.chains, np.int64(constraints.chain[v, OWN])
-    x, y = point_at(chains, chain, parameter)
-    if not within_reach(position, elements, star, chains, chain, v, x, y):
-        return False
-    if not may_move(position, star, v, x, y, floor):
-        return False
-    position[v, 0], position[v, 1], constraints.parameter[v] = x, y, parameter
-    return True
-
-
-@inner_kernel
-def slide_pair(position, elements, star, constraints, v, parameter, floor):
-    w, before = np.int64(constraints.periodic.partner[v]), constraints.parameter[v]
-    before_x, before_y = position[v, 0], position[v, 1]
-    # The star of the partner depends on the node where the mesh is a single element wide, so the node moves first.
-    if not slide(position, elements, star, constraints, v, parameter, floor):
-        return False
-    x, y = point_at(constraints.chains, np.int64(constraints.chain[w, OWN]), parameter)
-    if not may_move(position, star, w, x, y, floor):
-        position[v, 0], position[v, 1], constraints.parameter[v] = before_x, before_y, before
-        return False
-    position[w, 0], position[w, 1], constraints.parameter[w] = x, y, parameter
-    return True
 
 
 @kernel

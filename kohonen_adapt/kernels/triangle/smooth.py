@@ -11,9 +11,15 @@ import numpy as np
 from kohonen_adapt.kernels.arrays import FREE, HELD, OWN, PAIRED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.numba.records import record
-from kohonen_adapt.kernels.triangle.chains import advanced_parameter, nearest_parameter, signed_distance
+from kohonen_adapt.kernels.triangle.chains import (
+    advanced_parameter,
+    nearest_parameter,
+    signed_distance,
+    slide,
+    slide_pair,
+)
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
-from kohonen_adapt.kernels.triangle.geometry import may_move, slide, slide_pair
+from kohonen_adapt.kernels.triangle.geometry import may_move
 from kohonen_adapt.kernels.triangle.locate import TOLERANCE, WALK, least_barycentric, side_of_edge, walk
 from kohonen_adapt.kernels.triangle.search import STRETCH, nearer
 

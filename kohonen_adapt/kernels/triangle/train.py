@@ -16,17 +16,12 @@ from kohonen_adapt.kernels.triangle.chains import (
     parameter_of,
     point_at,
     signed_distance,
+    slide,
+    slide_pair,
     within_reach,
 )
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
-from kohonen_adapt.kernels.triangle.geometry import (
-    allowed,
-    may_move,
-    slide,
-    slide_pair,
-    star_tolerable,
-    worst_in_star,
-)
+from kohonen_adapt.kernels.triangle.geometry import allowed, may_move, star_tolerable, worst_in_star
 from kohonen_adapt.kernels.triangle.search import next_stamp
 
 

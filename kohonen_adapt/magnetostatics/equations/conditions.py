@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.geometry.plane.pairs import Unmatched, image_nodes
 from kohonen_adapt.magnetostatics.equations.elements import Placed
 from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
@@ -17,8 +18,6 @@ from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.names import named, named_sets, nodes_of_points
-from kohonen_adapt.outline.matching import Unmatched
-from kohonen_adapt.outline.pairs import image_nodes
 
 __all__ = ["Boundaries", "Conditions", "Value", "circle_of", "conditions_of", "fixed_values", "ties_of"]
 

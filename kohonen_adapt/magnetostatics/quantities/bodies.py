@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike
 from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.geometry.plane.curves import Arc
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.names import named, named_sets
-from kohonen_adapt.outline.curves import Arc
 
 __all__ = [
     "Cut",

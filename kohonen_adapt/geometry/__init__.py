@@ -1,0 +1,1 @@
+"""Constraints on the nodes of boundaries, interfaces, curves and surfaces."""

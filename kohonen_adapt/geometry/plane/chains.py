@@ -1,0 +1,229 @@
+"""Tables of the curve segments on which nodes slide.
+
+A curve segment (`chain`) is a part of a boundary or interface between two corners: a line, an arc or a cubic spline.
+"""
+
+import logging
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.geometry.plane.curves import NEAR, Arc, Curve, Line, projected, size_of
+from kohonen_adapt.geometry.plane.cutting import FEWEST_FACETS, lengths_and_angles
+from kohonen_adapt.geometry.plane.polylines import BY_MIDSIDES, Polylines, Segments, nodes_of
+from kohonen_adapt.kernels.arrays import AT, AT_X, AT_Y, RATE_X, RATE_Y, ROUND, STRAIGHT, TABLED, Chains
+
+logger = logging.getLogger("kohonen_adapt")
+
+__all__ = ["chains_of", "curve_of_facets", "on_chains", "on_lines_and_arcs", "pair_chains"]
+
+MAX_TURN = np.deg2rad(30.0)  # maximum turn of the tangent along a facet
+FACETS = 5  # minimum number of facets of an arc that can be recognised again; FEWEST_FACETS for a coarse arc
+LONGEST = 1.5  # maximum facet of a coarse arc that is user-defined or has midside nodes, relative to the mean facet
+SAMPLES = (8, 512)  # samples of a curve per facet, at first and at most
+POSITION, DERIVATIVE = slice(AT_X, AT_Y + 1), slice(RATE_X, RATE_Y + 1)  # columns of knots
+SPANS = 4  # spans of a table between a corner node and a midside node
+MOST_SHIFT = 0.25  # maximum offset of a midside node along the chord, relative to it: a larger one inverts the element
+FINE = 1e-10  # maximum distance of a spline from its curve, relative to the size of the curve
+
+
+def curve_of_facets(sides: Mapping[str, Ints], count: int, curves: Mapping[str, Curve], kind: str = "curve") -> Ints:
+    """Return the index in `curves` of the shape of every facet, -1 for none, (f,)."""
+    found, names = np.full(count, -1), list(curves)
+    for number, name in enumerate(names):
+        on = sides[name] > 0
+        twice = on & (found >= 0)
+        if twice.any():
+            other = names[found[np.flatnonzero(twice)[0]]]
+            raise ValueError(
+                f"boundaries {other!r} and {name!r} share facets, so they cannot both have a {kind}; leave one out."
+            )
+        found[on] = number
+    return found
+
+
+def on_lines_and_arcs(curve: Ints, curves: Mapping[str, Curve]) -> Mask:
+    smooth = np.array([*(isinstance(shape, Arc | Line) for shape in curves.values()), False])
+    return smooth[np.maximum(curve, -1)]
+
+
+def chains_of(
+    position: Floats, polylines: Polylines, segments: Segments, curves: Mapping[str, Curve], offset: Floats
+) -> Chains:
+    """Return the table of curve segments, one row for each row of `segments`."""
+    count = len(segments.rows)
+    longest, even, angle = (np.empty(count) for _ in range(3))
+    lengths_and_angles(position, polylines.node, segments.rows, segments.circle, longest, even, angle)
+    table = straight_table(position[polylines.node[segments.first]], position[polylines.node[segments.last]])
+    set_arcs(table, segments, angle, longest)
+    knots = [table.knot] * count
+    for p in np.flatnonzero(segments.curve >= 0).tolist():
+        name, shape = list(curves.items())[segments.curve[p]]
+        nodes = nodes_of(position, polylines.node, segments, p)
+        if isinstance(shape, Line):
+            set_line(table, p, projected(shape, nodes[[0, -1]], name))
+        elif not isinstance(shape, Arc):
+            knots[p] = spline_knots(shape, nodes, bool(segments.closed[p]), name)
+            set_spline(table, p, knots[p], bool(segments.closed[p]), longest[p])
+    for p in np.flatnonzero((segments.curve == BY_MIDSIDES) & ~segments.is_round).tolist():
+        rows = polylines.facet[segments.first[p] : segments.last[p]]
+        knots[p] = knots_through(
+            nodes_of(position, polylines.node, segments, p), offset[rows], bool(segments.closed[p])
+        )
+        set_spline(table, p, knots[p], bool(segments.closed[p]), longest[p])
+    curved = table.shape != STRAIGHT
+    table.even[curved] = even[curved]
+    log_arcs(table, segments)
+    row = np.append(0, np.cumsum([len(rows) for rows in knots])).astype(np.int32)
+    return table._replace(row=row, knot=np.concatenate([table.knot, *knots]))
+
+
+def straight_table(start: Floats, end: Floats) -> Chains:
+    chord = end - start
+    length = np.sqrt(np.sum(chord**2, axis=1))
+    with np.errstate(invalid="ignore"):  # the chord of a closed segment is 0; its direction is set later
+        direction = chord / length[:, None]
+    table = Chains.of(len(start))
+    table.origin[:], table.direction[:], table.length[:] = start, direction, length
+    table.reach[:] = table.merged[:] = table.even[:] = np.inf
+    return table
+
+
+def set_arcs(table: Chains, segments: Segments, angle: Floats, longest: Floats) -> None:
+    is_round = segments.is_round
+    centre, radius, angle = segments.circle[is_round, :2], segments.circle[is_round, 2], angle[is_round]
+    out = table.origin[is_round] - centre
+    distance = np.sqrt(np.sum(out**2, axis=1))
+    out /= distance[:, None]
+    sense = np.sign(angle)
+    table.shape[is_round] = ROUND
+    table.closed[is_round] = segments.closed[is_round]
+    table.origin[is_round] = centre + radius[:, None] * out
+    table.direction[is_round] = sense[:, None] * np.stack([-out[:, 1], out[:, 0]], axis=1)
+    table.curvature[is_round] = sense / radius
+    full = np.where(table.closed[is_round], 2.0 * np.pi, np.abs(angle))
+    table.length[is_round] = radius * full
+    coarse = np.clip(LONGEST * full / segments.facets[is_round], MAX_TURN, 0.5 * np.pi)
+    # arcs defined by the user or by midside nodes need not be recognised again
+    fewest = np.where(segments.facets[is_round] < FACETS, FEWEST_FACETS, FACETS)
+    widest = np.where(segments.curve[is_round] != -1, coarse, np.minimum(MAX_TURN, full / fewest))
+    table.reach[is_round] = 2.0 * radius * np.sin(0.5 * widest)
+    table.merged[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(0.5 * MAX_TURN, full / fewest))
+    chord = np.maximum(table.reach, longest)[is_round]
+    table.sagitta[is_round] = chord**2 / (4.0 * radius) + NEAR * radius  # at least twice the sagitta
+
+
+def set_line(table: Chains, p: int, ends: Floats) -> None:
+    chord = ends[1] - ends[0]
+    table.origin[p], table.length[p] = ends[0], np.sqrt(np.sum(chord**2))
+    table.direction[p] = chord / table.length[p]
+
+
+def set_spline(table: Chains, p: int, knots: Floats, closed: bool, longest: float) -> None:
+    table.shape[p], table.closed[p] = TABLED, closed
+    table.origin[p], table.length[p] = knots[0, POSITION], knots[-1, AT]
+    table.direction[p] = knots[0, DERIVATIVE] / np.sqrt(np.sum(knots[0, DERIVATIVE] ** 2))
+    radius = least_radius(knots)
+    reach = max(longest, 2.0 * radius * np.sin(0.5 * MAX_TURN))
+    sagitta = min(longest, reach * (reach / (4.0 * radius))) if radius < np.inf else 0.0
+    table.reach[p], table.merged[p] = reach, 0.5 * reach
+    table.sagitta[p] = sagitta + NEAR * size_of(knots[:, POSITION])
+
+
+def cross(u: Floats, w: Floats) -> Floats:
+    return u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
+
+
+def spline_knots(curve: Curve, nodes: Floats, closed: bool, name: str) -> Floats:
+    """Return knots (k, 5) of a cubic spline within `FINE` of a user-defined curve."""
+    samples, most = SAMPLES
+    found = project_facets(curve, nodes, np.arange(samples) / samples, name)
+    end = found[0, :1] if closed else projected(curve, nodes[-1:], name)
+    while True:
+        points = np.concatenate([found.reshape(-1, 2), end])
+        steps = np.sqrt(np.sum(np.diff(points, axis=0) ** 2, axis=1))
+        if not np.all(steps > 0.0):
+            raise ValueError(
+                f"project of the curve of boundary {name!r} must tell its points apart; it has a corner. "
+                "Name what is on either side of it apart."
+            )
+        parameter = np.append(0.0, np.cumsum(steps))
+        spline = CubicSpline(parameter, points, bc_type="periodic" if closed else "not-a-knot")
+        middle = spline(0.5 * (parameter[1:] + parameter[:-1]))
+        distance = np.max(np.abs(projected(curve, middle, name) - middle))
+        if distance <= FINE * size_of(nodes) or 2 * samples > most:
+            return np.column_stack([parameter, points, spline(parameter, 1)])
+        samples *= 2
+        between = project_facets(curve, nodes, np.arange(1, samples, 2) / samples, name)
+        found = np.stack([found, between], axis=2).reshape(len(found), samples, 2)
+
+
+def project_facets(curve: Curve, nodes: Floats, fraction: Floats, name: str) -> Floats:
+    points = nodes[:-1, None] + fraction[:, None] * np.diff(nodes, axis=0)[:, None]
+    return projected(curve, points.reshape(-1, 2), name).reshape(points.shape)
+
+
+def knots_through(nodes: Floats, offset: Floats, closed: bool) -> Floats:
+    """Return knots (s, 5) of a cubic spline through corner and midside nodes.
+
+    The parameter is the chord length, shifted inside every facet by a smooth function so that the midside node has the
+    mean parameter of the two corners, where `isoparametric` places midside nodes later.
+    """
+    points = np.empty((2 * len(nodes) - 1, 2))
+    points[::2], points[1::2] = nodes, 0.5 * (nodes[:-1] + nodes[1:]) + offset
+    if closed:
+        points[-1] = points[0]
+    length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+    spline = CubicSpline(length, points, bc_type="periodic" if closed else "not-a-knot")
+    start, middle, end = (rows[:, None] for rows in (length[:-1:2], length[1::2], length[2::2]))
+    fraction = np.arange(2 * SPANS) / SPANS
+    along = np.where(fraction <= 1.0, start + fraction * (middle - start), middle + (fraction - 1.0) * (end - middle))
+    local, most = (along - start) / (end - start), MOST_SHIFT * (end - start)
+    shift = np.clip(0.5 * (start + end) - middle, -most, most) / bump((middle - start) / (end - start))[0]
+    value, slope = bump(local)
+    parameter, rate = along + shift * value, 1.0 + shift * slope / (end - start)
+    return np.vstack(
+        [
+            np.column_stack([parameter.ravel(), spline(along.ravel()), spline(along.ravel(), 1) / rate.reshape(-1, 1)]),
+            np.concatenate([length[-1:], points[-1], spline(length[-1], 1)]),
+        ]
+    )
+
+
+def bump(fraction: Floats) -> tuple[Floats, Floats]:
+    """Return b(s) = 16 s^2 (1 - s)^2 and its derivative, s from 0 to 1."""
+    rest = 1.0 - fraction
+    return 16.0 * (fraction * rest) ** 2, 32.0 * fraction * rest * (rest - fraction)
+
+
+def least_radius(knots: Floats) -> float:
+    rate = knots[:, DERIVATIVE]
+    turn = np.abs(np.arctan2(cross(rate[:-1], rate[1:]), np.sum(rate[:-1] * rate[1:], axis=1)))
+    curvature = np.max(turn / np.diff(knots[:, AT]))
+    return float(1.0 / curvature) if curvature > 0.0 else np.inf
+
+
+def log_arcs(table: Chains, segments: Segments) -> None:
+    for p in np.flatnonzero((table.shape == ROUND) & (segments.curve < 0)):
+        x, y, radius = segments.circle[p]
+        count = segments.facets[p] + (0 if table.closed[p] else 1)
+        kind = "a circle" if table.closed[p] else f"an arc of {np.rad2deg(table.length[p] / radius):.4g} degrees"
+        logger.debug("recognised %s of radius %.6g about (%.6g, %.6g), %d nodes", kind, radius, x, y, count)
+
+
+def pair_chains(table: Chains, mate: Ints, motion: Ints, motions: Floats) -> None:
+    table.paired[:] = mate >= 0
+    first = np.flatnonzero((mate >= 0) & (motion % 2 == 0))
+    image, step = mate[first], motions[motion[first]]
+    turn, shift = step[:, :, :2], step[:, :, 2]
+    table.origin[image] = np.einsum("cij,cj->ci", turn, table.origin[first]) + shift
+    table.direction[image] = np.einsum("cij,cj->ci", turn, table.direction[first])
+    for array in (table.length, table.curvature, table.reach, table.merged, table.sagitta, table.even):
+        array[image] = array[first]
+    table.curvature[image] *= np.sign(np.linalg.det(turn))  # a reflection changes the sign of the curvature
+
+
+def on_chains(chain: Ints, chains: Mask) -> Mask:
+    return (chain >= 0) & chains[chain]

@@ -1,0 +1,206 @@
+"""Triangle mesh as arrays, with the constraints on its nodes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Floats
+from kohonen_adapt.checks import check_state
+from kohonen_adapt.geometry.plane.facets import facet_of_edge
+from kohonen_adapt.geometry.plane.layers import set_levels
+from kohonen_adapt.geometry.plane.midsides import offsets_on_curves
+from kohonen_adapt.geometry.plane.outline import Outline
+from kohonen_adapt.geometry.rules import Rules, check_for, floor_of
+from kohonen_adapt.kernels.arrays import HELD, JUNCTION, Constraints, Elements, Neurons
+from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
+from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_non_delaunay
+from kohonen_adapt.mesh.curved import facet_midside_offsets, is_second_order, with_midside_offsets
+from kohonen_adapt.mesh.triangulation import Triangulation
+
+__all__ = ["BY_ELEMENT", "STATE_NAMES", "MovableMesh", "Work", "shown", "with_state"]
+
+FLIPS = 2_000_000  # per compiled call, so that Ctrl-C takes effect within half a second
+
+# The arrays that change when nodes move: (m, ...) by element, the others (n, ...) by node.
+BY_ELEMENT = ("elements.node", "elements.neighbour", "elements.region", "elements.chain")
+STATE_NAMES = (
+    *("position", "pinned", *BY_ELEMENT, "elements.level", "twins.partner", "twins.motion"),
+    *("constraints.kind", "constraints.chain", "constraints.parameter", "constraints.inner"),
+)
+
+
+def shown(title: str, form: str) -> dict[str, str]:
+    return {"title": title, "form": form}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    """Figures of one relocation, documented in `Pass`."""
+
+    quantization_errors: tuple[float, ...] = field(default=(), repr=False)
+    max_displacement: float = 0.0
+    moved: int = 0
+    why_still: str = ""
+    polish_gain: float = field(default=0.0, metadata=shown("gain of polish", "#.2g"))
+    splits: int = field(default=0, metadata=shown("splits", "d"))
+    collapses: int = field(default=0, metadata=shown("collapses", "d"))
+
+
+@dataclass
+class MovableMesh:
+    """Triangle mesh as arrays, with the constraints on its nodes.
+
+    The Kohonen map, recycling, transport and the polish change the arrays in place.
+
+    Attributes
+    ----------
+    triangulation
+        Nodes and elements, with the levels that preserve layers.
+    outline
+        Constraints on the nodes of boundaries and interfaces, and the boundary names.
+    floor
+        Minimum quality after a change, or the worst quality before the change if that is lower.
+    flips
+        True if edges may flip.
+    curved
+        True if `mesh` returns a `MeshTri2`: curved sides are requested, and a boundary or interface is curved.
+    """
+
+    triangulation: Triangulation
+    outline: Outline
+    floor: float
+    flips: bool
+    curved: bool = False
+
+    @classmethod
+    def of(cls, mesh: MeshTri, rules: Rules, curved: bool | None = None) -> "MovableMesh":
+        """Return a mesh as arrays with the constraints of `rules`.
+
+        `curved` requests curved sides in the output; None requests them if the input is a `MeshTri2`. Curved sides that
+        are on no boundary or interface are straightened.
+        """
+        check_for(rules, 2)
+        triangulation = Triangulation.of(mesh)
+        second_order = is_second_order(mesh)
+        outline = Outline.of(triangulation, rules, facet_midside_offsets(mesh) if second_order else None)
+        set_levels(triangulation, outline.constraints, rules.layers)
+        floor = floor_of(rules, 2)
+        curved_output = (second_order if curved is None else curved) and not outline.straight.all()
+        return cls(triangulation, outline, floor, rules.flips, curved_output)
+
+    @property
+    def nnodes(self) -> int:
+        return self.triangulation.nnodes
+
+    @property
+    def constraints(self) -> Constraints:
+        return self.outline.constraints
+
+    @property
+    def tessellation(self) -> Triangulation:
+        return self.triangulation
+
+    def neurons(self) -> Neurons:
+        tri = self.triangulation
+        return Neurons(tri.position, tri.elements, tri.star, self.constraints)
+
+    @property
+    def input_mesh(self) -> MeshTri:
+        return self.triangulation.mesh
+
+    def mesh(self) -> MeshTri:
+        mesh = self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)
+        if not self.curved:
+            return mesh
+        facet, offset = facet_of_edge(mesh, self.triangulation.elements.node), np.zeros((2, mesh.facets.shape[1]))
+        offset[:, facet] = np.moveaxis(self.midside_offsets(), 2, 0)
+        return with_midside_offsets(mesh, offset)
+
+    def start(self) -> MeshTri:
+        return self.mesh() if self.curved else self.input_mesh
+
+    def midside_offsets(self) -> Floats:
+        """Return the midside offsets of all sides, (m, 3, 2), 0 unless `curved`."""
+        if not self.curved:
+            return np.zeros((*self.triangulation.elements.node.shape, 2))
+        return offsets_on_curves(self.triangulation, self.constraints)
+
+    def copy(self) -> "MovableMesh":
+        return replace(self, triangulation=self.triangulation.copy(), outline=self.outline.copy())
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays that change when nodes move, by name."""
+        records = {
+            "elements": self.triangulation.elements,
+            "constraints": self.constraints,
+            "twins": self.constraints.periodic,
+        }
+        named = {name: name.split(".") for name in STATE_NAMES if "." in name}
+        arrays = {name: getattr(records[record], array) for name, (record, array) in named.items()}
+        return {"position": self.triangulation.position, "pinned": self.outline.pinned, **arrays}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        self._check_state(state)
+        self.set_arrays({name: state[name].copy() for name in STATE_NAMES})
+
+    def set_arrays(self, state: Mapping[str, NDArray[Any]]) -> None:
+        tri = self.triangulation
+        elements, self.outline.constraints = with_state(tri.elements, self.constraints, state)
+        tri.set_arrays(state["position"], elements)
+        self.outline.pinned = state["pinned"]
+
+    def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+        n, m = (len(state.get(name, ())) for name in ("position", "elements.node"))
+        chains, motions = len(self.constraints.chains.length), len(self.constraints.periodic.motions)
+        ranges = {
+            "elements.node": (0, n),
+            "elements.neighbour": (-1, m),
+            "elements.region": (0, len(self.triangulation.elements.layered)),
+            "elements.chain": (-1, chains),
+            "constraints.chain": (JUNCTION, chains),
+            "twins.partner": (-1, n),
+            "twins.motion": (-1, motions),
+        }
+        rows = {name: m if name in BY_ELEMENT else n for name in STATE_NAMES}
+        check_state(self.state(), state, rows, ranges)
+
+    def project_nodes(self) -> None:
+        self.outline.project_nodes(self.triangulation, self.floor)
+
+    def flip(self) -> int:
+        if not self.flips:
+            return 0
+        tri, m = self.triangulation, len(self.triangulation.elements.node)
+        doubtful, stack, waiting = np.empty(m, dtype=np.bool_), np.empty(m, dtype=np.int32), np.zeros(m, dtype=np.bool_)
+
+        def mark(thread: int, first: int, last: int) -> None:
+            mark_non_delaunay(tri.position, tri.elements, first, last, doubtful)
+
+        total, flips = 0, FLIPS
+        while flips >= FLIPS:
+            shared(mark, even_cuts(m, LIGHT))
+            flips = flip_edges(tri.position, tri.elements, self.floor, doubtful, stack, waiting, FLIPS)
+            total += flips
+            if flips:
+                tri.refill_star()
+        return total
+
+    def sagitta(self) -> float:
+        return 0.0 if self.curved else self.outline.sagitta(self.triangulation)
+
+    def can_move(self) -> bool:
+        return bool(np.any(self.constraints.kind != HELD))
+
+
+def with_state(
+    elements: Elements, constraints: Constraints, state: Mapping[str, NDArray[Any]]
+) -> tuple[Elements, Constraints]:
+    def arrays(record: str) -> dict[str, Any]:
+        return {name.removeprefix(record): array for name, array in state.items() if name.startswith(record)}
+
+    periodic = constraints.periodic._replace(**arrays("twins."))
+    return elements._replace(**arrays("elements.")), constraints._replace(periodic=periodic, **arrays("constraints."))

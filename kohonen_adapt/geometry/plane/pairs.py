@@ -1,0 +1,314 @@
+"""Periodic pairs of boundaries: the rigid motion that matches both, and the matched nodes."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.geometry.plane.facets import Facets, constrained_facets
+from kohonen_adapt.geometry.rules import checked_pairs
+from kohonen_adapt.kernels.arrays import SLIDING, Constraints
+from kohonen_adapt.mesh.motions import Motion, Pair, inverse, is_proper, motion_of, moved
+from kohonen_adapt.mesh.triangulation import Triangulation
+
+__all__ = ["Match", "Pairs", "Sides", "Unmatched", "find_pairs", "image_nodes", "matched", "sliding_pairs"]
+
+MATCH = 1e-8  # maximum distance of a paired node from its partner's image, relative to the size of the mesh
+PROBES = 8  # number of nodes that are tried first if many motions are to be tried
+SHOWN = 3  # maximum number of motions that are proposed
+ENOUGH = 16  # number of fitting motions after which none is expected to continue the mesh
+MIRROR = np.diag([-1.0, 1.0])
+
+
+class Unmatched(ValueError):
+    """Error for two boundaries whose nodes do not match."""
+
+
+class Sides(NamedTuple):
+    """Two boundaries of a periodic pair."""
+
+    names: tuple[str, str]
+    position: Floats  # (2, n)
+    facets: tuple[Ints, Ints]  # (k, 2) each: nodes, counter-clockwise around the elements
+    size: float  # largest extent of the mesh
+
+    @property
+    def nodes(self) -> tuple[Ints, Ints]:
+        one, other = (np.unique(facets) for facets in self.facets)
+        return one, other
+
+    @property
+    def near(self) -> float:
+        return MATCH * self.size
+
+    def sentence(self, verb: str) -> str:
+        return f"periodic boundaries {self.names[0]!r} and {self.names[1]!r} {verb}"
+
+
+class Match(NamedTuple):
+    """Nodes of the first boundary and their images under a motion."""
+
+    motion: Floats  # [A | b]
+    nodes: Ints  # (k,) nodes of the first boundary
+    images: Ints  # (k,) nodes of the second boundary, nearest to the images of the first
+    distance: float  # largest distance between `images` and the images of `nodes`
+    continues: bool  # True if the moved mesh lies on the other side of the second boundary
+    fault: str  # why a motion that matches nodes is not suitable; empty if suitable
+
+
+def matched(sides: Sides, named: Motion | None) -> Match:
+    """Return the match by the motion `named`, or by the only suitable motion.
+
+    A suitable motion is a translation or rotation that maps nodes to nodes and facets to facets, and the mesh to the
+    other side of the second boundary. Raises ValueError if several are suitable or none is.
+    """
+    one, other = (len(nodes) for nodes in sides.nodes)
+    if one != other:
+        raise ValueError(
+            f"{sides.sentence('must have as many nodes')}; they have {one} and {other}. Mesh them as a pair (Gmsh: "
+            "Periodic Curve)."
+        )
+    if named is None:
+        return only_suitable(sides)
+    match = match_by(sides, named.matrix)
+    if match.distance > sides.near:
+        raise Unmatched(unmatched_message(sides, repr(named), f"it leaves one {match.distance:.6g} off"))
+    if match.fault:
+        raise ValueError(f"{sides.sentence('do not fit')} by {named!r}: {match.fault}")
+    return match
+
+
+def only_suitable(sides: Sides) -> Match:
+    tried = first_matches(matches_by_angle(sides, mirrored=False), sides.near)
+    suitable = [match for match in tried if match.distance <= sides.near and match.continues and not match.fault]
+    if len(suitable) == 1:
+        return suitable[0]
+    if suitable:
+        raise ValueError(
+            f"{sides.sentence('fit')} by more than one motion, and each gives another field. "
+            f"{proposal(sides, motions_of(sides, suitable))}"
+        )
+    raise refusal(sides, tried)
+
+
+def first_matches(matches: Iterator[Match], near: float) -> list[Match]:
+    found, fitting, suitable = list[Match](), 0, 0
+    for match in matches:
+        found.append(match)
+        fits = match.distance <= near and not match.fault
+        fitting, suitable = fitting + fits, suitable + (fits and match.continues)
+        if suitable == SHOWN or fitting == ENOUGH:
+            break
+    return found
+
+
+def refusal(sides: Sides, tried: Sequence[Match]) -> ValueError:
+    fitting = [match for match in tried if match.distance <= sides.near]
+    overlapping = motions_of(sides, [match for match in fitting if not match.fault])
+    mirrored = [
+        match for match in matches_by_angle(sides, mirrored=True) if match.distance <= sides.near and not match.fault
+    ]
+    reflections = motions_of(sides, mirrored)
+    if overlapping:
+        return ValueError(
+            f"{sides.sentence('fit')} by a motion, but the mesh does not go on there: once moved it lies on the same "
+            f"side of {sides.names[1]!r}. The two may be one nevertheless, as those of a disc and its Kelvin disc are. "
+            f"{proposal(sides, [*reflections[:1], *overlapping[:1]])}"
+        )
+    if fitting:
+        return ValueError(f"{sides.sentence('do not fit')}: {fitting[0].fault}")
+    if reflections:
+        return ValueError(
+            f"{sides.sentence('fit')} by a reflection, which is not guessed. {proposal(sides, reflections)}"
+        )
+    least = min(match.distance for match in tried)
+    return Unmatched(unmatched_message(sides, "a translation or rotation", f"the nearest is {least:.6g} off"))
+
+
+def unmatched_message(sides: Sides, motion: str, found: str) -> str:
+    one, other = sides.names
+    return (
+        f"{motion} must carry the nodes of boundary {one!r} to those of {other!r}, within {MATCH:g} of the size of the "
+        f"mesh; {found}. Mesh them as a pair (Gmsh: Periodic Curve)."
+    )
+
+
+def motions_of(sides: Sides, matches: Sequence[Match]) -> list[Motion]:
+    return [motion for match in matches if (motion := motion_of(match.motion, sides.size))]
+
+
+def proposal(sides: Sides, motions: Sequence[Motion]) -> str:
+    first, *others = (f"kohonen_adapt.{motion!r}" for motion in motions)
+    rest = "".join(f", or {motion}" for motion in others)
+    kind, (one, other) = type(motions[0]).__name__.lower(), sides.names
+    keys = ", ".join(f"{key} = {list(x) if isinstance(x, tuple) else x}" for key, x in vars(motions[0]).items())
+    return (
+        f"Name the motion that is meant as the third entry of the pair, for instance ({one!r}, {other!r}, {first})"
+        f'{rest}; in a case ["{one}", "{other}", {{motion = "{kind}", {keys}}}].'
+    )
+
+
+def matches_by_angle(sides: Sides, mirrored: bool) -> Iterator[Match]:
+    motions = candidates(sides, mirrored)
+    if mirrored:
+        motions = [motion for motion in motions if motion_of(motion, sides.size)] or motions[:1]
+    nodes, others = sides.nodes
+    tree, probes = KDTree(sides.position[:, others].T), sides.position[:, nodes[:: max(1, len(nodes) // PROBES)]]
+    distance = np.array([tree.query(moved(motion, probes).T)[0].max() for motion in motions])
+    near_matches = np.flatnonzero(distance <= max(sides.near, distance.min()))
+    angle = np.abs([np.arctan2(motions[k][1, 0], motions[k][0, 0]) for k in near_matches])
+    for k in near_matches[np.argsort(np.round(angle, 9), kind="stable")]:
+        yield match_by(sides, motions[k])
+
+
+def candidates(sides: Sides, mirrored: bool) -> list[Floats]:
+    points, targets = (sides.position[:, nodes] for nodes in sides.nodes)
+    if mirrored:
+        points = MIRROR @ points
+    ends = farthest(points)
+    middle, target_centre = points.mean(axis=1, keepdims=True), targets.mean(axis=1, keepdims=True)
+    radius, slack = np.hypot(*(targets - target_centre)), 4.0 * sides.near
+    first, second = (np.flatnonzero(np.abs(radius - r) <= slack) for r in np.hypot(*(ends - middle)))
+    apart, found = np.hypot(*(ends[:, 1] - ends[:, 0])), list[Floats]()
+    for q in first:
+        distance = np.hypot(*(targets[:, second] - targets[:, [q]])) - apart
+        found += [rigid_motion(ends, targets[:, [q, w]]) for w in second[np.abs(distance) <= slack]]
+    if not found:
+        aims = farthest(targets)
+        found = [rigid_motion(ends, aims), rigid_motion(ends, aims[:, ::-1])]
+    return [np.column_stack([each[:, :2] @ MIRROR, each[:, 2]]) for each in found] if mirrored else found
+
+
+def match_by(sides: Sides, motion: Floats) -> Match:
+    nodes, others = sides.nodes
+    distance, at = KDTree(sides.position[:, others].T).query(moved(motion, sides.position[:, nodes]).T)
+    images, (one, other) = others[at], sides.names
+    against, along = senses(sides, nodes, images)
+    fault = ""
+    if len(np.unique(at)) < len(at):
+        twice = at[np.setdiff1d(np.arange(len(at)), np.unique(at, return_index=True)[1])[0]]
+        fault = (
+            f"two nodes of {one!r} come to lie on one of {other!r}, at {position_text(sides, others[twice])}. Merge "
+            "nodes that are in one place, or name the two sides of a slit apart."
+        )
+    elif not np.all(against | along) or len(sides.facets[0]) != len(sides.facets[1]):
+        fault = (
+            f"the nodes of {one!r} come to lie on those of {other!r}, but not all facets on facets: of "
+            f"{len(against)} {np.sum(against | along)} do, of {len(sides.facets[1])}. Name all facets on both sides."
+        )
+    elif not (against.all() or along.all()):
+        fault = (
+            f"the mesh goes on beyond {np.sum(against)} facets of {other!r} and lies on the same side of "
+            f"{np.sum(along)}. Name parts apart that are one another's image by different motions."
+        )
+    return Match(motion, nodes, images, float(distance.max()), bool(against.all()) == is_proper(motion), fault)
+
+
+def senses(sides: Sides, nodes: Ints, images: Ints) -> tuple[Mask, Mask]:
+    count = sides.position.shape[1]
+    image = np.full(count, -1, dtype=np.int64)
+    image[nodes] = images
+    start, end = image[sides.facets[0]].T
+    first, second = sides.facets[1].T.astype(np.int64)
+    return np.isin(end * count + start, first * count + second), np.isin(start * count + end, first * count + second)
+
+
+def position_text(sides: Sides, node: int) -> str:
+    x, y = sides.position[:, node]
+    return f"({x:.6g}, {y:.6g})"
+
+
+def farthest(points: Floats) -> Floats:
+    first = np.argmax(np.sum((points - points.mean(axis=1, keepdims=True)) ** 2, axis=0))
+    second = np.argmax(np.sum((points - points[:, [first]]) ** 2, axis=0))
+    return points[:, [first, second]]
+
+
+def rigid_motion(points: Floats, targets: Floats) -> Floats:
+    (ux, uy), (wx, wy) = points[:, 1] - points[:, 0], targets[:, 1] - targets[:, 0]
+    cosine, sine = ux * wx + uy * wy, ux * wy - uy * wx
+    length = np.hypot(cosine, sine)
+    cosine, sine = cosine / length, sine / length
+    if abs(sine) < MATCH and cosine > 0.0:
+        cosine, sine = 1.0, 0.0
+    turn = np.array([[cosine, -sine], [sine, cosine]])
+    return np.column_stack([turn, (targets - turn @ points).mean(axis=1)])
+
+
+class Pairs(NamedTuple):
+    """Partners of nodes and facets on periodic boundaries."""
+
+    partner: NDArray[np.int32]  # (n,) partner of the node, -1 for none
+    motion: NDArray[np.int32]  # (n,) index of the motion onto the partner, -1 for none
+    motions: Floats  # (k, 2, 3) motions [A | b], each followed by its inverse
+    continues: Mask  # (k,) True if the moved mesh continues the mesh, False if both overlap
+    facet: Ints  # (f,) partner of the facet, -1 for none
+    facet_motion: Ints  # (f,) index of the motion onto the partner, -1 for none
+
+
+def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[Pair]) -> Pairs:
+    n = triangulation.nnodes
+    partner, motion = np.full(n, -1, dtype=np.int32), np.full(n, -1, dtype=np.int32)
+    facet_motion, motions, continues = np.full(len(facets.element), -1), list[Floats](), list[bool]()
+    for one, other, named in checked_pairs(triangulation.mesh, periodic):
+        match = match_of(triangulation, facets, one, other, named)
+        moved = match.nodes != match.images
+        nodes, images = match.nodes[moved], match.images[moved]
+        for name, v, w, step in (
+            (one, nodes, images, match.motion),
+            (other, images, nodes, inverse(match.motion)),
+        ):
+            partner[v], motion[v] = w, len(motions)
+            facet_motion[facets.sides[name] > 0] = len(motions)
+            motions.append(step)
+            continues.append(match.continues)
+    partners = np.where(facet_motion >= 0, partner_facets(facets, partner), -1)
+    return Pairs(
+        partner, motion, np.array(motions).reshape(-1, 2, 3), np.array(continues, bool), partners, facet_motion
+    )
+
+
+def sliding_pairs(constraints: Constraints) -> tuple[Ints, Ints]:
+    periodic, slides = constraints.periodic, constraints.kind == SLIDING
+    node = np.flatnonzero(slides & (periodic.partner >= 0) & (periodic.motion % 2 == 0) & slides[periodic.partner])
+    return node, periodic.partner[node]
+
+
+def image_nodes(mesh: MeshTri, periodic: Sequence[Pair]) -> list[tuple[Ints, Ints]]:
+    triangulation = Triangulation.of(mesh)
+    facets = constrained_facets(triangulation)
+    matches = [match_of(triangulation, facets, *pair) for pair in checked_pairs(mesh, periodic)]
+    return [(match.nodes, match.images) for match in matches]
+
+
+def match_of(triangulation: Triangulation, facets: Facets, one: str, other: str, named: Motion | None) -> Match:
+    check_outer(triangulation, facets, one, other)
+    on_one, on_other = (facets.nodes[facets.sides[name] > 0] for name in (one, other))
+    position = triangulation.mesh.p
+    return matched(Sides((one, other), position, (on_one, on_other), np.max(np.ptp(position, axis=1))), named)
+
+
+def check_outer(triangulation: Triangulation, facets: Facets, *names: str) -> None:
+    inside = triangulation.elements.neighbour[facets.element, facets.corner] >= 0
+    for name in names:
+        on = facets.sides[name] > 0
+        if not on.any() or np.any(on & inside):
+            raise ValueError(
+                f"periodic boundary {name!r} must lie on the outer boundary of the mesh, all of it; "
+                f"{np.count_nonzero(on & inside)} of its {np.count_nonzero(on)} facets are inside."
+            )
+
+
+def partner_facets(facets: Facets, partner: Ints) -> Ints:
+    count = len(partner)
+    images = partner[facets.nodes].astype(np.int64)
+    key = facets.nodes.min(axis=1).astype(np.int64) * count + facets.nodes.max(axis=1)
+    wanted = np.where(np.all(images >= 0, axis=1), images.min(axis=1) * count + images.max(axis=1), -1)
+    order = np.argsort(key)
+    at = np.minimum(np.searchsorted(key[order], wanted), len(key) - 1)
+    found = order[at]
+    return np.where(key[found] == wanted, found, -1)

@@ -1,0 +1,1 @@
+"""Surfaces and constraints of tetrahedra."""

@@ -1,0 +1,234 @@
+"""Tetrahedral mesh as arrays, with the constraints on its nodes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTet
+from skfem.generic_utils import OrientedBoundary
+
+from kohonen_adapt.arrays import Ints, Mask
+from kohonen_adapt.checks import check_state, listed
+from kohonen_adapt.geometry.rules import Rules, check_for, checked_surfaces, floor_of, pinned_nodes
+from kohonen_adapt.geometry.space.faces import constrained_faces, edges_of, seams_of
+from kohonen_adapt.geometry.space.joining_faces import patches_of
+from kohonen_adapt.geometry.space.patches import Patches, on_their_patches
+from kohonen_adapt.geometry.space.projection import distances_from_faces, move_to_targets, projected_positions
+from kohonen_adapt.geometry.space.ridges import Ridges, freedom_of, ridges_of
+from kohonen_adapt.geometry.space.samples import samples_of
+from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.tetrahedron.arrays import (
+    HELD,
+    INSIDE,
+    ON_PATCH,
+    ON_RIDGE,
+    PLANE,
+    Constraints,
+    Freedom,
+    Samples,
+    Surfaces,
+)
+from kohonen_adapt.mesh.adjacency import write_on_both_sides
+from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.mesh.host import set_boundaries
+from kohonen_adapt.mesh.names import LEFT, named_sets, turned
+from kohonen_adapt.mesh.tetrahedralization import FACES, Tetrahedralization, facet_of_face
+
+__all__ = ["MovableSolid"]
+
+# The arrays that change when nodes move: (m, ...) by element, the others (n, ...) by node.
+BY_ELEMENT = ("tetrahedra.node", "tetrahedra.neighbour", "tetrahedra.region", "tetrahedra.patch")
+STATE_NAMES = ("position", *BY_ELEMENT, "freedom.number", "freedom.place", "freedom.pinned")
+
+
+@dataclass
+class MovableSolid:
+    """Tetrahedral mesh as arrays, with the constraints on its nodes.
+
+    The Kohonen map, recycling, transport and the polish change the arrays in place.
+
+    Attributes
+    ----------
+    tetrahedralization
+        Nodes and elements, with the patch of every constrained face.
+    surfaces
+        Positions of patches and ridges, constant.
+    freedom
+        Constraint of every node.
+    patches
+        Names and front of every patch.
+    floor
+        Minimum quality after a change, or the worst quality before the change if that is lower.
+    flips
+        True if elements may be swapped.
+    """
+
+    tetrahedralization: Tetrahedralization
+    surfaces: Surfaces
+    freedom: Freedom
+    patches: Patches
+    floor: float
+    flips: bool
+
+    @classmethod
+    def of(cls, mesh: MeshTet, rules: Rules, curved: bool | None = None) -> "MovableSolid":
+        check_for(rules, 3)
+        tet = Tetrahedralization.of(mesh)
+        pinned = pinned_nodes(mesh, rules.pinned)
+        faces = constrained_faces(tet)
+        edges = edges_of(faces, tet.nnodes)
+        surfaces = checked_surfaces(mesh, rules.surfaces)
+        patches = patches_of(faces, seams_of(faces, edges, tet.position), tet.position, surfaces)
+        ridges = ridges_of(edges, patches, on_their_patches(faces.nodes, patches, tet.position))
+        if curved and np.any(patches.shape != PLANE):
+            raise ValueError(
+                "curved of the problem must be False or None where surfaces of tetrahedra are curved, for their edges "
+                "are straight; got True."
+            )
+        elements = tet.elements
+        write_on_both_sides(elements.patch, elements.neighbour, faces.element, faces.corner, patches.of_face)
+        floor = floor_of(rules, 3)
+        freedom = freedom_of(faces, patches, ridges, pinned, tet.position)
+        there = surfaces_of(patches, ridges, samples_of(faces, patches, tet.position))
+        return cls(tet, there, freedom, patches, floor, rules.flips)
+
+    @property
+    def nnodes(self) -> int:
+        return self.tetrahedralization.nnodes
+
+    @property
+    def tessellation(self) -> Tetrahedralization:
+        return self.tetrahedralization
+
+    def neurons(self) -> Neurons:
+        tet = self.tetrahedralization
+        return Neurons(tet.position, tet.elements, tet.star, Constraints(self.freedom, self.surfaces, inner_nodes(tet)))
+
+    @property
+    def input_mesh(self) -> MeshTet:
+        return self.tetrahedralization.mesh
+
+    def mesh(self) -> MeshTet:
+        mesh = self.tetrahedralization.to_mesh()
+        if self.input_mesh.boundaries is not None:
+            facet = facet_of_face(mesh, self.tetrahedralization.elements.node[self.tetrahedralization.used])
+            set_boundaries(mesh, {name: self._boundary(mesh, facet, name) for name in self.patches.names})
+        return mesh
+
+    def start(self) -> MeshTet:
+        return self.input_mesh
+
+    def _boundary(self, mesh: MeshTet, facet: Ints, name: str) -> Ints:
+        tet, used = self.tetrahedralization, self.tetrahedralization.used
+        patch, manner = tet.elements.patch[used], self.patches.names[name]
+        e, k = np.nonzero((patch >= 0) & np.append(manner, 0)[patch].astype(bool))
+        number, first = np.unique(facet[e, k], return_index=True)
+        if not isinstance(self.input_mesh.boundaries[name], OrientedBoundary):
+            return number
+        e, k = e[first], k[first]
+        side = turned(manner[patch[e, k]], self.on_front(used[e], k))
+        return OrientedBoundary(number, (mesh.f2t[0, number] == e) != (side == LEFT))
+
+    def on_front(self, element: Ints, corner: Ints) -> Mask:
+        tet = self.tetrahedralization
+        patch = tet.elements.patch[element, corner]
+        nodes = np.take_along_axis(tet.elements.node[element], FACES[corner], axis=1)
+        found, rows = tet.elements.region[element] == self.patches.front[patch], self.patches.front[patch] < 0
+        centroids, out = tet.position[nodes[rows]].mean(axis=1), normals(tet.position, nodes[rows])
+        found[rows] = self.patches.sheet.faces_back(centroids, patch[rows], out)
+        return found
+
+    def copy(self) -> "MovableSolid":
+        freedom = Freedom(*(array.copy() for array in self.freedom))
+        return replace(self, tetrahedralization=self.tetrahedralization.copy(), freedom=freedom)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        records = {"tetrahedra": self.tetrahedralization.elements, "freedom": self.freedom}
+        named = {name: name.split(".") for name in STATE_NAMES if "." in name}
+        arrays = {name: getattr(records[record], array) for name, (record, array) in named.items()}
+        return {"position": self.tetrahedralization.position, **arrays}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        self._check_state(state)
+        self.set_arrays({name: state[name].copy() for name in STATE_NAMES})
+
+    def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+        n, m = (len(state.get(name, ())) for name in ("position", "tetrahedra.node"))
+        patches, ridges = len(self.surfaces.shape), len(self.surfaces.ridge_shape)
+        ranges = {
+            "tetrahedra.node": (-1, n),
+            "tetrahedra.neighbour": (-1, m),
+            "tetrahedra.region": (0, int(self.tetrahedralization.region_of_input.max()) + 1),
+            "tetrahedra.patch": (-1, patches),
+            "freedom.number": (HELD, INSIDE + 1),
+        }
+        rows = {name: m if name in BY_ELEMENT else n for name in STATE_NAMES}
+        check_state(self.state(), state, rows, ranges)
+        node, number, place = (state[name] for name in ("tetrahedra.node", "freedom.number", "freedom.place"))
+        if np.any(node[node[:, 0] >= 0] < 0):
+            raise ValueError("tetrahedra.node has elements without all of their corners")
+        for kind, count in ((ON_RIDGE, ridges), (ON_PATCH, patches)):
+            if np.any((number == kind) & ((place < 0) | (place >= count))):
+                raise ValueError(f"freedom.place has numbers from {place.min()} to {place.max()}")
+
+    def set_arrays(self, own: Mapping[str, NDArray[Any]]) -> None:
+        def arrays(record: str) -> dict[str, Any]:
+            return {name.removeprefix(record): array for name, array in own.items() if name.startswith(record)}
+
+        tet = self.tetrahedralization
+        tet.set_arrays(own["position"], tet.elements._replace(**arrays("tetrahedra.")))
+        self.freedom = self.freedom._replace(**arrays("freedom."))
+
+    def project_nodes(self) -> None:
+        tet = self.tetrahedralization
+        target = projected_positions(tet.position, self.surfaces, self.freedom, self.patches)
+        tet.position[:] = move_to_targets(tet.position, tet.elements, target, self.floor)
+
+    def sagitta(self) -> float:
+        tet = self.tetrahedralization
+        return float(distances_from_faces(tet.position, tet.elements, self.patches).max(initial=0.0))
+
+    def farthest_surface(self) -> str:
+        tet = self.tetrahedralization
+        p = np.argmax(distances_from_faces(tet.position, tet.elements, self.patches))
+        names = [name for name, manner in self.patches.names.items() if manner[p]]
+        if names:
+            return f"boundary {' + '.join(map(repr, names))}"
+        regions = set(tet.elements.region[np.any(tet.elements.patch == p, axis=1)].tolist())
+        found = named_sets(tet.mesh.subdomains).items()
+        names = [name for name, rows in found if regions & set(tet.region_of_input[rows].tolist())]
+        if names:
+            return listed(names)
+        e, k = np.argwhere(tet.elements.patch == p)[0]
+        x = tet.position[tet.elements.node[e, FACES[k]]].mean(axis=0)
+        return f"one without a name, with a face near ({', '.join(f'{place:.4g}' for place in x)})"
+
+    def can_move(self) -> bool:
+        return bool(np.any(self.freedom.number != HELD))
+
+
+def inner_nodes(tet: Tetrahedralization) -> Mask:
+    used = tet.used
+    node, region = tet.elements.node[used], tet.elements.region[used]
+    one = np.full(tet.nnodes, -1, dtype=np.int32)
+    one[node] = region[:, None]
+    inner = np.ones(tet.nnodes, dtype=np.bool_)
+    inner[node[one[node] != region[:, None]]] = False
+    return inner
+
+
+def surfaces_of(patches: Patches, ridges: Ridges, samples: Samples) -> Surfaces:
+    return Surfaces(
+        shape=patches.shape,
+        origin=patches.origin,
+        axis=patches.axis,
+        size=patches.size,
+        meets=ridges.meets,
+        ridge_shape=ridges.shape,
+        ridge_origin=ridges.origin,
+        ridge_axis=ridges.axis,
+        ridge_size=ridges.size,
+        samples=samples,
+    )

@@ -1,0 +1,175 @@
+"""Arrays of a tetrahedral mesh with spare rows for new nodes and elements."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kohonen_adapt.arrays import Floats, Ints, free_rows, padded, ranks
+from kohonen_adapt.geometry.space.movable_solid import BY_ELEMENT, MovableSolid
+from kohonen_adapt.geometry.space.parts import Parts, wait_in
+from kohonen_adapt.kernels.arrays import Pool
+from kohonen_adapt.kernels.ordering import along_curve
+from kohonen_adapt.kernels.tetrahedron.arrays import (
+    HELD,
+    MOST,
+    Cavity,
+    Freedom,
+    OpenTetrahedra,
+    Origins,
+    Queue,
+    Star,
+    Tetrahedra,
+)
+from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star, mark_non_manifold
+from kohonen_adapt.kernels.tetrahedron.surfaces import measure_sagittas
+from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
+
+__all__ = ["OpenSolid", "swap_elements"]
+
+PER_NODE = 7.5  # number of elements per node: meshes of good quality have 5 to 6.5
+GOOD = 0.7  # quality above which elements are not queued after nodes have moved; a tenth is worse
+ELEMENTS_PER_CALL = 50_000  # elements per compiled call, so that Ctrl-C takes effect within half a second
+
+# Values of unused rows; all other arrays have -1 there.
+UNUSED = {"position": 0.0, "freedom.number": HELD, "freedom.pinned": False}
+
+
+@dataclass(frozen=True)
+class OpenSolid:
+    """Arrays of a tetrahedral mesh with spare rows for new nodes and elements.
+
+    Attributes
+    ----------
+    state
+        Arrays by the names of `MovableSolid.state`.
+    mesh
+        The same arrays as a kernel record.
+    queue
+        Elements whose surroundings have changed since the last search for swaps.
+    """
+
+    state: dict[str, NDArray[Any]]
+    mesh: OpenTetrahedra
+    queue: Queue
+
+    @classmethod
+    def of(cls, movable: MovableSolid, density: Floats, target: int = 0) -> "OpenSolid":
+        """Copy the arrays of `movable`, with spare rows and all elements in the queue.
+
+        `density`, shape (nnodes,), is the wanted number of nodes per volume up to a factor.
+        """
+        n, node = movable.nnodes, movable.tetrahedralization.elements.node
+        rows = max(n, target) + 2
+        capacity = max(len(node) + len(node) // 4, int(PER_NODE * rows)) + 4 * MOST
+        state = {
+            name: padded(array, capacity if name in BY_ELEMENT else rows, UNUSED.get(name, -1))
+            for name, array in movable.state().items()
+        }
+        star = star_of(node, n)
+        first = star.element[star.start[:-1]]
+        fineness = padded(np.cbrt(density / density.max()), rows, 1.0)
+        numbers, start_element = padded(np.arange(n, dtype=np.int32), rows, -1), padded(first, rows, -1)
+        sagitta, non_manifold = np.zeros(len(movable.surfaces.shape)), np.zeros(rows, dtype=np.bool_)
+        used = np.count_nonzero(node[:, 0] >= 0)
+        empty = np.append(np.flatnonzero(node[:, 0] < 0)[::-1], free_rows(len(node), capacity)[: capacity - len(node)])
+        stack = np.empty(capacity, dtype=np.int32)
+        stack[: capacity - used] = np.sort(empty)[::-1]
+        height = np.array([rows - n, capacity - used], dtype=np.int64)
+        position, elements, freedom = records_of(state)
+        mesh = OpenTetrahedra(
+            position,
+            elements,
+            movable.surfaces,
+            freedom,
+            Pool(padded(first, rows, -1), free_rows(n, rows), stack, height),
+            Origins(fineness, numbers, start_element, non_manifold, sagitta),
+            Cavity.of(rows, capacity),
+        )
+        mark_non_manifold(mesh, star, non_manifold)
+        measure_sagittas(mesh, sagitta)
+        queue = Queue.of(capacity)
+        enter_worse(mesh, queue, 1.0)
+        return cls(state, mesh, queue)
+
+    def copy(self) -> "OpenSolid":
+        """Return an independent copy that shares scratch memory."""
+        state = {name: array.copy() for name, array in self.state.items()}
+        position, elements, freedom = records_of(state)
+        pool = Pool(*(array.copy() for array in self.mesh.pool))
+        origins = Origins(*(array.copy() for array in self.mesh.origins))
+        own = OpenTetrahedra(position, elements, self.mesh.surfaces, freedom, pool, origins, self.mesh.cavity)
+        return OpenSolid(state, own, Queue(*(array.copy() for array in self.queue)))
+
+    def swap(self) -> int:
+        return round(self.parts().work_off(self.queue, lambda *part: swap_waiting(*part, 1.0, ELEMENTS_PER_CALL)))
+
+    def queue_worse(self) -> None:
+        enter_worse(self.mesh, self.queue, GOOD**3)
+
+    def parts(self) -> Parts:
+        return Parts(self.mesh)
+
+    def star(self) -> Star:
+        return star_of(self.mesh.elements.node, len(self.mesh.position))
+
+    def nodes(self) -> Ints:
+        return np.flatnonzero(self.mesh.pool.anchor >= 0)
+
+    def elements(self) -> Ints:
+        return np.flatnonzero(self.mesh.elements.node[:, 0] >= 0)
+
+    def renumber(self) -> None:
+        mesh, queue, (nodes, elements) = self.mesh, self.queue, self.along_curve()
+        mesh.pool.height[:] = len(mesh.position) - len(nodes), len(queue.waiting) - len(elements)
+        wait_in(queue, np.flatnonzero(queue.waiting[elements]))
+        nodes = np.append(nodes, np.flatnonzero(mesh.pool.anchor < 0))
+        elements = np.append(elements, np.flatnonzero(mesh.elements.node[:, 0] < 0))
+        for name, array in self.state.items():
+            array[:] = array[elements if name in BY_ELEMENT else nodes]
+        origins = mesh.origins
+        for array in (origins.fineness, origins.old, origins.start_element, origins.non_manifold, mesh.pool.anchor):
+            array[:] = array[nodes]
+        for array, order in (
+            (mesh.elements.node, nodes),
+            (mesh.elements.neighbour, elements),
+            (mesh.pool.anchor, elements),
+        ):
+            array[:] = np.append(ranks(order, len(order)), np.int32(-1))[array]
+        for stack, height in zip((mesh.pool.free_nodes, mesh.pool.free_elements), mesh.pool.height, strict=True):
+            stack[:height] = free_rows(len(stack) - height, len(stack))[:height]
+
+    def along_curve(self) -> tuple[Ints, Ints]:
+        node, nodes_in_use, used = self.mesh.elements.node, self.nodes(), self.elements()
+        nodes_in_use = nodes_in_use[along_curve(self.mesh.position[nodes_in_use])]
+        first = ranks(nodes_in_use, len(self.mesh.position))[node[used]].min(axis=1)
+        return nodes_in_use, used[np.argsort(first, kind="stable")]
+
+    def write_back(self, movable: MovableSolid, renumbered: bool = False) -> Ints:
+        node, rows = self.mesh.elements.node, (self.nodes(), self.elements())
+        nodes_in_use, used = self.along_curve() if renumbered else rows
+        number, place = ranks(nodes_in_use, len(self.mesh.position)), np.append(ranks(used, len(node)), np.int32(-1))
+        state = {name: array[used if name in BY_ELEMENT else nodes_in_use] for name, array in self.state.items()}
+        nodes, across = BY_ELEMENT[:2]
+        state[nodes], state[across] = number[state[nodes]], place[state[across]]
+        movable.set_arrays(state)
+        return nodes_in_use
+
+
+def records_of(state: dict[str, NDArray[Any]]) -> tuple[Floats, Tetrahedra, Freedom]:
+    freedom = Freedom(state["freedom.number"], state["freedom.place"], state["freedom.pinned"])
+    return state["position"], Tetrahedra(*(state[name] for name in BY_ELEMENT)), freedom
+
+
+def swap_elements(movable: MovableSolid) -> None:
+    if movable.flips:
+        opened = OpenSolid.of(movable, np.ones(movable.nnodes))
+        opened.swap()
+        opened.write_back(movable)
+
+
+def star_of(node: NDArray[np.int32], nodes: int) -> Star:
+    star = Star.of(nodes, len(node))
+    fill_star(node, star)
+    return star

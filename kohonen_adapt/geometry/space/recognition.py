@@ -1,0 +1,171 @@
+"""Recognition of spheres and cylinders among constrained faces."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.geometry.plane.cutting import CLOSE, TURN
+from kohonen_adapt.geometry.space.surface_fit import Round, are_coaxial, round_of
+
+__all__ = ["Skin", "rounds_among"]
+
+SEEDS = (24, 96)  # number of faces around a seed to which a sphere or cylinder is fitted first
+TRIES = 64  # maximum number of seeds in a connected set of faces
+GROWTHS = 20  # maximum number of growth steps; growth ends when no face is added
+
+
+@dataclass(frozen=True)
+class Skin:
+    """Constrained faces, and the smooth seams between them.
+
+    Attributes
+    ----------
+    position
+        Positions of the nodes, shape (n, 3).
+    nodes
+        Nodes of the faces, shape (f, 3).
+    pairs
+        Faces on both sides of every seam, shape (j, 2).
+    turn
+        Angle between the faces in radians, below 35 degrees, shape (j,).
+    plane
+        Index of the plane part to which each face belongs, shape (f,).
+    """
+
+    position: Floats
+    nodes: Ints
+    pairs: Ints
+    turn: Floats
+    plane: Ints
+
+    def sets(self, faces: Mask) -> list[Ints]:
+        """Return the connected sets of faces that consist of several plane parts."""
+        count = len(self.nodes)
+        inside = self.pairs[faces[self.pairs].all(axis=1)]
+        label = connected_components(linked(inside, count), directed=False)[1]
+        rows = np.flatnonzero(faces)
+        planes = np.unique(np.stack([label[rows], self.plane[rows]]), axis=1)[0]
+        several = np.bincount(planes, minlength=count) > 1
+        rows = rows[several[label[rows]]]
+        order = np.argsort(label[rows], kind="stable")
+        parts = np.split(rows[order], np.flatnonzero(np.diff(label[rows][order])) + 1)
+        return sorted((part for part in parts if len(part)), key=lambda part: int(part[0]))
+
+    def proper_planes(self, faces: Ints) -> Mask:
+        """Return the mask (f,) of faces that lie in proper planes, among some faces.
+
+        A proper plane has a node around which all faces are coplanar. The plane strips of a cylinder have none.
+        """
+        among = np.zeros(len(self.nodes), dtype=bool)
+        among[faces] = True
+        seams = self.pairs[among[self.pairs].all(axis=1) & (self.turn > TURN)]
+        turning = np.zeros(len(self.position), dtype=bool)
+        for one, other in (seams.T, seams[:, ::-1].T):  # nodes of both faces are on the seam
+            for k in range(3):
+                on = np.any(self.nodes[one, k, None] == self.nodes[other], axis=1)
+                turning[self.nodes[one[on], k]] = True
+        calm = among & ~turning[self.nodes].all(axis=1)
+        proper = np.zeros(self.plane.max() + 1, dtype=bool)
+        proper[self.plane[calm]] = True
+        return among & proper[self.plane]
+
+
+def linked(pairs: Ints, count: int) -> csr_array:
+    one, other = np.concatenate([pairs, pairs[:, ::-1]]).T
+    return csr_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(count, count))
+
+
+def rounds_among(skin: Skin, faces: Mask) -> list[tuple[Ints, Round]]:
+    """Return the spheres and cylinders among faces (f,), each with its faces.
+
+    A cylinder with fewer than ten nodes, or with nodes at fewer than six angles around the axis, is kept only if
+    another cylinder has the same axis.
+    """
+    found = [each for part in skin.sets(faces) for each in rounds_of_set(skin, part)]
+    sure = [each for _, each in found if not each.is_coarse]
+    coarse = [each for _, each in found if each.is_coarse]
+
+    def is_one(number: int, each: Round) -> bool:
+        others = sure + coarse[:number] + coarse[number + 1 :]
+        return any(are_coaxial(each, other) for other in others)
+
+    accepted = {id(each) for number, each in enumerate(coarse) if is_one(number, each)} | set(map(id, sure))
+    return [(part, each) for part, each in found if id(each) in accepted]
+
+
+def rounds_of_set(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
+    whole = round_of(skin.position, skin.nodes[part])
+    if whole:
+        return [(part, whole)]
+    curved = np.zeros(len(skin.nodes), dtype=bool)
+    curved[part] = True
+    planes = skin.proper_planes(part)
+    if not planes.any():
+        return grown(skin, part)
+    found = []
+    for rest in skin.sets(curved & ~planes):
+        whole = round_of(skin.position, skin.nodes[rest])
+        found += [(rest, whole)] if whole else grown(skin, rest)
+    return found
+
+
+def grown(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
+    number = np.full(len(skin.nodes), -1)
+    number[part] = np.arange(len(part))
+    own = number[skin.pairs]
+    own = own[(own >= 0).all(axis=1)]
+    local = replace(skin, nodes=skin.nodes[part])
+    free, untried = (np.ones(len(part), dtype=bool) for _ in range(2))
+    found = []
+    for _ in range(TRIES):
+        seeds = np.flatnonzero(free & untried)
+        if not len(seeds):
+            break
+        seed = int(seeds[len(seeds) // 2])
+        graph = linked(own[free[own].all(axis=1)], len(part))
+        on, each = grown_from(local, graph, seed, free)
+        untried[seed] = False
+        if each is not None:
+            free[on] = False
+            found.append((part[on], each))
+    return found
+
+
+def grown_from(skin: Skin, graph: csr_array, seed: int, free: Mask) -> tuple[Ints, Round | None]:
+    order = breadth_first_order(graph, seed, directed=False, return_predecessors=False)
+    for count in SEEDS:
+        on = np.sort(order[:count])
+        each = round_of(skin.position, skin.nodes[on])
+        if each is not None:
+            break
+    else:
+        return on, None
+    for _ in range(GROWTHS):
+        before, on = on, reached(skin, graph, seed, free & near(skin, each))
+        grown_to = round_of(skin.position, skin.nodes[on]) if len(on) else None
+        if grown_to is None:
+            return before, None
+        each = grown_to
+        if np.array_equal(before, on):
+            break
+    return on, each
+
+
+def near(skin: Skin, each: Round) -> Mask:
+    corners = skin.position[skin.nodes]
+    squared = np.sum((corners - np.roll(corners, 1, axis=1)) ** 2, axis=2).max(axis=1)
+    distance = each.distance(corners.reshape(-1, 3)).reshape(-1, 3).max(axis=1)
+    return distance <= CLOSE * squared / (8.0 * each.size)
+
+
+def reached(skin: Skin, graph: csr_array, seed: int, faces: Mask) -> NDArray[np.integer]:
+    if not faces[seed]:
+        return np.empty(0, dtype=np.int64)
+    one, other = graph.nonzero()
+    both = faces[one] & faces[other]
+    label = connected_components(linked(np.stack([one[both], other[both]], axis=1), len(faces)), directed=False)[1]
+    return np.flatnonzero(faces & (label == label[seed]))

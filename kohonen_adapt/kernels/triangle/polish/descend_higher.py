@@ -1,0 +1,334 @@
+"""Derivatives of functionals of order 2 and 3 by a node and its unknowns.
+
+On an element (v, a, b), counter-clockwise with doubled area D, the functions have gradients g = (g1, g2) on the
+reference triangle. At a quadrature point of weight w the function u = sum U_i phi_i satisfies
+
+    n = G2 (a - x_v) - G1 (b - x_v),    G = sum U_i g_i,    J grad u = n / D up to sign,
+
+where J turns by a right angle. As at order 1, n is affine in x_v, so the derivatives of `descend` hold at every point
+with the fraction w of the element. Derivatives by a coefficient U_i have e_i = g2_i (a - x_v) - g1_i (b - x_v) in
+place of dn / dw.
+
+The unknowns that change with a node form one block: the value of the node, the coefficients of its sides and the
+bubbles of its elements. Cholesky's method eliminates the block, so a node moves to where the minimum over the
+block is lower. A primal and a dual function have a block each. The blocks couple only through the position, so the
+functionals are added after elimination.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from kohonen_adapt.kernels.arrays import (
+    CONSTANTS,
+    HALF_COEFFICIENT,
+    HALF_FLUX_X,
+    HALF_FLUX_Y,
+    SIXTH_SOURCE,
+    VALUE,
+    Block,
+    Constraints,
+    Descent,
+    Elements,
+    Modes,
+    Points,
+    Reference,
+    Shapes,
+    Star,
+    Trials,
+)
+from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.numba.records import record
+from kohonen_adapt.kernels.triangle.connectivity import corner_of
+from kohonen_adapt.kernels.triangle.polish.by_law import add_by_law
+from kohonen_adapt.kernels.triangle.polish.by_points import add_by_points, gather_bends, is_curved, is_valid, valid_at
+from kohonen_adapt.kernels.triangle.polish.varying_source import with_source
+
+EVEN, ODD, BUBBLE = 3, 6, 9  # index of the first function of each kind
+
+
+@record
+class Descents(NamedTuple):
+    """One function, or a primal and a dual function, with a common mesh."""
+
+    one: Descent
+    other: Descent  # in linear materials
+    number: int  # 1 without a dual function, else 2
+
+    @classmethod
+    def of(
+        cls,
+        mesh: tuple[np.ndarray, Elements, Star, Constraints],
+        trials: Trials,
+        modes: Sequence[Modes],
+        shapes: tuple[Reference, Points, Shapes],
+        most: int,
+    ) -> "Descents":
+        one, other = (Block.of(most, shapes[0].slope.shape[1]) for _ in trials)
+        first = Descent(*mesh, trials.one, modes[0], *shapes, one)
+        second = Descent(*mesh, trials.other, modes[-1], *shapes, other)
+        return cls(first, second, 2 if len(trials.other.value) else 1)
+
+
+@inner_kernel
+def number_block(descent, v):
+    elements, star, modes, block = descent.elements, descent.star, descent.modes, descent.block
+    place, sign, degrees = block.place, block.sign, modes.side.shape[2]
+    begin, spokes = star.start[v], 0
+    for row in range(begin, star.start[v + 1]):
+        j, e = row - begin, np.int64(star.element[row])
+        k = corner_of(elements.node, e, v)
+        for i in range(place.shape[1]):
+            place[j, i], sign[j, i] = -1, 1.0
+        place[j, 0] = 0
+        for side in range(1, 3 if degrees > 0 else 1):  # (b, v) is opposite to corner 1, (v, a) to corner 2
+            if modes.given[e, (k + side) % 3]:
+                continue
+            other, s = star.ahead[row] if side == 2 else star.behind[row], 0
+            while s < spokes and block.spoke[s] != other:
+                s += 1
+            if s == spokes:
+                block.spoke[s] = other
+                spokes += 1
+            place[j, EVEN + side] = 1 + degrees * s
+            if degrees == 2:
+                place[j, ODD + side], sign[j, ODD + side] = 2 + 2 * s, 1.0 if side == 2 else -1.0
+    count = 1 + degrees * spokes
+    if degrees == 2:
+        for j in range(star.start[v + 1] - begin):
+            place[j, BUBBLE] = count
+            count += 1
+    block.unknowns[0], block.own[0] = count, value_near(descent, v)
+
+
+@inner_kernel
+def value_near(descent, v):
+    # An offset of all values only adds a constant to the functional of the star, because the star, or
+    # the pair of elements, has a constant area. Around an axis constants are no functions of the space.
+    return 0.0 if descent.shapes.around else descent.trial.value[v]
+
+
+@inner_kernel
+def gather(node, value, modes, e, k, own, local):
+    degrees = modes.side.shape[2]
+    for i in range(3):
+        corner = (k + i) % 3
+        local[i] = value[node[e, corner]] - own
+        for d in range(degrees):
+            local[EVEN + 3 * d + i] = modes.side[e, corner, d]
+    if degrees == 2:
+        local[BUBBLE] = modes.bubble[e]
+
+
+@inner_kernel
+def clear(block):
+    for i in range(block.unknowns[0]):
+        block.rest[i] = block.mixed[i, 0] = block.mixed[i, 1] = 0.0
+        for j in range(i + 1):
+            block.stiffness[i, j] = 0.0
+
+
+@inner_kernel
+def add_element(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
+    """Add the derivatives of element `e` to the block and return its functional.
+
+    Parameters
+    ----------
+    j
+        Row of the block with the unknowns of the element.
+    local
+        Coefficients of the element, shape (functions,), beginning at the node that moves.
+    ax, ay, bx, by
+        Vectors from that node to the next two corners, counter-clockwise.
+    wanted
+        VALUE, BLOCK or PLACE. Derivatives beyond the level `wanted` are undefined.
+
+    Returns
+    -------
+    size, total, by_x, by_y, xx, xy, yy
+        Sum of magnitudes of all terms, functional, and its derivatives by the position of the node.
+    """
+    ex, ey, doubled, load, mean = bx - ax, by - ay, ax * by - ay * bx, 6.0 * trial.data[e, SIXTH_SOURCE], 0.0
+    if trial.laws.number[e] >= 0:
+        part = add_by_law(trial, reference, block, e, j, local, ax, ay, bx, by, wanted)
+    else:
+        part = add_linear(trial, reference, block, e, j, local, ax, ay, bx, by, wanted)
+    size, total, by_x, by_y, xx, xy, yy = part
+    if load != 0.0:
+        for i in range(reference.slope.shape[1]):
+            mean += reference.mean[i] * local[i]
+            if wanted > VALUE and block.place[j, i] >= 0:
+                pulled = load * block.sign[j, i] * reference.mean[i]
+                block.rest[block.place[j, i]] -= pulled * doubled
+                block.mixed[block.place[j, i], 0] += pulled * ey
+                block.mixed[block.place[j, i], 1] -= pulled * ex
+        by_x += load * mean * ey
+        by_y -= load * mean * ex
+        size += abs(load * mean * doubled)
+        total -= load * mean * doubled
+    return size, total, by_x, by_y, xx, xy, yy
+
+
+@inner_kernel
+def add_linear(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
+    place, sign, across, slope = block.place, block.sign, block.across, reference.slope
+    size, total, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    functions, ex, ey = slope.shape[1], bx - ax, by - ay
+    doubled = ax * by - ay * bx
+    inverse, half = 1.0 / doubled, trial.data[e, HALF_COEFFICIENT]
+    flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
+    for q in range(reference.plain):
+        share, along, aside = reference.weight[q], 0.0, 0.0
+        for i in range(functions):
+            along += local[i] * slope[q, i, 0]
+            aside += local[i] * slope[q, i, 1]
+        difference = along - aside
+        nx, ny = aside * ax - along * bx, aside * ay - along * by
+        qx, qy = inverse * nx, inverse * ny
+        weight = share * half * inverse
+        energy = 0.5 * weight * (nx * nx + ny * ny)
+        # dn/dx - q dD/dx and dn/dy - q dD/dy with the doubled area D
+        x_x, x_y = difference + qx * ey, qy * ey
+        y_x, y_y = -qx * ex, difference - qy * ex
+        push = share * (flux_y * nx - flux_x * ny)
+        size += energy + abs(push)
+        total += energy - push
+        half_square = 0.5 * (qx * nx + qy * ny)
+        by_x += weight * (difference * nx + half_square * ey) - share * difference * flux_y
+        by_y += weight * (difference * ny - half_square * ex) + share * difference * flux_x
+        xx += weight * (x_x * x_x + x_y * x_y)
+        xy += weight * (x_x * y_x + x_y * y_y)
+        yy += weight * (y_x * y_x + y_y * y_y)
+        for i in range(functions if wanted > VALUE else 0):
+            row = place[j, i]
+            if row < 0:
+                continue
+            g1, g2 = sign[j, i] * slope[q, i, 0], sign[j, i] * slope[q, i, 1]
+            ix, iy = g2 * ax - g1 * bx, g2 * ay - g1 * by
+            across[i, 0], across[i, 1] = ix, iy
+            block.rest[row] += weight * (ix * nx + iy * ny) - share * (flux_y * ix - flux_x * iy)
+            turn = g1 - g2
+            block.mixed[row, 0] += weight * (x_x * ix + x_y * iy + nx * turn) - share * flux_y * turn
+            block.mixed[row, 1] += weight * (y_x * ix + y_y * iy + ny * turn) + share * flux_x * turn
+            for other in range(i + 1):
+                column = place[j, other]
+                if column >= 0:
+                    product = weight * (ix * across[other, 0] + iy * across[other, 1])
+                    block.stiffness[max(row, column), min(row, column)] += product
+    return size, total, by_x, by_y, xx, xy, yy
+
+
+@inner_kernel
+def add_bent(descent, e, j, local, bend, x, y, ax, ay, bx, by, wanted):
+    if descent.shapes.around or is_curved(bend):
+        part = add_by_points(descent, e, j, local, bend, x, ax, ay, bx, by, wanted)
+    else:
+        part = add_element(descent.trial, descent.reference, descent.block, e, j, local, ax, ay, bx, by, wanted)
+    if descent.trial.data.shape[1] > CONSTANTS:
+        return with_source(part, descent, e, j, local, np.bool_(True), bend, x, y, ax, ay, bx, by, wanted)
+    return part
+
+
+@inner_kernel
+def derivatives(descent, v, x, y, wanted):
+    """Return the sum of `add_element` over the star of node `v` moved to (x, y)."""
+    position, star, block, local = descent.position, descent.star, descent.block, descent.block.local[0]
+    node, own = descent.elements.node, block.own[0]
+    clear(block)
+    size, total, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    begin = star.start[v]
+    for row in range(begin, star.start[v + 1]):
+        e, a, b = np.int64(star.element[row]), star.ahead[row], star.behind[row]
+        k = corner_of(node, e, v)
+        gather(node, descent.trial.value, descent.modes, e, k, own, local)
+        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
+        if descent.shapes.special[e]:
+            gather_bends(descent.shapes, e, k, block.bend[0])
+            part = add_by_points(descent, e, row - begin, local, block.bend[0], x, ax, ay, bx, by, wanted)
+        else:
+            part = add_element(descent.trial, descent.reference, block, e, row - begin, local, ax, ay, bx, by, wanted)
+        if descent.trial.data.shape[1] > CONSTANTS:
+            special = descent.shapes.special[e]
+            part = with_source(
+                part, descent, e, row - begin, local, special, block.bend[0], x, y, ax, ay, bx, by, wanted
+            )
+        size, total, by_x, by_y = size + part[0], total + part[1], by_x + part[2], by_y + part[3]
+        xx, xy, yy = xx + part[4], xy + part[5], yy + part[6]
+    return size, total, by_x, by_y, xx, xy, yy
+
+
+@inner_kernel
+def stays_valid(descent, v, x, y):
+    position, star, bend = descent.position, descent.star, descent.block.bend[0]
+    for row in range(star.start[v], star.start[v + 1]):
+        e, a, b = np.int64(star.element[row]), star.ahead[row], star.behind[row]
+        if descent.shapes.special[e]:
+            gather_bends(descent.shapes, e, corner_of(descent.elements.node, e, v), bend)
+            ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
+            if not (is_valid(bend, ax, ay, bx, by) and valid_at(position, bend, v, a, b)):
+                return False
+    return True
+
+
+@inner_kernel
+def factorise(block, first):
+    """Replace the stiffness from row `first` on by its Cholesky factor L.
+
+    `rest` and `mixed` are multiplied by L^-1. Return True if the stiffness is positive definite, and the squared norm
+    of the new `rest`.
+    """
+    stiffness, rest, mixed, square = block.stiffness, block.rest, block.mixed, 0.0
+    for i in range(first, block.unknowns[0]):
+        for j in range(first, i):
+            product = stiffness[i, j]
+            for k in range(first, j):
+                product -= stiffness[i, k] * stiffness[j, k]
+            product /= stiffness[j, j]
+            stiffness[i, j] = product
+            rest[i] -= product * rest[j]
+            mixed[i, 0] -= product * mixed[j, 0]
+            mixed[i, 1] -= product * mixed[j, 1]
+        diagonal = stiffness[i, i]
+        for k in range(first, i):
+            diagonal -= stiffness[i, k] * stiffness[i, k]
+        if not diagonal > 0.0:
+            return False, 0.0
+        diagonal = math.sqrt(diagonal)
+        stiffness[i, i] = diagonal
+        rest[i] /= diagonal
+        mixed[i, 0] /= diagonal
+        mixed[i, 1] /= diagonal
+        square += rest[i] * rest[i]
+    return True, square
+
+
+@inner_kernel
+def solve_upper(block, first, along_x, along_y):
+    stiffness, count = block.stiffness, block.unknowns[0]
+    for i in range(count - 1, first - 1, -1):
+        still, follow = -block.rest[i], -along_x * block.mixed[i, 0] - along_y * block.mixed[i, 1]
+        for k in range(i + 1, count):
+            still -= stiffness[k, i] * block.still[k]
+            follow -= stiffness[k, i] * block.follow[k]
+        block.still[i], block.follow[i] = still / stiffness[i, i], follow / stiffness[i, i]
+
+
+@inner_kernel
+def change_block(descent, v, first, still, follow):
+    trial, modes, star, block = descent.trial, descent.modes, descent.star, descent.block
+    place, begin, degrees = block.place, star.start[v], modes.side.shape[2]
+    if first == 0:
+        trial.value[v] += still * block.still[0] + follow * block.follow[0]
+    for row in range(begin, star.start[v + 1]):
+        j, e = row - begin, np.int64(star.element[row])
+        k = corner_of(descent.elements.node, e, v)
+        for side in range(1, 3):
+            for d in range(degrees):
+                i = EVEN + 3 * d + side
+                if place[j, i] >= 0:
+                    change = still * block.still[place[j, i]] + follow * block.follow[place[j, i]]
+                    modes.side[e, (k + side) % 3, d] += block.sign[j, i] * change
+        if degrees == 2:
+            modes.bubble[e] += still * block.still[place[j, BUBBLE]] + follow * block.follow[place[j, BUBBLE]]

@@ -1,0 +1,203 @@
+"""Exchange of splits for collapses by functionals of P1 functions.
+
+The gain of a split is the decrease by the best value at the new node. The cost of a collapse is the increase on
+the elements around the node, with all other values held. Every operation locks the elements that change. As no two
+operations share an element, the functional falls by the sum of all gains less the sum of all costs.
+"""
+
+import numpy as np
+
+from kohonen_adapt.kernels.arrays import OWN, SIXTH_SOURCE, SLIDING
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.connectivity import corner_of, corner_towards
+from kohonen_adapt.kernels.triangle.geometry import orientation
+from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING, triangle_parabola
+from kohonen_adapt.kernels.triangle.surgery import (
+    collapse,
+    collapsed_quality,
+    gather_around,
+    may_split,
+    midpoint,
+    split,
+)
+
+
+@inner_kernel
+def halves_parabola(mesh, trial, e, k, x, y, own, w):
+    node = mesh.elements.node
+    a, b, c = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3]), np.int64(node[e, k])
+    one, one_by_w, one_by_ww = triangle_parabola(mesh.position, trial, e, c, a, x, y, own, w)
+    two, two_by_w, two_by_ww = triangle_parabola(mesh.position, trial, e, b, c, x, y, own, w)
+    return abs(one) + abs(two), one + two, one_by_w + two_by_w, one_by_ww + two_by_ww
+
+
+@inner_kernel
+def split_parabola(mesh, trial, e, k, x, y, own, w):
+    magnitude, total, slope, stiffness = halves_parabola(mesh, trial, e, k, x, y, own, w)
+    other = np.int64(mesh.elements.neighbour[e, k])
+    if other >= 0:
+        j = np.int64(corner_towards(mesh.elements.neighbour, other, e))
+        more, c, r, s = halves_parabola(mesh, trial, other, j, x, y, own, w)
+        magnitude, total, slope, stiffness = magnitude + more, total + c, slope + r, stiffness + s
+    return magnitude, total, slope, stiffness
+
+
+@inner_kernel
+def best_of_split(mesh, trial, e, k, x, y):
+    a, b = np.int64(mesh.elements.node[e, (k + 1) % 3]), np.int64(mesh.elements.node[e, (k + 2) % 3])
+    own = 0.5 * (trial.value[a] + trial.value[b])
+    magnitude, before, slope, stiffness = split_parabola(mesh, trial, e, k, x, y, own, 0.0)
+    gain, w = 0.5 * slope * slope / stiffness, -slope / stiffness
+    if trial.bent[a] or trial.bent[b]:
+        gain = before - split_parabola(mesh, trial, e, k, x, y, own, w)[1]
+    return magnitude, gain, own + w
+
+
+@inner_kernel
+def gain_of_split(mesh, trials, e, k, x, y):
+    magnitude, gain, value = best_of_split(mesh, trials.one, e, k, x, y)
+    dual_value = 0.0
+    if trials.other.value.shape[0] > 0:
+        dual_magnitude, dual_gain, dual_value = best_of_split(mesh, trials.other, e, k, x, y)
+        magnitude, gain = magnitude + dual_magnitude, gain + dual_gain
+    return gain if gain > ROUNDING * magnitude else 0.0, value, dual_value
+
+
+@kernel
+def weigh_splits(mesh, trials, offers, floor, first, last):
+    elements, inner, fixed = mesh.elements, mesh.constraints.inner, trials.one.fixed
+    node = elements.node
+    for e in range(first, last):
+        for k in range(3):
+            offers.gain[e, k] = 0.0
+            c = np.int64(elements.chain[e, k])
+            if elements.neighbour[e, k] >= e or (c >= 0 and not offers.open[c]):  # the outer boundary is -1
+                continue
+            a, b = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3])
+            if fixed[a] and fixed[b] and (inner[a] or inner[b]):
+                continue  # between Dirichlet nodes inside a region the values of the user are not available
+            x, y, _ = midpoint(mesh, c, a, b)
+            gain, _, _ = gain_of_split(mesh, trials, e, k, x, y)
+            if gain > 0.0 and may_split(mesh, e, k, floor, x, y):
+                offers.gain[e, k] = gain
+
+
+@inner_kernel
+def merged_functional(position, star, trial, v, w):
+    x, y, own, total = position[w, 0], position[w, 1], trial.value[w], 0.0
+    shift = 3.0 * (own - trial.value[v])  # of the load, because all values are relative to the value of v
+    for j in range(star.start[v], star.start[v + 1]):
+        e, a, b = np.int64(star.element[j]), np.int64(star.ahead[j]), np.int64(star.behind[j])
+        if a == w or b == w:
+            continue
+        doubled = orientation(x, y, position[a, 0], position[a, 1], position[b, 0], position[b, 1])
+        if not doubled > 0.0:
+            return np.inf
+        part, _, _ = triangle_parabola(position, trial, e, a, b, x, y, own, 0.0)
+        total += part - shift * doubled * trial.data[e, SIXTH_SOURCE]
+    return total
+
+
+@inner_kernel
+def star_functional(position, star, trial, v):
+    total, magnitude = 0.0, 0.0
+    for j in range(star.start[v], star.start[v + 1]):
+        e, a, b = np.int64(star.element[j]), np.int64(star.ahead[j]), np.int64(star.behind[j])
+        part, _, _ = triangle_parabola(position, trial, e, a, b, position[v, 0], position[v, 1], trial.value[v], 0.0)
+        total += part
+        magnitude += abs(part)
+    return total - ROUNDING * magnitude
+
+
+@kernel
+def weigh_collapses(mesh, star, trials, offers, most, floor, first, last):
+    position, elements, constraints = mesh.position, mesh.elements, mesh.constraints
+    has_dual = trials.other.value.shape[0] > 0
+    for v in range(first, last):
+        offers.cost[v] = np.inf
+        if not offers.removable[v]:
+            continue
+        before, least, sliding = star_functional(position, star, trials.one, v), most, constraints.kind[v] == SLIDING
+        if has_dual:
+            before += star_functional(position, star, trials.other, v)
+        for j in range(star.start[v], star.start[v + 1]):
+            e = np.int64(star.element[j])
+            k = corner_of(elements.node, e, v)
+            for i in range(2):
+                w = np.int64(star.behind[j] if i else star.ahead[j])
+                c = elements.chain[e, (k + 2 - i) % 3]
+                # every neighbour of a free node is `ahead` once; a sliding node has two neighbours on its curve
+                if c != constraints.chain[v, OWN] if sliding else i == 1:
+                    continue
+                after = merged_functional(position, star, trials.one, v, w)
+                if has_dual:
+                    after += merged_functional(position, star, trials.other, v, w)
+                cost = after - before
+                # after the cost, because the checks take longer
+                if cost < least and collapsed_quality(mesh, v, w, np.inf, floor) > 0.0:
+                    offers.cost[v], offers.into[v], least = cost, w, cost
+
+
+@inner_kernel
+def lock_around(mesh, v, locked):
+    around = mesh.scratch.around
+    for i in range(gather_around(mesh, v, around)):
+        locked[around[i]] = True
+
+
+@inner_kernel
+def is_locked(mesh, v, locked):
+    around = mesh.scratch.around
+    for i in range(gather_around(mesh, v, around)):
+        if locked[around[i]]:
+            return True
+    return False
+
+
+@inner_kernel
+def cheapest_left(mesh, offers, nodes, at, gain, floor):
+    while at < len(nodes) and gain > offers.cost[nodes[at]]:
+        v = nodes[at]
+        w = np.int64(offers.into[v])
+        if not is_locked(mesh, v, offers.locked) and collapsed_quality(mesh, v, w, np.inf, floor) > 0.0:
+            return at
+        at += 1
+    return -1
+
+
+@kernel
+def exchange(mesh, trials, offers, edges, nodes, floor):
+    """Split edges in exchange for cheaper collapses.
+
+    `edges` are 3 e + k by decreasing gain, and `nodes` are by increasing cost. The values of new nodes are stored in
+    the trials. Return the number of pairs and the decrease of the functional.
+    """
+    elements, locked, pairs, decrease, at = mesh.elements, offers.locked, 0, 0.0, 0
+    for edge in edges:
+        e, k = edge // 3, edge % 3
+        other = np.int64(elements.neighbour[e, k])
+        if locked[e] or (other >= 0 and locked[other]):
+            continue
+        locked[e] = True
+        if other >= 0:
+            locked[other] = True
+        gain = offers.gain[e, k]
+        at = cheapest_left(mesh, offers, nodes, at, gain, floor)
+        if at < 0:
+            return pairs, decrease  # later edges gain less
+        v = nodes[at]
+        w = np.int64(offers.into[v])
+        at += 1
+        decrease += gain - offers.cost[v]
+        lock_around(mesh, v, locked)
+        collapse(mesh, v, w)
+        a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
+        x, y, parameter = midpoint(mesh, np.int64(elements.chain[e, k]), a, b)
+        _, value, other_value = gain_of_split(mesh, trials, e, k, x, y)
+        p = split(mesh, e, k, x, y, parameter)
+        trials.one.value[p], trials.one.fixed[p] = value, False
+        if trials.other.value.shape[0] > 0:
+            trials.other.value[p], trials.other.fixed[p] = other_value, False
+        lock_around(mesh, p, locked)
+        pairs += 1
+    return pairs, decrease

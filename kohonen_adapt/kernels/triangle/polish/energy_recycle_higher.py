@@ -1,0 +1,248 @@
+"""Exchange of splits for collapses by functionals of order 2 or 3.
+
+The method is that of `energy_recycle`, with the new coefficients eliminated. A collapse leaves new sides straight.
+"""
+
+import numpy as np
+
+from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, OWN, SLIDING, VALUE
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.connectivity import corner_of, row_beside, rows_with
+from kohonen_adapt.kernels.triangle.geometry import orientation
+from kohonen_adapt.kernels.triangle.polish.by_points import gather_bends, is_valid, put_bends
+from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING
+from kohonen_adapt.kernels.triangle.polish.descend_higher import (
+    BUBBLE,
+    EVEN,
+    ODD,
+    add_bent,
+    clear,
+    derivatives,
+    factorise,
+    gather,
+    number_block,
+    solve_upper,
+    value_near,
+)
+from kohonen_adapt.kernels.triangle.polish.energy_recycle import cheapest_left, lock_around
+from kohonen_adapt.kernels.triangle.polish.energy_split_higher import (
+    gain_of_split,
+    outer_given,
+    put_split,
+    weigh_splits,
+)
+from kohonen_adapt.kernels.triangle.polish.flip_higher import put
+from kohonen_adapt.kernels.triangle.surgery import collapse, collapsed_quality, midpoint, split
+
+
+@inner_kernel
+def number_merged(descent, v, w, gone):
+    elements, star, modes, block = descent.elements, descent.star, descent.modes, descent.block
+    place, sign, degrees, begin, spokes = block.place, block.sign, modes.side.shape[2], star.start[v], 0
+    for row in range(begin, star.start[v + 1]):
+        j, e = row - begin, np.int64(star.element[row])
+        k = corner_of(elements.node, e, v)
+        for i in range(place.shape[1]):
+            place[j, i], sign[j, i] = -1, 1.0
+        if star.ahead[row] == w or star.behind[row] == w:
+            continue
+        for side in range(1, 3 if degrees > 0 else 1):
+            other, s = star.ahead[row] if side == 2 else star.behind[row], 0
+            if modes.given[e, (k + side) % 3] or row_beside(gone, other) >= 0:
+                continue
+            while s < spokes and block.spoke[s] != other:
+                s += 1
+            if s == spokes:
+                block.spoke[s] = other
+                spokes += 1
+            place[j, EVEN + side] = degrees * s
+            if degrees == 2:
+                place[j, ODD + side], sign[j, ODD + side] = 1 + 2 * s, 1.0 if side == 2 else -1.0
+    count = degrees * spokes
+    if degrees == 2:
+        for row in range(begin, star.start[v + 1]):
+            if star.ahead[row] != w and star.behind[row] != w:
+                place[row - begin, BUBBLE] = count
+                count += 1
+    block.unknowns[0] = count
+    for i in range(count):
+        block.still[i] = 0.0
+
+
+@inner_kernel
+def merged_coefficients(descent, v, w, gone, row, own):
+    elements, star, modes, block = descent.elements, descent.star, descent.modes, descent.block
+    e, j, part, degrees = np.int64(star.element[row]), row - star.start[v], block.part, modes.side.shape[2]
+    k = corner_of(elements.node, e, v)
+    gather(elements.node, descent.trial.value, modes, e, k, own, part)
+    part[0] = descent.trial.value[w] - own
+    for side in range(1, 3):
+        other = star.ahead[row] if side == 2 else star.behind[row]
+        known = row_beside(gone, other)
+        for d in range(degrees):
+            i = EVEN + 3 * d + side
+            part[i] = 0.0
+            if block.place[j, i] >= 0:
+                part[i] = block.sign[j, i] * block.still[block.place[j, i]]
+            elif known >= 0:
+                f = np.int64(star.element[known])
+                part[i] = modes.side[f, corner_of(elements.node, f, v), d]
+    if degrees == 2:
+        part[BUBBLE] = block.still[block.place[j, BUBBLE]]
+
+
+@inner_kernel
+def merged_bends(descent, v, gone, row, bend):
+    shapes, star, node = descent.shapes, descent.star, descent.elements.node
+    e = np.int64(star.element[row])
+    gather_bends(shapes, e, corner_of(node, e, v), bend)
+    for side in range(1, 3):
+        known = row_beside(gone, star.ahead[row] if side == 2 else star.behind[row])
+        for i in range(2):
+            bend[side, i] = 0.0
+            if known >= 0:
+                f = np.int64(star.element[known])
+                bend[side, i] = shapes.bend[f, corner_of(node, f, v), i]
+
+
+@inner_kernel
+def derivatives_of_merged(descent, v, w, gone, own, wanted):
+    position, star, block = descent.position, descent.star, descent.block
+    x, y, total = position[w, 0], position[w, 1], 0.0
+    clear(block)
+    for row in range(star.start[v], star.start[v + 1]):
+        e, a, b = np.int64(star.element[row]), np.int64(star.ahead[row]), np.int64(star.behind[row])
+        if a == w or b == w:
+            continue
+        if not orientation(x, y, position[a, 0], position[a, 1], position[b, 0], position[b, 1]) > 0.0:
+            return np.inf
+        merged_coefficients(descent, v, w, gone, row, own)
+        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
+        merged_bends(descent, v, gone, row, block.bend[4])
+        if not is_valid(block.bend[4], ax, ay, bx, by):
+            return np.inf
+        total += add_bent(descent, e, row - star.start[v], block.part, block.bend[4], x, y, ax, ay, bx, by, wanted)[1]
+    return total
+
+
+@inner_kernel
+def merged_functional(descent, v, w, own):
+    """Return the minimum of the functional around `v` merged into `w`.
+
+    The value is inf if an element is inverted. The minimiser is left in `Block.still`. In nonlinear materials the
+    minimum is approximated by one step of Newton's method.
+    """
+    block, gone = descent.block, rows_with(descent.star, v, w)
+    number_merged(descent, v, w, gone)
+    bent = descent.trial.bent[v]
+    total = derivatives_of_merged(descent, v, w, gone, own, COARSE_BLOCK if bent else BLOCK)
+    if not total < np.inf:
+        return np.inf
+    solved, square = factorise(block, 0)
+    if not solved:
+        return np.inf
+    solve_upper(block, 0, 0.0, 0.0)
+    if bent:
+        return derivatives_of_merged(descent, v, w, gone, own, VALUE)
+    return total - 0.5 * square
+
+
+@inner_kernel
+def merged_functionals(descents, v, w):
+    total = 0.0
+    for i in range(descents.number):
+        descent = descents.one if i == 0 else descents.other
+        total += merged_functional(descent, v, w, descent.block.own[0])
+    return total
+
+
+@inner_kernel
+def weigh_collapses(mesh, descents, offers, most, floor, first, last):
+    position, elements, constraints, star = mesh.position, mesh.elements, mesh.constraints, descents.one.star
+    for v in range(first, last):
+        offers.cost[v] = np.inf
+        if not offers.removable[v]:
+            continue
+        before, least, sliding = 0.0, most, constraints.kind[v] == SLIDING
+        for i in range(descents.number):
+            descent = descents.one if i == 0 else descents.other
+            number_block(descent, v)
+            size, total = derivatives(descent, v, position[v, 0], position[v, 1], VALUE)[:2]
+            before += total - ROUNDING * size
+        for j in range(star.start[v], star.start[v + 1]):
+            e = np.int64(star.element[j])
+            k = corner_of(elements.node, e, v)
+            for i in range(2):
+                w = np.int64(star.behind[j] if i else star.ahead[j])
+                c = elements.chain[e, (k + 2 - i) % 3]
+                # every neighbour of a free node is `ahead` once; a sliding node has two neighbours on its curve
+                if c != constraints.chain[v, OWN] if sliding else i == 1:
+                    continue
+                cost = merged_functionals(descents, v, w) - before
+                # after the cost, because the checks take longer
+                if cost < least and collapsed_quality(mesh, v, w, np.inf, floor) > 0.0:
+                    offers.cost[v], offers.into[v], least = cost, w, cost
+
+
+@kernel
+def weigh_higher(mesh, descents, offers, most, floor, first, last, edges):
+    # one kernel, because both branches share code that is compiled once
+    if edges:
+        weigh_splits(mesh, descents, offers, floor, first, last)
+    else:
+        weigh_collapses(mesh, descents, offers, most, floor, first, last)
+
+
+@kernel
+def exchange_higher(mesh, descents, offers, edges, nodes, floor):
+    elements, locked, pairs, lowered, at = mesh.elements, offers.locked, 0, 0.0, 0
+    for edge in edges:
+        e, k = edge // 3, edge % 3
+        other = np.int64(elements.neighbour[e, k])
+        if locked[e] or (other >= 0 and locked[other]):
+            continue
+        locked[e], gain = True, offers.gain[e, k]
+        locked[other if other >= 0 else e] = True
+        at = cheapest_left(mesh, offers, nodes, at, gain, floor)
+        if at < 0:
+            return pairs, lowered  # later edges gain less
+        v = nodes[at]
+        w, at = np.int64(offers.into[v]), at + 1
+        lowered += gain - offers.cost[v]
+        lock_around(mesh, v, locked)
+        for i in range(descents.number):
+            put_merged(descents.one if i == 0 else descents.other, v, w)
+        collapse(mesh, v, w)
+        a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
+        x, y, parameter = midpoint(mesh, np.int64(elements.chain[e, k]), a, b)
+        gain_of_split(descents, e, k, x, y)
+        given, known = outer_given(descents.one, e, k), descents.one.modes.given[e, k]
+        p = split(mesh, e, k, x, y, parameter)
+        for i in range(descents.number):
+            descent = descents.one if i == 0 else descents.other
+            descent.trial.value[p] = value_near(descent, a) + descent.block.local[0, 0]
+            descent.trial.fixed[p] = known
+            put_split(mesh, descent, p, a, b, given)
+        lock_around(mesh, p, locked)
+        pairs += 1
+    return pairs, lowered
+
+
+@inner_kernel
+def put_merged(descent, v, w):
+    star, modes, node = descent.star, descent.modes, descent.elements.node
+    own, bend, gone = value_near(descent, v), descent.block.bend[4], rows_with(star, v, w)
+    merged_functional(descent, v, w, own)
+    for row in range(star.start[v], star.start[v + 1]):
+        a, b, e = star.ahead[row], star.behind[row], np.int64(star.element[row])
+        if a != w and b != w:
+            merged_coefficients(descent, v, w, gone, row, own)
+            k = corner_of(node, e, v)
+            put(modes, e, k, descent.block.part)
+            merged_bends(descent, v, gone, row, bend)
+            put_bends(descent.shapes, e, k, bend)
+            for side in range(1, 3):
+                known = row_beside(gone, a if side == 2 else b)
+                if known >= 0:
+                    f = np.int64(star.element[known])
+                    modes.given[e, (k + side) % 3] = modes.given[f, corner_of(node, f, v)]

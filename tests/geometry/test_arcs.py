@@ -1,0 +1,661 @@
+"""Arcs and curves: what is taken for one, and that nodes slide on it without leaving or shrinking it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from helpers.meshes import area_of, circle, closed, peak, ring, shells, square, with_lines
+from skfem import MeshTri
+from skfem.generic_utils import OrientedBoundary
+
+import kohonen_adapt as ka
+from kohonen_adapt import KohonenMap, Schedule
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.rules import Rules
+from kohonen_adapt.kernels.arrays import HELD, ROUND, SLIDING
+
+HUNDRED = np.deg2rad(100.0)
+TOPOLOGIES = pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])
+
+
+def outline_of(mesh, **options):
+    return MovableMesh.of(mesh, Rules(**options)).outline
+
+
+def circles(mesh, **options):
+    """Centre, radius and whether it is closed, of every round chain, (r, 4), sorted."""
+    chains = outline_of(mesh, **options).constraints.chains
+    is_round = chains.shape == ROUND
+    radius, direction = 1 / chains.curvature[is_round], chains.direction[is_round]
+    centre = chains.origin[is_round] + radius[:, None] * np.stack([-direction[:, 1], direction[:, 0]], axis=1)
+    rows = np.column_stack([centre, np.abs(radius), chains.closed[is_round]])
+    return rows[np.lexsort(np.round(rows, 6).T)]
+
+
+def rounded_square(fillet, side, half=1.0, radius=0.4):
+    """Points of a square with rounded corners, so many facets on every fillet and straight side, (2, n)."""
+    quarter = 0.5 * np.pi * np.arange(fillet) / fillet
+    arc = half - radius + radius * np.stack([np.cos(quarter), np.sin(quarter)])
+    straight = np.stack([(half - radius) * (1 - 2 * np.arange(side) / side), np.full(side, half)])
+    points = np.hstack([arc, straight])
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    return np.hstack([np.linalg.matrix_power(turn, k) @ points for k in range(4)])
+
+
+def stadium(arc, side):
+    """Points of two half circles of radius 1 about (1, 0) and (-1, 0) and the lines between them, (2, n)."""
+    angle = np.pi * np.arange(arc) / arc - 0.5 * np.pi
+    half = np.hstack(
+        [np.stack([1 + np.cos(angle), np.sin(angle)]), np.stack([1 - 2 * np.arange(side) / side, np.ones(side)])]
+    )
+    return np.hstack([half, -half])
+
+
+def strip(along, layers=3):
+    """A mesh between a curve, points (2, n) named curve, and the same curve moved by (0, 1)."""
+    n = along.shape[1]
+    flat = MeshTri.init_tensor(np.arange(n, dtype=float), np.linspace(0, 1, layers + 1))
+    number = flat.p[0].astype(int)
+    mesh = MeshTri(along[:, number] + flat.p[1] * np.array([[0.0], [1.0]]), flat.t)
+    first = np.flatnonzero(flat.p[1] == 0)
+    return with_lines(mesh, {"curve": first[np.argsort(number[first])]})
+
+
+def sector(n, layers, angle=HUNDRED):
+    """Part of an annulus; its arcs, named inner and outer, turn both ways, and its straight sides are named sides."""
+    flat = MeshTri.init_tensor(np.linspace(0, angle, n + 1), np.linspace(0.5, 1.0, layers + 1))
+    mesh = MeshTri(flat.p[1] * np.stack([np.cos(flat.p[0]), np.sin(flat.p[0])]), flat.t)
+    order = np.argsort(flat.p[0])
+    lines = {name: order[flat.p[1, order] == radius] for name, radius in (("inner", 0.5), ("outer", 1.0))}
+    first, last = (np.flatnonzero(flat.p[0] == end) for end in (0.0, angle))
+    return with_lines(mesh, {**lines, "begin": first, "end": last})
+
+
+# --- what is recognised ---
+
+
+@pytest.mark.parametrize("n", [12, 13, 24, 100, 1000])
+def test_circles_are_recognised(n):
+    np.testing.assert_allclose(circles(ring(n, 1)), [[0, 0, 0.5, 1], [0, 0, 1, 1]], atol=1e-13)
+    kind = outline_of(ring(n, 1)).constraints.kind
+    assert np.all(kind == SLIDING)
+
+
+@pytest.mark.parametrize("n", [5, 20, 300])
+@pytest.mark.parametrize("way", [1, -1])
+def test_arcs_that_turn_either_way_are_recognised(n, way):
+    mesh = sector(n, 2)
+    mesh = MeshTri(mesh.p, mesh.t) if way == 1 else MeshTri(mesh.p[:, ::-1], mesh.p.shape[1] - 1 - mesh.t)
+    np.testing.assert_allclose(circles(mesh), [[0, 0, 0.5, 0], [0, 0, 1, 0]], atol=1e-12)
+    kind = outline_of(mesh).constraints.kind
+    assert np.sum(kind == HELD) == 4
+
+
+@pytest.mark.parametrize(("fillet", "side"), [(5, 1), (5, 7), (6, 2), (30, 3), (5, 100)])
+def test_fillets_between_straight_sides_end_where_the_sides_begin(fillet, side):
+    outer = rounded_square(fillet, side)
+    mesh = shells([0.5 * circle(outer.shape[1], np.arctan2(0, 1)), outer], 2)
+    found = [row for row in circles(mesh) if not row[3]]
+    expected = [[x, y, 0.4, 0] for x, y in ((-0.6, -0.6), (0.6, -0.6), (-0.6, 0.6), (0.6, 0.6))]
+    np.testing.assert_allclose(sorted(map(list, np.round(found, 12))), sorted(expected), atol=1e-12)
+    kind = outline_of(mesh).constraints.kind
+    held = mesh.p[:, kind == HELD]
+    breaks = {(s * a, t * b) for a, b in ((1.0, 0.6), (0.6, 1.0)) for s in (-1, 1) for t in (-1, 1)}
+    assert {tuple(x) for x in np.round(held.T, 12).tolist()} == breaks
+
+
+@pytest.mark.parametrize(("arc", "side"), [(6, 1), (6, 5), (40, 12)])
+def test_a_stadium_is_two_half_circles_and_two_lines(arc, side):
+    outer = stadium(arc, side)
+    mesh = shells([0.5 * outer, outer], 2)
+    found = circles(mesh)
+    np.testing.assert_allclose(sorted(found[:, 2]), [0.5, 0.5, 1, 1], rtol=1e-12)
+    assert np.sum(outline_of(mesh).constraints.kind == HELD) == 8
+
+
+@pytest.mark.parametrize("n", [12, 40])
+def test_a_circle_from_a_junction_back_to_it_is_two_arcs(n):
+    mesh = with_lines(ring(n, 2), {"cut": np.array([0, n, 2 * n])})
+    np.testing.assert_allclose(circles(mesh), [[0, 0, 0.5, 0]] * 2 + [[0, 0, 1, 0]] * 2, atol=1e-13)
+    kind = outline_of(mesh).constraints.kind
+    assert np.sum(kind == HELD) == 4 and kind[0] == kind[2 * n] == HELD
+
+
+def arkkio(n, oriented):
+    """Rotor, gap and stator, with a ring named arkkio in the middle of the gap."""
+    around = circle(n, 0.1)
+    mesh = shells([0.3 * around, 0.5 * around, 0.55 * around, 0.6 * around, around], 2)
+    line = closed(np.arange(4 * n, 5 * n))
+    mesh = with_lines(mesh, {"arkkio": line, "outer": closed(np.arange(8 * n, 9 * n))})
+    radius = np.hypot(*mesh.p[:, mesh.t].mean(axis=1))
+    parts = {"rotor": radius < 0.495, "gap": (radius > 0.495) & (radius < 0.595), "stator": radius > 0.595}
+    if oriented:
+        rows = mesh.boundaries["arkkio"]
+        inside = np.hypot(*mesh.p[:, mesh.t[:, mesh.f2t[0, rows]]].mean(axis=1)) < 0.55
+        mesh = mesh.with_boundaries({"arkkio": OrientedBoundary(rows, np.where(inside, 0, 1))})
+    return mesh.with_subdomains({name: np.flatnonzero(mask) for name, mask in parts.items()})
+
+
+@pytest.mark.parametrize("oriented", [False, True])
+@pytest.mark.parametrize("n", [16, 60])
+def test_interfaces_and_named_lines_inside_a_region_are_recognised(n, oriented):
+    found = circles(arkkio(n, oriented))
+    np.testing.assert_allclose(sorted(found[:, 2]), [0.3, 0.5, 0.55, 0.6, 1], rtol=1e-12)
+    assert np.all(found[:, 3] == 1)
+    np.testing.assert_allclose(found[:, :2], 0, atol=1e-13)
+
+
+def with_noise(mesh, share, seed=0):
+    """The mesh with the nodes moved towards its centre or away, by up to that share of their distance."""
+    return MeshTri(mesh.p * (1 + share * np.random.default_rng(seed).uniform(-1, 1, mesh.p.shape[1])), mesh.t)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [12, 40, 200])
+@pytest.mark.parametrize("seed", range(3))
+def test_nodes_within_a_thousandth_of_a_circle_are_taken_for_it_and_put_on_it(n, seed):
+    layers = max(2, n // 8)
+    mesh = with_noise(ring(n, layers), 6e-4, seed)
+    found = circles(mesh)
+    np.testing.assert_allclose(found, [[0, 0, 0.5, 1], [0, 0, 1, 1]], atol=1e-3)
+    result = ka.relocate(mesh, peak(mesh, 0.7, 0.3))
+    for (x, y, radius, _), nodes in zip(found, (slice(0, n), slice(n * layers, None)), strict=True):
+        assert np.abs(np.hypot(*(result.p[:, nodes] - [[x], [y]])) - radius).max() < 1e-12
+    assert len(circles(with_noise(ring(n, 2), 5e-3, seed))) == 0
+
+
+def test_what_was_recognised_is_in_the_log(caplog):
+    with caplog.at_level("DEBUG", logger="kohonen_adapt"):
+        outline_of(sector(20, 2))
+        outline_of(ring(40, 2))
+    assert sorted(message for message in caplog.messages if message.startswith("recognised")) == [
+        "recognised a circle of radius 0.5 about (0, 0), 40 nodes",
+        "recognised a circle of radius 1 about (0, 0), 40 nodes",
+        "recognised an arc of 100 degrees of radius 0.5 about (0, 0), 21 nodes",
+        "recognised an arc of 100 degrees of radius 1 about (0, 0), 21 nodes",
+    ]
+
+
+def test_how_far_facets_are_from_their_curves_is_in_the_log(caplog):
+    mesh = ring(40, 4)
+    with caplog.at_level("INFO", logger="kohonen_adapt"):
+        result = ka.relocate(mesh, peak(mesh, 1.0, 0.0, width=0.5))
+    ends = np.angle((result.p[0] + 1j * result.p[1])[result.facets[:, result.boundaries["outer"]]])
+    turn = np.abs(np.angle(np.exp(1j * np.diff(ends, axis=0)))).max()
+    sagitta, before = 1 - np.cos(turn / 2), 1 - np.cos(np.pi / 40)
+    assert (
+        f"curves are up to {sagitta:.3g} away from their facets, that of boundary 'outer', and were up to "
+        f"{before:.3g}, in units of the mesh"
+    ) in caplog.messages
+
+
+def spiral(n, growth, angle):
+    turn = np.linspace(0.4, angle, n)
+    return (1 + growth * turn) * np.stack([-np.cos(turn), -np.sin(turn)])
+
+
+NOT_ROUND = {
+    "five nodes": lambda: strip(spiral(5, 0.0, 1.5)),
+    "eight sides": lambda: ring(8, 2),
+    "turns of 36 degrees": lambda: ring(10, 2),
+    "ellipse": lambda: shells([s * np.array([[2.0], [1.0]]) * circle(24) for s in (0.5, 1)], 2),
+    "fine ellipse": lambda: shells([s * np.array([[2.0], [1.0]]) * circle(400) for s in (0.9, 1)], 2),
+    "nearly a circle": lambda: shells([s * np.array([[1.01], [1.0]]) * circle(60) for s in (0.5, 1)], 2),
+    "spiral": lambda: strip(spiral(24, 0.2, 2.7)),
+    "fine spiral": lambda: strip(spiral(300, 0.2, 2.7)),
+    "wave": lambda: strip(np.stack([np.linspace(0, 1, 60), 0.1 * np.sin(np.linspace(0, 9, 60))])),
+}
+
+
+@pytest.mark.parametrize("topology", ["fixed", "flip"])
+@pytest.mark.parametrize("kind", NOT_ROUND)
+def test_nodes_of_what_is_no_circle_stay_bit_for_bit(kind, topology):
+    mesh = NOT_ROUND[kind]()
+    assert len(circles(mesh)) == 0
+    kept = outline_of(mesh).constraints.kind == HELD
+    rim = np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes())
+    bent = kept & rim
+    assert np.sum(bent) >= 8
+    x, y = mesh.p[:, np.flatnonzero(bent)[3]]
+    result = ka.relocate(mesh, peak(mesh, x, y, 300, 0.3), topology=topology)
+    assert np.array_equal(result.p[:, bent], mesh.p[:, bent])
+    assert np.any(result.p != mesh.p)
+
+
+@pytest.mark.parametrize("kind", NOT_ROUND)
+def test_recycling_keeps_every_node_of_what_is_no_circle(kind):
+    mesh = NOT_ROUND[kind]()
+    bent = (outline_of(mesh).constraints.kind == HELD) & np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes())
+    x, y = mesh.p[:, np.flatnonzero(bent)[3]]
+    result = ka.relocate(mesh, peak(mesh, x, y, 300, 0.3), topology="recycle")
+    assert {tuple(node) for node in mesh.p[:, bent].T} <= {tuple(node) for node in result.p.T}
+
+
+# --- what stays, however often nodes move ---
+
+
+@dataclass
+class Case:
+    """A mesh with arcs, and what is known of it.
+
+    `lines`: the circles (x, y, radius) that each line has; a line is a boundary, or what is between two subdomains.
+    `regions`: the area of each subdomain (None: everything), with the lines that add to it (1) and take from it (-1).
+    """
+
+    mesh: MeshTri
+    lines: dict
+    regions: dict
+    off: Callable = None  # how far points (2, n) are from the lines; None: it is circles alone
+
+    def spans(self, mesh, line):
+        """Per circle of a line the angles that the facets on it span."""
+        ends = mesh.p[:, mesh.facets[:, facets_of(mesh, line)]]
+        found = []
+        for x, y, radius in self.lines[line]:
+            on = np.all(np.abs(np.hypot(ends[0] - x, ends[1] - y) - radius) < 1e-9 * radius, axis=0)
+            found.append(2 * np.arcsin(0.5 * np.hypot(*(ends[:, 1, on] - ends[:, 0, on])) / radius))
+        return found
+
+    def cut_off(self, mesh, line):
+        """The area between the facets of a line and its circles."""
+        spans = zip(self.lines[line], self.spans(mesh, line), strict=True)
+        return sum(0.5 * radius**2 * np.sum(angle - np.sin(angle)) for (_, _, radius), angle in spans)
+
+    def check(self, mesh):
+        """Nodes on their lines, areas, facets, names: what is as it was, sagittas apart."""
+        np.testing.assert_allclose(circles(mesh), circles(self.mesh), rtol=0, atol=1e-12)
+        assert sorted(mesh.boundaries) == sorted(self.mesh.boundaries)
+        assert sorted(mesh.subdomains or {}) == sorted(self.mesh.subdomains or {})
+        for line, rounds in self.lines.items():
+            x = mesh.p[:, mesh.facets[:, facets_of(mesh, line)]].reshape(2, -1)
+            off = self.off(x) if self.off else np.abs(np.hypot(*x) - rounds[0][2])
+            assert off.max() < 1e-12
+            for before, now in zip(self.spans(self.mesh, line), self.spans(mesh, line), strict=True):
+                assert now.max() <= max(np.deg2rad(30), before.max()) * (1 + 1e-12)
+                assert len(now) >= 5
+                assert now.sum() == pytest.approx(before.sum(), rel=1e-12)
+        for name, (exact, signs) in self.regions.items():
+            rows = slice(None) if name is None else mesh.subdomains[name]
+            facets = sum(sign * self.cut_off(mesh, line) for line, sign in signs.items())
+            assert area_of(mesh, rows) == pytest.approx(exact + facets, rel=1e-12)
+        assert ka.quality(mesh).min() >= min(0.3, ka.quality(self.mesh).min()) * (1 - 1e-9)
+
+
+def facets_of(mesh, line):
+    """The facets of a boundary, or those between two subdomains."""
+    if isinstance(line, str):
+        return np.asarray(mesh.boundaries[line])
+    first, second = (np.isin(mesh.f2t, mesh.subdomains[name]) & (mesh.f2t >= 0) for name in line)
+    return np.flatnonzero(np.any(first, axis=0) & np.any(second, axis=0))
+
+
+def a_ring():
+    signs = {"outer": -1, "inner": 1}
+    return Case(ring(40, 4), {"inner": [(0, 0, 0.5)], "outer": [(0, 0, 1)]}, {None: (0.75 * np.pi, signs)})
+
+
+def a_sector():
+    signs, area = {"outer": -1, "inner": 1}, 0.375 * HUNDRED
+    return Case(sector(18, 6), {"inner": [(0, 0, 0.5)], "outer": [(0, 0, 1)]}, {None: (area, signs)})
+
+
+def a_rounded_core():
+    """A frame with square rims in which a rounded square is another material."""
+    core = rounded_square(8, 6)
+    square = core / np.max(np.abs(core), axis=0)
+    mesh, n = shells([0.4 * square, core, 1.6 * square], 3), core.shape[1]
+    inside = off_rounded_square(mesh.p[:, mesh.t].mean(axis=1), signed=True) < 0
+    mesh = mesh.with_subdomains({"core": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
+    area = 4 - (4 - np.pi) * 0.16
+    rounds = [(x, y, 0.4) for x in (-0.6, 0.6) for y in (-0.6, 0.6)]
+    return Case(
+        with_lines(mesh, {"seam": closed(np.arange(3 * n, 4 * n))}),
+        {("core", "air"): rounds, "seam": rounds},
+        {"core": (area - 0.8**2, {"seam": -1}), "air": (3.2**2 - area, {"seam": 1})},
+        off_rounded_square,
+    )
+
+
+def off_rounded_square(x, signed=False):
+    beyond = np.abs(x) - 0.6
+    off = np.hypot(*np.maximum(beyond, 0)) + np.minimum(beyond.max(axis=0), 0) - 0.4
+    return off if signed else np.abs(off)
+
+
+def a_machine():
+    lines = {("rotor", "gap"): 0.5, "arkkio": 0.55, ("gap", "stator"): 0.6, "outer": 1.0}
+    gap = {("rotor", "gap"): 1, ("gap", "stator"): -1}
+    return Case(
+        arkkio(30, oriented=True),
+        {line: [(0, 0, radius)] for line, radius in lines.items()},
+        {"gap": (0.11 * np.pi, gap), "stator": (0.64 * np.pi, {("gap", "stator"): 1, "outer": -1})},
+    )
+
+
+def a_cut_ring():
+    """A ring with a named line across it: both circles begin and end in one junction."""
+    case = a_ring()
+    names = {**case.mesh.boundaries, **with_lines(case.mesh, {"cut": 40 * np.arange(5)}).boundaries}
+    return Case(MeshTri(case.mesh.p, case.mesh.t, names), case.lines, case.regions)
+
+
+CASES = {
+    "ring": a_ring,
+    "cut ring": a_cut_ring,
+    "sector": a_sector,
+    "rounded core": a_rounded_core,
+    "machine": a_machine,
+}
+
+
+def wanderer(mesh, number):
+    """A density with a peak somewhere on the outer outline, elsewhere in every call."""
+    rng = np.random.default_rng(number)
+    return peak(mesh, *mesh.p[:, rng.choice(mesh.boundary_nodes())], 10 ** rng.uniform(0, 4), rng.uniform(0.05, 0.5))
+
+
+@TOPOLOGIES
+@pytest.mark.parametrize("kind", CASES)
+def test_after_any_number_of_calls_nodes_are_on_their_circles_and_only_sagittas_are_lost(kind, topology):
+    case = CASES[kind]()
+    case.check(case.mesh)
+    mesh, gone = case.mesh, 0.0
+    for number in range(20):
+        moved = ka.relocate(mesh, wanderer(mesh, number), topology=topology, seed=number)
+        gone, mesh = max(gone, np.abs(moved.p - mesh.p).max()), moved
+        if number in (0, 4, 19):
+            case.check(mesh)
+    assert gone > 0.05
+
+
+def test_a_ring_inside_a_region_keeps_its_side():
+    mesh = a_machine().mesh
+    for number in range(5):
+        mesh = ka.relocate(mesh, wanderer(mesh, number), topology="recycle", seed=number)
+        rows = mesh.boundaries["arkkio"]
+        assert isinstance(rows, OrientedBoundary)
+        inside = mesh.p[:, mesh.t[:, mesh.f2t[rows.ori, np.asarray(rows)]]].mean(axis=1)
+        assert np.all(np.hypot(*inside) < 0.55)
+
+
+@pytest.mark.parametrize("kind", CASES)
+def test_adapting_keeps_arcs_too(kind):
+    case = CASES[kind]()
+
+    class Follow:
+        def solve(self, mesh):
+            return None
+
+        def indicators(self, mesh, solution):
+            return np.sqrt(peak(mesh, *mesh.p[:, mesh.facets[:, 0]].mean(axis=1)) * np.abs(areas(mesh)))
+
+    result = ka.adapt(case.mesh, Follow(), passes=3, topology="recycle")
+    case.check(result.mesh)
+
+
+def areas(mesh):
+    return np.array([area_of(mesh, [e]) for e in range(mesh.t.shape[1])])
+
+
+# --- symmetries ---
+
+
+@TOPOLOGIES
+@pytest.mark.parametrize("kind", CASES)
+@pytest.mark.parametrize("exponent", [-20, -1, 20])
+def test_scaled_by_a_power_of_two_gives_the_scaled_mesh_exactly(exponent, kind, topology):
+    mesh = CASES[kind]().mesh
+    density = wanderer(mesh, 3)
+    plain = ka.relocate(mesh, density, topology=topology)
+    scaled = ka.relocate(mesh.scaled(2.0**exponent), density, topology=topology)
+    np.testing.assert_array_equal(scaled.p, plain.p * 2.0**exponent)
+    np.testing.assert_array_equal(scaled.t, plain.t)
+
+
+@TOPOLOGIES
+@pytest.mark.parametrize("kind", CASES)
+@pytest.mark.parametrize("way", [(3.0, -7.0), (0.1, 1 / 3)])
+def test_translated_gives_the_translated_mesh(way, kind, topology):
+    mesh = CASES[kind]().mesh
+    density = wanderer(mesh, 4)
+    plain = ka.relocate(mesh, density, topology=topology)
+    moved = ka.relocate(mesh.translated(way), density, topology=topology)
+    assert np.abs(moved.p - np.array(way)[:, None] - plain.p).max() < 1e-9
+    np.testing.assert_array_equal(moved.t, plain.t)
+
+
+@pytest.mark.parametrize("kind", CASES)
+def test_no_epochs_and_no_sweeps_move_no_node(kind):
+    mesh = with_noise(CASES[kind]().mesh, 1e-5)
+    density = np.ones(mesh.t.shape[1])
+    same = ka.relocate(mesh, density, topology="fixed", schedule=Schedule(()))
+    assert (same.p.tobytes(), same.t.tobytes()) == (mesh.p.tobytes(), mesh.t.tobytes())
+    flipped = ka.relocate(mesh, density, topology="flip", schedule=Schedule(()))
+    assert flipped.p.tobytes() == mesh.p.tobytes()
+
+
+# --- given curves ---
+
+
+class Ellipse:
+    """(a cos t, b sin t): the nearest point by Newton's method in t."""
+
+    def __init__(self, a, b):
+        self.axes = np.array([[a], [b]])
+
+    def project(self, x):
+        t, (a, b) = np.arctan2(x[1] / self.axes[1], x[0] / self.axes[0]), self.axes[:, 0]
+        for _ in range(30):
+            sine, cosine = np.sin(t), np.cos(t)
+            rate = (b**2 - a**2) * sine * cosine + a * x[0] * sine - b * x[1] * cosine
+            change = (b**2 - a**2) * (cosine**2 - sine**2) + a * x[0] * cosine + b * x[1] * sine
+            t = t - rate / change
+        return self.axes * np.stack([np.cos(t), np.sin(t)])
+
+
+class Wave:
+    """y = 0.1 sin(6 x)."""
+
+    def project(self, x):
+        t = x[0].copy()
+        for _ in range(30):
+            y, slope, bend = 0.1 * np.sin(6 * t), 0.6 * np.cos(6 * t), -3.6 * np.sin(6 * t)
+            t = t - (t - x[0] + (y - x[1]) * slope) / (1 + slope**2 + (y - x[1]) * bend)
+        return np.stack([t, 0.1 * np.sin(6 * t)])
+
+
+def ellipse_mesh(n=48):
+    rows = [s * np.array([[2.0], [1.0]]) * circle(n, 0.01) for s in (0.5, 1.0)]
+    return with_lines(shells(rows, 4), {"inner": closed(np.arange(n)), "outer": closed(np.arange(4 * n, 5 * n))})
+
+
+def wavy():
+    x = np.linspace(0, 1, 31)
+    return strip(np.stack([x, 0.1 * np.sin(6 * x)]), 10)
+
+
+def crooked():
+    mesh = square(12).with_boundaries({"floor": lambda x: x[1] == 0.0})
+    p = mesh.p.copy()
+    p[1] += 2e-4 * (p[1] == 0) * np.sin(40 * p[0])
+    return MeshTri(p, mesh.t, mesh.boundaries)
+
+
+GIVEN = {
+    "ellipses": (ellipse_mesh, lambda mesh: {"inner": Ellipse(1.0, 0.5), "outer": Ellipse(2.0, 1.0)}),
+    "graph": (wavy, lambda mesh: {"curve": Wave()}),
+    "line": (crooked, lambda mesh: {"floor": ka.Line((0.0, 0.0), (1.0, 0.0))}),
+    "circle": (lambda: with_noise_and_names(ring(30, 4)), lambda mesh: {"outer": ka.Arc((0.0, 0.0), 1.0)}),
+    "arc of few": (lambda: sector(4, 2), lambda mesh: {"outer": ka.Arc((0.0, 0.0), 1.0)}),
+    "spline": (wavy, lambda mesh: {"curve": ka.Spline.through(mesh, "curve")}),
+    "closed splines": (ellipse_mesh, lambda mesh: {name: ka.Spline.through(mesh, name) for name in ("inner", "outer")}),
+}
+
+
+def with_noise_and_names(mesh):
+    return MeshTri(with_noise(mesh, 3e-4).p, mesh.t, mesh.boundaries)
+
+
+@pytest.mark.slow
+@TOPOLOGIES
+@pytest.mark.parametrize("kind", GIVEN)
+def test_after_any_number_of_calls_nodes_are_on_the_curve_that_was_given(kind, topology):
+    build, curves_for = GIVEN[kind]
+    mesh = build()
+    curves, size, seen = curves_for(mesh), np.ptp(mesh.p), 0
+    kind_of = outline_of(mesh, curves=curves).constraints.kind
+    ends = {tuple(x) for x in mesh.p[:, kind_of == HELD].T}
+    for number in range(8):
+        mesh = ka.relocate(mesh, wanderer(mesh, number), topology=topology, seed=number, curves=curves)
+        if number in (0, 2, 7):
+            outline = outline_of(mesh, curves=curves)
+            own, sliding = outline.constraints.own_chain, outline.constraints.kind == SLIDING
+            assert list(outline.curves) == list(curves)
+            for which, curve in enumerate(curves.values()):
+                x = mesh.p[:, sliding & (own >= 0) & (outline.given[own] == which)]
+                seen += x.shape[1]
+                assert np.abs(curve.project(x) - x).max(initial=0.0) < 1e-12 * size
+            assert {tuple(x) for x in mesh.p[:, outline.constraints.kind == HELD].T} >= ends
+    assert seen >= 6
+
+
+@TOPOLOGIES
+def test_an_ellipse_loses_its_sagittas_only(topology):
+    """The affine map that makes it a circle tells which area each facet cuts off."""
+    build, curves_for = GIVEN["ellipses"]
+    mesh = build()
+    for number in range(10):
+        mesh = ka.relocate(mesh, wanderer(mesh, number), topology=topology, seed=number, curves=curves_for(mesh))
+    exact = 0.0
+    for name, a, sign in (("outer", 2.0, 1), ("inner", 1.0, -1)):
+        ends = mesh.p[:, mesh.facets[:, mesh.boundaries[name]]] / np.array([a, a / 2])[:, None, None]
+        (x, u), (y, v) = ends
+        span = np.abs(np.arctan2(x * v - y * u, x * u + y * v))
+        assert span.sum() == pytest.approx(2 * np.pi, rel=1e-12)
+        exact += sign * 0.25 * a**2 * np.sum(np.sin(span))
+    assert area_of(mesh) == pytest.approx(exact, rel=1e-12)
+
+
+@TOPOLOGIES
+@pytest.mark.parametrize("exponent", [-20, 20])
+def test_a_curve_scaled_by_a_power_of_two_gives_the_scaled_mesh_exactly(exponent, topology):
+    mesh, factor = ellipse_mesh(), 2.0**exponent
+    density = wanderer(mesh, 5)
+    results = []
+    for scale in (1.0, factor):
+        curves = {"inner": Ellipse(scale, 0.5 * scale), "outer": Ellipse(2 * scale, scale)}
+        results.append(ka.relocate(mesh.scaled(scale), density, topology=topology, curves=curves))
+    np.testing.assert_array_equal(results[1].p, results[0].p * factor)
+    np.testing.assert_array_equal(results[1].t, results[0].t)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_straight_curve_of_ones_own_is_as_good_as_a_line():
+    mesh = square(8).with_boundaries({"floor": lambda x: x[1] == 0.0})
+    own = ka.relocate(mesh, peak(mesh, 0.3, 0.0), curves={"floor": Answer(lambda x: x * [[1.0], [0.0]])})
+    plain = ka.relocate(mesh, peak(mesh, 0.3, 0.0))
+    assert np.all(own.p[1, own.facets[:, own.boundaries["floor"]]] == 0.0)
+    assert ka.quality(own).mean() == pytest.approx(ka.quality(plain).mean(), rel=0.05)
+    assert len(own.boundaries["floor"]) >= len(mesh.boundaries["floor"])
+
+
+class Answer:
+    """A curve that answers what it is told to."""
+
+    def __init__(self, answer):
+        self.answer = answer
+
+    def project(self, x):
+        return self.answer(x)
+
+
+class RightAngle:
+    """The axes x >= 0 and y >= 0."""
+
+    def project(self, x):
+        return np.where(x[0] >= x[1], [x[0], 0 * x[0]], [0 * x[1], x[1]])
+
+
+def test_a_corner_of_a_given_curve_is_held_and_divides_it():
+    mesh = square(8).with_boundaries({"angle": lambda x: (x[0] == 0) | (x[1] == 0)})
+    outline = outline_of(mesh, curves={"angle": RightAngle()})
+    assert outline.constraints.kind[np.all(mesh.p == 0, axis=0)] == HELD
+    assert np.sum(outline.given == 0) == 2
+    for number in range(5):
+        mesh = ka.relocate(mesh, peak(mesh, 0.2, 0.0), seed=number, curves={"angle": RightAngle()})
+        assert np.sum(np.all(mesh.p == 0, axis=0)) == 1
+        assert np.all(mesh.p[:, mesh.facets[:, mesh.boundaries["angle"]]].min(axis=0) == 0)
+
+
+# --- bad input ---
+
+
+@pytest.mark.parametrize(
+    ("curves", "text"),
+    [
+        ([ka.Arc((0, 0), 1)], r"curves must map names of boundaries to curves; got list\."),
+        (
+            {"roof": ka.Arc((0, 0), 1)},
+            r"curves has 'roof', which is no boundary of the mesh; its boundaries are: 'inner', 'outer'\.",
+        ),
+        (
+            {"outer": 1.0},
+            r"the curve of boundary 'outer' must be a kohonen_adapt\.Line, Arc or Spline, or have a method "
+            r"project\(x \(2, n\)\) -> \(2, n\); got 1\.0\.",
+        ),
+        (
+            {"outer": Answer(lambda x: x[:, 1:])},
+            r"project of the curve of boundary 'outer' must return finite points of shape \(2, 25\); "
+            r"got shape \(2, 24\), 0 coordinates not finite\.",
+        ),
+        (
+            {"outer": Answer(lambda x: x.T)},
+            r"must return finite points of shape \(2, 25\); got shape \(25, 2\), 0 coordinates not finite\.",
+        ),
+        (
+            {"outer": Answer(lambda x: np.where(x[0] > 0.5, np.nan, x))},
+            r"must return finite points of shape \(2, 25\); got shape \(2, 25\), 20 coordinates not finite\.",
+        ),
+        (
+            {"outer": ka.Arc((0, 0), 1.1)},
+            r"the nodes of boundary 'outer' must lie on the curve given for it, within 0\.001 of its size, 2 "
+            r"in units of the mesh; the one at \(.*, .*\) is 0\.1 away\.",
+        ),
+        (
+            {"inner": ka.Line((0, 0), (1, 0))},
+            r"the nodes of boundary 'inner' must lie on the curve given for it, within 0\.001 of its size, 1 "
+            r"in units of the mesh; the one at \(.*, .*\) is 0\.5 away\.",
+        ),
+        (
+            {"outer": Answer(lambda x: np.round(x, 3))},
+            r"project of the curve of boundary 'outer' must tell its points apart; it has a corner\.",
+        ),
+    ],
+)
+def test_bad_curves_are_refused(curves, text):
+    mesh = ring(24, 2)
+    for use in (lambda: KohonenMap(mesh, curves=curves), lambda: ka.relocate(mesh, np.ones(96), curves=curves)):
+        with pytest.raises(ValueError, match=text):
+            use()
+
+
+def test_two_curves_for_the_same_facets_are_refused():
+    mesh = ring(24, 2)
+    mesh = mesh.with_boundaries({"part": mesh.boundaries["outer"][:5]})
+    curve = ka.Arc((0.0, 0.0), 1.0)
+    with pytest.raises(ValueError, match="boundaries 'outer' and 'part' share facets, so they cannot both"):
+        KohonenMap(mesh, curves={"outer": curve, "part": curve})
+
+
+@pytest.mark.parametrize("n", [6, 8, 10])
+def test_a_given_circle_may_be_coarse(n):
+    """Its facets turn too much for one to be recognised; given, its nodes slide."""
+    mesh = ring(n, 3)
+    assert np.sum(outline_of(mesh).constraints.kind == SLIDING) == 0
+    curves = {"outer": ka.Arc((0.0, 0.0), 1.0)}
+    result = ka.relocate(mesh, peak(mesh, 1.0, 0.0, width=0.5), curves=curves, min_quality=0.1)
+    rim = np.unique(result.facets[:, result.boundaries["outer"]])
+    np.testing.assert_allclose(np.hypot(*result.p[:, rim]), 1.0, atol=1e-15)
+    assert np.any(result.p[:, rim] != mesh.p[:, rim])
+    assert len(rim) == n

@@ -1,0 +1,347 @@
+"""Patches on spheres, cylinders and surfaces that are told, and ridges between them: recognised, kept to, refused."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from helpers.meshes import disk, ring, shells
+from helpers.solids import ball, boundary_facts, box, cut, extruded, named, scramble, split_edge
+from skfem import MeshTet, MeshTri
+from skfem.generic_utils import OrientedBoundary
+
+import kohonen_adapt as ka
+from kohonen_adapt import Rules
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.kernels.tetrahedron.arrays import (
+    CIRCLE,
+    CONE,
+    CYLINDER,
+    HELD,
+    INTERSECTION,
+    LINE,
+    ON_PATCH,
+    ON_RIDGE,
+    PLANE,
+    PROJECTED,
+    SPHERE,
+)
+
+SHAPES = {"planes": PLANE, "spheres": SPHERE, "cylinders": CYLINDER, "cones": CONE, "others": PROJECTED}
+RIDGES = {"lines": LINE, "circles": CIRCLE, "intersections": INTERSECTION}
+
+
+def stadium(straight):
+    """A plane mesh between two outlines of two half circles and two sides, of so many facets each."""
+    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 11)
+    x, rest = np.linspace(1, -1, straight + 1)[1:-1], np.ones(straight - 1)
+    half = np.hstack([np.stack([1 + np.cos(angle), np.sin(angle)]), np.stack([x, rest])])
+    whole = np.hstack([half, -half])
+    return shells([0.4 * whole, whole], 3)
+
+
+def capsule(n=6):
+    """A round bar with half a ball on both of its ends."""
+    mesh = box(n, n, 3 * n)
+    x = 2.0 * mesh.p - 1.0
+    core = np.clip(3.0 * x[2], -2.0, 2.0)
+    x[2] = 3.0 * x[2] - core
+    length = np.sqrt(np.sum(x**2, axis=0))
+    x *= np.max(np.abs(x), axis=0) / np.where(length > 0.0, length, 1.0)
+    x[2] += core
+    return MeshTet(x, mesh.t)
+
+
+def oblique():
+    """A round bar, its end cut obliquely: an ellipse."""
+    mesh = extruded(disk(4, 1.0), 6, 2.0)
+    p = mesh.p.copy()
+    p[2] *= 1.0 + 0.3 * p[0]
+    return MeshTet(p, mesh.t)
+
+
+def sector(concentric):
+    """A quarter of an annulus with four nodes on each arc, the inner one drawn straight if not `concentric`."""
+    flat = MeshTri.init_tensor(np.linspace(0, 1, 4), np.linspace(0, 0.5 * np.pi, 4))
+    share, angle = flat.p
+    outer = np.stack([np.cos(angle), np.sin(angle)])
+    chord = np.stack([1.0 - angle / (0.5 * np.pi), angle / (0.5 * np.pi)])
+    inner = 0.5 * (outer if concentric else chord)
+    return extruded(MeshTri(inner + share * (outer - inner), flat.t), 3)
+
+
+def moved(mesh, seed=3):
+    """The mesh turned and shifted in space."""
+    turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    return MeshTet(turn @ mesh.p + np.array([[10.0], [2.0], [3.0]]), mesh.t, mesh.boundaries, mesh.subdomains)
+
+
+# per mesh: numbers of patches by shape and ridges by shape, and of held nodes
+RECOGNISED = {
+    "bar": (lambda: extruded(disk(3, 1.0), 4), {"planes": 2, "cylinders": 1, "circles": 2}, 0),
+    "plate": (lambda: extruded(disk(3, 1.0), 1), {"planes": 2, "cylinders": 1, "circles": 2}, 0),
+    "tube": (lambda: extruded(ring(24, 3), 3), {"planes": 2, "cylinders": 2, "circles": 4}, 0),
+    "ball": (lambda: ball(6), {"spheres": 1}, 0),
+    "slot": (lambda: extruded(stadium(6), 2), {"planes": 6, "cylinders": 4, "circles": 8, "lines": 16}, 16),
+    "slot of long facets": (
+        lambda: extruded(stadium(1), 2),
+        {"planes": 6, "cylinders": 4, "circles": 8, "lines": 16},
+        16,
+    ),
+    "capsule": (capsule, {"spheres": 2, "cylinders": 1, "circles": 2}, 0),
+    "oblique": (oblique, {"planes": 2, "cylinders": 1, "circles": 1, "intersections": 1}, 0),
+    "coarse": (lambda: sector(True), {"planes": 4, "cylinders": 2, "circles": 4, "lines": 8}, 8),
+    "coarse by chance": (lambda: sector(False), {"planes": 8, "lines": 18}, 12),
+    "prism of ten sides": (lambda: extruded(ring(10, 2), 2), {"planes": 22, "lines": 60}, 40),
+}
+
+
+def found(solid):
+    """How many patches and ridges of each shape there are."""
+    kinds = [(solid.surfaces.shape, SHAPES), (solid.surfaces.ridge_shape, RIDGES)]
+    return {name: n for shape, names in kinds for name, k in names.items() if (n := int(np.sum(shape == k)))}
+
+
+@pytest.mark.parametrize("name", RECOGNISED)
+@pytest.mark.parametrize("place", [lambda mesh: mesh, moved], ids=["as it is", "turned"])
+def test_what_is_recognised(name, place):
+    build, wanted, held = RECOGNISED[name]
+    mesh = place(build())
+    solid = MovableSolid.of(mesh, Rules())
+    assert found(solid) == wanted
+    assert np.sum(solid.freedom.number == HELD) == held
+    assert_on_surfaces(solid, 1e-12 * np.ptp(mesh.p, axis=1).max())
+
+
+def assert_on_surfaces(solid, within):
+    """Nodes are on all that they slide on; on an intersection on both of its patches."""
+    x, (number, place, _), surfaces = solid.tetrahedralization.position, solid.freedom, solid.surfaces
+    pairs = [(np.flatnonzero(number == ON_PATCH), place[number == ON_PATCH])]
+    on = np.flatnonzero(number == ON_RIDGE)
+    pairs += [(on[p >= 0], p[p >= 0]) for p in surfaces.meets[place[on]].T]
+    for nodes, patch in pairs:
+        assert np.abs(solid.patches.project(patch, x[nodes]) - x[nodes]).max(initial=0.0) < within
+
+
+def test_few_nodes_that_lie_near_a_cylinder_by_chance_stay_on_their_planes():
+    a, b, c = np.array([(0.8896, 0.272088, 0.489195), (0.894655, 0.130855, 0.025155), (0.983827, 0.323720, 0.637111)])
+    beside, below = (0.646206, 0.247679, 0.457648), (0.8, 0.8, 0.3)
+    x = np.array([a, b, c, (a + b) / 2, (a + c) / 2, (b + c) / 2, beside, below])
+    faces = np.array([(0, 3, 4), (1, 5, 3), (2, 4, 5), (4, 3, 5), (0, 6, 3)])
+    solid = MovableSolid.of(MeshTet(x.T, np.column_stack([faces, np.full(5, 7)]).T), Rules())
+    assert np.all(solid.surfaces.shape == PLANE)
+
+
+def test_wherever_nodes_slide_the_same_is_recognised_again():
+    solid = MovableSolid.of(moved(oblique()), Rules(min_quality=0.0))
+    (side,) = np.flatnonzero(solid.surfaces.shape == CYLINDER)
+    x, on = solid.tetrahedralization.position, (solid.freedom.number == ON_PATCH) & (solid.freedom.place == side)
+    x[on] += 1e-3 * np.random.default_rng(0).uniform(-1, 1, (on.sum(), 3))
+    solid.project_nodes()
+    again = MovableSolid.of(solid.mesh(), Rules())
+    round_ = again.surfaces.shape == CYLINDER
+    axis, off = again.surfaces.axis[round_], again.surfaces.origin[round_] - solid.surfaces.origin[round_]
+    np.testing.assert_allclose(axis, solid.surfaces.axis[round_], rtol=0, atol=4e-12)
+    np.testing.assert_allclose(np.cross(off, axis), 0.0, atol=4e-12)
+    np.testing.assert_allclose(again.surfaces.size, solid.surfaces.size, rtol=1e-12)
+    np.testing.assert_array_equal(again.surfaces.shape, solid.surfaces.shape)
+    np.testing.assert_array_equal(again.freedom.number, solid.freedom.number)
+
+
+@pytest.mark.parametrize("name", ["bar", "ball", "slot", "capsule", "oblique"])
+def test_settling_puts_nodes_on_all_that_they_slide_on(name):
+    mesh = moved(RECOGNISED[name][0]())
+    solid = MovableSolid.of(mesh, Rules(min_quality=0.0))
+    x, slides = (
+        solid.tetrahedralization.position,
+        (solid.freedom.number == ON_PATCH) | (solid.freedom.number == ON_RIDGE),
+    )
+    x[slides] += 1e-3 * np.random.default_rng(0).uniform(-1, 1, (slides.sum(), 3))
+    on_plane = slides & np.isin(solid.freedom.place, np.flatnonzero(solid.surfaces.shape == PLANE))
+    x[on_plane & (solid.freedom.number == ON_PATCH)] = mesh.p.T[on_plane & (solid.freedom.number == ON_PATCH)]
+    lines = slides & (solid.freedom.number == ON_RIDGE)
+    lines[lines] = solid.surfaces.ridge_shape[solid.freedom.place[lines]] == LINE
+    x[lines] = mesh.p.T[lines]
+    others = x[~slides].copy()
+    solid.project_nodes()
+    assert_on_surfaces(solid, 1e-11)
+    np.testing.assert_array_equal(x[~slides], others)
+    assert np.all(solid.tetrahedralization.volumes() > 0.0)
+    still = x.copy()
+    solid.project_nodes()
+    np.testing.assert_array_equal(x, still)
+
+
+def test_settling_leaves_no_element_worse_than_the_floor_or_than_it_was():
+    mesh = ball(4)
+    solid = MovableSolid.of(mesh.with_boundaries({"rim": mesh.boundary_facets()}), Rules())
+    x = solid.tetrahedralization.position
+    x *= 0.98 + 0.04 * np.random.default_rng(1).random((len(x), 1))  # far off
+    before = MeshTet(x.T.copy(), solid.mesh().t)
+    assert np.all(solid.tetrahedralization.volumes() > 0.0)
+    solid.project_nodes()
+    after = solid.mesh()
+    assert np.any(after.p != before.p)
+    assert np.all(solid.tetrahedralization.volumes() > 0.0)
+    assert np.all(ka.quality(after) >= np.minimum(0.2, ka.quality(before)))
+
+
+@pytest.mark.parametrize("topology", ["flip", "recycle"])
+def test_relocated_nodes_are_on_their_surfaces_and_names_where_they_were(topology, caplog):
+    mesh = extruded(disk(5, 1.0), 6, 2.0).with_boundaries({"side": lambda x: (x[2] > 0.0) & (x[2] < 2.0)})
+    with caplog.at_level("INFO", "kohonen_adapt"):
+        after = ka.relocate(mesh, lambda x: 1.0 / (0.1 + x[2]) ** 3, topology=topology)
+    assert after.p.shape == mesh.p.shape and np.any(after.p != mesh.p)
+    on_side = np.unique(after.facets[:, after.boundaries["side"]])
+    np.testing.assert_allclose(np.hypot(*after.p[:2, on_side]), 1.0, rtol=1e-12)
+    ends = np.unique(after.facets[:, np.setdiff1d(after.boundary_facets(), after.boundaries["side"])])
+    assert np.all(np.isin(after.p[2, ends], [0.0, 2.0]))
+    assert found(MovableSolid.of(after, Rules())) == {"planes": 2, "cylinders": 1, "circles": 2}
+    assert "away from their faces, boundary 'side', and were up to 0.00548" in caplog.text
+
+
+@dataclass
+class Ellipsoid:
+    """x^2 / 4 + y^2 + z^2 = 1, by steps along its gradient: a surface of a user's own."""
+
+    calls: int = 0
+
+    def project(self, x):
+        self.calls += 1
+        found, scale = np.array(x), np.array([[0.25], [1.0], [1.0]])
+        for _ in range(60):
+            value, gradient = np.sum(scale * found**2, axis=0) - 1.0, 2.0 * scale * found
+            found -= gradient * (value / np.sum(gradient**2, axis=0))
+        return found
+
+
+def egg():
+    """A ball stretched along x, its rim named."""
+    mesh = ball(6)
+    mesh = MeshTet(mesh.p * [[2.0], [1.0], [1.0]], mesh.t)
+    return mesh.with_boundaries({"rim": mesh.boundary_facets()})
+
+
+def frustum():
+    """A round bar that gets thinner, its side named."""
+    mesh = extruded(disk(4, 1.0), 4)
+    mesh = MeshTet(mesh.p * np.stack([1 - 0.5 * mesh.p[2], 1 - 0.5 * mesh.p[2], np.ones(mesh.p.shape[1])]), mesh.t)
+    return mesh.with_boundaries({"side": lambda x: (x[2] > 0.0) & (x[2] < 1.0)})
+
+
+CONE_OF_FRUSTUM = ka.Cone((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), np.arctan(0.5))
+
+
+def test_surfaces_that_are_told():
+    solid = MovableSolid.of(frustum(), Rules(surfaces={"side": CONE_OF_FRUSTUM}))
+    assert found(solid) == {"planes": 2, "cones": 1, "circles": 2}
+    assert not np.any(solid.freedom.number == HELD)
+    assert_on_surfaces(solid, 1e-12)
+    plain = MovableSolid.of(frustum(), Rules())
+    assert found(plain).keys() == {"planes", "lines"}
+
+
+def test_a_surface_of_a_users_own_is_asked():
+    surface = Ellipsoid()
+    solid = MovableSolid.of(egg(), Rules(surfaces={"rim": surface}, min_quality=0.0))
+    assert found(solid) == {"others": 1} and surface.calls > 0
+    assert_on_surfaces(solid, 1e-9)
+    x, on = solid.tetrahedralization.position, solid.freedom.number == ON_PATCH
+    x[on] *= 1.001
+    solid.project_nodes()
+    assert np.abs(np.sum((x[on] / [2.0, 1.0, 1.0]) ** 2, axis=1) - 1.0).max() < 1e-12
+
+
+def test_a_cone_holds_its_apex():
+    mesh = frustum()
+    p = mesh.p.copy()
+    p[:2] *= (1 - p[2]) / (1 - 0.5 * p[2])
+    top = np.flatnonzero(p[2] == 1.0)
+    number = np.where(np.isin(np.arange(p.shape[1]), top), top[0], np.arange(p.shape[1]))
+    t = number[mesh.t]
+    t = t[:, [len(set(column)) == 4 for column in t.T.tolist()]]
+    pointed = MeshTet(p, t).remove_unused_nodes()
+    pointed = pointed.with_boundaries({"side": lambda x: x[2] > 0.0})
+    solid = MovableSolid.of(pointed, Rules(surfaces={"side": ka.Cone((0, 0, 1), (0, 0, -1), np.pi / 4)}))
+    (apex,) = np.flatnonzero(pointed.p[2] == 1.0)
+    assert np.flatnonzero(solid.freedom.number == HELD).tolist() == [apex]
+
+
+REFUSED = {
+    r"surfaces must map names of boundaries to surfaces; got list\.": [CONE_OF_FRUSTUM],
+    r"surfaces has 'top', which is no boundary of the mesh; its boundaries are: 'side'\.": {"top": CONE_OF_FRUSTUM},
+    r"the surface of boundary 'side' must be a kohonen_adapt\.Plane, .*project\(x \(3, n\)\) -> \(3, n\); got 3\.": {
+        "side": 3
+    },
+    r"the nodes of boundary 'side' must lie on the surface given for it, within 0\.001 of its size, 2 in units of .*": {
+        "side": ka.Cylinder((0, 0, 0), (0, 0, 1), 1.0)
+    },
+}
+
+
+@pytest.mark.parametrize("message", REFUSED)
+def test_what_is_told_of_surfaces_is_checked(message):
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        MovableSolid.of(frustum(), Rules(surfaces=REFUSED[message]))
+
+
+def test_two_surfaces_for_one_face():
+    mesh = box(2).with_boundaries({"top": lambda x: x[2] == 1.0, "lid": lambda x: x[2] == 1.0})
+    plane = ka.Plane((0, 0, 1), (0, 0, 1))
+    message = r"^boundaries 'top' and 'lid' share facets, so they cannot both have a surface; leave one out\.$"
+    with pytest.raises(ValueError, match=message):
+        MovableSolid.of(mesh, Rules(surfaces={"top": plane, "lid": plane}))
+    assert found(MovableSolid.of(mesh, Rules(surfaces={"top": plane}))) == {"planes": 6, "lines": 12}
+
+
+def test_how_far_faces_are_off_is_told():
+    count = 24
+    mesh = extruded(ring(count, 3), 3).with_boundaries({"rim": lambda x: np.hypot(x[0], x[1]) > 0.9})
+    solid = MovableSolid.of(mesh, Rules())
+    assert solid.sagitta() == pytest.approx(1.0 - np.cos(np.pi / count), rel=1e-9)
+    assert solid.farthest_surface() == "boundary 'rim'"
+    assert MovableSolid.of(cut(2), Rules()).sagitta() == 0.0
+
+
+def test_the_farthest_surface_of_a_body_without_names_is_told_by_its_place():
+    said = MovableSolid.of(ball(4, 2.0), Rules()).farthest_surface()
+    place = np.array(re.fullmatch(r"one without a name, with a face near \((.*)\)", said)[1].split(", "), dtype=float)
+    assert 1.5 < np.linalg.norm(place) < 2.0
+
+
+def wrapped(surface):
+    """A bar of one region with a round sheet in it, which looks outward."""
+    mesh = extruded(disk(4, 1.0), 4)
+    middle = mesh.p[:, mesh.facets]
+    sheet = np.flatnonzero(np.all(np.abs(np.hypot(middle[0], middle[1]) - 0.5) < 1e-9, axis=0))
+    inside = np.hypot(*mesh.p[:2, mesh.t].mean(axis=1))[mesh.f2t[0, sheet]] < 0.5
+    oriented = named(mesh, {"sheet": OrientedBoundary(sheet, (~inside).astype(np.int32))})
+    return oriented, Rules(surfaces={"sheet": surface} if surface else None)
+
+
+class OwnCylinder:
+    """The same as a `ka.Cylinder`, as a class of a user's."""
+
+    def project(self, x):
+        return ka.Cylinder((0, 0, 0), (0, 0, 1), 0.5).project(x)
+
+
+@pytest.mark.parametrize("surface", [None, OwnCylinder()], ids=["recognised", "told"])
+def test_a_round_sheet_in_a_region_keeps_its_sides(surface):
+    mesh, rules = wrapped(surface)
+    solid = MovableSolid.of(mesh, rules)
+    assert np.sum(solid.surfaces.shape == CYLINDER) == (1 if surface else 2)
+    scramble(solid)
+    assert boundary_facts(solid.mesh()) == boundary_facts(mesh)
+    elements = solid.tetrahedralization.elements
+    (sheet,) = np.flatnonzero(solid.patches.names["sheet"])
+    for _ in range(10):
+        e, k = (rows[0] for rows in np.nonzero(solid.tetrahedralization.elements.patch == sheet))
+        a, b = np.delete(solid.tetrahedralization.elements.node[e], k)[:2].tolist()
+        split_edge(solid, a, b)
+    again = solid.mesh()
+    rows = again.boundaries["sheet"]
+    assert len(rows) > np.sum(elements.patch == sheet) // 2
+    side = again.p[:, again.t[:, again.f2t[rows.ori, np.asarray(rows)]]].mean(axis=1)
+    facet = again.p[:, again.facets[:, np.asarray(rows)]].mean(axis=1)
+    assert np.all(np.hypot(*side[:2]) < np.hypot(*facet[:2]))

@@ -1,0 +1,381 @@
+"""Curves: the nearest point is nearest, to rounding; a spline through a boundary is the geometry of its mesh."""
+
+import numpy as np
+import pytest
+import skfem
+from helpers.curved_meshes import annulus
+from helpers.examples import examples
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.interpolate import CubicSpline
+from skfem import MeshTri
+
+from kohonen_adapt import Arc, Line, Spline
+from kohonen_adapt.geometry.plane.polylines import polylines_of
+
+
+def circle(count, *, turn=2 * np.pi):
+    angle = np.linspace(0.0, turn, count, endpoint=turn < 6)
+    return np.stack([np.cos(angle), np.sin(angle)])
+
+
+def ellipse(count):
+    return np.array([[2.0], [1.0]]) * circle(count)
+
+
+def dense(points, closed, count=20_001):
+    """Points all along the spline by scipy alone, with another parameter and unit."""
+    points = np.append(points, points[:, :1], axis=1) if closed else points
+    length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=1))))
+    spline = CubicSpline(length, points.T, bc_type="periodic" if closed else "not-a-knot")
+    return spline(np.linspace(0.0, length[-1], count)).T
+
+
+def distance(x, y):
+    return np.hypot(*(np.asarray(x) - y))
+
+
+COORDINATE = st.floats(-1e3, 1e3, allow_subnormal=False)
+POINT = st.tuples(COORDINATE, COORDINATE)
+
+
+@st.composite
+def some_curves(draw):
+    """A curve of any kind, its size, and points near and far."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    centre = rng.normal(size=(2, 1)) * draw(st.sampled_from([0.0, 1.0, 1e2]))
+    kind = draw(st.sampled_from(["line", "arc", "open", "closed", "pieces"]))
+    points = centre + rng.normal(size=(2, draw(st.integers(3, 12))))
+    x = centre + rng.normal(size=(2, 40)) * draw(st.sampled_from([0.3, 1.0, 10.0]))
+    return kind, points, x
+
+
+def made(kind, points):
+    if kind == "line":
+        return Line(points[:, 0], points[:, 1])
+    if kind == "arc":
+        return Arc(points[:, 0], abs(float(points[0, 1])))
+    if kind == "pieces":
+        return Spline.of_pieces([(points, True), (points[:, :2] + points[:, 2:3], False)])
+    return Spline(points, closed=kind == "closed")
+
+
+@examples(60)
+@given(some_curves())
+def test_to_project_again_moves_nothing(case):
+    kind, points, x = case
+    curve = made(kind, points)
+    once = curve.project(x)
+    size = np.abs(points).max() + np.abs(once).max()
+    assert np.abs(curve.project(once) - once).max() <= 1e-14 * size
+
+
+@examples(60)
+@given(some_curves(), st.integers(-20, 20))
+def test_scaling_by_a_power_of_two_is_exact(case, power):
+    kind, points, x = case
+    assert_array_equal(
+        made(kind, 2.0**power * points).project(2.0**power * x), 2.0**power * made(kind, points).project(x)
+    )
+
+
+@examples(60)
+@given(some_curves())
+def test_every_point_goes_its_own_way(case):
+    """What else is asked for at the same time has no say, and the input stays as it is."""
+    kind, points, x = case
+    before = points.copy(), x.copy()
+    curve = made(kind, points)
+    assert_array_equal(curve.project(x)[:, ::7], curve.project(x[:, ::7]))
+    assert_array_equal(points, before[0])
+    assert_array_equal(x, before[1])
+    assert curve.project(np.empty((2, 0))).shape == (2, 0)
+
+
+@examples(60)
+@given(some_curves())
+def test_no_point_of_a_spline_is_nearer(case):
+    """Also for points as good as equally far from two places, and splines with sharp bends."""
+    kind, points, x = case
+    if kind in ("line", "arc"):
+        kind = "open"
+    found = made(kind, points).project(x)
+    along = [dense(points, kind != "open")]
+    if kind == "pieces":
+        along.append(dense(points[:, :2] + points[:, 2:3], False))
+    along = np.concatenate(along, axis=1)
+    nearest = np.array([distance(along, each[:, None]).min() for each in x.T])
+    size, largest = np.ptp(along, axis=1).max(), max(np.abs(along).max(), np.abs(x).max())
+    # Coordinates are rounded, here and by `dense`, by parts of the largest of them, however small the curve is.
+    rounding = 16 * np.finfo(float).eps * largest
+    assert np.all(distance(found, x) <= nearest + 1e-14 * (size + nearest) + rounding)
+    off = np.array([distance(along, each[:, None]).min() for each in found.T])
+    assert np.all(off <= np.hypot(*np.diff(along[:, :20_001], axis=1)).max())
+
+
+@examples(100)
+@given(POINT, POINT, POINT)
+def test_the_foot_on_a_line_is_on_it_and_the_way_there_is_square_to_it(start, end, x):
+    along = np.subtract(end, start)
+    length = np.hypot(*along)
+    if length < 1e-3:
+        return
+    foot = Line(start, end).project(np.reshape(x, (2, 1)))[:, 0]
+    scale = length + distance(start, x)
+    assert abs(along[0] * (foot - start)[1] - along[1] * (foot - start)[0]) <= 1e-13 * length * (scale + 1e3)
+    assert abs(np.dot(along, foot - x)) <= 1e-13 * length * (scale + 1e3)
+
+
+def test_a_line_has_no_ends():
+    assert_array_equal(Line((0.0, 1.0), (1.0, 1.0)).project([[-7.0, 9.0], [0.0, 5.0]]), [[-7.0, 9.0], [1.0, 1.0]])
+
+
+def test_an_arc_takes_points_along_rays_from_its_centre():
+    arc = Arc((3.0, -1.0), 2.0)
+    x = np.random.default_rng(0).normal(size=(2, 1000))
+    found = arc.project(x) - [[3.0], [-1.0]]
+    off = x - [[3.0], [-1.0]]
+    assert_allclose(np.hypot(*found), 2.0, rtol=1e-15)
+    assert_allclose(found, 2.0 * off / np.hypot(*off), rtol=0, atol=1e-14)
+
+
+def test_from_its_centre_an_arc_goes_to_the_right():
+    assert_array_equal(Arc((3.0, -1.0), 2.0).project([[3.0, 3.0], [-1.0, 4.0]]), [[5.0, 3.0], [-1.0, 1.0]])
+
+
+def test_lines_and_arcs_are_values():
+    assert Line([0, 1], np.array([2, 3])) == Line((0.0, 1.0), (2.0, 3.0))
+    assert len({Arc((0, 0), 1), Arc([0.0, 0.0], 1.0), Arc((0, 0), 2)}) == 2
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_spline_goes_through_its_points(closed):
+    points = np.random.default_rng(1).normal(size=(2, 9))
+    assert np.abs(Spline(points, closed=closed).project(points) - points).max() <= 1e-14
+
+
+def test_two_points_make_a_straight_line_with_ends():
+    spline, line = Spline([[0.0, 3.0], [1.0, 5.0]]), Line((0.0, 1.0), (3.0, 5.0))
+    x = np.random.default_rng(2).normal(size=(2, 500), scale=3.0)
+    foot = line.project(x)
+    inside = (foot[0] > 0.0) & (foot[0] < 3.0)
+    assert 100 < inside.sum() < 400
+    assert_allclose(spline.project(x)[:, inside], foot[:, inside], rtol=0, atol=5e-15)
+    assert_array_equal(spline.project(x)[:, foot[0] < 0.0], np.tile([[0.0], [1.0]], np.sum(foot[0] < 0.0)))
+    assert_allclose(spline.project(x)[:, foot[0] > 3.0], np.tile([[3.0], [5.0]], np.sum(foot[0] > 3.0)), rtol=1e-15)
+
+
+def test_three_points_make_a_parabola():
+    x = np.linspace(-1.0, 1.0, 101)
+    found = Spline([[-1.0, 0.0, 1.0], [1.0, 0.0, 1.0]]).project([x, x**2])
+    assert_allclose(found, [x, x**2], rtol=0, atol=1e-14)
+
+
+def test_the_distance_to_a_smooth_curve_falls_with_the_fourth_power():
+    for curve, closed in ((ellipse, True), (lambda count: circle(count, turn=3.0), False)):
+        x = curve(997)
+        error = [distance(Spline(curve(count), closed=closed).project(x), x).max() for count in (20, 40, 80)]
+        assert error[0] > 11.0 * error[1] > 121.0 * error[2]
+
+
+def test_a_closed_spline_has_no_corner_where_it_begins():
+    points = ellipse(40)
+    x = 1.01 * ellipse(997)
+    turned = np.roll(points, 13, axis=1)
+    assert_allclose(Spline(points, closed=True).project(x), Spline(turned, closed=True).project(x), rtol=0, atol=1e-14)
+
+
+def test_a_far_origin_takes_no_digits():
+    points, x = np.round(2**20 * ellipse(50)) / 2**20, np.round(2**20 * 1.1 * ellipse(997)) / 2**20
+    near, far = Spline(points, closed=True).project(x), Spline(points + 2.0**20, closed=True).project(x + 2.0**20)
+    assert np.abs(far - 2.0**20 - near).max() <= 2.0**-32  # half of a last digit there is 2^-33
+
+
+def test_from_its_centre_a_spline_goes_to_some_point_of_the_circle():
+    found = Spline(circle(100), closed=True).project(np.zeros((2, 2)))
+    assert_allclose(np.hypot(*found), 1.0, rtol=1e-7)
+
+
+def test_unequal_steps_and_a_cusp():
+    """Steps from 1e-6 to 1, and a curve that turns back on the spot."""
+    points = np.array([np.geomspace(1e-6, 1.0, 40), np.geomspace(1e-6, 1.0, 40) ** 2])
+    x = dense(points, False, 3001)
+    assert distance(Spline(points).project(x), x).max() <= 1e-15
+    back = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
+    assert_allclose(Spline(back).project([[0.3, 2.0], [0.1, 0.0]]), [[0.3, 1.0], [0.0, 0.0]], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Line((0, 0), (0, 0)), r"start and end of a Line must be two different points; got \(0\.0, 0\.0\) twi"),
+        (lambda: Line((0, 0, 0), (1, 1)), r"start of a Line must be two finite numbers \(x, y\); got \(0, 0, 0\)"),
+        (lambda: Line((0, 0), (1, np.inf)), r"end of a Line must be two finite numbers \(x, y\); got \(1, inf\)"),
+        (lambda: Line("ab", (1, 1)), r"start of a Line must be two finite numbers \(x, y\); got 'ab'"),
+        (lambda: Line(None, (1, 1)), "start of a Line must be two finite numbers"),
+        (lambda: Arc((0, np.nan), 1.0), r"centre of an Arc must be two finite numbers \(x, y\); got \(0, nan\)"),
+        (lambda: Arc(1.0, 1.0), r"centre of an Arc must be two finite numbers \(x, y\); got 1\.0"),
+        (lambda: Arc((0, 0), 0.0), r"radius of an Arc must be a positive number; got 0\.0"),
+        (lambda: Arc((0, 0), np.inf), "radius of an Arc must be a positive number; got inf"),
+        (lambda: Arc((0, 0), "1"), "radius of an Arc must be a positive number; got '1'"),
+        (lambda: Spline(np.zeros((3, 5))), r"points of a Spline must have shape \(2, n\); got \(3, 5\)"),
+        (lambda: Spline([1.0, 2.0]), r"points of a Spline must have shape \(2, n\); got \(2,\)"),
+        (
+            lambda: Spline([[1.0, np.nan, 0], [0, np.nan, np.inf]]),
+            "of a Spline must be finite; 2 of 3 points are",
+        ),
+        (lambda: Spline([[1.0], [0.0]]), "an open Spline must have at least 2 points; got 1"),
+        (lambda: Spline([[1.0, 2.0], [0.0, 0.0]], closed=True), "a closed Spline must have at least 3 points; got 2"),
+        (
+            lambda: Spline([[0.0, 1, 1, 2], [0, 3, 3, 0]]),
+            r"from the next; points 1 and 2 are both at \(1\.0, 3\.0\)",
+        ),
+        (
+            lambda: Spline(circle(9)[:, [*range(9), 0]], closed=True),
+            r"9 and 0 are both at .* Leave one of them out",
+        ),
+        (lambda: Spline.of_pieces([]), "a Spline must have at least one piece; got none"),
+    ],
+)
+def test_what_is_no_curve(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+@pytest.mark.parametrize("curve", [Line((0, 0), (1, 0)), Arc((0, 0), 1.0), Spline([[0.0, 1.0], [0.0, 0.0]])])
+def test_what_cannot_be_projected(curve):
+    for x in (np.zeros(2), np.zeros((3, 4)), np.zeros((1, 2, 2))):
+        with pytest.raises(ValueError, match=r"x must have shape \(2, n\); got \("):
+            curve.project(x)
+    with pytest.raises(ValueError, match="x must be finite; 1 of 3 points are not"):
+        curve.project([[0.0, np.nan, 1.0], [0.0, 0.0, 1.0]])
+
+
+# Through boundaries of meshes
+
+
+def is_piece(spline, number, points):
+    """Whether a piece goes through just these points, whichever way round and wherever it begins."""
+    return {tuple(point) for point in spline.pieces[number].T} == {tuple(point) for point in np.asarray(points).T}
+
+
+def test_a_loop_without_a_corner_is_closed():
+    mesh = annulus(24)
+    spline = Spline.through(mesh, "outer")
+    assert spline.closed == (True,)
+    assert is_piece(spline, 0, mesh.p[:, np.unique(mesh.facets[:, mesh.boundaries["outer"]])])
+    assert repr(spline) == "<Spline of 1 piece through 24 points>"
+    x = 3.0 * circle(997)
+    assert_allclose(np.hypot(*spline.project(x)), 1.5, rtol=2e-5)
+
+
+def test_an_interior_boundary_and_one_with_sides():
+    mesh = annulus(24)
+    ring = mesh.facets_around("core")
+    assert type(ring) is not np.ndarray
+    mesh = mesh.with_boundaries({"ring": ring}, boundaries_only=False)
+    x = np.random.default_rng(3).normal(size=(2, 100))
+    inside = Spline.through(mesh, "interface")
+    assert inside.closed == (True,)
+    both = Spline.through(mesh, "ring")
+    assert both.closed == (True, True)
+    nearer = np.hypot(*x) > 0.8
+    assert_allclose(both.project(x)[:, nearer], inside.project(x)[:, nearer], rtol=0, atol=1e-14)
+    assert_allclose(np.hypot(*both.project(x))[np.hypot(*x) < 0.7], 0.5, rtol=2e-5)
+
+
+def test_corners_of_a_square_stay_corners():
+    mesh = MeshTri().refined(3).with_boundaries({"rim": lambda x: np.ones(x.shape[1], dtype=bool)})
+    spline = Spline.through(mesh, "rim")
+    assert spline.closed == (False,) * 4
+    assert [points.shape[1] for points in spline.pieces] == [9] * 4
+    x = np.random.default_rng(4).uniform(-1.0, 2.0, (2, 300))
+    clamped = np.clip(x, 0.0, 1.0)
+    outside = np.any(clamped != x, axis=0)
+    assert_allclose(spline.project(x)[:, outside], clamped[:, outside], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(("degrees", "pieces"), [(34.9, 1), (35.1, 2)])
+def test_where_a_turn_becomes_a_corner(degrees, pieces):
+    angle = np.radians(degrees)
+    position = np.array([[0.0, 1.0, 1.0 + np.cos(angle)], [0.0, 0.0, np.sin(angle)]])
+    assert len(polylines_of(np.array([[2, 1], [0, 1]]), position)) == pieces
+
+
+def test_a_loop_with_one_corner_begins_and_ends_there():
+    angle = np.linspace(0.0, 2 * np.pi, 40, endpoint=False)
+    drop = np.array([np.cos(angle), np.sin(angle) * np.sin(angle / 2)])  # with a tip at (1, 0)
+    segments = np.stack([np.arange(40), (np.arange(40) + 1) % 40], axis=1)
+    (line,) = polylines_of(segments[np.random.default_rng(5).permutation(40)], drop)
+    assert not line.closed
+    assert line.nodes[0] == line.nodes[-1] == 0
+    assert_array_equal(np.sort(line.nodes[1:]), np.arange(40))
+
+
+@examples(60)
+@given(st.sets(st.integers(0, 55), min_size=1), st.integers(0, 2**32 - 1), st.sampled_from([2, 3]))
+def test_pieces_hold_every_segment_once_and_are_cut_at_corners_only(facets, seed, columns):
+    mesh = MeshTri().refined(2)
+    rng = np.random.default_rng(seed)
+    position = mesh.p + rng.uniform(-0.02, 0.02, mesh.p.shape)
+    segments = rng.permuted(mesh.facets.T[rng.permutation(sorted(facets))], axis=1)
+    if columns == 3:
+        segments = np.column_stack([segments[:, 0], mesh.p.shape[1] + np.arange(len(segments)), segments[:, 1]])
+        position = np.append(position, position[:, segments[:, [0, 2]]].mean(axis=2), axis=1)
+    lines = polylines_of(segments, position)
+    walked = [np.append(line.nodes, line.nodes[:1]) if line.closed else line.nodes for line in lines]
+    pairs = np.sort(np.concatenate([np.stack([walk[:-1], walk[1:]], axis=1) for walk in walked]), axis=1)
+    wanted = np.sort(np.concatenate([segments[:, k : k + 2] for k in range(columns - 1)]), axis=1)
+    assert_array_equal(pairs[np.lexsort(pairs.T)], wanted[np.lexsort(wanted.T)])
+    count = np.bincount(wanted.ravel())
+    for walk, line in zip(walked, lines, strict=True):
+        step = np.diff(position[:, walk], axis=1)
+        step = np.append(step, step[:, :1], axis=1) if line.closed else step
+        angle = np.arctan2(*step[::-1])
+        turn = np.abs((np.diff(angle) + np.pi) % (2 * np.pi) - np.pi)
+        assert np.all(turn < np.radians(35.0) + 1e-12)
+        assert np.all(count[walk[1:-1]] == 2)
+    for node in np.flatnonzero(count == 2):
+        a, b = (wanted[np.any(wanted == node, axis=1)].sum(axis=1) - node).tolist()
+        u, w = position[:, node] - position[:, a], position[:, b] - position[:, node]
+        bend = abs(np.arctan2(u[0] * w[1] - u[1] * w[0], u @ w))
+        if bend < np.radians(35.0) - 1e-12:
+            within = [walk[1:] if line.closed else walk[1:-1] for walk, line in zip(walked, lines, strict=True)]
+            assert np.concatenate(within).tolist().count(node) == 1
+
+
+def test_the_curve_does_not_depend_on_the_numbers_of_nodes():
+    mesh = annulus(24)
+    number = np.random.default_rng(6).permutation(mesh.p.shape[1])
+    position = np.empty_like(mesh.p)
+    position[:, number] = mesh.p
+    other = MeshTri(position, number[mesh.t]).with_boundaries({"outer": lambda x: np.hypot(*x) > 1.4})
+    x = 3.0 * circle(997)
+    one, another = Spline.through(mesh, "outer").project(x), Spline.through(other, "outer").project(x)
+    assert_allclose(one, another, rtol=0, atol=1e-14)
+
+
+def test_nodes_that_slid_do_not_change_the_curve():
+    """No drift: after many rounds of sliding the nodes are where they were, on the first mesh's curve."""
+    mesh = annulus(24)
+    spline = Spline.through(mesh, "outer")
+    first = mesh.p[:, np.unique(mesh.facets[:, mesh.boundaries["outer"]])]
+    moved = first
+    for step in (0.02, -0.02) * 50:
+        turn = np.array([[np.cos(step), -np.sin(step)], [np.sin(step), np.cos(step)]])
+        moved = spline.project(turn @ moved)
+        assert np.abs(spline.project(moved) - moved).max() <= 1e-14
+    assert np.abs(moved - first).max() <= 1e-5
+
+
+def test_boundaries_that_have_no_curve():
+    mesh = annulus(12)
+    with pytest.raises(ValueError, match="boundary 'rim' is not in the mesh; it has 'inner', 'in"):
+        Spline.through(mesh, "rim")
+    with pytest.raises(ValueError, match="boundary 'rim' is not in the mesh; it has none"):
+        Spline.through(MeshTri(), "rim")
+    with pytest.raises(ValueError, match="boundary 'none' has no facets, so there is no curve through their nodes"):
+        Spline.through(MeshTri(mesh.p, mesh.t, {"none": np.array([], dtype=int)}), "none")
+    with pytest.raises(ValueError, match=r"mesh must be a skfem\.MeshTri or MeshTri2; got MeshQuad1"):
+        Spline.through(skfem.MeshQuad(), "left")

@@ -1,0 +1,218 @@
+"""The mid-side nodes of a `MeshTri2` tell its curves: nothing of them is lost, and nodes slide on them."""
+
+import numpy as np
+import pytest
+from helpers.meshes import disk
+from skfem import MeshTri, MeshTri2
+from skfem.generic_utils import OrientedBoundary
+
+import kohonen_adapt as ka
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.rules import Rules
+from kohonen_adapt.kernels.arrays import ROUND, STRAIGHT, TABLED
+from kohonen_adapt.mesh.curved import corners_of, facet_midside_offsets, with_midside_offsets
+
+
+def star(corners, middles):
+    """Triangles between the origin, half-way rings and an outline (2, n), whose facets have these mid-side nodes."""
+    count = corners.shape[1]
+    node = np.arange(count)
+    after = (node + 1) % count
+    centre, inner, outer = np.full(count, 2 * count), node, node + count
+    rows = [(centre, inner, after), (inner, after, outer), (after, after + count, outer)]
+    mesh = MeshTri(np.hstack([0.5 * corners, corners, np.zeros((2, 1))]), np.hstack([np.stack(row) for row in rows]))
+    off, rim = np.zeros((2, mesh.facets.shape[1])), mesh.boundary_facets()
+    low, high = mesh.facets[:, rim] - count
+    off[:, rim] = middles[:, np.where(high == low + 1, low, high)] - mesh.p[:, mesh.facets[:, rim]].mean(axis=1)
+    return with_midside_offsets(mesh.with_boundaries({"rim": rim}), off)
+
+
+def along(curve, count):
+    """A star whose outline has corners and mid-side nodes at equal steps of a function of 0 to 1."""
+    points = curve(np.arange(2 * count) / (2 * count))
+    return star(points[:, ::2], points[:, 1::2])
+
+
+def ellipse(share):
+    return np.stack([2.0 * np.cos(2.0 * np.pi * share), np.sin(2.0 * np.pi * share)])
+
+
+def off_ellipse(x):
+    return np.abs(np.hypot(0.5 * x[0], x[1]) - 1.0)
+
+
+def stadium(share):
+    """Two half circles of radius 1 and the tangents between them, of length 3 each; corners of the mesh at joints."""
+    at = share * (2.0 * np.pi + 6.0)
+    right, left = np.clip(at, 0.0, np.pi), np.clip(at - np.pi - 3.0, 0.0, np.pi)
+    top, bottom = np.clip(at - np.pi, 0.0, 3.0), np.clip(at - 2.0 * np.pi - 3.0, 0.0, 3.0)
+    angle = right + left - 0.5 * np.pi
+    return np.stack([np.cos(angle) + 1.5 - top + bottom, np.sin(angle)])
+
+
+def stadium_mesh(round_, straight):
+    """With so many facets on each half circle and on each line."""
+    length, parts = 2.0 * np.pi + 6.0, []
+    for start, extent, facets in (
+        (0, np.pi, round_),
+        (np.pi, 3, straight),
+        (np.pi + 3, np.pi, round_),
+        (2 * np.pi + 3, 3, straight),
+    ):
+        parts.append((start + extent * np.arange(2 * facets) / (2 * facets)) / length)
+    points = stadium(np.concatenate(parts))
+    return star(points[:, ::2], points[:, 1::2])
+
+
+def wave(share):
+    """A closed curve with bends both ways."""
+    angle = 2.0 * np.pi * share
+    return (1.0 + 0.15 * np.cos(3.0 * angle)) * np.stack([np.cos(angle), np.sin(angle)])
+
+
+OUTLINES = {
+    "circle of three facets": lambda: along(lambda share: 0.5 * ellipse(share) * [[1.0], [2.0]], 3),
+    "circle": lambda: along(lambda share: 0.5 * ellipse(share) * [[1.0], [2.0]], 12),
+    "ellipse": lambda: along(ellipse, 12),
+    "stadium": lambda: stadium_mesh(4, 3),
+    "wave": lambda: along(wave, 15),
+    "drop": lambda: along(lambda share: np.stack([np.sin(np.pi * share) - 0.3, np.sin(2.0 * np.pi * share)]), 9),
+}
+
+
+def movable(mesh, **rules):
+    return MovableMesh.of(mesh, Rules(**rules))
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+def test_a_mesh_that_does_not_move_comes_back(name):
+    mesh = OUTLINES[name]()
+    back = movable(mesh).mesh()
+    assert type(back) is MeshTri2
+    np.testing.assert_allclose(back.p, mesh.p, atol=1e-12)
+    np.testing.assert_array_equal(back.t, mesh.t)
+
+
+@pytest.mark.parametrize(
+    ("name", "shapes"),
+    [
+        ("circle of three facets", [ROUND]),
+        ("circle", [ROUND]),
+        ("ellipse", [TABLED]),
+        ("wave", [TABLED]),
+        ("stadium", [ROUND, STRAIGHT, ROUND, STRAIGHT]),
+    ],
+)
+def test_outlines_are_arcs_and_lines_where_they_can_be_and_splines_elsewhere(name, shapes):
+    chains = movable(OUTLINES[name]()).constraints.chains
+    assert sorted(chains.shape) == sorted(shapes)
+    np.testing.assert_allclose(np.abs(chains.curvature[chains.shape == ROUND]), 1.0, rtol=1e-12)
+
+
+def test_nodes_slide_and_middles_stay_on_the_curve():
+    for name, distance, bound in (
+        ("circle", lambda x: np.abs(np.hypot(*x) - 1.0), 1e-12),
+        ("stadium", lambda x: np.abs(np.hypot(np.maximum(np.abs(x[0]) - 1.5, 0.0), x[1]) - 1.0), 1e-12),
+        ("ellipse", off_ellipse, 2e-3),
+    ):
+        mesh = OUTLINES[name]()
+        moved = ka.relocate(mesh, lambda x: 1.0 / (0.1 + (x[0] - 0.7) ** 2 + x[1] ** 2), min_quality=0.1)
+        rim = moved.boundaries["rim"]
+        assert type(moved) is MeshTri2 and moved.p.shape == mesh.p.shape
+        assert np.ptp(moved.p[:, mesh.facets[0, rim]] - mesh.p[:, mesh.facets[0, rim]]) > 0.05
+        assert distance(moved.p[:, moved.nvertices :][:, rim]).max() < bound
+        assert distance(moved.p[:, moved.facets[0, rim]]).max() < bound
+
+
+def test_a_spline_through_middles_is_of_fourth_order():
+    """Half-way between corner and mid-side node, though that is not where the parameter is half-way."""
+    errors = []
+    for count in (12, 24):
+        chains = movable(along(ellipse, count)).constraints.chains
+        places = np.stack([chains.knot[1::2, 1], chains.knot[1::2, 2]])
+        errors.append(off_ellipse(places).max())
+    assert errors[0] / errors[1] > 12.0
+
+
+def test_middles_off_their_centre_come_back_and_curves_stay_smooth():
+    count = 16
+    share = np.arange(2 * count) / (2 * count)
+    share[1::2] += 0.2 / (2 * count)
+    points = ellipse(share)
+    mesh = star(points[:, ::2], points[:, 1::2])
+    np.testing.assert_allclose(movable(mesh).mesh().p, mesh.p, atol=1e-12)
+    chains = movable(mesh).constraints.chains
+    assert off_ellipse(np.stack([chains.knot[:, 1], chains.knot[:, 2]])).max() < 1e-3
+    assert np.all(np.diff(chains.knot[:, 0]) > 0.0)
+
+
+def test_a_polygon_beside_a_curve_is_no_arc():
+    """In a straight mesh its nodes would slide on a circle; here mid-side nodes show that there is none."""
+    mesh = disk(6, 1.0)
+    ring = np.flatnonzero(np.all(np.abs(np.hypot(*mesh.p[:, mesh.facets]) - 0.5) < 1e-9, axis=0))
+    rim, off = mesh.boundary_facets(), np.zeros((2, mesh.facets.shape[1]))
+    mesh = mesh.with_boundaries({"ring": ring})
+    assert np.sum(movable(mesh).constraints.chains.shape == ROUND) == 2
+    middle = mesh.p[:, mesh.facets[:, rim]].mean(axis=1)
+    off[:, rim] = middle / np.hypot(*middle) - middle
+    curved = movable(with_midside_offsets(mesh, off))
+    assert np.sum(curved.constraints.chains.shape == ROUND) == 1
+    np.testing.assert_allclose(facet_midside_offsets(curved.mesh())[:, ring], 0.0, atol=1e-15)
+    assert np.sum(movable(with_midside_offsets(mesh, 0.0 * off)).constraints.chains.shape == ROUND) == 2
+
+
+def test_a_given_curve_comes_first():
+    mesh = along(ellipse, 12)
+    assert movable(mesh, curves={"rim": ka.Spline(ellipse(np.arange(24) / 24), closed=True)}).outline.given[0] == 0
+    with pytest.raises(ValueError, match=r"the nodes of boundary 'rim' must lie on the curve given for it"):
+        movable(mesh, curves={"rim": ka.Arc((0.0, 0.0), 1.0)})
+
+
+def test_sides_inside_become_straight():
+    mesh = along(ellipse, 12)
+    off = facet_midside_offsets(mesh)
+    inside = np.flatnonzero(mesh.f2t[1] >= 0)
+    off[:, inside] += 0.01
+    back = movable(with_midside_offsets(corners_of(mesh), off)).mesh()
+    assert np.abs(facet_midside_offsets(back)[:, inside]).max() < 1e-15
+    np.testing.assert_allclose(
+        back.p[:, mesh.nvertices :][:, mesh.boundary_facets()],
+        mesh.p[:, mesh.nvertices :][:, mesh.boundary_facets()],
+        atol=1e-12,
+    )
+
+
+def test_names_and_sides_of_boundaries_stay():
+    mesh = along(ellipse, 12)
+    rim = mesh.boundary_facets()
+    parts = {
+        "up": rim[mesh.p[1, mesh.facets[:, rim]].mean(axis=0) > 0.0],
+        "sheet": OrientedBoundary(rim, np.zeros(len(rim), int)),
+    }
+    mesh = MeshTri2(
+        mesh.p,
+        mesh.t,
+        _boundaries=parts,
+        _subdomains={"core": np.flatnonzero(np.all(mesh.t < 12, axis=0) | np.any(mesh.t == 24, axis=0))},
+    )
+    moved = ka.relocate(mesh, lambda x: 1.0 / (0.3 + x[0] ** 2))
+    assert list(moved.boundaries) == ["up", "sheet"] and list(moved.subdomains) == ["core"]
+    assert isinstance(moved.boundaries["sheet"], OrientedBoundary)
+    assert np.all(moved.p[1, moved.facets[:, moved.boundaries["up"]]] > -1e-12)
+    assert len(moved.boundaries["up"]) == len(parts["up"])
+
+
+def test_periodic_sides_cannot_be_splines():
+    mesh = along(ellipse, 12)
+    rim = mesh.boundary_facets()
+    right = rim[mesh.p[0, mesh.facets[:, rim]].mean(axis=0) > 0.0]
+    named = MeshTri2(mesh.p, mesh.t, _boundaries={"right": right, "left": np.setdiff1d(rim, right)})
+    with pytest.raises(ValueError, match=r"its pieces must be straight or arcs .* or draw its midside nodes to"):
+        movable(named, periodic=[("right", "left", ka.Rotation(np.pi))])
+
+
+def test_a_spline_goes_through_middles_too():
+    mesh = along(ellipse, 12)
+    spline = ka.Spline.through(mesh, "rim")
+    assert spline.closed == (True,) and spline.pieces[0].shape == (2, 24)
+    assert off_ellipse(spline.project(1.2 * ellipse(np.linspace(0.0, 1.0, 200)))).max() < 2e-3

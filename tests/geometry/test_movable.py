@@ -1,0 +1,211 @@
+"""A movable mesh: taken apart and put together, copied, kept and taken up again, and flipped until nothing flips."""
+
+import io
+
+import numpy as np
+import pytest
+from helpers.meshes import generic_square, inset, junction, named, perturbed, ring, slit, square
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt import Rules, Schedule, Stage
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.som.recycling import recycle_nodes, starts_of
+from kohonen_adapt.som.training import Trainer
+from kohonen_adapt.som.training_points import density_of
+
+SHORT = Schedule((Stage(2, 1, 0.4), Stage(0, 1, 0.4)), rounds=1)
+
+
+def paired(n):
+    """A square whose left and right sides are a pair."""
+    return square(n).with_boundaries({"left": lambda x: x[0] == 0.0, "right": lambda x: x[0] == 1.0})
+
+
+def banded(n):
+    """A square with a thin band of two layers across it."""
+    ticks = np.linspace(0, 1, n + 1)
+    mesh = MeshTri.init_tensor(ticks, np.concatenate([ticks * 0.4, [0.45], 0.5 + ticks * 0.5]))
+    return mesh.with_subdomains(
+        {"band": lambda x: np.abs(x[1] - 0.45) < 0.05, "rest": lambda x: np.abs(x[1] - 0.45) > 0.05}
+    )
+
+
+CASES = {
+    "square": (lambda: generic_square(10), {}),
+    "names": (lambda: named(12), {"pinned": "floor"}),
+    "junction": (lambda: junction(10), {}),
+    "slit": (lambda: slit(12), {}),
+    "arcs": (lambda: ring(40, 6), {"curves": {"inner": ka.Arc((0.0, 0.0), 0.5)}}),
+    "pair": (lambda: paired(12), {"periodic": [("left", "right")]}),
+    "layers": (lambda: banded(12), {"layers": {"band": 2}}),
+}
+each_case = pytest.mark.parametrize(("build", "options"), CASES.values(), ids=CASES)
+
+
+def work_on(movable, seed=0):
+    """Recycle, train and smooth towards a peak."""
+    x, y = movable.triangulation.position.mean(axis=0) + [0.3, 0.2]
+    wanted = density_of(movable.triangulation, lambda points: 1 / (0.01 + np.hypot(points[0] - x, points[1] - y)) ** 2)
+    before = movable.triangulation.copy()
+    done = recycle_nodes(movable, wanted.at_nodes(), movable.nnodes, pairs=True)
+    trainer = Trainer.of(movable)
+    trainer.learn(wanted.draw, SHORT, np.random.default_rng(seed), starts_of(before, done))
+    return done
+
+
+def kept(movable):
+    """The state, as a file gives it back: with no array that the mesh goes on to change."""
+    file = io.BytesIO()
+    np.savez(file, **movable.state())
+    file.seek(0)
+    return dict(np.load(file))
+
+
+def assert_same_state(one, other):
+    assert one.keys() == other.keys()
+    for name, array in one.items():
+        assert array.dtype == other[name].dtype, name
+        assert array.tobytes() == other[name].tobytes(), name
+
+
+def assert_same_mesh(one, other):
+    assert type(one) is type(other)
+    assert (one.p.tobytes(), one.t.tobytes()) == (other.p.tobytes(), other.t.tobytes())
+    for sets in ("boundaries", "subdomains"):
+        ours, theirs = getattr(one, sets) or {}, getattr(other, sets) or {}
+        assert list(ours) == list(theirs)
+        for name, rows in ours.items():
+            assert np.array_equal(rows, theirs[name])
+            assert np.array_equal(getattr(rows, "ori", ()), getattr(theirs[name], "ori", ()))
+
+
+@each_case
+def test_a_state_gives_the_same_mesh_back_bit_for_bit(build, options):
+    mesh, rules = build(), Rules("recycle", **options)
+    movable = MovableMesh.of(mesh, rules)
+    done = work_on(movable)
+    assert done.splits > 0
+    again = MovableMesh.of(mesh, rules)
+    again.restore(kept(movable))
+    assert_same_mesh(again.mesh(), movable.mesh())
+    assert_same_state(again.state(), movable.state())
+
+
+@each_case
+def test_what_was_taken_up_again_goes_on_in_the_same_way(build, options):
+    mesh, rules = build(), Rules("recycle", **options)
+    movable, again = (MovableMesh.of(mesh, rules) for _ in range(2))
+    work_on(movable)
+    again.restore(kept(movable))
+    for each in (movable, again):
+        work_on(each, seed=1)
+    assert_same_mesh(again.mesh(), movable.mesh())
+    assert_same_state(again.state(), movable.state())
+
+
+def test_a_state_may_follow_work_of_another_kind():
+    mesh, rules = inset(10), Rules("recycle")
+    movable, other = (MovableMesh.of(mesh, rules) for _ in range(2))
+    work_on(movable)
+    work_on(other, seed=7)
+    other.restore(kept(movable))
+    assert_same_mesh(other.mesh(), movable.mesh())
+
+
+@each_case
+def test_a_copy_and_its_original_leave_each_other_alone(build, options):
+    movable = MovableMesh.of(build(), Rules("recycle", **options))
+    work_on(movable)
+    copy, before, mesh = movable.copy(), kept(movable), movable.mesh()
+    work_on(movable, seed=1)
+    assert np.any(movable.state()["position"] != before["position"])
+    assert_same_state(copy.state(), before)
+    assert_same_mesh(copy.mesh(), mesh)
+    after = kept(movable)
+    work_on(copy, seed=1)
+    assert_same_state(movable.state(), after)
+    assert_same_state(copy.state(), after)  # what is the same goes on in the same way
+
+
+@each_case
+def test_the_mesh_that_is_taken_apart_is_not_changed(build, options):
+    mesh, untouched = build(), build()
+    for array in (mesh.p, mesh.t):
+        array.flags.writeable = False
+    movable = MovableMesh.of(mesh, Rules("recycle", **options))
+    assert movable.input_mesh is mesh
+    work_on(movable)
+    assert_same_mesh(mesh, untouched)
+    result = movable.mesh()
+    assert not np.shares_memory(result.p, mesh.p) and not np.shares_memory(result.t, mesh.t)
+    place = result.p.copy()
+    result.p[:] = 0.0
+    np.testing.assert_array_equal(movable.mesh().p, place)
+
+
+@each_case
+def test_put_together_again_a_mesh_is_what_it_was(build, options):
+    mesh = build()
+    assert_same_mesh(MovableMesh.of(mesh, Rules(**options)).mesh(), mesh)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_flips_are_counted_and_nothing_flips_twice(seed):
+    movable = MovableMesh.of(perturbed(named(8), seed), Rules("flip", min_quality=0.0))
+    before = movable.triangulation.elements.node.copy()
+    assert 0 < movable.flip() < 1000
+    after = movable.triangulation.elements.node.copy()
+    assert np.any(before != after)
+    assert movable.flip() == 0
+    np.testing.assert_array_equal(movable.triangulation.elements.node, after)
+
+
+def test_where_flips_are_not_allowed_there_are_none():
+    mesh = perturbed(square(8), 1)
+    movable = MovableMesh.of(mesh, Rules("fixed"))
+    assert not movable.flips
+    assert movable.flip() == 0
+    np.testing.assert_array_equal(movable.mesh().t, mesh.t)
+
+
+@pytest.mark.parametrize("min_quality", [0.2, None])
+def test_one_flip_is_one_flip(min_quality):
+    mesh = MeshTri(np.array([[0.0, 2.0, 1.0, 1.0], [0.0, 0.0, 0.6, -0.6]]), np.array([[0, 0], [1, 1], [2, 3]]))
+    movable = MovableMesh.of(mesh, Rules("flip", min_quality))
+    assert movable.flip() == 1
+    assert {tuple(sorted(corners)) for corners in movable.mesh().t.T.tolist()} == {(0, 2, 3), (1, 2, 3)}
+
+
+def test_whether_any_node_can_move():
+    triangle = MeshTri(np.array([[0.0, 1, 0], [0, 0, 1]]), np.array([[0], [1], [2]]))
+    assert not MovableMesh.of(triangle, Rules()).can_move()
+    assert MovableMesh.of(square(2), Rules()).can_move()
+    mesh = square(2)
+    assert not MovableMesh.of(mesh, Rules(pinned=range(9))).can_move()
+    assert MovableMesh.of(mesh, Rules(pinned=mesh.boundary_nodes())).can_move()
+
+
+def test_what_curves_leave_out_of_the_facets_on_them():
+    assert MovableMesh.of(inset(8), Rules()).sagitta() == 0.0
+    count = 40
+    movable = MovableMesh.of(ring(count, 6), Rules())
+    radius = np.hypot(*movable.triangulation.position.T).max()
+    assert movable.sagitta() == pytest.approx(radius * (1 - np.cos(np.pi / count)), rel=1e-9)
+
+
+def test_settling_puts_nodes_on_their_curves():
+    mesh, radii = ring(40, 6), {"inner": 0.5, "outer": 1.0}
+    p = mesh.p * (1 + 1e-4 * np.random.default_rng(0).uniform(-1, 1, mesh.p.shape[1]))
+    rules = Rules(curves={name: ka.Arc((0.0, 0.0), radius) for name, radius in radii.items()})
+    movable = MovableMesh.of(MeshTri(p, mesh.t).with_boundaries(mesh.boundaries), rules)
+    movable.project_nodes()
+    for name, radius in radii.items():
+        nodes = np.unique(mesh.facets[:, mesh.boundaries[name]])
+        assert np.abs(np.hypot(*p[:, nodes]) - radius).max() > 1e-5
+        np.testing.assert_allclose(np.hypot(*movable.triangulation.position[nodes].T), radius, rtol=1e-12)
+    others = np.setdiff1d(np.arange(p.shape[1]), mesh.boundary_nodes())
+    np.testing.assert_array_equal(movable.triangulation.position[others], p.T[others])
+    settled = kept(movable)
+    movable.project_nodes()
+    assert_same_state(movable.state(), settled)

@@ -1,0 +1,372 @@
+"""A mesh of tetrahedra taken apart: what its nodes may do, and every name back whatever has become of its arrays."""
+
+import io
+
+import numpy as np
+import pytest
+from helpers.boxes import check as check_arrays
+from helpers.solids import (
+    boundary_facts,
+    box,
+    collapse_edge,
+    cut,
+    element_facts,
+    l_shape,
+    neighbours,
+    scramble,
+    split_edge,
+    two_regions,
+    volumes,
+)
+from skfem import MeshTet, MeshTri
+from skfem.generic_utils import OrientedBoundary
+
+from kohonen_adapt import Rules
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.geometry.space.open_solid import OpenSolid
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, LINE, ON_PATCH, ON_RIDGE, PLANE, WAITS
+from kohonen_adapt.kernels.tetrahedron.swap import swap_waiting
+from kohonen_adapt.som.space import move_in_space
+
+MESHES = {"box": box, "L": l_shape, "two regions": two_regions, "sheet": cut}
+each_mesh = pytest.mark.parametrize("build", MESHES.values(), ids=MESHES)
+
+
+def counts(solid):
+    """Nodes that are held, on ridges, on patches and inside, and the numbers of patches and ridges."""
+    number = np.bincount(solid.freedom.number, minlength=4).tolist()
+    return number, len(solid.surfaces.shape), len(solid.surfaces.meets)
+
+
+def work_on(solid, seed=0):
+    """Recycle, swap and smooth towards a point."""
+    x = solid.tetrahedralization.centroids() - [0.3, 0.2, 0.1 * seed]
+    return move_in_space(solid, 1.0 / (0.01 + (x**2).sum(axis=1)), None, "recycle", np.random.default_rng(seed))
+
+
+def kept(solid):
+    """The state, as a file gives it back: with no array that the mesh goes on to change."""
+    file = io.BytesIO()
+    np.savez(file, **solid.state())
+    file.seek(0)
+    return dict(np.load(file))
+
+
+def assert_same_state(one, other):
+    assert one.keys() == other.keys()
+    for name, array in one.items():
+        assert array.dtype == other[name].dtype and array.tobytes() == other[name].tobytes(), name
+
+
+@each_mesh
+def test_a_state_gives_the_same_mesh_back_and_it_goes_on_in_the_same_way(build):
+    mesh, rules = build(), Rules("recycle", min_quality=0.1)
+    solid, again = (MovableSolid.of(mesh, rules) for _ in range(2))
+    assert solid.start() is mesh
+    assert work_on(solid).recycled.splits > 0
+    again.restore(kept(solid))
+    for _ in range(2):
+        assert_same_state(kept(again), kept(solid))
+        assert boundary_facts(again.mesh()) == boundary_facts(solid.mesh()) if mesh.boundaries else True
+        for each in (solid, again):
+            work_on(each, seed=1)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("position", lambda a: a[:, :2], r"position is an array \(125, 2\) of float64"),
+        ("position", lambda a: a.astype(np.float32), r"position is an array \(125, 3\) of float32"),
+        ("tetrahedra.node", lambda a: a + 1, "tetrahedra.node has numbers from 1 to 125"),
+        (
+            "tetrahedra.node",
+            lambda a: np.where(a == 124, np.int32(-1), a),
+            "tetrahedra.node has elements without all of their corner",
+        ),
+        ("tetrahedra.neighbour", lambda a: a + len(a), "tetrahedra.neighbour has numbers from 383 to 767"),
+        ("tetrahedra.region", lambda a: a + 2, "tetrahedra.region has numbers from 2 to 3"),
+        ("tetrahedra.patch", lambda a: a + 20, "tetrahedra.patch has numbers from 19 to"),
+        ("freedom.number", lambda a: a + np.int8(1), "freedom.number has numbers from 1 to 4"),
+        ("freedom.place", lambda a: a + 40, "freedom.place has numbers from 39 to"),
+        ("freedom.pinned", lambda a: a[1:], r"freedom.pinned is an array \(124,\) of bool"),
+        ("freedom.place", None, "there is no array freedom.place"),
+    ],
+)
+def test_what_cannot_be_a_state_is_refused_and_nothing_changed(name, change, said):
+    solid = MovableSolid.of(two_regions(4), Rules())
+    before, state = kept(solid), kept(solid)
+    if change is None:
+        del state[name]
+    else:
+        state[name] = change(state[name])
+    with pytest.raises(ValueError, match=f"^{said}"):
+        solid.restore(state)
+    assert_same_state(solid.state(), before)
+
+
+@each_mesh
+def test_put_together_again_a_mesh_is_what_it_was(build):
+    mesh = build()
+    again = MovableSolid.of(mesh, Rules()).mesh()
+    assert type(again) is MeshTet
+    assert (again.p.tobytes(), again.t.tobytes()) == (mesh.p.tobytes(), mesh.t.tobytes())
+    assert not np.shares_memory(again.p, mesh.p) and not np.shares_memory(again.t, mesh.t)
+    for sets in ("boundaries", "subdomains"):
+        ours, theirs = getattr(again, sets) or {}, getattr(mesh, sets) or {}
+        assert list(ours) == list(theirs)
+        for name, rows in theirs.items():
+            np.testing.assert_array_equal(ours[name], rows)
+            np.testing.assert_array_equal(getattr(ours[name], "ori", ()), getattr(rows, "ori", ()))
+
+
+@each_mesh
+def test_elements_are_positive_and_know_their_neighbours(build):
+    mesh = build()
+    mesh = MeshTet(mesh.p, mesh.t[[1, 0, 2, 3]])
+    tet = MovableSolid.of(mesh, Rules()).tetrahedralization
+    np.testing.assert_allclose(tet.volumes(), np.abs(volumes(mesh)), rtol=1e-13)
+    np.testing.assert_array_equal(tet.elements.neighbour, neighbours(tet.elements.node))
+    np.testing.assert_allclose(tet.centroids(), mesh.p[:, mesh.t].mean(axis=1).T, rtol=1e-14)
+
+
+def test_a_box_has_six_patches_and_twelve_ridges():
+    solid = MovableSolid.of(box(4), Rules())
+    assert counts(solid) == ([8, 12 * 3, 6 * 9, 27], 6, 12)
+    assert set(solid.surfaces.shape) == {PLANE} and set(solid.surfaces.ridge_shape) == {LINE}
+    x, number, place = solid.tetrahedralization.position, solid.freedom.number, solid.freedom.place
+    on = number == ON_PATCH
+    off = x[on] - solid.surfaces.origin[place[on]]
+    assert np.all(np.einsum("ij,ij->i", off, solid.surfaces.axis[place[on]]) == 0.0)
+    on = number == ON_RIDGE
+    off = np.cross(x[on] - solid.surfaces.ridge_origin[place[on]], solid.surfaces.ridge_axis[place[on]])
+    assert np.all(off == 0.0)
+    assert np.all(place[(number == HELD) | (number == INSIDE)] == -1)
+    meets = np.sort(solid.surfaces.meets, axis=1)[:, ::-1]
+    assert np.all(meets[:, :2] >= 0) and np.all(meets[:, 2:] == -1)
+
+
+def test_an_l_shape_has_a_ridge_that_looks_inward():
+    solid = MovableSolid.of(l_shape(2), Rules())
+    number, patches, ridges = counts(solid)
+    assert (number[HELD], patches, ridges) == (12, 8, 18)
+
+
+def test_the_parts_of_one_plane_that_carry_different_names_are_patches_of_their_own():
+    solid = MovableSolid.of(two_regions(4), Rules())
+    top = np.flatnonzero(solid.patches.names["top"])
+    part = np.flatnonzero(solid.patches.names["part"])
+    assert set(part) < set(top) and len(top) == 2
+    assert len(np.flatnonzero(solid.patches.names["left"])) == 2  # of the lower half and of the upper one
+    wall = np.flatnonzero(solid.patches.names["wall"])
+    assert len(wall) == 1
+    sides = solid.surfaces.meets[np.any(solid.surfaces.meets == wall, axis=1)]
+    assert np.all(np.sum(sides >= 0, axis=1) == 3)  # the wall and the sides below and above it
+    x, number, place = solid.tetrahedralization.position, solid.freedom.number, solid.freedom.place
+    on_wall = (x[:, 2] == 0.5) & np.all((x[:, :2] > 0.0) & (x[:, :2] < 1.0), axis=1)
+    assert np.all(number[on_wall] == ON_PATCH) and np.all(place[on_wall] == wall)
+
+
+def test_a_sheet_in_a_region_ends_in_a_ridge_of_its_own():
+    solid = MovableSolid.of(cut(4), Rules())
+    (sheet,) = np.flatnonzero(solid.patches.names["sheet"])
+    alone = np.flatnonzero(np.all(solid.surfaces.meets == [sheet, -1, -1, -1], axis=1))
+    x = solid.tetrahedralization.position
+    rim = np.all(x[:, [0, 2]] == 0.5, axis=1) & (x[:, 1] > 0.0) & (x[:, 1] < 1.0)
+    assert len(alone) == 1
+    assert np.all(solid.freedom.number[rim] == ON_RIDGE) and np.all(solid.freedom.place[rim] == alone)
+
+
+def test_a_node_in_which_patches_touch_is_held():
+    cubes = box(2)
+    middle = cubes.p[:, cubes.t].mean(axis=1) < 0.5
+    mesh = cubes.with_subdomains({"one": np.flatnonzero(middle.all(axis=0) | ~middle.any(axis=0))})
+    solid = MovableSolid.of(mesh, Rules())
+    (centre,) = np.flatnonzero(np.all(cubes.p == 0.5, axis=0))
+    assert solid.freedom.number[centre] == HELD
+
+
+def test_edges_in_which_five_patches_meet_hold_their_nodes():
+    angle = 2 * np.pi * np.arange(5) / 5
+    flat = MeshTri(
+        np.hstack([np.zeros((2, 1)), np.stack([np.cos(angle), np.sin(angle)])]),
+        np.stack([np.zeros(5, dtype=int), 1 + np.arange(5), 1 + (np.arange(5) + 1) % 5]),
+    )
+    layers = 3
+    p = np.hstack([np.vstack([flat.p, np.full(6, z)]) for z in range(layers + 1)])
+    elements = []
+    for z in range(layers):
+        low, high = flat.t + 6 * z, flat.t + 6 * (z + 1)
+        elements += [np.vstack([low, high[2]]), np.vstack([low[:2], high[1:]]), np.vstack([low[:1], high])]
+    t = np.hstack(elements)
+    number = np.tile(np.arange(5), 3 * layers)
+    mesh = MeshTet(p, t).with_subdomains({f"wedge {k}": np.flatnonzero(number == k) for k in range(5)})
+    solid = MovableSolid.of(mesh, Rules())
+    axis = np.all(solid.tetrahedralization.position[:, :2] == 0.0, axis=1)
+    assert np.all(solid.freedom.number[axis] == HELD)
+    assert element_facts(solid.mesh()) == element_facts(mesh)
+
+
+@each_mesh
+@pytest.mark.parametrize("seed", range(2))
+def test_other_numbers_lose_no_name(build, seed):
+    mesh = build()
+    solid = MovableSolid.of(mesh, Rules())
+    scramble(solid, seed)
+    again = solid.mesh()
+    assert not np.array_equal(again.p, mesh.p)
+    assert np.all(volumes(again) > 0.0)
+    assert again.is_valid()
+    if mesh.boundaries:
+        assert boundary_facts(again) == boundary_facts(mesh)
+    assert element_facts(again) == element_facts(mesh)
+
+
+def refined_by_hand(solid, rng, splits=30):
+    """Split random edges, inside and on patches, and put the names to the test in between by other numbers."""
+    for step in range(splits):
+        node = solid.tetrahedralization.elements.node
+        row = rng.choice(np.flatnonzero(node[:, 0] >= 0))
+        split_edge(solid, *rng.choice(node[row], 2, replace=False).tolist())
+        if step % 10 == 0:
+            scramble(solid, step)
+
+
+def outward(mesh, rows):
+    """Areas times normals of facets away from the element on their side, (k, 3)."""
+    a, b, c = mesh.p[:, mesh.facets[:, np.asarray(rows)]].transpose(1, 2, 0)
+    normal = 0.5 * np.cross(b - a, c - a)
+    inside = mesh.p[:, mesh.t[:, mesh.f2t[rows.ori, np.asarray(rows)]]].mean(axis=1).T
+    return normal * np.sign(np.einsum("ij,ij->i", normal, a - inside))[:, None]
+
+
+@pytest.mark.parametrize("build", [two_regions, cut], ids=["two regions", "sheet"])
+def test_names_and_sides_survive_elements_that_come_and_go(build):
+    """Of scikit-fem's own refinement they do not (the test below)."""
+    mesh, rng = build(), np.random.default_rng(1)
+    solid = MovableSolid.of(mesh, Rules())
+    first = solid.nnodes
+    refined_by_hand(solid, rng)
+    assert len(solid.mesh().t.T) > len(mesh.t.T)
+    for check in (lambda: None, lambda: take_away(solid, first)):
+        check()
+        again = solid.mesh()
+        assert again.is_valid() and np.all(volumes(again) > 0.0)
+        np.testing.assert_allclose(volumes(again).sum(), 1.0, rtol=1e-12)
+        for name, rows in (mesh.subdomains or {}).items():
+            now, then = np.abs(volumes(again)), np.abs(volumes(mesh))
+            np.testing.assert_allclose(now[again.subdomains[name]].sum(), then[rows].sum(), rtol=1e-12)
+        for name, rows in mesh.boundaries.items():
+            assert_same_set(again, again.boundaries[name], mesh, rows)
+    assert boundary_facts(again).keys() == boundary_facts(mesh).keys()
+
+
+def take_away(solid, first):
+    """Collapse every node that was put in, from the last on, into a neighbour that makes no element worse than flat."""
+    place = solid.tetrahedralization.position
+    news = [tuple(x) for x in place.tolist()]
+    known = {tuple(x) for x in solid.input_mesh.p.T.tolist()}
+    for x in [x for x in news if x not in known][::-1]:
+        collapse_somewhere(solid, x)
+    assert solid.nnodes < len(news)
+
+
+def collapse_somewhere(solid, x):
+    """Collapse the node at x into a neighbour with which all volumes stay positive and the names what they were."""
+    tet = solid.tetrahedralization
+    (a,) = np.flatnonzero(np.all(tet.position == x, axis=1))
+    around = np.any(tet.elements.node == a, axis=1)
+    for b in np.setdiff1d(tet.elements.node[around], [a]).tolist():
+        tried = solid.copy()
+        collapse_edge(tried, a, b)
+        faces = tried.tetrahedralization.elements
+        if np.all(tried.tetrahedralization.volumes() > 1e-9) and same_area(tried, solid) and len(faces.node):
+            solid.set_arrays(tried.state())
+            return
+
+
+def same_area(one, other):
+    """Whether patches are as large in both."""
+    areas = []
+    for solid in (one, other):
+        tetrahedra, area = solid.tetrahedralization.elements, np.zeros(len(solid.surfaces.shape))
+        for k, corners in enumerate(([1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2])):
+            e = np.flatnonzero(tetrahedra.patch[:, k] >= 0)
+            a, b, c = solid.tetrahedralization.position[tetrahedra.node[e][:, corners]].transpose(1, 0, 2)
+            np.add.at(area, tetrahedra.patch[e, k], np.linalg.norm(np.cross(b - a, c - a), axis=1))
+        areas.append(area)
+    return np.allclose(*areas, rtol=1e-12)
+
+
+def assert_same_set(again, rows, mesh, before):
+    """A boundary is the same set of points, looks the same way, and none of its facets is anywhere else."""
+    middle = again.p[:, again.facets[:, np.asarray(rows)]].mean(axis=1)
+    corners = mesh.p[:, mesh.facets[:, np.asarray(before)]]
+    low, high = corners.min(axis=(1, 2)), corners.max(axis=(1, 2))
+    assert np.all((middle >= low[:, None] - 1e-12) & (middle <= high[:, None] + 1e-12))
+    one, other = (unoriented(m, r) for m, r in ((again, rows), (mesh, before)))
+    np.testing.assert_allclose(one, other, rtol=1e-12)
+    assert isinstance(rows, OrientedBoundary) == isinstance(before, OrientedBoundary)
+    if isinstance(before, OrientedBoundary):
+        ours, theirs = (outward(m, r) for m, r in ((again, rows), (mesh, before)))
+        np.testing.assert_allclose(ours.sum(axis=0), theirs.sum(axis=0), atol=1e-12)
+        assert np.all(ours @ theirs.sum(axis=0) > 0.0)
+
+
+def unoriented(mesh, rows):
+    """The area of facets."""
+    a, b, c = mesh.p[:, mesh.facets[:, np.asarray(rows)]].transpose(1, 2, 0)
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+
+
+def test_scikit_fem_keeps_stale_numbers_of_facets():
+    """Its adaptive refinement leaves boundaries the numbers that their facets had; should that change, say so."""
+    mesh = MeshTet().refined(1).with_boundaries({"left": lambda x: x[0] == 0.0})
+    refined = mesh.refined(np.arange(4))
+    middle = refined.p[:, refined.facets[:, refined.boundaries["left"]]].mean(axis=1)
+    right = np.flatnonzero(refined.p[:, refined.facets].mean(axis=1)[0] == 0.0)
+    assert np.count_nonzero(middle[0] == 0.0) < len(right)
+
+
+def test_a_copy_and_its_original_leave_each_other_alone():
+    solid = MovableSolid.of(two_regions(2), Rules())
+    copy, before = solid.copy(), boundary_facts(solid.mesh())
+    split_edge(solid, *solid.tetrahedralization.elements.node[0, :2].tolist())
+    solid.tetrahedralization.position[:] *= 2.0
+    assert boundary_facts(copy.mesh()) == before
+    again = MovableSolid.of(copy.input_mesh, Rules())
+    again.set_arrays(solid.state())
+    assert boundary_facts(again.mesh()) == boundary_facts(solid.mesh())
+
+
+def test_pinned_nodes_are_held_and_known():
+    solid = MovableSolid.of(two_regions(4), Rules(pinned=["wall", 0]))
+    on_wall = solid.tetrahedralization.position[:, 2] == 0.5
+    assert np.all(solid.freedom.number[on_wall] == HELD) and np.all(solid.freedom.pinned[on_wall])
+    assert solid.freedom.pinned.sum() == on_wall.sum() + 1
+    assert solid.can_move()
+    assert not MovableSolid.of(box(1), Rules()).can_move()
+
+
+@each_mesh
+def test_rows_put_in_order_are_the_same_mesh(build):
+    """With the same elements waiting, and room for as many more."""
+    solid = MovableSolid.of(build(), Rules())
+    scramble(solid)
+    found = []
+    for ordered in (False, True):
+        opened = OpenSolid.of(solid, np.ones(solid.nnodes))
+        while np.count_nonzero(opened.queue.waiting) > solid.nnodes // 2:
+            swap_waiting(opened.mesh, opened.queue, 1.0, 1)
+        if ordered:
+            opened.renumber()
+            n, m = len(opened.nodes()), len(opened.elements())
+            assert opened.nodes()[-1] == n - 1 and opened.elements()[-1] == m - 1
+        check_arrays(opened.mesh)
+        corners = opened.mesh.position[opened.mesh.elements.node[opened.queue.waiting == WAITS]]
+        copy, height = solid.copy(), opened.mesh.pool.height.tolist()
+        old = opened.mesh.origins.old[opened.write_back(copy, renumbered=True)]
+        found.append((copy.mesh(), height, sorted(corners.tolist()), old.tolist()))
+    (one, *facts), (other, *again) = found
+    assert (one.p.tobytes(), one.t.tobytes()) == (other.p.tobytes(), other.t.tobytes()) and facts == again
+    if one.boundaries:
+        assert boundary_facts(one) == boundary_facts(other)

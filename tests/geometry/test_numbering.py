@@ -1,0 +1,104 @@
+"""Numbers along a curve for a while: neighbours are near in memory then, and nothing is another mesh afterwards."""
+
+import numpy as np
+import pytest
+from helpers.meshes import area_of, generic_square, peak, square
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt import Rules, Schedule
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.plane.numbering import numbered_along_curve
+from kohonen_adapt.mesh.triangulation import Triangulation
+
+SIDES = {"left": lambda x: x[0] == 0.0, "right": lambda x: x[0] == 1.0}
+HALVES = {"low": lambda x: x[1] < 0.5, "high": lambda x: x[1] > 0.5}
+PAIR = {"periodic": [("left", "right")]}
+
+
+def scattered(mesh, seed=0):
+    """The mesh with its nodes and elements in any order, in two halves, and with two sides that have names."""
+    rng = np.random.default_rng(seed)
+    nodes = rng.permutation(mesh.p.shape[1])
+    t = np.argsort(nodes)[mesh.t][:, rng.permutation(mesh.t.shape[1])]
+    return MeshTri(mesh.p[:, nodes], t).with_subdomains(HALVES).with_boundaries(SIDES), nodes
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    return scattered(square(104))[0]
+
+
+def everything(movable):
+    """All arrays that change when nodes move, by name, with those of stars."""
+    return {**movable.state(), **movable.triangulation.star._asdict()}
+
+
+def test_neighbours_have_near_numbers_for_a_while_and_their_own_afterwards(mesh):
+    movable = MovableMesh.of(mesh, Rules(pinned="left", **PAIR))
+    before, middle = movable.copy(), movable.triangulation.centroids()
+    partners = pairs_of(movable)
+    assert len(partners) == 210
+    with numbered_along_curve(movable) as row:
+        tri = movable.triangulation
+        node = tri.elements.node
+        assert np.median(np.abs(node[:, 0] - node[:, 1])) < 10
+        assert np.array_equal(np.sort(row), np.arange(len(node)))
+        assert np.array_equal(tri.centroids(), middle[row])
+        assert np.array_equal(tri.elements.region, before.triangulation.elements.region[row])
+        assert pairs_of(movable) == partners
+        for k in range(3):  # a neighbour lies beyond the edge opposite to corner k
+            beyond = tri.elements.neighbour[:, k]
+            edge, other = np.delete(node, k, axis=1)[beyond >= 0], node[beyond[beyond >= 0]]
+            assert np.all((edge[:, :, None] == other[:, None, :]).any(axis=2))
+    after, expected = everything(movable), everything(before)
+    assert all(np.array_equal(after[name], expected[name]) for name in expected)
+
+
+def pairs_of(movable):
+    """Where the nodes of pairs are."""
+    place, partner = movable.triangulation.position, movable.constraints.periodic.partner
+    paired = partner >= 0
+    return {(*one, *other) for one, other in zip(place[paired].tolist(), place[partner[paired]].tolist(), strict=True)}
+
+
+def test_numbers_are_put_back_where_work_is_broken_off(mesh):
+    movable = MovableMesh.of(mesh, Rules())
+    expected = everything(movable.copy())
+    with pytest.raises(KeyboardInterrupt), numbered_along_curve(movable):
+        raise KeyboardInterrupt
+    assert all(np.array_equal(array, expected[name]) for name, array in everything(movable).items())
+
+
+@pytest.mark.parametrize("build", [lambda: square(104), lambda: generic_square(20)], ids=["in rows", "small"])
+def test_meshes_that_are_in_order_or_small_keep_their_numbers(build):
+    movable = MovableMesh.of(build(), Rules())
+    position = movable.triangulation.position
+    with numbered_along_curve(movable) as row:
+        assert row is None
+        assert movable.triangulation.position is position
+
+
+@pytest.mark.parametrize("topology", ["fixed", "flip"])
+def test_nodes_elements_and_names_of_a_relocated_mesh_are_where_they_would_be(topology):
+    plain = square(104).with_subdomains(HALVES).with_boundaries(SIDES)
+    mesh, nodes = scattered(plain)
+    results = [
+        ka.relocate(each, peak(each, 0.3, 0.4, 20), topology=topology, pinned=[held], **PAIR)
+        for each, held in ((plain, nodes[7]), (mesh, 7))
+    ]
+    expected, found = (result.p for result in results)
+    way = np.hypot(*(expected - plain.p)).mean()
+    assert np.hypot(*(found - expected[:, nodes])).mean() < 0.2 * way
+    assert np.array_equal(found[:, 7], mesh.p[:, 7])
+    for name in SIDES:
+        assert np.array_equal(mesh.facets[:, mesh.boundaries[name]], results[1].facets[:, results[1].boundaries[name]])
+    for name in HALVES:
+        assert np.array_equal(mesh.subdomains[name], results[1].subdomains[name])
+        assert area_of(results[1], results[1].subdomains[name]) == pytest.approx(0.5, rel=1e-12)
+
+
+def test_flips_alone_move_no_node_of_a_scattered_mesh(mesh):
+    after = ka.relocate(mesh, np.ones(mesh.nelements), schedule=Schedule(()))
+    assert np.array_equal(after.p, mesh.p)
+    assert Triangulation.of(after).areas().min() > 0

@@ -1,0 +1,375 @@
+"""Outlines: nodes slide on them, corners stay occupied, and neurons jump around them."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from helpers.meshes import centres, comb, holed, inset, junction, l_shape, length_of, named, peak, slit, square
+from skfem import MeshTri
+from skfem.generic_utils import OrientedBoundary
+
+import kohonen_adapt as ka
+from kohonen_adapt import KohonenMap, Schedule, Stage
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.rules import Rules
+from kohonen_adapt.kernels.arrays import FREE, HELD, OTHER, SLIDING
+from kohonen_adapt.mesh.triangulation import Triangulation
+
+MUCH = Schedule((Stage(2, 4, 0.5), Stage(0, 4, 0.5)), sweeps=3)
+SQUARE_CORNERS = {(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)}
+
+
+def places(mesh, nodes=slice(None)):
+    return set(zip(*mesh.p[:, nodes].tolist(), strict=True))
+
+
+def kinds(mesh, pinned=()):
+    """FREE, SLIDING or HELD per node, and which of the held may leave their corner to another node."""
+    constraints = MovableMesh.of(mesh, Rules(pinned=pinned)).constraints
+    return constraints.kind, (constraints.kind == HELD) & (constraints.chain[:, OTHER] >= 0)
+
+
+def trained_once(mesh, x, rate=1.0, **options):
+    som = KohonenMap(mesh, **{"topology": "fixed", "min_quality": 0.0, **options})
+    som.train(np.array(x)[:, None], Schedule((Stage(0, 1, rate),)))
+    return som.mesh
+
+
+def on_side(mesh, axis, value):
+    return int(np.sum(mesh.p[axis] == value))
+
+
+def test_corners_of_polygons_are_held_and_nodes_between_them_slide():
+    mesh = inset(8)
+    kind, jumps = kinds(mesh)
+    core = {(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)}
+    assert places(mesh, kind == HELD) == SQUARE_CORNERS | core
+    assert np.array_equal(jumps, kind == HELD)
+    at_core = np.max(np.abs(mesh.p - 0.5), axis=0) == 0.25
+    at_frame = np.max(np.abs(mesh.p - 0.5), axis=0) == 0.5
+    np.testing.assert_array_equal(kind != FREE, at_core | at_frame)
+
+
+def test_junctions_changes_of_name_and_loose_ends_are_corners():
+    mesh = junction(8)
+    kind, jumps = kinds(mesh)
+    assert places(mesh, kind == HELD) == SQUARE_CORNERS | {(0.5, 0.5), (0.0, 0.5), (1.0, 0.5), (0.5, 1.0)}
+    assert places(mesh, jumps) == SQUARE_CORNERS
+
+    mesh = named(8)
+    kind, jumps = kinds(mesh)
+    # interfaces end at x = 1/2 and y = 1/4, the crack (y = 3/4) meets the seam and ends loose at 1/4 and 3/4
+    meetings = {(0.5, 0.0), (0.5, 1.0), (0.0, 0.25), (1.0, 0.25), (0.5, 0.25), (0.5, 0.75)}
+    assert places(mesh, kind == HELD) == SQUARE_CORNERS | meetings | {(0.25, 0.75), (0.75, 0.75)}
+    assert places(mesh, jumps) == SQUARE_CORNERS
+
+
+def test_a_change_of_name_in_the_middle_of_a_side_is_a_corner():
+    mesh = square(8)
+    mesh = mesh.with_boundaries({"half": mesh.facets_satisfying(lambda x: (x[1] == 0.0) & (x[0] < 0.5))})
+    kind, jumps = kinds(mesh)
+    assert places(mesh, kind == HELD) == SQUARE_CORNERS | {(0.5, 0.0)}
+    assert places(mesh, jumps) == SQUARE_CORNERS | {(0.5, 0.0)}
+
+
+def test_the_tip_of_a_slit_is_a_corner():
+    mesh = slit(8, tip=0.75)
+    kind, _ = kinds(mesh)
+    assert {(0.75, 0.5), (0.0, 0.5)} | SQUARE_CORNERS == places(mesh, kind == HELD)
+    assert np.sum(kind == HELD) == 7  # the mouth is there twice
+
+
+@pytest.mark.parametrize(("turn", "corners"), [(2e-6, 5), (1e-9, 4)])
+def test_a_turn_above_a_millionth_is_a_corner(turn, corners):
+    mesh = square(8)
+    mesh = MeshTri(mesh.p + np.array([[0.0], [1.0]]) * turn * np.abs(mesh.p[0] - 0.5) * (mesh.p[1] == 0.0), mesh.t)
+    kind, _ = kinds(mesh)
+    assert np.sum(kind == HELD) == corners
+
+
+def test_small_turns_that_add_up_are_kept_node_by_node():
+    angle = 5e-5 * np.linspace(-1, 1, 101) ** 2  # no circle: the turns change
+    bow = np.stack([np.linspace(0, 1, 101), np.cumsum(np.tan(angle)) / 100])
+    ticks = np.linspace(0, 1, 101)
+    mesh = MeshTri.init_tensor(ticks, np.linspace(0, 0.02, 3))
+    p = mesh.p.copy()
+    p[1] += np.interp(p[0], bow[0], bow[1])
+    mesh = MeshTri(p, mesh.t)
+    result = ka.relocate(mesh, peak(mesh, 0.5, 0.01), schedule=MUCH, min_quality=0.0)
+    edge = np.isin(np.arange(p.shape[1]), mesh.boundary_nodes()) & (p[0] > 0) & (p[0] < 1)
+    np.testing.assert_array_equal(result.p[:, edge], p[:, edge])
+
+
+@pytest.mark.parametrize("build", [lambda: square(8), lambda: inset(8), lambda: l_shape(4), lambda: comb(10)])
+def test_nodes_on_lines_along_an_axis_keep_that_coordinate_to_the_bit(build):
+    mesh = build()
+    density = peak(mesh, *mesh.p[:, mesh.boundary_nodes()[3]])
+    result = ka.relocate(mesh, density, schedule=MUCH)
+    lines = {tuple(line) for line in outline_lines(mesh)}
+    assert {tuple(line) for line in outline_lines(result)} == lines
+    assert np.any(result.p != mesh.p)
+
+
+def outline_lines(mesh):
+    """(axis, coordinate) of every outer and interface facet; they must all lie along an axis."""
+    facets = [mesh.boundary_facets()]
+    for rows in (mesh.subdomains or {}).values():
+        facets.append(np.flatnonzero(np.bincount(mesh.t2f[:, rows].ravel(), minlength=mesh.facets.shape[1]) == 1))
+    for a, b in mesh.p[:, mesh.facets[:, np.concatenate(facets)]].transpose(2, 1, 0):
+        axis = 0 if a[0] == b[0] else 1
+        assert a[axis] == b[axis]
+        yield axis, float(a[axis])
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.0, 2.4])
+def test_nodes_on_oblique_lines_stay_on_them_to_rounding(angle):
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    straight = inset(8)
+    mesh = MeshTri(turn @ straight.p, straight.t, None, straight.subdomains)
+    result = ka.relocate(mesh, peak(mesh, *(turn @ [0.4, 0.0])), schedule=MUCH)
+    back = turn.T @ result.p
+    kind, _ = kinds(result)
+    assert np.sum(kind != FREE) == np.sum(kinds(mesh)[0] != FREE)
+    off = np.minimum.reduce([np.abs(np.max(np.abs(back - 0.5), axis=0) - half) for half in (0.25, 0.5)])
+    assert off[kind != FREE].max() < 1e-15 * 4
+    assert np.abs(result.p - mesh.p).max() > 0.01
+
+
+@pytest.mark.parametrize(
+    "build", [lambda: inset(8), lambda: l_shape(4), lambda: holed(9), lambda: comb(10), lambda: slit(10)]
+)
+@pytest.mark.parametrize("topology", ["fixed", "flip"])
+def test_corners_stay_occupied_to_the_bit(build, topology):
+    mesh = build()
+    corners = sorted(zip(*mesh.p[:, kinds(mesh)[0] == HELD].tolist(), strict=True))
+    for place in list(dict.fromkeys(corners))[:4]:
+        result = ka.relocate(mesh, peak(mesh, *place, width=0.2), schedule=MUCH, topology=topology)
+        assert sorted(zip(*result.p[:, kinds(result)[0] == HELD].tolist(), strict=True)) == corners
+
+
+def cornered():
+    """A square of 2 x 2 cells; the corner (0, 0) has two elements, and (1, 0) one."""
+    mesh = square(2)
+    count = np.bincount(mesh.t.ravel())
+    return (
+        mesh
+        if count[np.all(mesh.p == 0, axis=0)][0] == 2
+        else MeshTri(np.array([[1.0], [0]]) + [[-1], [1]] * mesh.p, mesh.t)
+    )
+
+
+def node_at(mesh, x, y):
+    return int(np.flatnonzero((mesh.p[0] == x) & (mesh.p[1] == y))[0])
+
+
+def test_the_jump_around_a_corner():
+    mesh = cornered()
+    corner, follower = node_at(mesh, 0, 0), node_at(mesh, 0, 0.5)
+    result = trained_once(mesh, (0.2, 0.05))  # its winner is the corner, and the lower side is nearer than the left
+    assert result.p[:, corner].tolist() == [0.2, 0.0]
+    assert result.p[:, follower].tolist() == [0.0, 0.0]
+    assert on_side(result, 0, 0.0) == on_side(mesh, 0, 0.0) - 1
+    assert on_side(result, 1, 0.0) == on_side(mesh, 1, 0.0) + 1
+    others = np.setdiff1d(np.arange(9), [corner, follower])
+    np.testing.assert_array_equal(result.p[:, others], mesh.p[:, others])
+    np.testing.assert_array_equal(result.t, mesh.t)
+    assert ka.quality(result).min() > 0
+
+
+def test_it_jumps_onto_the_nearer_of_the_two_sides():
+    mesh = cornered()
+    result = trained_once(mesh, (0.05, 0.2))
+    assert result.p[:, node_at(mesh, 0, 0)].tolist() == [0.0, 0.2]
+    assert result.p[:, node_at(mesh, 0.5, 0)].tolist() == [0.0, 0.0]
+
+
+def test_a_jump_takes_the_share_of_the_way_that_the_learning_rate_says():
+    result = trained_once(cornered(), (0.2, 0.05), rate=0.25)
+    assert result.p[:, node_at(cornered(), 0, 0)].tolist() == [0.05, 0.0]
+
+
+def test_a_jump_that_leaves_a_flat_ear_is_refused():
+    mesh = cornered()
+    ear = node_at(mesh, 1, 0)
+    assert np.sum(mesh.t == ear) == 1
+    for min_quality in (0.0, None):
+        result = trained_once(mesh, (0.8, 0.05), min_quality=min_quality)
+        np.testing.assert_array_equal(result.p, mesh.p)
+
+
+def test_a_jump_that_breaks_the_quality_rule_is_refused():
+    mesh = cornered()
+    before = ka.quality(mesh).min()
+    result = trained_once(mesh, (0.2, 0.05), rate=0.01, min_quality=0.5)
+    np.testing.assert_array_equal(result.p, mesh.p)
+    assert before > 0.5
+
+
+@pytest.mark.parametrize("pinned", [(0.0, 0.0), (0.0, 0.5)])
+def test_no_jump_takes_or_leaves_a_pinned_node(pinned):
+    mesh = cornered()
+    result = trained_once(mesh, (0.2, 0.05), pinned=[node_at(mesh, *pinned)])
+    np.testing.assert_array_equal(result.p, mesh.p)
+
+
+def test_after_a_jump_the_follower_is_the_corner_and_may_jump_on():
+    mesh = cornered()
+    som = KohonenMap(mesh, topology="fixed", min_quality=0.0)
+    for x in ((0.2, 0.05), (0.05, 0.3)):
+        som.train(np.array(x)[:, None], Schedule((Stage(0, 1, 1.0),)))
+    corner, follower = node_at(mesh, 0, 0), node_at(mesh, 0, 0.5)
+    assert som.mesh.p[:, follower].tolist() == [0.0, 0.3]
+    assert som.mesh.p[:, corner].tolist() == [0.0, 0.0]
+
+
+def test_names_follow_a_jump():
+    mesh = cornered().with_boundaries({"floor": lambda x: x[1] == 0.0, "left": lambda x: x[0] == 0.0})
+    result = trained_once(mesh, (0.2, 0.05))
+    assert len(result.boundaries["floor"]) == 3
+    assert len(result.boundaries["left"]) == 1
+    assert length_of(result, result.boundaries["floor"]) == 1.0
+    assert length_of(result, result.boundaries["left"]) == 1.0
+
+
+def test_corners_of_interfaces_jump_too():
+    mesh = inset(8)
+    ear = np.bincount(mesh.t[:, mesh.subdomains["core"]].ravel())[node_at(mesh, 0.25, 0.25)] == 1
+    mesh = MeshTri([[float(ear)], [0]] + [[1 - 2 * ear], [1]] * mesh.p, mesh.t, None, mesh.subdomains)
+    mesh.p[1, node_at(mesh, 0.125, 0.25)] = 0.2  # else the element at the follower would become flat
+    corner, follower = node_at(mesh, 0.25, 0.25), node_at(mesh, 0.25, 0.375)
+    result = trained_once(mesh, (0.3, 0.26))  # from within the core
+    assert result.p[:, corner].tolist() == [0.3, 0.25]
+    assert result.p[:, follower].tolist() == [0.25, 0.25]
+    result = trained_once(mesh, (0.3, 0.24))  # from the air
+    assert result.p[:, corner].tolist() == [0.3, 0.25]
+    for name, rows in result.subdomains.items():
+        np.testing.assert_array_equal(rows, mesh.subdomains[name])
+
+
+def test_jumps_change_the_number_of_nodes_per_side_and_not_the_geometry():
+    stages = [ka.Stage(8, 1, 0.2, points_per_neuron=0.13), *(ka.Stage(radius, 3, 0.3) for radius in (4, 2, 1))]
+    mesh = square(16).with_boundaries({"floor": lambda x: x[1] == 0.0, "top": lambda x: x[1] == 1.0})
+    for topology in ("fixed", "flip"):
+        options = {"topology": topology, "schedule": ka.Schedule(stages)}
+        results = [ka.relocate(mesh, peak(mesh, 0.5, 0.0, 1e4), seed=seed, **options) for seed in range(3)]
+        assert max(on_side(result, 1, 0.0) for result in results) > 17
+        for result, name in product(results, ("floor", "top")):
+            ends = result.p[:, result.facets[:, result.boundaries[name]]]
+            assert len(np.unique(ends[1])) == 1
+            assert len(result.boundaries[name]) == on_side(result, 1, ends[1, 0, 0]) - 1
+            assert length_of(result, result.boundaries[name]) == pytest.approx(1.0, rel=1e-14)
+
+
+@pytest.mark.parametrize("topology", ["fixed", "flip"])
+@pytest.mark.parametrize("pinned", ["floor", "core", "core and a node"])
+def test_pinned_boundaries_subdomains_and_nodes_never_move(pinned, topology):
+    mesh = inset(8).with_boundaries({"floor": lambda x: x[1] == 0.0})
+    nodes = np.unique(
+        mesh.facets[:, mesh.boundaries["floor"]] if pinned == "floor" else mesh.t[:, mesh.subdomains["core"]]
+    )
+    names = [pinned] if " " not in pinned else ["core", 7]
+    nodes = nodes if " " not in pinned else np.append(nodes, 7)
+    result = ka.relocate(mesh, peak(mesh, 0.3, 0.1), topology=topology, schedule=MUCH, pinned=names)
+    np.testing.assert_array_equal(result.p[:, nodes], mesh.p[:, nodes])
+    assert np.any(result.p != mesh.p)
+    only = ka.relocate(mesh, peak(mesh, 0.3, 0.1), topology=topology, schedule=MUCH, pinned=pinned.split(" ")[0])
+    assert np.any(only.p != mesh.p)
+
+
+def test_everything_pinned_stays():
+    mesh = inset(8)
+    result = ka.relocate(mesh, peak(mesh, 0.3, 0.1), pinned=np.arange(mesh.p.shape[1]), schedule=MUCH)
+    np.testing.assert_array_equal(result.p, mesh.p)
+
+
+def union_of(mesh, rows):
+    """Maximal straight pieces of some facets along an axis, as rounded end points."""
+    pieces = {}
+    for a, b in mesh.p[:, mesh.facets[:, np.asarray(rows)]].transpose(2, 1, 0):
+        axis = 0 if a[0] == b[0] else 1
+        pieces.setdefault((axis, float(a[axis])), []).append(tuple(sorted((a[1 - axis], b[1 - axis]))))
+    merged = []
+    for line, spans in sorted(pieces.items()):
+        for low, high in sorted(spans):
+            if merged and merged[-1][0] == line and merged[-1][2] == low:
+                merged[-1] = (line, merged[-1][1], high)
+            else:
+                merged.append((line, low, high))
+    return merged
+
+
+@pytest.mark.parametrize("topology", ["fixed", "flip"])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_union_of_every_named_boundary_is_the_same_to_the_bit(topology, seed):
+    mesh = named(8)
+    result = ka.relocate(mesh, peak(mesh, *np.random.default_rng(seed).random(2)), topology=topology, seed=seed)
+    assert set(result.boundaries) == set(mesh.boundaries)
+    for name, rows in mesh.boundaries.items():
+        assert union_of(result, result.boundaries[name]) == union_of(mesh, rows)
+        assert isinstance(result.boundaries[name], OrientedBoundary) == isinstance(rows, OrientedBoundary)
+
+
+@pytest.mark.parametrize("topology", ["fixed", "flip"])
+def test_an_oriented_boundary_keeps_its_side(topology):
+    mesh = named(8)
+    west = set(mesh.subdomains["west"].tolist())
+    result = ka.relocate(mesh, peak(mesh, 0.45, 0.6), topology=topology)
+    for each in (mesh, result):
+        seam = each.boundaries["seam"]
+        assert {int(e) in west for e in each.f2t[seam.ori, np.asarray(seam)]} == {True}
+
+
+@pytest.mark.parametrize("flip", [False, True])
+def test_an_oriented_line_inside_one_material_keeps_its_side(flip):
+    mesh = square(8)
+    line = mesh.facets_satisfying(lambda x: np.abs(x[1] - 0.5) < 1e-9)
+    lower = (centres(mesh)[1, mesh.f2t[1, line]] < 0.5).astype(np.int64)
+    mesh = mesh.with_boundaries({"line": OrientedBoundary(line, 1 - lower if flip else lower)})
+    result = ka.relocate(mesh, peak(mesh, 0.2, 0.5))
+    for each in (mesh, result):
+        rows = each.boundaries["line"]
+        below = centres(each)[1, each.f2t[rows.ori, np.asarray(rows)]] < 0.5
+        assert np.all(below != flip)
+
+
+def test_an_inner_named_line_divides_no_region_but_is_never_crossed():
+    mesh = square(8).with_boundaries({"line": lambda x: np.abs(x[1] - 0.5) < 1e-9})
+    mesh = square(8).with_boundaries({"line": mesh.facets_satisfying(lambda x: np.abs(x[1] - 0.5) < 1e-9)})
+    assert np.unique(Triangulation.of(mesh).elements.region).tolist() == [0]
+    result = ka.relocate(mesh, peak(mesh, 0.3, 0.5))
+    assert union_of(result, result.boundaries["line"]) == [((1, 0.5), 0.0, 1.0)]
+    below = centres(mesh)[1] < 0.5
+    assert np.array_equal(centres(result)[1] < 0.5, below)
+
+
+def test_kinds_have_names():
+    assert (FREE, SLIDING, HELD) == (0, 1, 2)
+
+
+def test_where_three_chains_meet_a_neuron_may_leave_the_corner():
+    """An element at the junction changes sides; what is drawn on the plane stays."""
+    mesh, changed = junction(12), 0
+    for place, seed in product([(0.5, 0.5), (0.0, 0.5), (1.0, 0.5), (0.5, 1.0)], range(3)):
+        result = ka.relocate(mesh, peak(mesh, *place, width=0.3), seed=seed)
+        changed += any(len(rows) != len(result.subdomains[name]) for name, rows in mesh.subdomains.items())
+        assert place in places(result)
+        for name, rows in mesh.subdomains.items():
+            x, y = result.p[:, result.t[:, result.subdomains[name]]]
+            area = np.abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])).sum() / 2
+            assert area == pytest.approx(len(rows) / 288, rel=1e-13)
+        fixed = ka.relocate(mesh, peak(mesh, *place, width=0.3), topology="fixed", seed=seed)
+        assert all(np.array_equal(rows, fixed.subdomains[name]) for name, rows in mesh.subdomains.items())
+    assert changed
+
+
+def test_a_jump_at_a_junction_by_hand():
+    """The neuron in the junction goes right, its left neighbour takes its place, and the element between them, too."""
+    mesh = junction(4)
+    numbers = {tuple(x): v for v, x in enumerate(mesh.p.T.tolist())}
+    middle, left, up = (numbers[place] for place in [(0.5, 0.5), (0.25, 0.5), (0.5, 0.75)])
+    ear = np.sort([middle, left, up]).tolist()
+    assert ear in mesh.t[:, mesh.subdomains["left"]].T.tolist()
+    result = trained_once(mesh, (0.6, 0.51), rate=0.5, topology="flip")
+    np.testing.assert_allclose(result.p[:, [middle, left]], [[0.55, 0.5], [0.5, 0.5]])
+    assert ear in result.t[:, result.subdomains["right"]].T.tolist()
+    assert len(result.subdomains["right"]) == len(mesh.subdomains["right"]) + 1
