@@ -179,7 +179,7 @@ class Arguments:
         if self.estimator == "equilibrated" and has:
             raise ValueError(
                 f"estimator 'equilibrated' bounds the error of planar problems with potentials and natural conditions; "
-                f"this one has {' and '.join(has)}: take 'residual' or 'recovery'."
+                f"this one has {' and '.join(has)}: use 'residual' or 'recovery'."
             )
 
     def _checked_field(self) -> tuple[float, float]:
@@ -193,8 +193,8 @@ class Arguments:
             )
         if self.open_boundary is None and (x, y) != (0.0, 0.0):
             raise ValueError(
-                "an applied_field needs an open_boundary, beyond which it is; on another boundary give its A as the "
-                "potential, mu0 (H_x y - H_y x), around an axis mu0 H_z r / 2."
+                "applied_field requires an open_boundary; on another boundary prescribe its potential instead, "
+                "mu0 (H_x y - H_y x), around an axis mu0 H_z r / 2."
             )
         return x, y
 
@@ -241,11 +241,11 @@ def _checked_pairs(name: str, value: Any) -> tuple[Pair, ...]:
 
 def _checked_points(value: Any) -> dict[str, Floats]:
     if value is not None and not isinstance(value, Mapping):
-        raise ValueError(f"points must map names to places (x, y) in metres; got {value!r}.")
+        raise ValueError(f"points must map names to positions (x, y) in metres; got {value!r}.")
     points = {name: np.array(point) for name, point in (value or {}).items()}
     for name, point in points.items():
         if point.dtype.kind not in "iuf" or point.shape[:1] != (2,) or point.ndim > 2 or not np.isfinite(point).all():
             raise ValueError(
-                f"points[{name!r}] must be a place (x, y) in metres, or several (2, n); got {point.tolist()!r}."
+                f"points[{name!r}] must be a position (x, y) in metres, or several (2, n); got {point.tolist()!r}."
             )
     return {name: point.reshape(2, -1).astype(float) for name, point in points.items()}

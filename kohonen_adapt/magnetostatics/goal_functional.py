@@ -36,9 +36,9 @@ def functional_for(
     if goal is None:
         return ritz
     if field.axisymmetric:
-        raise NotOffered("around an axis a goal has no energy to lower")
+        raise NotOffered("around an axis a goal has no functional to minimise")
     if field.coefficients.nonlinear_materials:
-        raise NotOffered("with nonlinear material a goal has no energy to lower")
+        raise NotOffered("with nonlinear material a goal has no functional to minimise")
     source, load = at_points(field, goal.derivative(field))
     dual = dual_functional(field, ritz, source, load)
     values = tangent_solution(field, boundaries, field.elements.loads(source, load), newton)
@@ -57,7 +57,10 @@ def dual_functional(field: Field, ritz: Ritz, source: Floats, load: Floats) -> R
     if np.any(np.abs(load - load[:, point][:, point_region]) > TOLERANCE * np.abs(load).max()):
         # For forces and energies, with a flux averaged at the nodes, the descent of both functionals gave error bounds
         # of 1.02 to 1.09 and of 0.8 to 1.4 times the bounds of the map alone (two magnets, actuator).
-        raise NotOffered("a goal such as this one (a force, a torque, the energy of a part) has no energy to lower")
+        raise NotOffered(
+            "a goal whose derivative varies within regions (a force, a torque, the energy of a part) has no "
+            "functional to minimise"
+        )
     robin = {name: (kappa, 0.0) for name, (kappa, _) in ritz.robin.items()}
     tables = np.asarray(ritz.coefficient)[primal_region[first]], source[first], load[:, point]
     return Ritz(

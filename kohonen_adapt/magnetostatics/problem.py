@@ -284,7 +284,7 @@ class Magnetostatics(Arguments):
             If there is a goal, or the order is above 1.
         """
         if self.goal is not None or self.order > 1:
-            raise NotOffered("it has a goal, or quadratic elements")
+            raise NotOffered("the problem has a goal or elements of order 2 or 3")
         return better_values(field, outputs, self.boundaries, self.method, self.solve_from)
 
     def energy_norm(self, mesh: MeshTri, field: Field) -> float:
@@ -308,7 +308,7 @@ class Magnetostatics(Arguments):
             If there is a goal, because its error is no fraction of the energy.
         """
         if self.goal is not None:
-            raise NotOffered("its indicators are those of a goal, of which the energy is no measure")
+            raise NotOffered("the error of a goal is no fraction of the energy")
         return float(np.sqrt(field.squared_norm))
 
     def ritz(self, mesh: MeshTri, field: Field) -> Ritz:

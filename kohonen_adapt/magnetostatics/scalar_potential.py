@@ -102,8 +102,8 @@ class MagneticScalarPotential:
         for name, material in self.materials.items():
             if material.current_density != 0.0:
                 raise ValueError(
-                    f"{name!r} has a current density, {material.current_density:g} A/m^2, of which a scalar potential "
-                    "knows nothing: give the field of the current as applied_field."
+                    f"{name!r} has a current density, {material.current_density:g} A/m^2, which a scalar potential "
+                    "cannot represent: give the field of the current as applied_field."
                 )
         if not isinstance(self.potential, Mapping | None):
             raise ValueError(f"potential must map names of boundaries to phi in A; got {self.potential!r}.")
@@ -290,7 +290,7 @@ class MagneticScalarPotential:
             If there is a goal, because its error is no fraction of the energy.
         """
         if self.goal is not None:
-            raise NotOffered("its indicators are those of a goal, of which the energy is no measure")
+            raise NotOffered("the error of a goal is no fraction of the energy")
         return float(np.sqrt(field.squared_norm))
 
     def ritz(self, mesh: MeshTet, field: SolidField) -> Ritz:
@@ -319,11 +319,11 @@ class MagneticScalarPotential:
         coefficients_of_mesh, function = field.coefficients, field.drive.function
         present, first, region = coefficients_of_mesh.present(self.materials)
         if coefficients_of_mesh.nonlinear_materials and function is not None:
-            raise NotOffered("nonlinear material in an applied field has no energy to lower")
+            raise NotOffered("nonlinear material in an applied field has no functional to minimise")
         if any(
             coefficients_of_mesh.coercivity[:, part.elements].any() for part in coefficients_of_mesh.nonlinear_materials
         ):
-            raise NotOffered("nonlinear magnets have no energy to lower")
+            raise NotOffered("nonlinear magnets have no functional to minimise")
         mu = 1.0 / coefficients_of_mesh.reluctivity[first]
         flux: Flux = mu * coefficients_of_mesh.coercivity[:, first]
         if function is not None or any(material.turns for material in present.values()):

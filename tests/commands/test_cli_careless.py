@@ -167,7 +167,7 @@ NAMES = {
     "boundary": (CASE.replace("outer =", "outre ="), "it has 'outer'. Did you mean 'outer'?"),
     "subdomain for boundary": (
         CASE.replace("outer =", "iron ="),
-        "boundary 'iron' is not in the mesh; it has 'outer'. It is a subdomain: name its rim, too.",
+        "boundary 'iron' is not in the mesh; it has 'outer'. It is a subdomain: name its boundary, too.",
     ),
     "coil": ("ampere_turns = {irn = 9.0}\n" + CASE, "is not among the materials: 'air', 'iron'. Did you mean 'iron'?"),
     "body": (

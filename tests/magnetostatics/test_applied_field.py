@@ -195,9 +195,9 @@ def test_functionals(solved):
     bent = MagneticScalarPotential(
         {"ball": Material(bh=Froehlich(500.0, 1.6)), "air": AIR}, {"outer": 0.0}, applied_field=(0.0, 0.0, 1e3)
     )
-    with pytest.raises(ka.NotOffered, match="nonlinear material in an applied field has no energy"):
+    with pytest.raises(ka.NotOffered, match="nonlinear material in an applied field has no functional"):
         bent.ritz(mesh, bent.solve(mesh))
     magnet = Material(bh=Froehlich(500.0, 1.6), coercivity=(0.0, 0.0, 1e3))
     bent = MagneticScalarPotential({"ball": magnet, "air": AIR}, {"outer": 0.0})
-    with pytest.raises(ka.NotOffered, match="nonlinear magnets have no energy to lower"):
+    with pytest.raises(ka.NotOffered, match="nonlinear magnets have no functional to minimise"):
         bent.ritz(mesh, bent.solve(mesh))

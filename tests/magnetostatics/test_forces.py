@@ -259,7 +259,7 @@ def test_a_sector_has_its_share_of_the_torque():
     body = ["coil", "hub"]
     assert field.torque(body) < -0.1  # towards the tooth
     assert part.torque(body) == pytest.approx(field.torque(body) / 4, rel=1e-8)
-    with pytest.raises(ValueError, match=r"along lines of several directions; .* Model what is beyond the boundary\."):
+    with pytest.raises(ValueError, match=r"lines of several directions; .* Extend the mesh beyond the boundary\."):
         part.force(body)
 
 
@@ -286,7 +286,7 @@ def test_a_body_that_touches_something_at_a_corner_is_refused(neighbour):
     field = Magnetostatics(parts, potential={"outer": lambda x: x[0]}).solve(TOUCHING)
     message = (
         "subdomain 'core' touches 'iron', which is not air (permeability 1, no current, no remanence), and the force "
-        "is told by the field in the air around: leave air between them, or ask for the force on both together."
+        "is computed from the field in the air around: leave air between them, or compute the force on both together."
     )
     refused(message, field.force, "core")
     refused(message, field.torque, "core")
@@ -319,7 +319,8 @@ def test_unknown_and_empty_names():
 
 def test_a_body_that_fills_the_mesh():
     message = (
-        "subdomain 'air' + 'core' + 'iron' + 'edge' has nothing around it; a force needs air between it and the rest."
+        "subdomain 'air' + 'core' + 'iron' + 'edge' has no other elements around it; a force requires air around the "
+        "body."
     )
     refused(message, FIELD.force, ["air", "core", "iron", "edge"])
 
@@ -327,13 +328,13 @@ def test_a_body_that_fills_the_mesh():
 def test_a_body_in_the_corner_of_the_mesh():
     refused(
         "the body lies on the outer boundary along lines of several directions; the force on a part of it can only be "
-        "told where it is cut by a mirror plane. Model what is beyond the boundary.",
+        "computed if a mirror plane cuts it. Extend the mesh beyond the boundary.",
         FIELD.force,
         "edge",
     )
     refused(
         "the body lies on the outer boundary elsewhere than on circles about the centre and on two straight sides "
-        "through it; the torque on a part of a body can only be told of a periodic sector. Model what is beyond.",
+        "through it; the torque on a part of a body can only be computed for a periodic sector. Extend the mesh.",
         FIELD.torque,
         "edge",
     )
@@ -346,7 +347,7 @@ def test_a_sector_whose_sides_differ():
     field = Magnetostatics(PARTS, potential={"outer": 0.0}).solve(mesh)
     refused(
         "the two sides through the centre that cut the body have no nodes at the same radii; the torque on a part of "
-        "it can only be told of a periodic sector, whose sides are one another's image.",
+        "it can only be computed for a periodic sector, with sides that are images of each other.",
         field.torque,
         "edge",
         centre=(-0.02, -0.02),
@@ -360,10 +361,10 @@ def test_what_is_no_centre(centre):
 
 def test_lorentz_needs_plain_currents():
     refused(
-        "the coil 'air' carries no current; the force on its material is field.force's.", lorentz_force, FIELD, "air"
+        "the coil 'air' carries no current; use field.force for the force on its material.", lorentz_force, FIELD, "air"
     )
     refused(
-        "the coil ['core', 'iron'] is magnetic, so Lorentz's force is not all; ask for field.force instead.",
+        "the coil ['core', 'iron'] is magnetic, so the Lorentz force is only a part; use field.force instead.",
         lorentz_torque,
         FIELD,
         ["core", "iron"],

@@ -274,13 +274,16 @@ def test_the_loop_with_a_goal_says_what_it_leaves_out():
     mesh, problem = two_magnets(1)
     problem = replace(problem, goal=PULL)
     result = ka.adapt(mesh, problem, outputs={"pull": PULL}, passes=1)
-    why = "a goal such as this one (a force, a torque, the energy of a part) has no energy to lower"
+    why = (
+        "a goal whose derivative varies within regions (a force, a torque, the energy of a part) has no functional to "
+        "minimise"
+    )
     assert f"No polish: {why}" in result.message
     assert "Energy" not in str(result) and "pull" in str(result)
     assert result.history[0].energy_norm is None
     message = (
-        "rtol requires the energy norm of the problem, but its indicators are those of a goal, of which the energy is "
-        "no measure. Use atol instead."
+        "rtol requires the energy norm of the problem, but the error of a goal is no fraction of the "
+        "energy. Use atol instead."
     )
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         ka.adapt(mesh, problem, rtol=0.01)
@@ -359,9 +362,9 @@ def test_on_curved_sides_passes_for_a_goal_compare_by_the_estimate(order):
     [
         (
             lambda: (*actuator(), FluxLinkage(CIRCUIT)),
-            "with nonlinear material a goal has no energy to lower",
+            "with nonlinear material a goal has no functional to minimise",
         ),
-        (lambda: (*two_magnets(1), StoredEnergy("a")), r"the energy of a part\) has no energy to lower"),
+        (lambda: (*two_magnets(1), StoredEnergy("a")), r"the energy of a part\) has no functional to minimise"),
     ],
 )
 def test_goals_that_are_not_polished_say_why(case, reason):
@@ -402,7 +405,7 @@ def test_goals_that_are_not_polished_say_why(case, reason):
         ),
         (
             lambda: actuator(goal=Torque("bar"), estimator="recovery"),
-            "a goal has its own indicators; leave the estimator out, got 'recovery'.",
+            "a goal has its own indicators; omit the estimator, got 'recovery'.",
         ),
         (
             lambda: actuator()[1].goal_error(FIELDS[actuator]),
@@ -410,8 +413,8 @@ def test_goals_that_are_not_polished_say_why(case, reason):
         ),
         (
             lambda: Force("plunger", (1, 0))(FIELDS[plunger]),
-            "the force on 'plunger' has no component along (1.0, 0.0): an axisymmetric one is along z, that on a body "
-            "cut by a mirror plane along the plane. Give another direction.",
+            "the force on 'plunger' has no component along (1.0, 0.0): an axisymmetric force is along z, "
+            "and the force on a body cut by a mirror plane is along the plane. Give another direction.",
         ),
         (
             lambda: Torque("plunger")(FIELDS[plunger]),
@@ -419,8 +422,8 @@ def test_goals_that_are_not_polished_say_why(case, reason):
         ),
         (
             lambda: StoredEnergy(["go", "back", "bar", "air"]).derivative(FIELDS[actuator]),
-            "StoredEnergy needs a part of the mesh; ['go', 'back', 'bar', 'air'] is all of it. For the energy of all "
-            "leave the goal out: what a problem has then are indicators of that.",
+            "StoredEnergy needs a part of the mesh; ['go', 'back', 'bar', 'air'] is all of it. For the whole "
+            "energy omit the goal: the indicators then estimate its error.",
         ),
         (
             lambda: StoredEnergy("rotor")(FIELDS[actuator]),

@@ -196,7 +196,7 @@ def test_the_loop_with_a_goal_exchanges_nodes_by_its_indicators_alone():
         ),
         (
             FluxLinkage({"a": 1}),
-            "a FluxLinkage is a goal in the plane, for in space no coils are meshed; take a Force, a Torque or a "
+            "a FluxLinkage is a goal in the plane, because no coils are meshed in space; use a Force, a Torque or a "
             "StoredEnergy.",
         ),
         (

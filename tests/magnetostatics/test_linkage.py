@@ -99,13 +99,13 @@ def test_turns(turns):
         ({"wire": 0}, "turns of 'wire' must be a finite number other than 0; got 0."),
         (
             {"wire": 100, "air": -100},
-            "the sides of a circuit must carry one current; got 'wire' 0.5 A, 'air' -0 A. Mind the signs: turns are "
-            "negative where the current comes back.",
+            "the sides of a circuit must carry one current; got 'wire' 0.5 A, 'air' -0 A. Check the signs: turns are "
+            "negative for return sides.",
         ),
         (
             {"air": 1},
-            "the sides of a circuit must carry one current; got 'air' 0 A. Mind the signs: turns are negative where "
-            "the current comes back.",
+            "the sides of a circuit must carry one current; got 'air' 0 A. Check the signs: turns are negative for "
+            "return sides.",
         ),
     ],
 )
@@ -117,7 +117,7 @@ def test_circuits_that_are_none(circuit, message):
 
 def test_wrong_signs_of_a_circuit_are_told():
     mesh, problem = coax(1.0, -1.0)
-    message = "the sides of a circuit must carry one current; got 'core' 1 A, 'shell' -1 A. Mind the signs"
+    message = "the sides of a circuit must carry one current; got 'core' 1 A, 'shell' -1 A. Check the signs"
     with pytest.raises(ValueError, match=re.escape(message)):
         circuit_current(problem.solve(mesh), {"core": 1, "shell": 1})
 

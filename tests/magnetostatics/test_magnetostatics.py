@@ -423,13 +423,13 @@ def test_a_part_without_a_fixed_value_is_named():
     square = MeshTri().refined(1)
     apart = MeshTri(np.hstack((square.p, square.p + 5)), np.hstack((square.t, square.t + square.p.shape[1])))
     mesh = apart.with_subdomains({"air": everywhere}).with_boundaries({"left": lambda x: x[0] < 1e-9})
-    message = r"fixed nowhere on 1 of the 2 connected parts of the mesh, first the one of node 9\."
+    message = r"fixed nowhere on 1 of the 2 connected parts of the mesh, first the part of node 9\."
     with pytest.raises(ValueError, match=message):
         Magnetostatics({"air": AIR}, potential={"left": 0.0}).solve(mesh)
 
 
 def test_extreme_numbers_have_no_finite_solution():
-    with pytest.raises(np.linalg.LinAlgError, match="the potential came out infinite or not a number"):
+    with pytest.raises(np.linalg.LinAlgError, match="the potential is infinite or not a number"):
         Magnetostatics(LAYERS, potential={"left": 1e308, "right": -1e308}).solve(random_mesh())
 
 

@@ -103,7 +103,7 @@ def test_the_bound_is_never_below_the_energy_above_its_minimum():
 
 
 def test_the_bound_is_for_plane_problems_with_potentials():
-    message = "estimator 'equilibrated' bounds .* this one has an open boundary and antiperiodic sides: take 'residual'"
+    message = "estimator 'equilibrated' bounds .* this one has an open boundary and antiperiodic sides: use 'residual'"
     with pytest.raises(ValueError, match=message):
         tube(estimator="equilibrated", open_boundary="outer", potential=None, antiperiodic=[("left", "right")])
 
@@ -270,7 +270,7 @@ class Broken:
 def test_what_does_not_converge_says_so_and_hands_over_the_last_iterate(law, order):
     materials = {"wire": Material(), "iron": Material(bh=law), "air": Material()}
     problem = Magnetostatics(materials, potential={"outer": 0.0}, ampere_turns={"wire": CURRENT}, order=order)
-    message = r"Newton's method has not converged in \d+ steps: the last relative residuals are .*, wanted 1e-08\."
+    message = r"Newton's method has not converged in \d+ steps: the last relative residuals are .*, required 1e-08\."
     with pytest.raises(NotConverged, match=message) as caught:
         problem.solve(wire_mesh(10))
     assert isinstance(caught.value, ValueError)
@@ -439,7 +439,7 @@ def test_a_coil_of_two_currents_or_no_area_is_refused():
         Magnetostatics(materials, {"outer": 0.0}, ampere_turns={"wire": 1.0}, order=1)
     mesh = wire_mesh(10).with_subdomains({"coil": np.array([], dtype=int)})
     materials = dict.fromkeys(("wire", "iron", "air", "coil"), Material())
-    with pytest.raises(ValueError, match="the coil 'coil' has no area in the mesh, so its ampere_turns have no place"):
+    with pytest.raises(ValueError, match="the coil 'coil' has no area in the mesh, so its ampere_turns cannot"):
         Magnetostatics(materials, {"outer": 0.0}, ampere_turns={"coil": 1.0}, order=1).solve(mesh)
 
 

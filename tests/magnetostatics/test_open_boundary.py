@@ -134,7 +134,7 @@ def test_a_half_circle_about_no_point_of_the_axis_is_refused():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"applied_field": (0.0, 1.0)}, "an applied_field needs an open_boundary, beyond which it is; on another"),
+        ({"applied_field": (0.0, 1.0)}, "applied_field requires an open_boundary; on another"),
         ({"applied_field": 1.0}, r"applied_field must be two finite numbers \(H_x, H_y\) in A/m; got 1\.0\."),
         ({"applied_field": (0.0, np.nan), "open_boundary": "outer"}, "applied_field must be two finite numbers"),
         (

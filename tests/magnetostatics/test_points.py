@@ -110,7 +110,7 @@ def test_points_that_are_not_there_are_named(tmp_path, capsys):
     for points, message in (
         ({"gauge": (0.51, 0.5)}, r"no node at the point 'gauge', \(0\.51, 0\.5\); the nearest one is at \(0\.5.*, 0"),
         ({"rim": (0.5, 0.5)}, "'rim' is a boundary of the mesh and one of the points; rename one of them"),
-        ({}, r"boundary 'gauge' is not in the mesh; it has 'rim'\. If it is a point, say in points where"),
+        ({}, r"boundary 'gauge' is not in the mesh; it has 'rim'\. If it is a point, give its position in points"),
     ):
         problem = Magnetostatics(MATERIALS, {"gauge": 0.0}, points=points)
         with pytest.raises(ValueError, match=message):
@@ -124,10 +124,10 @@ def test_points_that_are_not_there_are_named(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        ([(0.0, 0.0)], r"points must map names to places \(x, y\) in metres; got \[\(0\.0, 0\.0\)\]\."),
-        ({"a": (0.0, 0.0, 0.0)}, r"points\['a'\] must be a place \(x, y\) in metres, or several \(2, n\); got \[0\.0"),
+        ([(0.0, 0.0)], r"points must map names to positions \(x, y\) in metres; got \[\(0\.0, 0\.0\)\]\."),
+        ({"a": (0.0, 0.0, 0.0)}, r"points\['a'\] must be a position \(x, y\) in metres, or several \(2, n\); got \["),
         ({"a": (0.0, np.nan)}, r"points\['a'\] must be a place"),
-        ({"a": "origin"}, r"points\['a'\] must be a place .*; got 'origin'\."),
+        ({"a": "origin"}, r"points\['a'\] must be a position .*; got 'origin'\."),
     ],
 )
 def test_wrong_points_are_named(points, message):

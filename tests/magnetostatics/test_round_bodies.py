@@ -48,7 +48,10 @@ def test_the_bore_of_a_body_whose_torque_is_the_goal_stays_round():
 
 def test_a_torque_that_chords_spoil_names_the_curve():
     result = grown(rotor_mesh(), problem())
-    remedy = 'If nodes have left an arc that had too few to be seen, adapt with curves={"inner": ka.Arc((0, 0), 0.01)}.'
+    remedy = (
+        "If nodes have left an arc with too few nodes to be recognised, adapt with "
+        'curves={"inner": ka.Arc((0, 0), 0.01)}.'
+    )
     assert remedy in str(result.error)
     again = grown(rotor_mesh(), problem(), curves={"inner": ka.Arc((0, 0), 0.01)})
     assert again.error is None

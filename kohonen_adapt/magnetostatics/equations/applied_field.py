@@ -124,8 +124,9 @@ def field_at(function: AppliedField, x: Floats) -> Floats:
     bad = np.flatnonzero(~np.isfinite(values).all(axis=0))
     if bad.size:
         raise ValueError(
-            f"applied_field must be finite; it is not at {bad.size} points, first {tuple(x[:, bad[0]].tolist())}. "
-            "A node or the middle of an element is on a wire: give the wire a cross-section, or mesh beside it."
+            f"applied_field must be finite; it is not at {bad.size} points, first {tuple(x[:, bad[0]].tolist())}. A "
+            "node or the centroid of an element is on a wire: give the wire a cross-section, or keep nodes off the "
+            "wire."
         )
     return values
 

@@ -184,7 +184,9 @@ def _on_boundary(elements: Placed, name: str) -> Ints:
         facets = named(elements.corners.boundaries, name, "boundary")
     except ValueError as error:
         inside = name in named_sets(elements.corners.subdomains)
-        remedy = "It is a subdomain: name its rim, too." if inside else "If it is a point, say in points where."
+        remedy = (
+            "It is a subdomain: name its boundary, too." if inside else "If it is a point, give its position in points."
+        )
         raise ValueError(f"{error} {remedy}") from None
     return np.unique(elements.on_facets(facets))
 
@@ -290,5 +292,5 @@ def _check_anchored(
         node = int(np.flatnonzero(component == floating[0])[0])
         raise ValueError(
             f"the potential is fixed nowhere on {floating.size} of the {count} connected parts of the mesh, "
-            f"first the one of node {node}. Fix it there by a boundary name."
+            f"first the part of node {node}. Fix it there by the name of a boundary."
         )

@@ -59,7 +59,7 @@ def _plane_of(mesh: MeshTet, name: str) -> tuple[Ints, Floats]:
     if missing.size:
         raise ValueError(
             f"the symmetry at {name!r} is not closed: {missing.size} of the {in_plane.size} facets that the mesh has "
-            "in this plane are not of that name. Give all of them the name, or take it out of symmetry."
+            "in this plane do not have this name. Give all of them the name, or remove the name from symmetry."
         )
     return facets, normal
 

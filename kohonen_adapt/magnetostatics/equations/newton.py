@@ -180,8 +180,8 @@ class NotConverged(np.linalg.LinAlgError):
         last = ", ".join(f"{step.residual:.1e}" for step in self.steps[-3:])
         super().__init__(
             f"Newton's method has not converged in {len(self.steps)} steps: the last relative residuals are {last}, "
-            f"wanted {TOLERANCE:g}. Look for a law H(B) that does not rise everywhere, and for sources that no "
-            "material can bear; the last iterate is the attribute `field` of this error."
+            f"required {TOLERANCE:g}. Check for a law H(B) that does not increase everywhere, and for sources that "
+            "are too strong; the last iterate is the attribute `field` of this error."
         )
 
 
@@ -199,7 +199,7 @@ class Newton:
             step[conditions.free] = conditions.from_classes(self.solver.solve(matrix, right))
         if not np.all(np.isfinite(step)):
             raise np.linalg.LinAlgError(
-                "the potential came out infinite or not a number; look for extreme permeabilities, sources, potentials "
+                "the potential is infinite or not a number; check for extreme permeabilities, sources, potentials "
                 "or elements that are almost flat."
             )
         return step

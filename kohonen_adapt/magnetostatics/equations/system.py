@@ -72,6 +72,6 @@ def factorised(matrix: csc_array) -> SuperLU:
         )
     except RuntimeError as error:
         raise np.linalg.LinAlgError(
-            f"the equations of the potential are singular ({error}); look for extreme permeabilities or elements "
+            f"the equations of the potential are singular ({error}); check for extreme permeabilities or elements "
             "that are almost flat."
         ) from error

@@ -77,7 +77,7 @@ class Table(Continued):
         object.__setattr__(self, "end", float(whole.min(initial=first)))
         if self.end == 0.0 or slope[0] >= VACUUM_RELUCTIVITY:
             raise ValueError(
-                "bh must begin with a greater slope dB/dH than mu0; it is less permeable than vacuum from its start, "
+                "bh must begin with a slope dB/dH above mu0; it is less permeable than vacuum from its start, "
                 f"{b[1]:g} T at {h[1]:g} A/m. B must be in T, not in another unit, and H in A/m."
             )
         self._warn_of_its_end(1.0 / (VACUUM_PERMEABILITY * float(slope[-1])))
@@ -187,7 +187,7 @@ def _check_increasing(array: Floats) -> None:
         row = int(np.argmax(falls))
         (b, h), (after_b, after_h) = array[row], array[row + 1]
         raise ValueError(
-            f"bh must have B and H strictly increasing from (0, 0); after {b:g} T, {h:g} A/m comes {after_b:g} T, "
+            f"bh must have B and H strictly increasing from (0, 0); after {b:g} T, {h:g} A/m follows {after_b:g} T, "
             f"{after_h:g} A/m."
         )
 

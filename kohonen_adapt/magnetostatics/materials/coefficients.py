@@ -246,7 +246,8 @@ def _area_of(mesh: Mesh, name: str) -> float:
     total = float(np.sum(area(mesh)[mesh.subdomains[name]]))
     if total <= 0.0:
         raise ValueError(
-            f"the coil {name!r} has no area in the mesh, so its ampere_turns have no place; mesh it or leave it out."
+            f"the coil {name!r} has no area in the mesh, so its ampere_turns cannot be applied; mesh the coil or "
+            "remove it."
         )
     return total
 

@@ -68,7 +68,7 @@ def isolated_body(field: Surroundings, names: Names) -> Mask:
     around = in_body[mesh.t].any(axis=0) & ~inside
     if not around.any():
         raise ValueError(
-            f"subdomain {_joined_names(names)} has nothing around it; a force needs air between it and the rest."
+            f"subdomain {_joined_names(names)} has no other elements around it; a force requires air around the body."
         )
     solid = np.flatnonzero(around & ~air_elements(field))
     if solid.size and len(mesh.p) == 3 and field.current_density[solid].any():
@@ -81,8 +81,8 @@ def isolated_body(field: Surroundings, names: Names) -> Mask:
     if solid.size:
         raise ValueError(
             f"subdomain {_joined_names(names)} touches {_names_at(mesh, solid[0])}, which is not air (permeability 1, "
-            "no current, no remanence), and the force is told by the field in the air around: leave air between them, "
-            "or ask for the force on both together."
+            "no current, no remanence), and the force is computed from the field in the air around: leave air between "
+            "them, or compute the force on both together."
         )
     return inside
 
@@ -120,7 +120,7 @@ def mirror_cut(mesh: MeshTri, inside: Mask) -> Cut:
     if np.any(np.abs(_cross(direction, edge)) > tolerance):
         raise ValueError(
             "the body lies on the outer boundary along lines of several directions; the force on a part of it can only "
-            "be told where it is cut by a mirror plane. Model what is beyond the boundary."
+            "be computed if a mirror plane cuts it. Extend the mesh beyond the boundary."
         )
     outer = mesh.boundary_facets()
     height = _cross(direction, mesh.p)[mesh.facets[:, outer]]
@@ -151,7 +151,7 @@ def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
     if len(sides) != 2 or not np.isin(body_facets, np.concatenate(sides)).all():
         raise ValueError(
             "the body lies on the outer boundary elsewhere than on circles about the centre and on two straight sides "
-            "through it; the torque on a part of a body can only be told of a periodic sector. Model what is beyond."
+            "through it; the torque on a part of a body can only be computed for a periodic sector. Extend the mesh."
             + _arc_remedy(mesh, body_facets, centre)
         )
     first_side, second_side = (_by_radius(mesh.facets[:, side], radial) for side in sides)
@@ -160,7 +160,7 @@ def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
     ):
         raise ValueError(
             "the two sides through the centre that cut the body have no nodes at the same radii; the torque on a part "
-            "of it can only be told of a periodic sector, whose sides are one another's image."
+            "of it can only be computed for a periodic sector, with sides that are images of each other."
         )
     master[second_side] = first_side
     return Cut(np.concatenate(sides), None, master)
@@ -193,7 +193,7 @@ def _arc_remedy(mesh: MeshTri, facets: Ints, centre: Floats) -> str:
             found.append(f'"{name}": ka.Arc(({at}), {node_radius.max():.9g})')
     if not found:
         return ""
-    return f" If nodes have left an arc that had too few to be seen, adapt with curves={{{', '.join(found)}}}."
+    return f" If nodes have left an arc with too few nodes to be recognised, adapt with curves={{{', '.join(found)}}}."
 
 
 def _outer_facets(mesh: MeshTri, inside: Mask) -> Ints:

@@ -181,7 +181,7 @@ def _check_plane(field: LocalField) -> None:
     if len(field.mesh.p) != 2:
         raise ValueError(
             "lorentz_force, lorentz_torque and arkkio_torque are for meshes of triangles, whose materials carry the "
-            "currents. In space mesh the coil as a volume of air and take field.force or field.torque of it."
+            "currents. In space mesh the coil as a volume of air and use field.force or field.torque."
         )
 
 
@@ -197,10 +197,12 @@ def _current_force(field: LocalField, coil: Names) -> Floats:
     inside = elements_in(field.mesh, coil)
     current = np.where(inside, field.current_density, 0.0)
     if not current.any():
-        raise ValueError(f"the coil {coil!r} carries no current; the force on its material is field.force's.")
+        raise ValueError(f"the coil {coil!r} carries no current; use field.force for the force on its material.")
     plain = np.isclose(field.reluctivity * VACUUM_PERMEABILITY, 1.0) & ~field.remanence.any(axis=0)
     if not plain[inside].all():
-        raise ValueError(f"the coil {coil!r} is magnetic, so Lorentz's force is not all; ask for field.force instead.")
+        raise ValueError(
+            f"the coil {coil!r} is magnetic, so the Lorentz force is only a part; use field.force instead."
+        )
     # The directions out of the page and along phi are opposite, because x, y, z and r, phi, z are both right-handed.
     at = field.at_quadrature
     right, up = at.flux_density * (-1.0 if field.axisymmetric else 1.0)

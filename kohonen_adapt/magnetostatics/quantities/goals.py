@@ -49,7 +49,7 @@ class Goal(Protocol):
 
 def check_goal(goal: Any, dim: int, estimator: str) -> None:
     if estimator != "residual":
-        raise ValueError(f"a goal has its own indicators; leave the estimator out, got {estimator!r}.")
+        raise ValueError(f"a goal has its own indicators; omit the estimator, got {estimator!r}.")
     if isinstance(goal, type) or not isinstance(goal, Goal):
         linkage = "FluxLinkage, " if dim == 2 else ""
         raise ValueError(
@@ -58,7 +58,7 @@ def check_goal(goal: Any, dim: int, estimator: str) -> None:
         )
     if dim == 3 and isinstance(goal, FluxLinkage):
         raise ValueError(
-            "a FluxLinkage is a goal in the plane, for in space no coils are meshed; take a Force, a Torque or a "
+            "a FluxLinkage is a goal in the plane, because no coils are meshed in space; use a Force, a Torque or a "
             "StoredEnergy."
         )
     if isinstance(goal, _ComponentGoal):
@@ -151,8 +151,8 @@ class Force(_ComponentGoal):
         component = build(field, self.body, np.array(self.direction))
         if not component.arm.any():
             raise ValueError(
-                f"the force on {self.body!r} has no component along {self.direction}: an axisymmetric one is along z, "
-                "that on a body cut by a mirror plane along the plane. Give another direction."
+                f"the force on {self.body!r} has no component along {self.direction}: an axisymmetric force is along "
+                "z, and the force on a body cut by a mirror plane is along the plane. Give another direction."
             )
         return component
 
@@ -205,8 +205,8 @@ class Torque(_ComponentGoal):
         component = solid_forces.torque_component(field, self.body, np.array(self.centre), np.array(self.axis))
         if not component.arm.any():
             raise ValueError(
-                f"the torque on {self.body!r} has no component along {self.axis}: that on a body cut by a plane of "
-                "symmetry is across the plane. Give another axis."
+                f"the torque on {self.body!r} has no component along {self.axis}: the torque on a body cut by a "
+                "plane of symmetry is normal to the plane. Give another axis."
             )
         return component
 
@@ -290,8 +290,8 @@ class StoredEnergy:
         inside = elements_in(field.mesh, self.part)
         if inside.all():
             raise ValueError(
-                f"StoredEnergy needs a part of the mesh; {self.part!r} is all of it. For the energy of all leave the "
-                "goal out: what a problem has then are indicators of that."
+                f"StoredEnergy needs a part of the mesh; {self.part!r} is all of it. For the whole energy omit the "
+                "goal: the indicators then estimate its error."
             )
         at = field.at_quadrature
         return _of_flux_density(field, np.where(inside[field.elements.element], at.field_strength, 0.0))

@@ -77,8 +77,8 @@ def circuit_current(field: LocalField, circuit: Mapping[str, float]) -> float:
     if np.any(np.abs(values - mean) > EQUAL * abs(mean)) or mean == 0.0:
         found = ", ".join(f"{name!r} {value:.6g} A" for name, value in currents.items())
         raise ValueError(
-            f"the sides of a circuit must carry one current; got {found}. Mind the signs: turns are negative where the "
-            "current comes back."
+            f"the sides of a circuit must carry one current; got {found}. Check the signs: turns are negative for "
+            "return sides."
         )
     return mean
 

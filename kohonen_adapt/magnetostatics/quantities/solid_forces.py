@@ -78,8 +78,8 @@ def _cuts(mesh: MeshTet, inside: Mask, mirrors: Iterable[Mirror]) -> list[Mirror
     if elsewhere.size:
         raise ValueError(
             f"the body lies on the outer boundary of the mesh with {elsewhere.size} facets that are on no plane of "
-            "symmetry; the force on a part of a body can only be told where such planes cut it. Name them in "
-            "symmetry, or model what is beyond the boundary."
+            "symmetry; the force on a part of a body can only be computed if planes of symmetry cut it. Name them in "
+            "symmetry, or extend the mesh beyond the boundary."
         )
     return cuts
 
@@ -112,7 +112,7 @@ def _flux_sign(mesh: MeshTet, name: str, facets: Ints, normal: Floats) -> Floats
     along = mean_normal @ unit
     if np.abs(along).min() < EDGEWISE:
         raise ValueError(
-            f"the surface {name!r} inside the mesh has no side from which all of it is seen; say which way its flux "
-            "counts by a skfem.OrientedBoundary, or name parts of it."
+            f"the surface {name!r} inside the mesh turns too far to have one normal direction; orient it by a "
+            "skfem.OrientedBoundary, or name parts of it."
         )
     return np.sign(along)
