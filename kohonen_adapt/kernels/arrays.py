@@ -22,7 +22,7 @@ CROSSINGS = 32  # maximum number of edges crossed by the check of a circle, othe
 
 # Columns of tables
 OWN, OTHER = 0, 1  # of `Constraints.chain`
-ORIGIN_X, ORIGIN_Y, DIRECTION_X, DIRECTION_Y, LENGTH = range(5)  # of `Chains.place`
+ORIGIN_X, ORIGIN_Y, DIRECTION_X, DIRECTION_Y, LENGTH = range(5)  # of `Chains.geometry`
 CURVATURE, REACH, MERGED, SAGITTA, EVEN = range(5, 10)
 SHAPE, CLOSED, PAIRED = 0, 1, 2  # of `Chains.flags`
 AT, AT_X, AT_Y, RATE_X, RATE_Y = range(5)  # of `Chains.knot`
@@ -72,7 +72,7 @@ class Star(NamedTuple):
 class Chains(NamedTuple):
     """Curve segments with their parametrisation by distance from the origin."""
 
-    place: np.ndarray  # (c, 10): origin, direction, length, curvature, reach, merged, sagitta, even
+    geometry: np.ndarray  # (c, 10): origin, direction, length, curvature, reach, merged, sagitta, even
     flags: np.ndarray  # (c, 3) int8: shape, closed, paired
     row: np.ndarray  # (c + 1,) int32: segment c has the knots row[c] to row[c + 1]
     knot: np.ndarray  # (k, 5): parameter, position and derivative by the parameter of TABLED segments
@@ -90,22 +90,22 @@ class Chains(NamedTuple):
     @property
     def origin(self) -> np.ndarray:
         """Position at the parameter 0, shape (c, 2)."""
-        return self.place[:, ORIGIN_X : ORIGIN_Y + 1]
+        return self.geometry[:, ORIGIN_X : ORIGIN_Y + 1]
 
     @property
     def direction(self) -> np.ndarray:
         """Unit tangent at the origin, shape (c, 2)."""
-        return self.place[:, DIRECTION_X : DIRECTION_Y + 1]
+        return self.geometry[:, DIRECTION_X : DIRECTION_Y + 1]
 
     @property
     def length(self) -> np.ndarray:
         """Largest parameter, shape (c,)."""
-        return self.place[:, LENGTH]
+        return self.geometry[:, LENGTH]
 
     @property
     def curvature(self) -> np.ndarray:
         """1 / radius of ROUND segments, positive if counter-clockwise, shape (c,)."""
-        return self.place[:, CURVATURE]
+        return self.geometry[:, CURVATURE]
 
     @property
     def closed(self) -> np.ndarray:
@@ -115,22 +115,22 @@ class Chains(NamedTuple):
     @property
     def reach(self) -> np.ndarray:
         """Maximum length of a facet, due to its distance from the curve, shape (c,)."""
-        return self.place[:, REACH]
+        return self.geometry[:, REACH]
 
     @property
     def merged(self) -> np.ndarray:
         """Maximum length of two facets that a collapse joins, shape (c,)."""
-        return self.place[:, MERGED]
+        return self.geometry[:, MERGED]
 
     @property
     def sagitta(self) -> np.ndarray:
         """Maximum distance between curve and facets, shape (c,)."""
-        return self.place[:, SAGITTA]
+        return self.geometry[:, SAGITTA]
 
     @property
     def even(self) -> np.ndarray:
         """Length of equal facets that are as far from the curve as the input, shape (c,)."""
-        return self.place[:, EVEN]
+        return self.geometry[:, EVEN]
 
     @property
     def paired(self) -> np.ndarray:
@@ -292,7 +292,7 @@ class Trial(NamedTuple):
     # then a centre, affine coordinates X, Y relative to the centre, and the coefficients of X^i Y^j, in the order of j
     # and then i; a function with a varying source has `Modes` at order 1 as well.
     data: np.ndarray  # (m, CONSTANTS), or (m, VARYING) for a varying flux, or (m, SOURCE_TERMS + terms)
-    bent: np.ndarray  # (n,) bool: the node touches nonlinear material
+    nonlinear: np.ndarray  # (n,) bool: the node touches nonlinear material
     laws: Laws  # replace the coefficient
 
 
@@ -300,8 +300,8 @@ class Trial(NamedTuple):
 class Trials(NamedTuple):
     """Primal and dual functions of a sum of functionals."""
 
-    one: Trial
-    other: Trial  # the dual, of linear material, with the same fixed values; without values if missing
+    primal: Trial
+    dual: Trial  # the dual, of linear material, with the same fixed values; without values if missing
 
 
 @record
@@ -314,7 +314,7 @@ class Modes(NamedTuple):
 
     side: np.ndarray  # (m, 3, order - 1): coefficients of the side opposite to corner k: even, at order 3 also odd
     bubble: np.ndarray  # (m,): coefficients of the bubbles at order 3
-    given: np.ndarray  # (m, 3) bool: Dirichlet values on the side
+    dirichlet: np.ndarray  # (m, 3) bool: Dirichlet values on the side
 
 
 @record
@@ -353,13 +353,13 @@ class Points(NamedTuple):
 class Shapes(NamedTuple):
     """Deviations of elements from straight triangles in the plane."""
 
-    bend: np.ndarray  # (m, 3, 2): midside offsets, from the midpoint of the chord opposite to corner k to the curve
+    offset: np.ndarray  # (m, 3, 2): midside offsets, from the midpoint of the chord opposite to corner k to the curve
     special: np.ndarray  # (m,) bool: the element has a curved side, or is around an axis
     around: bool  # around an axis: coefficients are divided by x, and laws evaluated at |grad u| / x
 
 
 # Derivatives wanted of an element: none; by a block, at the points of linear material; by a block; by position, too.
-VALUE, COARSE_BLOCK, BLOCK, PLACE = range(4)
+VALUE, COARSE_BLOCK, BLOCK, POSITION = range(4)
 
 
 @record
@@ -371,29 +371,29 @@ class Block(NamedTuple):
 
     unknowns: np.ndarray  # (1,) int32: number of unknowns
     own: np.ndarray  # (1,): value to which the values around the node are relative
-    place: np.ndarray  # (d, b) int32: index of the unknown of every coefficient, -1 for none
+    dof: np.ndarray  # (d, b) int32: index of the unknown of every coefficient, -1 for none
     sign: np.ndarray  # (d, b): factor from the unknown to the coefficient
-    spoke: np.ndarray  # (u,) int32: far end of the edge of every unknown
+    far_end: np.ndarray  # (u,) int32: far end of the edge of every unknown
     local: np.ndarray  # (4, b): coefficients of elements
     part: np.ndarray  # (b,): coefficients of a fifth element
-    bend: np.ndarray  # (5, 3, 2): midside offsets of these five elements
+    offset: np.ndarray  # (5, 3, 2): midside offsets of these five elements
     across: np.ndarray  # (b, 2): rotated gradient of each function times the doubled area
     added: np.ndarray  # (b, b + 3): derivatives by the coefficients of an element: second, first, mixed by x and y
     stiffness: np.ndarray  # (u, u): second derivatives, in the lower triangle; then the Cholesky factor
     rest: np.ndarray  # (u,): first derivatives; then the solution with the factor
     mixed: np.ndarray  # (u, 2): second derivatives by unknown and position; then the solution with the factor
-    still: np.ndarray  # (u,): change of the unknowns to the minimum at the old position
-    follow: np.ndarray  # (u,): further change of the unknowns due to a step of the node
+    correction: np.ndarray  # (u,): change of the unknowns to the minimum at the old position
+    response: np.ndarray  # (u,): further change of the unknowns due to a step of the node
 
     @classmethod
     def of(cls, elements: int, functions: int) -> "Block":
         elements = max(elements, 4)  # a split edge has up to four
         unknowns = 1 + (elements + 1) * (functions // 3 - 1) + elements * (functions == 10)
-        place, sign = np.empty((elements, functions), dtype=np.int32), np.empty((elements, functions))
-        numbers = np.empty(1, dtype=np.int32), np.empty(1), place, sign
+        dof, sign = np.empty((elements, functions), dtype=np.int32), np.empty((elements, functions))
+        numbers = np.empty(1, dtype=np.int32), np.empty(1), dof, sign
         local, across, vectors = np.empty((5, functions)), np.empty((functions, 2)), np.empty((3, unknowns))
-        table, mixed, spoke = np.empty((unknowns, unknowns)), np.empty((unknowns, 2)), np.empty(unknowns, np.int32)
-        rooms = spoke, local[:4], local[4], np.empty((5, 3, 2)), across, np.empty((functions, functions + 3))
+        table, mixed, far_end = np.empty((unknowns, unknowns)), np.empty((unknowns, 2)), np.empty(unknowns, np.int32)
+        rooms = far_end, local[:4], local[4], np.empty((5, 3, 2)), across, np.empty((functions, functions + 3))
         return cls(*numbers, *rooms, table, vectors[0], mixed, vectors[1], vectors[2])
 
 

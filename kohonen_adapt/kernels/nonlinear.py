@@ -8,11 +8,11 @@ from kohonen_adapt.kernels.arrays import DENSITY, RATE
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 
 STEPS = 2048  # of a table in every octave of |grad u|^2
-LEAST_BEND = -0.4  # least d2W/ds2 as a fraction of (dW/ds) / s; at -0.5 the field strength is constant
+LEAST_CURVE = -0.4  # least d2W/ds2 as a fraction of (dW/ds) / s; at -0.5 the field strength is constant
 
 
 @inner_kernel
-def stored(laws, law, s):
+def energy_density(laws, law, s):
     """Return W, dW/ds and d2W/ds2 at s = |grad u|^2 >= 0.
 
     The second derivative is of first order only, for the steps of Newton's method.
@@ -24,8 +24,8 @@ def stored(laws, law, s):
     if octave < 0 or not s > 0.0:
         begin = math.ldexp(0.5, laws.first)
         rate, chord = table[law, 0, RATE], table[law, 0, DENSITY] / begin
-        bend = (rate - chord) / begin
-        return (2.0 * chord - rate + bend * s) * s, 2.0 * chord - rate + 2.0 * bend * s, 2.0 * bend
+        curve = (rate - chord) / begin
+        return (2.0 * chord - rate + curve * s) * s, 2.0 * chord - rate + 2.0 * curve * s, 2.0 * curve
     if octave >= last // STEPS or s == math.inf:  # gradients of a flat triangle are unbounded
         end = math.ldexp(0.5, laws.first + last // STEPS)
         return table[law, last, DENSITY] + table[law, last, RATE] * (s - end), table[law, last, RATE], 0.0
@@ -38,5 +38,5 @@ def stored(laws, law, s):
     chord = (high - low) / width
     second, third = 3.0 * chord - 2.0 * low_rate - high_rate, low_rate + high_rate - 2.0 * chord
     rate = low_rate + t * (2.0 * second + 3.0 * t * third)
-    bend = max((high_rate - low_rate) / width, LEAST_BEND * rate / s)
-    return low + width * t * (low_rate + t * (second + t * third)), rate, bend
+    curve = max((high_rate - low_rate) / width, LEAST_CURVE * rate / s)
+    return low + width * t * (low_rate + t * (second + t * third)), rate, curve

@@ -18,7 +18,7 @@ def hold_unpaired(solution: TrialFunction, ritz: Ritz, triangulation: Triangulat
         sides = on_chains(triangulation.elements.chain, (outline.names[name] != 0) & ~outline.constraints.chains.paired)
         solution.fixed[np.concatenate(triangulation.elements.ends(*np.nonzero(sides)))] = True
         if solution.modes is not None:
-            solution.modes.given[sides] = True
+            solution.modes.dirichlet[sides] = True
 
 
 def signs_of_chains(ritz: Ritz, outline: Outline) -> Floats:

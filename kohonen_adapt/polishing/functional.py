@@ -165,7 +165,7 @@ class Functional:
         if modes is not None and ritz.order > 1:
             e, k = np.nonzero(triangulation.elements.chain >= 0)
             side = triangulation.elements.chain[e, k]
-            whole &= np.bincount(side, weights=~modes.given[e, k], minlength=count) == 0
+            whole &= np.bincount(side, weights=~modes.dirichlet[e, k], minlength=count) == 0
             np.maximum.at(deviation, side, np.abs(modes.side[e, k]).max(axis=1))
         followed = outline.straight | (movable.curved and ritz.order <= FOLLOWED)
         linear = whole & ~bare & followed & (deviation <= LINEAR * np.ptp(values))
@@ -185,7 +185,9 @@ class Functional:
         same_space = same_space and not chords.cut.any()
         comparable = ritz.comparable and same_space and not np.any(fixed & (kind == FREE))
         if modes is not None:
-            modes.given[on_chains(triangulation.elements.chain, boundary.on | outline.constraints.chains.paired)] = True
+            modes.dirichlet[
+                on_chains(triangulation.elements.chain, boundary.on | outline.constraints.chains.paired)
+            ] = True
         chains = dirichlet, linear, sign, boundary, held, on_chain
         return cls(solution, at, ritz, number, constants, *chains, comparable, law, tables, chords)
 

@@ -259,7 +259,7 @@ class Gathered(NamedTuple):
         if len(values):
             values = (self.signs(couples)[:, None] * values[node]).ravel()[found]
         fixed, data = freedom.fixed[np.ravel(node)[found]], self.data(trial.data, couples, general)
-        return trial._replace(value=values, fixed=fixed, data=data, bent=nonlinear, laws=laws)
+        return trial._replace(value=values, fixed=fixed, data=data, nonlinear=nonlinear, laws=laws)
 
     def signs(self, couples: Couples) -> Floats:
         return np.where(self.at_partner, couples.sign[self.owner], 1.0)
@@ -298,7 +298,7 @@ class Gathered(NamedTuple):
         return (times[:, None] * np.stack([np.ones(len(odd)), odd], axis=1)[:, :degrees])[:, None]
 
     def shapes(self, shapes: Shapes, couples: Couples) -> Shapes:
-        offsets = shapes.bend[self.element[:, None], self.corner]
+        offsets = shapes.offset[self.element[:, None], self.corner]
         back = np.einsum("rkj,rji->rki", offsets, couples.turn[self.owner])
         return Shapes(
             np.where(self.at_partner[:, None, None], back, offsets), shapes.special[self.element], shapes.around
@@ -307,7 +307,7 @@ class Gathered(NamedTuple):
     def modes(self, movable: MovableMesh, modes: Modes, times: Floats, sign: Floats) -> Modes:
         at = self.element[:, None], self.corner
         chain = movable.triangulation.elements.chain[at]
-        dirichlet = modes.given[at] & ~((chain >= 0) & (np.append(sign, 0.0)[chain] != 0.0))
+        dirichlet = modes.dirichlet[at] & ~((chain >= 0) & (np.append(sign, 0.0)[chain] != 0.0))
         side = modes.side[at] * self.side_factors(modes.side.shape[2], times)
         return Modes(side, modes.bubble[self.element] * times, dirichlet)
 

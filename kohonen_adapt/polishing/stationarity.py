@@ -58,7 +58,7 @@ def check_in_plane(
     free, paired = np.ones(len(place), dtype=np.bool_), movable.constraints.chains.paired
     free[: len(values)] = ~solution.fixed & (movable.constraints.periodic.partner < 0)
     if solution.modes is not None:
-        e, k = np.nonzero(solution.modes.given | ((elements.chain >= 0) & np.append(paired, False)[elements.chain]))
+        e, k = np.nonzero(solution.modes.dirichlet | ((elements.chain >= 0) & np.append(paired, False)[elements.chain]))
         for first in range(3, min(coefficients.shape[1], 9), 3):
             free[index[e, first + k]] = False
     primary, partner = sliding_pairs(movable.constraints)

@@ -128,7 +128,7 @@ class Higher:
 
     def scratch(self, thread: int) -> Descents:
         most = int(np.diff(self.triangulation.star.start).max())
-        if thread not in self.scratches or len(self.scratches[thread].one.block.place) < most:
+        if thread not in self.scratches or len(self.scratches[thread].primal.block.dof) < most:
             self.scratches[thread] = Descents.of(
                 self.mesh, self.trials, self.modes, (*self.functions, self.shapes), most
             )

@@ -125,7 +125,7 @@ def transferred_modes(
     own[across, np.argmax(elements.neighbour[across] == e[:, None], axis=1)] = own[e, k, ::-1]
     kind = kinds_of(functional.ritz, new)
     set_sides(modes, values[elements.node], own, kind)
-    modes.side[modes.given & straight_sides(functional, movable)] = 0.0
+    modes.side[modes.dirichlet & straight_sides(functional, movable)] = 0.0
     if order == 3:
         set_bubbles(modes, values[elements.node], old.at(centroids, start), kind)
     return modes

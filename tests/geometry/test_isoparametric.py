@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from skfem import MeshTri, MeshTri2
 
 import kohonen_adapt as ka
-from kohonen_adapt.geometry.plane.midsides import LEAST
+from kohonen_adapt.geometry.plane.midsides import MIN_JACOBIAN
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.mesh.curved import (
@@ -72,7 +72,7 @@ def test_hostile_arcs_between_thin_triangles_fold_nothing_over(gaps, inner, oute
     assume(abs(area(mesh).sum() - area_between(mesh, len(angles))) < 1e-9 and centre.min() > 0.0)
     curved = bent(mesh, curves={"ring": UNIT})
     kept = shares_kept(curved)
-    assert kept.min() > LEAST - 1e-9
+    assert kept.min() > MIN_JACOBIAN - 1e-9
     ka.quality(curved)  # refuses what is folded over
     off, ring = facet_midside_offsets(curved), curved.boundaries["ring"]
     whole = facet_midside_offsets(with_midside_offsets(mesh, to_circle(mesh)))[:, ring]
@@ -81,7 +81,7 @@ def test_hostile_arcs_between_thin_triangles_fold_nothing_over(gaps, inner, oute
     held = part < 1.0 - 1e-9
     assert np.all(part > 0.0)
     beside = kept[mesh.f2t[:, ring]].min(axis=0)
-    np.testing.assert_allclose(beside[held], LEAST, rtol=1e-9)  # by no more than need be: one bent side an element
+    np.testing.assert_allclose(beside[held], MIN_JACOBIAN, rtol=1e-9)  # no more than needed: one curved side an element
 
 
 def area_between(mesh, count):
@@ -112,7 +112,7 @@ def test_elements_with_two_and_three_sides_on_an_arc_are_not_folded_over(gaps, f
     mesh = mesh.with_boundaries({"rim": mesh.boundary_facets()})
     assume(np.min(quality(mesh)) > 0.01)
     curved = bent(mesh, curves={"rim": UNIT})
-    assert shares_kept(curved).min() > LEAST - 1e-9
+    assert shares_kept(curved).min() > MIN_JACOBIAN - 1e-9
     ka.quality(curved)
     assert area(mesh).sum() < area(curved).sum() < np.pi + 0.5  # coarse ones bulge beyond the circle
 
@@ -132,7 +132,7 @@ def test_good_elements_are_not_held_back():
         doubled = jacobian_coefficients(corners, np.zeros_like(off))[:, 0]
         edges = corners - np.roll(corners, 1, axis=1)
         good = 2.0 * np.sqrt(3.0) * np.abs(doubled) / np.sum(edges**2, axis=(1, 2)) >= least
-        assert (jacobian_coefficients(corners, off) / doubled[:, None])[good].min() > LEAST
+        assert (jacobian_coefficients(corners, off) / doubled[:, None])[good].min() > MIN_JACOBIAN
 
 
 def test_middles_are_on_the_curve_and_only_there_off_their_chords():
@@ -171,4 +171,4 @@ def test_a_mesh_that_is_folded_over_comes_back_whole():
     with pytest.raises(ValueError, match="must not fold its elements over"):
         ka.quality(folded)
     moved = ka.relocate(folded, np.ones(folded.nelements))
-    assert type(moved) is MeshTri2 and shares_kept(moved).min() > LEAST - 1e-9
+    assert type(moved) is MeshTri2 and shares_kept(moved).min() > MIN_JACOBIAN - 1e-9

@@ -50,7 +50,7 @@ class Setting:
         self.functional = Functional.of(self.ritz, movable)
         self.constraints = self.outline.constraints._replace(kind=self.functional.kinds(self.outline, self.fixed))
         self.trials = self.functional.trials(self.tri, TrialFunction(self.values, self.fixed, None))
-        self.trial = self.trials.one
+        self.trial = self.trials.primal
 
     @property
     def arrays(self):

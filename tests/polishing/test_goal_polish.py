@@ -160,7 +160,7 @@ def unknowns_around(tri, trial, v):
         for e in tri.star.element[tri.star.start[v] : tri.star.start[v + 1]]:
             if function.modes.side.shape[2] == 2:
                 yield function.modes.bubble, [(e, 1.0)]
-            for k in np.flatnonzero((tri.elements.node[e] != v) & ~function.modes.given[e]):
+            for k in np.flatnonzero((tri.elements.node[e] != v) & ~function.modes.dirichlet[e]):
                 other = tri.elements.neighbour[e, k]
                 for d in range(function.modes.side.shape[2]):
                     twin = (

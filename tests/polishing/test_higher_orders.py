@@ -142,9 +142,9 @@ def test_edges_with_values_given_linearly_are_split_where_that_gains(order):
     on_legs = np.isin(elements.node, legs[3])
     e, k = np.nonzero((elements.neighbour < 0) & np.roll(on_legs, -1, axis=1) & np.roll(on_legs, -2, axis=1))
     assert len(e) >= len(legs[3]) - 2
-    assert modes.given[e, k].all() and np.abs(modes.side[e, k]).max() <= 1e-15
+    assert modes.dirichlet[e, k].all() and np.abs(modes.side[e, k]).max() <= 1e-15
     e, k = np.nonzero(elements.neighbour >= 0)
-    assert not modes.given[e, k].any()
+    assert not modes.dirichlet[e, k].any()
 
 
 @each_order
@@ -166,7 +166,7 @@ def test_what_was_in_memory_before_has_no_say(order):
     assert np.isfinite(costs).sum() > 10
     for v in range(movable.nnodes):
         room = Descents.of(*judging.shared)
-        for array in room.one.block:
+        for array in room.primal.block:
             array[:] = np.nan if array.dtype == np.float64 else -5
         weigh_higher(mesh, room, offers, most, movable.floor, v, v + 1, False)
     np.testing.assert_array_equal(offers.cost, costs)

@@ -16,7 +16,7 @@ import kohonen_adapt as ka
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING, Laws
-from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.nonlinear import energy_density
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.flip import flip_edge
 from kohonen_adapt.kernels.triangle.polish import descend as kernels
@@ -33,8 +33,8 @@ from kohonen_adapt.polishing.energy_tables import tabulated
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value
 
-derivatives, flip_edge, gain_of_flip, parabola, stored = (
-    interpreted(loop) for loop in (derivatives, flip_edge, gain_of_flip, parabola, stored)
+derivatives, flip_edge, gain_of_flip, parabola, energy_density = (
+    interpreted(loop) for loop in (derivatives, flip_edge, gain_of_flip, parabola, energy_density)
 )
 
 LAWS = {
@@ -85,7 +85,7 @@ def test_tables_hold_energies_and_their_rates(law, largest):
     tables = tabulated([law], largest)
     laws = Laws(np.zeros(1, dtype=np.int32), tables.first, tables.energy)
     b = largest * np.concatenate([np.geomspace(1e-8, 1.0, 300), np.linspace(0.1, 1.5, 3001)])
-    energy, rate, bend = np.array([stored(laws, 0, s) for s in b**2]).T
+    energy, rate, bend = np.array([energy_density(laws, 0, s) for s in b**2]).T
     whole = float(law.energy(np.float64(largest)))
     # a step that a table of points bends in is the exception; what counts is what they sum up to
     np.testing.assert_allclose(energy, law.energy(b), rtol=100 * TABLE, atol=TABLE * whole)
@@ -98,11 +98,11 @@ def test_beyond_a_table_the_energy_is_smooth_and_convex():
     tables = tabulated([LAWS["Brauer"]], 1.0)
     laws = Laws(np.zeros(1, dtype=np.int32), tables.first, tables.energy)
     for end in (2.0 ** (tables.first - 1), 2.0 ** (tables.first + 35)):
-        below, above = (stored(laws, 0, end * (1 + side)) for side in (-1e-12, 1e-12))
+        below, above = (energy_density(laws, 0, end * (1 + side)) for side in (-1e-12, 1e-12))
         assert below[0] == pytest.approx(above[0], rel=1e-10) and below[1] == pytest.approx(above[1], rel=1e-9)
-    assert stored(laws, 0, 0.0)[0] == 0.0
+    assert energy_density(laws, 0, 0.0)[0] == 0.0
     s = 2.0 ** np.arange(tables.first - 20.0, tables.first + 80.0)
-    assert np.all(np.diff([stored(laws, 0, each)[1] for each in s]) >= 0.0)
+    assert np.all(np.diff([energy_density(laws, 0, each)[1] for each in s]) >= 0.0)
 
 
 class Falling(Straight):
@@ -162,7 +162,7 @@ def test_an_energy_may_come_from_a_coarser_table():
     law = Coarse(1.0)
     tables = tabulated([law], 1.0)
     laws = Laws(np.zeros(1, dtype=np.int32), tables.first, tables.energy)
-    assert stored(laws, 0, 0.7)[0] == pytest.approx(law.energy(np.sqrt(0.7)), rel=1e-3)
+    assert energy_density(laws, 0, 0.7)[0] == pytest.approx(law.energy(np.sqrt(0.7)), rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -209,7 +209,7 @@ class Setting:
         self.functional = Functional.of(self.ritz, movable)
         self.constraints = self.outline.constraints._replace(kind=self.functional.kinds(self.outline, self.fixed))
         self.trials = self.functional.trials(self.tri, TrialFunction(self.values, self.fixed, None))
-        self.trial = self.trials.one
+        self.trial = self.trials.primal
 
     @property
     def arrays(self):

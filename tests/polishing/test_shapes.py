@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 
-from kohonen_adapt.geometry.plane.midsides import LEAST
+from kohonen_adapt.geometry.plane.midsides import MIN_JACOBIAN
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.recycled import unchanged
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, FREE, PLACE, SLIDING, VALUE
+from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, FREE, POSITION, SLIDING, VALUE
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.polish import descend_higher as kernels
 from kohonen_adapt.mesh.curved import jacobian_coefficients
@@ -102,7 +102,7 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
     at = Setting(case)
     tri, movable = at.movable.triangulation, at.movable
     assert at.value() == pytest.approx(functional_value(at.mesh, at.ritz), rel=1e-12)
-    scratch = Higher(movable, at.functional, at.trial, movable.constraints).scratch(0).one
+    scratch = Higher(movable, at.functional, at.trial, movable.constraints).scratch(0).primal
     derivatives, number, change = (
         interpreted(loop) for loop in (kernels.derivatives, kernels.number_block, kernels.change_block)
     )
@@ -116,7 +116,7 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
         def now(dx=0.0, dy=0.0, v=v, count=count, x=x, y=y):
             """The functional of the whole mesh, and what the kernel has of the star."""
             tri.position[v] = x + dx, y + dy
-            star, value = np.array(derivatives(scratch, v, x + dx, y + dy, PLACE)), at.value()
+            star, value = np.array(derivatives(scratch, v, x + dx, y + dy, POSITION)), at.value()
             tri.position[v] = x, y
             block = scratch.block
             stiffness = np.tril(block.stiffness[:count, :count])
@@ -124,7 +124,7 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
             return value, star[2:4], block.rest[:count].copy(), block.mixed[:count].copy(), whole, star[4:]
 
         _, slope, rest, mixed, stiffness, (xx, xy, yy) = now()
-        value = derivatives(scratch, v, x, y, PLACE)[1]
+        value = derivatives(scratch, v, x, y, POSITION)[1]
         for wanted in (VALUE, BLOCK):
             assert derivatives(scratch, v, x, y, wanted)[1] == pytest.approx(value, rel=1e-14)
         np.testing.assert_array_equal(scratch.block.rest[:count], rest)
@@ -154,7 +154,7 @@ def test_few_points_integrate_the_block_of_a_uniform_field(name):
     at = Setting(CASES[name])
     tri, movable = at.movable.triangulation, at.movable
     at.trial.values[:], at.trial.modes.side[:], at.trial.modes.bubble[:] = tri.position[:, 0], 0.0, 0.0
-    scratch = Higher(movable, at.functional, at.trial, movable.constraints).scratch(0).one
+    scratch = Higher(movable, at.functional, at.trial, movable.constraints).scratch(0).primal
     straight = np.setdiff1d(tri.elements.node, tri.elements.node[scratch.shapes.special])
     v = straight[movable.constraints.kind[straight] == FREE][0]
     interpreted(kernels.number_block)(scratch, v)
@@ -199,4 +199,4 @@ def check_what_is_taken_off(case, at):
         triangulation = movable.triangulation
         corners = triangulation.position[triangulation.elements.node]
         least = jacobian_coefficients(corners, movable.midside_offsets()).min(axis=1)
-        assert np.all(least >= LEAST * 2.0 * triangulation.areas())
+        assert np.all(least >= MIN_JACOBIAN * 2.0 * triangulation.areas())

@@ -55,7 +55,7 @@ class Setting:
     def ask_again(self):
         """The flux of every element as it is now."""
         self.trials = self.functional.trials(self.tri, TrialFunction(self.values, self.fixed, None))
-        self.trial = self.trials.one
+        self.trial = self.trials.primal
 
     def value(self):
         return self.functional.value(self.tri, TrialFunction(self.values, self.trial.fixed, None))

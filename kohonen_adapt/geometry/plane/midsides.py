@@ -16,11 +16,11 @@ from kohonen_adapt.geometry.plane.facets import Facets, Joints, facet_of_edge
 from kohonen_adapt.geometry.plane.parameters import parameters_of, points_on, signed_distances
 from kohonen_adapt.geometry.plane.polylines import BY_MIDSIDES, without_noise
 from kohonen_adapt.kernels.arrays import STRAIGHT, Constraints
-from kohonen_adapt.kernels.triangle.polish.by_points import LEAST
+from kohonen_adapt.kernels.triangle.polish.by_points import MIN_JACOBIAN
 from kohonen_adapt.mesh.curved import jacobian_coefficients
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["LEAST", "Midsides", "joints_on_curves", "midsides_of", "offsets_on_curves"]
+__all__ = ["MIN_JACOBIAN", "Midsides", "joints_on_curves", "midsides_of", "offsets_on_curves"]
 
 CIRCULAR = 1e-6  # maximum distance of corners and midside nodes from their circle, relative to the radius
 
@@ -117,8 +117,8 @@ def offsets_on_curves(triangulation: Triangulation, constraints: Constraints) ->
     """Return the midside offsets of all element sides, shape (m, 3, 2).
 
     The midside node of a curved boundary or interface has the mean parameter of the two ends. If an element would
-    keep less than `LEAST` of its determinant somewhere, the offsets of its sides are reduced until the element keeps
-    as much.
+    keep less than `MIN_JACOBIAN` of its determinant somewhere, the offsets of its sides are reduced until the element
+    keeps as much.
     """
     elements = triangulation.elements
     offsets = np.zeros((*elements.node.shape, 2))
@@ -152,14 +152,14 @@ def offsets_from_chords(triangulation: Triangulation, constraints: Constraints, 
 def limit_factors(triangulation: Triangulation, constraints: Constraints, rows: Ints, offsets: Floats) -> Floats:
     corners = triangulation.position[triangulation.elements.node[rows]]
     doubled = jacobian_coefficients(corners, np.zeros_like(offsets))[:, 0]
-    if not np.any(jacobian_coefficients(corners, offsets).min(axis=1) < LEAST * doubled):
+    if not np.any(jacobian_coefficients(corners, offsets).min(axis=1) < MIN_JACOBIAN * doubled):
         return np.ones(offsets.shape[:2])
     side = np.unique(side_indices(triangulation, constraints, rows), return_inverse=True)[1].reshape(-1, 3)
     factor, limited = np.ones(side.max(initial=0) + 1), np.zeros(len(rows), dtype=bool)
     enough = sufficient_factors(corners, offsets, doubled)
     while True:
         least = jacobian_coefficients(corners, factor[side][:, :, None] * offsets).min(axis=1)
-        too_small = (least < LEAST * doubled) & ~limited
+        too_small = (least < MIN_JACOBIAN * doubled) & ~limited
         if not too_small.any():
             return factor[side]
         limited |= too_small
@@ -167,7 +167,7 @@ def limit_factors(triangulation: Triangulation, constraints: Constraints, rows: 
 
 
 def sufficient_factors(corners: Floats, offsets: Floats, doubled: Floats) -> Floats:
-    """Return the factors (q,) that leave elements `LEAST` of their determinant.
+    """Return the factors (q,) that leave elements `MIN_JACOBIAN` of their determinant.
 
     With factors t of the sides, the Bernstein coefficients of the determinant are
     ``D + sum_k t_k L_k + sum_jk t_j t_k Q_jk``. Only the negative parts of L and Q are counted: then the coefficients
@@ -180,7 +180,7 @@ def sufficient_factors(corners: Floats, offsets: Floats, doubled: Floats) -> Flo
     for j, k in ((0, 1), (1, 2), (2, 0)):
         both = jacobian_coefficients(corners, offsets * (sides[j] + sides[k])) - doubled[:, None]
         quadratic_sum += np.minimum(both - linear[j] - linear[k], 0.0)
-    available = (1.0 - LEAST) * doubled[:, None]
+    available = (1.0 - MIN_JACOBIAN) * doubled[:, None]
     with np.errstate(divide="ignore"):
         found = 2.0 * available / (-linear_sum + np.sqrt(linear_sum**2 - 4.0 * quadratic_sum * available))
     return np.minimum(1.0, found.min(axis=1))

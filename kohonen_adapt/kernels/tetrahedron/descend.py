@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.nonlinear import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,
@@ -104,7 +104,7 @@ def derivatives(mesh, trial, v):
         law = trial.laws.number[region]
         if law >= 0:
             nonlinear = True
-            density, rate, curve = stored(trial.laws, law, square)
+            density, rate, curve = energy_density(trial.laws, law, square)
             energy, weight, per_volume = six * density / 6.0, rate * inverse / 3.0, density / 6.0
             curve *= 2.0 * inverse / 3.0
             xx += curve * g_x * g_x
@@ -181,7 +181,7 @@ def parabola(mesh, trial, v, x, y, z, w):
         fx, fy, fz = data[region, SIXTH_FLUX_X], data[region, SIXTH_FLUX_Y], data[region, SIXTH_FLUX_Z]
         weight = 2.0 * data[region, TWELFTH_COEFFICIENT] / six
         if law >= 0:
-            density, rate, curve = stored(trial.laws, law, square / (six * six))
+            density, rate, curve = energy_density(trial.laws, law, square / (six * six))
             weight = rate / (3.0 * six)
             total += six * density / 6.0
             ww += 2.0 * curve * along * along / (3.0 * six * six * six)

@@ -13,7 +13,7 @@ because only the change of u is multiplied by the error of f. One f per element 
 faces times the jump of f, which is not smaller than the gain.
 """
 
-from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.nonlinear import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     SIXTH_FLUX_X,
@@ -69,7 +69,7 @@ def element_energy(position, trial, region, load, a, b, c, d):
 def stored_in(trial, region, six, square):
     law = trial.laws.number[region]
     if law >= 0:
-        return six * stored(trial.laws, law, square / (six * six))[0] / 6.0
+        return six * energy_density(trial.laws, law, square / (six * six))[0] / 6.0
     return trial.data[region, TWELFTH_COEFFICIENT] * square / six
 
 

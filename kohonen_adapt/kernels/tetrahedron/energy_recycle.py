@@ -8,7 +8,7 @@ exchange changes the gains of other pairs.
 
 import numpy as np
 
-from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.nonlinear import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     INSIDE,
@@ -87,7 +87,7 @@ def half_energy(trial, region, six, square, along, across):
     if law < 0:
         twelfth = trial.data[region, TWELFTH_COEFFICIENT]
         return 0.5 * twelfth * square / six, 2.0 * twelfth * along / six, 4.0 * twelfth * across / six
-    density, rate, curve = stored(trial.laws, law, square / (six * six))
+    density, rate, curve = energy_density(trial.laws, law, square / (six * six))
     by_ww = (4.0 * curve * along * along / (six * six) + 2.0 * rate * across) / (3.0 * six)
     return six * density / 12.0, rate * along / (3.0 * six), by_ww
 

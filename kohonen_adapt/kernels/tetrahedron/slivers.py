@@ -10,7 +10,7 @@ would be at places without a jump of the field, and results on the mesh would su
 
 import math
 
-from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.nonlinear import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     SIXTH_FLUX_X,
@@ -59,7 +59,7 @@ def density(trial, region, slope, hat):
     rate, curve = 6.0 * data[region, TWELFTH_COEFFICIENT], 0.0
     held = rate * square
     if law >= 0:
-        held, rate, curve = stored(trial.laws, law, square)
+        held, rate, curve = energy_density(trial.laws, law, square)
     first = 2.0 * rate * along - (qx * hx + qy * hy + qz * hz)
     second = 2.0 * rate * (hx * hx + hy * hy + hz * hz) + 4.0 * curve * along * along
     return held - (qx * gx + qy * gy + qz * gz), first, second
@@ -198,7 +198,7 @@ def energy_error(position, elements, trial, e, k):
         return 0.0
     rate, law = 6.0 * trial.data[own, TWELFTH_COEFFICIENT], trial.laws.number[own]
     if law >= 0:
-        rate = stored(trial.laws, law, there[0] ** 2 + there[1] ** 2 + there[2] ** 2)[1]
+        rate = energy_density(trial.laws, law, there[0] ** 2 + there[1] ** 2 + there[2] ** 2)[1]
     x, y, z = slope[0] - there[0], slope[1] - there[1], slope[2] - there[2]
     return rate * (x * x + y * y + z * z)
 

@@ -38,15 +38,15 @@ BISECTIONS = 45  # of a span between knots, one bit of the nearest point each
 
 @inner_kernel
 def point_at(chains, c, parameter):
-    x, y = chains.place[c, ORIGIN_X], chains.place[c, ORIGIN_Y]
-    tx, ty = chains.place[c, DIRECTION_X], chains.place[c, DIRECTION_Y]
+    x, y = chains.geometry[c, ORIGIN_X], chains.geometry[c, ORIGIN_Y]
+    tx, ty = chains.geometry[c, DIRECTION_X], chains.geometry[c, DIRECTION_Y]
     if chains.flags[c, SHAPE] == STRAIGHT:
         return x + parameter * tx, y + parameter * ty
     if chains.flags[c, SHAPE] == ROUND:
         # along a chord from the origin, exact for any radius
-        half = 0.5 * chains.place[c, CURVATURE] * parameter
+        half = 0.5 * chains.geometry[c, CURVATURE] * parameter
         sine, cosine = math.sin(half), math.cos(half)
-        chord = 2.0 * sine / chains.place[c, CURVATURE]
+        chord = 2.0 * sine / chains.geometry[c, CURVATURE]
         return x + chord * (cosine * tx - sine * ty), y + chord * (sine * tx + cosine * ty)
     k = knot_before(chains, c, parameter)
     x, y, _, _ = on_span(chains.knot, k, span_fraction(chains.knot, k, parameter))
@@ -55,9 +55,9 @@ def point_at(chains, c, parameter):
 
 @inner_kernel
 def tangent_at(chains, c, parameter):
-    tx, ty = chains.place[c, DIRECTION_X], chains.place[c, DIRECTION_Y]
+    tx, ty = chains.geometry[c, DIRECTION_X], chains.geometry[c, DIRECTION_Y]
     if chains.flags[c, SHAPE] == ROUND:
-        angle = chains.place[c, CURVATURE] * parameter
+        angle = chains.geometry[c, CURVATURE] * parameter
         sine, cosine = math.sin(angle), math.cos(angle)
         return cosine * tx - sine * ty, sine * tx + cosine * ty
     if chains.flags[c, SHAPE] == TABLED:
@@ -76,12 +76,12 @@ def nearest_parameter(chains, c, x, y, near):
     """
     if chains.flags[c, SHAPE] == TABLED:
         return nearest_on_table(chains, c, x, y, near)
-    ux, uy = x - chains.place[c, ORIGIN_X], y - chains.place[c, ORIGIN_Y]
-    tx, ty, length = chains.place[c, DIRECTION_X], chains.place[c, DIRECTION_Y], chains.place[c, LENGTH]
+    ux, uy = x - chains.geometry[c, ORIGIN_X], y - chains.geometry[c, ORIGIN_Y]
+    tx, ty, length = chains.geometry[c, DIRECTION_X], chains.geometry[c, DIRECTION_Y], chains.geometry[c, LENGTH]
     along = ux * tx + uy * ty
     if chains.flags[c, SHAPE] == STRAIGHT:
         return min(length, max(0.0, along))
-    curvature = chains.place[c, CURVATURE]
+    curvature = chains.geometry[c, CURVATURE]
     angle = math.atan2(curvature * along, 1.0 - curvature * (uy * tx - ux * ty))
     parameter, turn = angle / curvature, 2.0 * math.pi / abs(curvature)
     if chains.flags[c, CLOSED]:
@@ -98,8 +98,8 @@ def parameter_of(position, constraints, c, v):
     if constraints.kind[v] == SLIDING and constraints.chain[v, OWN] == c:
         return constraints.parameter[v]
     x, y, chains = position[v, 0], position[v, 1], constraints.chains
-    if squared_to_parameter(chains, c, chains.place[c, LENGTH], x, y) < squared_to_parameter(chains, c, 0.0, x, y):
-        return chains.place[c, LENGTH]
+    if squared_to_parameter(chains, c, chains.geometry[c, LENGTH], x, y) < squared_to_parameter(chains, c, 0.0, x, y):
+        return chains.geometry[c, LENGTH]
     return 0.0
 
 
@@ -113,10 +113,10 @@ def distance_to_chain(chains, c, x, y, near):
 def signed_distance(chains, c, start, end):
     distance = end - start
     if chains.flags[c, CLOSED]:
-        if distance > 0.5 * chains.place[c, LENGTH]:
-            distance -= chains.place[c, LENGTH]
-        elif distance < -0.5 * chains.place[c, LENGTH]:
-            distance += chains.place[c, LENGTH]
+        if distance > 0.5 * chains.geometry[c, LENGTH]:
+            distance -= chains.geometry[c, LENGTH]
+        elif distance < -0.5 * chains.geometry[c, LENGTH]:
+            distance += chains.geometry[c, LENGTH]
     return distance
 
 
@@ -125,9 +125,9 @@ def advanced_parameter(chains, c, start, distance):
     parameter = start + distance
     if chains.flags[c, CLOSED]:
         if parameter < 0.0:
-            parameter += chains.place[c, LENGTH]
-        elif parameter >= chains.place[c, LENGTH]:
-            parameter -= chains.place[c, LENGTH]
+            parameter += chains.geometry[c, LENGTH]
+        elif parameter >= chains.geometry[c, LENGTH]:
+            parameter -= chains.geometry[c, LENGTH]
     return parameter
 
 
@@ -146,7 +146,7 @@ def within_reach(position, elements, star, chains, c, v, x, y):
 
     A facet is too long if longer than the reach of segment `c` and longer than before.
     """
-    reach = chains.place[c, REACH]
+    reach = chains.geometry[c, REACH]
     if reach == np.inf:
         return True
     for k in range(star.start[v], star.start[v + 1]):

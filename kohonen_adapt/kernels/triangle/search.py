@@ -75,9 +75,9 @@ def behind_curve(position, elements, constraints, e, x, y):
     chains = constraints.chains
     for k in range(3):
         c = np.int64(elements.chain[e, k])
-        if c >= 0 and chains.place[c, SAGITTA] > 0.0 and side_of_edge(position, elements.node, e, k, x, y) < 0.0:
+        if c >= 0 and chains.geometry[c, SAGITTA] > 0.0 and side_of_edge(position, elements.node, e, k, x, y) < 0.0:
             near = parameter_of(position, constraints, c, np.int64(elements.node[e, (k + 1) % 3]))
-            if distance_to_chain(chains, c, x, y, near)[0] <= chains.place[c, SAGITTA] * chains.place[c, SAGITTA]:
+            if distance_to_chain(chains, c, x, y, near)[0] <= chains.geometry[c, SAGITTA] * chains.geometry[c, SAGITTA]:
                 return True
     return False
 

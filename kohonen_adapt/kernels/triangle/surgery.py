@@ -225,7 +225,7 @@ def joins_within_reach(mesh, v, w, other, c):
     if c < 0:
         return True
     dx, dy = mesh.position[w, 0] - mesh.position[other, 0], mesh.position[w, 1] - mesh.position[other, 1]
-    longest = min(mesh.constraints.chains.place[c, MERGED], mesh.origins.longest[v])
+    longest = min(mesh.constraints.chains.geometry[c, MERGED], mesh.origins.longest[v])
     return dx * dx + dy * dy <= longest * longest
 
 

@@ -218,11 +218,11 @@ def mark_too_long(position, target, elements, chains, spoiled):
     for e in range(spoiled.shape[0]):
         for k in range(3):
             c = elements.chain[e, k]
-            if c >= 0 and chains.place[c, REACH] < np.inf and not spoiled[e]:
+            if c >= 0 and chains.geometry[c, REACH] < np.inf and not spoiled[e]:
                 a, b = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]
                 length = math.hypot(target[b, 0] - target[a, 0], target[b, 1] - target[a, 1])
                 before = math.hypot(position[b, 0] - position[a, 0], position[b, 1] - position[a, 1])
-                spoiled[e] = length > chains.place[c, REACH] and length > before
+                spoiled[e] = length > chains.geometry[c, REACH] and length > before
                 found += spoiled[e]
     return found
 

@@ -18,18 +18,18 @@ from kohonen_adapt.kernels.arrays import (
     SIXTH_SOURCE,
     VALUE,
 )
-from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.nonlinear import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 
 # Minimum Bernstein coefficient of the Jacobian determinant of a curved element, as a fraction of the determinant with
 # straight sides, for accurate quadrature and well-conditioned quadratic elements. On facets of 15 degrees every element
 # of quality 0.3, the default floor, satisfies the bound, on facets of 30 degrees every element of quality 0.6.
-LEAST = 0.25
-SURELY = 1.0 + 1e-9  # safety factor of `LEAST` for rounding, so that an accepted element passes a later check
+MIN_JACOBIAN = 0.25
+SAFETY = 1.0 + 1e-9  # safety factor of `MIN_JACOBIAN` for rounding, so that an accepted element passes a later check
 
 
 @inner_kernel
-def kind_of(x, ax, bx):
+def axis_kind(x, ax, bx):
     near = NEAR_AXIS * max(x, x + ax, x + bx)
     first, second, third = x <= near, x + ax <= near, x + bx <= near
     count = (1 if first else 0) + (1 if second else 0) + (1 if third else 0)
@@ -41,117 +41,117 @@ def kind_of(x, ax, bx):
 
 
 @inner_kernel
-def gather_bends(shapes, e, k, bend):
+def gather_offsets(shapes, e, k, offset):
     for i in range(3):
-        bend[i, 0], bend[i, 1] = shapes.bend[e, (k + i) % 3, 0], shapes.bend[e, (k + i) % 3, 1]
+        offset[i, 0], offset[i, 1] = shapes.offset[e, (k + i) % 3, 0], shapes.offset[e, (k + i) % 3, 1]
 
 
 @inner_kernel
-def put_bends(shapes, e, k, bend):
+def put_offsets(shapes, e, k, offset):
     for i in range(3):
-        shapes.bend[e, (k + i) % 3, 0], shapes.bend[e, (k + i) % 3, 1] = bend[i, 0], bend[i, 1]
-    shapes.special[e] = shapes.around or is_curved(bend)
+        shapes.offset[e, (k + i) % 3, 0], shapes.offset[e, (k + i) % 3, 1] = offset[i, 0], offset[i, 1]
+    shapes.special[e] = shapes.around or is_curved(offset)
 
 
 @inner_kernel
-def is_curved(bend):
+def is_curved(offset):
     for i in range(3):
-        if bend[i, 0] != 0.0 or bend[i, 1] != 0.0:
+        if offset[i, 0] != 0.0 or offset[i, 1] != 0.0:
             return True
     return False
 
 
 @inner_kernel
-def is_valid(bend, ax, ay, bx, by):
+def is_valid(offset, ax, ay, bx, by):
     """Return True if the Jacobian determinant of an element is surely positive.
 
     The columns of the Jacobian are affine, so the determinant is quadratic. Its six Bernstein coefficients must exceed
-    `LEAST` times the determinant of the element with straight sides. Elements without curved sides are accepted.
+    `MIN_JACOBIAN` times the determinant of the element with straight sides. Elements without curved sides are accepted.
     """
-    if not is_curved(bend):
+    if not is_curved(offset):
         return True
-    least = SURELY * LEAST * (ax * by - ay * bx)
+    least = SAFETY * MIN_JACOBIAN * (ax * by - ay * bx)
     for c in range(3):
-        px, py, rx, ry = columns_at(bend, c, ax, ay, bx, by)
+        px, py, rx, ry = jacobian_at(offset, c, ax, ay, bx, by)
         if not px * ry - py * rx > least:
             return False
-        ux, uy, wx, wy = columns_at(bend, (c + 1) % 3, ax, ay, bx, by)
+        ux, uy, wx, wy = jacobian_at(offset, (c + 1) % 3, ax, ay, bx, by)
         if not 0.5 * (px * wy - py * wx + ux * ry - uy * rx) > least:
             return False
     return True
 
 
 @inner_kernel
-def valid_at(position, bend, v, a, b):
+def valid_at(position, offset, v, a, b):
     x, y = position[v, 0], position[v, 1]
-    return is_valid(bend, position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y)
+    return is_valid(offset, position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y)
 
 
 @inner_kernel
-def columns_at(bend, c, ax, ay, bx, by):
+def jacobian_at(offset, c, ax, ay, bx, by):
     times = 4.0 if c == 0 else -4.0
     if c == 2:
-        px, py = ax + 4.0 * (bend[0, 0] - bend[1, 0]), ay + 4.0 * (bend[0, 1] - bend[1, 1])
+        px, py = ax + 4.0 * (offset[0, 0] - offset[1, 0]), ay + 4.0 * (offset[0, 1] - offset[1, 1])
     else:
-        px, py = ax + times * bend[2, 0], ay + times * bend[2, 1]
+        px, py = ax + times * offset[2, 0], ay + times * offset[2, 1]
     if c == 1:
-        rx, ry = bx + 4.0 * (bend[0, 0] - bend[2, 0]), by + 4.0 * (bend[0, 1] - bend[2, 1])
+        rx, ry = bx + 4.0 * (offset[0, 0] - offset[2, 0]), by + 4.0 * (offset[0, 1] - offset[2, 1])
     else:
-        rx, ry = bx + times * bend[1, 0], by + times * bend[1, 1]
+        rx, ry = bx + times * offset[1, 0], by + times * offset[1, 1]
     return px, py, rx, ry
 
 
 @inner_kernel
-def add_by_points(descent, e, j, local, bend, x, ax, ay, bx, by, wanted):
+def add_by_points(descent, e, j, local, offset, x, ax, ay, bx, by, wanted):
     trial, block, points, around = descent.trial, descent.block, descent.points, descent.shapes.around
-    place, sign, across = block.place, block.sign, block.across
-    size, total, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    kind, law, functions = kind_of(x, ax, bx) if around else 0, trial.laws.number[e], points.slope.shape[2]
+    dof, sign, across = block.dof, block.sign, block.across
+    magnitude, total, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    kind, law, functions = axis_kind(x, ax, bx) if around else 0, trial.laws.number[e], points.slope.shape[2]
     load, half = 3.0 * trial.data[e, SIXTH_SOURCE], trial.data[e, HALF_COEFFICIENT]
     flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
     few = law < 0 or wanted == COARSE_BLOCK
     for q in range(0 if few else points.plain, points.plain if few else points.weight.shape[1]):
-        share, along, aside, level, radius, lead = points.weight[kind, q], 0.0, 0.0, 0.0, 1.0, 0.0
+        w, slope_1, slope_2, level, radius, lead = points.weight[kind, q], 0.0, 0.0, 0.0, 1.0, 0.0
         px, py, rx, ry = ax, ay, bx, by
         for k in range(3):
-            px += points.side[kind, q, k, 1] * bend[k, 0]
-            py += points.side[kind, q, k, 1] * bend[k, 1]
-            rx += points.side[kind, q, k, 2] * bend[k, 0]
-            ry += points.side[kind, q, k, 2] * bend[k, 1]
+            px += points.side[kind, q, k, 1] * offset[k, 0]
+            py += points.side[kind, q, k, 1] * offset[k, 1]
+            rx += points.side[kind, q, k, 2] * offset[k, 0]
+            ry += points.side[kind, q, k, 2] * offset[k, 1]
         if around:
             lead, radius = points.share[kind, q, 0], x + points.share[kind, q, 1] * ax + points.share[kind, q, 2] * bx
             for k in range(3):
-                radius += points.side[kind, q, k, 0] * bend[k, 0]
+                radius += points.side[kind, q, k, 0] * offset[k, 0]
         for i in range(functions):
-            along += local[i] * points.slope[kind, q, i, 0]
-            aside += local[i] * points.slope[kind, q, i, 1]
+            slope_1 += local[i] * points.slope[kind, q, i, 0]
+            slope_2 += local[i] * points.slope[kind, q, i, 1]
             level += local[i] * points.value[kind, q, i]
-        doubled, ex, ey, difference = px * ry - py * rx, rx - px, ry - py, along - aside
+        doubled, ex, ey, difference = px * ry - py * rx, rx - px, ry - py, slope_1 - slope_2
         inverse = 1.0 / (radius * doubled)
         fall_x, rise_y = radius * ey - lead * doubled, radius * ex  # derivatives of x D
-        nx, ny = aside * px - along * rx, aside * py - along * ry
+        nx, ny = slope_2 * px - slope_1 * rx, slope_2 * py - slope_1 * ry
         qx, qy = inverse * nx, inverse * ny
         half_square = 0.5 * (qx * nx + qy * ny)
-        weight, bent, rest = share * half * inverse, 0.0, 0.0
+        weight, curve_weight, rest = w * half * inverse, 0.0, 0.0
         energy = weight * half_square / inverse
         x_x, x_y = difference + qx * fall_x, qy * fall_x
         y_x, y_y = -qx * rise_y, difference - qy * rise_y
         if law >= 0:
-            density, rate, hook = stored(trial.laws, law, qx * qx + qy * qy)
-            weight, energy = share * rate * inverse, 0.5 * share * density / inverse
-            bent = 2.0 * share * hook * inverse
-            rest = 0.5 * share * (density - rate * (qx * qx + qy * qy))
+            density, rate, curve = energy_density(trial.laws, law, qx * qx + qy * qy)
+            weight, energy = w * rate * inverse, 0.5 * w * density / inverse
+            curve_weight = 2.0 * w * curve * inverse
+            rest = 0.5 * w * (density - rate * (qx * qx + qy * qy))
         square_x, square_y = qx * x_x + qy * x_y, qx * y_x + qy * y_y
-        push, pull, carried = share * (flux_y * nx - flux_x * ny), load * share * level, rest - weight * half_square
-        size += energy + abs(push) + abs(pull * doubled)
+        push, pull, area_factor = w * (flux_y * nx - flux_x * ny), load * w * level, rest - weight * half_square
+        magnitude += energy + abs(push) + abs(pull * doubled)
         total += energy - push - pull * doubled
-        by_x += weight * difference * nx - carried * fall_x - share * difference * flux_y + pull * ey
-        by_y += weight * difference * ny + carried * rise_y + share * difference * flux_x - pull * ex
-        xx += weight * (x_x * x_x + x_y * x_y) + bent * square_x * square_x - 2.0 * carried * lead * ey
-        xy += weight * (x_x * y_x + x_y * y_y) + bent * square_x * square_y + carried * lead * ex
-        yy += weight * (y_x * y_x + y_y * y_y) + bent * square_y * square_y
+        by_x += weight * difference * nx - area_factor * fall_x - w * difference * flux_y + pull * ey
+        by_y += weight * difference * ny + area_factor * rise_y + w * difference * flux_x - pull * ex
+        xx += weight * (x_x * x_x + x_y * x_y) + curve_weight * square_x * square_x - 2.0 * area_factor * lead * ey
+        xy += weight * (x_x * y_x + x_y * y_y) + curve_weight * square_x * square_y + area_factor * lead * ex
+        yy += weight * (y_x * y_x + y_y * y_y) + curve_weight * square_y * square_y
         for i in range(functions if wanted > VALUE else 0):
-            row = place[j, i]
+            row = dof[j, i]
             if row < 0:
                 continue
             g1, g2 = sign[j, i] * points.slope[kind, q, i, 0], sign[j, i] * points.slope[kind, q, i, 1]
@@ -159,20 +159,20 @@ def add_by_points(descent, e, j, local, bend, x, ax, ay, bx, by, wanted):
                 g2 * px - g1 * rx,
                 g2 * py - g1 * ry,
                 g1 - g2,
-                load * share * points.value[kind, q, i],
+                load * w * points.value[kind, q, i],
             )
             pulled *= sign[j, i]
             across[i, 0], across[i, 1] = ix, iy
             square = qx * ix + qy * iy
-            block.rest[row] += weight * (ix * nx + iy * ny) - share * (flux_y * ix - flux_x * iy) - pulled * doubled
-            block.mixed[row, 0] += weight * (x_x * ix + x_y * iy + nx * turn) + bent * square_x * square
-            block.mixed[row, 0] += pulled * ey - share * flux_y * turn
-            block.mixed[row, 1] += weight * (y_x * ix + y_y * iy + ny * turn) + bent * square_y * square
-            block.mixed[row, 1] += share * flux_x * turn - pulled * ex
+            block.rest[row] += weight * (ix * nx + iy * ny) - w * (flux_y * ix - flux_x * iy) - pulled * doubled
+            block.mixed[row, 0] += weight * (x_x * ix + x_y * iy + nx * turn) + curve_weight * square_x * square
+            block.mixed[row, 0] += pulled * ey - w * flux_y * turn
+            block.mixed[row, 1] += weight * (y_x * ix + y_y * iy + ny * turn) + curve_weight * square_y * square
+            block.mixed[row, 1] += w * flux_x * turn - pulled * ex
             for other in range(i + 1):
-                column = place[j, other]
+                column = dof[j, other]
                 if column >= 0:
                     product = weight * (ix * across[other, 0] + iy * across[other, 1])
-                    product += bent * square * (qx * across[other, 0] + qy * across[other, 1])
+                    product += curve_weight * square * (qx * across[other, 0] + qy * across[other, 1])
                     block.stiffness[max(row, column), min(row, column)] += product
-    return size, total, by_x, by_y, xx, xy, yy
+    return magnitude, total, by_x, by_y, xx, xy, yy

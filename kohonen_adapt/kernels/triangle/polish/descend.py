@@ -28,7 +28,7 @@ from kohonen_adapt.kernels.arrays import (
     OWN,
     SIXTH_SOURCE,
 )
-from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.nonlinear import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import point_at
 from kohonen_adapt.kernels.triangle.geometry import may_move
@@ -48,7 +48,7 @@ def descend_nodes(position, star, constraints, trials, order, floor):
     The value of a node follows its move. A free value minimises the functional, and a Dirichlet value is interpolated
     on the segment. Decreases by new values alone do not count.
     """
-    gain, has_dual = 0.0, trials.other.value.shape[0] > 0
+    gain, has_dual = 0.0, trials.dual.value.shape[0] > 0
     for node in order:
         v = np.int64(node)
         kind = constraints.kind[v]
@@ -56,10 +56,10 @@ def descend_nodes(position, star, constraints, trials, order, floor):
             gain += move_free(position, star, trials, v, floor)
         elif kind != HELD:
             gain += move_on_chain(position, star, constraints, trials, v, floor)
-        elif not trials.one.fixed[v]:
-            improve_value(position, star, trials.one, v)
+        elif not trials.primal.fixed[v]:
+            improve_value(position, star, trials.primal, v)
             if has_dual:
-                improve_value(position, star, trials.other, v)
+                improve_value(position, star, trials.dual, v)
     return gain
 
 
@@ -94,19 +94,19 @@ def derivatives(position, star, trial, v):
         x_x, x_y = difference + qx * ey, qy * ey
         y_x, y_y = -qx * ex, difference - qy * ex
         if trial.laws.number[e] >= 0:
-            density, rate, second = stored(trial.laws, trial.laws.number[e], qx * qx + qy * qy)
+            density, rate, curve = energy_density(trial.laws, trial.laws.number[e], qx * qx + qy * qy)
             weight, energy = rate * inverse, 0.5 * doubled * density
             # additions to the terms of a constant coefficient: the rest of W times the area, and d2W/ds2 along grad u
-            rest, second = 0.5 * density - 0.5 * rate * (qx * qx + qy * qy), 2.0 * second * inverse
+            rest, curve = 0.5 * density - 0.5 * rate * (qx * qx + qy * qy), 2.0 * curve * inverse
             square_x, square_y, square_w = qx * x_x + qy * x_y, qx * y_x + qy * y_y, qx * ex + qy * ey
             by_x -= rest * ey
             by_y += rest * ex
-            xx += second * square_x * square_x
-            xy += second * square_x * square_y
-            yy += second * square_y * square_y
-            xw += second * square_x * square_w
-            yw += second * square_y * square_w
-            ww += second * square_w * square_w
+            xx += curve * square_x * square_x
+            xy += curve * square_x * square_y
+            yy += curve * square_y * square_y
+            xw += curve * square_x * square_w
+            yw += curve * square_y * square_w
+            ww += curve * square_w * square_w
         pull, push = load * doubled * (alpha + beta), flux_y * nx - flux_x * ny
         magnitude += energy + abs(pull) + abs(push)
         total += energy - pull - push
@@ -169,7 +169,7 @@ def eliminated(slope):
 
 @inner_kernel
 def move_free(position, star, trials, v, floor):
-    trial, dual, has_dual = trials.one, trials.other, trials.other.value.shape[0] > 0
+    trial, dual, has_dual = trials.primal, trials.dual, trials.dual.value.shape[0] > 0
     slope = derivatives(position, star, trial, v)
     _, _, _, _, by_w, _, _, _, xw, yw, ww = slope
     magnitude, now, by_x, by_y, xx, xy, yy = eliminated(slope)
@@ -185,7 +185,7 @@ def move_free(position, star, trials, v, floor):
         for _ in range(HALVINGS + 1):
             x, y = position[v, 0] + step_x, position[v, 1] + step_y
             if may_move(position, star, v, x, y, floor):
-                if trial.bent[v]:
+                if trial.nonlinear[v]:
                     w = -(by_w + xw * step_x + yw * step_y) / ww
                     c, r, k = least_parabola(position, star, trial, v, x, y, w, np.bool_(False))
                 else:
@@ -201,7 +201,7 @@ def move_free(position, star, trials, v, floor):
                         dual.value[v] += z
                     return gain
             step_x, step_y = 0.5 * step_x, 0.5 * step_y
-    if trial.bent[v]:
+    if trial.nonlinear[v]:
         improve_value(position, star, trial, v)
     else:
         trial.value[v] -= by_w / ww
@@ -248,9 +248,9 @@ def value_on_chain(trial, chain, parameter):
 
 @inner_kernel
 def move_on_chain(position, star, constraints, trials, v, floor):
-    trial, dual, has_dual = trials.one, trials.other, trials.other.value.shape[0] > 0
+    trial, dual, has_dual = trials.primal, trials.dual, trials.dual.value.shape[0] > 0
     chain, parameter, is_dirichlet = np.int64(constraints.chain[v, OWN]), constraints.parameter[v], trial.fixed[v]
-    tx, ty = constraints.chains.place[chain, DIRECTION_X], constraints.chains.place[chain, DIRECTION_Y]
+    tx, ty = constraints.chains.geometry[chain, DIRECTION_X], constraints.chains.geometry[chain, DIRECTION_Y]
     slope = derivatives(position, star, trial, v)
     magnitude, now, along, curvature, rate = along_line(slope, tx, ty, is_dirichlet, trial.on_chain[chain, 1])
     by_w, ww, dual_change = slope[4], slope[10], 0.0
@@ -267,7 +267,7 @@ def move_on_chain(position, star, constraints, trials, v, floor):
                 w = rate * change - by_w / ww
                 if is_dirichlet:
                     w = value_on_chain(trial, chain, parameter + change) - trial.value[v]
-                if trial.bent[v]:
+                if trial.nonlinear[v]:
                     c, r, k = least_parabola(position, star, trial, v, x, y, w, is_dirichlet)
                 else:
                     c, r, k = quadratic(position, star, trial, v, x, y)
@@ -290,7 +290,7 @@ def move_on_chain(position, star, constraints, trials, v, floor):
             change *= 0.5
     if is_dirichlet:
         return 0.0
-    if trial.bent[v]:
+    if trial.nonlinear[v]:
         improve_value(position, star, trial, v)
     else:
         trial.value[v] -= by_w / ww
@@ -321,14 +321,14 @@ def triangle_parabola(position, trial, e, a, b, x, y, own, w):
     flux_x, flux_y = half_flux(trial.data, e, x, y, ax, ay, bx, by)
     nx, ny = beta * ax - alpha * bx + w * ex, beta * ay - alpha * by + w * ey
     along, square, law = ex * nx + ey * ny, nx * nx + ny * ny, trial.laws.number[e]
-    weight, second_term = trial.data[e, HALF_COEFFICIENT] / doubled, 0.0
+    weight, curve_term = trial.data[e, HALF_COEFFICIENT] / doubled, 0.0
     energy = 0.5 * weight * square
     if law >= 0:
-        density, rate, second = stored(trial.laws, law, square / (doubled * doubled))
+        density, rate, curve = energy_density(trial.laws, law, square / (doubled * doubled))
         energy, weight = 0.5 * doubled * density, rate / doubled
-        second_term = 2.0 * second * along * along / (doubled * doubled * doubled)
+        curve_term = 2.0 * curve * along * along / (doubled * doubled * doubled)
     c = energy - load * (alpha + beta + w) - flux_y * nx + flux_x * ny
-    return c, weight * along - load - flux_y * ex + flux_x * ey, second_term + weight * (ex * ex + ey * ey)
+    return c, weight * along - load - flux_y * ex + flux_x * ey, curve_term + weight * (ex * ex + ey * ey)
 
 
 @inner_kernel
@@ -337,7 +337,7 @@ def improve_value(position, star, trial, v):
     c, r, k = parabola(position, star, trial, v, x, y, 0.0)
     w = -r / k
     for _ in range(TRIES):
-        if not trial.bent[v] or parabola(position, star, trial, v, x, y, w)[0] <= c:
+        if not trial.nonlinear[v] or parabola(position, star, trial, v, x, y, w)[0] <= c:
             trial.value[v] += w
             return
         w *= 0.5

@@ -43,7 +43,7 @@ from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.numba.records import record
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
 from kohonen_adapt.kernels.triangle.polish.by_law import add_by_law
-from kohonen_adapt.kernels.triangle.polish.by_points import add_by_points, gather_bends, is_curved, is_valid, valid_at
+from kohonen_adapt.kernels.triangle.polish.by_points import add_by_points, gather_offsets, is_curved, is_valid, valid_at
 from kohonen_adapt.kernels.triangle.polish.varying_source import with_source
 
 EVEN, ODD, BUBBLE = 3, 6, 9  # index of the first function of each kind
@@ -53,9 +53,9 @@ EVEN, ODD, BUBBLE = 3, 6, 9  # index of the first function of each kind
 class Descents(NamedTuple):
     """One function, or a primal and a dual function, with a common mesh."""
 
-    one: Descent
-    other: Descent  # in linear materials
-    number: int  # 1 without a dual function, else 2
+    primal: Descent
+    dual: Descent  # in linear materials
+    terms: int  # 1 without a dual function, else 2
 
     @classmethod
     def of(
@@ -66,52 +66,52 @@ class Descents(NamedTuple):
         shapes: tuple[Reference, Points, Shapes],
         most: int,
     ) -> "Descents":
-        one, other = (Block.of(most, shapes[0].slope.shape[1]) for _ in trials)
-        first = Descent(*mesh, trials.one, modes[0], *shapes, one)
-        second = Descent(*mesh, trials.other, modes[-1], *shapes, other)
-        return cls(first, second, 2 if len(trials.other.value) else 1)
+        primal, dual = (Block.of(most, shapes[0].slope.shape[1]) for _ in trials)
+        first = Descent(*mesh, trials.primal, modes[0], *shapes, primal)
+        second = Descent(*mesh, trials.dual, modes[-1], *shapes, dual)
+        return cls(first, second, 2 if len(trials.dual.value) else 1)
 
 
 @inner_kernel
 def number_block(descent, v):
     elements, star, modes, block = descent.elements, descent.star, descent.modes, descent.block
-    place, sign, degrees = block.place, block.sign, modes.side.shape[2]
-    begin, spokes = star.start[v], 0
+    dof, sign, degrees = block.dof, block.sign, modes.side.shape[2]
+    begin, sides = star.start[v], 0
     for row in range(begin, star.start[v + 1]):
         j, e = row - begin, np.int64(star.element[row])
         k = corner_of(elements.node, e, v)
-        for i in range(place.shape[1]):
-            place[j, i], sign[j, i] = -1, 1.0
-        place[j, 0] = 0
+        for i in range(dof.shape[1]):
+            dof[j, i], sign[j, i] = -1, 1.0
+        dof[j, 0] = 0
         for side in range(1, 3 if degrees > 0 else 1):  # (b, v) is opposite to corner 1, (v, a) to corner 2
-            if modes.given[e, (k + side) % 3]:
+            if modes.dirichlet[e, (k + side) % 3]:
                 continue
             other, s = star.ahead[row] if side == 2 else star.behind[row], 0
-            while s < spokes and block.spoke[s] != other:
+            while s < sides and block.far_end[s] != other:
                 s += 1
-            if s == spokes:
-                block.spoke[s] = other
-                spokes += 1
-            place[j, EVEN + side] = 1 + degrees * s
+            if s == sides:
+                block.far_end[s] = other
+                sides += 1
+            dof[j, EVEN + side] = 1 + degrees * s
             if degrees == 2:
-                place[j, ODD + side], sign[j, ODD + side] = 2 + 2 * s, 1.0 if side == 2 else -1.0
-    count = 1 + degrees * spokes
+                dof[j, ODD + side], sign[j, ODD + side] = 2 + 2 * s, 1.0 if side == 2 else -1.0
+    count = 1 + degrees * sides
     if degrees == 2:
         for j in range(star.start[v + 1] - begin):
-            place[j, BUBBLE] = count
+            dof[j, BUBBLE] = count
             count += 1
-    block.unknowns[0], block.own[0] = count, value_near(descent, v)
+    block.unknowns[0], block.own[0] = count, reference_value(descent, v)
 
 
 @inner_kernel
-def value_near(descent, v):
+def reference_value(descent, v):
     # An offset of all values only adds a constant to the functional of the star, because the star, or
     # the pair of elements, has a constant area. Around an axis constants are no functions of the space.
     return 0.0 if descent.shapes.around else descent.trial.value[v]
 
 
 @inner_kernel
-def gather(node, value, modes, e, k, own, local):
+def gather_coefficients(node, value, modes, e, k, own, local):
     degrees = modes.side.shape[2]
     for i in range(3):
         corner = (k + i) % 3
@@ -123,7 +123,7 @@ def gather(node, value, modes, e, k, own, local):
 
 
 @inner_kernel
-def clear(block):
+def clear_derivatives(block):
     for i in range(block.unknowns[0]):
         block.rest[i] = block.mixed[i, 0] = block.mixed[i, 1] = 0.0
         for j in range(i + 1):
@@ -143,11 +143,11 @@ def add_element(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
     ax, ay, bx, by
         Vectors from that node to the next two corners, counter-clockwise.
     wanted
-        VALUE, BLOCK or PLACE. Derivatives beyond the level `wanted` are undefined.
+        VALUE, BLOCK or POSITION. Derivatives beyond the level `wanted` are undefined.
 
     Returns
     -------
-    size, total, by_x, by_y, xx, xy, yy
+    magnitude, total, by_x, by_y, xx, xy, yy
         Sum of magnitudes of all terms, functional, and its derivatives by the position of the node.
     """
     ex, ey, doubled, load, mean = bx - ax, by - ay, ax * by - ay * bx, 6.0 * trial.data[e, SIXTH_SOURCE], 0.0
@@ -155,79 +155,79 @@ def add_element(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
         part = add_by_law(trial, reference, block, e, j, local, ax, ay, bx, by, wanted)
     else:
         part = add_linear(trial, reference, block, e, j, local, ax, ay, bx, by, wanted)
-    size, total, by_x, by_y, xx, xy, yy = part
+    magnitude, total, by_x, by_y, xx, xy, yy = part
     if load != 0.0:
         for i in range(reference.slope.shape[1]):
             mean += reference.mean[i] * local[i]
-            if wanted > VALUE and block.place[j, i] >= 0:
+            if wanted > VALUE and block.dof[j, i] >= 0:
                 pulled = load * block.sign[j, i] * reference.mean[i]
-                block.rest[block.place[j, i]] -= pulled * doubled
-                block.mixed[block.place[j, i], 0] += pulled * ey
-                block.mixed[block.place[j, i], 1] -= pulled * ex
+                block.rest[block.dof[j, i]] -= pulled * doubled
+                block.mixed[block.dof[j, i], 0] += pulled * ey
+                block.mixed[block.dof[j, i], 1] -= pulled * ex
         by_x += load * mean * ey
         by_y -= load * mean * ex
-        size += abs(load * mean * doubled)
+        magnitude += abs(load * mean * doubled)
         total -= load * mean * doubled
-    return size, total, by_x, by_y, xx, xy, yy
+    return magnitude, total, by_x, by_y, xx, xy, yy
 
 
 @inner_kernel
 def add_linear(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
-    place, sign, across, slope = block.place, block.sign, block.across, reference.slope
-    size, total, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    dof, sign, across, slope = block.dof, block.sign, block.across, reference.slope
+    magnitude, total, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     functions, ex, ey = slope.shape[1], bx - ax, by - ay
     doubled = ax * by - ay * bx
     inverse, half = 1.0 / doubled, trial.data[e, HALF_COEFFICIENT]
     flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
     for q in range(reference.plain):
-        share, along, aside = reference.weight[q], 0.0, 0.0
+        w, slope_1, slope_2 = reference.weight[q], 0.0, 0.0
         for i in range(functions):
-            along += local[i] * slope[q, i, 0]
-            aside += local[i] * slope[q, i, 1]
-        difference = along - aside
-        nx, ny = aside * ax - along * bx, aside * ay - along * by
+            slope_1 += local[i] * slope[q, i, 0]
+            slope_2 += local[i] * slope[q, i, 1]
+        difference = slope_1 - slope_2
+        nx, ny = slope_2 * ax - slope_1 * bx, slope_2 * ay - slope_1 * by
         qx, qy = inverse * nx, inverse * ny
-        weight = share * half * inverse
+        weight = w * half * inverse
         energy = 0.5 * weight * (nx * nx + ny * ny)
         # dn/dx - q dD/dx and dn/dy - q dD/dy with the doubled area D
         x_x, x_y = difference + qx * ey, qy * ey
         y_x, y_y = -qx * ex, difference - qy * ex
-        push = share * (flux_y * nx - flux_x * ny)
-        size += energy + abs(push)
+        push = w * (flux_y * nx - flux_x * ny)
+        magnitude += energy + abs(push)
         total += energy - push
         half_square = 0.5 * (qx * nx + qy * ny)
-        by_x += weight * (difference * nx + half_square * ey) - share * difference * flux_y
-        by_y += weight * (difference * ny - half_square * ex) + share * difference * flux_x
+        by_x += weight * (difference * nx + half_square * ey) - w * difference * flux_y
+        by_y += weight * (difference * ny - half_square * ex) + w * difference * flux_x
         xx += weight * (x_x * x_x + x_y * x_y)
         xy += weight * (x_x * y_x + x_y * y_y)
         yy += weight * (y_x * y_x + y_y * y_y)
         for i in range(functions if wanted > VALUE else 0):
-            row = place[j, i]
+            row = dof[j, i]
             if row < 0:
                 continue
             g1, g2 = sign[j, i] * slope[q, i, 0], sign[j, i] * slope[q, i, 1]
             ix, iy = g2 * ax - g1 * bx, g2 * ay - g1 * by
             across[i, 0], across[i, 1] = ix, iy
-            block.rest[row] += weight * (ix * nx + iy * ny) - share * (flux_y * ix - flux_x * iy)
+            block.rest[row] += weight * (ix * nx + iy * ny) - w * (flux_y * ix - flux_x * iy)
             turn = g1 - g2
-            block.mixed[row, 0] += weight * (x_x * ix + x_y * iy + nx * turn) - share * flux_y * turn
-            block.mixed[row, 1] += weight * (y_x * ix + y_y * iy + ny * turn) + share * flux_x * turn
+            block.mixed[row, 0] += weight * (x_x * ix + x_y * iy + nx * turn) - w * flux_y * turn
+            block.mixed[row, 1] += weight * (y_x * ix + y_y * iy + ny * turn) + w * flux_x * turn
             for other in range(i + 1):
-                column = place[j, other]
+                column = dof[j, other]
                 if column >= 0:
                     product = weight * (ix * across[other, 0] + iy * across[other, 1])
                     block.stiffness[max(row, column), min(row, column)] += product
-    return size, total, by_x, by_y, xx, xy, yy
+    return magnitude, total, by_x, by_y, xx, xy, yy
 
 
 @inner_kernel
-def add_bent(descent, e, j, local, bend, x, y, ax, ay, bx, by, wanted):
-    if descent.shapes.around or is_curved(bend):
-        part = add_by_points(descent, e, j, local, bend, x, ax, ay, bx, by, wanted)
+def add_curved(descent, e, j, local, offset, x, y, ax, ay, bx, by, wanted):
+    if descent.shapes.around or is_curved(offset):
+        part = add_by_points(descent, e, j, local, offset, x, ax, ay, bx, by, wanted)
     else:
         part = add_element(descent.trial, descent.reference, descent.block, e, j, local, ax, ay, bx, by, wanted)
     if descent.trial.data.shape[1] > CONSTANTS:
-        return with_source(part, descent, e, j, local, np.bool_(True), bend, x, y, ax, ay, bx, by, wanted)
+        return with_source(part, descent, e, j, local, np.bool_(True), offset, x, y, ax, ay, bx, by, wanted)
     return part
 
 
@@ -236,38 +236,38 @@ def derivatives(descent, v, x, y, wanted):
     """Return the sum of `add_element` over the star of node `v` moved to (x, y)."""
     position, star, block, local = descent.position, descent.star, descent.block, descent.block.local[0]
     node, own = descent.elements.node, block.own[0]
-    clear(block)
-    size, total, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    clear_derivatives(block)
+    magnitude, total, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     begin = star.start[v]
     for row in range(begin, star.start[v + 1]):
         e, a, b = np.int64(star.element[row]), star.ahead[row], star.behind[row]
         k = corner_of(node, e, v)
-        gather(node, descent.trial.value, descent.modes, e, k, own, local)
+        gather_coefficients(node, descent.trial.value, descent.modes, e, k, own, local)
         ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
         if descent.shapes.special[e]:
-            gather_bends(descent.shapes, e, k, block.bend[0])
-            part = add_by_points(descent, e, row - begin, local, block.bend[0], x, ax, ay, bx, by, wanted)
+            gather_offsets(descent.shapes, e, k, block.offset[0])
+            part = add_by_points(descent, e, row - begin, local, block.offset[0], x, ax, ay, bx, by, wanted)
         else:
             part = add_element(descent.trial, descent.reference, block, e, row - begin, local, ax, ay, bx, by, wanted)
         if descent.trial.data.shape[1] > CONSTANTS:
             special = descent.shapes.special[e]
             part = with_source(
-                part, descent, e, row - begin, local, special, block.bend[0], x, y, ax, ay, bx, by, wanted
+                part, descent, e, row - begin, local, special, block.offset[0], x, y, ax, ay, bx, by, wanted
             )
-        size, total, by_x, by_y = size + part[0], total + part[1], by_x + part[2], by_y + part[3]
+        magnitude, total, by_x, by_y = magnitude + part[0], total + part[1], by_x + part[2], by_y + part[3]
         xx, xy, yy = xx + part[4], xy + part[5], yy + part[6]
-    return size, total, by_x, by_y, xx, xy, yy
+    return magnitude, total, by_x, by_y, xx, xy, yy
 
 
 @inner_kernel
 def stays_valid(descent, v, x, y):
-    position, star, bend = descent.position, descent.star, descent.block.bend[0]
+    position, star, offset = descent.position, descent.star, descent.block.offset[0]
     for row in range(star.start[v], star.start[v + 1]):
         e, a, b = np.int64(star.element[row]), star.ahead[row], star.behind[row]
         if descent.shapes.special[e]:
-            gather_bends(descent.shapes, e, corner_of(descent.elements.node, e, v), bend)
+            gather_offsets(descent.shapes, e, corner_of(descent.elements.node, e, v), offset)
             ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-            if not (is_valid(bend, ax, ay, bx, by) and valid_at(position, bend, v, a, b)):
+            if not (is_valid(offset, ax, ay, bx, by) and valid_at(position, offset, v, a, b)):
                 return False
     return True
 
@@ -305,30 +305,30 @@ def factorise(block, first):
 
 
 @inner_kernel
-def solve_upper(block, first, along_x, along_y):
+def solve_upper(block, first, step_x, step_y):
     stiffness, count = block.stiffness, block.unknowns[0]
     for i in range(count - 1, first - 1, -1):
-        still, follow = -block.rest[i], -along_x * block.mixed[i, 0] - along_y * block.mixed[i, 1]
+        correction, response = -block.rest[i], -step_x * block.mixed[i, 0] - step_y * block.mixed[i, 1]
         for k in range(i + 1, count):
-            still -= stiffness[k, i] * block.still[k]
-            follow -= stiffness[k, i] * block.follow[k]
-        block.still[i], block.follow[i] = still / stiffness[i, i], follow / stiffness[i, i]
+            correction -= stiffness[k, i] * block.correction[k]
+            response -= stiffness[k, i] * block.response[k]
+        block.correction[i], block.response[i] = correction / stiffness[i, i], response / stiffness[i, i]
 
 
 @inner_kernel
-def change_block(descent, v, first, still, follow):
+def change_block(descent, v, first, times, length):
     trial, modes, star, block = descent.trial, descent.modes, descent.star, descent.block
-    place, begin, degrees = block.place, star.start[v], modes.side.shape[2]
+    dof, begin, degrees = block.dof, star.start[v], modes.side.shape[2]
     if first == 0:
-        trial.value[v] += still * block.still[0] + follow * block.follow[0]
+        trial.value[v] += times * block.correction[0] + length * block.response[0]
     for row in range(begin, star.start[v + 1]):
         j, e = row - begin, np.int64(star.element[row])
         k = corner_of(descent.elements.node, e, v)
         for side in range(1, 3):
             for d in range(degrees):
                 i = EVEN + 3 * d + side
-                if place[j, i] >= 0:
-                    change = still * block.still[place[j, i]] + follow * block.follow[place[j, i]]
+                if dof[j, i] >= 0:
+                    change = times * block.correction[dof[j, i]] + length * block.response[dof[j, i]]
                     modes.side[e, (k + side) % 3, d] += block.sign[j, i] * change
         if degrees == 2:
-            modes.bubble[e] += still * block.still[place[j, BUBBLE]] + follow * block.follow[place[j, BUBBLE]]
+            modes.bubble[e] += times * block.correction[dof[j, BUBBLE]] + length * block.response[dof[j, BUBBLE]]

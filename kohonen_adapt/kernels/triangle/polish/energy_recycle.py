@@ -48,24 +48,24 @@ def best_of_split(mesh, trial, e, k, x, y):
     own = 0.5 * (trial.value[a] + trial.value[b])
     magnitude, before, slope, stiffness = split_parabola(mesh, trial, e, k, x, y, own, 0.0)
     gain, w = 0.5 * slope * slope / stiffness, -slope / stiffness
-    if trial.bent[a] or trial.bent[b]:
+    if trial.nonlinear[a] or trial.nonlinear[b]:
         gain = before - split_parabola(mesh, trial, e, k, x, y, own, w)[1]
     return magnitude, gain, own + w
 
 
 @inner_kernel
 def gain_of_split(mesh, trials, e, k, x, y):
-    magnitude, gain, value = best_of_split(mesh, trials.one, e, k, x, y)
+    magnitude, gain, value = best_of_split(mesh, trials.primal, e, k, x, y)
     dual_value = 0.0
-    if trials.other.value.shape[0] > 0:
-        dual_magnitude, dual_gain, dual_value = best_of_split(mesh, trials.other, e, k, x, y)
+    if trials.dual.value.shape[0] > 0:
+        dual_magnitude, dual_gain, dual_value = best_of_split(mesh, trials.dual, e, k, x, y)
         magnitude, gain = magnitude + dual_magnitude, gain + dual_gain
     return gain if gain > ROUNDING * magnitude else 0.0, value, dual_value
 
 
 @kernel
 def weigh_splits(mesh, trials, offers, floor, first, last):
-    elements, inner, fixed = mesh.elements, mesh.constraints.inner, trials.one.fixed
+    elements, inner, fixed = mesh.elements, mesh.constraints.inner, trials.primal.fixed
     node = elements.node
     for e in range(first, last):
         for k in range(3):
@@ -112,14 +112,14 @@ def star_functional(position, star, trial, v):
 @kernel
 def weigh_collapses(mesh, star, trials, offers, most, floor, first, last):
     position, elements, constraints = mesh.position, mesh.elements, mesh.constraints
-    has_dual = trials.other.value.shape[0] > 0
+    has_dual = trials.dual.value.shape[0] > 0
     for v in range(first, last):
         offers.cost[v] = np.inf
         if not offers.removable[v]:
             continue
-        before, least, sliding = star_functional(position, star, trials.one, v), most, constraints.kind[v] == SLIDING
+        before, least, sliding = star_functional(position, star, trials.primal, v), most, constraints.kind[v] == SLIDING
         if has_dual:
-            before += star_functional(position, star, trials.other, v)
+            before += star_functional(position, star, trials.dual, v)
         for j in range(star.start[v], star.start[v + 1]):
             e = np.int64(star.element[j])
             k = corner_of(elements.node, e, v)
@@ -129,9 +129,9 @@ def weigh_collapses(mesh, star, trials, offers, most, floor, first, last):
                 # every neighbour of a free node is `ahead` once; a sliding node has two neighbours on its curve
                 if c != constraints.chain[v, OWN] if sliding else i == 1:
                     continue
-                after = merged_functional(position, star, trials.one, v, w)
+                after = merged_functional(position, star, trials.primal, v, w)
                 if has_dual:
-                    after += merged_functional(position, star, trials.other, v, w)
+                    after += merged_functional(position, star, trials.dual, v, w)
                 cost = after - before
                 # after the cost, because the checks take longer
                 if cost < least and collapsed_quality(mesh, v, w, np.inf, floor) > 0.0:
@@ -155,7 +155,7 @@ def is_locked(mesh, v, locked):
 
 
 @inner_kernel
-def cheapest_left(mesh, offers, nodes, at, gain, floor):
+def next_collapse(mesh, offers, nodes, at, gain, floor):
     while at < len(nodes) and gain > offers.cost[nodes[at]]:
         v = nodes[at]
         w = np.int64(offers.into[v])
@@ -182,7 +182,7 @@ def exchange(mesh, trials, offers, edges, nodes, floor):
         if other >= 0:
             locked[other] = True
         gain = offers.gain[e, k]
-        at = cheapest_left(mesh, offers, nodes, at, gain, floor)
+        at = next_collapse(mesh, offers, nodes, at, gain, floor)
         if at < 0:
             return pairs, decrease  # later edges gain less
         v = nodes[at]
@@ -195,9 +195,9 @@ def exchange(mesh, trials, offers, edges, nodes, floor):
         x, y, parameter = midpoint(mesh, np.int64(elements.chain[e, k]), a, b)
         _, value, other_value = gain_of_split(mesh, trials, e, k, x, y)
         p = split(mesh, e, k, x, y, parameter)
-        trials.one.value[p], trials.one.fixed[p] = value, False
-        if trials.other.value.shape[0] > 0:
-            trials.other.value[p], trials.other.fixed[p] = other_value, False
+        trials.primal.value[p], trials.primal.fixed[p] = value, False
+        if trials.dual.value.shape[0] > 0:
+            trials.dual.value[p], trials.dual.fixed[p] = other_value, False
         lock_around(mesh, p, locked)
         pairs += 1
     return pairs, decrease

@@ -9,119 +9,121 @@ from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, OWN, SLIDING, VALU
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.connectivity import corner_of, row_beside, rows_with
 from kohonen_adapt.kernels.triangle.geometry import orientation
-from kohonen_adapt.kernels.triangle.polish.by_points import gather_bends, is_valid, put_bends
+from kohonen_adapt.kernels.triangle.polish.by_points import gather_offsets, is_valid, put_offsets
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING
 from kohonen_adapt.kernels.triangle.polish.descend_higher import (
     BUBBLE,
     EVEN,
     ODD,
-    add_bent,
-    clear,
+    add_curved,
+    clear_derivatives,
     derivatives,
     factorise,
-    gather,
+    gather_coefficients,
     number_block,
+    reference_value,
     solve_upper,
-    value_near,
 )
-from kohonen_adapt.kernels.triangle.polish.energy_recycle import cheapest_left, lock_around
+from kohonen_adapt.kernels.triangle.polish.energy_recycle import lock_around, next_collapse
 from kohonen_adapt.kernels.triangle.polish.energy_split_higher import (
     gain_of_split,
     outer_given,
     put_split,
     weigh_splits,
 )
-from kohonen_adapt.kernels.triangle.polish.flip_higher import put
+from kohonen_adapt.kernels.triangle.polish.flip_higher import put_coefficients
 from kohonen_adapt.kernels.triangle.surgery import collapse, collapsed_quality, midpoint, split
 
 
 @inner_kernel
-def number_merged(descent, v, w, gone):
+def number_merged(descent, v, w, removed):
     elements, star, modes, block = descent.elements, descent.star, descent.modes, descent.block
-    place, sign, degrees, begin, spokes = block.place, block.sign, modes.side.shape[2], star.start[v], 0
+    dof, sign, degrees, begin, sides = block.dof, block.sign, modes.side.shape[2], star.start[v], 0
     for row in range(begin, star.start[v + 1]):
         j, e = row - begin, np.int64(star.element[row])
         k = corner_of(elements.node, e, v)
-        for i in range(place.shape[1]):
-            place[j, i], sign[j, i] = -1, 1.0
+        for i in range(dof.shape[1]):
+            dof[j, i], sign[j, i] = -1, 1.0
         if star.ahead[row] == w or star.behind[row] == w:
             continue
         for side in range(1, 3 if degrees > 0 else 1):
             other, s = star.ahead[row] if side == 2 else star.behind[row], 0
-            if modes.given[e, (k + side) % 3] or row_beside(gone, other) >= 0:
+            if modes.dirichlet[e, (k + side) % 3] or row_beside(removed, other) >= 0:
                 continue
-            while s < spokes and block.spoke[s] != other:
+            while s < sides and block.far_end[s] != other:
                 s += 1
-            if s == spokes:
-                block.spoke[s] = other
-                spokes += 1
-            place[j, EVEN + side] = degrees * s
+            if s == sides:
+                block.far_end[s] = other
+                sides += 1
+            dof[j, EVEN + side] = degrees * s
             if degrees == 2:
-                place[j, ODD + side], sign[j, ODD + side] = 1 + 2 * s, 1.0 if side == 2 else -1.0
-    count = degrees * spokes
+                dof[j, ODD + side], sign[j, ODD + side] = 1 + 2 * s, 1.0 if side == 2 else -1.0
+    count = degrees * sides
     if degrees == 2:
         for row in range(begin, star.start[v + 1]):
             if star.ahead[row] != w and star.behind[row] != w:
-                place[row - begin, BUBBLE] = count
+                dof[row - begin, BUBBLE] = count
                 count += 1
     block.unknowns[0] = count
     for i in range(count):
-        block.still[i] = 0.0
+        block.correction[i] = 0.0
 
 
 @inner_kernel
-def merged_coefficients(descent, v, w, gone, row, own):
+def merged_coefficients(descent, v, w, removed, row, own):
     elements, star, modes, block = descent.elements, descent.star, descent.modes, descent.block
     e, j, part, degrees = np.int64(star.element[row]), row - star.start[v], block.part, modes.side.shape[2]
     k = corner_of(elements.node, e, v)
-    gather(elements.node, descent.trial.value, modes, e, k, own, part)
+    gather_coefficients(elements.node, descent.trial.value, modes, e, k, own, part)
     part[0] = descent.trial.value[w] - own
     for side in range(1, 3):
         other = star.ahead[row] if side == 2 else star.behind[row]
-        known = row_beside(gone, other)
+        known = row_beside(removed, other)
         for d in range(degrees):
             i = EVEN + 3 * d + side
             part[i] = 0.0
-            if block.place[j, i] >= 0:
-                part[i] = block.sign[j, i] * block.still[block.place[j, i]]
+            if block.dof[j, i] >= 0:
+                part[i] = block.sign[j, i] * block.correction[block.dof[j, i]]
             elif known >= 0:
                 f = np.int64(star.element[known])
                 part[i] = modes.side[f, corner_of(elements.node, f, v), d]
     if degrees == 2:
-        part[BUBBLE] = block.still[block.place[j, BUBBLE]]
+        part[BUBBLE] = block.correction[block.dof[j, BUBBLE]]
 
 
 @inner_kernel
-def merged_bends(descent, v, gone, row, bend):
+def merged_offsets(descent, v, removed, row, offset):
     shapes, star, node = descent.shapes, descent.star, descent.elements.node
     e = np.int64(star.element[row])
-    gather_bends(shapes, e, corner_of(node, e, v), bend)
+    gather_offsets(shapes, e, corner_of(node, e, v), offset)
     for side in range(1, 3):
-        known = row_beside(gone, star.ahead[row] if side == 2 else star.behind[row])
+        known = row_beside(removed, star.ahead[row] if side == 2 else star.behind[row])
         for i in range(2):
-            bend[side, i] = 0.0
+            offset[side, i] = 0.0
             if known >= 0:
                 f = np.int64(star.element[known])
-                bend[side, i] = shapes.bend[f, corner_of(node, f, v), i]
+                offset[side, i] = shapes.offset[f, corner_of(node, f, v), i]
 
 
 @inner_kernel
-def derivatives_of_merged(descent, v, w, gone, own, wanted):
+def derivatives_of_merged(descent, v, w, removed, own, wanted):
     position, star, block = descent.position, descent.star, descent.block
     x, y, total = position[w, 0], position[w, 1], 0.0
-    clear(block)
+    clear_derivatives(block)
     for row in range(star.start[v], star.start[v + 1]):
         e, a, b = np.int64(star.element[row]), np.int64(star.ahead[row]), np.int64(star.behind[row])
         if a == w or b == w:
             continue
         if not orientation(x, y, position[a, 0], position[a, 1], position[b, 0], position[b, 1]) > 0.0:
             return np.inf
-        merged_coefficients(descent, v, w, gone, row, own)
+        merged_coefficients(descent, v, w, removed, row, own)
         ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-        merged_bends(descent, v, gone, row, block.bend[4])
-        if not is_valid(block.bend[4], ax, ay, bx, by):
+        merged_offsets(descent, v, removed, row, block.offset[4])
+        if not is_valid(block.offset[4], ax, ay, bx, by):
             return np.inf
-        total += add_bent(descent, e, row - star.start[v], block.part, block.bend[4], x, y, ax, ay, bx, by, wanted)[1]
+        total += add_curved(descent, e, row - star.start[v], block.part, block.offset[4], x, y, ax, ay, bx, by, wanted)[
+            1
+        ]
     return total
 
 
@@ -129,46 +131,46 @@ def derivatives_of_merged(descent, v, w, gone, own, wanted):
 def merged_functional(descent, v, w, own):
     """Return the minimum of the functional around `v` merged into `w`.
 
-    The value is inf if an element is inverted. The minimiser is left in `Block.still`. In nonlinear materials the
+    The value is inf if an element is inverted. The minimiser is left in `Block.correction`. In nonlinear materials the
     minimum is approximated by one step of Newton's method.
     """
-    block, gone = descent.block, rows_with(descent.star, v, w)
-    number_merged(descent, v, w, gone)
-    bent = descent.trial.bent[v]
-    total = derivatives_of_merged(descent, v, w, gone, own, COARSE_BLOCK if bent else BLOCK)
+    block, removed = descent.block, rows_with(descent.star, v, w)
+    number_merged(descent, v, w, removed)
+    nonlinear = descent.trial.nonlinear[v]
+    total = derivatives_of_merged(descent, v, w, removed, own, COARSE_BLOCK if nonlinear else BLOCK)
     if not total < np.inf:
         return np.inf
     solved, square = factorise(block, 0)
     if not solved:
         return np.inf
     solve_upper(block, 0, 0.0, 0.0)
-    if bent:
-        return derivatives_of_merged(descent, v, w, gone, own, VALUE)
+    if nonlinear:
+        return derivatives_of_merged(descent, v, w, removed, own, VALUE)
     return total - 0.5 * square
 
 
 @inner_kernel
 def merged_functionals(descents, v, w):
     total = 0.0
-    for i in range(descents.number):
-        descent = descents.one if i == 0 else descents.other
+    for i in range(descents.terms):
+        descent = descents.primal if i == 0 else descents.dual
         total += merged_functional(descent, v, w, descent.block.own[0])
     return total
 
 
 @inner_kernel
 def weigh_collapses(mesh, descents, offers, most, floor, first, last):
-    position, elements, constraints, star = mesh.position, mesh.elements, mesh.constraints, descents.one.star
+    position, elements, constraints, star = mesh.position, mesh.elements, mesh.constraints, descents.primal.star
     for v in range(first, last):
         offers.cost[v] = np.inf
         if not offers.removable[v]:
             continue
         before, least, sliding = 0.0, most, constraints.kind[v] == SLIDING
-        for i in range(descents.number):
-            descent = descents.one if i == 0 else descents.other
+        for i in range(descents.terms):
+            descent = descents.primal if i == 0 else descents.dual
             number_block(descent, v)
-            size, total = derivatives(descent, v, position[v, 0], position[v, 1], VALUE)[:2]
-            before += total - ROUNDING * size
+            magnitude, total = derivatives(descent, v, position[v, 0], position[v, 1], VALUE)[:2]
+            before += total - ROUNDING * magnitude
         for j in range(star.start[v], star.start[v + 1]):
             e = np.int64(star.element[j])
             k = corner_of(elements.node, e, v)
@@ -195,7 +197,7 @@ def weigh_higher(mesh, descents, offers, most, floor, first, last, edges):
 
 @kernel
 def exchange_higher(mesh, descents, offers, edges, nodes, floor):
-    elements, locked, pairs, lowered, at = mesh.elements, offers.locked, 0, 0.0, 0
+    elements, locked, pairs, decrease, at = mesh.elements, offers.locked, 0, 0.0, 0
     for edge in edges:
         e, k = edge // 3, edge % 3
         other = np.int64(elements.neighbour[e, k])
@@ -203,46 +205,46 @@ def exchange_higher(mesh, descents, offers, edges, nodes, floor):
             continue
         locked[e], gain = True, offers.gain[e, k]
         locked[other if other >= 0 else e] = True
-        at = cheapest_left(mesh, offers, nodes, at, gain, floor)
+        at = next_collapse(mesh, offers, nodes, at, gain, floor)
         if at < 0:
-            return pairs, lowered  # later edges gain less
+            return pairs, decrease  # later edges gain less
         v = nodes[at]
         w, at = np.int64(offers.into[v]), at + 1
-        lowered += gain - offers.cost[v]
+        decrease += gain - offers.cost[v]
         lock_around(mesh, v, locked)
-        for i in range(descents.number):
-            put_merged(descents.one if i == 0 else descents.other, v, w)
+        for i in range(descents.terms):
+            put_merged(descents.primal if i == 0 else descents.dual, v, w)
         collapse(mesh, v, w)
         a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
         x, y, parameter = midpoint(mesh, np.int64(elements.chain[e, k]), a, b)
         gain_of_split(descents, e, k, x, y)
-        given, known = outer_given(descents.one, e, k), descents.one.modes.given[e, k]
+        given, known = outer_given(descents.primal, e, k), descents.primal.modes.dirichlet[e, k]
         p = split(mesh, e, k, x, y, parameter)
-        for i in range(descents.number):
-            descent = descents.one if i == 0 else descents.other
-            descent.trial.value[p] = value_near(descent, a) + descent.block.local[0, 0]
+        for i in range(descents.terms):
+            descent = descents.primal if i == 0 else descents.dual
+            descent.trial.value[p] = reference_value(descent, a) + descent.block.local[0, 0]
             descent.trial.fixed[p] = known
             put_split(mesh, descent, p, a, b, given)
         lock_around(mesh, p, locked)
         pairs += 1
-    return pairs, lowered
+    return pairs, decrease
 
 
 @inner_kernel
 def put_merged(descent, v, w):
     star, modes, node = descent.star, descent.modes, descent.elements.node
-    own, bend, gone = value_near(descent, v), descent.block.bend[4], rows_with(star, v, w)
+    own, offset, removed = reference_value(descent, v), descent.block.offset[4], rows_with(star, v, w)
     merged_functional(descent, v, w, own)
     for row in range(star.start[v], star.start[v + 1]):
         a, b, e = star.ahead[row], star.behind[row], np.int64(star.element[row])
         if a != w and b != w:
-            merged_coefficients(descent, v, w, gone, row, own)
+            merged_coefficients(descent, v, w, removed, row, own)
             k = corner_of(node, e, v)
-            put(modes, e, k, descent.block.part)
-            merged_bends(descent, v, gone, row, bend)
-            put_bends(descent.shapes, e, k, bend)
+            put_coefficients(modes, e, k, descent.block.part)
+            merged_offsets(descent, v, removed, row, offset)
+            put_offsets(descent.shapes, e, k, offset)
             for side in range(1, 3):
-                known = row_beside(gone, a if side == 2 else b)
+                known = row_beside(removed, a if side == 2 else b)
                 if known >= 0:
                     f = np.int64(star.element[known])
-                    modes.given[e, (k + side) % 3] = modes.given[f, corner_of(node, f, v)]
+                    modes.dirichlet[e, (k + side) % 3] = modes.dirichlet[f, corner_of(node, f, v)]

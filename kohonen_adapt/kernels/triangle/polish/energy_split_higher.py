@@ -10,20 +10,20 @@ import numpy as np
 from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, VALUE
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.triangle.connectivity import corner_of, corner_towards
-from kohonen_adapt.kernels.triangle.polish.by_points import gather_bends, is_valid, put_bends
+from kohonen_adapt.kernels.triangle.polish.by_points import gather_offsets, is_valid, put_offsets
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING
 from kohonen_adapt.kernels.triangle.polish.descend_higher import (
     BUBBLE,
     EVEN,
     ODD,
-    add_bent,
-    clear,
+    add_curved,
+    clear_derivatives,
     factorise,
-    gather,
+    gather_coefficients,
+    reference_value,
     solve_upper,
-    value_near,
 )
-from kohonen_adapt.kernels.triangle.polish.flip_higher import put
+from kohonen_adapt.kernels.triangle.polish.flip_higher import put_coefficients
 from kohonen_adapt.kernels.triangle.surgery import gather_around, may_split, midpoint
 
 # Edge ab, between the corners c and d, is split at p. A row has the indices among a, b, c, d of the ends of the sides
@@ -33,19 +33,19 @@ ENDS = ((2, 0), (1, 2), (3, 1), (0, 3))
 
 @inner_kernel
 def number_split(block, degrees, both, is_dirichlet):
-    place, sign, rows, halves = block.place, block.sign, 4 if both else 2, 2 if is_dirichlet else 0
+    dof, sign, rows, halves = block.dof, block.sign, 4 if both else 2, 2 if is_dirichlet else 0
     count = 1 + degrees * ((4 if both else 3) - halves)
     for j in range(rows):
-        for i in range(place.shape[1]):
-            place[j, i], sign[j, i] = -1, 1.0
-        place[j, 0] = 0
+        for i in range(dof.shape[1]):
+            dof[j, i], sign[j, i] = -1, 1.0
+        dof[j, 0] = 0
         for side in range(1, 3 if degrees > 0 else 1):
             s = ENDS[j][2 - side] - halves  # sides to a and b precede sides to c and d
-            place[j, EVEN + side] = 1 + degrees * s if s >= 0 else -1
+            dof[j, EVEN + side] = 1 + degrees * s if s >= 0 else -1
             if degrees == 2 and s >= 0:
-                place[j, ODD + side], sign[j, ODD + side] = 2 + 2 * s, 1.0 if side == 2 else -1.0
+                dof[j, ODD + side], sign[j, ODD + side] = 2 + 2 * s, 1.0 if side == 2 else -1.0
         if degrees == 2:
-            place[j, BUBBLE] = count
+            dof[j, BUBBLE] = count
             count += 1
     block.unknowns[0] = count
 
@@ -53,7 +53,7 @@ def number_split(block, degrees, both, is_dirichlet):
 @inner_kernel
 def halve_coefficients(descent, e, k, own, row):
     halves, local, part = descent.reference.halves, descent.block.local, descent.block.part
-    gather(descent.elements.node, descent.trial.value, descent.modes, e, k, own, part)
+    gather_coefficients(descent.elements.node, descent.trial.value, descent.modes, e, k, own, part)
     for half in range(2):
         for i in range(part.shape[0]):
             total = 0.0
@@ -67,31 +67,31 @@ def value_on(descent, e, own):
     node, position, block = descent.elements.node, descent.position, descent.block
     a, b, x, y = node[e, 1], node[e, 2], position[node[e, 0], 0], position[node[e, 0], 1]
     ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-    gather(node, descent.trial.value, descent.modes, e, 0, own, block.part)
-    gather_bends(descent.shapes, e, 0, block.bend[4])
-    if not is_valid(block.bend[4], ax, ay, bx, by):
+    gather_coefficients(node, descent.trial.value, descent.modes, e, 0, own, block.part)
+    gather_offsets(descent.shapes, e, 0, block.offset[4])
+    if not is_valid(block.offset[4], ax, ay, bx, by):
         return -np.inf
-    return add_bent(descent, e, 0, block.part, block.bend[4], x, y, ax, ay, bx, by, VALUE)[1]
+    return add_curved(descent, e, 0, block.part, block.offset[4], x, y, ax, ay, bx, by, VALUE)[1]
 
 
 @inner_kernel
 def derivatives_of_split(descent, e, k, x, y, wanted):
     node, position, block = descent.elements.node, descent.position, descent.block
-    clear(block)
+    clear_derivatives(block)
     magnitude, total, at, corner, row = 0.0, 0.0, e, k, 0
     while at >= 0:
         c, a, b = node[at, corner], node[at, (corner + 1) % 3], node[at, (corner + 2) % 3]
         ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
         cx, cy = position[c, 0] - x, position[c, 1] - y
-        block.bend[row : row + 2] = 0.0
+        block.offset[row : row + 2] = 0.0
         for i in range(2):
-            block.bend[row, 0, i] = descent.shapes.bend[at, (corner + 2) % 3, i]
-            block.bend[row + 1, 0, i] = descent.shapes.bend[at, (corner + 1) % 3, i]
-        if not (is_valid(block.bend[row], cx, cy, ax, ay) and is_valid(block.bend[row + 1], bx, by, cx, cy)):
+            block.offset[row, 0, i] = descent.shapes.offset[at, (corner + 2) % 3, i]
+            block.offset[row + 1, 0, i] = descent.shapes.offset[at, (corner + 1) % 3, i]
+        if not (is_valid(block.offset[row], cx, cy, ax, ay) and is_valid(block.offset[row + 1], bx, by, cx, cy)):
             return magnitude, np.inf
-        after, bend = row + 1, block.bend
-        one = add_bent(descent, at, row, block.local[row], bend[row], x, y, cx, cy, ax, ay, wanted)
-        two = add_bent(descent, at, after, block.local[after], bend[after], x, y, bx, by, cx, cy, wanted)
+        after, offset = row + 1, block.offset
+        one = add_curved(descent, at, row, block.local[row], offset[row], x, y, cx, cy, ax, ay, wanted)
+        two = add_curved(descent, at, after, block.local[after], offset[after], x, y, bx, by, cx, cy, wanted)
         magnitude, total = magnitude + one[0] + two[0], total + one[1] + two[1]
         other = np.int64(descent.elements.neighbour[at, corner])
         corner = corner_towards(descent.elements.neighbour, other, at) if other >= 0 else 0
@@ -103,20 +103,24 @@ def derivatives_of_split(descent, e, k, x, y, wanted):
 def gain_of_split(descents, e, k, x, y):
     """Return the decrease of the functionals by a split, or 0 if negligible.
 
-    The best coefficients of the halves are left in `Block.local`, relative to `value_near` of the first node of the
-    edge. In nonlinear materials they are approximated by one step of Newton's method.
+    The best coefficients of the halves are left in `Block.local`, relative to `reference_value` of the first node of
+    the edge. In nonlinear materials they are approximated by one step of Newton's method.
     """
     gain, magnitude = 0.0, 0.0
-    for i in range(descents.number):
-        decrease, more = change_by_split(descents.one if i == 0 else descents.other, e, k, x, y)
+    for i in range(descents.terms):
+        decrease, more = change_by_split(descents.primal if i == 0 else descents.dual, e, k, x, y)
         gain, magnitude = gain + decrease, magnitude + more
     return gain if gain > ROUNDING * magnitude else 0.0
 
 
 @inner_kernel
 def change_by_split(descent, e, k, x, y):
-    block, other, is_dirichlet = descent.block, np.int64(descent.elements.neighbour[e, k]), descent.modes.given[e, k]
-    own = value_near(descent, np.int64(descent.elements.node[e, (k + 1) % 3]))
+    block, other, is_dirichlet = (
+        descent.block,
+        np.int64(descent.elements.neighbour[e, k]),
+        descent.modes.dirichlet[e, k],
+    )
+    own = reference_value(descent, np.int64(descent.elements.node[e, (k + 1) % 3]))
     first = 1 if is_dirichlet else 0  # first free unknown
     special, nonlinear, unsplit = descent.shapes.special[e], descent.trial.laws.number[e] >= 0, 0.0
     if other >= 0:
@@ -137,8 +141,8 @@ def change_by_split(descent, e, k, x, y):
     solve_upper(block, first, 0.0, 0.0)
     for j in range(4 if other >= 0 else 2):
         for i in range(block.local.shape[1]):
-            if block.place[j, i] >= first:
-                block.local[j, i] += block.sign[j, i] * block.still[block.place[j, i]]
+            if block.dof[j, i] >= first:
+                block.local[j, i] += block.sign[j, i] * block.correction[block.dof[j, i]]
     # The halves of curved elements, or of elements at the axis, need not contain the function, and new quadrature
     # points change the energy of a law. The gain is therefore relative to the value before the split.
     if nonlinear:
@@ -151,8 +155,8 @@ def weigh_splits(mesh, descents, offers, floor, first, last):
     elements, inner, fixed, given = (
         mesh.elements,
         mesh.constraints.inner,
-        descents.one.trial.fixed,
-        descents.one.modes.given,
+        descents.primal.trial.fixed,
+        descents.primal.modes.dirichlet,
     )
     for e in range(first, last):
         for k in range(3):
@@ -171,7 +175,7 @@ def weigh_splits(mesh, descents, offers, floor, first, last):
 
 @inner_kernel
 def outer_given(descent, e, k):
-    given, other = descent.modes.given, np.int64(descent.elements.neighbour[e, k])
+    given, other = descent.modes.dirichlet, np.int64(descent.elements.neighbour[e, k])
     if other < 0:
         return given[e, (k + 2) % 3], given[e, (k + 1) % 3], False, False
     j = corner_towards(descent.elements.neighbour, other, e)
@@ -186,7 +190,11 @@ def put_split(mesh, descent, p, a, b, given):
         k = corner_of(node, f, p)
         one, two = node[f, (k + 1) % 3], node[f, (k + 2) % 3]
         row = 0 if two == a else 1 if one == b else 2 if two == b else 3
-        put(modes, f, k, local[row])
-        put_bends(descent.shapes, f, k, descent.block.bend[row])
-        modes.given[f, k], modes.given[f, (k + 1) % 3], modes.given[f, (k + 2) % 3] = given[row], False, False
-        modes.given[f, (k + 1 + row % 2) % 3] = descent.trial.fixed[p]  # the half of the edge
+        put_coefficients(modes, f, k, local[row])
+        put_offsets(descent.shapes, f, k, descent.block.offset[row])
+        modes.dirichlet[f, k], modes.dirichlet[f, (k + 1) % 3], modes.dirichlet[f, (k + 2) % 3] = (
+            given[row],
+            False,
+            False,
+        )
+        modes.dirichlet[f, (k + 1 + row % 2) % 3] = descent.trial.fixed[p]  # the half of the edge

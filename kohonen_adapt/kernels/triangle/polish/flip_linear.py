@@ -3,7 +3,7 @@
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import CONSTANTS, HALF_COEFFICIENT, SIXTH_SOURCE
-from kohonen_adapt.kernels.nonlinear import stored
+from kohonen_adapt.kernels.nonlinear import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.connectivity import corners_around
 from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip
@@ -12,7 +12,7 @@ from kohonen_adapt.kernels.triangle.polish.varying_flux import flux_term
 
 
 @inner_kernel
-def mark_beside(elements, e, marked):
+def mark_neighbours(elements, e, marked):
     for k in range(3):
         if elements.neighbour[e, k] >= 0:
             marked[elements.neighbour[e, k]] = True
@@ -40,16 +40,16 @@ def descend_flips(position, elements, trials, floor, gainful, first, last, marks
                 flip_edge(elements, e, k)
                 gain += decrease
                 flips += 1
-                mark_beside(elements, e, gainful)
-                mark_beside(elements, other, gainful)
+                mark_neighbours(elements, e, gainful)
+                mark_neighbours(elements, other, gainful)
     return gain, flips
 
 
 @inner_kernel
 def gain_of_flip(position, node, trials, e, k, other):
-    gain, magnitude = change_by_flip(position, node, trials.one, e, k, other)
-    if trials.other.value.shape[0] > 0:
-        dual_gain, dual_magnitude = change_by_flip(position, node, trials.other, e, k, other)
+    gain, magnitude = change_by_flip(position, node, trials.primal, e, k, other)
+    if trials.dual.value.shape[0] > 0:
+        dual_gain, dual_magnitude = change_by_flip(position, node, trials.dual, e, k, other)
         gain, magnitude = gain + dual_gain, magnitude + dual_magnitude
     return gain if gain > ROUNDING * magnitude else 0.0
 
@@ -97,4 +97,4 @@ def dirichlet_energy(ax, ay, u, bx, by, v):
 @inner_kernel
 def law_energy(laws, law, ax, ay, u, bx, by, v):
     nx, ny, doubled = v * ax - u * bx, v * ay - u * by, ax * by - ay * bx
-    return 0.5 * doubled * stored(laws, law, (nx * nx + ny * ny) / (doubled * doubled))[0]
+    return 0.5 * doubled * energy_density(laws, law, (nx * nx + ny * ny) / (doubled * doubled))[0]

@@ -10,7 +10,7 @@ columns of the data are defined in `kernels/arrays.py`. Without a varying source
 
 from kohonen_adapt.kernels.arrays import CENTRE_X, CENTRE_Y, SOURCE_TERMS, VALUE, X_BY_X, X_BY_Y, Y_BY_X, Y_BY_Y
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.triangle.polish.by_points import kind_of
+from kohonen_adapt.kernels.triangle.polish.by_points import axis_kind
 
 
 @inner_kernel
@@ -46,40 +46,40 @@ def source_at(data, e, x, y):
 
 
 @inner_kernel
-def with_source(part, descent, e, j, local, special, bend, x, y, ax, ay, bx, by, wanted):
-    size, total, by_x, by_y, xx, xy, yy = part
+def with_source(part, descent, e, j, local, special, offset, x, y, ax, ay, bx, by, wanted):
+    magnitude, total, by_x, by_y, xx, xy, yy = part
     data, block, points = descent.trial.data, descent.block, descent.points
-    kind = kind_of(x, ax, bx) if descent.shapes.around else 0
+    kind = axis_kind(x, ax, bx) if descent.shapes.around else 0
     for q in range(points.plain):
         lead, second, third = points.share[kind, q, 0], points.share[kind, q, 1], points.share[kind, q, 2]
         at_x, at_y, level = x + second * ax + third * bx, y + second * ay + third * by, 0.0
         px, py, rx, ry = ax, ay, bx, by
         for k in range(3 if special else 0):
-            at_x += points.side[kind, q, k, 0] * bend[k, 0]
-            at_y += points.side[kind, q, k, 0] * bend[k, 1]
-            px += points.side[kind, q, k, 1] * bend[k, 0]
-            py += points.side[kind, q, k, 1] * bend[k, 1]
-            rx += points.side[kind, q, k, 2] * bend[k, 0]
-            ry += points.side[kind, q, k, 2] * bend[k, 1]
+            at_x += points.side[kind, q, k, 0] * offset[k, 0]
+            at_y += points.side[kind, q, k, 0] * offset[k, 1]
+            px += points.side[kind, q, k, 1] * offset[k, 0]
+            py += points.side[kind, q, k, 1] * offset[k, 1]
+            rx += points.side[kind, q, k, 2] * offset[k, 0]
+            ry += points.side[kind, q, k, 2] * offset[k, 1]
         f, f_x, f_y, f_xx, f_xy, f_yy = source_at(data, e, at_x, at_y)
-        doubled, ex, ey, share = px * ry - py * rx, rx - px, ry - py, 0.5 * points.weight[kind, q]
+        doubled, ex, ey, w = px * ry - py * rx, rx - px, ry - py, 0.5 * points.weight[kind, q]
         # derivatives of f D by the position of the first corner
-        rate_x, rate_y = share * (doubled * lead * f_x - f * ey), share * (doubled * lead * f_y + f * ex)
+        rate_x, rate_y = w * (doubled * lead * f_x - f * ey), w * (doubled * lead * f_y + f * ex)
         for i in range(points.value.shape[2]):
             value = points.value[kind, q, i]
             level += local[i] * value
-            row = block.place[j, i]
+            row = block.dof[j, i]
             if wanted > VALUE and row >= 0:
                 value *= block.sign[j, i]
-                block.rest[row] -= share * f * doubled * value
+                block.rest[row] -= w * f * doubled * value
                 block.mixed[row, 0] -= rate_x * value
                 block.mixed[row, 1] -= rate_y * value
-        pull = share * f * doubled * level
-        size += abs(pull)
+        pull = w * f * doubled * level
+        magnitude += abs(pull)
         total -= pull
         by_x -= rate_x * level
         by_y -= rate_y * level
-        xx -= share * level * lead * (doubled * lead * f_xx - 2.0 * ey * f_x)
-        xy -= share * level * lead * (doubled * lead * f_xy - ey * f_y + ex * f_x)
-        yy -= share * level * lead * (doubled * lead * f_yy + 2.0 * ex * f_y)
-    return size, total, by_x, by_y, xx, xy, yy
+        xx -= w * level * lead * (doubled * lead * f_xx - 2.0 * ey * f_x)
+        xy -= w * level * lead * (doubled * lead * f_xy - ey * f_y + ex * f_x)
+        yy -= w * level * lead * (doubled * lead * f_yy + 2.0 * ex * f_y)
+    return magnitude, total, by_x, by_y, xx, xy, yy
