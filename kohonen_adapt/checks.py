@@ -52,10 +52,10 @@ def check_tolerance(name: str, value: object) -> None:
         raise ValueError(f"{name} must be a finite number >= 0, or None; got {value!r}.")
 
 
-def check_hook(name: str, hook: object, told: str) -> None:
-    """Raise ValueError unless `hook` is a function of the arguments `told`, or None."""
+def check_hook(name: str, hook: object, expected: str) -> None:
+    """Raise ValueError unless `hook` is a function of the arguments `expected`, or None."""
     if hook is not None and not callable(hook):
-        raise ValueError(f"{name} must be a function of {told}, or None; got {hook!r}.")
+        raise ValueError(f"{name} must be a function of {expected}, or None; got {hook!r}.")
 
 
 def check_state(

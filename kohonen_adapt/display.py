@@ -49,10 +49,10 @@ def outlined_facets(mesh: MeshTri) -> Ints:
 def straight_and_curved(mesh: MeshTri, facets: Ints) -> tuple[Ints, Floats]:
     """Return straight facets, and points on the curved facets, (2, PARTS + 1, n)."""
     off = facet_midside_offsets(mesh)[:, facets]
-    bent = np.any(off, axis=0)
+    curved = np.any(off, axis=0)
     share = np.linspace(0.0, 1.0, PARTS + 1)[:, None]
-    (a, b), bow = np.moveaxis(mesh.p[:, mesh.facets[:, facets[bent]]], 1, 0)[:, :, None], off[:, None, bent]
-    return facets[~bent], (1.0 - share) * a + share * b + 4.0 * share * (1.0 - share) * bow
+    (a, b), bow = np.moveaxis(mesh.p[:, mesh.facets[:, facets[curved]]], 1, 0)[:, :, None], off[:, None, curved]
+    return facets[~curved], (1.0 - share) * a + share * b + 4.0 * share * (1.0 - share) * bow
 
 
 def counted(count: int, what: str) -> str:

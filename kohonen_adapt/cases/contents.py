@@ -50,7 +50,7 @@ class Case:
 
     mesh: Path
     scale: float
-    stated: Magnetostatics | MagneticScalarPotential
+    base_problem: Magnetostatics | MagneticScalarPotential
     adapt: dict[str, Any]
     outputs: dict[str, Quantity]
     turn: dict[str, float] = field(default_factory=dict)
@@ -87,24 +87,24 @@ class Case:
         OSError
             If the file cannot be read.
         """
-        if isinstance(self.stated, MagneticScalarPotential):
-            return self.stated
+        if isinstance(self.base_problem, MagneticScalarPotential):
+            return self.base_problem
         if self.mesh.is_file() and type(self.drawn) is TETRAHEDRON.mesh:
-            return in_space(self.stated)
-        return self._turned(self._with_points(self.stated))
+            return in_space(self.base_problem)
+        return self._turned(self._with_points(self.base_problem))
 
     @property
     def goal(self) -> Goal | None:
         """Goal of the problem."""
         return self.problem.goal
 
-    def _with_points(self, stated: Magnetostatics) -> Magnetostatics:
-        given = stated.boundaries
+    def _with_points(self, base_problem: Magnetostatics) -> Magnetostatics:
+        given = base_problem.boundaries
         wanted = given.potential.keys() - given.points.keys()
         if not wanted or not self.mesh.is_file():
-            return stated
+            return base_problem
         found = {name: self.scale * places for name, places in self.groups.places.items() if name in wanted}
-        return replace(stated, points={**given.points, **found}) if found else stated
+        return replace(base_problem, points={**given.points, **found}) if found else base_problem
 
     def _turned(self, problem: Magnetostatics) -> Magnetostatics:
         if not self.turn:
@@ -127,7 +127,7 @@ class Case:
         mesh = read_mesh(self.mesh, scale=self.scale)
         check_kind(mesh, curved=True, space=True)
         _check_turn(mesh, self.turn)
-        mesh = corners_of(mesh) if self.turn or self.stated.order == 1 else mesh
+        mesh = corners_of(mesh) if self.turn or self.base_problem.order == 1 else mesh
         return _with_rim(mesh, self.rim) if self.rim else mesh
 
     @property
@@ -194,12 +194,12 @@ class Case:
             return {**self.adapt, "pinned": self.pins(mesh)}
         curves = dict(self.adapt.get("curves") or {})
         taken = np.concatenate([[], *(np.asarray((mesh.boundaries or {}).get(name, [])) for name in curves)])
-        told = dict[str, Arc | Line | Spline]()
+        around_bodies = dict[str, Arc | Line | Spline]()
         for each in self.outputs.values():
-            told |= bores(mesh, each.bodies, each.centre) if each.centre is not None else {}
+            around_bodies |= bores(mesh, each.bodies, each.centre) if each.centre is not None else {}
         paired = {name for pair in self.adapt.get("periodic", self.problem.pairs) for name in pair[:2]}
         shown = {} if self.turn or is_second_order(mesh) else shown_curves(self.mesh, mesh, self.scale)
-        for name, curve in (shown | told).items():
+        for name, curve in (shown | around_bodies).items():
             facets = np.asarray(mesh.boundaries[name])
             if name not in paired and not np.isin(facets, taken).any():
                 curves[name], taken = curve, np.append(taken, facets)
@@ -211,7 +211,7 @@ def _check_turn(mesh: Mesh, turn: dict[str, float]) -> None:
         raise ValueError("turn is for meshes of triangles only; draw the turned part at its angle.")
 
 
-def in_space(stated: Magnetostatics) -> MagneticScalarPotential:
+def in_space(problem: Magnetostatics) -> MagneticScalarPotential:
     """Return the problem for tetrahedra of a case that is also valid in the plane.
 
     Raises
@@ -219,12 +219,12 @@ def in_space(stated: Magnetostatics) -> MagneticScalarPotential:
     ValueError
         If the case has settings that are valid in the plane only.
     """
-    plain = Magnetostatics(stated.materials, stated.potential or {"": 0.0}, estimator=stated.estimator)
+    plain = Magnetostatics(problem.materials, problem.potential or {"": 0.0}, estimator=problem.estimator)
     shared = ("materials", "potential", "estimator", "goal")
-    alone = [each.name for each in fields(stated) if each.name not in shared and not _same(each.name, stated, plain)]
+    alone = [each.name for each in fields(problem) if each.name not in shared and not _same(each.name, problem, plain)]
     if alone:
         raise ValueError(f"{', '.join(alone)}: for meshes of triangles only, but the mesh is one of tetrahedra.")
-    return MagneticScalarPotential(**{name: getattr(stated, name) for name in shared})
+    return MagneticScalarPotential(**{name: getattr(problem, name) for name in shared})
 
 
 def _same(name: str, one: Magnetostatics, other: Magnetostatics) -> bool:

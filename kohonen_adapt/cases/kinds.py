@@ -47,8 +47,8 @@ class UnknownKeyError(ValueError):
         The key.
     """
 
-    def __init__(self, said: str, key: str) -> None:
-        super().__init__(said)
+    def __init__(self, text: str, key: str) -> None:
+        super().__init__(text)
         self.key = key
 
 
@@ -189,13 +189,13 @@ def called(make: Callable[..., Any], values: Mapping[str, Any], place: str) -> A
 
 def made_by_name(makers: Mapping[str, Callable[..., Any]], key: str, given: Any, place: str) -> Any:
     """Call the maker that `key` of a table names, with its other keys as arguments."""
-    said = f"one of {', '.join(map(repr, makers))}"
-    entries = Kind((dict,), f"a table with a key {key}, {said}", read=TABLE)(given, place)
+    text = f"one of {', '.join(map(repr, makers))}"
+    entries = Kind((dict,), f"a table with a key {key}, {text}", read=TABLE)(given, place)
     name = entries.pop(key, None)
     if name is None:
-        raise ValueError(f"{_below(place, key)} is missing; it must be {said}.")
+        raise ValueError(f"{_below(place, key)} is missing; it must be {text}.")
     if not isinstance(name, str) or name not in makers:
-        raise ValueError(f"{_below(place, key)} must be {said}; got {_shown(name)}.{nearest_name(name, makers)}")
+        raise ValueError(f"{_below(place, key)} must be {text}; got {_shown(name)}.{nearest_name(name, makers)}")
     return made(makers[name], entries, place)
 
 
@@ -223,7 +223,7 @@ def _below(place: str, key: str) -> str:
 
 def _shown(given: Any) -> str:
     try:
-        said = repr(given)
+        text = repr(given)
     except ValueError:  # an integer with more digits than Python formats
         return "a huge integer"
-    return said if len(said) <= SHOWN else f"{said[:SHOWN]}..."
+    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."

@@ -86,12 +86,12 @@ def read_case(path: Path) -> Case:
         raise ValueError(f"{path}: a case has at most {LARGEST} bytes; this has {size}.")
     content = path.read_bytes()
     try:
-        said = content.decode("utf-8")
-        given = tomllib.loads(said)
+        decoded = content.decode("utf-8")
+        given = tomllib.loads(decoded)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: is not TOML: {error}. {_remedy(path)}") from None
     with about(path):
-        return replace(case_of(given, path.parent), file=path.name, text=said)
+        return replace(case_of(given, path.parent), file=path.name, text=decoded)
 
 
 def _remedy(path: Path) -> str:
@@ -208,7 +208,7 @@ def fitting_mesh(case: Case) -> MeshTri:
         drawn = case.drawn
         check_names_written(drawn)  # the results have the names of the mesh
         _ = case.groups  # read now, because the results need the groups after a long run
-    _check_dimension(case.stated, drawn)
+    _check_dimension(case.base_problem, drawn)
     mesh = turned_mesh(drawn, case.turn)
     if len(case.pins(mesh)) < len(case.pins(drawn)):
         raise ValueError("turn must not move groups of points; the mesh file has some in a turned subdomain.")
@@ -241,9 +241,9 @@ def _check_file(path: Path) -> None:
     raise ValueError(f"mesh must be the path of a mesh file, relative to the case; there is no file '{path}'.{near}")
 
 
-def _check_dimension(stated: Magnetostatics | MagneticScalarPotential, mesh: Mesh) -> None:
-    if isinstance(stated, MagneticScalarPotential) and cell_of(mesh) is TRIANGLE:
-        keys = _keys_of_space(stated.materials, stated.applied_field, stated.goal, stated.symmetry or None)
+def _check_dimension(problem: Magnetostatics | MagneticScalarPotential, mesh: Mesh) -> None:
+    if isinstance(problem, MagneticScalarPotential) and cell_of(mesh) is TRIANGLE:
+        keys = _keys_of_space(problem.materials, problem.applied_field, problem.goal, problem.symmetry or None)
         solid = ", ".join(keys) or "symmetry"
         raise ValueError(
             f"the mesh is one of triangles, but the case has {solid}, for tetrahedra. Vectors in the plane "
@@ -268,7 +268,7 @@ def _check_names(case: Case, mesh: MeshTri) -> None:
 def _blank(problem: Magnetostatics | MagneticScalarPotential, mesh: MeshTri) -> Field | SolidField:
     """Return a zero field of order 1 for checks of goals and outputs."""
     if isinstance(problem, MagneticScalarPotential):
-        return problem.stated(mesh)[1]
+        return problem.functional_on(mesh)[1]
     given = coefficients(mesh, problem.materials, problem.ampere_turns)
     symmetry = AXISYMMETRIC if problem.axisymmetric else PLANAR
     return Field(mesh, np.zeros(mesh.nvertices), given, symmetry, problem.depth)

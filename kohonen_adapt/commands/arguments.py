@@ -213,8 +213,8 @@ def _add_folder(command: Any, required: bool = False) -> None:
     _add_file(command, "DIR", "folder for the results, created if missing", required)
 
 
-def _add_file(command: Any, what: str, said: str, required: bool = False) -> None:
-    command.add_argument("-o", "--out", metavar=what, type=Path, required=required, help=said)
+def _add_file(command: Any, what: str, text: str, required: bool = False) -> None:
+    command.add_argument("-o", "--out", metavar=what, type=Path, required=required, help=text)
 
 
 class _OldSpelling(argparse.Action):

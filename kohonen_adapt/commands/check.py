@@ -112,8 +112,8 @@ def _radii(radii: Floats) -> str:
     texts = list(dict.fromkeys(f"{radius:.4g}" for radius in np.sort(radii)))
     if not texts:
         return ""
-    said = ", ".join(texts) if len(texts) <= LISTED else f"{texts[0]} to {texts[-1]}"
-    return f" (radius {said} m)"
+    text = ", ".join(texts) if len(texts) <= LISTED else f"{texts[0]} to {texts[-1]}"
+    return f" (radius {text} m)"
 
 
 def faults(mesh: Mesh, scale: float = 1.0) -> Iterator[str]:
@@ -186,10 +186,10 @@ def coarse_arcs(movable: MovableMesh) -> Iterator[str]:
 
 def _names(mesh: Mesh) -> Iterator[str]:
     count, name, (inside, around) = _memberships(mesh), plural(cell_of(mesh).name), GROUPS[len(mesh.p)]
-    for which, said in ((count == 0, "no subdomain"), (count > 1, "more than one subdomain")):
+    for which, text in ((count == 0, "no subdomain"), (count > 1, "more than one subdomain")):
         if which.any():
             yield (
-                f"{np.sum(which)} {name} are in {said}, one near {_middle(mesh, np.argmax(which))}: a case needs "
+                f"{np.sum(which)} {name} are in {text}, one near {_middle(mesh, np.argmax(which))}: a case needs "
                 f"exactly one material for each. Give every {inside} one physical group, or name the materials so that "
                 "they do not overlap."
             )

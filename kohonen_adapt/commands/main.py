@@ -121,7 +121,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
         return DONE
     folder = writable_folder(arguments.out) if arguments.resume is None else arguments.resume
     passes = _Passes(terminal, case.adapt.get("passes", PASSES))
-    run = CaseRun(case, mesh, folder, progress=passes.show, told=passes.report)
+    run = CaseRun(case, mesh, folder, progress=passes.show, report=passes.report)
     if finished := run.begin(resume=arguments.resume is not None, force=arguments.force):
         terminal.say(f"Continuing after pass {finished - 1}, the last finished pass in {folder}.")
     command = shlex.join(["kohonen-adapt", "run", str(arguments.case), "--resume", str(folder)])

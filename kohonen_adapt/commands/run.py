@@ -40,7 +40,7 @@ class CaseRun:
         Existing folder for the results.
     progress
         Function of pass and step, as for `adapt`, with the step "write" added.
-    told
+    report
         Function of the result so far, called after the files of every pass are written.
     """
 
@@ -48,7 +48,7 @@ class CaseRun:
     mesh: MeshTri
     folder: Path
     progress: Callable[[int, str], Any]
-    told: Callable[[AdaptResult], Any]
+    report: Callable[[AdaptResult], Any]
     _written: MeshTri | None = field(default=None, init=False)
 
     @property
@@ -117,7 +117,7 @@ class CaseRun:
     def _interim(self, result: AdaptResult) -> None:
         (self.passes / ENDED).unlink(missing_ok=True)
         self._write(result)
-        self.told(result)
+        self.report(result)
 
     def _write(self, result: AdaptResult) -> None:
         self.progress(result.history[-1].number, "write")

@@ -37,7 +37,7 @@ def angles_described(mesh: MeshTet) -> str:
 
 def surfaces_described(movable: MovableSolid) -> list[str]:
     surfaces, number = movable.surfaces, movable.freedom.number
-    shapes = [_counted_shape(surfaces.size[surfaces.shape == shape], said) for shape, said in SHAPES.items()]
+    shapes = [_counted_shape(surfaces.size[surfaces.shape == shape], text) for shape, text in SHAPES.items()]
     inside, faces, ridges, held = (np.sum(number == kind) for kind in (INSIDE, ON_PATCH, ON_RIDGE, HELD))
     return [
         f"surfaces: {len(surfaces.shape)}, {', '.join(filter(None, shapes)) or 'of unknown shape'}; "

@@ -86,11 +86,11 @@ def sweep_case(arguments: argparse.Namespace, terminal: Terminal) -> int:
     command = ["kohonen-adapt", "sweep", str(arguments.case), *(f"--over={each}" for each in arguments.over)]
     terminal.say(f"To continue after an interruption: {shlex.join([*command, '--resume', str(folder)])}")
 
-    def told(done: int, count: int) -> None:
+    def show_progress(done: int, count: int) -> None:
         terminal.show(f"{done} of {count} cases")
 
     with _executor(arguments) as executor:
-        result = sweep(outputs, grid, executor=executor, folder=folder / CASES, progress=told)
+        result = sweep(outputs, grid, executor=executor, folder=folder / CASES, progress=show_progress)
     result.to_csv(folder / TABLE)
     terminal.say(result)
     picture = drawn(terminal, folder, lambda: _draw(result, folder), "the picture")

@@ -35,12 +35,12 @@ class Terminal(logging.Handler):
         self._shown = 0  # columns of the step
         self.warnings = list[str]()
 
-    def say(self, said: object) -> None:
+    def say(self, text: object) -> None:
         if not self._quiet:
-            self._write_line(said, sys.stdout)
+            self._write_line(text, sys.stdout)
 
-    def complain(self, said: object) -> None:
-        self._write_line(f"kohonen-adapt: {said}", sys.stderr)
+    def complain(self, text: object) -> None:
+        self._write_line(f"kohonen-adapt: {text}", sys.stderr)
 
     def warn(self, message: Warning | str, *where: Any, **stream: Any) -> None:
         if str(message) not in self.warnings:
@@ -66,10 +66,10 @@ class Terminal(logging.Handler):
             sys.stderr.flush()
             self._shown = len(step)
 
-    def _write_line(self, said: object, stream: TextIO) -> None:
+    def _write_line(self, text: object, stream: TextIO) -> None:
         if self._shown:
             self.show("")
-        stream.write(f"{said}\n")
+        stream.write(f"{text}\n")
         stream.flush()
 
 

@@ -91,8 +91,8 @@ def _with_bent_sides(mesh: MeshTri, content: Content, used: Ints, path: Path, sc
     _check_points(content.points[np.append(used, middle)], path, "midside node")
     position = scale * content.points[:, :2].T
     segments = np.column_stack([used[mesh.facets[0]], middle, used[mesh.facets[1]]])
-    bent = _is_bent(segments, position)
-    return with_midsides(mesh, np.ascontiguousarray(position[:, middle])) if bent.any() else mesh
+    curved = _is_bent(segments, position)
+    return with_midsides(mesh, np.ascontiguousarray(position[:, middle])) if curved.any() else mesh
 
 
 def _check_shapes(content: Content, path: Path) -> None:
@@ -210,8 +210,8 @@ def _report(mesh: MeshTri, content: Content, path: Path) -> None:
     sizes, unused = (mesh.p.shape[1], mesh.t.shape[1]), len(content.points) - mesh.p.shape[1]
     names = sorted(mesh.subdomains or ()), sorted(mesh.boundaries or ())
     kind = "triangles with curved sides" if has_bent_sides(mesh) else "triangles"
-    said = "read '%s': %d nodes, %d %s, subdomains %s, boundaries %s; %d unused nodes dropped."
-    logger.info(said, path, *sizes, kind, *names, unused)
+    text = "read '%s': %d nodes, %d %s, subdomains %s, boundaries %s; %d unused nodes dropped."
+    logger.info(text, path, *sizes, kind, *names, unused)
     if mesh.subdomains:
         bare = np.ones(mesh.t.shape[1], dtype=bool)
         bare[np.concatenate(list(mesh.subdomains.values()))] = False
@@ -247,11 +247,11 @@ def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict
     position = scale * content.points[:, :2].T
     check_finite(position[:, middle].T, path, "read_curves", "midside node")
     segments = np.column_stack([ends[:, 0], middle, ends[:, 1]])
-    bent = _is_bent(segments, position)
+    curved = _is_bent(segments, position)
     curves = {}
     for name, members in named.items():
         which = np.searchsorted(facets, members)
-        if bent[which].any():
+        if curved[which].any():
             polylines = polylines_of(segments[which], position)
             curves[name] = Spline.of_pieces([(position[:, line.nodes], line.closed) for line in polylines])
     logger.info("curved boundaries of '%s': %s.", path, curves or "none")

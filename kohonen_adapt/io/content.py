@@ -257,6 +257,6 @@ def refusing(path: Path, message: str) -> Iterator[None]:
     except MemoryError:
         raise ValueError(f"'{path}' does not fit into memory.") from None
     except (ArithmeticError, LookupError, SyntaxError, TypeError, ValueError) as error:
-        said = f"{error.args[0]} is missing" if isinstance(error, KeyError) else str(error)
-        line = "".join(sign if sign.isprintable() else " " for sign in said[: 2 * SHOWN])
-        raise ValueError(message.format(line if len(said) <= SHOWN else f"{line[:SHOWN]}...")) from error
+        text = f"{error.args[0]} is missing" if isinstance(error, KeyError) else str(error)
+        line = "".join(sign if sign.isprintable() else " " for sign in text[: 2 * SHOWN])
+        raise ValueError(message.format(line if len(text) <= SHOWN else f"{line[:SHOWN]}...")) from error

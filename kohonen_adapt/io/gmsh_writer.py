@@ -120,8 +120,8 @@ def _points(nodes: dict[int, Ints], names: dict[int, str], unnamed: str, *, firs
     used = np.unique(np.concatenate([np.empty(0, np.int64), *nodes.values()]))
     tags = [np.array([tag for tag, members in nodes.items() if node in members], np.int64) for node in used]
     number = first + np.arange(len(used))
-    said = {tag: name for tag, name in names.items() if name != unnamed.format(tag)}
-    return Layer(0, used[:, None], number, np.arange(len(used)), tags, said)
+    names_used = {tag: name for tag, name in names.items() if name != unnamed.format(tag)}
+    return Layer(0, used[:, None], number, np.arange(len(used)), tags, names_used)
 
 
 def _write_rows(stream: TextIO, row: str, table: NDArray[Any]) -> None:

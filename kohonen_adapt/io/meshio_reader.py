@@ -181,11 +181,11 @@ def _add_names(mesh: Any, suffix: str, data: bytes) -> None:
 
 
 def _quietly(read: Callable[[str], Any], path: Path) -> Any:
-    said = StringIO()
-    with warnings.catch_warnings(), redirect_stderr(said):
+    output = StringIO()
+    with warnings.catch_warnings(), redirect_stderr(output):
         warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
         mesh = read(str(path))
-    words = " ".join(said.getvalue().split())
+    words = " ".join(output.getvalue().split())
     if "cannot handle" in words:
         raise ValueError(words)
     if words:

@@ -109,8 +109,8 @@ def _turn_alike(triangles: Ints) -> bool:
 def _report(mesh: MeshTet, content: Content, path: Path) -> None:
     sizes, unused = (mesh.p.shape[1], mesh.t.shape[1]), len(content.points) - mesh.p.shape[1]
     names = sorted(mesh.subdomains or ()), sorted(mesh.boundaries or ())
-    said = "read '%s': %d nodes, %d tetrahedra, subdomains %s, boundaries %s; %d unused nodes dropped."
-    logger.info(said, path, *sizes, *names, unused)
+    text = "read '%s': %d nodes, %d tetrahedra, subdomains %s, boundaries %s; %d unused nodes dropped."
+    logger.info(text, path, *sizes, *names, unused)
     curves = sorted({name for (dimension, _), name in content.names.items() if dimension == 1})
     if curves:
         logger.warning("groups of lines of '%s' are left out of a mesh of tetrahedra: %s.", path, curves)

@@ -393,8 +393,8 @@ class Block(NamedTuple):
         numbers = np.empty(1, dtype=np.int32), np.empty(1), dof, sign
         local, across, vectors = np.empty((5, functions)), np.empty((functions, 2)), np.empty((3, unknowns))
         table, mixed, far_end = np.empty((unknowns, unknowns)), np.empty((unknowns, 2)), np.empty(unknowns, np.int32)
-        rooms = far_end, local[:4], local[4], np.empty((5, 3, 2)), across, np.empty((functions, functions + 3))
-        return cls(*numbers, *rooms, table, vectors[0], mixed, vectors[1], vectors[2])
+        scratch = far_end, local[:4], local[4], np.empty((5, 3, 2)), across, np.empty((functions, functions + 3))
+        return cls(*numbers, *scratch, table, vectors[0], mixed, vectors[1], vectors[2])
 
 
 @record

@@ -147,7 +147,7 @@ class MagneticScalarPotential:
         NotConverged
             If Newton's method does not converge (a kind of LinAlgError); its `field` is the last iterate.
         """
-        energy, field = self.stated(mesh)
+        energy, field = self.functional_on(mesh)
         steps, values = tuple[NewtonStep, ...](), energy.conditions.values
         if energy.coefficients.nonlinear_materials:
             # A start from another mesh would take three times as many steps, because the interpolation error of the
@@ -174,9 +174,9 @@ class MagneticScalarPotential:
         ValueError
             As in `solve`, except for equations that have no finite solution.
         """
-        self.stated(mesh)
+        self.functional_on(mesh)
 
-    def stated(self, mesh: MeshTet) -> tuple[CoenergyFunctional, SolidField]:
+    def functional_on(self, mesh: MeshTet) -> tuple[CoenergyFunctional, SolidField]:
         """Return the functional to minimise on a mesh, and the field before the solve.
 
         Parameters

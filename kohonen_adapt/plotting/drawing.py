@@ -269,8 +269,8 @@ def draw_elements(
 
 def _draw_facets(axes: Axes, mesh: MeshTri, facets: Ints, unit: str, colour: str, width: float) -> None:
     for part in np.array_split(facets, max(1, -(-len(facets) // LONGEST))):
-        straight, bent = straight_and_curved(mesh, part)
-        for points in (mesh.p[:, mesh.facets[:, straight]], bent):
+        straight, curved = straight_and_curved(mesh, part)
+        for points in (mesh.p[:, mesh.facets[:, straight]], curved):
             if not points.size:
                 continue
             gaps = np.full((2, 1, points.shape[2]), np.nan)

@@ -101,9 +101,9 @@ def _mesh(shown: Flat, unit: str) -> dict[str, Any]:
     if shown.element is not None:
         cut = {"edges": packed(mesh.facets[:, shown.sides].T, "u4"), "elements": packed(shown.element, "u4")}
     centre = 0.5 * (mesh.p.min(axis=1) + mesh.p.max(axis=1))
-    straight, bent = straight_and_curved(mesh, outlined_facets(mesh))
-    along = mesh.nvertices + np.arange(bent[0].size).reshape(bent.shape[1:])
-    points = np.hstack([mesh.p[:, : mesh.nvertices], bent.reshape(2, -1)])
+    straight, curved = straight_and_curved(mesh, outlined_facets(mesh))
+    along = mesh.nvertices + np.arange(curved[0].size).reshape(curved.shape[1:])
+    points = np.hstack([mesh.p[:, : mesh.nvertices], curved.reshape(2, -1)])
     lines = np.vstack([mesh.facets[:, straight].T, np.stack([along[:-1].ravel(), along[1:].ravel()], axis=1)])
     x, y = in_unit(unit) * (points - centre[:, None])
     return {

@@ -66,14 +66,14 @@ def _of_goal(step: Pass) -> list[tuple[str, str]]:
 def sentences(result: AdaptResult) -> list[str]:
     first, last = result.history[0], result.best
     relocations = len(result.history) - 1
-    said = [
+    text = [
         f"{counted(relocations, 'relocation')} {'was' if relocations == 1 else 'were'} made. {result.message}",
         f"The error estimate went from {_error(first, last)} to {_error(last, first)}"
         f"{' of the energy norm' if _in_percent(first, last) else ''}{_share(first, last)}, with "
         f"{_from_to(*(step.mesh.nvertices for step in (first, last)))} nodes.",
         *filter(None, [goal_sentence(last)]),
     ]
-    return said + [_of_output(name, first, last) for name in last.outputs]
+    return text + [_of_output(name, first, last) for name in last.outputs]
 
 
 def _in_percent(*steps: Pass) -> bool:
@@ -98,12 +98,12 @@ def _of_output(name: str, first: Pass, last: Pass) -> str:
     before, after = first.outputs[name], last.outputs[name]
     if last is first:
         return f"{name} is {after:.5g}."
-    change, said = change_of_output(before, after), ""
+    change, text = change_of_output(before, after), ""
     if changes_sign(before, after):
-        said = ", so it changed its sign"
+        text = ", so it changed its sign"
     elif change is not None:
-        said = f", by {change:+.3g}\u00a0%{' in magnitude' if before < 0.0 else ''}"
-    return f"{name} went from {before:.5g} to {after:.5g}{said}."
+        text = f", by {change:+.3g}\u00a0%{' in magnitude' if before < 0.0 else ''}"
+    return f"{name} went from {before:.5g} to {after:.5g}{text}."
 
 
 def versions() -> dict[str, str]:

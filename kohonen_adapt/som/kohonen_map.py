@@ -179,12 +179,12 @@ class KohonenMap:
     def _finder(self) -> Finder:
         movable, region = self._movable, self._trainer.neurons.elements.region.copy()
         if isinstance(movable, MovableSolid):
-            bent, locator = False, Locator(movable.tetrahedralization)
+            has_curves, locator = False, Locator(movable.tetrahedralization)
         else:
-            bent, locator = movable.curved, Locator(movable.triangulation)
+            has_curves, locator = movable.curved, Locator(movable.triangulation)
 
         def find(rows: Floats) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-            element = find_elements(self.mesh, rows.T) if bent else locator.find(rows)
+            element = find_elements(self.mesh, rows.T) if has_curves else locator.find(rows)
             return element, region[element]
 
         return find

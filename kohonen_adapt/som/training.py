@@ -67,7 +67,7 @@ class Trainer:
 
     @classmethod
     def of(cls, movable: MovableMesh | MovableSolid) -> "Trainer":
-        neurons = movable.neurons()
+        neurons = movable.kernel_mesh()
         order = along_curve(neurons.position).astype(np.int32)
         rank = np.empty_like(order)
         rank[order] = np.arange(len(order))
@@ -204,7 +204,7 @@ class Trainer:
             self.movable.flip()
         else:
             swap_elements(self.movable)
-        self.neurons = self.movable.neurons()
+        self.neurons = self.movable.kernel_mesh()
         if len(self.neurons.elements.node) > len(self.scratch[0].element_stamp):
             self.scratch = scratch_for(self.neurons)
 

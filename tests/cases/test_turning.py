@@ -95,9 +95,9 @@ def test_linkage_of_a_round_magnet_is_a_cosine_of_its_angle(folder):
 @pytest.mark.parametrize("vector", ["remanence", "coercivity"])
 def test_vectors_of_every_kind_turn(vector, folder):
     case = case_in(folder, turn={"rotor": 90.0})
-    material = dataclasses.replace(case.stated.materials["magnet"], remanence=(0.0, 0.0))
-    turns = {**vars(case), "stated": dataclasses.replace(case.stated, materials={
-        **case.stated.materials, "magnet": dataclasses.replace(material, **{vector: halbach(1.0, 2)}),
+    material = dataclasses.replace(case.base_problem.materials["magnet"], remanence=(0.0, 0.0))
+    turns = {**vars(case), "base_problem": dataclasses.replace(case.base_problem, materials={
+        **case.base_problem.materials, "magnet": dataclasses.replace(material, **{vector: halbach(1.0, 2)}),
     })}  # fmt: skip
     names = [field.name for field in dataclasses.fields(case)]
     field = getattr(type(case)(**{name: turns[name] for name in names}).problem.materials["magnet"], vector)
@@ -107,12 +107,12 @@ def test_vectors_of_every_kind_turn(vector, folder):
     np.testing.assert_allclose(field(there), [-before[1], before[0]], atol=1e-15)
     constant = case.problem.materials["magnet"].remanence
     np.testing.assert_allclose(constant, (-1.2, 0.0), atol=1e-15)
-    assert case.problem.materials["air"] == case.stated.materials["air"]
+    assert case.problem.materials["air"] == case.base_problem.materials["air"]
 
 
 def test_a_case_without_turn_does_not_look_at_its_mesh(tmp_path):
     case = case_in(tmp_path, turn={})
-    assert case.problem is case.stated
+    assert case.problem is case.base_problem
 
 
 @pytest.mark.parametrize(

@@ -339,7 +339,7 @@ def test_every_example_that_init_writes_is_a_case(name, tmp_path):
     assert len(found) >= 50
     for example, blocks in found:
         given = tomllib.loads("\n\n".join(blocks))
-        assert case_of(given, tmp_path).stated is not None, example
+        assert case_of(given, tmp_path).base_problem is not None, example
 
 
 # A square has no thin part and no circle, and nothing in it turns; an output is another key.

@@ -143,7 +143,7 @@ def test_goals_by_their_keys(folder):
     for keys, (goal, kind, unit) in goals.items():
         (folder / "case.toml").write_text(plain.replace("GOAL", f"goal = {{{keys}}}"))
         case = read_case(folder / "case.toml")
-        assert case.problem.goal == goal and isinstance(case.stated, kind) and case.problem.goal_unit == unit
+        assert case.problem.goal == goal and isinstance(case.base_problem, kind) and case.problem.goal_unit == unit
         assert isinstance(case.problem, MagneticScalarPotential)
 
 
@@ -155,7 +155,7 @@ def test_keys_of_space_and_of_the_plane_are_told_apart(folder, capsys):
     assert "order: for meshes of triangles only" in capsys.readouterr().err
     (folder / "case.toml").write_text(plain.replace("order = 2", ""))
     case = read_case(folder / "case.toml")
-    assert isinstance(case.stated, Magnetostatics) and isinstance(case.problem, MagneticScalarPotential)
+    assert isinstance(case.base_problem, Magnetostatics) and isinstance(case.problem, MagneticScalarPotential)
     for key in ("z", "x"):
         text = (EXAMPLES / "magnet.toml").read_text().replace('"c_core.msh"', repr(str(EXAMPLES / "c_core.msh")))
         text += f'\n[outputs.pull]\nquantity = "flux_density"\nat = [0.05, 0.04]\ncomponent = "{key}"\n'

@@ -104,7 +104,7 @@ class MovableMesh:
     def tessellation(self) -> Triangulation:
         return self.triangulation
 
-    def neurons(self) -> Neurons:
+    def kernel_mesh(self) -> Neurons:
         tri = self.triangulation
         return Neurons(tri.position, tri.elements, tri.star, self.constraints)
 

@@ -133,8 +133,8 @@ class Outline:
             on = (self.curve_index == number)[chain[nodes]] & (chains.shape == TABLED)[chain[nodes]]
             if on.any():
                 target[on] = projected(curve, triangulation.position[nodes[on]], name)
-        still = STILL * np.max(np.ptp(triangulation.position, axis=0))
-        move_to_targets(triangulation.position, triangulation.star, nodes, target, still, floor)
+        tolerance = STILL * np.max(np.ptp(triangulation.position, axis=0))
+        move_to_targets(triangulation.position, triangulation.star, nodes, target, tolerance, floor)
 
     def sagitta(self, triangulation: Triangulation) -> float:
         return farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)[0]

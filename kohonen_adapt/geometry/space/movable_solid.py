@@ -102,7 +102,7 @@ class MovableSolid:
     def tessellation(self) -> Tetrahedralization:
         return self.tetrahedralization
 
-    def neurons(self) -> Neurons:
+    def kernel_mesh(self) -> Neurons:
         tet = self.tetrahedralization
         return Neurons(tet.position, tet.elements, tet.star, Constraints(self.freedom, self.surfaces, inner_nodes(tet)))
 

@@ -69,9 +69,9 @@ class Parts:
         """
         partitions = list[tuple[Nodes, NDArray[np.bool_]]]()
         for part in self.partitions:
-            deep = np.empty(len(part), dtype=np.bool_)
-            mark_interior(star, part, 1, deep, np.empty_like(part))
-            partitions.append((part, deep))
+            interior = np.empty(len(part), dtype=np.bool_)
+            mark_interior(star, part, 1, interior, np.empty_like(part))
+            partitions.append((part, interior))
         return shared_in_parts(task, self.order, *partitions)
 
     def work_off(self, queue: Queue, task: Callable[[OpenTetrahedra, Queue], float]) -> float:
