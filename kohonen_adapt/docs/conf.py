@@ -1,4 +1,7 @@
-"""Build the documentation site: `sphinx-build -W -b html kohonen_adapt/docs site`, with the dependency group docs."""
+"""Settings of the documentation site.
+
+Build the site with `sphinx-build -W -b html kohonen_adapt/docs site` and the dependency group docs.
+"""
 
 import os
 import re
@@ -43,7 +46,7 @@ html_copy_source = False
 
 
 def links_from_here(app: Sphinx, path: Path, _parent: str, content: list[str]) -> None:
-    """Let the links of an included README lead to the pages of the site, or to the files from here."""
+    """Replace the links of an included README by links to pages of the site, or to files."""
     folder = (DOCS / path).resolve().parent
 
     def from_here(link: re.Match[str]) -> str:
@@ -55,7 +58,7 @@ def links_from_here(app: Sphinx, path: Path, _parent: str, content: list[str]) -
 
 
 class Page(HTMLParser):
-    """The anchors of a page, and where it leads."""
+    """Anchors and links of a page."""
 
     def __init__(self, file: Path) -> None:
         super().__init__()
@@ -69,7 +72,7 @@ class Page(HTMLParser):
 
 
 def dead_links(folder: Path) -> list[str]:
-    """Links within the site whose file or anchor is not there, each with its page."""
+    """Return the links within the site whose file or anchor is missing, each with its page."""
     pages = {file: Page(file) for file in folder.rglob("*.html")}
     dead = []
     for file, page in pages.items():

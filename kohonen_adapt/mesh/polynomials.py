@@ -74,7 +74,7 @@ class TrialFunction(NamedTuple):
 
     @property
     def affine(self) -> bool:
-        """True if the function is affine on every element, unlike functions of order 1 around an axis."""
+        """True if the function is affine on every element, as at order 1 in the plane."""
         return self.modes is None
 
     @property

@@ -45,7 +45,7 @@ class MapMethod(ABC):
 
     @abstractmethod
     def barycentric(self, count: int, rng: np.random.Generator) -> Floats:
-        """Return uniform random points of an element, in barycentric coordinates 1 to dim, (dim, count)."""
+        """Return uniform random barycentric coordinates 1 to dim, (dim, count)."""
 
     @abstractmethod
     def ring(self, rings: Ints) -> Ints:

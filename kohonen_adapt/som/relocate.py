@@ -1,4 +1,4 @@
-"""Relocation of the nodes of triangles by recycling, the Kohonen map and transport."""
+"""Relocation of triangles by recycling, the Kohonen map and transport."""
 
 import logging
 from collections.abc import Callable

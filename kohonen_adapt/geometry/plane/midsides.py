@@ -1,4 +1,4 @@
-"""Midside nodes: recognition of curves from those of the input, and positions on curves.
+"""Recognition of curves from midside nodes, and midside nodes on curves.
 
 Sides follow the curve as far as the Jacobian determinant of every element stays well above zero.
 """
@@ -167,7 +167,7 @@ def limit_factors(triangulation: Triangulation, constraints: Constraints, rows: 
 
 
 def sufficient_factors(corners: Floats, offsets: Floats, doubled: Floats) -> Floats:
-    """Return the factors (q,) that leave elements `MIN_JACOBIAN` of their determinant.
+    """Return factors (q,) of the offsets that leave `MIN_JACOBIAN` of the determinant.
 
     With factors t of the sides, the Bernstein coefficients of the determinant are
     ``D + sum_k t_k L_k + sum_jk t_j t_k Q_jk``. Only the negative parts of L and Q are counted: then the coefficients

@@ -1,4 +1,4 @@
-"""Periodic pairs of boundaries: the rigid motion that matches both, and the matched nodes."""
+"""Periodic pairs of boundaries, their motions and their matched nodes."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple

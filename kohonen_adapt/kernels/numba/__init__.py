@@ -1,1 +1,1 @@
-"""Fence around numba: compilation of kernels, records as arguments, and a cache of machine code."""
+"""Fence around the inner modules of numba."""

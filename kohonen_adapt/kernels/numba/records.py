@@ -15,12 +15,15 @@ Record = TypeVar("Record", bound=type)
 
 
 def record(record_class: Record) -> Record:
-    """Pass a named tuple by address to kernels, which may read the fields; plain numba unpacks the tuple."""
+    """Pass a named tuple by address to kernels, which may read the fields.
+
+    Plain numba unpacks the tuple.
+    """
     if not PLAIN:
         register(record_class)
     return record_class
 
 
 def record_type(record_class: Any, fields: tuple[types.Type, ...]) -> types.Type:
-    """Return numba's type of a record with such fields."""
+    """Return the numba type of a record with fields of the given types."""
     return types.NamedTuple(fields, record_class) if PLAIN else RecordType(record_class, fields)

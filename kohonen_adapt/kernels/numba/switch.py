@@ -33,7 +33,7 @@ OVERRIDDEN_BY_CACHE = {
 
 
 def missing(modules: tuple[str, ...], overridden: dict[str, tuple[str, ...]]) -> str:
-    """Return why modules of this package cannot be used with the installed numba, or an empty string."""
+    """Return the error of an import of modules of the fence, or an empty string."""
     try:
         for path, names in overridden.items():
             module, _, owner = path.rpartition(".")
