@@ -15,7 +15,7 @@ LAST_RELEASE = {  # 0.4.0, its files counted for the chapters that they have mov
     "lines of the top level": 260,
     "lines of kernels": 3865,
     "lines of mesh": 539,
-    "lines of outline": 1937,
+    "lines of geometry": 1937,
     "lines of problem": 450,
     "lines of estimators": 782,
     "lines of som": 2072,
@@ -29,7 +29,8 @@ LAST_RELEASE = {  # 0.4.0, its files counted for the chapters that they have mov
     "lines of commands": 1394,
     "files": 153,
     "files that are too long": 5,
-    "crumbs": 25,
+    "files that are too short": 25,
+    "folders of many files": 2,
     "long functions outside of kernels": 0,
     "functions of many arguments": 8,
     "functions of many arguments in kernels": 19,
@@ -39,17 +40,21 @@ LAST_RELEASE = {  # 0.4.0, its files counted for the chapters that they have mov
     WARMUP: 61,
 }
 LIMITS = {  # what has none here may not grow beyond the last release, lines of chapters apart
-    "lines": 20_700,
-    "files": 140,
+    "lines": 40_000,
+    "files": 245,
     "files that are too long": 0,
-    "crumbs": 10,
+    "files that are too short": 10,
+    "folders of many files": 0,
+    "functions of many arguments": 7,
+    "functions of many arguments in kernels": 18,
     "longest chain of imports": 18,
 }
 NOISE = 1.2  # a busy machine takes so many times as long
 RULES = """\
 lines: of all files *.py in kohonen_adapt, blank ones and docstrings included
 too long: more than 320 lines, in kernels 400
-crumbs: files of fewer than 60 lines, but for an __init__.py that only imports and names
+too short: fewer than 60 lines, except an __init__.py that only imports and names
+many files: more than 20
 long functions: more than 40 lines without the docstring
 many arguments: more than 8, self apart
 chain of imports: files on the longest way down, imports in functions included"""

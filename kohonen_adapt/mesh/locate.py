@@ -1,6 +1,7 @@
 """Search for the elements that contain points, and interpolation at points."""
 
-from typing import TypeAlias
+from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,19 +10,46 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.grid import Grid
 from kohonen_adapt.kernels.numba.compilation import expect
+from kohonen_adapt.kernels.tetrahedron import locate as of_tetrahedra
 from kohonen_adapt.kernels.threads import even_cuts, shared
+from kohonen_adapt.kernels.triangle import locate as of_triangles
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
 from kohonen_adapt.mesh.curved import check_curved_sides, is_second_order
 from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["Locator", "find_elements", "interpolate", "walk_to_elements"]
+__all__ = ["SEARCHES", "Locator", "find_elements", "interpolate", "walk_to_elements"]
 
 FEW = 5_000  # minimum number of points per thread
 CHUNK = 500_000  # points per compiled call, so that Ctrl-C takes effect within half a second
 
 Tessellation: TypeAlias = Triangulation | Tetrahedralization
+
+
+@dataclass(frozen=True)
+class Search:
+    """Kernels that search one kind of element.
+
+    Attributes
+    ----------
+    kernels
+        Module of the kernels.
+    groups
+        Groups of `kernels/entries.py`.
+    crowd
+        Elements per cell of the grid. Tetrahedra meet many cells, hence fewer and larger cells.
+    """
+
+    kernels: Any
+    groups: tuple[str, ...]
+    crowd: int
+
+
+SEARCHES: dict[type, Search] = {
+    Triangulation: Search(kernels=of_triangles, groups=("locating", "carrying"), crowd=1),
+    Tetrahedralization: Search(kernels=of_tetrahedra, groups=("space locating", "space carrying"), crowd=8),
+}
 
 
 class Locator:
@@ -34,7 +62,7 @@ class Locator:
 
     def __init__(self, tessellation: Tessellation) -> None:
         elements = tessellation.elements
-        self.kernels, self.crowd = tessellation.locate_kernels, tessellation.crowd
+        self.search = SEARCHES[type(tessellation)]
         self.position = tessellation.position.copy()
         self.elements = elements._replace(
             node=elements.node.copy(), neighbour=elements.neighbour.copy(), region=np.zeros_like(elements.region)
@@ -43,10 +71,10 @@ class Locator:
 
     def _laid_grid(self) -> Grid:
         node = self.elements.node
-        grid = Grid.over(self.position, len(node) / self.crowd)
-        self.kernels.count_in_cells(self.position, node, grid)
+        grid = Grid.over(self.position, len(node) / self.search.crowd)
+        self.search.kernels.count_in_cells(self.position, node, grid)
         grid = grid._replace(content=np.empty(grid.start[-1], dtype=np.int32))
-        self.kernels.fill_cells(self.position, node, grid)
+        self.search.kernels.fill_cells(self.position, node, grid)
         return grid
 
     def find(self, points: Floats) -> NDArray[np.int32]:
@@ -67,14 +95,14 @@ class Locator:
 
         def task(thread: int, first: int, last: int) -> None:
             part = slice(first, last)
-            self.kernels.find(self.position, self.elements, points[part], self.grid, found[part])
+            self.search.kernels.find(self.position, self.elements, points[part], self.grid, found[part])
 
         shared(task, even_cuts(len(points), FEW))
         return found
 
     def barycentric_coordinates(self, points: Floats, found: Ints) -> Floats:
         out = np.empty((len(points), points.shape[1] + 1))
-        self.kernels.barycentric(self.position, self.elements.node, points, found, out)
+        self.search.kernels.barycentric(self.position, self.elements.node, points, found, out)
         return out
 
 
@@ -87,7 +115,7 @@ def walk_to_elements(
     outside the mesh, an element near the point is returned.
     """
     found, inside = np.array(start, dtype=np.int32), np.empty(len(points), dtype=np.bool_)
-    elements, kernels = tessellation.elements, tessellation.locate_kernels
+    elements, kernels = tessellation.elements, SEARCHES[type(tessellation)].kernels
     if across_regions:
         elements = elements._replace(region=np.zeros_like(elements.region))
 
@@ -108,7 +136,7 @@ def walk_to_elements(
 def locator_of(mesh: Mesh) -> Locator:
     check_kind(mesh, curved=True, space=True)
     kind = Tetrahedralization if cell_of(mesh) is TETRAHEDRON else Triangulation
-    expect(*kind.locate_groups)
+    expect(*SEARCHES[kind].groups)
     return Locator(kind.of(mesh))
 
 

@@ -1,7 +1,6 @@
 """Tetrahedral mesh as arrays that kernels change, and back with every name."""
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +8,6 @@ from skfem import MeshTet
 from skfem.mesh import MeshTet1
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.tetrahedron import locate
 from kohonen_adapt.kernels.tetrahedron.arrays import Star, Tetrahedra
 from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star
 from kohonen_adapt.mesh.adjacency import neighbours_of, positive
@@ -39,12 +37,6 @@ class Tetrahedralization:
     region_of_input
         Region of every element of the input mesh.
     """
-
-    locate_kernels: ClassVar[Any] = locate
-    locate_groups: ClassVar[tuple[str, ...]] = ("space locating", "space carrying")  # of `kernels/entries.py`
-    crowd: ClassVar[int] = (
-        8  # elements per cell of the grid of `Locator`; with more of them, an element meets fewer cells
-    )
 
     position: Floats
     elements: Tetrahedra

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +10,6 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import Elements, Star
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
-from kohonen_adapt.kernels.triangle import locate
 from kohonen_adapt.kernels.triangle.connectivity import fill_star, find_starts
 from kohonen_adapt.mesh.adjacency import neighbours_of, positive
 from kohonen_adapt.mesh.curved import corners_of
@@ -38,10 +36,6 @@ class Triangulation:
     region_of_input
         Region of every element of the input mesh.
     """
-
-    locate_kernels: ClassVar[Any] = locate
-    locate_groups: ClassVar[tuple[str, ...]] = ("locating", "carrying")  # of `kernels/entries.py`
-    crowd: ClassVar[int] = 1  # elements per cell of the grid of `Locator`
 
     position: Floats
     elements: Elements

@@ -513,7 +513,7 @@ def test_after_any_number_of_calls_nodes_are_on_the_curve_that_was_given(kind, t
             own, sliding = outline.constraints.own_chain, outline.constraints.kind == SLIDING
             assert list(outline.curves) == list(curves)
             for which, curve in enumerate(curves.values()):
-                x = mesh.p[:, sliding & (own >= 0) & (outline.given[own] == which)]
+                x = mesh.p[:, sliding & (own >= 0) & (outline.curve_index[own] == which)]
                 seen += x.shape[1]
                 assert np.abs(curve.project(x) - x).max(initial=0.0) < 1e-12 * size
             assert {tuple(x) for x in mesh.p[:, outline.constraints.kind == HELD].T} >= ends
@@ -581,7 +581,7 @@ def test_a_corner_of_a_given_curve_is_held_and_divides_it():
     mesh = square(8).with_boundaries({"angle": lambda x: (x[0] == 0) | (x[1] == 0)})
     outline = outline_of(mesh, curves={"angle": RightAngle()})
     assert outline.constraints.kind[np.all(mesh.p == 0, axis=0)] == HELD
-    assert np.sum(outline.given == 0) == 2
+    assert np.sum(outline.curve_index == 0) == 2
     for number in range(5):
         mesh = ka.relocate(mesh, peak(mesh, 0.2, 0.0), seed=number, curves={"angle": RightAngle()})
         assert np.sum(np.all(mesh.p == 0, axis=0)) == 1

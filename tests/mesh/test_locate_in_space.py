@@ -10,9 +10,8 @@ from skfem import MeshTet
 
 import kohonen_adapt as ka
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.mesh.locate import Locator, walk_to_elements
+from kohonen_adapt.mesh.locate import SEARCHES, Locator, walk_to_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
-from kohonen_adapt.mesh.triangulation import Triangulation
 
 
 def graded(n, power=8.0):
@@ -188,5 +187,5 @@ def test_shapes_for_interpolation(values, x, message):
 
 @pytest.mark.parametrize("name", ["walk_each", "count_in_cells", "fill_cells", "find", "barycentric"])
 def test_kernels_of_both_kinds_take_the_same_arguments(name):
-    loops = [getattr(kind.locate_kernels, name) for kind in (Triangulation, Tetrahedralization)]
+    loops = [getattr(search.kernels, name) for search in SEARCHES.values()]
     assert len({str(inspect.signature(interpreted(loop))) for loop in loops}) == 1 < len(loops)
