@@ -16,16 +16,16 @@ from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.stopping import stalls_by_functional
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.polishing.polish_in_space import (
+from kohonen_adapt.polishing.space.polish_in_space import (
     PLAN_IN_SPACE,
     descend_and_recycle_in_space,
     descend_in_space,
 )
-from kohonen_adapt.polishing.polish_in_space import (
+from kohonen_adapt.polishing.space.polish_in_space import (
     loops_in_space as polish_loops,
 )
-from kohonen_adapt.polishing.solid_functional import SolidFunctional
-from kohonen_adapt.polishing.transfer_in_space import transferred_in_space
+from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
+from kohonen_adapt.polishing.space.transfer_in_space import transferred_in_space
 from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.problem.protocol import Problem
 from kohonen_adapt.problem.ritz import Ritz

@@ -22,14 +22,14 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Trial,
 )
 from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star
-from kohonen_adapt.kernels.tetrahedron.descend import (
+from kohonen_adapt.kernels.tetrahedron.polish.descend import (
     LEAST_CURVATURE,
     OVERSTEP,
     derivatives,
     descend_nodes,
     parabola,
 )
-from kohonen_adapt.kernels.tetrahedron.energy import element_energy
+from kohonen_adapt.kernels.tetrahedron.polish.energy import element_energy
 from kohonen_adapt.polishing.energy_tables import tabulated
 
 derivatives, parabola = (interpreted(loop) for loop in (derivatives, parabola))

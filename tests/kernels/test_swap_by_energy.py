@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron import swap
 from kohonen_adapt.kernels.tetrahedron.arrays import RING, Queue
+from kohonen_adapt.kernels.tetrahedron.polish.swap_by_energy import enter_changed, swap_downhill
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse
-from kohonen_adapt.kernels.tetrahedron.swap_by_energy import enter_changed, swap_downhill
 
 FLOOR = 0.2
 EVERY = 1.0  # no element is as good as this

@@ -14,11 +14,11 @@ from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.arrays import Neurons
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, Constraints
-from kohonen_adapt.kernels.tetrahedron.descend import with_slivers
+from kohonen_adapt.kernels.tetrahedron.polish.descend import with_slivers
 from kohonen_adapt.kernels.tetrahedron.surfaces import slid
 from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Material
-from kohonen_adapt.polishing.polish_in_space import Descent
-from kohonen_adapt.polishing.solid_functional import SolidFunctional
+from kohonen_adapt.polishing.space.polish_in_space import Descent
+from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.problem.functional_value import functional_value
 
 LAWS = {"linear": (), "laws": (Rising(2.0), None), "laws outside": (None, Rising())}

@@ -21,10 +21,10 @@ from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, SOURCE_24TH
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES
 from kohonen_adapt.magnetostatics import Froehlich
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.polishing import surgery_in_space
-from kohonen_adapt.polishing.polish_in_space import Descent, descend_and_recycle_in_space
-from kohonen_adapt.polishing.solid_functional import SolidFunctional
-from kohonen_adapt.polishing.surgery_in_space import compute_gains, offers_of, recycle_in_space, swap_in_space
+from kohonen_adapt.polishing.space import surgery_in_space
+from kohonen_adapt.polishing.space.polish_in_space import Descent, descend_and_recycle_in_space
+from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
+from kohonen_adapt.polishing.space.surgery_in_space import compute_gains, offers_of, recycle_in_space, swap_in_space
 
 FLOOR = 0.2
 MESHES = {

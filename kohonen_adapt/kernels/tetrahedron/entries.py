@@ -23,8 +23,6 @@ from kohonen_adapt.kernels.numba.records import record_type
 from kohonen_adapt.kernels.tetrahedron import (
     arrays,
     connectivity,
-    descend,
-    energy_recycle,
     locate,
     recycle,
     search,
@@ -32,9 +30,9 @@ from kohonen_adapt.kernels.tetrahedron import (
     stars,
     surfaces,
     swap,
-    swap_by_energy,
     train,
 )
+from kohonen_adapt.kernels.tetrahedron.polish import descend, energy_recycle, swap_by_energy
 
 __all__ = ["SPACE"]
 

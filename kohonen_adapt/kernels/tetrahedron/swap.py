@@ -4,7 +4,7 @@ Edge removal triangulates the ring of nodes around an edge by the dynamic progra
 triangulations of polygonal domains", Ann. Discrete Math. 9, 1980), here for the largest worst quality
 (Shewchuk, "Two discrete optimization algorithms for the topological improvement of tetrahedral meshes",
 2002). An edge on an outer patch has an open ring, an edge on a patch between regions two rings.
-`kernels/tetrahedron/swap_by_energy.py` passes a `trial` to minimise the functional instead. With None the
+`kernels/tetrahedron/polish/swap_by_energy.py` passes a `trial` to minimise the functional instead. With None the
 quality is maximised, and numba compiles both versions.
 """
 
@@ -13,7 +13,6 @@ import numpy as np
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import ELSEWHERE, FREE, PLANE, RING, WAITS, WANTED
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of, fourth_node, has_constrained_face
-from kohonen_adapt.kernels.tetrahedron.energy import energy_on, source_along, triangle_tilts
 from kohonen_adapt.kernels.tetrahedron.geometry import (
     FLAT,
     cubed_quality_on,
@@ -21,6 +20,7 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     element_volumes,
     triangle_vectors,
 )
+from kohonen_adapt.kernels.tetrahedron.polish.energy import energy_on, source_along, triangle_tilts
 from kohonen_adapt.kernels.tetrahedron.surfaces import edge_sagitta, exceeds_sagitta
 from kohonen_adapt.kernels.tetrahedron.surgery import EQUAL, NOWHERE, replace
 

@@ -23,10 +23,10 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
-from kohonen_adapt.polishing.curved_faces import CurvedFaces
 from kohonen_adapt.polishing.energy_tables import Tables, constants_of, laws_of_regions, numbers_of_regions
+from kohonen_adapt.polishing.space.curved_faces import CurvedFaces
+from kohonen_adapt.polishing.space.surface_values import dirichlet_on
 from kohonen_adapt.polishing.stationarity import check_in_space
-from kohonen_adapt.polishing.surface_values import dirichlet_on
 from kohonen_adapt.problem.functional_value import loads_in_space, value_in_space
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz, check_matches, plane_only_term

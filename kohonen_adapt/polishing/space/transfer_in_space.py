@@ -11,7 +11,7 @@ from kohonen_adapt.mesh.adjacency import parts_of_regions
 from kohonen_adapt.mesh.locate import walk_to_elements
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
-from kohonen_adapt.polishing.solid_functional import SolidFunctional
+from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 
 __all__ = ["transferred_in_space"]
 

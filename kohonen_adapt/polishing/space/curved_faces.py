@@ -4,7 +4,7 @@ A P1 function on a mesh whose faces are inscribed in a sphere, cylinder or cone 
 The functional of the true domain is that of the mesh plus, for every sliver, ``S = volume (psi_true -
 psi_face)(grad u)``, with the gradient of the element that covers the sliver or is extended into the sliver. A
 linear Dirichlet function on an outer surface is extended as given. The polish adds ``S + |S|``, as
-`kernels/tetrahedron/slivers.py` explains.
+`kernels/tetrahedron/polish/slivers.py` explains.
 """
 
 from dataclasses import dataclass

@@ -19,7 +19,6 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     TWELFTH_COEFFICIENT,
 )
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of, gather_around
-from kohonen_adapt.kernels.tetrahedron.energy import ROUNDING, element_energy, source_along, source_around
 from kohonen_adapt.kernels.tetrahedron.geometry import (
     FLAT,
     allowed,
@@ -27,10 +26,11 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     cubed_quality_at,
     element_quality,
 )
+from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, element_energy, source_along, source_around
+from kohonen_adapt.kernels.tetrahedron.polish.slivers import UNMOVED, filled_by_split, sliver, slivers_of
+from kohonen_adapt.kernels.tetrahedron.polish.swap_by_energy import energy_of
 from kohonen_adapt.kernels.tetrahedron.recycle import enter_made, holds_edge
-from kohonen_adapt.kernels.tetrahedron.slivers import UNMOVED, filled_by_split, sliver, slivers_of
 from kohonen_adapt.kernels.tetrahedron.surgery import NOWHERE, collapse, prepare_collapse, prepare_split, split
-from kohonen_adapt.kernels.tetrahedron.swap_by_energy import energy_of
 
 UNLIMITED = np.inf
 SHRUNK = 0.8  # smallest gain of a split, relative to its first evaluation

@@ -8,8 +8,8 @@ values on the patch do not depend on the edge, which requires a plane with free 
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.tetrahedron.energy import ROUNDING, element_energy, source_along
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, element_quality, element_volumes
+from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, element_energy, source_along
 from kohonen_adapt.kernels.tetrahedron.surgery import replace
 from kohonen_adapt.kernels.tetrahedron.swap import (
     RULED_OUT,

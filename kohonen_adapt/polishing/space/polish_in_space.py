@@ -12,11 +12,11 @@ from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.geometry.space.parts import Parts
 from kohonen_adapt.kernels.arrays import Neurons
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints, Freedom, Trial
-from kohonen_adapt.kernels.tetrahedron.descend import descend_nodes
+from kohonen_adapt.kernels.tetrahedron.polish.descend import descend_nodes
 from kohonen_adapt.kernels.threads import Nodes
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.polishing.solid_functional import SolidFunctional
-from kohonen_adapt.polishing.surgery_in_space import recycle_in_space, swap_in_space
+from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
+from kohonen_adapt.polishing.space.surgery_in_space import recycle_in_space, swap_in_space
 from kohonen_adapt.problem.protocol import Problem
 
 __all__ = ["PLAN_IN_SPACE", "descend_and_recycle_in_space", "descend_in_space", "loops_in_space"]

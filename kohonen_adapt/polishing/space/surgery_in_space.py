@@ -7,10 +7,10 @@ from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.geometry.space.parts import Parts
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, PLANE, Cavity, Offers, OpenTetrahedra, Queue, Trial
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE
-from kohonen_adapt.kernels.tetrahedron.energy_recycle import exchange, weigh_collapses, weigh_splits
-from kohonen_adapt.kernels.tetrahedron.swap_by_energy import enter_changed, swap_downhill
+from kohonen_adapt.kernels.tetrahedron.polish.energy_recycle import exchange, weigh_collapses, weigh_splits
+from kohonen_adapt.kernels.tetrahedron.polish.swap_by_energy import enter_changed, swap_downhill
 from kohonen_adapt.kernels.threads import even_cuts, shared
-from kohonen_adapt.polishing.solid_functional import SolidFunctional
+from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 
 __all__ = ["recycle_in_space", "swap_in_space"]
 

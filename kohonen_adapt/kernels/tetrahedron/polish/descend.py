@@ -29,9 +29,9 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     SIXTH_FLUX_Z,
     TWELFTH_COEFFICIENT,
 )
-from kohonen_adapt.kernels.tetrahedron.energy import ROUNDING, source_around
 from kohonen_adapt.kernels.tetrahedron.geometry import allowed, sum_of_squares
-from kohonen_adapt.kernels.tetrahedron.slivers import has_slivers, sliver_gradient, slivers_around
+from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, source_around
+from kohonen_adapt.kernels.tetrahedron.polish.slivers import has_slivers, sliver_gradient, slivers_around
 from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance, slid, tangent_of_ridge, within_reach
 
 HALVINGS = 3  # of a rejected step

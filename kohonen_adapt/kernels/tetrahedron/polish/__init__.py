@@ -1,0 +1,1 @@
+"""Kernels of the energy descent on tetrahedra."""

@@ -1,0 +1,1 @@
+"""Energy descent on tetrahedra."""
