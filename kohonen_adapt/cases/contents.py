@@ -13,7 +13,7 @@ from kohonen_adapt.cases.turning import turned_materials
 from kohonen_adapt.geometry.plane.curves import Arc, Line
 from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.io import Groups, read_groups, read_mesh
-from kohonen_adapt.io.read import shown_curves
+from kohonen_adapt.io.read import curves_in_file
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
@@ -34,7 +34,7 @@ class Case:
         The mesh file.
     scale
         Metres per unit of the mesh file.
-    stated
+    base_problem
         The problem without the mesh file; `problem` is completed from the file.
     adapt
         Arguments of `kohonen_adapt.adapt` by name.
@@ -90,7 +90,7 @@ class Case:
         if isinstance(self.base_problem, MagneticScalarPotential):
             return self.base_problem
         if self.mesh.is_file() and type(self.drawn) is TETRAHEDRON.mesh:
-            return in_space(self.base_problem)
+            return as_scalar_potential(self.base_problem)
         return self._turned(self._with_points(self.base_problem))
 
     @property
@@ -98,13 +98,13 @@ class Case:
         """Goal of the problem."""
         return self.problem.goal
 
-    def _with_points(self, base_problem: Magnetostatics) -> Magnetostatics:
-        given = base_problem.boundaries
-        wanted = given.potential.keys() - given.points.keys()
+    def _with_points(self, problem: Magnetostatics) -> Magnetostatics:
+        conditions = problem.boundaries
+        wanted = conditions.potential.keys() - conditions.points.keys()
         if not wanted or not self.mesh.is_file():
-            return base_problem
+            return problem
         found = {name: self.scale * places for name, places in self.groups.places.items() if name in wanted}
-        return replace(base_problem, points={**given.points, **found}) if found else base_problem
+        return replace(problem, points={**conditions.points, **found}) if found else problem
 
     def _turned(self, problem: Magnetostatics) -> Magnetostatics:
         if not self.turn:
@@ -194,12 +194,12 @@ class Case:
             return {**self.adapt, "pinned": self.pins(mesh)}
         curves = dict(self.adapt.get("curves") or {})
         taken = np.concatenate([[], *(np.asarray((mesh.boundaries or {}).get(name, [])) for name in curves)])
-        around_bodies = dict[str, Arc | Line | Spline]()
+        bore_curves = dict[str, Arc | Line | Spline]()
         for each in self.outputs.values():
-            around_bodies |= bores(mesh, each.bodies, each.centre) if each.centre is not None else {}
+            bore_curves |= bores(mesh, each.bodies, each.centre) if each.centre is not None else {}
         paired = {name for pair in self.adapt.get("periodic", self.problem.pairs) for name in pair[:2]}
-        shown = {} if self.turn or is_second_order(mesh) else shown_curves(self.mesh, mesh, self.scale)
-        for name, curve in (shown | around_bodies).items():
+        file_curves = {} if self.turn or is_second_order(mesh) else curves_in_file(self.mesh, mesh, self.scale)
+        for name, curve in (file_curves | bore_curves).items():
             facets = np.asarray(mesh.boundaries[name])
             if name not in paired and not np.isin(facets, taken).any():
                 curves[name], taken = curve, np.append(taken, facets)
@@ -211,7 +211,7 @@ def _check_turn(mesh: Mesh, turn: dict[str, float]) -> None:
         raise ValueError("turn is for meshes of triangles only; draw the turned part at its angle.")
 
 
-def in_space(problem: Magnetostatics) -> MagneticScalarPotential:
+def as_scalar_potential(problem: Magnetostatics) -> MagneticScalarPotential:
     """Return the problem for tetrahedra of a case that is also valid in the plane.
 
     Raises
@@ -219,18 +219,22 @@ def in_space(problem: Magnetostatics) -> MagneticScalarPotential:
     ValueError
         If the case has settings that are valid in the plane only.
     """
-    plain = Magnetostatics(problem.materials, problem.potential or {"": 0.0}, estimator=problem.estimator)
+    default = Magnetostatics(problem.materials, problem.potential or {"": 0.0}, estimator=problem.estimator)
     shared = ("materials", "potential", "estimator", "goal")
-    alone = [each.name for each in fields(problem) if each.name not in shared and not _same(each.name, problem, plain)]
-    if alone:
-        raise ValueError(f"{', '.join(alone)}: for meshes of triangles only, but the mesh is one of tetrahedra.")
+    plane_only = [
+        each.name
+        for each in fields(problem)
+        if each.name not in shared and not _is_default(each.name, problem, default)
+    ]
+    if plane_only:
+        raise ValueError(f"{', '.join(plane_only)}: for meshes of triangles only, but the mesh is one of tetrahedra.")
     return MagneticScalarPotential(**{name: getattr(problem, name) for name in shared})
 
 
-def _same(name: str, one: Magnetostatics, other: Magnetostatics) -> bool:
+def _is_default(name: str, problem: Magnetostatics, default: Magnetostatics) -> bool:
     """Return True if an argument has its default value (order 1 in space)."""
-    given, default = getattr(one, name), getattr(other, name)
-    return bool(given == default and type(given) is type(default)) or (name == "order" and given == 1)
+    value, expected = getattr(problem, name), getattr(default, name)
+    return bool(value == expected and type(value) is type(expected)) or (name == "order" and value == 1)
 
 
 def _with_rim(mesh: MeshTri, name: str) -> MeshTri:

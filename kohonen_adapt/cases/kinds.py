@@ -19,12 +19,12 @@ __all__ = [
     "Kind",
     "Reader",
     "UnknownKeyError",
-    "about",
-    "called",
+    "call_checked",
     "kinds_of",
     "list_of",
-    "made",
-    "made_by_name",
+    "locate_errors",
+    "make_from_table",
+    "make_named",
     "read_table",
     "table_of",
     "tuple_of",
@@ -47,8 +47,8 @@ class UnknownKeyError(ValueError):
         The key.
     """
 
-    def __init__(self, text: str, key: str) -> None:
-        super().__init__(text)
+    def __init__(self, message: str, key: str) -> None:
+        super().__init__(message)
         self.key = key
 
 
@@ -71,45 +71,48 @@ class Kind:
     types: tuple[type, ...]
     wanted: str
     fits: Callable[[Any], bool] = lambda given: True
-    read: Reader = lambda given, place: given
+    read: Reader = lambda given, location: given
 
-    def __call__(self, given: Any, place: str) -> Any:
+    def __call__(self, given: Any, location: str) -> Any:
         if type(given) not in self.types or not self.fits(given):
             plain = {bool, int, float} & set(self.types)
             hint = " Write it without quotes." if isinstance(given, str) and plain and str not in self.types else ""
-            raise ValueError(f"{place} must be {self.wanted}; got {_shown(given)}.{hint}")
-        return self.read(given, place)
+            raise ValueError(f"{location} must be {self.wanted}; got {_shortened(given)}.{hint}")
+        return self.read(given, location)
 
 
 FLAG = Kind((bool,), "true or false")
 INTEGER = Kind((int,), f"an integer up to {LARGEST}", lambda given: abs(given) <= LARGEST)
 NUMBER = Kind(
-    (int, float), "a finite number", lambda given: abs(given) <= sys.float_info.max, lambda given, place: float(given)
+    (int, float),
+    "a finite number",
+    lambda given: abs(given) <= sys.float_info.max,
+    lambda given, location: float(given),
 )
 TEXT = Kind((str,), "text in quotes", bool)
 SCALARS = {bool: FLAG, int: INTEGER, float: NUMBER, str: TEXT}
 
 
 def table_of(read: Reader) -> Kind:
-    def read_each(given: Any, place: str) -> dict[str, Any]:
-        return {TEXT(key, f"a key of {place}"): read(value, _below(place, key)) for key, value in given.items()}
+    def read_each(given: Any, location: str) -> dict[str, Any]:
+        return {TEXT(key, f"a key of {location}"): read(value, _subkey(location, key)) for key, value in given.items()}
 
     return Kind((dict,), "a table of keys", read=read_each)
 
 
-TABLE = table_of(lambda given, place: given)
+TABLE = table_of(lambda given, location: given)
 
 
 def list_of(kind: Kind) -> Kind:
-    def read(given: Any, place: str) -> list[Any]:
-        return [kind(value, f"{place}[{k}]") for k, value in enumerate(given)]
+    def read(given: Any, location: str) -> list[Any]:
+        return [kind(value, f"{location}[{k}]") for k, value in enumerate(given)]
 
     return Kind((list,), f"[{kind.wanted}, ...]", read=read)
 
 
 def tuple_of(kinds: Sequence[Kind]) -> Kind:
-    def read(given: Any, place: str) -> tuple[Any, ...]:
-        return tuple(kind(value, f"{place}[{k}]") for k, (kind, value) in enumerate(zip(kinds, given, strict=True)))
+    def read(given: Any, location: str) -> tuple[Any, ...]:
+        return tuple(kind(value, f"{location}[{k}]") for k, (kind, value) in enumerate(zip(kinds, given, strict=True)))
 
     wanted = f"[{', '.join(kind.wanted for kind in kinds)}]"
     return Kind((list,), wanted, lambda given: len(given) == len(kinds), read)
@@ -121,7 +124,7 @@ VECTOR = Kind(
     (list,),
     f"{POINT.wanted}, or three of them in space",
     lambda given: len(given) in (2, 3),
-    lambda given, place: tuple(NUMBER(value, f"{place}[{k}]") for k, value in enumerate(given)),
+    lambda given, location: tuple(NUMBER(value, f"{location}[{k}]") for k, value in enumerate(given)),
 )
 
 
@@ -155,73 +158,79 @@ def kinds_of(make: Callable[..., Any], special: Mapping[str, Reader] | None = No
     return {name: reader for name, reader in readers.items() if reader}
 
 
-def read_table(given: Any, readers: Mapping[str, Reader], place: str, required: Iterable[str] = ()) -> dict[str, Any]:
+def read_table(
+    given: Any, readers: Mapping[str, Reader], location: str, required: Iterable[str] = ()
+) -> dict[str, Any]:
     """Return the values of a table after checking its keys.
 
-    `place` is the dotted key of the table, such as ``materials.iron``, empty for the whole case.
+    `location` is the dotted key of the table, such as ``materials.iron``, empty for the whole case.
     """
-    entries = TABLE(given, place or "a case")
+    entries = TABLE(given, location or "a case")
     for key in entries:
         if key not in readers:
-            where, near = f" in {place}" if place else "", nearest_name(key, readers)
+            where, near = f" in {location}" if location else "", nearest_name(key, readers)
             raise UnknownKeyError(
-                f"{_below(place, key)!r} is not a key of a case.{near} Known{where}: {', '.join(readers)}.", key
+                f"{_subkey(location, key)!r} is not a key of a case.{near} Known{where}: {', '.join(readers)}.", key
             )
     for key in required:
         if key not in entries:
-            raise ValueError(f"{_below(place, key)} is missing; it is required.")
-    return {key: readers[key](value, _below(place, key)) for key, value in entries.items()}
+            raise ValueError(f"{_subkey(location, key)} is missing; it is required.")
+    return {key: readers[key](value, _subkey(location, key)) for key, value in entries.items()}
 
 
-def made(make: Callable[..., Any], given: Any, place: str, special: Mapping[str, Reader] | None = None) -> Any:
+def make_from_table(
+    make: Callable[..., Any], given: Any, location: str, special: Mapping[str, Reader] | None = None
+) -> Any:
     """Return `make` called with the values of a table as arguments."""
     required = [name for name, each in signature(make).parameters.items() if each.default is Parameter.empty]
-    return called(make, read_table(given, kinds_of(make, special), place, required), place)
+    return call_checked(make, read_table(given, kinds_of(make, special), location, required), location)
 
 
-def called(make: Callable[..., Any], values: Mapping[str, Any], place: str) -> Any:
-    with about(place):
+def call_checked(make: Callable[..., Any], values: Mapping[str, Any], location: str) -> Any:
+    with locate_errors(location):
         try:
             return make(**values)
         except (ArithmeticError, RuntimeError) as error:  # extreme numbers overflow, or iterations do not converge
             raise ValueError(str(error)) from None
 
 
-def made_by_name(makers: Mapping[str, Callable[..., Any]], key: str, given: Any, place: str) -> Any:
+def make_named(makers: Mapping[str, Callable[..., Any]], key: str, given: Any, location: str) -> Any:
     """Call the maker that `key` of a table names, with its other keys as arguments."""
-    text = f"one of {', '.join(map(repr, makers))}"
-    entries = Kind((dict,), f"a table with a key {key}, {text}", read=TABLE)(given, place)
+    options = f"one of {', '.join(map(repr, makers))}"
+    entries = Kind((dict,), f"a table with a key {key}, {options}", read=TABLE)(given, location)
     name = entries.pop(key, None)
     if name is None:
-        raise ValueError(f"{_below(place, key)} is missing; it must be {text}.")
+        raise ValueError(f"{_subkey(location, key)} is missing; it must be {options}.")
     if not isinstance(name, str) or name not in makers:
-        raise ValueError(f"{_below(place, key)} must be {text}; got {_shown(name)}.{nearest_name(name, makers)}")
-    return made(makers[name], entries, place)
+        raise ValueError(
+            f"{_subkey(location, key)} must be {options}; got {_shortened(name)}.{nearest_name(name, makers)}"
+        )
+    return make_from_table(makers[name], entries, location)
 
 
 @contextmanager
-def about(place: object) -> Iterator[None]:
-    """Add `place` to the message of a ValueError."""
+def locate_errors(location: object) -> Iterator[None]:
+    """Add `location` to the message of a ValueError."""
     try:
         yield
     except ValueError as error:
-        raise ValueError(f"{place}: {error}") from None
+        raise ValueError(f"{location}: {error}") from None
 
 
 def _either(kinds: Sequence[Kind]) -> Kind:
-    def read(given: Any, place: str) -> Any:
-        return next(kind for kind in kinds if type(given) in kind.types)(given, place)
+    def read(given: Any, location: str) -> Any:
+        return next(kind for kind in kinds if type(given) in kind.types)(given, location)
 
     types = tuple(each for kind in kinds for each in kind.types)
     return Kind(types, " or ".join(kind.wanted for kind in kinds), read=read)
 
 
-def _below(place: str, key: str) -> str:
-    name = key if key.isprintable() and len(key) <= SHOWN else _shown(key)
-    return f"{place}.{name}" if place else name
+def _subkey(location: str, key: str) -> str:
+    name = key if key.isprintable() and len(key) <= SHOWN else _shortened(key)
+    return f"{location}.{name}" if location else name
 
 
-def _shown(given: Any) -> str:
+def _shortened(given: Any) -> str:
     try:
         text = repr(given)
     except ValueError:  # an integer with more digits than Python formats

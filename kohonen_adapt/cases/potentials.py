@@ -9,7 +9,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.cases.kinds import NUMBER, POINTS, Kind, called, kinds_of, read_table
+from kohonen_adapt.cases.kinds import NUMBER, POINTS, Kind, call_checked, kinds_of, read_table
 from kohonen_adapt.magnetostatics.equations.conditions import Value
 
 __all__ = ["POTENTIAL", "LinearPotential", "TabulatedPotential"]
@@ -17,8 +17,8 @@ __all__ = ["POTENTIAL", "LinearPotential", "TabulatedPotential"]
 TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)|(?P<axis>[xy]\b)|(?P<sign>[-+*/]))")
 LONGEST = 1000  # characters
 SHOWN = 20  # characters of an invalid text in a message
-BEYOND = 1e-9  # tolerance for rounding at the ends of a table, relative to its width
-WIDE = 100.0  # ratio of the widths of table and mesh that reveals a different unit
+END_TOLERANCE = 1e-9  # tolerance for rounding at the ends of a table, relative to its width
+UNIT_RATIO = 100.0  # ratio of the widths of table and mesh that reveals a different unit
 
 REMEDY = (
     'Write a sum of x and y (which are r and z around an axis) as "0.3*x - 0.1*y + 2e-3", without brackets; for curves '
@@ -52,7 +52,7 @@ class TabulatedPotential:
 
     over: Literal["x", "y"]
     points: list[tuple[float, float]]
-    place: str  # dotted key, for messages
+    location: str  # dotted key, for messages
 
     def __post_init__(self) -> None:
         if len(self.points) < 2 or not (np.diff(self._columns[0]) > 0.0).all():
@@ -67,19 +67,19 @@ class TabulatedPotential:
     def check(self, mesh: MeshTri) -> None:
         """Raise ValueError if the table is much wider than the mesh, as in another unit."""
         wide, (low, high) = np.ptp(self._columns[0]), np.sort(mesh.p["xy".index(self.over)])[[0, -1]]
-        if wide > WIDE * (high - low):
+        if wide > UNIT_RATIO * (high - low):
             raise ValueError(
-                f"{self.place}: the table is {wide:g} m wide, and the mesh reaches from {self.over} = {low:g} to "
+                f"{self.location}: the table is {wide:g} m wide, and the mesh reaches from {self.over} = {low:g} to "
                 f"{high:g} m. Give its points in metres, whatever the unit of the mesh file."
             )
 
     def __call__(self, x: Floats) -> Floats:
         at, (places, values) = x["xy".index(self.over)], self._columns
-        off = np.maximum(places[0] - at, at - places[-1])
-        if off.max(initial=0.0) > BEYOND * (places[-1] - places[0]):
+        outside = np.maximum(places[0] - at, at - places[-1])
+        if outside.max(initial=0.0) > END_TOLERANCE * (places[-1] - places[0]):
             raise ValueError(
-                f"{self.place}: the table reaches from {self.over} = {places[0]:g} to {places[-1]:g} m, and the "
-                f"boundary has a node at {at[np.argmax(off)]:g} m. Add points, in metres."
+                f"{self.location}: the table reaches from {self.over} = {places[0]:g} to {places[-1]:g} m, and the "
+                f"boundary has a node at {at[np.argmax(outside)]:g} m. Add points, in metres."
             )
         return np.interp(at, places, values)
 
@@ -91,26 +91,26 @@ class _Expression:
     ``factor = {"+" | "-"} (number | "x" | "y")``. At most one factor of a product has x or y, and none after "/" does.
     """
 
-    def __init__(self, text: str, place: str) -> None:
-        self._text, self._place, self._at = text.rstrip(), place, 0
+    def __init__(self, text: str, location: str) -> None:
+        self._text, self._location, self._at = text.rstrip(), location, 0
 
     def function(self) -> Value:
         x, y, constant = self._sum().tolist()
         if not all(map(isfinite, (x, y, constant))):
-            raise ValueError(f"{self._place} must have finite numbers; got {self._text!r}.")
+            raise ValueError(f"{self._location} must have finite numbers; got {self._text!r}.")
         return LinearPotential(x, y, constant) if x or y else constant
 
     def _sum(self) -> Floats:
         """Return the slopes over x and y and the constant, shape (3,)."""
         found = self._product()
         while self._at < len(self._text):
-            sign = self._taken("sign", "+-", wanted="+, -, * or /")
+            sign = self._next_token("sign", "+-", wanted="+, -, * or /")
             found = found + (self._product() if sign == "+" else -self._product())
         return found
 
     def _product(self) -> Floats:
         found = self._factor()
-        while sign := self._taken("sign", "*/"):
+        while sign := self._next_token("sign", "*/"):
             start = self._at
             other = self._factor()
             if other[:2].any() and (sign == "/" or found[:2].any()):
@@ -125,13 +125,13 @@ class _Expression:
 
     def _factor(self) -> Floats:
         sign = 1.0
-        while mark := self._taken("sign", "+-"):
+        while mark := self._next_token("sign", "+-"):
             sign = -sign if mark == "-" else sign
-        if axis := self._taken("axis"):
+        if axis := self._next_token("axis"):
             return sign * np.array([axis == "x", axis == "y", 0.0])
-        return np.array([0.0, 0.0, sign * float(self._taken("number", wanted="a number, x or y"))])
+        return np.array([0.0, 0.0, sign * float(self._next_token("number", wanted="a number, x or y"))])
 
-    def _taken(self, kind: str, these: str = "", wanted: str = "") -> str:
+    def _next_token(self, kind: str, these: str = "", wanted: str = "") -> str:
         """Return the next token if its kind and text fit, else an empty string.
 
         Raises
@@ -151,19 +151,21 @@ class _Expression:
         rest = self._text[start:].lstrip()
         came = repr(rest[:SHOWN]) if rest else "its end"
         character = len(self._text) - len(rest) + 1
-        return ValueError(f"{self._place} must have {wanted} at character {character}; got {came}. {REMEDY}")
+        return ValueError(f"{self._location} must have {wanted} at character {character}; got {came}. {REMEDY}")
 
 
 TABLE = kinds_of(TabulatedPotential, {"points": POINTS})
-del TABLE["place"]
+del TABLE["location"]
 
 
-def _read(given: Any, place: str) -> Value:
+def _read(given: Any, location: str) -> Value:
     if isinstance(given, str):
-        return _Expression(given, place).function()
+        return _Expression(given, location).function()
     if isinstance(given, dict):
-        return called(TabulatedPotential, {**read_table(given, TABLE, place, TABLE), "place": place}, place)
-    return NUMBER(given, place)
+        return call_checked(
+            TabulatedPotential, {**read_table(given, TABLE, location, TABLE), "location": location}, location
+        )
+    return NUMBER(given, location)
 
 
 POTENTIAL = Kind(

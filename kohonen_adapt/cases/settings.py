@@ -18,8 +18,8 @@ from kohonen_adapt.cases.kinds import (
     VECTOR,
     Reader,
     UnknownKeyError,
-    about,
     kinds_of,
+    locate_errors,
     read_table,
     table_of,
 )
@@ -86,12 +86,12 @@ def read_case(path: Path) -> Case:
         raise ValueError(f"{path}: a case has at most {LARGEST} bytes; this has {size}.")
     content = path.read_bytes()
     try:
-        decoded = content.decode("utf-8")
-        given = tomllib.loads(decoded)
+        text = content.decode("utf-8")
+        given = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: is not TOML: {error}. {_remedy(path)}") from None
-    with about(path):
-        return replace(case_of(given, path.parent), file=path.name, text=decoded)
+    with locate_errors(path):
+        return replace(case_of(given, path.parent), file=path.name, text=text)
 
 
 def _remedy(path: Path) -> str:
@@ -126,7 +126,7 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
         "materials": table_of(material_in(folder)),
         **PROBLEM,
         **SPACE,
-        "adapt": lambda value, place: read_table(value, ADAPT, place),
+        "adapt": lambda value, location: read_table(value, ADAPT, location),
         "outputs": table_of(quantity),
         "turn": table_of(NUMBER),
         "rim": TEXT,
@@ -134,7 +134,7 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
     try:
         values = read_table(given, readers, "", required=("mesh", "materials"))
     except UnknownKeyError as error:
-        raise ValueError(f"{error}{_home_of(error.key, readers)}") from None
+        raise ValueError(f"{error}{_table_hint(error.key, readers)}") from None
     problem = _problem(values)
     options, outputs, turn = (values.get(key, {}) for key in ("adapt", "outputs", "turn"))
     return Case(
@@ -174,7 +174,7 @@ def _keys_of_space(materials: Mapping[str, Material], applied_field: Any, goal: 
     return [f"{key} of three components" for key in found] + ([] if symmetry is None else ["symmetry"])
 
 
-def _home_of(key: str, top: Mapping[str, Reader]) -> str:
+def _table_hint(key: str, top: Mapping[str, Reader]) -> str:
     # In TOML, keys after a [table] belong to this table.
     if key in top:
         return f" But {key} is a key of the case itself: write it above all tables."
@@ -204,7 +204,7 @@ def fitting_mesh(case: Case) -> MeshTri:
         If the file cannot be read.
     """
     _check_file(case.mesh)
-    with about("mesh"):
+    with locate_errors("mesh"):
         drawn = case.drawn
         check_names_written(drawn)  # the results have the names of the mesh
         _ = case.groups  # read now, because the results need the groups after a long run
@@ -212,24 +212,24 @@ def fitting_mesh(case: Case) -> MeshTri:
     mesh = turned_mesh(drawn, case.turn)
     if len(case.pins(mesh)) < len(case.pins(drawn)):
         raise ValueError("turn must not move groups of points; the mesh file has some in a turned subdomain.")
-    with about("mesh"):
+    with locate_errors("mesh"):
         check_overlap(mesh)  # before the check of the problem, whose message would concern the potential
     _check_names(case, mesh)
     case.problem.check(corners_of(mesh))  # curved sides may invert elements, which `adapt` repairs
-    blank = _blank(case.problem, mesh)
+    blank = _zero_field(case.problem, mesh)
     if case.goal is not None:
         if case.adapt.get("rtol") is not None:
             raise ValueError(
                 "adapt.rtol is relative to the energy norm, which does not measure a goal; leave it out, or give "
                 "atol, the square root of the allowed error, or output_rtol."
             )
-        with about("goal"):
+        with locate_errors("goal"):
             case.goal.derivative(blank)
     for name, each in case.outputs.items():
-        with about(f"outputs.{name}"):
+        with locate_errors(f"outputs.{name}"):
             each(blank)
-    with about("adapt"), suppress(_Checked):
-        adapt(mesh, _Unsolved(case.problem), outputs=case.outputs, **case.options(mesh))
+    with locate_errors("adapt"), suppress(_ChecksDone):
+        adapt(mesh, _CheckOnly(case.problem), outputs=case.outputs, **case.options(mesh))
     return mesh
 
 
@@ -265,7 +265,7 @@ def _check_names(case: Case, mesh: MeshTri) -> None:
             value.check(mesh)
 
 
-def _blank(problem: Magnetostatics | MagneticScalarPotential, mesh: MeshTri) -> Field | SolidField:
+def _zero_field(problem: Magnetostatics | MagneticScalarPotential, mesh: MeshTri) -> Field | SolidField:
     """Return a zero field of order 1 for checks of goals and outputs."""
     if isinstance(problem, MagneticScalarPotential):
         return problem.functional_on(mesh)[1]
@@ -274,12 +274,12 @@ def _blank(problem: Magnetostatics | MagneticScalarPotential, mesh: MeshTri) -> 
     return Field(mesh, np.zeros(mesh.nvertices), given, symmetry, problem.depth)
 
 
-class _Checked(Exception):
+class _ChecksDone(Exception):
     """Exception that ends `adapt` at its first solve, after all checks."""
 
 
-class _Unsolved:
-    """Problem that raises `_Checked` instead of being solved."""
+class _CheckOnly:
+    """Problem that raises `_ChecksDone` instead of being solved."""
 
     def __init__(self, problem: Magnetostatics | MagneticScalarPotential) -> None:
         self._problem = problem
@@ -288,7 +288,7 @@ class _Unsolved:
         return getattr(self._problem, name)
 
     def solve(self, mesh: MeshTri) -> Any:
-        raise _Checked
+        raise _ChecksDone
 
     def indicators(self, mesh: MeshTri, solution: Any) -> Any:
-        raise _Checked
+        raise _ChecksDone

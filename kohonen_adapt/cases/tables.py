@@ -9,7 +9,18 @@ from typing import Any, Literal
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.cases.kinds import POINT, POINTS, TEXT, VECTOR, Kind, Reader, called, list_of, made, made_by_name
+from kohonen_adapt.cases.kinds import (
+    POINT,
+    POINTS,
+    TEXT,
+    VECTOR,
+    Kind,
+    Reader,
+    call_checked,
+    list_of,
+    make_from_table,
+    make_named,
+)
 from kohonen_adapt.checks import point_text
 from kohonen_adapt.geometry.plane.curves import Arc, Line
 from kohonen_adapt.geometry.plane.spline import Spline
@@ -42,7 +53,7 @@ __all__ = [
 ]
 
 Point = tuple[float, float]
-Place = tuple[float, ...]  # two or three coordinates
+Position = tuple[float, ...]  # two or three coordinates
 Axis = Literal["x", "y", "z"]
 
 LAWS: dict[str, Callable[..., Law]] = {"brauer": Brauer, "froehlich": Froehlich, "arctan": Arctan}
@@ -55,8 +66,8 @@ def _parallel(magnitude: float, degrees: float) -> Vector:
 PATTERNS: dict[str, Callable[..., Vector]] = {"radial": radial, "halbach": halbach, "parallel": _parallel}
 
 
-def _vector(given: Any, place: str) -> Vector:
-    return made_by_name(PATTERNS, "pattern", given, place) if isinstance(given, dict) else VECTOR(given, place)
+def _vector(given: Any, location: str) -> Vector:
+    return make_named(PATTERNS, "pattern", given, location) if isinstance(given, dict) else VECTOR(given, location)
 
 
 MAGNET = Kind(
@@ -70,35 +81,36 @@ MAGNET = Kind(
 def material_in(folder: Path) -> Reader:
     """Return a reader of a material, with file names of curves relative to `folder`."""
 
-    def law(given: Any, place: str) -> Law:
-        return _law(given, place, folder)
+    def law(given: Any, location: str) -> Law:
+        return _law(given, location, folder)
 
-    def read(given: Any, place: str) -> Material:
-        return made(Material, given, place, {"bh": law, "remanence": MAGNET, "coercivity": MAGNET})
+    def read(given: Any, location: str) -> Material:
+        return make_from_table(Material, given, location, {"bh": law, "remanence": MAGNET, "coercivity": MAGNET})
 
     return read
 
 
-def _law(given: Any, place: str, folder: Path) -> Law:
+def _law(given: Any, location: str, folder: Path) -> Law:
     if isinstance(given, list):
-        return called(Table, {"points": POINTS(given, place)}, place)
+        return call_checked(Table, {"points": POINTS(given, location)}, location)
     if isinstance(given, str):
-        return _read(folder / given, place)
+        return _read(folder / given, location)
     if not isinstance(given, dict):
         raise ValueError(
-            f'{place} must be a list of [B, H], the name of a file, or a law as {{law = "brauer", ...}}; got {given!r}.'
+            f'{location} must be a list of [B, H], the name of a file, or a law as {{law = "brauer", ...}}; '
+            f"got {given!r}."
         )
-    return made_by_name(LAWS, "law", given, place)
+    return make_named(LAWS, "law", given, location)
 
 
-def _read(path: Path, place: str) -> Table:
+def _read(path: Path, location: str) -> Table:
     # Reading a device or a pipe might never end.
     try:
         if path.is_file():
             return read_bh(path)
     except (OSError, ValueError) as error:
-        raise ValueError(f"{place}: {error}") from None
-    raise ValueError(f"{place} must name a file with a table of B and H; there is none at '{path}'.")
+        raise ValueError(f"{location}: {error}") from None
+    raise ValueError(f"{location} must name a file with a table of B and H; there is none at '{path}'.")
 
 
 @dataclass(frozen=True)
@@ -108,14 +120,14 @@ class Quantity:
     function: Callable[[Any], float]  # of a `Field` or a `SolidField`
     unit: str  # of a total with a depth, or of a local value
     bodies: tuple[str, ...] = ()
-    centre: Place | None = None  # axis of a torque
+    centre: Position | None = None  # axis of a torque
     local: bool = False  # value at a point
 
     def __call__(self, field: Field | SolidField) -> float:
         return float(self.function(field))
 
 
-def _along(vector: Floats, component: Axis) -> float:
+def _component_of(vector: Floats, component: Axis) -> float:
     if "xyz".index(component) >= len(vector):
         raise ValueError(f"component must be one that the field has, x or y in the plane; got {component!r}.")
     return vector["xyz".index(component)]
@@ -123,15 +135,15 @@ def _along(vector: Floats, component: Axis) -> float:
 
 def _force(body: str | list[str], component: Axis) -> Quantity:
     names = _names(body)
-    return Quantity(lambda field: _along(field.force(names), component), "N", names)
+    return Quantity(lambda field: _component_of(field.force(names), component), "N", names)
 
 
-def _torque(body: str | list[str], centre: Place = (), component: Axis = "z") -> Quantity:
+def _torque(body: str | list[str], centre: Position = (), component: Axis = "z") -> Quantity:
     names = _names(body)
 
     def value(field: Field | SolidField) -> float:
         if isinstance(field, SolidField):
-            return _along(field.torque(names, centre or (0.0, 0.0, 0.0)), component)
+            return _component_of(field.torque(names, centre or (0.0, 0.0, 0.0)), component)
         if component != "z":
             raise ValueError(f"a torque in the plane is about the z axis; got component {component!r}.")
         return field.torque(names, centre or (0.0, 0.0))
@@ -141,32 +153,32 @@ def _torque(body: str | list[str], centre: Place = (), component: Axis = "z") ->
 
 def _flux_linkage(coil: str | list[str], turns: float = 1.0) -> Quantity:
     names = _names(coil)
-    return Quantity(lambda field: _offering(field, "flux_linkage")(names, turns), "Wb", names)
+    return Quantity(lambda field: _method_of(field, "flux_linkage")(names, turns), "Wb", names)
 
 
 def _flux(surface: str) -> Quantity:
-    return Quantity(lambda field: _offering(field, "flux")(surface), "Wb")
+    return Quantity(lambda field: _method_of(field, "flux")(surface), "Wb")
 
 
-def _offering(field: Field | SolidField, name: str) -> Callable[..., float]:
+def _method_of(field: Field | SolidField, name: str) -> Callable[..., float]:
     if not hasattr(field, name):
         raise ValueError("quantity flux_linkage is for triangles only, quantity flux for tetrahedra only.")
     return getattr(field, name)
 
 
-def _potential(at: Place) -> Quantity:
-    return Quantity(lambda field: _inside(field.potential_at(np.reshape(at, (-1, 1))), at, field), "", local=True)
+def _potential(at: Position) -> Quantity:
+    return Quantity(lambda field: _value_inside(field.potential_at(np.reshape(at, (-1, 1))), at, field), "", local=True)
 
 
-def _flux_density(at: Place, component: Axis, recovered: bool = False) -> Quantity:
+def _flux_density(at: Position, component: Axis, recovered: bool = False) -> Quantity:
     def value(field: Field | SolidField) -> float:
         found = field.flux_density_at(np.reshape(at, (-1, 1)), recovered=recovered)
-        return _along(_inside(found, at, field), component)
+        return _component_of(_value_inside(found, at, field), component)
 
     return Quantity(value, "T", local=True)
 
 
-def _inside(value: Floats, at: Place, field: Field | SolidField) -> Any:
+def _value_inside(value: Floats, at: Position, field: Field | SolidField) -> Any:
     if np.isnan(value).any():
         low, high = field.mesh.p.min(axis=1), field.mesh.p.max(axis=1)
         raise ValueError(
@@ -194,8 +206,8 @@ QUANTITIES: dict[str, Callable[..., Quantity]] = {
 }
 
 
-def quantity(given: Any, place: str) -> Quantity:
-    return made_by_name(QUANTITIES, "quantity", given, place)
+def quantity(given: Any, location: str) -> Quantity:
+    return make_named(QUANTITIES, "quantity", given, location)
 
 
 GOALS: dict[str, Callable[..., Goal]] = {
@@ -206,8 +218,8 @@ GOALS: dict[str, Callable[..., Goal]] = {
 }
 
 
-def goal(given: Any, place: str) -> Goal:
-    return made_by_name(GOALS, "quantity", given, place)
+def goal(given: Any, location: str) -> Goal:
+    return make_named(GOALS, "quantity", given, location)
 
 
 def _spline(points: list[Point], closed: bool = False) -> Spline:
@@ -217,8 +229,8 @@ def _spline(points: list[Point], closed: bool = False) -> Spline:
 SHAPES: dict[str, Callable[..., Arc | Line | Spline]] = {"arc": Arc, "line": Line, "spline": _spline}
 
 
-def shape(given: Any, place: str) -> Arc | Line | Spline:
-    return made_by_name(SHAPES, "curve", given, place)
+def shape(given: Any, location: str) -> Arc | Line | Spline:
+    return make_named(SHAPES, "curve", given, location)
 
 
 # The half angle of a cone is in radians.
@@ -230,8 +242,8 @@ SURFACES: dict[str, Callable[..., Plane | Sphere | Cylinder | Cone]] = {
 }
 
 
-def surface(given: Any, place: str) -> Plane | Sphere | Cylinder | Cone:
-    return made_by_name(SURFACES, "surface", given, place)
+def surface(given: Any, location: str) -> Plane | Sphere | Cylinder | Cone:
+    return make_named(SURFACES, "surface", given, location)
 
 
 MOTIONS: dict[str, Callable[..., Motion]] = {
@@ -241,9 +253,9 @@ MOTIONS: dict[str, Callable[..., Motion]] = {
 }
 
 
-def _pair(given: Any, place: str) -> Pair:
-    one, other = (TEXT(name, f"{place}[{k}]") for k, name in enumerate(given[:2]))
-    return (one, other, *(made_by_name(MOTIONS, "motion", motion, f"{place}[2]") for motion in given[2:]))
+def _pair(given: Any, location: str) -> Pair:
+    one, other = (TEXT(name, f"{location}[{k}]") for k, name in enumerate(given[:2]))
+    return (one, other, *(make_named(MOTIONS, "motion", motion, f"{location}[2]") for motion in given[2:]))
 
 
 PAIRS = list_of(
@@ -252,12 +264,12 @@ PAIRS = list_of(
 """Pairs of boundaries, each with an optional table of the motion between them."""
 
 
-def _stage(given: Any, place: str) -> Stage:
-    return made(Stage, given, place)
+def _stage(given: Any, location: str) -> Stage:
+    return make_from_table(Stage, given, location)
 
 
 STAGES = list_of(Kind((dict,), "{radius = ..., epochs = ..., learning_rate = ...}", read=_stage))
 
 
-def schedule(given: Any, place: str) -> Schedule:
-    return made(Schedule, given, place, {"stages": STAGES})
+def schedule(given: Any, location: str) -> Schedule:
+    return make_from_table(Schedule, given, location, {"stages": STAGES})

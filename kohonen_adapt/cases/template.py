@@ -1,6 +1,6 @@
 """Commented case for a mesh.
 
-The case runs unchanged if one boundary covers more than half of the rim, or no part of the rim has a name.
+The case runs unchanged if one boundary covers more than half of the rim, or no areas of the rim has a name.
 """
 
 import json
@@ -68,9 +68,9 @@ def case_text(mesh: Mesh, file: str, scale: float, *, points: Iterable[str] = ()
 
 
 def _names(mesh: Mesh) -> dict[str, str]:
-    sets, part, sides = named_sets(mesh.subdomains), area(mesh), _shares(mesh)
-    subdomain = min(sorted(sets), key=lambda name: float(part[sets[name]].sum()), default="coil")
-    side = max(sides, key=lambda name: sides[name], default=_own_name(mesh))
+    sets, areas, sides = named_sets(mesh.subdomains), area(mesh), _rim_fractions(mesh)
+    subdomain = min(sorted(sets), key=lambda name: float(areas[sets[name]].sum()), default="coil")
+    side = max(sides, key=lambda name: sides[name], default=_unused_name(mesh))
     pair = min(combinations(sides, 2), key=lambda two: abs(sides[two[0]] - sides[two[1]]), default=("left", "right"))
     return {
         "part": _quoted(subdomain),
@@ -83,38 +83,38 @@ def _names(mesh: Mesh) -> dict[str, str]:
 
 
 def _rim(mesh: Mesh) -> str:
-    line = f"rim = {_quoted(_own_name(mesh))}  # a name for the whole rim, holes included"
-    return f"# {line}" if any(_shares(mesh).values()) else f"{line}; no part of it has a name in the mesh"
+    line = f"rim = {_quoted(_unused_name(mesh))}  # a name for the whole rim, holes included"
+    return f"# {line}" if any(_rim_fractions(mesh).values()) else f"{line}; no part of it has a name in the mesh"
 
 
-def _own_name(mesh: Mesh) -> str:
+def _unused_name(mesh: Mesh) -> str:
     taken = {*(mesh.boundaries or {}), *(mesh.subdomains or {})}
     return next(name for name in ("rim", *(f"rim {k}" for k in range(len(taken)))) if name not in taken)
 
 
 def _materials(mesh: Mesh) -> Iterator[str]:
-    sets, part = named_sets(mesh.subdomains), area(mesh) / area(mesh).sum()
+    sets, areas = named_sets(mesh.subdomains), area(mesh) / area(mesh).sum()
     whole, group = ("the area", "surface") if len(mesh.p) == 2 else ("the volume", "volume")
-    chosen = _partition(sets, part)
+    chosen = _partition(sets, areas)
     for name, rows in sorted(sets.items()):
-        share = f"{100.0 * part[rows].sum():.3g} % of {whole}"
+        fraction = f"{100.0 * areas[rows].sum():.3g} % of {whole}"
         if name in chosen:
-            yield f"\n[materials.{_key(name)}]  # {share}\npermeability = 1.0"
+            yield f"\n[materials.{_key(name)}]  # {fraction}\npermeability = 1.0"
         else:
-            yield f"\n# [materials.{_key(name)}]  # {share}; overlaps other subdomains, or is empty"
-    bare = 1.0 - sum(part[sets[name]].sum() for name in chosen)
+            yield f"\n# [materials.{_key(name)}]  # {fraction}; overlaps other subdomains, or is empty"
+    bare = 1.0 - sum(areas[sets[name]].sum() for name in chosen)
     if bare > 1e-9:
-        share = f"{100.0 * bare:.3g} % of {whole}"
-        yield f"\n# {share} has no material above: give it a {group} group of its own in the mesh."
+        fraction = f"{100.0 * bare:.3g} % of {whole}"
+        yield f"\n# {fraction} has no material above: give it a {group} group of its own in the mesh."
     if not chosen:
         yield "\n[materials]"
 
 
-def _partition(sets: dict[str, Ints], part: Floats) -> set[str]:
+def _partition(sets: dict[str, Ints], areas: Floats) -> set[str]:
     """Return disjoint subdomains, chosen greedily from the smallest or the largest."""
-    order = sorted(sets, key=lambda name: float(part[sets[name]].sum()))
-    found = [_disjoint(sets, names, len(part)) for names in (order, order[::-1])]
-    return max(found, key=lambda names: sum(float(part[sets[name]].sum()) for name in names))
+    order = sorted(sets, key=lambda name: float(areas[sets[name]].sum()))
+    found = [_disjoint(sets, names, len(areas)) for names in (order, order[::-1])]
+    return max(found, key=lambda names: sum(float(areas[sets[name]].sum()) for name in names))
 
 
 def _disjoint(sets: dict[str, Ints], names: list[str], count: int) -> set[str]:
@@ -127,25 +127,27 @@ def _disjoint(sets: dict[str, Ints], names: list[str], count: int) -> set[str]:
 
 
 def _potential(mesh: Mesh) -> Iterator[str]:
-    shares = _shares(mesh)
-    outer = max(shares, key=lambda name: shares[name], default="")
-    most = shares.get(outer, 0.0)
+    fractions = _rim_fractions(mesh)
+    outer = max(fractions, key=lambda name: fractions[name], default="")
+    most = fractions.get(outer, 0.0)
     yield f"\n[potential]  # {GIVEN[len(mesh.p)]}"
     if 0.0 < most <= 0.5:  # possibly a periodic side
         yield "# No boundary covers more than half of the rim: set 0 where no flux leaves, but not on periodic sides."
     if most == 0.0:
-        yield f"{_key(_own_name(mesh))} = 0.0"
-    for name in sorted(shares, key=lambda name: (shares[name] == 0.0, name)):
-        share = f"{100.0 * shares[name]:.3g} % of the rim" if shares[name] > 0.0 else "has facets inside the mesh"
-        yield f"{'' if name == outer and most > 0.5 else '# '}{_key(name)} = 0.0  # {share}"
+        yield f"{_key(_unused_name(mesh))} = 0.0"
+    for name in sorted(fractions, key=lambda name: (fractions[name] == 0.0, name)):
+        fraction = (
+            f"{100.0 * fractions[name]:.3g} % of the rim" if fractions[name] > 0.0 else "has facets inside the mesh"
+        )
+        yield f"{'' if name == outer and most > 0.5 else '# '}{_key(name)} = 0.0  # {fraction}"
 
 
-def _shares(mesh: Mesh) -> dict[str, float]:
+def _rim_fractions(mesh: Mesh) -> dict[str, float]:
     sets = named_sets(mesh.boundaries)
-    return {name: _share_of_rim(mesh, sets[name]) for name in sorted(sets) if len(sets[name])}
+    return {name: _rim_fraction(mesh, sets[name]) for name in sorted(sets) if len(sets[name])}
 
 
-def _share_of_rim(mesh: Mesh, rows: Ints) -> float:
+def _rim_fraction(mesh: Mesh, rows: Ints) -> float:
     """Return the fraction of the rim in a boundary, 0 if some facets are interior."""
     rim, corners = mesh.boundary_facets(), mesh.p[:, mesh.facets]
     size = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=0)

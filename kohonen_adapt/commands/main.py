@@ -14,7 +14,7 @@ import numpy as np
 
 from kohonen_adapt import __doc__ as description
 from kohonen_adapt import __version__
-from kohonen_adapt.cases.kinds import about
+from kohonen_adapt.cases.kinds import locate_errors
 from kohonen_adapt.cases.settings import fitting_mesh, read_case
 from kohonen_adapt.cases.template import case_text
 from kohonen_adapt.commands.arguments import command_parser, writable_folder
@@ -111,7 +111,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     if arguments.out is None and arguments.resume is None and not arguments.dry_run:
         raise ValueError("run expected --out DIR (folder for the results), --resume DIR or --dry-run.")
     terminal.show("read")
-    with about(arguments.case):
+    with locate_errors(arguments.case):
         mesh = fitting_mesh(case)
     for doubt in case_doubts(case, mesh):
         terminal.warn(doubt)

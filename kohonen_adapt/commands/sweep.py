@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from kohonen_adapt.cases.contents import Case
-from kohonen_adapt.cases.kinds import about
+from kohonen_adapt.cases.kinds import locate_errors
 from kohonen_adapt.cases.settings import case_of, fitting_mesh, read_case
 from kohonen_adapt.commands.arguments import refuse_link, writable_folder
 from kohonen_adapt.commands.terminal import Terminal, drawn
@@ -80,7 +80,7 @@ def sweep_case(arguments: argparse.Namespace, terminal: Terminal) -> int:
         raise ValueError("sweep expected --out DIR (folder for the results) or --resume DIR.")
     outputs, grid = CaseOutputs.of(arguments.case), dict(map(_values, arguments.over))
     terminal.show("read")
-    with about(arguments.case):
+    with locate_errors(arguments.case):
         fitting_mesh(outputs.case({name: values[0] for name, values in grid.items()}))
     folder = _begun(arguments)
     command = ["kohonen-adapt", "sweep", str(arguments.case), *(f"--over={each}" for each in arguments.over)]

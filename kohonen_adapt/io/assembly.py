@@ -18,8 +18,8 @@ from kohonen_adapt.io.content import (
     Content,
     Rows,
     check_finite,
-    found_in,
-    sets_in,
+    indices_in,
+    rows_in,
     shape_of,
 )
 from kohonen_adapt.io.groups import by_group, name_of
@@ -29,7 +29,7 @@ from kohonen_adapt.mesh.host import is_own_name
 from kohonen_adapt.mesh.measures import area, directed, is_in_front
 from kohonen_adapt.mesh.names import named_sets
 
-__all__ = ["by_name", "is_second_order", "listed_once", "oriented", "said_of", "to_curves", "to_mesh"]
+__all__ = ["element_counts", "is_second_order", "items_by_name", "oriented", "to_curves", "to_mesh", "unique_elements"]
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -45,9 +45,9 @@ FLAT = 1e-9
 """Tolerance for a plane z = constant, relative to the size of the mesh."""
 
 TRIANGLE6 = 9
-"""Gmsh's number for triangles of second order; `MIDDLES` has the columns of their midside nodes."""
+"""Gmsh's number for triangles of second order; `MIDSIDES` has the columns of their midside nodes."""
 
-SIDES, MIDDLES = ([0, 1], [1, 2], [2, 0]), (3, 4, 5)
+SIDES, MIDSIDES = ([0, 1], [1, 2], [2, 0]), (3, 4, 5)
 SAME = 1e-12
 """Tolerance for equal node positions, relative to the size of the mesh."""
 
@@ -70,33 +70,33 @@ def to_mesh(content: Content, path: Path, scale: float) -> MeshTri:
     """
     _check_shapes(content, path)
     rows = content.of_shape(TRIANGLE)
-    triangles, element = listed_once(rows)
+    triangles, element = unique_elements(rows)
     is_used = np.zeros(len(content.points), dtype=bool)
     is_used[triangles] = True
     used = np.flatnonzero(is_used)
     _check_points(content.points[used], path)
     p = np.ascontiguousarray(scale * content.points[used, :2].T)
     bare = MeshTri(p, np.ascontiguousarray((np.cumsum(is_used) - 1)[triangles].T))
-    subdomains = by_name(rows.group, element, TRIANGLE, content)
-    boundaries = oriented(bare, _boundaries(bare, used, content, path), _runs_on)
+    subdomains = items_by_name(rows.group, element, TRIANGLE, content)
+    boundaries = oriented(bare, _boundaries(bare, used, content, path), _has_direction)
     mesh = MeshTri(bare.p, bare.t, boundaries, subdomains)
     if is_second_order(content):
-        mesh = _with_bent_sides(mesh, content, used, path, scale)
+        mesh = _with_curved_sides(mesh, content, used, path, scale)
     _report(mesh, content, path)
     return mesh
 
 
-def _with_bent_sides(mesh: MeshTri, content: Content, used: Ints, path: Path, scale: float) -> MeshTri:
-    middle = _middles(content.rows[TRIANGLE6].nodes, used[mesh.facets.T], path)
+def _with_curved_sides(mesh: MeshTri, content: Content, used: Ints, path: Path, scale: float) -> MeshTri:
+    middle = _midside_nodes(content.rows[TRIANGLE6].nodes, used[mesh.facets.T], path)
     _check_points(content.points[np.append(used, middle)], path, "midside node")
     position = scale * content.points[:, :2].T
     segments = np.column_stack([used[mesh.facets[0]], middle, used[mesh.facets[1]]])
-    curved = _is_bent(segments, position)
+    curved = _is_curved(segments, position)
     return with_midsides(mesh, np.ascontiguousarray(position[:, middle])) if curved.any() else mesh
 
 
 def _check_shapes(content: Content, path: Path) -> None:
-    counts, found = said_of(content)
+    counts, found = element_counts(content)
     if "quadrilateral" in counts:
         raise ValueError(
             f"read_mesh expected triangles only; '{path}' has {found}. "
@@ -110,7 +110,7 @@ def _check_shapes(content: Content, path: Path) -> None:
         )
 
 
-def said_of(content: Content) -> tuple[dict[str, int], str]:
+def element_counts(content: Content) -> tuple[dict[str, int], str]:
     """Return the number of elements by shape, and the same as text."""
     counts: dict[str, int] = {}
     for kind, rows in content.rows.items():
@@ -118,7 +118,7 @@ def said_of(content: Content) -> tuple[dict[str, int], str]:
     return counts, ", ".join(f"{number} {shape} elements" for shape, number in sorted(counts.items())) or "no elements"
 
 
-def listed_once(rows: Rows) -> tuple[Ints, Ints]:
+def unique_elements(rows: Rows) -> tuple[Ints, Ints]:
     """Return the corners of every element once, and the element of each row.
 
     Elements have the order of their numbers in the file. MSH 2.2 lists an element of two groups twice, under two
@@ -150,7 +150,7 @@ def _check_points(points: Floats, path: Path, what: str = "node") -> None:
         )
 
 
-def by_name(group: Ints, item: Ints, shape: str, content: Content) -> Sets | None:
+def items_by_name(group: Ints, item: Ints, shape: str, content: Content) -> Sets | None:
     """Return the items by group name, where `item[k]` is in group `group[k]`."""
     named = [tag for dimension, tag in content.names if dimension == DIMENSION[shape]]
     members = by_group(group, item)
@@ -171,32 +171,32 @@ def _boundaries(mesh: MeshTri, used: Ints, content: Content, path: Path) -> Sets
     rows = content.of_shape(LINE)
     if len(rows.number) == 0 and not content.names:
         return None
-    node = found_in(used, rows.nodes)
-    facet = np.where(np.all(node >= 0, axis=1), sets_in(mesh.facets.T, node), -1)
+    node = indices_in(used, rows.nodes)
+    facet = np.where(np.all(node >= 0, axis=1), rows_in(mesh.facets.T, node), -1)
     if np.any(facet < 0):
         logger.warning("%d lines of '%s' are not sides of triangles and are left out.", np.sum(facet < 0), path)
     group, node, facet = rows.group[facet >= 0], node[facet >= 0], facet[facet >= 0]
     centre = mesh.p[:, mesh.t[:, mesh.f2t[0, facet]]].mean(axis=1)
     second = ~is_in_front(mesh.p[:, node.T], centre) & (mesh.f2t[1, facet] >= 0)
-    return by_name(group, 2 * facet + second, LINE, content)
+    return items_by_name(group, 2 * facet + second, LINE, content)
 
 
-def oriented(mesh: MeshTri | MeshTet, boundaries: Sets | None, runs_on: Callable[[Ints], bool]) -> Sets | None:
+def oriented(mesh: MeshTri | MeshTet, boundaries: Sets | None, has_direction: Callable[[Ints], bool]) -> Sets | None:
     """Return boundaries as scikit-fem stores them, from codes ``2 * facet + side``.
 
-    A boundary is an `OrientedBoundary` if some of its facets are inside the mesh and `runs_on` returns True for its
+    A boundary is an `OrientedBoundary` if some of its facets are inside the mesh and `has_direction` is true for its
     directed facets, shape (m, d).
     """
     made: Sets = {}
     for name, codes in (boundaries or {}).items():
         facets, first = np.unique(codes // 2, return_index=True)
         side, made[name] = codes[first] % 2, facets.astype(np.int32)
-        if np.any(mesh.f2t[1, facets] >= 0) and runs_on(directed(mesh, facets, side)):
+        if np.any(mesh.f2t[1, facets] >= 0) and has_direction(directed(mesh, facets, side)):
             made[name] = OrientedBoundary(made[name], side)
     return made or None
 
 
-def _runs_on(lines: Ints) -> bool:
+def _has_direction(lines: Ints) -> bool:
     """Return True if most lines (m, 2) join head to tail.
 
     Lines without direction meet head to head at half of their joints.
@@ -243,11 +243,11 @@ def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict
     named = {name: np.unique(rows) for name, rows in named_sets(mesh.boundaries).items()}
     facets = np.unique(np.concatenate([np.empty(0, np.int64), *named.values()]))
     ends = used[mesh.facets[:, facets].T]
-    middle = _middles(triangles, ends, path)
+    middle = _midside_nodes(triangles, ends, path)
     position = scale * content.points[:, :2].T
     check_finite(position[:, middle].T, path, "read_curves", "midside node")
     segments = np.column_stack([ends[:, 0], middle, ends[:, 1]])
-    curved = _is_bent(segments, position)
+    curved = _is_curved(segments, position)
     curves = {}
     for name, members in named.items():
         which = np.searchsorted(facets, members)
@@ -285,11 +285,11 @@ def _of_another_mesh(path: Path, why: str) -> ValueError:
     return ValueError(f"{expected}{why}. Read the curves before the mesh is changed.")
 
 
-def _middles(triangles: Ints, ends: Ints, path: Path) -> Ints:
+def _midside_nodes(triangles: Ints, ends: Ints, path: Path) -> Ints:
     """Return the midside node of each facet with the end nodes `ends` (f, 2)."""
     middle = np.full(len(ends), -1)
-    for side, between in zip(SIDES, MIDDLES, strict=True):
-        facet = sets_in(ends, triangles[:, side])
+    for side, between in zip(SIDES, MIDSIDES, strict=True):
+        facet = rows_in(ends, triangles[:, side])
         middle[facet[facet >= 0]] = triangles[facet >= 0, between]
     if np.any(middle < 0):
         count = np.sum(middle < 0)
@@ -297,7 +297,7 @@ def _middles(triangles: Ints, ends: Ints, path: Path) -> Ints:
     return middle
 
 
-def _is_bent(segments: Ints, position: Floats) -> Mask:
+def _is_curved(segments: Ints, position: Floats) -> Mask:
     start, middle, end = (position[:, segments[:, k]] for k in range(3))
     chord, off = end - start, middle - start
     length = np.sqrt(np.sum(chord**2, axis=0))

@@ -14,28 +14,28 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.host import keys_of
 
 __all__ = [
-    "ALWAYS",
+    "ALLOWED_BYTES",
     "CORNERS",
     "DIMENSION",
-    "EXACT",
+    "EXACT_INTEGERS",
     "LARGEST_TAG",
     "LINE",
+    "MAX_EXPANSION",
     "MSH_VERSION",
-    "PACKED",
     "POINT",
     "TETRAHEDRON",
     "TRIANGLE",
+    "CellFields",
     "Content",
     "Field",
     "Rows",
-    "Sampled",
+    "as_value_error",
     "check_finite",
-    "found_in",
-    "gathered",
-    "nodes_of",
-    "parsed",
-    "refusing",
-    "sets_in",
+    "content_of_sets",
+    "indices_in",
+    "nodes_per_element",
+    "parse_numbers",
+    "rows_in",
     "shape_of",
     "suffix_of",
 ]
@@ -44,10 +44,10 @@ MSH_VERSION = {".msh": "4.1", ".msh2": "2.2"}
 """Suffix to version of MSH; Gmsh uses `.msh2` for 2.2, too."""
 
 LARGEST_TAG = 2**31 - 1  # of a physical group: Gmsh stores tags as int
-EXACT = 2.0**53  # smaller integers are exact as floats, to which text is parsed
-PACKED = 200  # largest ratio of unpacked data to the size of a file,
-ALWAYS = 2**26  # and bytes allowed in addition
-SHOWN = 160  # characters of a reason, which may quote the file
+EXACT_INTEGERS = 2.0**53  # smaller integers are exact as floats, to which text is parsed
+MAX_EXPANSION = 200  # largest ratio of unpacked data to the size of a file,
+ALLOWED_BYTES = 2**26  # and bytes allowed in addition
+MAX_REASON = 160  # characters of a reason, which may quote the file
 
 POINT, LINE, TRIANGLE, TETRAHEDRON = "point", "line", "triangle", "tetrahedron"
 CORNERS = {POINT: 1, LINE: 2, TRIANGLE: 3, TETRAHEDRON: 4}
@@ -156,7 +156,7 @@ class Field:
 
 
 @dataclass(frozen=True)
-class Sampled:
+class CellFields:
     """Triangles or tetrahedra with fields.
 
     Attributes
@@ -174,7 +174,7 @@ class Sampled:
     fields: list[Field]
 
 
-def gathered(points: Floats, sets: Iterable[tuple[int, str, Ints, Ints]]) -> Content:
+def content_of_sets(points: Floats, sets: Iterable[tuple[int, str, Ints, Ints]]) -> Content:
     """Return the content of sets of (Gmsh's type, name, nodes, element numbers).
 
     An empty name stands for elements without a group.
@@ -193,13 +193,13 @@ def shape_of(kind: int) -> str:
     return _TYPES[kind][0]
 
 
-def nodes_of(kind: int) -> int:
+def nodes_per_element(kind: int) -> int:
     if kind not in _TYPES:
         raise ValueError(f"element type {kind} is unknown")
     return _TYPES[kind][1]
 
 
-def found_in(known: Ints, wanted: Ints) -> Ints:
+def indices_in(known: Ints, wanted: Ints) -> Ints:
     """Return the index in `known` (k,) of every entry of `wanted`, or -1."""
     if len(known) == 0:
         return np.full(wanted.shape, -1)
@@ -208,14 +208,14 @@ def found_in(known: Ints, wanted: Ints) -> Ints:
     return np.where(known[place] == wanted, place, -1)
 
 
-def sets_in(known: Ints, wanted: Ints) -> Ints:
+def rows_in(known: Ints, wanted: Ints) -> Ints:
     """Return the row of `known` with the nodes of each row of `wanted`, or -1."""
     nodes = np.sort(np.vstack([known, wanted]), axis=1).T
     key = keys_of(nodes, 1 + int(nodes.max(initial=0)))
-    return found_in(key[: len(known)], key[len(known) :])
+    return indices_in(key[: len(known)], key[len(known) :])
 
 
-def parsed(text: str | bytes, kind: DTypeLike = float) -> NDArray[Any]:
+def parse_numbers(text: str | bytes, kind: DTypeLike = float) -> NDArray[Any]:
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # numpy only warns about some invalid text
         try:
@@ -242,7 +242,7 @@ def check_finite(points: Floats, path: Path, caller: str, what: str) -> None:
 
 
 @contextmanager
-def refusing(path: Path, message: str) -> Iterator[None]:
+def as_value_error(path: Path, message: str) -> Iterator[None]:
     """Raise errors of a reader as a ValueError of one line.
 
     Parameters
@@ -257,6 +257,6 @@ def refusing(path: Path, message: str) -> Iterator[None]:
     except MemoryError:
         raise ValueError(f"'{path}' does not fit into memory.") from None
     except (ArithmeticError, LookupError, SyntaxError, TypeError, ValueError) as error:
-        text = f"{error.args[0]} is missing" if isinstance(error, KeyError) else str(error)
-        line = "".join(sign if sign.isprintable() else " " for sign in text[: 2 * SHOWN])
-        raise ValueError(message.format(line if len(text) <= SHOWN else f"{line[:SHOWN]}...")) from error
+        reason = f"{error.args[0]} is missing" if isinstance(error, KeyError) else str(error)
+        line = "".join(sign if sign.isprintable() else " " for sign in reason[: 2 * MAX_REASON])
+        raise ValueError(message.format(line if len(reason) <= MAX_REASON else f"{line[:MAX_REASON]}...")) from error

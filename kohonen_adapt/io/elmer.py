@@ -13,7 +13,7 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.files import whole_files
-from kohonen_adapt.io.content import Content, Rows, found_in, nodes_of, parsed, refusing
+from kohonen_adapt.io.content import Content, Rows, as_value_error, indices_in, nodes_per_element, parse_numbers
 from kohonen_adapt.io.groups import Groups, numbers_for
 from kohonen_adapt.mesh.measures import directed
 
@@ -37,17 +37,17 @@ NAME = re.compile(r"\$\s*(\S.*?)\s*=\s*([0-9]+)\s*")
 
 
 def read_elmer(folder: Path) -> Content:
-    with refusing(folder, f"read_mesh expected a mesh of Elmer; '{folder}' cannot be read: {{}}."):
-        nodes = parsed(_text(folder, "mesh.nodes")).reshape(-1, 5)
+    with as_value_error(folder, f"read_mesh expected a mesh of Elmer; '{folder}' cannot be read: {{}}."):
+        nodes = parse_numbers(_text(folder, "mesh.nodes")).reshape(-1, 5)
         nodes = nodes[np.argsort(nodes[:, 0], kind="stable")]
         parts: dict[int, list[Rows]] = {}
         blocks = [*_blocks(_text(folder, "mesh.elements"), 1), *_blocks(_text(folder, "mesh.boundary"), 3)]
         for kind, rows in blocks:
-            place = found_in(nodes[:, 0], rows.nodes)
+            place = indices_in(nodes[:, 0], rows.nodes)
             if np.any(place < 0):
                 raise ValueError(f"an element has node {rows.nodes[place < 0][0]}, which does not exist")
             parts.setdefault(kind, []).append(Rows(place, rows.group, rows.number))
-        joined = {kind: Rows.joined(rows, nodes_of(kind)) for kind, rows in parts.items()}
+        joined = {kind: Rows.joined(rows, nodes_per_element(kind)) for kind, rows in parts.items()}
         bare = Content(nodes[:, 2:], joined, {}, numbers=nodes[:, 0].astype(np.int64))
         return replace(bare, names=_names(folder, bare.dimension))
 
@@ -69,7 +69,7 @@ def _blocks(text: str, before: int) -> Iterator[tuple[int, Rows]]:
         if number is None:
             raise ValueError(f"element type {kind} is unknown")
         table = np.array([words for words in lines if words[1 + before] == kind], dtype=np.int64)
-        yield number, Rows(table[:, 2 + before :][:, : nodes_of(number)], table[:, 1], table[:, 0])
+        yield number, Rows(table[:, 2 + before :][:, : nodes_per_element(number)], table[:, 1], table[:, 0])
 
 
 def _names(folder: Path, bodies: int) -> dict[tuple[int, int], str]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
-from kohonen_adapt.io.content import Content, gathered, refusing
+from kohonen_adapt.io.content import Content, as_value_error, content_of_sets
 
 __all__ = ["read_ans"]
 
@@ -36,7 +36,7 @@ def read_ans(path: Path) -> Content:
     Boundaries are found as the nodes on segments and arcs with a property, because files before 2018 do not list the
     sides of triangles.
     """
-    with refusing(path, f"read_mesh expected a solution of FEMM; '{path}' cannot be read: {{}}."):
+    with as_value_error(path, f"read_mesh expected a solution of FEMM; '{path}' cannot be read: {{}}."):
         head, mark, solution = path.read_text(encoding="utf-8", errors="replace").partition("[Solution]")
         if not mark:
             raise ValueError("it has no [Solution]: analyse the model in FEMM, and use the .ans file of the solution")
@@ -47,7 +47,7 @@ def read_ans(path: Path) -> Content:
             raise ValueError("a triangle has a node that does not exist")
         blocks, boundaries = _blocks(head, elements), _boundaries(head, nodes[:, 0] + 1j * nodes[:, 1])
         points = _unit(head) * np.column_stack([nodes, np.zeros(len(nodes))])
-        return gathered(points, [*blocks, *boundaries])
+        return content_of_sets(points, [*blocks, *boundaries])
 
 
 def _unit(head: str) -> float:
@@ -94,11 +94,11 @@ def _boundaries(head: str, nodes: Complex) -> Iterator[tuple[int, str, Ints, Int
     curves += [(*row[[0, 1, 4]].astype(int).tolist(), np.radians(row[2])) for row in arcs]
     for first, last, which, angle in curves:
         if which > 0:
-            node = _along(nodes, ends[first], ends[last], angle)
+            node = _nodes_on_curve(nodes, ends[first], ends[last], angle)
             yield LINE, names[which], np.column_stack([node[:-1], node[1:]]), np.arange(len(node) - 1)
 
 
-def _along(nodes: Complex, start: complex, end: complex, angle: float) -> Ints:
+def _nodes_on_curve(nodes: Complex, start: complex, end: complex, angle: float) -> Ints:
     """Return the nodes on an arc of `angle` radians (0 for a segment) in order."""
     if angle > 0.0:
         centre = 0.5 * (start + end) + 0.5j * (end - start) / np.tan(0.5 * angle)

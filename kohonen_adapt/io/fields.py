@@ -10,7 +10,7 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
 from kohonen_adapt.display import plural
-from kohonen_adapt.io.content import Field, Sampled, check_finite, suffix_of
+from kohonen_adapt.io.content import CellFields, Field, check_finite, suffix_of
 from kohonen_adapt.io.gmsh_reader import read_views
 from kohonen_adapt.io.meshio_reader import WITH_FIELDS, read_arrays
 from kohonen_adapt.io.read import read_mesh
@@ -75,15 +75,15 @@ def read_field(path: str | PathLike[str], mesh: Mesh, name: str, *, scale: float
     points = content.points[:, : len(mesh.p)]
     _check_unit(mesh, points[np.unique(content.cells)], path, scale)
     try:
-        place = _places(mesh, points / scale, content.cells, path, shape)
+        place = _match_cells(mesh, points / scale, content.cells, path, shape)
     except ValueError as error:
-        raise ValueError(f"{error}{_owner(path, points / scale, content.cells, shape)}") from None
+        raise ValueError(f"{error}{_owner_sentence(path, points / scale, content.cells, shape)}") from None
     field = _field(content, name, path)
     values = _scalar(field.values, name, path)
     return np.mean(values[content.cells[place]], axis=1) if field.nodal else values[place]
 
 
-def _places(mesh: Mesh, points: Floats, cells: Ints, path: Path, shape: str) -> Ints:
+def _match_cells(mesh: Mesh, points: Floats, cells: Ints, path: Path, shape: str) -> Ints:
     """Return the cell of the file for every element of the mesh, (nelements,)."""
     used = np.unique(cells)
     counts, own = (len(used), len(cells)), (mesh.p.shape[1], mesh.t.shape[1])
@@ -93,17 +93,17 @@ def _places(mesh: Mesh, points: Floats, cells: Ints, path: Path, shape: str) -> 
             f"read_field expected a field on the mesh, of {own[0]} nodes and {own[1]} {plural(shape)}; '{path}' has "
             f"{counts[0]} and {counts[1]}."
         )
-    _matched(mesh.p.T, points[used], mesh, path, "node")
-    place = _matched(mesh.p[:, mesh.t].mean(axis=1).T, points[cells].mean(axis=1), mesh, path, shape)
+    _nearest(mesh.p.T, points[used], mesh, path, "node")
+    place = _nearest(mesh.p[:, mesh.t].mean(axis=1).T, points[cells].mean(axis=1), mesh, path, shape)
     if len(np.unique(place)) < len(place):
         raise ValueError(f"read_field expected a field on the mesh; '{path}' has different {plural(shape)}.")
     return place
 
 
-def _owner(path: Path, points: Floats, cells: Ints, shape: str) -> str:
+def _owner_sentence(path: Path, points: Floats, cells: Ints, shape: str) -> str:
     beside = path.with_suffix(".msh")
     try:
-        _places(corners_of(read_mesh(beside)), points, cells, path, shape)
+        _match_cells(corners_of(read_mesh(beside)), points, cells, path, shape)
     except (ValueError, OSError):
         return ""
     return f" The field belongs to '{beside}'."
@@ -128,7 +128,7 @@ def _distinct(points: Floats) -> int:
     return len(np.unique(points, axis=0))
 
 
-def _matched(wanted: Floats, given: Floats, mesh: Mesh, path: Path, what: str) -> Ints:
+def _nearest(wanted: Floats, given: Floats, mesh: Mesh, path: Path, what: str) -> Ints:
     check_finite(given, path, "read_field", what)
     distance, place = cKDTree(given).query(wanted)
     off = float(np.max(distance) / np.ptp(mesh.p, axis=1).max())
@@ -140,7 +140,7 @@ def _matched(wanted: Floats, given: Floats, mesh: Mesh, path: Path, what: str) -
     return place
 
 
-def _field(content: Sampled, name: str, path: Path) -> Field:
+def _field(content: CellFields, name: str, path: Path) -> Field:
     found = [field for field in content.fields if field.name == name]
     if {field.nodal for field in found} == {True, False}:
         raise ValueError(f"'{path}' has '{name}' at points and in cells; rename one of them.")

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.io.content import EXACT, nodes_of, parsed
+from kohonen_adapt.io.content import EXACT_INTEGERS, nodes_per_element, parse_numbers
 
 __all__ = ["INT", "SIZE", "Numbers"]
 
@@ -22,18 +22,18 @@ class Numbers:
     """
 
     def __init__(self, data: bytes, start: int, binary: bool) -> None:
-        self._data: Any = data if binary else parsed(data[start : data.index(b"$End", start)])
+        self._data: Any = data if binary else parse_numbers(data[start : data.index(b"$End", start)])
         self._position, self._binary = start if binary else 0, binary
 
     def take(self, count: int, kind: DTypeLike = REAL) -> NDArray[Any]:
         start, size = self._position, np.dtype(kind).itemsize if self._binary else 1
-        _need(0 <= count <= (len(self._data) - start) // size)
+        _require(0 <= count <= (len(self._data) - start) // size)
         self._position += int(count) * size
         data = self._data
         return np.frombuffer(data, kind, int(count), start) if self._binary else data[start : self._position]
 
     def ints(self, count: int, kind: str = INT) -> Ints:
-        return _whole(self.take(count, kind))
+        return _as_integers(self.take(count, kind))
 
     def integer(self, kind: str = INT) -> int:
         return int(self.ints(1, kind)[0])
@@ -50,63 +50,65 @@ class Numbers:
         """Take integers with values, shapes (count,) and (count, components)."""
         if self._binary:
             table = self.take(count, np.dtype([("number", INT), ("values", REAL, (components,))]))
-            return _whole(table["number"]), table["values"]
+            return _as_integers(table["number"]), table["values"]
         rows = self.take((1 + components) * count).reshape(count, 1 + components)
-        return _whole(rows[:, 0]), rows[:, 1:]
+        return _as_integers(rows[:, 0]), rows[:, 1:]
 
     def means(self, count: int, components: int) -> tuple[Ints, Floats]:
         """Take element numbers (count,) and means of nodal values (count, components)."""
         words = components * (2 if self._binary else 1)
         parts: list[tuple[Ints, Floats]] = [(np.empty(0, np.int64), np.empty((0, components)))]
-        for (nodes,), table in self._alike(count, slice(1, 2), lambda nodes: (2 + nodes * words, 1)):
+        for (nodes,), table in self._rows_by_head(count, slice(1, 2), lambda nodes: (2 + nodes * words, 1)):
             values = np.ascontiguousarray(table[:, 2:]).view(REAL).reshape(-1, nodes, components)
-            parts.append((_whole(table[:, 0]), values.mean(axis=1)))
+            parts.append((_as_integers(table[:, 0]), values.mean(axis=1)))
         numbers, means = zip(*parts, strict=True)
         return np.concatenate(numbers), np.concatenate(means)
 
     def elements(self, count: int) -> Iterator[tuple[int, int, Ints]]:
         """Yield type, number of tags, and rows (number, tags, nodes) of MSH 2 elements."""
-        says = slice(0, 3) if self._binary else slice(1, 3)  # type, number of elements (binary only), number of tags
+        # Type, number of elements (binary only), number of tags.
+        header = slice(0, 3) if self._binary else slice(1, 3)
 
         def row(kind: int, *rest: int) -> tuple[int, int]:
             many, tags = (1, *rest)[-2:]
-            return says.stop - says.start + many * (1 + tags + nodes_of(kind)), many
+            return header.stop - header.start + many * (1 + tags + nodes_per_element(kind)), many
 
-        for (kind, *_, tags), table in self._alike(count, says, row):
-            yield kind, tags, _whole(np.delete(table, says, axis=1).reshape(-1, 1 + tags + nodes_of(kind)))
+        for (kind, *_, tags), table in self._rows_by_head(count, header, row):
+            rows = np.delete(table, header, axis=1).reshape(-1, 1 + tags + nodes_per_element(kind))
+            yield kind, tags, _as_integers(rows)
 
-    def _alike(self, count: int, says: slice, row: Any) -> Iterator[tuple[tuple[int, ...], NDArray[Any]]]:
+    def _rows_by_head(self, count: int, header: slice, row: Any) -> Iterator[tuple[tuple[int, ...], NDArray[Any]]]:
         """Yield heads and rows of the rest of the section, grouped by equal heads.
 
-        All rows have `count` items. `says` is the slice of a row with its head, and `row` returns the numbers of words
-        and items of a row from its head.
+        All rows have `count` items. `header` is the slice of a row with its head, and `row` returns the numbers of
+        words and items of a row from its head.
         """
         words = self.take((len(self._data) - self._position) // (4 if self._binary else 1), INT)
         tables: dict[tuple[int, ...], list[NDArray[Any]]] = {}
         window = 1  # doubled after every run of equal heads, so that the cost is linear in the rows
         while count > 0:
-            _need(len(words) >= says.stop)
-            head = tuple(_whole(words[says]).tolist())
+            _require(len(words) >= header.stop)
+            head = tuple(_as_integers(words[header]).tolist())
             width, items = row(*head)
-            if min(head) < 0 or width <= says.stop:
+            if min(head) < 0 or width <= header.stop:
                 raise ValueError(f"a row begins with {head}")
             window = min(window, -(-count // items), len(words) // width)
-            _need(window > 0)
+            _require(window > 0)
             rows = words[: window * width].reshape(window, width)
-            run = int(np.argmin(np.append(np.all(rows[:, says] == head, axis=1), False)))
+            run = int(np.argmin(np.append(np.all(rows[:, header] == head, axis=1), False)))
             tables.setdefault(head, []).append(rows[:run])
             words, count, window = words[run * width :], count - run * items, 2 * window if run == window else 1
         for head, parts in tables.items():
             yield head, np.concatenate(parts)
 
 
-def _need(there: bool) -> None:
+def _require(there: bool) -> None:
     if not there:
         raise ValueError("a section ends before its last number")
 
 
-def _whole(values: NDArray[Any]) -> Ints:
-    if not np.all(np.abs(values) < EXACT):
+def _as_integers(values: NDArray[Any]) -> Ints:
+    if not np.all(np.abs(values) < EXACT_INTEGERS):
         raise ValueError("an integer is too large, or not finite")
     if np.any(np.trunc(values) != values):
         raise ValueError(f"{values[np.trunc(values) != values][0]} is not an integer")

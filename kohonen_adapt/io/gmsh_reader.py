@@ -20,14 +20,14 @@ from kohonen_adapt.io.content import (
     LINE,
     TETRAHEDRON,
     TRIANGLE,
+    CellFields,
     Content,
     Field,
     Rows,
-    Sampled,
-    found_in,
-    nodes_of,
-    parsed,
-    refusing,
+    as_value_error,
+    indices_in,
+    nodes_per_element,
+    parse_numbers,
     shape_of,
 )
 from kohonen_adapt.io.gmsh_numbers import SIZE, Numbers
@@ -37,29 +37,29 @@ __all__ = ["read_msh", "read_views"]
 Block = tuple[int, Rows]
 """Elements of one type, with node numbers of the file."""
 
-FRONT = 2**16
+HEADER_BYTES = 2**16
 """Bytes that must contain the header, read before the rest."""
 
-FEW = 10**6
+ALLOWED_ROWS = 10**6
 """Rows (one per element and group) allowed in any file; larger files may have two rows per byte."""
 
-PLAIN = 2
+TRIANGLE3 = 2
 """Gmsh's number for triangles of three nodes, the only type of triangle with a direction."""
 
 NO_GROUPS = np.empty(0, np.int64)
 
 SECTION = re.compile(rb"\n\$(NodeData|ElementData|ElementNodeData)[ \t\r]*\n")
 VIEW = re.compile(rb'\bView\s*"([^"\n]*)"\s*\{')
-LISTED = re.compile(rb"\b([SVT][A-Z]2?)\s*\(([^(){}]*)\)\s*\{([^(){}]*)\}")
+LIST_ITEM = re.compile(rb"\b([SVT][A-Z]2?)\s*\(([^(){}]*)\)\s*\{([^(){}]*)\}")
 LETTER = {TRIANGLE: "T", TETRAHEDRON: "S"}
 COMPONENTS = {"S": 1, "V": 3, "T": 9}  # values at a corner: scalar, vector, tensor
 
 
 def read_msh(path: Path) -> Content:
     with path.open("rb") as stream:
-        start = stream.read(FRONT)
+        start = stream.read(HEADER_BYTES)
         version, binary = _header_of(start, path)
-        with refusing(path, f"'{path}' is not a complete Gmsh file: {{}}. Write it again with Gmsh."):
+        with as_value_error(path, f"'{path}' is not a complete Gmsh file: {{}}. Write it again with Gmsh."):
             return _content(start + stream.read(), version, binary)
 
 
@@ -90,7 +90,7 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
     if version == "4.1":
         groups = _entities(section("Entities")) if b"\n$Entities" in data else {}
         numbers, points = _nodes_41(section("Nodes"))
-        blocks, meshed = _elements_41(section("Elements"), groups, max(FEW, 2 * len(data)))
+        blocks, meshed = _elements_41(section("Elements"), groups, max(ALLOWED_ROWS, 2 * len(data)))
         highest = max((dimension for dimension, _ in meshed), default=0)
         missing = tuple(sorted(tag for dimension, tag in groups.keys() - meshed if dimension == highest > 1))
     else:
@@ -149,7 +149,7 @@ def _elements_41(
     blocks, meshed = [], set()
     for _ in range(section.ints(4, SIZE)[0]):
         dimension, entity, kind = (section.integer() for _ in range(3))
-        width = 1 + nodes_of(kind)
+        width = 1 + nodes_per_element(kind)
         table = section.ints(section.integer(SIZE) * width, SIZE).reshape(-1, width)
         meshed.add((dimension, entity))
         tags = groups.get((dimension, entity), NO_GROUPS)
@@ -157,7 +157,7 @@ def _elements_41(
         if most < 0:
             raise ValueError("it has elements in more groups than a mesh of its size can need")
         for tag in tags if len(tags) else (0,):
-            blocks.append((kind, _grouped(kind, table[:, 1:], np.full(len(table), tag), table[:, 0])))
+            blocks.append((kind, _with_direction(kind, table[:, 1:], np.full(len(table), tag), table[:, 0])))
     return blocks, meshed
 
 
@@ -165,13 +165,13 @@ def _elements_22(section: Numbers) -> list[Block]:
     blocks = []
     for kind, tags, table in section.elements(section.count()):
         group = table[:, 1] if tags else np.zeros(len(table), np.int64)
-        blocks.append((kind, _grouped(kind, table[:, 1 + tags :], group, table[:, 0])))
+        blocks.append((kind, _with_direction(kind, table[:, 1 + tags :], group, table[:, 0])))
     return blocks
 
 
-def _grouped(kind: int, nodes: Ints, group: Ints, number: Ints) -> Rows:
+def _with_direction(kind: int, nodes: Ints, group: Ints, number: Ints) -> Rows:
     """Return rows, with lines and triangles of a negative group reversed."""
-    if shape_of(kind) == LINE or kind == PLAIN:
+    if shape_of(kind) == LINE or kind == TRIANGLE3:
         nodes = np.where(group[:, None] < 0, nodes[:, [1, 0, *range(2, nodes.shape[1])]], nodes)
     return Rows(nodes, np.abs(group), number)
 
@@ -180,32 +180,32 @@ def _rows(blocks: list[Block], numbers: Ints) -> dict[int, Rows]:
     """Return the rows by type, with node numbers replaced by indices into `numbers`."""
     found = {}
     for kind in {kind for kind, _ in blocks}:
-        rows = Rows.joined([part for other, part in blocks if other == kind], nodes_of(kind))
+        rows = Rows.joined([part for other, part in blocks if other == kind], nodes_per_element(kind))
         if rows.nodes.size and not len(numbers):
             raise ValueError("it has elements and no nodes")
-        place = found_in(numbers, rows.nodes)
+        place = indices_in(numbers, rows.nodes)
         if np.any(place < 0):
             raise ValueError(f"an element has node {rows.nodes[place < 0][0]}, which does not exist")
         found[kind] = replace(rows, nodes=place)
     return found
 
 
-def read_views(path: Path, shape: str) -> Sampled:
+def read_views(path: Path, shape: str) -> CellFields:
     """Return the cells of a shape in a file, and the fields on them.
 
     The file is MSH 2.2 or 4.1 with ``$NodeData``, ``$ElementData`` or ``$ElementNodeData``, or a list of triangles
     (``View "name" {ST(...){...}; };``) or tetrahedra (``SS``).
     """
-    with refusing(path, f"read_field cannot read '{path}': {{}}."):
+    with as_value_error(path, f"read_field cannot read '{path}': {{}}."):
         data = path.read_bytes()
     if data[:80].lstrip()[:4] == b"View":
-        return _listed(data, path, shape)
+        return _read_lists(data, path, shape)
     version, binary = _header_of(data, path)
-    with refusing(path, f"'{path}' is not a complete Gmsh file: {{}}. Write it again."):
+    with as_value_error(path, f"'{path}' is not a complete Gmsh file: {{}}. Write it again."):
         return _views(data, binary, _content(data, version, binary), shape)
 
 
-def _listed(data: bytes, path: Path, shape: str) -> Sampled:
+def _read_lists(data: bytes, path: Path, shape: str) -> CellFields:
     fields: list[Field] = []
     width = CORNERS[shape]
     corners = np.empty((0, 3 * width))
@@ -216,7 +216,7 @@ def _listed(data: bytes, path: Path, shape: str) -> Sampled:
         )
     ends = [*(view.start() for view in found[1:]), len(data)]
     for view, end in zip(found, ends, strict=True):
-        name, rows = view[1].decode("utf-8", "replace"), LISTED.findall(data, view.end(), end)
+        name, rows = view[1].decode("utf-8", "replace"), LIST_ITEM.findall(data, view.end(), end)
         components = _components(name, {kind.decode() for kind, _, _ in rows}, path, shape)
         try:
             places = _numbers([place for _, place, _ in rows]).reshape(len(rows), 3 * width)
@@ -231,7 +231,7 @@ def _listed(data: bytes, path: Path, shape: str) -> Sampled:
         corners = places
         fields.append(Field(name, False, table.mean(axis=1)))
     points, node = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    return Sampled(points, node.reshape(-1, width), fields)
+    return CellFields(points, node.reshape(-1, width), fields)
 
 
 def _components(name: str, kinds: set[str], path: Path, shape: str) -> int:
@@ -246,10 +246,10 @@ def _components(name: str, kinds: set[str], path: Path, shape: str) -> int:
 
 
 def _numbers(lists: list[bytes]) -> Floats:
-    return parsed(b",".join(lists).replace(b",", b" "))
+    return parse_numbers(b",".join(lists).replace(b",", b" "))
 
 
-def _views(data: bytes, binary: bool, content: Content, shape: str) -> Sampled:
+def _views(data: bytes, binary: bool, content: Content, shape: str) -> CellFields:
     rows = content.of_shape(shape)
     # An element of several groups is listed several times, in MSH 2.2 under several numbers; data may refer to any.
     cells, element = np.unique(np.sort(rows.nodes, axis=1), axis=0, return_inverse=True)
@@ -262,10 +262,10 @@ def _views(data: bytes, binary: bool, content: Content, shape: str) -> Sampled:
         nodal = kind == "NodeData"
         owner, known = (np.arange(len(content.points)), content.numbers) if nodal else (element.ravel(), rows.number)
         values = np.full((len(content.points) if nodal else len(cells), components), np.nan)
-        place = found_in(known, number)
+        place = indices_in(known, number)
         values[owner[place[place >= 0]]] = given[place >= 0]
         fields.append(Field(name, nodal, values))
-    return Sampled(content.points, cells, fields)
+    return CellFields(content.points, cells, fields)
 
 
 def _tags(data: bytes, start: int) -> tuple[tuple[str, int, int], int]:

@@ -84,7 +84,7 @@ def write_msh(
     numbers = numbers_for({d: subdomains, d - 1: boundaries}, groups)
     corners = directed(mesh, *divmod(facets, 2))
     elements = _layer(d, nodes_of_elements(mesh), subdomains, numbers, UNNAMED[d][d], first=1)
-    along = _with_own_middles(mesh, corners, facets // 2)
+    along = _with_midsides(mesh, corners, facets // 2)
     boundary = _layer(d - 1, along, sides, numbers, UNNAMED[d][d - 1], first=1 + mesh.t.shape[1])
     point = _points(nodes, names, UNNAMED[d][0], first=1 + mesh.t.shape[1] + len(facets))
     layers = [point, boundary, elements]
@@ -98,7 +98,7 @@ def write_msh(
             _write_field(stream, "ElementData", name, values)
 
 
-def _with_own_middles(mesh: Mesh, ends: Ints, facets: Ints) -> Ints:
+def _with_midsides(mesh: Mesh, ends: Ints, facets: Ints) -> Ints:
     return np.column_stack([ends, mesh.nvertices + facets]) if is_second_order(mesh) else ends
 
 
@@ -120,8 +120,8 @@ def _points(nodes: dict[int, Ints], names: dict[int, str], unnamed: str, *, firs
     used = np.unique(np.concatenate([np.empty(0, np.int64), *nodes.values()]))
     tags = [np.array([tag for tag, members in nodes.items() if node in members], np.int64) for node in used]
     number = first + np.arange(len(used))
-    names_used = {tag: name for tag, name in names.items() if name != unnamed.format(tag)}
-    return Layer(0, used[:, None], number, np.arange(len(used)), tags, names_used)
+    written = {tag: name for tag, name in names.items() if name != unnamed.format(tag)}
+    return Layer(0, used[:, None], number, np.arange(len(used)), tags, written)
 
 
 def _write_rows(stream: TextIO, row: str, table: NDArray[Any]) -> None:

@@ -19,17 +19,17 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.io.content import (
-    ALWAYS,
+    ALLOWED_BYTES,
     CORNERS,
     DIMENSION,
-    EXACT,
-    PACKED,
+    EXACT_INTEGERS,
+    MAX_EXPANSION,
+    CellFields,
     Content,
     Field,
-    Sampled,
-    gathered,
-    nodes_of,
-    refusing,
+    as_value_error,
+    content_of_sets,
+    nodes_per_element,
     shape_of,
 )
 from kohonen_adapt.io.groups import UNNAMED
@@ -62,7 +62,7 @@ RANGE = re.compile(rb"(?im)^\*[^\n]*\bGENERATE\b[^\n]*\n\s*([0-9]+)\s*,\s*([0-9]
 BLOCK = re.compile(r"(?im)^[ \t]*\*ELEMENT[ \t]*(?:,(?:.*?\bELSET[ \t]*=[ \t]*([^,\r\n]*))?.*)?\r?$")
 
 
-def _counted(data: bytes, path: Path) -> bytes:
+def _check_counts(data: bytes, path: Path) -> bytes:
     # meshio reserves memory for the counts of a file.
     most = max((int(number) for pair in COUNTS.findall(data) for number in pair if number), default=0)
     if most > len(data):
@@ -73,7 +73,7 @@ def _counted(data: bytes, path: Path) -> bytes:
 def _vtk(data: bytes, path: Path) -> bytes:
     if not re.search(rb"(?im)^DATASET\s+UNSTRUCTURED_GRID\b", data):
         raise ValueError("it has no UNSTRUCTURED_GRID")
-    _counted(b"\n".join(data.split(b"\n", 3)[2:]), path)  # without the title, a free text
+    _check_counts(b"\n".join(data.split(b"\n", 3)[2:]), path)  # without the title, a free text
     return data
 
 
@@ -91,7 +91,7 @@ def _abaqus(data: bytes, path: Path) -> bytes:
 def _su2(data: bytes, path: Path) -> bytes:
     # meshio has numbers only for markers, and may use one number for two names.
     number = iter(range(1, 1 + len(MARKER.findall(data))))
-    return MARKER.sub(lambda found: found[1] + b" %d" % next(number), _counted(data, path))
+    return MARKER.sub(lambda found: found[1] + b" %d" % next(number), _check_counts(data, path))
 
 
 def _med(data: bytes, path: Path) -> bytes:
@@ -127,7 +127,7 @@ def _check_hdf(path: Path) -> None:
                 yield item.nbytes
 
     with h5py.File(path, "r") as file:
-        if sum(nbytes(file)) > PACKED * path.stat().st_size + ALWAYS:
+        if sum(nbytes(file)) > MAX_EXPANSION * path.stat().st_size + ALLOWED_BYTES:
             raise ValueError("it unpacks to more data than plausible for its size")
 
 
@@ -135,7 +135,7 @@ FORMATS: dict[str, tuple[str, Any, Callable[[bytes, Path], bytes]]] = {
     ".vtu": ("a VTU", meshio.vtu, lambda data, path: checked_vtu(data)),
     ".vtk": ("a VTK", meshio.vtk, _vtk),
     ".inp": ("an Abaqus", meshio.abaqus, _abaqus),
-    ".mesh": ("a Medit", meshio.medit, _counted),
+    ".mesh": ("a Medit", meshio.medit, _check_counts),
     ".su2": ("an SU2", meshio.su2, _su2),
     ".med": ("a MED", meshio.med, _med),
     ".xdmf": ("an XDMF", meshio.xdmf, _xdmf),
@@ -143,23 +143,23 @@ FORMATS: dict[str, tuple[str, Any, Callable[[bytes, Path], bytes]]] = {
 """Suffix to name, module of meshio, and a function that checks or corrects the bytes for this module."""
 
 
-def _meshed(path: Path, caller: str) -> Any:
+def _read_with_meshio(path: Path, caller: str) -> Any:
     """Return the mesh of meshio for a file, with names of cell tags as `cell_tags`."""
     suffix = path.suffix.lower()
-    name, module, mended = FORMATS[suffix]
+    name, module, correct = FORMATS[suffix]
     if suffix in (".med", ".xdmf") and not find_spec("h5py"):
         raise ImportError(f'{caller} needs h5py for {name} file: pip install "kohonen-adapt[files]".')
-    with refusing(path, f"{caller} expected {name} file; '{path}' cannot be read: {{}}."):
+    with as_value_error(path, f"{caller} expected {name} file; '{path}' cannot be read: {{}}."):
         data = path.read_bytes()
         try:
-            better = mended(data, path)
-            if better == data:
-                mesh = _quietly(module.read, path)
+            changed = correct(data, path)
+            if changed == data:
+                mesh = _read_logged(module.read, path)
             else:
                 with TemporaryDirectory() as folder:
                     draft = Path(folder, f"mended{suffix}")
-                    draft.write_bytes(better)
-                    mesh = _quietly(module.read, draft)
+                    draft.write_bytes(changed)
+                    mesh = _read_logged(module.read, draft)
         except (MemoryError, ValueError, SyntaxError):
             raise
         except Exception as error:  # meshio raises errors of any type for a damaged file
@@ -180,12 +180,12 @@ def _add_names(mesh: Any, suffix: str, data: bytes) -> None:
             mesh.cell_sets[name] = [np.arange(size) for size in sizes]
 
 
-def _quietly(read: Callable[[str], Any], path: Path) -> Any:
-    output = StringIO()
-    with warnings.catch_warnings(), redirect_stderr(output):
+def _read_logged(read: Callable[[str], Any], path: Path) -> Any:
+    printed = StringIO()
+    with warnings.catch_warnings(), redirect_stderr(printed):
         warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
         mesh = read(str(path))
-    words = " ".join(output.getvalue().split())
+    words = " ".join(printed.getvalue().split())
     if "cannot handle" in words:
         raise ValueError(words)
     if words:
@@ -195,10 +195,10 @@ def _quietly(read: Callable[[str], Any], path: Path) -> Any:
 
 def read_content(path: Path) -> Content:
     """Return the content of a file with all named sets and numbered groups."""
-    mesh = _meshed(path, "read_mesh")
-    with refusing(path, f"'{path}' cannot be read: {{}}."):
+    mesh = _read_with_meshio(path, "read_mesh")
+    with as_value_error(path, f"'{path}' cannot be read: {{}}."):
         points = _points(mesh)
-        return gathered(points, _all_sets(mesh, points))
+        return content_of_sets(points, _all_sets(mesh, points))
 
 
 def _kind(block: Any) -> int:
@@ -225,7 +225,7 @@ def _points(mesh: Any) -> Floats:
 def _nodes(block: Any, kind: int, count: int) -> Ints:
     if kind not in KINDS.values():
         return np.empty((len(block.data), 0), np.int64)
-    nodes = np.asarray(block.data, np.int64).reshape(-1, nodes_of(kind))
+    nodes = np.asarray(block.data, np.int64).reshape(-1, nodes_per_element(kind))
     if np.any((nodes < 0) | (nodes >= count)):
         raise ValueError("a cell has a node that does not exist")
     return nodes
@@ -239,23 +239,23 @@ def _sets(
             yield kind, name, nodes[parts[k]], first + np.asarray(parts[k])
     key = next((key for key in NUMBERS if key in mesh.cell_data), None)
     if key:
-        numbers = _whole(mesh.cell_data[key][k], key)
+        numbers = _as_integers(mesh.cell_data[key][k], key)
         for tag in np.unique(numbers[numbers != 0]).tolist():
             which = np.flatnonzero(numbers == tag)
             for name in _names(mesh, key, tag, DIMENSION[shape_of(kind)]):
                 yield kind, name, nodes[which], first + which
-    plain = _plain(kind)
-    for key, values in mesh.cell_data.items() if plain in SIDES else ():
+    first_order = _first_order(kind)
+    for key, values in mesh.cell_data.items() if first_order in SIDES else ():
         if key.startswith(SUBDOMAIN):
-            which = np.flatnonzero(_whole(values[k], key))
+            which = np.flatnonzero(_as_integers(values[k], key))
             yield kind, key.removeprefix(SUBDOMAIN), nodes[which], first + which
         elif key.startswith(BOUNDARY):
-            sides = sides_of(nodes[:, : nodes_of(plain)], _whole(values[k], key), points)
-            yield SIDES[plain], key.removeprefix(BOUNDARY), sides, np.arange(len(sides))
+            sides = sides_of(nodes[:, : nodes_per_element(first_order)], _as_integers(values[k], key), points)
+            yield SIDES[first_order], key.removeprefix(BOUNDARY), sides, np.arange(len(sides))
 
 
-def _plain(kind: int) -> int:
-    return next((plain for plain in SIDES if shape_of(plain) == shape_of(kind)), kind)
+def _first_order(kind: int) -> int:
+    return next((first_order for first_order in SIDES if shape_of(first_order) == shape_of(kind)), kind)
 
 
 def _names(mesh: Any, key: str, tag: int, dimension: int) -> list[str]:
@@ -266,16 +266,16 @@ def _names(mesh: Any, key: str, tag: int, dimension: int) -> list[str]:
     return texts.get(tag) or named or ([] if texts else [unnamed.format(abs(tag))])
 
 
-def _whole(values: Any, key: str) -> Ints:
+def _as_integers(values: Any, key: str) -> Ints:
     values = values.ravel() if values.shape[1:] == (1,) else values
-    if not (values.ndim == 1 and values.dtype.kind in "iuf" and np.all(np.abs(values) < EXACT)):
+    if not (values.ndim == 1 and values.dtype.kind in "iuf" and np.all(np.abs(values) < EXACT_INTEGERS)):
         raise ValueError(f"'{key}' must have one integer per cell")
     return values.astype(np.int64)
 
 
-def read_arrays(path: Path, shape: str) -> Sampled:
-    mesh = _meshed(path, "read_field")
-    with refusing(path, f"'{path}' cannot be read: {{}}."):
+def read_arrays(path: Path, shape: str) -> CellFields:
+    mesh = _read_with_meshio(path, "read_field")
+    with as_value_error(path, f"'{path}' cannot be read: {{}}."):
         points = _points(mesh)
         kinds = [_kind(block) for block in mesh.cells]
         blocks = [k for k, kind in enumerate(kinds) if shape_of(kind) == shape and kind in KINDS.values()]
@@ -287,4 +287,4 @@ def read_arrays(path: Path, shape: str) -> Sampled:
             for name, values in mesh.cell_data.items()
             if blocks
         ]
-        return Sampled(points, cells, [*nodal, *cellwise])
+        return CellFields(points, cells, [*nodal, *cellwise])

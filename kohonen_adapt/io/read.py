@@ -19,7 +19,7 @@ from kohonen_adapt.io.meshio_reader import FORMATS, read_content
 from kohonen_adapt.io.solids import to_solid
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["read_curves", "read_groups", "read_mesh", "shown_curves"]
+__all__ = ["curves_in_file", "read_curves", "read_groups", "read_mesh"]
 
 Reader = Callable[[Path], Content]
 
@@ -154,7 +154,7 @@ def read_curves(path: str | PathLike[str], mesh: MeshTri, *, scale: float = 1.0)
     return to_curves(read_msh(path), mesh, path, float(scale))
 
 
-def shown_curves(path: Path, mesh: MeshTri, scale: float) -> dict[str, Spline]:
+def curves_in_file(path: Path, mesh: MeshTri, scale: float) -> dict[str, Spline]:
     """Return the curves of a second-order Gmsh file, an empty dictionary for others."""
     content = read_msh(path) if path.suffix.lower() in MSH_VERSION else None
     return to_curves(content, mesh, path, scale) if content is not None and is_second_order(content) else {}

@@ -7,14 +7,14 @@ import numpy as np
 from skfem import MeshTet, MeshTri
 
 from kohonen_adapt.arrays import Ints
-from kohonen_adapt.io.assembly import by_name, listed_once, oriented, said_of
+from kohonen_adapt.io.assembly import element_counts, items_by_name, oriented, unique_elements
 from kohonen_adapt.io.content import (
     TETRAHEDRON,
     TRIANGLE,
     Content,
     check_finite,
-    found_in,
-    sets_in,
+    indices_in,
+    rows_in,
     shape_of,
 )
 from kohonen_adapt.mesh.cells import CELLS
@@ -41,15 +41,15 @@ def to_solid(content: Content, path: Path, scale: float) -> MeshTet:
     """
     _check_shapes(content, path)
     rows = content.of_shape(TETRAHEDRON)
-    tetrahedra, element = listed_once(rows)
+    tetrahedra, element = unique_elements(rows)
     is_used = np.zeros(len(content.points), dtype=bool)
     is_used[tetrahedra] = True
     used = np.flatnonzero(is_used)
     check_finite(content.points[used], path, "read_mesh", "node")
     p = np.ascontiguousarray(scale * content.points[used].T)
     t = np.ascontiguousarray((np.cumsum(is_used) - 1)[tetrahedra].T)
-    mesh = of_positive_volume(MeshTet(p, t, None, by_name(rows.group, element, TETRAHEDRON, content)))
-    set_boundaries(mesh, oriented(mesh, _boundaries(mesh, used, content, path), _turn_alike))
+    mesh = of_positive_volume(MeshTet(p, t, None, items_by_name(rows.group, element, TETRAHEDRON, content)))
+    set_boundaries(mesh, oriented(mesh, _boundaries(mesh, used, content, path), _has_orientation))
     _report(mesh, content, path)
     return mesh
 
@@ -59,7 +59,7 @@ def of_positive_volume(mesh: MeshTri | MeshTet) -> MeshTri | MeshTet:
 
 
 def _check_shapes(content: Content, path: Path) -> None:
-    counts, found = said_of(content)
+    counts, found = element_counts(content)
     others = counts.keys() & {"quadrilateral", "hexahedron", "prism", "pyramid"}
     if others:
         raise ValueError(
@@ -80,8 +80,8 @@ def _boundaries(mesh: MeshTet, used: Ints, content: Content, path: Path) -> Sets
     if len(rows.number) == 0 and not content.names:
         return None
     number_facets(mesh)
-    node = found_in(used, rows.nodes)
-    facet = np.where(np.all(node >= 0, axis=1), sets_in(mesh.facets.T, node), -1)
+    node = indices_in(used, rows.nodes)
+    facet = np.where(np.all(node >= 0, axis=1), rows_in(mesh.facets.T, node), -1)
     if np.any(facet < 0):
         place = tuple(content.points[rows.nodes[facet < 0][0]].mean(axis=0).tolist())
         raise ValueError(
@@ -91,10 +91,10 @@ def _boundaries(mesh: MeshTet, used: Ints, content: Content, path: Path) -> Sets
         )
     centre = mesh.p[:, mesh.t[:, mesh.f2t[0, facet]]].mean(axis=1)
     second = ~is_in_front(mesh.p[:, node.T], centre) & (mesh.f2t[1, facet] >= 0)
-    return by_name(rows.group, 2 * facet + second, TRIANGLE, content)
+    return items_by_name(rows.group, 2 * facet + second, TRIANGLE, content)
 
 
-def _turn_alike(triangles: Ints) -> bool:
+def _has_orientation(triangles: Ints) -> bool:
     """Return True if most neighbouring triangles (m, 3) have the same orientation.
 
     Half of them have if a program writes triangles without direction.

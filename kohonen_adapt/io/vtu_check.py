@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from kohonen_adapt.checks import listed
-from kohonen_adapt.io.content import ALWAYS, PACKED
+from kohonen_adapt.io.content import ALLOWED_BYTES, MAX_EXPANSION
 
 __all__ = ["checked_vtu", "plain_xml"]
 
@@ -62,11 +62,11 @@ def checked_vtu(data: bytes) -> bytes:
     pieces = len(root.findall("UnstructuredGrid/Piece"))
     if pieces != 1:
         raise ValueError(f"it has {pieces} pieces instead of one: merge them, in ParaView by Merge Blocks")
-    order = _known(ORDERS, "byte order", root.get("byte_order", "LittleEndian"))
-    head = np.dtype(order + _known(HEADERS, "header type", root.get("header_type", "UInt32")))
-    decompressor = root.get("compressor") and _known(DECOMPRESSORS, "compressor", root.get("compressor"))
+    order = _checked_word(ORDERS, "byte order", root.get("byte_order", "LittleEndian"))
+    head = np.dtype(order + _checked_word(HEADERS, "header type", root.get("header_type", "UInt32")))
+    decompressor = root.get("compressor") and _checked_word(DECOMPRESSORS, "compressor", root.get("compressor"))
     appended: Source = root.findtext("AppendedData", "").strip()[1:] if raw is None else raw
-    left = PACKED * len(data) + ALWAYS
+    left = MAX_EXPANSION * len(data) + ALLOWED_BYTES
     for array in root.iter("DataArray"):
         if array.get("format") in ("binary", "appended"):
             inline = array.get("format") == "binary"
@@ -97,17 +97,17 @@ def _unpacked(source: Source, head: np.dtype[Any], most: int, decompressor: Call
     ValueError
         If the array has more than `most` bytes, or a block does not unpack to its size.
     """
-    first, _ = _taken(source, 0, head.itemsize)
+    first, _ = _read_bytes(source, 0, head.itemsize)
     count = int(np.frombuffer(first, head)[0])
     lengths = [min(count, len(source))]
     if decompressor:
-        header, end = _taken(source, 0, (3 + count) * head.itemsize)
+        header, end = _read_bytes(source, 0, (3 + count) * head.itemsize)
         _, full, last, *sizes = np.frombuffer(header, head).tolist()
         lengths = [full] * (count - 1) + [last or full] if count else []
     if sum(lengths) > most:  # arrays may refer to the same bytes
         raise ValueError("it unpacks to more data than plausible for its size")
     if decompressor:
-        packed, start = _taken(source, end, sum(sizes))[0], 0
+        packed, start = _read_bytes(source, end, sum(sizes))[0], 0
         for length, size in zip(lengths, sizes, strict=True):
             _check_block(decompressor(), packed[start : start + size], length)
             start += size
@@ -123,7 +123,7 @@ def _check_block(decompressor: Any, block: bytes, length: int) -> None:
         raise ValueError("a block of its data has a wrong length")
 
 
-def _taken(source: Source, start: int, count: int) -> tuple[bytes, int]:
+def _read_bytes(source: Source, start: int, count: int) -> tuple[bytes, int]:
     """Return `count` decoded bytes from `start`, and their end in `source`."""
     end = start + (count if isinstance(source, bytes) else -(-count // 3) * 4)
     if not 0 <= start <= end <= len(source):
@@ -132,7 +132,7 @@ def _taken(source: Source, start: int, count: int) -> tuple[bytes, int]:
     return (part if isinstance(part, bytes) else base64.b64decode(part, validate=True)[:count]), end
 
 
-def _known(table: dict[Any, Any], what: str, word: str | None) -> Any:
+def _checked_word(table: dict[Any, Any], what: str, word: str | None) -> Any:
     if word not in table:
         raise ValueError(f"its {what} is '{word}'; write it with {listed(table)}")
     return table[word]

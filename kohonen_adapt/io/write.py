@@ -93,7 +93,7 @@ def write_mesh(
     mesh = of_positive_volume(mesh)
     subdomains = _checked_sets(mesh.subdomains, "subdomain")
     boundaries = _checked_sets(mesh.boundaries, "boundary")
-    points = _checked_fields(with_means(mesh, point_data), mesh.p.shape[1], "point_data")
+    points = _checked_fields(with_midside_means(mesh, point_data), mesh.p.shape[1], "point_data")
     cells = _checked_fields(cell_data, mesh.t.shape[1], "cell_data", len(mesh.p))
     groups = groups or Groups()
     if for_elmer:
@@ -121,7 +121,7 @@ def check_names_written(mesh: Mesh) -> None:
             _check_name(name, kind)
 
 
-def with_means(mesh: MeshTri | MeshTet, fields: Mapping[str, ArrayLike] | None) -> Mapping[str, ArrayLike]:
+def with_midside_means(mesh: MeshTri | MeshTet, fields: Mapping[str, ArrayLike] | None) -> Mapping[str, ArrayLike]:
     """Return fields at all nodes, with the mean of both ends at midside nodes."""
     given = dict(fields or {})
     for name, values in given.items() if is_second_order(mesh) else ():
