@@ -45,7 +45,7 @@ def neighbours_of(node: NDArray[np.int32], position: Floats) -> NDArray[np.int32
         shown = " and ".join(f"node {end} at {point_text(position[end])}" for end in ends)
         raise ValueError(
             f"the mesh is tangled: element {side // corners} shares {cell.facet} with an element on the same side of "
-            f"it (overturned or doubled), of {shown}; repair the mesh before adapting it."
+            f"it (inverted or doubled), of {shown}; repair the mesh before adapting it."
         )
     neighbour = np.full(corners * m, -1, dtype=np.int32)
     neighbour[one], neighbour[other] = other // corners, one // corners

@@ -135,7 +135,7 @@ def check_curved_sides(mesh: MeshTri) -> None:
     inverted = np.flatnonzero(~(least_determinants(mesh) > 0.0))
     if len(inverted):
         raise ValueError(
-            f"the bent sides of a MeshTri2 must not fold its elements over; {len(inverted)} are, the first is element "
+            f"the curved sides of a MeshTri2 must not invert elements; {len(inverted)} are inverted, first element "
             f"{inverted[0]}. Draw its midside nodes nearer to their chords, as kohonen_adapt.relocate does, or keep "
             "its corners only: MeshTri(mesh.p[:, :mesh.nvertices], mesh.t)."
         )

@@ -112,7 +112,7 @@ def test_folded_elements_are_refused_and_no_others():
         "density": lambda mesh: ka.density_from_indicators(mesh, np.ones(2)),
     }
     for call in calls.values():
-        with pytest.raises(ValueError, match=r"must not fold its elements over; 1 are, the first is element [01]\."):
+        with pytest.raises(ValueError, match=r"must not invert elements; 1 are inverted, first element [01]\."):
             call(one_bent(0.26))
 
 
