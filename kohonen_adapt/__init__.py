@@ -11,6 +11,7 @@ from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.polish import polish
 from kohonen_adapt.loop.relocate import relocate
 from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.loop.why_held import why_held
 from kohonen_adapt.mesh.joining import merge
 from kohonen_adapt.mesh.locate import find_elements, interpolate
 from kohonen_adapt.mesh.measures import quality
@@ -64,6 +65,7 @@ __all__ = [
     "sweep",
     "turned",
     "warmup",
+    "why_held",
     "write_mesh",
 ]
 

@@ -53,7 +53,7 @@ def check_tolerance(name: str, value: object) -> None:
 
 
 def check_hook(name: str, hook: object, expected: str) -> None:
-    """Require that `hook` is None or a function of the arguments `expected`."""
+    """Check that `hook` is None or a function of the arguments `expected`."""
     if hook is not None and not callable(hook):
         raise ValueError(f"{name} must be a function of {expected}, or None; got {hook!r}.")
 

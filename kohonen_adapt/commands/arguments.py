@@ -116,6 +116,7 @@ def _add_check(commands: Any) -> None:
         "if the file cannot be read as a mesh. Hints are not faults.",
     )
     _add_mesh(check)
+    check.add_argument("--nodes", action="store_true", help="count the nodes that are held, by reason")
     _add_surfaces(check, "in metres")
 
 

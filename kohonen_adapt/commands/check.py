@@ -1,5 +1,6 @@
 """Description of a mesh and of its faults."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -19,18 +20,20 @@ from kohonen_adapt.geometry.rules import Rules, floor_of
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.io import Groups, check_names_written
+from kohonen_adapt.loop.why_held import why_held
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["described", "faults", "hints", "moving", "outlines_described", "points_described"]
+__all__ = ["described", "faults", "held_described", "hints", "moving", "outlines_described", "points_described"]
 
 SHOWN = 3  # positions listed per fault
 GROUPS = {2: ("surface", "lines"), 3: ("volume", "surfaces")}  # groups of subdomains and boundaries
 LONG = 25.0  # squared perimeter over area of a narrow subdomain; 25 for a rectangle of 1 by 4
 TIPS = 0.05  # fraction of the area; a smaller single layer is a tip in which two sides meet
 LISTED = 6  # radii listed; of more, the range
+REASONS = 12  # reasons listed
 
 
 def described(mesh: Mesh) -> list[str]:
@@ -93,6 +96,15 @@ def moving(mesh: Mesh, surfaces: Mapping[str, Surface] | None = None) -> tuple[l
         return surfaces_described(solid), doubtful_patches(solid)
     movable = MovableMesh.of(mesh, rules)
     return outlines_described(movable), hints(movable)
+
+
+def held_described(mesh: Mesh, surfaces: Mapping[str, Surface]) -> list[str]:
+    """Return lines with the number of held nodes by reason, in order of frequency."""
+    why = why_held(mesh, Rules(surfaces=surfaces or None))
+    counts = Counter(why[why != ""].tolist()).most_common()
+    more = len(counts) - REASONS
+    lines = [f"  {count}: {reason}" for reason, count in counts[:REASONS]]
+    return [f"held nodes: {sum(count for _, count in counts)}", *lines, *([f"  and {more} more reasons"] * (more > 0))]
 
 
 def outlines_described(movable: MovableMesh) -> list[str]:

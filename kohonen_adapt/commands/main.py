@@ -18,7 +18,7 @@ from kohonen_adapt.cases.kinds import locate_errors
 from kohonen_adapt.cases.settings import fitting_mesh, read_case
 from kohonen_adapt.cases.template import case_text
 from kohonen_adapt.commands.arguments import command_parser, writable_folder
-from kohonen_adapt.commands.check import described, faults, moving, points_described
+from kohonen_adapt.commands.check import described, faults, held_described, moving, points_described
 from kohonen_adapt.commands.doubts import case_doubts, unit_doubts
 from kohonen_adapt.commands.pictures import write_overview, write_pictures
 from kohonen_adapt.commands.relocate import relocate_file
@@ -186,6 +186,8 @@ def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     found = list(faults(corners, arguments.scale))
     lines, hinted = moving(mesh, dict(ChainMap(*arguments.surfaces)))
     terminal.say("\n".join([*lines, *(f"hint: {hint}" for hint in hinted)]))
+    if arguments.nodes:
+        terminal.say("\n".join(held_described(mesh, dict(ChainMap(*arguments.surfaces)))))
     for fault in found:
         terminal.say(f"- {fault}")
     terminal.say(f"{counted(len(found), 'fault')} found." if found else "No faults found.")

@@ -46,7 +46,7 @@ html_copy_source = False
 
 
 def links_from_here(app: Sphinx, path: Path, _parent: str, content: list[str]) -> None:
-    """Replace the links of an included README by links to pages of the site, or to files."""
+    """Replace the links of an included README by links to pages or files."""
     folder = (DOCS / path).resolve().parent
 
     def from_here(link: re.Match[str]) -> str:
@@ -72,7 +72,7 @@ class Page(HTMLParser):
 
 
 def dead_links(folder: Path) -> list[str]:
-    """Return the links within the site whose file or anchor is missing, each with its page."""
+    """Return links within the site without a file or anchor, each with its page."""
     pages = {file: Page(file) for file in folder.rglob("*.html")}
     dead = []
     for file, page in pages.items():

@@ -103,6 +103,14 @@ class Method(ABC):
         """Interpolate the solution of `functional` onto the moved mesh."""
 
     @abstractmethod
+    def reasons(self, movable: Any) -> list[str]:
+        """Return why each node is held, an empty string for nodes that move or slide."""
+
+    @abstractmethod
+    def polish_reasons(self, movable: Any, functional: Any) -> list[str]:
+        """Return why the polish alone holds each node, else an empty string."""
+
+    @abstractmethod
     def descend(self, movable: Any, functional: Any, trial: Any, sweeps: int) -> float:
         """Sweep nodes and edges, and return the decrease of the functional."""
 

@@ -7,9 +7,11 @@ from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.geometry.plane.held_nodes import reasons_in_plane
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.recycled import Recycled
 from kohonen_adapt.geometry.rules import Rules
+from kohonen_adapt.kernels.arrays import FREE, HELD
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
@@ -89,6 +91,24 @@ class PlaneMethod(Method):
         self, functional: Functional, before: MovableMesh, movable: MovableMesh, start_element: Ints
     ) -> TrialFunction:
         return transferred(functional, before, movable, start_element)
+
+    def reasons(self, movable: MovableMesh) -> list[str]:
+        return reasons_in_plane(movable)
+
+    def polish_reasons(self, movable: MovableMesh, functional: Functional) -> list[str]:
+        found, kind = [""] * movable.nnodes, movable.constraints.kind
+        held = (functional.kinds(movable.outline, functional.solution.fixed) == HELD) & (kind != HELD)
+        chain = movable.constraints.own_chain
+        for v in np.flatnonzero(held):
+            if kind[v] == FREE:
+                found[v] = "Dirichlet value inside the mesh"
+            elif functional.boundary.on[chain[v]]:
+                found[v] = "Robin condition"
+            elif functional.dirichlet[chain[v]] and not functional.linear[chain[v]]:
+                found[v] = "Dirichlet values that are not linear along the boundary"
+            elif not functional.chords.counted[chain[v]]:  # else descend_curves moves the node
+                found[v] = "straight facets on a curve"
+        return found
 
     def descend(self, movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int) -> float:
         return descend(movable, functional, trial, sweeps)

@@ -9,7 +9,9 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.recycled import Recycled, unchanged
 from kohonen_adapt.geometry.rules import Rules
+from kohonen_adapt.geometry.space.held_nodes import reasons_in_space
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.kernels.tetrahedron.arrays import ON_PATCH, ON_RIDGE
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
@@ -95,6 +97,19 @@ class SpaceMethod(Method):
         self, functional: SolidFunctional, before: MovableSolid, movable: MovableSolid, start_element: Ints
     ) -> TrialFunction:
         return transferred_in_space(functional, before, movable, start_element)
+
+    def reasons(self, movable: MovableSolid) -> list[str]:
+        return reasons_in_space(movable)
+
+    def polish_reasons(self, movable: MovableSolid, functional: SolidFunctional) -> list[str]:
+        freedom, found = movable.freedom, [""] * movable.nnodes
+        row = freedom.place + np.where(freedom.number == ON_RIDGE, functional.patches, 0)
+        sliding = (freedom.number == ON_PATCH) | (freedom.number == ON_RIDGE)
+        for v in np.flatnonzero(sliding & ~freedom.pinned):
+            if functional.held[row[v]]:
+                dirichlet = functional.dirichlet[row[v]]
+                found[v] = "Dirichlet values that are not linear" if dirichlet else "curved surface without slivers"
+        return found
 
     def descend(self, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, sweeps: int) -> float:
         return descend_in_space(movable, functional, trial, sweeps)

@@ -52,6 +52,16 @@ def test_a_good_mesh(capsys):
     assert lines[8:] == ["No faults found."]
 
 
+def test_held_nodes_are_counted_by_reason(capsys):
+    assert cli.main(["check", "--nodes", str(EXAMPLES / "c_core.msh"), "--scale", "1e-3"]) == 0
+    held = capsys.readouterr().out.partition("held nodes: ")[2].splitlines()
+    assert held[:3] == [
+        "20",
+        "  12: corner of subdomain 'air', 'iron', 90 degrees",
+        "  4: corner of boundary 'outer', 90 degrees",
+    ]
+
+
 def test_arcs_have_radii(tmp_path, capsys):
     said = said_of(whole(disk(6, 0.25)), tmp_path, capsys)
     assert "boundaries and interfaces: 1 segment, 0 straight, 1 on arcs (radius 0.25 m), 1 closed" in said

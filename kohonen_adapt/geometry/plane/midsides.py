@@ -167,7 +167,7 @@ def limit_factors(triangulation: Triangulation, constraints: Constraints, rows: 
 
 
 def sufficient_factors(corners: Floats, offsets: Floats, doubled: Floats) -> Floats:
-    """Return factors (q,) of the offsets that leave `MIN_JACOBIAN` of the determinant.
+    """Return factors (q,) of the offsets that keep the determinant large enough.
 
     With factors t of the sides, the Bernstein coefficients of the determinant are
     ``D + sum_k t_k L_k + sum_jk t_j t_k Q_jk``. Only the negative parts of L and Q are counted: then the coefficients
