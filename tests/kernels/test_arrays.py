@@ -22,7 +22,7 @@ NO_ARRAYS = {
     "Shapes": {"around"},
     "OpenMesh": {"elements", "constraints", "pool", "origins", "scratch"},
     "Trial": {"laws"},
-    "Trials": {"one", "other"},
+    "Trials": {"primal", "dual"},
 }
 RECORDS = ("Elements", "Star", "Constraints", "Chains", "PeriodicPairs", "SearchScratch", "SurgeryScratch")
 

@@ -105,9 +105,9 @@ def test_any_rising_table_is_a_rising_law(steps):
     [
         ([(1.0, 100.0)], r"bh must have at least two points besides \(0, 0\); got 1\. For a constant permeability"),
         ([(0.0, 0.0)], r"at least two points besides \(0, 0\); got 0\."),
-        ([(0.5, 50.0), (1.0, 40.0)], r"strictly increasing from \(0, 0\); after 0\.5 T, 50 A/m comes 1 T, 40 A/m\."),
+        ([(0.5, 50.0), (1.0, 40.0)], r"strictly increasing from \(0, 0\); 0\.5 T, 50 A/m precedes 1 T, 40 A/m\."),
         ([(0.5, 50.0), (0.5, 60.0)], "B and H strictly increasing"),
-        ([(-0.5, -50.0), (0.5, 50.0)], r"strictly increasing from \(0, 0\); after 0 T, 0 A/m comes -0\.5 T, -50 A/m\."),
+        ([(-0.5, -50.0), (0.5, 50.0)], r"strictly increasing from \(0, 0\); 0 T, 0 A/m precedes -0\.5 T, -50 A/m\."),
         ([(0.5, 50.0), (1.0, np.nan)], r"bh must be finite; row 1 is \[1\.0, nan\]\."),
         ([1.0, 2.0], r"bh must have shape \(n, 2\), columns B in T and H in A/m; got \(2,\)\."),
         (
@@ -199,7 +199,7 @@ def test_files_of_points(tmp_path, text):
         ("0.5,100,3\n", r"line 1: expected two numbers"),
         ("", r"at least two points besides \(0, 0\); got 0\."),
         ("1.5,1000\n", r"at least two points besides \(0, 0\); got 1\."),
-        ("B,H\n0.5,100\n1.5,1000\n1.4,2000\n", r"after 1\.5 T, 1000 A/m comes 1\.4 T, 2000 A/m\."),
+        ("B,H\n0.5,100\n1.5,1000\n1.4,2000\n", r"1\.5 T, 1000 A/m precedes 1\.4 T, 2000 A/m\."),
         ("B (G),H (Oe)\n5000,1\n15000,12\n20000,400\n", r"B must be in tesla \(1 gauss = 1e-4 T\).* oersted"),
     ],
 )

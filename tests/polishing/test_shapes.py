@@ -138,10 +138,10 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
             np.testing.assert_allclose((up_slope - down_slope) / (2.0 * STEP), hessian[i], **loose)
             np.testing.assert_allclose((up_rest - down_rest) / (2.0 * STEP), mixed[:, i], **loose)
         for i in range(count):
-            scratch.block.still[:count], scratch.block.follow[:count] = np.eye(count)[i], 0.0
+            scratch.block.correction[:count], scratch.block.response[:count] = np.eye(count)[i], 0.0
             found = []
             for step in (STEP, -2.0 * STEP):
-                scratch.block.still[:count] = np.eye(count)[i]
+                scratch.block.correction[:count] = np.eye(count)[i]
                 change(scratch, v, 0, step, 0.0)
                 found.append(now())
             change(scratch, v, 0, STEP, 0.0)

@@ -187,7 +187,7 @@ def _check_increasing(array: Floats) -> None:
         row = int(np.argmax(falls))
         (b, h), (after_b, after_h) = array[row], array[row + 1]
         raise ValueError(
-            f"bh must have B and H strictly increasing from (0, 0); after {b:g} T, {h:g} A/m follows {after_b:g} T, "
+            f"bh must have B and H strictly increasing from (0, 0); {b:g} T, {h:g} A/m precedes {after_b:g} T, "
             f"{after_h:g} A/m."
         )
 
