@@ -8,8 +8,8 @@ import kohonen_adapt
 
 FILES = sorted(Path(kohonen_adapt.__file__).parent.rglob("*.py"))
 
-DOCSTRINGS = 1462  # aim: 1250
-FLAGGED = 5
+DOCSTRINGS = 1468  # aim: 1250
+FLAGGED = 3
 LATER = 1  # paragraphs after the first
 COMMENTS = 6
 OLD_NAMES = 10  # the field `worth` of `Pass`

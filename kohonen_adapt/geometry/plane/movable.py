@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.checks import check_state
+from kohonen_adapt.geometry.movable import Movable, arrays_of
 from kohonen_adapt.geometry.plane.facets import facet_of_edge
 from kohonen_adapt.geometry.plane.layers import set_levels
 from kohonen_adapt.geometry.plane.midsides import offsets_on_curves
@@ -51,10 +52,8 @@ class Work:
 
 
 @dataclass
-class MovableMesh:
+class MovableMesh(Movable):
     """Triangle mesh as arrays, with the constraints on its nodes.
-
-    The Kohonen map, recycling, transport and the polish change the arrays in place.
 
     Attributes
     ----------
@@ -69,6 +68,9 @@ class MovableMesh:
     curved
         True if `mesh` returns a `MeshTri2`: curved sides are requested, and a boundary or interface is curved.
     """
+
+    state_names = STATE_NAMES
+    by_element = BY_ELEMENT
 
     triangulation: Triangulation
     outline: Outline
@@ -93,10 +95,6 @@ class MovableMesh:
         return cls(triangulation, outline, floor, rules.flips, curved_output)
 
     @property
-    def nnodes(self) -> int:
-        return self.triangulation.nnodes
-
-    @property
     def constraints(self) -> Constraints:
         return self.outline.constraints
 
@@ -107,10 +105,6 @@ class MovableMesh:
     def kernel_mesh(self) -> Neurons:
         tri = self.triangulation
         return Neurons(tri.position, tri.elements, tri.star, self.constraints)
-
-    @property
-    def input_mesh(self) -> MeshTri:
-        return self.triangulation.mesh
 
     def mesh(self) -> MeshTri:
         mesh = self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)
@@ -132,20 +126,10 @@ class MovableMesh:
     def copy(self) -> "MovableMesh":
         return replace(self, triangulation=self.triangulation.copy(), outline=self.outline.copy())
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays that change when nodes move, by name."""
-        records = {
-            "elements": self.triangulation.elements,
-            "constraints": self.constraints,
-            "twins": self.constraints.periodic,
-        }
-        named = {name: name.split(".") for name in STATE_NAMES if "." in name}
-        arrays = {name: getattr(records[record], array) for name, (record, array) in named.items()}
-        return {"position": self.triangulation.position, "pinned": self.outline.pinned, **arrays}
-
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        self._check_state(state)
-        self.set_arrays({name: state[name].copy() for name in STATE_NAMES})
+    def records(self) -> dict[str, Any]:
+        loose = SimpleNamespace(position=self.triangulation.position, pinned=self.outline.pinned)
+        elements, constraints = self.triangulation.elements, self.constraints
+        return {"": loose, "elements": elements, "constraints": constraints, "twins": constraints.periodic}
 
     def set_arrays(self, state: Mapping[str, NDArray[Any]]) -> None:
         tri = self.triangulation
@@ -153,10 +137,9 @@ class MovableMesh:
         tri.set_arrays(state["position"], elements)
         self.outline.pinned = state["pinned"]
 
-    def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        n, m = (len(state.get(name, ())) for name in ("position", "elements.node"))
+    def ranges(self, n: int, m: int) -> dict[str, tuple[int, int]]:
         chains, motions = len(self.constraints.chains.length), len(self.constraints.periodic.motions)
-        ranges = {
+        return {
             "elements.node": (0, n),
             "elements.neighbour": (-1, m),
             "elements.region": (0, len(self.triangulation.elements.layered)),
@@ -165,8 +148,6 @@ class MovableMesh:
             "twins.partner": (-1, n),
             "twins.motion": (-1, motions),
         }
-        rows = {name: m if name in BY_ELEMENT else n for name in STATE_NAMES}
-        check_state(self.state(), state, rows, ranges)
 
     def project_nodes(self) -> None:
         self.outline.project_nodes(self.triangulation, self.floor)
@@ -199,8 +180,6 @@ class MovableMesh:
 def with_state(
     elements: Elements, constraints: Constraints, state: Mapping[str, NDArray[Any]]
 ) -> tuple[Elements, Constraints]:
-    def arrays(record: str) -> dict[str, Any]:
-        return {name.removeprefix(record): array for name, array in state.items() if name.startswith(record)}
-
-    periodic = constraints.periodic._replace(**arrays("twins."))
-    return elements._replace(**arrays("elements.")), constraints._replace(periodic=periodic, **arrays("constraints."))
+    periodic = constraints.periodic._replace(**arrays_of("twins", state))
+    constraints = constraints._replace(periodic=periodic, **arrays_of("constraints", state))
+    return elements._replace(**arrays_of("elements", state)), constraints

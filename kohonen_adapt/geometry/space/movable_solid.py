@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from skfem import MeshTet
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Ints, Mask
-from kohonen_adapt.checks import check_state, listed
+from kohonen_adapt.checks import listed
+from kohonen_adapt.geometry.movable import Movable, arrays_of
 from kohonen_adapt.geometry.rules import Rules, check_for, checked_surfaces, floor_of, pinned_nodes
 from kohonen_adapt.geometry.space.faces import constrained_faces, edges_of, seams_of
 from kohonen_adapt.geometry.space.joining_faces import patches_of
@@ -44,10 +46,8 @@ STATE_NAMES = ("position", *BY_ELEMENT, "freedom.number", "freedom.place", "free
 
 
 @dataclass
-class MovableSolid:
+class MovableSolid(Movable):
     """Tetrahedral mesh as arrays, with the constraints on its nodes.
-
-    The Kohonen map, recycling, transport and the polish change the arrays in place.
 
     Attributes
     ----------
@@ -64,6 +64,9 @@ class MovableSolid:
     flips
         True if elements may be swapped.
     """
+
+    state_names = STATE_NAMES
+    by_element = BY_ELEMENT
 
     tetrahedralization: Tetrahedralization
     surfaces: Surfaces
@@ -95,20 +98,12 @@ class MovableSolid:
         return cls(tet, there, freedom, patches, floor, rules.flips)
 
     @property
-    def nnodes(self) -> int:
-        return self.tetrahedralization.nnodes
-
-    @property
     def tessellation(self) -> Tetrahedralization:
         return self.tetrahedralization
 
     def kernel_mesh(self) -> Neurons:
         tet = self.tetrahedralization
         return Neurons(tet.position, tet.elements, tet.star, Constraints(self.freedom, self.surfaces, inner_nodes(tet)))
-
-    @property
-    def input_mesh(self) -> MeshTet:
-        return self.tetrahedralization.mesh
 
     def mesh(self) -> MeshTet:
         mesh = self.tetrahedralization.to_mesh()
@@ -144,42 +139,32 @@ class MovableSolid:
         freedom = Freedom(*(array.copy() for array in self.freedom))
         return replace(self, tetrahedralization=self.tetrahedralization.copy(), freedom=freedom)
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        records = {"tetrahedra": self.tetrahedralization.elements, "freedom": self.freedom}
-        named = {name: name.split(".") for name in STATE_NAMES if "." in name}
-        arrays = {name: getattr(records[record], array) for name, (record, array) in named.items()}
-        return {"position": self.tetrahedralization.position, **arrays}
+    def records(self) -> dict[str, Any]:
+        tet = self.tetrahedralization
+        return {"": SimpleNamespace(position=tet.position), "tetrahedra": tet.elements, "freedom": self.freedom}
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        self._check_state(state)
-        self.set_arrays({name: state[name].copy() for name in STATE_NAMES})
-
-    def _check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        n, m = (len(state.get(name, ())) for name in ("position", "tetrahedra.node"))
-        patches, ridges = len(self.surfaces.shape), len(self.surfaces.ridge_shape)
-        ranges = {
+    def ranges(self, n: int, m: int) -> dict[str, tuple[int, int]]:
+        return {
             "tetrahedra.node": (-1, n),
             "tetrahedra.neighbour": (-1, m),
             "tetrahedra.region": (0, int(self.tetrahedralization.region_of_input.max()) + 1),
-            "tetrahedra.patch": (-1, patches),
+            "tetrahedra.patch": (-1, len(self.surfaces.shape)),
             "freedom.number": (HELD, INSIDE + 1),
         }
-        rows = {name: m if name in BY_ELEMENT else n for name in STATE_NAMES}
-        check_state(self.state(), state, rows, ranges)
+
+    def check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+        super().check_state(state)
         node, number, place = (state[name] for name in ("tetrahedra.node", "freedom.number", "freedom.place"))
         if np.any(node[node[:, 0] >= 0] < 0):
             raise ValueError("tetrahedra.node has elements without all of their corners")
-        for kind, count in ((ON_RIDGE, ridges), (ON_PATCH, patches)):
+        for kind, count in ((ON_RIDGE, len(self.surfaces.ridge_shape)), (ON_PATCH, len(self.surfaces.shape))):
             if np.any((number == kind) & ((place < 0) | (place >= count))):
                 raise ValueError(f"freedom.place has numbers from {place.min()} to {place.max()}")
 
-    def set_arrays(self, own: Mapping[str, NDArray[Any]]) -> None:
-        def arrays(record: str) -> dict[str, Any]:
-            return {name.removeprefix(record): array for name, array in own.items() if name.startswith(record)}
-
+    def set_arrays(self, state: Mapping[str, NDArray[Any]]) -> None:
         tet = self.tetrahedralization
-        tet.set_arrays(own["position"], tet.elements._replace(**arrays("tetrahedra.")))
-        self.freedom = self.freedom._replace(**arrays("freedom."))
+        tet.set_arrays(state["position"], tet.elements._replace(**arrays_of("tetrahedra", state)))
+        self.freedom = self.freedom._replace(**arrays_of("freedom", state))
 
     def project_nodes(self) -> None:
         tet = self.tetrahedralization

@@ -1,0 +1,75 @@
+"""Mesh as arrays that change when nodes move, with the constraints on its nodes."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from numpy.typing import NDArray
+from skfem import Mesh
+
+from kohonen_adapt.checks import check_state
+from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
+from kohonen_adapt.mesh.triangulation import Triangulation
+
+__all__ = ["Movable", "arrays_of"]
+
+
+class Movable(ABC):
+    """Mesh as arrays, with the constraints on its nodes.
+
+    The Kohonen map, recycling, transport and the polish change the arrays in place.
+
+    Attributes
+    ----------
+    state_names
+        Names of the arrays that change when nodes move. The array "record.field" is a field of one of `records`.
+    by_element
+        Names of the arrays with a row per element; all others have a row per node.
+    """
+
+    state_names: ClassVar[tuple[str, ...]]
+    by_element: ClassVar[tuple[str, ...]]
+
+    @property
+    @abstractmethod
+    def tessellation(self) -> Triangulation | Tetrahedralization: ...
+
+    @abstractmethod
+    def records(self) -> dict[str, Any]:
+        """Return the records of the arrays by name, with the arrays of no record under an empty name."""
+
+    @abstractmethod
+    def ranges(self, n: int, m: int) -> dict[str, tuple[int, int]]:
+        """Return the bounds of the values by array, for n nodes and m elements."""
+
+    @abstractmethod
+    def set_arrays(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Replace the arrays by those of a valid state."""
+
+    @property
+    def nnodes(self) -> int:
+        return self.tessellation.nnodes
+
+    @property
+    def input_mesh(self) -> Mesh:
+        return self.tessellation.mesh
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays that change when nodes move, by name."""
+        records = self.records()
+        split = {name: name.rpartition(".") for name in self.state_names}
+        return {name: getattr(records[record], field) for name, (record, _, field) in split.items()}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        self.check_state(state)
+        self.set_arrays({name: state[name].copy() for name in self.state_names})
+
+    def check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Raise ValueError for the first stored array that does not fit."""
+        n, m = len(state.get("position", ())), len(state.get(self.by_element[0], ()))
+        rows = {name: m if name in self.by_element else n for name in self.state_names}
+        check_state(self.state(), state, rows, self.ranges(n, m))
+
+
+def arrays_of(record: str, state: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    return {name.removeprefix(f"{record}."): array for name, array in state.items() if name.startswith(f"{record}.")}
