@@ -104,10 +104,12 @@ class PlaneMethod(Method):
                 found[v] = "Dirichlet value inside the mesh"
             elif functional.boundary.on[chain[v]]:
                 found[v] = "Robin condition"
-            elif functional.dirichlet[chain[v]] and not functional.linear[chain[v]]:
+            elif movable.outline.straight[chain[v]]:
                 found[v] = "Dirichlet values that are not linear along the boundary"
+            elif functional.chords.cut[chain[v]]:
+                found[v] = "source that ends at a curve"
             elif not functional.chords.counted[chain[v]]:  # else descend_curves moves the node
-                found[v] = "straight facets on a curve"
+                found[v] = "curve on which the polish moves no node"
         return found
 
     def descend(self, movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int) -> float:

@@ -55,6 +55,27 @@ def test_the_polish_has_reasons_of_its_own():
     assert ka.why_held(mesh, bent)[v] == "polish: Dirichlet values that are not linear along the boundary"
 
 
+def test_a_corner_of_a_periodic_side_is_a_corner():
+    sides = {"left": lambda x: x[0] == 0.0, "right": lambda x: x[0] == 1.0}
+    mesh = MeshTri().refined(3).with_boundaries(sides)
+    why = ka.why_held(mesh, ka.Rules(periodic=[("left", "right")]))
+    assert why[at(mesh, 0.0, 0.0)] == "corner of boundary 'left', 90 degrees"
+
+
+@pytest.mark.parametrize(
+    ("order", "reason"),
+    [(1, "polish: source that ends at a curve"), (3, "polish: curve on which the polish moves no node")],
+)
+def test_nodes_on_a_curve_stay_in_the_polish_where_it_says_so(order, reason):
+    mesh = MeshTri.init_circle(3)
+    mesh = mesh.with_subdomains({"coil": np.arange(mesh.nelements)}).with_boundaries({"rim": lambda x: x[0] < 2.0})
+    problem = Magnetostatics({"coil": Material(current_density=1e6)}, {"rim": 0.0}, order=order, curved=False)
+    why, polished = ka.why_held(mesh, problem), ka.polish(mesh, problem)
+    rim = mesh.boundary_nodes()
+    assert set(why[rim]) == {reason} and set(np.delete(why, rim)) == {""}
+    np.testing.assert_array_equal(polished.p[:, rim], mesh.p[:, rim])
+
+
 class Alone:
     def solve(self, mesh):
         return np.zeros(mesh.nvertices)

@@ -22,11 +22,9 @@ def reasons_in_plane(movable: MovableMesh) -> list[str]:
         rows, side = np.divmod(order[start[v] : start[v + 1]], 2)
         if movable.outline.pinned[v]:
             found[v] = "pinned"
-        elif movable.constraints.periodic.partner[v] >= 0:
-            found[v] = "node of a periodic pair whose partner cannot slide"
-        else:
-            names = names_at(movable, v, chain[rows])
-            found[v] = corner_text(movable.triangulation.position, v, ends[rows, 1 - side], names)
+            continue
+        names, paired = names_at(movable, v, chain[rows]), bool(movable.constraints.periodic.partner[v] >= 0)
+        found[v] = corner_text(movable.triangulation.position, v, ends[rows, 1 - side], names, paired)
     return found
 
 
@@ -52,7 +50,7 @@ def names_at(movable: MovableMesh, v: int, chain: Ints) -> str:
     return f"subdomain {listed(names)}" if names else "the outer boundary"
 
 
-def corner_text(position: Floats, v: int, others: Ints, names: str) -> str:
+def corner_text(position: Floats, v: int, others: Ints, names: str, paired: bool) -> str:
     if len(others) > 2:
         return f"junction of {len(others)} boundaries and interfaces at {names}"
     if len(others) < 2:
@@ -61,4 +59,6 @@ def corner_text(position: Floats, v: int, others: Ints, names: str) -> str:
     turn = abs(np.arctan2(one[0] * two[1] - one[1] * two[0], one @ two))
     if turn >= CORNER:
         return f"corner of {names}, {np.rad2deg(turn):.3g} degrees"
+    if paired:
+        return "node of a periodic pair whose partner cannot slide"
     return f"no curve of {names} is recognised at a turn of {np.rad2deg(turn):.3g} degrees; use `curves`"
