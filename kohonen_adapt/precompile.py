@@ -75,8 +75,11 @@ def compile_missing() -> None:
     Nothing is loaded if all are in the cache: the check takes 0.01 s, and `warmup` 0.5 s. Nothing is compiled if the
     cache cannot be written, because no other process would find the code.
     """
-    if not CACHED or PLAIN:
-        return warmup() if CACHED else None
+    if not CACHED:
+        return
+    if PLAIN:  # entries have the types of the fast compiler
+        warmup()
+        return
     entries = [entry for chapter in ENTRIES if chapter not in SPACE for entry in ENTRIES[chapter]]
     compiled = [entry for entry in entries if hasattr(entry.loop, "py_func")]  # plain functions if numba is disabled
     missing = [entry for entry in compiled if not is_cached(entry.loop, entry.types)]

@@ -39,7 +39,7 @@ from kohonen_adapt.problem.protocol import (
 from kohonen_adapt.som.density import equidistributing
 from kohonen_adapt.som.moved import Moved
 
-__all__ = ["UNSOLVED", "Adaptation", "Solved"]
+__all__ = ["UNSOLVED", "Adaptation", "Solved", "functional_of"]
 
 GROWING_ENTRIES = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
 
@@ -180,25 +180,9 @@ class Adaptation:
     def _functional(
         self, mesh: Mesh, solution: Any, share: float | None
     ) -> tuple[Functional | None, float | None, str]:
-        """Return the functional, its value and the reason for having none.
-
-        The value is None without a polish, or if the functional only shapes elements. A dual gets the weight `share` of
-        an earlier pass.
-        """
         if not self.settings.polish:
             return None, None, "polish=False"
-        if norm_of(self.problem) != "energy":
-            return None, None, f"the norm {norm_of(self.problem)!r} has no energy functional"
-        try:
-            ritz = ritz_of(self.problem, mesh, solution)
-            ritz = ritz if share is None else replace(ritz, share=share)
-            functional = self.method.functional(ritz, self.movable, mesh)
-            value = None if ritz.shapes_only else self.method.value(functional, ritz, self.movable, mesh)
-            return functional, value, ""
-        except NotOffered as reason:
-            return None, None, str(reason)
-        except VariesInside:
-            return None, None, "coefficients vary inside a region of the mesh"
+        return functional_of(self.problem, self.method, self.movable, mesh, solution, share)
 
     def _outputs(self, solution: Any) -> dict[str, float]:
         values = {}
@@ -206,6 +190,27 @@ class Adaptation:
             with self.steps("estimate", f"output {name!r}"):
                 values[name] = output_value(name, function, solution)
         return values
+
+
+def functional_of(
+    problem: Problem, method: Method, movable: Any, mesh: Mesh, solution: Any, share: float | None = None
+) -> tuple[Functional | None, float | None, str]:
+    """Return the functional, its value and the reason for having none.
+
+    The value is None if the functional only shapes elements. A dual gets the weight `share` of an earlier pass.
+    """
+    if norm_of(problem) != "energy":
+        return None, None, f"the norm {norm_of(problem)!r} has no energy functional"
+    try:
+        ritz = ritz_of(problem, mesh, solution)
+        ritz = ritz if share is None else replace(ritz, share=share)
+        functional = method.functional(ritz, movable, mesh)
+        value = None if ritz.shapes_only else method.value(functional, ritz, movable, mesh)
+        return functional, value, ""
+    except NotOffered as reason:
+        return None, None, str(reason)
+    except VariesInside:
+        return None, None, "coefficients vary inside a region of the mesh"
 
 
 def indices_in_input(before: Solved | None, moved: Moved[Any] | None, nnodes: int, ninput: int) -> Ints:

@@ -8,19 +8,16 @@ from skfem import Mesh
 
 from kohonen_adapt.geometry.rules import Rules, check_for
 from kohonen_adapt.loop.dimension import method_of
+from kohonen_adapt.loop.step import functional_of
 from kohonen_adapt.mesh.cells import check_kind
-from kohonen_adapt.polishing.energy_tables import VariesInside
 from kohonen_adapt.problem.protocol import (
-    NotOffered,
     Problem,
     check_names,
     curves_of,
     has_method,
     is_curved,
     nodes_of_problem,
-    norm_of,
     pairs_of,
-    ritz_of,
     solve,
 )
 
@@ -85,12 +82,5 @@ def opened(mesh: Mesh, rules: Rules, curved: bool | None) -> Any:
 
 def polish_reasons(mesh: Mesh, movable: Any, problem: Problem) -> list[str]:
     method, start = method_of(mesh), movable.start()
-    if norm_of(problem) != "energy":
-        return [f"the norm {norm_of(problem)!r} has no energy"] * movable.nnodes
-    try:
-        functional = method.functional(ritz_of(problem, start, solve(problem, start)), movable, start)
-    except NotOffered as missing:
-        return [str(missing)] * movable.nnodes
-    except VariesInside:
-        return ["coefficients vary inside a region of the mesh"] * movable.nnodes
-    return method.polish_reasons(movable, functional)
+    functional, _, reason = functional_of(problem, method, movable, start, solve(problem, start))
+    return [reason] * movable.nnodes if functional is None else method.polish_reasons(movable, functional)

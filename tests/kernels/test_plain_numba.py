@@ -64,3 +64,12 @@ def test_an_unknown_numba_falls_back_with_one_warning(folder):
     assert done.stdout.split()[:2] == ["True", "5.0"]
     (line,) = done.stderr.splitlines()
     assert "differs from the versions known to kohonen_adapt (AttributeError: " in line
+
+
+def test_an_unknown_cache_is_left_out_with_one_warning(folder):
+    without = "import numba.core.caching as caching; del caching.IndexDataCacheFile._data_name"
+    for _ in range(2):
+        done = run(folder, without, KOHONEN_ADAPT_PLAIN_NUMBA="0")
+        assert done.stdout.split() == ["False", "5.0", "0"]
+        (line,) = done.stderr.splitlines()
+        assert line.endswith("so every process compiles loops again.")

@@ -32,8 +32,8 @@ OVERRIDDEN_BY_CACHE = {
 }
 
 
-def missing(modules: tuple[str, ...], overridden: dict[str, tuple[str, ...]]) -> str:
-    """Return the error of an import of modules of the fence, or an empty string."""
+def usable(modules: tuple[str, ...], overridden: dict[str, tuple[str, ...]], otherwise: str) -> bool:
+    """Return True if modules of the fence work with this numba, and warn if not."""
     try:
         for path, names in overridden.items():
             module, _, owner = path.rpartition(".")
@@ -43,25 +43,14 @@ def missing(modules: tuple[str, ...], overridden: dict[str, tuple[str, ...]]) ->
         for name in modules:
             import_module(f"{__package__}.{name}")
     except Exception as error:  # inner modules may fail in any way
-        return f"{type(error).__name__}: {error}"
-    return ""
+        text = "numba %s differs from the versions known to kohonen_adapt (%s: %s), so %s."
+        logger.warning(text, numba.__version__, type(error).__name__, error, otherwise)
+        return False
+    return True
 
 
-def uses_plain_numba() -> bool:
-    if os.environ.get(SWITCH, "0") not in ("", "0"):
-        return True
-    why = missing(FAST, OVERRIDDEN)
-    if why:
-        logger.warning(
-            "numba %s differs from the versions known to kohonen_adapt (%s), so loops are compiled more slowly.",
-            numba.__version__,
-            why,
-        )
-    return bool(why)
-
-
-PLAIN = uses_plain_numba()
+PLAIN = os.environ.get(SWITCH, "0") not in ("", "0") or not usable(FAST, OVERRIDDEN, "loops are compiled more slowly")
 """True if kernels are compiled by plain numba."""
 
-CACHED = not missing(("cache",), OVERRIDDEN_BY_CACHE)
+CACHED = usable(("cache",), OVERRIDDEN_BY_CACHE, "every process compiles loops again")
 """True if machine code is stored on disk."""
