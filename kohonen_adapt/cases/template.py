@@ -111,7 +111,10 @@ def _materials(mesh: Mesh) -> Iterator[str]:
 
 
 def _partition(sets: dict[str, Ints], areas: Floats) -> set[str]:
-    """Return disjoint subdomains, chosen greedily from the smallest or the largest."""
+    """Return disjoint subdomains, the larger area of two greedy choices.
+
+    One choice begins with the smallest subdomain, the other with the largest.
+    """
     order = sorted(sets, key=lambda name: float(areas[sets[name]].sum()))
     found = [_disjoint(sets, names, len(areas)) for names in (order, order[::-1])]
     return max(found, key=lambda names: sum(float(areas[sets[name]].sum()) for name in names))

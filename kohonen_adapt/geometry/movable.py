@@ -36,7 +36,7 @@ class Movable(ABC):
 
     @abstractmethod
     def records(self) -> dict[str, Any]:
-        """Return the records of the arrays by name, with the arrays of no record under an empty name."""
+        """Return the records by name, and loose arrays under an empty name."""
 
     @abstractmethod
     def ranges(self, n: int, m: int) -> dict[str, tuple[int, int]]:
@@ -44,7 +44,7 @@ class Movable(ABC):
 
     @abstractmethod
     def set_arrays(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Replace the arrays by those of a valid state."""
+        """Replace the arrays by the arrays of a valid state."""
 
     @property
     def nnodes(self) -> int:

@@ -86,7 +86,7 @@ def sums(parts: Derivatives, index: Ints, count: int) -> tuple[Floats, Floats, F
 
 
 def unknowns_of(mesh: Mesh, node: Ints, functions: int) -> tuple[Ints, Floats]:
-    """Return the unknown of every coefficient, (m, functions), and all positions."""
+    """Return the unknowns of coefficients, (m, functions), and their positions."""
     columns, places, corners = [node], [mesh.p[:, : mesh.nvertices].T], mesh.p.T[node]
     count = len(places[0])
     if functions > 3:

@@ -61,7 +61,7 @@ def checked_regions(given: ArrayLike) -> NDArray[np.int64]:
 
 
 def checked_constants(name: str, given: ArrayLike, shape: tuple[int, ...], region: NDArray[np.int64] | None) -> Floats:
-    """Return a constant of a shape, or a table with the region number as last axis."""
+    """Return `given` with `shape`, or with (*shape, regions) if `region` is given."""
     table = checked_floats(name, given)
     if table.shape == shape:
         return table

@@ -129,7 +129,10 @@ def collapse_short(mesh: OpenMesh, facets: Facets, least: float, longest: float,
 
 
 def merged_quality(mesh: OpenMesh, v: Ints, w: Ints, chain: Ints, longest: float, floor: float) -> float:
-    """Return the worst quality after collapses, negative if they are not allowed."""
+    """Return the worst quality after collapses of v (2,) into w (2,) on both sides.
+
+    The quality is negative if a collapse is not allowed.
+    """
     constraints, periodic = mesh.constraints, mesh.constraints.periodic
     slides = (constraints.kind[v] == SLIDING) & (constraints.own_chain[v] == chain)
     if not slides.all() or periodic.partner[v[0]] != v[1] or periodic.partner[v[1]] != v[0]:

@@ -148,7 +148,7 @@ class FunctionSource(OfElements):
     def draw(self, number: int, rng: np.random.Generator) -> Draw:
         """Draw about `number` of many candidates with probability according to density.
 
-        The points are stratified along the curve; every interval has as many as its mass requires.
+        The points are stratified along the order of the elements; every interval has as many as its mass requires.
         """
         stretches = self._stretches()
         mass = np.cumsum([0.0, *(self.masses[stretch].sum() for stretch in stretches)])

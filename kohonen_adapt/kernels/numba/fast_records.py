@@ -65,7 +65,7 @@ def address_of(kind: RecordType, obj: Any, c: Any) -> NativeValue:
 
 @infer_getattr
 class RecordAttributes(AttributeTemplate):
-    """Types of the fields of a record."""
+    """Numba typing rule for the fields of a record."""
 
     key = RecordType
 
