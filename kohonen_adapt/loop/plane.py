@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.geometry.plane.held_nodes import reasons_in_plane
+from kohonen_adapt.geometry.plane.held_nodes import names_at, reasons_in_plane
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.recycled import Recycled
 from kohonen_adapt.geometry.rules import Rules
@@ -98,18 +98,12 @@ class PlaneMethod(Method):
     def polish_reasons(self, movable: MovableMesh, functional: Functional) -> list[str]:
         found, kind = [""] * movable.nnodes, movable.constraints.kind
         held = (functional.kinds(movable.outline, functional.solution.fixed) == HELD) & (kind != HELD)
-        chain = movable.constraints.own_chain
-        for v in np.flatnonzero(held):
+        for v in np.flatnonzero(held).tolist():
             if kind[v] == FREE:
                 found[v] = "Dirichlet value inside the mesh"
-            elif functional.boundary.on[chain[v]]:
-                found[v] = "Robin condition"
-            elif movable.outline.straight[chain[v]]:
-                found[v] = "Dirichlet values that are not linear along the boundary"
-            elif functional.chords.cut[chain[v]]:
-                found[v] = "source that ends at a curve"
-            elif not functional.chords.counted[chain[v]]:  # else descend_curves moves the node
-                found[v] = "curve on which the polish moves no node"
+                continue
+            c = movable.constraints.own_chain[v]
+            found[v] = reason_on_segment(movable, functional, c).format(names_at(movable, v, np.array([c])))
         return found
 
     def descend(self, movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int) -> float:
@@ -133,3 +127,37 @@ class PlaneMethod(Method):
         # all nodes: `python -m benchmarks growth`. At higher orders they cost several per cent, and on tetrahedra as
         # well, because growth by density shortens long elements.
         return has_functional(problem) and order_of(problem) == 1
+
+
+# Reason for which the polish holds the nodes of a curve segment. The braces stand for the names of the segment.
+def reason_on_segment(movable: MovableMesh, functional: Functional, c: int) -> str:
+    parts = (functional,) if functional.dual is None else (functional, functional.dual)
+    if any(part.boundary.on[c] for part in parts):
+        return "open {} (Robin condition)"
+    if functional.sign[c] == 0.0 and any(movable.outline.names[name][c] for name in names_of_pairs(functional.ritz)):
+        return "periodic condition on {} without a matched boundary"
+    if movable.outline.straight[c]:
+        whose = "" if functional.dirichlet[c] and not functional.linear[c] else " of the dual solution"
+        return f"Dirichlet values{whose} that are not linear along {{}}"
+    if functional.chords.cut[c]:
+        return "source that ends at the curve of {}"
+    return (
+        "" if functional.chords.counted[c] else f"curve of {{}}, where the polish moves no node {case_of(functional)}"
+    )
+
+
+def case_of(functional: Functional) -> str:
+    ritz = functional.ritz
+    if ritz.order > 1:
+        return f"at order {ritz.order}"
+    if ritz.axisymmetric:
+        return "around an axis"
+    if any(ritz.laws):
+        return "with a nonlinear law"
+    if callable(ritz.source) or callable(ritz.flux):
+        return "with a varying source or flux"
+    return "with periodic boundaries" if ritz.signs else "with these Dirichlet values"
+
+
+def names_of_pairs(ritz: Ritz) -> list[str]:
+    return [name for names in ritz.signs for name in names]

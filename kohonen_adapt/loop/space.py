@@ -9,9 +9,9 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.recycled import Recycled, unchanged
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.geometry.space.held_nodes import reasons_in_space
+from kohonen_adapt.geometry.space.held_nodes import of_boundaries, reasons_in_space
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.kernels.tetrahedron.arrays import ON_PATCH, ON_RIDGE
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_RIDGE, PLANE
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
@@ -103,12 +103,24 @@ class SpaceMethod(Method):
 
     def polish_reasons(self, movable: MovableSolid, functional: SolidFunctional) -> list[str]:
         freedom, found = movable.freedom, [""] * movable.nnodes
-        row = freedom.place + np.where(freedom.number == ON_RIDGE, functional.patches, 0)
-        sliding = (freedom.number == ON_PATCH) | (freedom.number == ON_RIDGE)
-        for v in np.flatnonzero(sliding & ~freedom.pinned):
-            if functional.held[row[v]]:
-                dirichlet = functional.dirichlet[row[v]]
-                found[v] = "Dirichlet values that are not linear" if dirichlet else "curved surface without slivers"
+        fixed = functional.solution.fixed
+        held = (functional.freedom(freedom, fixed).number == HELD) & (freedom.number != HELD) & ~freedom.pinned
+        for v in np.flatnonzero(held).tolist():
+            if freedom.number[v] == INSIDE:
+                found[v] = "Dirichlet value inside the mesh"
+                continue
+            on_edge = freedom.number[v] == ON_RIDGE
+            patches = movable.surfaces.meets[freedom.place[v]] if on_edge else freedom.place[[v]]
+            patches = patches[patches >= 0]
+            place = ("edge" if on_edge else "face") + of_boundaries(movable, patches)
+            row = freedom.place[v] + functional.patches * on_edge
+            uncounted = (movable.surfaces.shape[patches] != PLANE) & ~functional.faces.counted[patches]
+            if uncounted.any():
+                found[v] = f"curved {place} on which the polish moves no node"
+            elif functional.held[row] and not functional.dirichlet[row]:
+                found[v] = f"{place} beside a face that holds its nodes"
+            else:
+                found[v] = f"Dirichlet values that are not linear on the {place}"
         return found
 
     def descend(self, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, sweeps: int) -> float:
