@@ -3,8 +3,8 @@
 import numpy as np
 from skfem import Basis, ElementTriP1, ElementTriP2, MeshTri
 
+from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.recycled import unchanged
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.entries import ENTRIES
 from kohonen_adapt.kernels.numba.compilation import expect

@@ -2,38 +2,108 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from itertools import combinations
 from typing import Any
 
 import numpy as np
-from skfem import Mesh
+from skfem import Mesh, MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import point_text
 from kohonen_adapt.commands.doubts import size_text, unit_doubts
 from kohonen_adapt.commands.seams import seams
-from kohonen_adapt.commands.solids import angles_described, doubtful_patches, facets_described, surfaces_described
 from kohonen_adapt.display import counted, plural
+from kohonen_adapt.geometry.plane.arcs import possible_arcs
 from kohonen_adapt.geometry.plane.layers import bands_of, check_layer_count, parts_of
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.plane.suspects import possible_arcs
 from kohonen_adapt.geometry.rules import Rules, floor_of
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.io import Groups, check_names_written
+from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, HELD, INSIDE, ON_PATCH, ON_RIDGE, PLANE, SPHERE
 from kohonen_adapt.loop.why_held import why_held
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
-from kohonen_adapt.mesh.measures import area, quality
+from kohonen_adapt.mesh.measures import area, hat_gradients, quality
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["described", "faults", "held_described", "hints", "moving", "outlines_described", "points_described"]
+__all__ = [
+    "angles_described",
+    "described",
+    "doubtful_patches",
+    "facets_described",
+    "faults",
+    "held_described",
+    "hints",
+    "moving",
+    "outlines_described",
+    "points_described",
+    "surfaces_described",
+]
 
+SHAPES = {PLANE: "plane", SPHERE: "sphere", CYLINDER: "cylinder", CONE: "cone"}
+SMALL = 2  # faces per patch of a curved surface that was not recognised
+MANY = 12  # patches of this size; fewer may be details of a plane drawing
+NAMED = 3  # names listed
 SHOWN = 3  # positions listed per fault
 GROUPS = {2: ("surface", "lines"), 3: ("volume", "surfaces")}  # groups of subdomains and boundaries
 LONG = 25.0  # squared perimeter over area of a narrow subdomain; 25 for a rectangle of 1 by 4
 TIPS = 0.05  # fraction of the area; a smaller single layer is a tip in which two sides meet
 LISTED = 6  # radii listed; of more, the range
 REASONS = 12  # reasons listed
+
+
+def facets_described(mesh: MeshTet, rows: Ints) -> str:
+    a, b, c = (mesh.p[:, corner] for corner in mesh.facets[:, rows])
+    total = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
+    inside = int(np.sum(mesh.f2t[1, rows] >= 0))
+    return f", {total:.4g} m^2{f', {inside} of them inside' if inside else ''}"
+
+
+def angles_described(mesh: MeshTet) -> str:
+    unit = hat_gradients(mesh)
+    unit /= np.linalg.norm(unit, axis=0)
+    cosine = [-np.sum(unit[:, i] * unit[:, j], axis=0) for i, j in combinations(range(4), 2)]
+    low, high = np.degrees(np.arccos(np.clip([np.max(cosine), np.min(cosine)], -1.0, 1.0)))
+    return f"dihedral angles: from {low:.3g} to {high:.3g} degrees"
+
+
+def surfaces_described(movable: MovableSolid) -> list[str]:
+    surfaces, number = movable.surfaces, movable.freedom.number
+    shapes = [_counted_shape(surfaces.size[surfaces.shape == shape], text) for shape, text in SHAPES.items()]
+    inside, faces, ridges, held = (np.sum(number == kind) for kind in (INSIDE, ON_PATCH, ON_RIDGE, HELD))
+    return [
+        f"surfaces: {len(surfaces.shape)}, {', '.join(filter(None, shapes)) or 'of unknown shape'}; "
+        f"{counted(len(surfaces.ridge_shape), 'edge')} between them",
+        f"nodes: {inside} free, {faces} on surfaces, {ridges} on edges, {held} fixed",
+    ]
+
+
+def _counted_shape(sizes: Floats, what: str) -> str:
+    if not len(sizes):
+        return ""
+    radii = list(dict.fromkeys(f"{size:.4g}" for size in np.sort(sizes))) if what in ("sphere", "cylinder") else []
+    return counted(len(sizes), what) + (f" (radius {', '.join(radii)} m)" if radii else "")
+
+
+def doubtful_patches(movable: MovableSolid) -> Iterator[str]:
+    """Yield a sentence on small plane patches that may belong to a curved surface."""
+    tet = movable.tetrahedralization
+    patch, across = tet.elements.patch[tet.used], tet.elements.neighbour[tet.used]
+    share = np.where(across < 0, 1.0, 0.5)  # an interior face has two elements
+    faces = np.bincount(patch[patch >= 0], share[patch >= 0], minlength=len(movable.surfaces.shape))
+    small = (movable.surfaces.shape == PLANE) & (faces <= SMALL)
+    if np.sum(small) >= MANY:
+        names = [f"'{name}'" for name, manner in movable.patches.names.items() if np.any(manner[small] != 0)]
+        more = ", ..." if len(names) > NAMED else ""
+        where = f" in {', '.join(names[:NAMED])}{more}" if names else ""
+        yield (
+            f"{np.sum(small)} plane surfaces of one or two faces{where}: their nodes do not move. If they are parts "
+            "of a "
+            'curved surface, specify it with --surfaces, in Python surfaces={"NAME": ka.Cylinder(point, axis, '
+            "radius)}, "
+            "or ka.Sphere, ka.Cone."
+        )
 
 
 def described(mesh: Mesh) -> list[str]:

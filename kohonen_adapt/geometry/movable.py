@@ -2,16 +2,19 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
+from kohonen_adapt.arrays import Ints
 from kohonen_adapt.checks import check_state
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["Movable", "arrays_of"]
+__all__ = ["Movable", "Recycled", "arrays_of", "unchanged"]
 
 
 class Movable(ABC):
@@ -73,3 +76,28 @@ class Movable(ABC):
 
 def arrays_of(record: str, state: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     return {name.removeprefix(f"{record}."): array for name, array in state.items() if name.startswith(f"{record}.")}
+
+
+@dataclass(frozen=True)
+class Recycled:
+    """Changes of a triangulation by recycling, in one or more steps.
+
+    Attributes
+    ----------
+    old
+        Index of every node before recycling, -1 for a new node, shape (n,).
+    start_element
+        Element of the triangulation before recycling that is near each node, shape (n,).
+    splits, collapses
+        Number of edge splits and of edge collapses.
+    """
+
+    old: Ints
+    start_element: Ints
+    splits: int
+    collapses: int
+
+
+def unchanged(mesh: Triangulation | Tetrahedralization) -> Recycled:
+    star = mesh.star
+    return Recycled(np.arange(mesh.nnodes, dtype=np.int32), star.element[star.start[:-1]], 0, 0)

@@ -16,6 +16,7 @@ from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.history import History
+from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.settings import PASSES, Settings
@@ -206,11 +207,15 @@ def adapt(
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)
     movable = method.open(mesh, rules, is_curved(problem))
     passes_on_disk = Checkpoint.at(checkpoint, mesh, problem, settings)
-    expect(*method.moving_kernels(rules.topology, schedule))
-    if polish:
-        expect(*method.polish_kernels(problem), *method.transfer_kernels)
+    expect_kernels(method, problem, settings)
     adaptation = Adaptation(problem, method, movable, settings, steps, order_of(problem))
     return run_loop(adaptation, History(adaptation, stop, passes_on_disk, interim))
+
+
+def expect_kernels(method: Method, problem: Problem, settings: Settings) -> None:
+    expect(*method.moving_kernels(settings.rules.topology, settings.schedule))
+    if settings.polish:
+        expect(*method.polish_kernels(problem), *method.transfer_kernels)
 
 
 def run_loop(adaptation: Adaptation, history: History) -> AdaptResult:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.geometry.recycled import Recycled
+from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings

@@ -16,7 +16,7 @@ from kohonen_adapt.estimators import (
     residual,
 )
 from kohonen_adapt.estimators.residual_at_points import HIGHER_SCALES, Facets
-from kohonen_adapt.geometry.plane.arc_refinement import refined_on_arcs
+from kohonen_adapt.geometry.plane.arcs import refined_on_arcs
 from kohonen_adapt.magnetostatics.equations.around_axis import AroundAxis
 from kohonen_adapt.magnetostatics.equations.conditions import (
     Boundaries,
@@ -25,8 +25,7 @@ from kohonen_adapt.magnetostatics.equations.conditions import (
     fixed_values,
     ties_of,
 )
-from kohonen_adapt.magnetostatics.equations.energy import Scalar, scalar_problem
-from kohonen_adapt.magnetostatics.equations.newton import Newton
+from kohonen_adapt.magnetostatics.equations.newton import Newton, Scalar, scalar_problem
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field

@@ -10,7 +10,7 @@ from skfem.mesh import MeshTet1, MeshTri1, MeshTri2
 
 from kohonen_adapt.arrays import Floats, Ints
 
-__all__ = ["CELLS", "TETRAHEDRON", "TRIANGLE", "Cell", "cell_of", "check_kind", "normals"]
+__all__ = ["CELLS", "FACES", "TETRAHEDRON", "TRIANGLE", "Cell", "cell_of", "check_kind", "normals"]
 
 SOLID = ("Tet", "Hex", "Wedge")  # parts of the names of classes for three dimensions
 
@@ -144,6 +144,7 @@ TETRAHEDRON = Cell(
     hat_gradients=hats_of_tetrahedra,
 )
 CELLS = {cell.dim: cell for cell in (TRIANGLE, TETRAHEDRON)}  # by dimension
+FACES = np.array(TETRAHEDRON.outward)  # corners of the face opposite to each corner, counter-clockwise from outside
 
 
 def cell_of(mesh: Mesh) -> Cell:

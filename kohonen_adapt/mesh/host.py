@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import Mesh, MeshTri
 
-__all__ = ["ascending", "is_own_name", "keys_of", "number_facets", "of_kind", "remade", "set_boundaries"]
+__all__ = [
+    "ascending",
+    "facets_opposite",
+    "is_own_name",
+    "keys_of",
+    "number_facets",
+    "of_kind",
+    "remade",
+    "set_boundaries",
+]
 
 Host = TypeVar("Host", bound=Mesh)
 Names = Mapping[str, NDArray[np.integer]] | None
@@ -56,6 +65,17 @@ def number_facets(mesh: Mesh) -> None:
     mesh._facets = np.take(rows.reshape(len(rows), -1), one, axis=1)
     mesh._t2f = side.reshape(rows.shape[1:])
     mesh._f2t = elements_of(mesh._t2f, key.size)
+
+
+def facets_opposite(mesh: Mesh, node: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the index in `mesh` of the facet opposite to each corner, (m, d + 1)."""
+    number_facets(mesh)
+    facet = np.empty_like(node)
+    for row, ends in enumerate(mesh.elem.refdom.facets):
+        (opposite,) = set(range(node.shape[1])) - set(ends)
+        corner = np.argmax(node == mesh.t[opposite][:, None], axis=1)
+        facet[np.arange(len(node)), corner] = mesh.t2f[row]
+    return facet
 
 
 def keys_of(rows: NDArray[np.integer], count: int) -> NDArray[np.int64]:

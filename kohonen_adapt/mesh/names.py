@@ -1,6 +1,7 @@
 """Named subdomains and boundaries, and regions of elements with equal names."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +13,7 @@ from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed, nearest_name
-from kohonen_adapt.mesh.host import is_own_name
+from kohonen_adapt.mesh.host import facets_opposite, is_own_name
 
 __all__ = [
     "LEFT",
@@ -150,6 +151,28 @@ def manners_of(mesh: Mesh, rows: Ints, facet: Ints, element: Ints) -> NDArray[np
         side[np.asarray(rows)] = mesh.f2t[rows.ori, np.asarray(rows)]
         return np.where(manner[facet] == 0, 0, np.where(side[facet] == element, LEFT, RIGHT)).astype(np.int8)
     return manner[facet]
+
+
+def marked_facets(mesh: Mesh, elements: Any) -> tuple[Ints, Ints, Ints, Ints, dict[str, NDArray[np.int8]]]:
+    """Return the facets on the outer boundary, between regions or on a named boundary.
+
+    Returns for every facet its element and the local index of the opposite corner, shape (f,), the regions of the
+    element and of its neighbour, -1 outside, shape (f, 2), the labels of both sides, shape (f, 2), and the result of
+    `manners_of` by boundary name.
+    """
+    across, own = elements.neighbour, elements.region[:, None]
+    other = np.where(across >= 0, elements.region[across], -1)
+    marked = other != own
+    boundaries = mesh.boundaries or {}
+    facet = facets_opposite(mesh, elements.node) if boundaries else None
+    if facet is not None:
+        named_facets = np.zeros(mesh.facets.shape[1], dtype=bool)
+        named_facets[np.concatenate([np.asarray(rows, dtype=np.int64) for rows in boundaries.values()])] = True
+        marked |= named_facets[facet]
+    e, k = np.nonzero(marked & ((across < 0) | (across > np.arange(len(own))[:, None])))
+    sides = {} if facet is None else {n: manners_of(mesh, rows, facet[e, k], e) for n, rows in boundaries.items()}
+    regions = np.stack([elements.region[e], other[e, k]], axis=1)
+    return e, k, regions, labels(regions[:, 0], regions[:, 1], list(sides.values())), sides
 
 
 def turned(side: NDArray[np.int8], same_direction: Mask | bool) -> NDArray[np.int8]:

@@ -17,8 +17,7 @@ from kohonen_adapt.kernels.arrays import Modes, Points, Reference
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.host import number_facets
-from kohonen_adapt.mesh.near_axis import ON_AXIS, factor_at, falling, points_near_axis
-from kohonen_adapt.mesh.quadrature import LAW_DEGREE
+from kohonen_adapt.mesh.quadrature import LAW_DEGREE, ON_AXIS, factor_at, falling, points_near_axis
 
 __all__ = [
     "HAT_SLOPES",

@@ -11,15 +11,12 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.tetrahedron.arrays import Star, Tetrahedra
 from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star
 from kohonen_adapt.mesh.adjacency import neighbours_of, positive
-from kohonen_adapt.mesh.cells import TETRAHEDRON
-from kohonen_adapt.mesh.host import number_facets, remade
+from kohonen_adapt.mesh.host import remade
 from kohonen_adapt.mesh.names import regions_of, subdomains_of
 from kohonen_adapt.mesh.overlap import refuse_overlap
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["FACES", "Tetrahedralization", "facet_of_face"]
-
-FACES = np.array(TETRAHEDRON.outward)  # corners of the face opposite to each corner, counter-clockwise from outside
+__all__ = ["Tetrahedralization"]
 
 
 @dataclass
@@ -93,12 +90,3 @@ class Tetrahedralization:
         subdomains = subdomains_of(mesh, self.region_of_input, self.elements.region[used])
         position = np.ascontiguousarray(self.position.T)
         return remade(mesh, position, t, boundaries=None, subdomains=subdomains)
-
-
-def facet_of_face(mesh: MeshTet, node: NDArray[np.int32]) -> NDArray[np.int32]:
-    number_facets(mesh)
-    facet = np.empty_like(node)
-    for row in range(4):  # scikit-fem orders the facets of an element as corners 012, 013, 023, 123
-        corner = np.argmax(node == mesh.t[3 - row][:, None], axis=1)
-        facet[np.arange(len(node)), corner] = mesh.t2f[row]
-    return facet

@@ -1,12 +1,11 @@
 """Pictures of meshes, fields, passes and sweeps (needs matplotlib)."""
 
-from kohonen_adapt.plotting.adaptation import adaptation_figure
 from kohonen_adapt.plotting.animation import animate_map, animate_passes
 from kohonen_adapt.plotting.charts import draw_passes, plot_bh, plot_convergence, plot_density, plot_qualities
 from kohonen_adapt.plotting.drawing import draw_field_lines, draw_indicators, draw_mesh, indicator_scale
+from kohonen_adapt.plotting.figures import adaptation_figure, sweep_figure
 from kohonen_adapt.plotting.outlines import plot_outlines
 from kohonen_adapt.plotting.solids import plot_slice, plot_surface
-from kohonen_adapt.plotting.sweeps import sweep_figure
 
 __all__ = [
     "adaptation_figure",

@@ -16,9 +16,9 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.display import counted, in_unit
 from kohonen_adapt.geometry.plane.curves import Curve
-from kohonen_adapt.geometry.plane.facets import constrained_facets
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.outline import Outline
+from kohonen_adapt.geometry.plane.polylines import constrained_facets
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.plotting.drawing import COLOURS, set_axes
@@ -83,7 +83,7 @@ def plot_outlines(
     movable = MovableMesh.of(mesh, Rules(pinned=pinned, curves=curves, periodic=periodic))
     triangulation, outline = movable.triangulation, movable.outline
     axes = Figure(figsize=(9.0, 6.0), layout="compressed").subplots() if ax is None else ax
-    facets = constrained_facets(triangulation)
+    facets = constrained_facets(triangulation.mesh, triangulation.elements)
     ends, chain = facets.nodes, triangulation.elements.chain[facets.element, facets.corner]
     axes.add_collection(LineCollection([*(in_unit(unit) * triangulation.position[ends])], colors="0.8", linewidths=0.5))
     _draw_chains(axes, outline, _colours(ends, chain, len(outline.curve_index)), np.bincount(chain), unit)

@@ -11,9 +11,9 @@ from scipy.sparse.linalg import spsolve
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.chains import on_chains
-from kohonen_adapt.kernels.arrays import Points, Reference
-from kohonen_adapt.mesh.near_axis import kinds_at_axis
+from kohonen_adapt.kernels.arrays import Modes, Points, Reference
 from kohonen_adapt.mesh.polynomials import TrialFunction, by_points, fields_at, local_coefficients, trace_columns
+from kohonen_adapt.mesh.quadrature import kinds_at_axis
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.problem.functional_value import elements_by_rule, flux_on, source_on, value_on
 from kohonen_adapt.problem.ritz import Ritz
@@ -171,7 +171,8 @@ class RobinElements:
         cls, tri: Triangulation, trial: TrialFunction, offsets: Floats, rows: Ints, unknown: Ints, number: Ints
     ) -> "RobinElements":
         node, chain, region = (array[rows] for array in (tri.elements.node, tri.elements.chain, tri.elements.region))
-        coefficients = local_coefficients(trial.values[node], trial.modes and trial.modes.rows(rows))
+        modes = None if trial.modes is None else Modes(*(array[rows] for array in trial.modes))
+        coefficients = local_coefficients(trial.values[node], modes)
         return cls(rows, node, chain, number[region], tri.position[node], offsets, coefficients, unknown)
 
     def add(self, trial: TrialFunction, change: Floats) -> None:

@@ -10,9 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.geometry.plane.chains import on_chains
+from kohonen_adapt.geometry.plane.chains import on_chains, parameters_of, signed_distances
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.plane.parameters import parameters_of, signed_distances
 from kohonen_adapt.kernels.triangle.geometry import FLAT
 from kohonen_adapt.kernels.triangle.polish.descend import HALVINGS, OVERSTEP, ROUNDING
 from kohonen_adapt.mesh.polynomials import TrialFunction

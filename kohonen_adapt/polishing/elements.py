@@ -18,7 +18,6 @@ from kohonen_adapt.kernels.arrays import (
     Shapes,
 )
 from kohonen_adapt.mesh.measures import inner_points
-from kohonen_adapt.mesh.near_axis import kinds_at_axis
 from kohonen_adapt.mesh.polynomials import (
     LINEAR_FUNCTIONS,
     by_points,
@@ -28,6 +27,7 @@ from kohonen_adapt.mesh.polynomials import (
     law_reference,
     local_coefficients,
 )
+from kohonen_adapt.mesh.quadrature import kinds_at_axis
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.problem.functional_value import source_points
 from kohonen_adapt.problem.ritz import Ritz

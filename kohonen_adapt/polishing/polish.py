@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
+from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.recycled import Recycled
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.curve_nodes import descend_curves
 from kohonen_adapt.polishing.energy_recycling import Exchange, recycle_by_energy

@@ -7,8 +7,8 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import Points
 from kohonen_adapt.mesh.cells import TETRAHEDRON
-from kohonen_adapt.mesh.near_axis import kinds_at_axis
 from kohonen_adapt.mesh.polynomials import HAT_SLOPES, by_points, exact_reference, functions_at, law_reference
+from kohonen_adapt.mesh.quadrature import kinds_at_axis
 from kohonen_adapt.problem.functional_value import elements_by_rule, flux_on, loads_in_space, source_on, source_points
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_table, source_at, value_by_region

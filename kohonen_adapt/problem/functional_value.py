@@ -13,7 +13,6 @@ from kohonen_adapt.kernels.arrays import Points, Reference
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved import is_second_order, midside_offsets
 from kohonen_adapt.mesh.measures import inner_points
-from kohonen_adapt.mesh.near_axis import kinds_at_axis
 from kohonen_adapt.mesh.polynomials import (
     by_points,
     exact_reference,
@@ -25,6 +24,7 @@ from kohonen_adapt.mesh.polynomials import (
     local_coefficients,
     modes_of,
 )
+from kohonen_adapt.mesh.quadrature import kinds_at_axis
 from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of, plane_only_term
 from kohonen_adapt.problem.robin import robin_value, sides_of_boundary
 from kohonen_adapt.problem.tables import flux_at, flux_table, source_at, value_by_region

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.checks import as_reals, checked_points
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.names import nodes_of_points
@@ -34,7 +34,6 @@ __all__ = [
     "optional_method",
     "order_of",
     "pairs_of",
-    "points_of",
     "ritz_of",
     "solve",
     "solve_again",
@@ -177,16 +176,12 @@ def pairs_of(problem: Problem) -> Sequence[Pair]:
     return getattr(problem, "pairs", None) or ()
 
 
-def points_of(problem: Problem, mesh: Mesh) -> dict[str, Ints]:
+def nodes_of_problem(problem: Problem, mesh: Mesh) -> list[int]:
     points = getattr(problem, "points", None) or {}
     if not isinstance(points, Mapping):
         raise ValueError(f"points of the problem must be {ATTRIBUTES['points']}; got {points!r}.")
     positions = {name: checked_points(x, f"points[{name!r}] of the problem", mesh.dim()) for name, x in points.items()}
-    return nodes_of_points(mesh, positions)
-
-
-def nodes_of_problem(problem: Problem, mesh: Mesh) -> list[int]:
-    return [int(node) for rows in points_of(problem, mesh).values() for node in rows]
+    return [int(node) for rows in nodes_of_points(mesh, positions).values() for node in rows]
 
 
 def check_names(problem: Problem) -> None:

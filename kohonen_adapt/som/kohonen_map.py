@@ -18,10 +18,10 @@ from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
 from kohonen_adapt.mesh.locate import Locator, as_rows, find_elements
 from kohonen_adapt.mesh.motions import Pair
-from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.map_method import map_method_of
 from kohonen_adapt.som.schedule import Schedule, check_training
 from kohonen_adapt.som.training import Trainer
+from kohonen_adapt.som.training_points import Draw
 
 __all__ = ["KohonenMap"]
 

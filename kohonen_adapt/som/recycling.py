@@ -1,30 +1,46 @@
 """Recycling of nodes by splits and collapses of edges.
 
-Nodes that carry too little of the density are removed, and nodes are added where nodes carry too much.
+Nodes that carry too little of the density are removed, and nodes are added where nodes carry too much. On periodic
+boundaries both facets of a pair are split, or both nodes of a pair are removed, or neither. Facets of pairs are few, so
+their loops are interpreted here. Desired edge lengths follow from the density and the number of nodes: in the metric of
+the density equilateral triangles with one node per unit area have edges of squared length 2 / sqrt(3).
 """
 
+from typing import NamedTuple
+
 import numpy as np
-from scipy.spatial import cKDTree
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.geometry.movable import Recycled, unchanged
+from kohonen_adapt.geometry.plane.chains import parameters_of, signed_distances
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import Surgery
-from kohonen_adapt.geometry.recycled import Recycled, unchanged
-from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.kernels.arrays import OpenMesh
+from kohonen_adapt.kernels.arrays import SLIDING, OpenMesh
 from kohonen_adapt.kernels.heap import Heap
+from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.connectivity import spread_starts
 from kohonen_adapt.kernels.triangle.recycle import fill_heaps, recycle
+from kohonen_adapt.kernels.triangle.surgery import (
+    collapse,
+    collapsed_quality,
+    find_edge,
+    gather_around,
+    may_split,
+    midpoint,
+    split,
+)
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.som.paired_recycling import recycle_pairs
 
-__all__ = ["recycle_nodes", "starts_in_space", "starts_of"]
+__all__ = ["recycle_nodes", "recycle_pairs", "starts_of"]
 
 RATIO = 2.2  # ratio of the longest to the shortest edge in the metric; below 2, splits and collapses alternate forever
 ROUNDS = 2  # number of rounds: a forbidden collapse may be allowed after changes nearby
 SETTLED = 0.01  # fraction of nodes: a round with fewer splits is the last
 SPARE = 8  # spare rows of nodes for every facet of a pair
 SPLITS = 100_000  # splits per compiled call, so that Ctrl-C takes effect within half a second
+EQUILATERAL = 2.0 / np.sqrt(3.0)  # squared edge length times nodes per area
+PAIR_ROUNDS = 6  # number of rounds of collapses and of splits: neighbours of changed nodes have to wait
+SAME = 1e-9  # maximum distance of a segment from its image, relative to the size of the mesh
 
 
 def recycle_nodes(
@@ -102,12 +118,141 @@ def starts_of(before: Triangulation, recycled: Recycled) -> Ints:
     return starts
 
 
-def starts_in_space(before: MovableSolid, now: MovableSolid) -> Ints:
-    middle, old = before.tetrahedralization.centroids(), before.tetrahedralization.elements.region
-    node, region = now.tetrahedralization.elements.node, now.tetrahedralization.elements.region
-    starts = np.empty(len(middle), dtype=np.int32)
-    for number in range(int(old.max()) + 1):
-        nodes = np.unique(node[region == number])
-        nearest = cKDTree(now.tetrahedralization.position[nodes]).query(middle[old == number])[1]
-        starts[old == number] = nodes[nearest]
-    return starts
+class Facets(NamedTuple):
+    """Facets of pairs with their images, in the direction of their curve segments."""
+
+    element: Ints  # (f, 2) element of the facet and of its image
+    start: Ints  # (f, 2)
+    end: Ints  # (f, 2)
+    chain: Ints  # (f, 2)
+    motion: Ints  # (f,) motion of the facet onto its image
+
+
+def recycle_pairs(mesh: OpenMesh, target: int, both: bool, ratio: float, floor: float) -> tuple[int, int]:
+    """Split and collapse facets of pairs until they have the desired length.
+
+    Squared lengths may differ by a factor `ratio`. Without `both` no node is removed, and nodes are added up to
+    `target`. Returns the numbers of nodes added and removed.
+    """
+    images, wanted, splits, collapses = images_of_chains(mesh), desired_length(mesh, target), 0, 0
+    available = int(mesh.pool.height[0]) // 2 - 1
+    if not both:
+        available = min(available, (target - int(np.count_nonzero(mesh.pool.anchor >= 0))) // 2)
+    for _ in range(PAIR_ROUNDS if both else 0):
+        collapses += collapse_short(mesh, facets_of_pairs(mesh, images), wanted / ratio, wanted * ratio, floor)
+    for _ in range(PAIR_ROUNDS):
+        splits += split_long(mesh, facets_of_pairs(mesh, images), wanted * ratio, floor, available - splits)
+    return 2 * splits, 2 * collapses
+
+
+def desired_length(mesh: OpenMesh, target: int) -> float:
+    node = mesh.elements.node[mesh.elements.node[:, 0] >= 0]
+    (ax, ay), (bx, by) = (mesh.position[node[:, k]].T - mesh.position[node[:, 0]].T for k in (1, 2))
+    areas = 0.5 * (ax * by - ay * bx)
+    return float(EQUILATERAL * np.sum(areas * mesh.origins.density[node].mean(axis=1)) / target)
+
+
+def images_of_chains(mesh: OpenMesh) -> list[tuple[int, int, int]]:
+    chains, motions = mesh.constraints.chains, mesh.constraints.periodic.motions
+    paired, found = np.flatnonzero(chains.paired), []
+    near = SAME * float(np.max(np.ptp(mesh.position[mesh.pool.anchor >= 0], axis=0)))
+    for m in range(0, len(motions), 2):
+        turn, shift = motions[m, :, :2], motions[m, :, 2]
+        for c in paired:
+            distance = np.abs(turn @ chains.origin[c] + shift - chains.origin[paired]).max(axis=1)
+            turned = np.abs(turn @ chains.direction[c] - chains.direction[paired]).max(axis=1)
+            same = (distance < near) & (turned < SAME) & (paired != c)
+            found += [(int(c), int(paired[k]), m) for k in np.flatnonzero(same)]
+    return found
+
+
+def facets_of_pairs(mesh: OpenMesh, images: list[tuple[int, int, int]]) -> Facets:
+    parts = []
+    for c, d, m in images:
+        here, there = facets_along(mesh, c), facets_along(mesh, d)
+        element, start, end = (np.stack(pair, axis=1) for pair in zip(here, there, strict=True))
+        parts.append(Facets(element, start, end, np.broadcast_to([c, d], start.shape), np.full(len(start), m)))
+    element, start, end, chain, motion = (np.concatenate(array) for array in zip(*parts, strict=True))
+    return Facets(element, start, end, chain, motion)
+
+
+def facets_along(mesh: OpenMesh, c: int) -> tuple[Ints, Ints, Ints]:
+    e, k = np.nonzero((mesh.elements.chain == c) & (mesh.elements.node[:, :1] >= 0))
+    chain, ends = np.full(len(e), c), np.stack(mesh.elements.ends(e, k))
+    at = np.stack([parameters_of(mesh.position, mesh.constraints, chain, node) for node in ends])
+    along = signed_distances(mesh.constraints.chains, chain, *at) > 0.0
+    first = np.where(along, 0, 1)
+    order = np.argsort(at[first, np.arange(len(e))], kind="stable")
+    first = first[order]
+    return e[order], ends[first, order], ends[1 - first, order]
+
+
+def lengths(mesh: OpenMesh, facets: Facets) -> Floats:
+    chord = mesh.position[facets.start] - mesh.position[facets.end]
+    density = mesh.origins.density
+    squared = np.sum(chord**2, axis=2) * np.sqrt(density[facets.start] * density[facets.end])
+    return squared.max(axis=1)
+
+
+def collapse_short(mesh: OpenMesh, facets: Facets, least: float, longest: float, floor: float) -> int:
+    length, changed, count = lengths(mesh, facets), set[int](), 0
+    for i in np.argsort(length, kind="stable"):
+        ends = facets.start[i], facets.end[i]
+        if length[i] >= least or changed & {int(v) for pair in ends for v in pair}:
+            continue
+        directions = [
+            (v, w, merged_quality(mesh, v, w, facets.chain[i], longest, floor)) for v, w in (ends, ends[::-1])
+        ]
+        v, w, quality = max(directions, key=lambda chord: chord[2])
+        if quality < 0.0:
+            continue
+        merge, around = interpreted(collapse), interpreted(gather_around)
+        for gone, left in zip(v.tolist(), w.tolist(), strict=True):
+            rows = mesh.scratch.around[: around(mesh, gone, mesh.scratch.around)]
+            changed |= set(mesh.elements.node[rows].ravel().tolist())
+            mesh.constraints.periodic.partner[gone] = mesh.constraints.periodic.motion[gone] = -1
+            merge(mesh, gone, left)
+        count += 1
+    return count
+
+
+def merged_quality(mesh: OpenMesh, v: Ints, w: Ints, chain: Ints, longest: float, floor: float) -> float:
+    """Return the worst quality after collapses of v (2,) into w (2,) on both sides.
+
+    The quality is negative if a collapse is not allowed.
+    """
+    constraints, periodic = mesh.constraints, mesh.constraints.periodic
+    slides = (constraints.kind[v] == SLIDING) & (constraints.own_chain[v] == chain)
+    if not slides.all() or periodic.partner[v[0]] != v[1] or periodic.partner[v[1]] != v[0]:
+        return -1.0
+    around, stars = interpreted(gather_around), []
+    for node in v.tolist():
+        rows = mesh.scratch.around[: around(mesh, node, mesh.scratch.around)]
+        stars.append(set(mesh.elements.node[rows].ravel().tolist()))
+    if stars[0] & stars[1]:
+        return -1.0  # overlapping stars: the first collapse would change the quality of the second
+    quality, partner = interpreted(collapsed_quality), periodic.partner[v].copy()
+    periodic.partner[v] = -1  # a node with a partner could not collapse alone
+    worst = min(quality(mesh, one, other, longest, floor) for one, other in zip(v.tolist(), w.tolist(), strict=True))
+    periodic.partner[v] = partner
+    return float(worst)
+
+
+def split_long(mesh: OpenMesh, facets: Facets, longest: float, floor: float, available: int) -> int:
+    length, count = lengths(mesh, facets), 0
+    find, middle, may, make = (interpreted(loop) for loop in (find_edge, midpoint, may_split, split))
+    periodic = mesh.constraints.periodic
+    for i in np.argsort(-length, kind="stable"):
+        chain = facets.chain[i]
+        if length[i] <= longest or count >= available or facets.element[i, 0] == facets.element[i, 1]:
+            continue
+        ends = list(zip(facets.start[i].tolist(), facets.end[i].tolist(), strict=True))
+        sides = [find(mesh, a, b) for a, b in ends]  # a split nearby may have given the facet another element
+        midpoints = [middle(mesh, int(c), a, b) for c, (a, b) in zip(chain, ends, strict=True)]
+        if not all(may(mesh, e, k, floor, x, y) for (e, k), (x, y, _) in zip(sides, midpoints, strict=True)):
+            continue
+        new = [make(mesh, e, k, x, y, at) for (e, k), (x, y, at) in zip(sides, midpoints, strict=True)]
+        mesh.constraints.parameter[new] = midpoints[0][2]
+        periodic.partner[new], periodic.motion[new] = new[::-1], [facets.motion[i], facets.motion[i] + 1]
+        count += 1
+    return count

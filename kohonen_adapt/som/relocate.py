@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.geometry.movable import Recycled, unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.plane.numbering import numbered_along_curve
-from kohonen_adapt.geometry.recycled import Recycled, unchanged
+from kohonen_adapt.geometry.plane.surgery import numbered_along_curve
 from kohonen_adapt.kernels.arrays import Elements
 from kohonen_adapt.som.moved import Moved, why_still
 from kohonen_adapt.som.recycling import recycle_nodes, starts_of

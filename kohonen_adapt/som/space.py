@@ -5,9 +5,10 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
-from kohonen_adapt.arrays import Floats
-from kohonen_adapt.geometry.recycled import Recycled
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.geometry.space.parts import Parts
@@ -19,7 +20,6 @@ from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
 from kohonen_adapt.kernels.threads import Nodes
 from kohonen_adapt.som.density_in_space import DensityInSpace, density_in_space
 from kohonen_adapt.som.moved import Moved, why_still
-from kohonen_adapt.som.recycling import starts_in_space
 from kohonen_adapt.som.schedule import Schedule
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import source_of
@@ -63,6 +63,17 @@ def move_in_space(
         errors = Trainer.of(movable).learn(source.draw, schedule, rng, starts_in_space(before, movable))
         rearrange(movable, wanted, "flip" if movable.flips else "fixed", sweeps)
     return Moved(before, recycled, errors, why_still(movable, schedule))
+
+
+def starts_in_space(before: MovableSolid, now: MovableSolid) -> Ints:
+    middle, old = before.tetrahedralization.centroids(), before.tetrahedralization.elements.region
+    node, region = now.tetrahedralization.elements.node, now.tetrahedralization.elements.region
+    starts = np.empty(len(middle), dtype=np.int32)
+    for number in range(int(old.max()) + 1):
+        nodes = np.unique(node[region == number])
+        nearest = cKDTree(now.tetrahedralization.position[nodes]).query(middle[old == number])[1]
+        starts[old == number] = nodes[nearest]
+    return starts
 
 
 def rearrange(

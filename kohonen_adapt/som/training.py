@@ -23,10 +23,9 @@ from kohonen_adapt.kernels.ordering import along_curve, shuffle, sort_into_tiles
 from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
 from kohonen_adapt.kernels.triangle.search import STRETCH
 from kohonen_adapt.kernels.triangle.smooth import sweep
-from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.map_method import MapMethod, map_method_of
 from kohonen_adapt.som.schedule import Schedule, Stage
-from kohonen_adapt.som.training_points import Density
+from kohonen_adapt.som.training_points import Density, Draw
 from kohonen_adapt.som.transport import FLOWS, POINTS, Transport
 
 __all__ = ["Trainer"]

@@ -1,7 +1,8 @@
-"""Densities of nodes from which training points are drawn."""
+"""Densities of nodes, and training points drawn from them."""
 
 from collections.abc import Callable
 from math import factorial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,12 +23,12 @@ from kohonen_adapt.mesh.locate import walk_to_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.som.density import per_element, values_at, without_zeros
-from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.map_method import map_method_of
 
 __all__ = [
     "CallableDensity",
     "Density",
+    "Draw",
     "ElementDensity",
     "ElementSource",
     "FunctionSource",
@@ -37,13 +38,28 @@ __all__ = [
     "without_zeros",
 ]
 
-
 # barycentric coordinates of the corners, the midpoints of the edges, and the barycentre
 QUADRATURE = np.array([*np.eye(3), *(0.5 - 0.5 * np.eye(3)), np.full(3, 1 / 3)])
 
 FEW = 5_000  # minimum number of nodes per thread
 CANDIDATES = 2**17  # number of evaluations of a callable density per draw, limited to 4 to 64 per element
 AT_ONCE = 2**17  # number of evaluations, or quadrature points of elements, that are held in memory at once
+
+
+class Draw(NamedTuple):
+    """Training points with their elements, regions and weights.
+
+    `points` has shape (k, d), the other arrays (k,). Elements are numbered in the mesh of the density. The order is
+    along a space-filling curve, so that neighbours in the arrays are near in the mesh.
+    """
+
+    points: Floats
+    element: NDArray[np.int32]
+    region: NDArray[np.int32]
+    weights: Floats
+
+    def reordered(self, order: Ints) -> "Draw":
+        return Draw(self.points[order], self.element[order], self.region[order], self.weights[order])
 
 
 class OfElements:

@@ -43,8 +43,8 @@ from kohonen_adapt.kernels.triangle.transport import (
     sum_weights,
 )
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.poisson import potential
+from kohonen_adapt.som.training_points import Draw
 
 __all__ = ["FLOWS", "POINTS", "Transport"]
 

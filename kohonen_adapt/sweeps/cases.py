@@ -1,17 +1,22 @@
-"""Cases of a sweep, listed one by one or as a grid of values."""
+"""Cases of a sweep, listed one by one or as a grid of values, and the computation of one case."""
 
-from collections.abc import Iterable, Mapping
+import pickle
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from traceback import format_exc
+from typing import Any, SupportsFloat
 
 import numpy as np
 
-__all__ = ["SECONDS", "Case", "Value", "list_cases"]
+__all__ = ["SECONDS", "VALUE", "Case", "Outcome", "Value", "compute", "list_cases"]
 
 Value = bool | int | float | str
 Case = dict[str, Value]
 
 SECONDS = "seconds"  # reserved column of the table, not allowed as a parameter or an output
+VALUE = "value"  # name of the output of a function that returns a single number
 
 
 def list_cases(given: Any) -> list[Case]:
@@ -59,3 +64,55 @@ def _value(given: Any, description: str) -> Value:
             "such a value what it needs."
         )
     return value
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Outputs, duration and error of a case.
+
+    Attributes
+    ----------
+    outputs
+        Values by name; empty after an error.
+    seconds
+        Duration in seconds.
+    error
+        The exception raised by the function, or None.
+    """
+
+    outputs: dict[str, float]
+    seconds: float
+    error: Exception | None = None
+
+
+def compute(function: Callable[..., Any], case: Case) -> Outcome:
+    start = time.perf_counter()
+    try:
+        outputs = _outputs(function(**case), case)
+    except (Exception, SystemExit) as error:
+        return Outcome({}, time.perf_counter() - start, _portable(error))
+    return Outcome(outputs, time.perf_counter() - start)
+
+
+def _outputs(returned: Any, case: Case) -> dict[str, float]:
+    given = returned if isinstance(returned, Mapping) else {VALUE: returned}
+    for name, value in given.items():
+        if not isinstance(name, str) or not isinstance(value, SupportsFloat):
+            raise TypeError(f"the function must return a number, or names and their numbers; got {returned!r}.")
+        if name in ("", SECONDS, *case):
+            raise ValueError(f"the function must name its outputs otherwise than parameters and seconds; got {name!r}.")
+    return {name: float(value) for name, value in given.items()}
+
+
+def _portable(error: BaseException) -> Exception:
+    """Return an exception that can be pickled, with the traceback as a note."""
+    error.add_note(format_exc())
+    try:
+        sent = pickle.loads(pickle.dumps(error))
+    except Exception:  # pickling can raise anything
+        sent = None
+    if isinstance(sent, Exception) and type(sent) is type(error):
+        return sent
+    replacement = RuntimeError(f"{type(error).__name__}: {error}")
+    replacement.add_note(format_exc())
+    return replacement

@@ -11,8 +11,7 @@ from types import CodeType, FunctionType
 from typing import Any
 
 from kohonen_adapt.files import remove_drafts, whole_file
-from kohonen_adapt.sweeps.cases import SECONDS, Case
-from kohonen_adapt.sweeps.outcome import Outcome
+from kohonen_adapt.sweeps.cases import SECONDS, Case, Outcome
 
 __all__ = ["SweepFolder"]
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.table import DASH, Columns, table_blocks
-from kohonen_adapt.sweeps.cases import SECONDS, Case, Value
-from kohonen_adapt.sweeps.outcome import Outcome
+from kohonen_adapt.sweeps.cases import SECONDS, Case, Outcome, Value
 
 __all__ = ["SweepResult", "shown", "tabulated"]
 

@@ -9,9 +9,8 @@ from typing import Any
 
 from kohonen_adapt.checks import check_hook
 from kohonen_adapt.kernels.threads import number_of_threads
-from kohonen_adapt.sweeps.cases import Case, list_cases
+from kohonen_adapt.sweeps.cases import Case, Outcome, compute, list_cases
 from kohonen_adapt.sweeps.folder import SweepFolder
-from kohonen_adapt.sweeps.outcome import Outcome, compute
 from kohonen_adapt.sweeps.pool import CannotBeginError, LocalPool, cannot_be_pickled, check_pickled
 from kohonen_adapt.sweeps.result import SweepResult, tabulated
 

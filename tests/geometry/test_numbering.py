@@ -8,7 +8,7 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt import Rules, Schedule
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.plane.numbering import numbered_along_curve
+from kohonen_adapt.geometry.plane.surgery import numbered_along_curve
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 SIDES = {"left": lambda x: x[0] == 0.0, "right": lambda x: x[0] == 1.0}

@@ -5,7 +5,7 @@ import pytest
 from helpers.meshes import square
 from helpers.tensor_meshes import disk, equal_rings, sector
 
-from kohonen_adapt.geometry.plane.arc_refinement import refined_on_arcs
+from kohonen_adapt.geometry.plane.arcs import refined_on_arcs
 from kohonen_adapt.mesh.curved import with_midsides
 from kohonen_adapt.mesh.measures import area
 

@@ -12,8 +12,8 @@ from kohonen_adapt.kernels.arrays import Neurons, SearchScratch
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.search import find_winner, find_winners
 from kohonen_adapt.mesh.locate import Locator
-from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.training import Trainer
+from kohonen_adapt.som.training_points import Draw
 
 find_winner = interpreted(find_winner)
 

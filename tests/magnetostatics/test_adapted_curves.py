@@ -6,8 +6,8 @@ from skfem import Basis, ElementTriP2, MeshTri, MeshTri2
 
 import kohonen_adapt as ka
 from benchmarks.problems.round_magnet import RoundMagnet
+from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.recycled import unchanged
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.locate import find_elements

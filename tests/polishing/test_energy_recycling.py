@@ -11,13 +11,13 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
+from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import Surgery
-from kohonen_adapt.geometry.recycled import unchanged
 from kohonen_adapt.kernels.arrays import HELD, SLIDING
 from kohonen_adapt.magnetostatics import Brauer, Froehlich
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.polishing.energy_recycling import compute_gains, offers_of, recycle_by_energy, with_spare_rows
+from kohonen_adapt.polishing.energy_recycling import compute_gains, make_judge, offers_of, recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 
 FLOOR = 0.3
@@ -83,8 +83,7 @@ class Setting:
         mesh = Surgery.on(self.movable, np.ones(len(self.values)), len(self.values), self.recycled).mesh
         trial = TrialFunction(self.values, self.fixed, None)
         offers = offers_of(self.movable, self.functional, self.fixed, mesh)
-        trial = with_spare_rows(trial, len(mesh.position), len(mesh.elements.node))
-        return offers, compute_gains(self.functional.loops(self.movable, trial, mesh), mesh, offers)
+        return offers, compute_gains(make_judge(self.movable, self.functional, trial, mesh, offers), offers)
 
 
 def worst(position, node, elements):

@@ -9,8 +9,8 @@ from helpers.meshes import apart, disk, perturbed, ring, square
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.recycled import unchanged
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.arrays import HELD, SLIDING
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
@@ -19,6 +19,7 @@ from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import Freedom, descend_pairs, set_partners
 from kohonen_adapt.polishing.polish import descend
+from kohonen_adapt.polishing.sweeps import _downhill
 from kohonen_adapt.problem.functional_value import functional_value
 
 LINES = {"left": (0, 0), "right": (0, 1), "low": (1, 0), "top": (1, 1)}
@@ -89,8 +90,8 @@ class Setting:
         return self.functional.value(self.movable.triangulation, self.trial)
 
     def step(self):
-        loops = self.functional.loops(self.movable, self.trial, self.movable.kernel_mesh())
-        return descend_pairs(self.movable, loops, self.freedom)
+        downhill = _downhill(self.movable, self.functional, self.trial, self.movable.constraints)
+        return descend_pairs(self.movable, downhill, self.freedom)
 
     def couples(self):
         """Both nodes and the sign of every pair of sliding nodes."""

@@ -9,7 +9,7 @@ from skfem import MeshTet
 
 import kohonen_adapt as ka
 from kohonen_adapt import Ritz, Rules
-from kohonen_adapt.geometry.recycled import unchanged
+from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.polishing.space.polish_in_space import descend_and_recycle_in_space, descend_in_space
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional

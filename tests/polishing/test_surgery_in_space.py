@@ -14,7 +14,7 @@ from skfem import MeshTet
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.arrays import padded
-from kohonen_adapt.geometry.recycled import unchanged
+from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, SOURCE_24TH

@@ -9,8 +9,8 @@ from helpers.meshes import generic_square, inset, perturbed
 from helpers.tensor_meshes import disk
 
 import kohonen_adapt as ka
+from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.recycled import unchanged
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.arrays import FREE
 from kohonen_adapt.kernels.numba.compilation import interpreted

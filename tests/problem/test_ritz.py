@@ -6,15 +6,14 @@ from helpers.meshes import generic_square, inset, junction, l_shape, named, slit
 
 import kohonen_adapt as ka
 from kohonen_adapt import Ritz, Rules, Schedule, Stage
+from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.recycled import unchanged
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.transfer import transferred
-from kohonen_adapt.som.draw import Draw
 from kohonen_adapt.som.training import Trainer
-from kohonen_adapt.som.training_points import density_of
+from kohonen_adapt.som.training_points import Draw, density_of
 
 ZEROS, FIXED, REGION = np.zeros(4), np.array([True, False, False, False]), np.array([0, 1])
 

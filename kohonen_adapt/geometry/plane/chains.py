@@ -1,6 +1,7 @@
-"""Tables of the curve segments on which nodes slide.
+"""Tables of the curve segments on which nodes slide, and parameters of nodes on segments.
 
 A curve segment (`chain`) is a part of a boundary or interface between two corners: a line, an arc or a cubic spline.
+The parameter of a point is its arc length from the beginning of the segment, approximately so on splines.
 """
 
 import logging
@@ -13,11 +14,35 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.curves import NEAR, Arc, Curve, Line, projected, size_of
 from kohonen_adapt.geometry.plane.cutting import FEWEST_FACETS, lengths_and_angles
 from kohonen_adapt.geometry.plane.polylines import BY_MIDSIDES, Polylines, Segments, nodes_of
-from kohonen_adapt.kernels.arrays import AT, AT_X, AT_Y, RATE_X, RATE_Y, ROUND, STRAIGHT, TABLED, Chains
+from kohonen_adapt.kernels.arrays import (
+    AT,
+    AT_X,
+    AT_Y,
+    OWN,
+    RATE_X,
+    RATE_Y,
+    ROUND,
+    SLIDING,
+    STRAIGHT,
+    TABLED,
+    Chains,
+    Constraints,
+)
+from kohonen_adapt.kernels.numba.compilation import interpreted
+from kohonen_adapt.kernels.triangle.chains import look_up, nearest_parameter
 
 logger = logging.getLogger("kohonen_adapt")
 
-__all__ = ["chains_of", "curve_of_facets", "on_chains", "on_lines_and_arcs", "pair_chains"]
+__all__ = [
+    "chains_of",
+    "find_parameters",
+    "on_chains",
+    "on_lines_and_arcs",
+    "pair_chains",
+    "parameters_of",
+    "points_on",
+    "signed_distances",
+]
 
 MAX_TURN = np.deg2rad(30.0)  # maximum turn of the tangent along a facet
 FACETS = 5  # minimum number of facets of an arc that can be recognised again; FEWEST_FACETS for a coarse arc
@@ -27,21 +52,6 @@ POSITION, DERIVATIVE = slice(AT_X, AT_Y + 1), slice(RATE_X, RATE_Y + 1)  # colum
 SPANS = 4  # spans of a table between a corner node and a midside node
 MOST_SHIFT = 0.25  # maximum offset of a midside node along the chord, relative to it: a larger one inverts the element
 FINE = 1e-10  # maximum distance of a spline from its curve, relative to the size of the curve
-
-
-def curve_of_facets(sides: Mapping[str, Ints], count: int, curves: Mapping[str, Curve], kind: str = "curve") -> Ints:
-    """Return the index in `curves` of the shape of every facet, -1 for none, (f,)."""
-    found, names = np.full(count, -1), list(curves)
-    for number, name in enumerate(names):
-        on = sides[name] > 0
-        twice = on & (found >= 0)
-        if twice.any():
-            other = names[found[np.flatnonzero(twice)[0]]]
-            raise ValueError(
-                f"boundaries {other!r} and {name!r} share facets, so they cannot both have a {kind}; leave one out."
-            )
-        found[on] = number
-    return found
 
 
 def on_lines_and_arcs(curve: Ints, curves: Mapping[str, Curve]) -> Mask:
@@ -227,3 +237,53 @@ def pair_chains(table: Chains, mate: Ints, motion: Ints, motions: Floats) -> Non
 
 def on_chains(chain: Ints, chains: Mask) -> Mask:
     return (chain >= 0) & chains[chain]
+
+
+def find_parameters(position: Floats, constraints: Constraints, node: Ints, first: Ints, last: Ints) -> None:
+    chains, nearest = constraints.chains, interpreted(nearest_parameter)
+    for c, (begin, end) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
+        sliding = node[begin:end][constraints.kind[node[begin:end]] == SLIDING]
+        if chains.shape[c] == STRAIGHT:
+            (ux, uy), (tx, ty) = (position[sliding] - chains.origin[c]).T, chains.direction[c]
+            constraints.parameter[sliding] = np.clip(ux * tx + uy * ty, 0.0, chains.length[c])
+            continue
+        near = 0.0
+        for v in sliding:
+            near = nearest(chains, c, *position[v], near)
+            constraints.parameter[v] = near
+
+
+def parameters_of(position: Floats, constraints: Constraints, chain: Ints, node: Ints) -> Floats:
+    """Return the parameters of nodes on curve segments, shape (k,).
+
+    A node that does not slide on the segment is the nearer of its two ends.
+    """
+    chains = constraints.chains
+    slides = (constraints.kind[node] == SLIDING) & (constraints.chain[node, OWN] == chain)
+    start, end = (np.sum((position[node] - point[chain]) ** 2, axis=1) for point in (chains.origin, ends_of(chains)))
+    return np.where(slides, constraints.parameter[node], np.where(end < start, chains.length[chain], 0.0))
+
+
+def ends_of(chains: Chains) -> Floats:
+    end = chains.origin + chains.length[:, None] * chains.direction
+    is_round, is_tabled = chains.shape == ROUND, chains.shape == TABLED
+    half = 0.5 * (chains.curvature * chains.length)[is_round]
+    chord = 2.0 * np.sin(half) / chains.curvature[is_round]
+    (tx, ty), sine, cosine = chains.direction[is_round].T, np.sin(half), np.cos(half)
+    distance = np.stack([cosine * tx - sine * ty, sine * tx + cosine * ty], axis=1)
+    end[is_round] = chains.origin[is_round] + chord[:, None] * distance
+    end[is_tabled] = chains.knot[chains.row[1:][is_tabled] - 1, AT_X : AT_Y + 1]
+    return end
+
+
+def signed_distances(chains: Chains, chain: Ints, start: Floats, end: Floats) -> Floats:
+    distance, length = end - start, chains.length[chain]
+    wraps = chains.closed[chain] & (np.abs(distance) > 0.5 * length)
+    return np.where(wraps, distance - np.copysign(length, distance), distance)
+
+
+def points_on(constraints: Constraints, chain: Ints, parameter: Floats) -> Floats:
+    along = constraints._replace(chain=np.stack([chain, chain], axis=1).astype(np.int32), parameter=parameter)
+    points = np.empty((len(chain), 2))
+    look_up(along, np.arange(len(chain)), points)
+    return points

@@ -1,5 +1,6 @@
 """Lines, arcs and user-defined curves on which nodes slide."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isfinite
 from numbers import Real
@@ -8,10 +9,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import checked_points, finite_point
 
-__all__ = ["NEAR", "Arc", "Curve", "Line", "check_near", "projected", "size_of"]
+__all__ = ["NEAR", "Arc", "Curve", "Line", "check_near", "curve_of_facets", "projected", "size_of"]
 
 KINDS = {2: "curve", 3: "surface"}  # word for the shape of a boundary in messages, by dimension
 NEAR = 1e-3  # maximum distance of nodes from their curve, relative to the size of the boundary
@@ -167,3 +168,18 @@ def check_near(nodes: Floats, curve: Curve, name: str) -> None:
 
 def size_of(nodes: Floats) -> float:
     return float(np.max(np.ptp(nodes, axis=0)))
+
+
+def curve_of_facets(sides: Mapping[str, Ints], count: int, curves: Mapping[str, Curve], kind: str = "curve") -> Ints:
+    """Return the index in `curves` of the shape of every facet, -1 for none, (f,)."""
+    found, names = np.full(count, -1), list(curves)
+    for number, name in enumerate(names):
+        on = sides[name] > 0
+        twice = on & (found >= 0)
+        if twice.any():
+            other = names[found[np.flatnonzero(twice)[0]]]
+            raise ValueError(
+                f"boundaries {other!r} and {name!r} share facets, so they cannot both have a {kind}; leave one out."
+            )
+        found[on] = number
+    return found

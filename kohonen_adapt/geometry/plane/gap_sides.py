@@ -12,7 +12,7 @@ from scipy.sparse import coo_array, triu
 from scipy.sparse.csgraph import connected_components
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.geometry.plane.parameters import parameters_of, signed_distances
+from kohonen_adapt.geometry.plane.chains import parameters_of, signed_distances
 from kohonen_adapt.kernels.arrays import Constraints, Elements
 from kohonen_adapt.mesh.triangulation import Triangulation
 

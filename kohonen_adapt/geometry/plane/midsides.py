@@ -11,13 +11,13 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.geometry.plane.chains import parameters_of, points_on, signed_distances
 from kohonen_adapt.geometry.plane.cutting import COLLINEAR, TURN, fitted_circle
-from kohonen_adapt.geometry.plane.facets import Facets, Joints, facet_of_edge
-from kohonen_adapt.geometry.plane.parameters import parameters_of, points_on, signed_distances
-from kohonen_adapt.geometry.plane.polylines import BY_MIDSIDES, without_noise
+from kohonen_adapt.geometry.plane.polylines import BY_MIDSIDES, Facets, Joints, without_noise
 from kohonen_adapt.kernels.arrays import STRAIGHT, Constraints
 from kohonen_adapt.kernels.triangle.polish.by_points import MIN_JACOBIAN
 from kohonen_adapt.mesh.curved import jacobian_coefficients
+from kohonen_adapt.mesh.host import facets_opposite
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["MIN_JACOBIAN", "Midsides", "joints_on_curves", "midsides_of", "offsets_on_curves"]
@@ -39,7 +39,7 @@ class Midsides(NamedTuple):
 def midsides_of(facets: Facets, triangulation: Triangulation, offsets: Floats | None) -> Midsides:
     if offsets is None:
         return Midsides(np.zeros(facets.nodes.shape), np.zeros(len(facets.nodes), dtype=bool), any_curved=False)
-    offset = offsets.T[facet_of_edge(triangulation.mesh, triangulation.elements.node)[facets.element, facets.corner]]
+    offset = offsets.T[facets_opposite(triangulation.mesh, triangulation.elements.node)[facets.element, facets.corner]]
     position = triangulation.position
     chord = position[facets.nodes[:, 1]] - position[facets.nodes[:, 0]]
     height = np.abs(chord[:, 0] * offset[:, 1] - chord[:, 1] * offset[:, 0])

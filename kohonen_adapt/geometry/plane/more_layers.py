@@ -9,10 +9,10 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.checks import listed
+from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.layers import Band, bands_of, lower_to_steps, parts_of
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import Surgery
-from kohonen_adapt.geometry.recycled import unchanged
 from kohonen_adapt.geometry.rules import Rules, checked_layers
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.surgery import find_edge, midpoint, split

@@ -11,7 +11,6 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.geometry.movable import Movable, arrays_of
-from kohonen_adapt.geometry.plane.facets import facet_of_edge
 from kohonen_adapt.geometry.plane.layers import set_levels
 from kohonen_adapt.geometry.plane.midsides import offsets_on_curves
 from kohonen_adapt.geometry.plane.outline import Outline
@@ -20,6 +19,7 @@ from kohonen_adapt.kernels.arrays import HELD, JUNCTION, Constraints, Elements, 
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_non_delaunay
 from kohonen_adapt.mesh.curved import facet_midside_offsets, is_second_order, with_midside_offsets
+from kohonen_adapt.mesh.host import facets_opposite
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["BY_ELEMENT", "STATE_NAMES", "MovableMesh", "Work", "shown", "with_state"]
@@ -110,7 +110,7 @@ class MovableMesh(Movable):
         mesh = self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)
         if not self.curved:
             return mesh
-        facet, offset = facet_of_edge(mesh, self.triangulation.elements.node), np.zeros((2, mesh.facets.shape[1]))
+        facet, offset = facets_opposite(mesh, self.triangulation.elements.node), np.zeros((2, mesh.facets.shape[1]))
         offset[:, facet] = np.moveaxis(self.midside_offsets(), 2, 0)
         return with_midside_offsets(mesh, offset)
 

@@ -12,21 +12,30 @@ from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed
-from kohonen_adapt.geometry.plane.chains import chains_of, curve_of_facets, on_lines_and_arcs, pair_chains
+from kohonen_adapt.geometry.plane.chains import (
+    chains_of,
+    find_parameters,
+    on_lines_and_arcs,
+    pair_chains,
+    parameters_of,
+    points_on,
+    signed_distances,
+)
 from kohonen_adapt.geometry.plane.coarse_arcs import centres_of, with_coarse_arcs
-from kohonen_adapt.geometry.plane.curves import Curve, projected
-from kohonen_adapt.geometry.plane.facets import (
+from kohonen_adapt.geometry.plane.curves import Curve, curve_of_facets, projected
+from kohonen_adapt.geometry.plane.midsides import joints_on_curves, midsides_of
+from kohonen_adapt.geometry.plane.pairs import Pairs, find_pairs
+from kohonen_adapt.geometry.plane.polylines import (
+    BY_MIDSIDES,
     Facets,
     Joints,
+    Polylines,
+    Segments,
     constrained_facets,
-    facet_of_edge,
+    cut_into_segments,
     joints_of,
     trace_facets,
 )
-from kohonen_adapt.geometry.plane.midsides import joints_on_curves, midsides_of
-from kohonen_adapt.geometry.plane.pairs import Pairs, find_pairs
-from kohonen_adapt.geometry.plane.parameters import find_parameters, parameters_of, points_on, signed_distances
-from kohonen_adapt.geometry.plane.polylines import BY_MIDSIDES, Polylines, Segments, cut_into_segments
 from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.geometry.rules import Rules, checked_curves, pinned_nodes
 from kohonen_adapt.kernels.arrays import (
@@ -45,7 +54,7 @@ from kohonen_adapt.kernels.arrays import (
 from kohonen_adapt.kernels.triangle.chains import farthest_from_facets, look_up
 from kohonen_adapt.kernels.triangle.geometry import move_to_targets
 from kohonen_adapt.mesh.adjacency import write_on_both_sides
-from kohonen_adapt.mesh.host import set_boundaries
+from kohonen_adapt.mesh.host import facets_opposite, set_boundaries
 from kohonen_adapt.mesh.names import LEFT, named_sets, turned
 from kohonen_adapt.mesh.triangulation import Triangulation
 
@@ -87,7 +96,7 @@ class Outline:
         """
         pinned = pinned_nodes(triangulation.mesh, rules.pinned)
         curves = with_circles(checked_curves(triangulation.mesh, rules.curves))
-        facets = constrained_facets(triangulation)
+        facets = constrained_facets(triangulation.mesh, triangulation.elements)
         pairs = find_pairs(triangulation, facets, rules.periodic)
         midsides = midsides_of(facets, triangulation, offset)
         curve = midsides.curve_index(curve_of_facets(facets.sides, len(facets.element), curves))
@@ -172,7 +181,7 @@ class Outline:
     def with_boundaries(self, mesh: MeshTri, triangulation: Triangulation) -> MeshTri:
         if triangulation.mesh.boundaries is None:
             return mesh
-        facet = facet_of_edge(mesh, triangulation.elements.node)
+        facet = facets_opposite(mesh, triangulation.elements.node)
         set_boundaries(mesh, {name: self._boundary(mesh, facet, triangulation, name) for name in self.names})
         return mesh
 

@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.geometry.plane.facets import Facets, constrained_facets
+from kohonen_adapt.geometry.plane.polylines import Facets, constrained_facets
 from kohonen_adapt.geometry.rules import checked_pairs
 from kohonen_adapt.kernels.arrays import SLIDING, Constraints
 from kohonen_adapt.mesh.motions import Motion, Pair, inverse, is_proper, motion_of, moved
@@ -280,7 +280,7 @@ def sliding_pairs(constraints: Constraints) -> tuple[Ints, Ints]:
 
 def image_nodes(mesh: MeshTri, periodic: Sequence[Pair]) -> list[tuple[Ints, Ints]]:
     triangulation = Triangulation.of(mesh)
-    facets = constrained_facets(triangulation)
+    facets = constrained_facets(triangulation.mesh, triangulation.elements)
     matches = [match_of(triangulation, facets, *pair) for pair in checked_pairs(mesh, periodic)]
     return [(match.nodes, match.images) for match in matches]
 

@@ -1,4 +1,7 @@
-"""Tracing of polylines along facets, and their division into curve segments."""
+"""Constrained facets of triangles, the polylines into which they join, and curve segments.
+
+A facet is constrained if it lies on the outer boundary, between two regions, or on a named boundary.
+"""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -7,23 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.curves import Arc, Curve, check_near
 from kohonen_adapt.geometry.plane.cutting import cut_polylines
-from kohonen_adapt.kernels.arrays import FIRST, IS_CLOSED, IS_ROUND, LAST
+from kohonen_adapt.kernels.arrays import FIRST, IS_CLOSED, IS_ROUND, LAST, Elements
+from kohonen_adapt.mesh.names import marked_facets
 
 __all__ = [
     "BY_MIDSIDES",
     "CORNER",
+    "Facets",
+    "Joints",
     "Polyline",
     "Polylines",
     "Segments",
     "angles_between",
+    "constrained_facets",
     "cut_into_segments",
     "joined_ends",
+    "joints_of",
     "nodes_of",
     "polylines_of",
+    "trace_facets",
     "trace_polylines",
     "without_noise",
 ]
@@ -31,6 +41,26 @@ __all__ = [
 BITS = 43  # bits kept of centres and radii of recognised circles
 BY_MIDSIDES = -2  # index of curve of a facet that is curved by its midside node, without a user-defined curve
 CORNER = np.radians(35.0)  # an angle of this size or more is a corner
+
+
+class Facets(NamedTuple):
+    """Constrained facets, counter-clockwise in their element."""
+
+    element: Ints  # (f,)
+    corner: Ints  # (f,) local index of the corner opposite to the facet
+    nodes: Ints  # (f, 2)
+    label: Ints  # (f, 2) regions and names on both sides, seen along and against the facet
+    sides: dict[str, NDArray[np.int8]]  # per boundary name (f,): 0, UNORIENTED, LEFT or RIGHT
+
+
+class Joints(NamedTuple):
+    """Nodes in which exactly two constrained facets meet."""
+
+    node: Ints  # (j,)
+    facets: Ints  # (j, 2)
+    ends: Ints  # (j, 2) other nodes of the facets
+    turn: Floats  # (j,) angle between the facets in radians
+    smooth: Mask  # (j,) True if a curve may pass: same names and regions on both sides, no sharp turn
 
 
 class Polyline(NamedTuple):
@@ -91,6 +121,36 @@ class Segments(NamedTuple):
         """Slots of the first nodes of all facets, segment by segment."""
         count = self.facets
         return np.arange(count.sum()) + np.repeat(self.first - np.cumsum(count) + count, count)
+
+
+def constrained_facets(mesh: MeshTri, elements: Elements) -> Facets:
+    e, k, _, label, sides = marked_facets(mesh, elements)
+    return Facets(e, k, np.stack(elements.ends(e, k), axis=1), label, sides)
+
+
+def joints_of(facets: Facets, position: Floats, cornerless: Mask, offset: Floats | float = 0.0) -> Joints:
+    """Return the joints, the nodes in which exactly two facets meet.
+
+    Facets of the mask `cornerless`, shape (f,), join smoothly at any angle. `offset`, shape (f, 2), is the midside
+    offset, with which the turn is the angle between parabolas.
+    """
+    node, rows = joined_ends(facets.nodes, len(position))
+    other = facets.nodes.ravel()[rows ^ 1]
+    # the path arrives along the first facet and leaves along the second, so labels may be reversed
+    before, after = facets.label[rows[:, 0] // 2, 1 - rows[:, 0] % 2], facets.label[rows[:, 1] // 2, rows[:, 1] % 2]
+    tangent_change = np.broadcast_to(4.0 * offset, facets.nodes.shape)
+    turn = angles_between(
+        *(position[other[:, side]] - position[node] + tangent_change[rows[:, side] // 2] for side in (0, 1))
+    )
+    smooth = (turn < CORNER) | np.all(cornerless[rows // 2], axis=1)
+    return Joints(node, rows // 2, other, turn, (before == after) & smooth)
+
+
+def trace_facets(facets: Facets, joints: Joints, stops: Mask) -> Polylines:
+    through = np.full((len(stops), 2), -1, dtype=np.int32)
+    continuing = joints.smooth & ~stops[joints.node]
+    through[joints.node[continuing]] = joints.facets[continuing]
+    return trace_polylines(facets.nodes, through)
 
 
 def polylines_of(edges: Ints, position: Floats) -> list[Polyline]:

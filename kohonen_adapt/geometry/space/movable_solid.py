@@ -14,12 +14,15 @@ from kohonen_adapt.arrays import Ints, Mask
 from kohonen_adapt.checks import listed
 from kohonen_adapt.geometry.movable import Movable, arrays_of
 from kohonen_adapt.geometry.rules import Rules, check_for, checked_surfaces, floor_of, pinned_nodes
-from kohonen_adapt.geometry.space.faces import constrained_faces, edges_of, seams_of
-from kohonen_adapt.geometry.space.joining_faces import patches_of
-from kohonen_adapt.geometry.space.patches import Patches, on_their_patches
-from kohonen_adapt.geometry.space.projection import distances_from_faces, move_to_targets, projected_positions
+from kohonen_adapt.geometry.space.patches import Patches, constrained_faces, edges_of, on_their_patches, seams_of
+from kohonen_adapt.geometry.space.projection import (
+    distances_from_faces,
+    move_to_targets,
+    projected_positions,
+    samples_of,
+)
+from kohonen_adapt.geometry.space.recognition import patches_of
 from kohonen_adapt.geometry.space.ridges import Ridges, freedom_of, ridges_of
-from kohonen_adapt.geometry.space.samples import samples_of
 from kohonen_adapt.kernels.arrays import Neurons
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,
@@ -33,10 +36,10 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Surfaces,
 )
 from kohonen_adapt.mesh.adjacency import write_on_both_sides
-from kohonen_adapt.mesh.cells import normals
-from kohonen_adapt.mesh.host import set_boundaries
+from kohonen_adapt.mesh.cells import FACES, normals
+from kohonen_adapt.mesh.host import facets_opposite, set_boundaries
 from kohonen_adapt.mesh.names import LEFT, named_sets, turned
-from kohonen_adapt.mesh.tetrahedralization import FACES, Tetrahedralization, facet_of_face
+from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 
 __all__ = ["MovableSolid"]
 
@@ -80,7 +83,7 @@ class MovableSolid(Movable):
         check_for(rules, 3)
         tet = Tetrahedralization.of(mesh)
         pinned = pinned_nodes(mesh, rules.pinned)
-        faces = constrained_faces(tet)
+        faces = constrained_faces(tet.mesh, tet.elements)
         edges = edges_of(faces, tet.nnodes)
         surfaces = checked_surfaces(mesh, rules.surfaces)
         patches = patches_of(faces, seams_of(faces, edges, tet.position), tet.position, surfaces)
@@ -108,7 +111,7 @@ class MovableSolid(Movable):
     def mesh(self) -> MeshTet:
         mesh = self.tetrahedralization.to_mesh()
         if self.input_mesh.boundaries is not None:
-            facet = facet_of_face(mesh, self.tetrahedralization.elements.node[self.tetrahedralization.used])
+            facet = facets_opposite(mesh, self.tetrahedralization.elements.node[self.tetrahedralization.used])
             set_boundaries(mesh, {name: self._boundary(mesh, facet, name) for name in self.patches.names})
         return mesh
 

@@ -1,4 +1,7 @@
-"""Patches of constrained faces, and the projection of nodes onto them."""
+"""Constrained faces of tetrahedra, their edges, and the patches into which they join.
+
+A face is constrained if it lies on the outer boundary, between two regions, or on a named boundary.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -6,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.curves import projected
@@ -16,12 +20,85 @@ from kohonen_adapt.geometry.space.surfaces import (
     on_plane,
     on_sphere,
 )
-from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, PLANE, PROJECTED, SPHERE
+from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, PLANE, PROJECTED, SPHERE, Tetrahedra
+from kohonen_adapt.mesh.cells import FACES, normals
+from kohonen_adapt.mesh.names import marked_facets
 
-__all__ = ["Patches", "Sheet", "on_their_patches", "onto_all"]
+__all__ = [
+    "Edges",
+    "Faces",
+    "Patches",
+    "Seams",
+    "Sheet",
+    "constrained_faces",
+    "edges_of",
+    "on_their_patches",
+    "onto_all",
+    "seams_of",
+]
 
 STILL = 1e-15  # displacement below which nodes are on all of their patches, relative to the size of the mesh
 ROUNDS = 100  # maximum number of repetitions; the first suffices on two patches at right angles
+
+
+class Faces(NamedTuple):
+    """Constrained faces, counter-clockwise seen from outside their element."""
+
+    element: Ints  # (f,)
+    corner: Ints  # (f,) local index of the corner opposite to the face
+    nodes: Ints  # (f, 3)
+    label: Ints  # (f, 2) regions and names on both sides, seen from the element and from across
+    sides: dict[str, NDArray[np.int8]]  # per boundary name (f,): 0, UNORIENTED, LEFT (of the element) or RIGHT
+    regions: Ints  # (f, 2) of the element and of its neighbour, -1 outside
+
+
+class Edges(NamedTuple):
+    """Edges of constrained faces, each with the faces around."""
+
+    ends: Ints  # (g, 2) the nodes, ascending
+    start: Ints  # (g + 1,) the faces around edge g are face[start[g]:start[g + 1]]
+    face: Ints  # (3 f,)
+    forth: Mask  # (3 f,) True if the face runs along the edge from its first to its second node
+
+    @property
+    def faces_around(self) -> Ints:
+        return np.diff(self.start)
+
+
+class Seams(NamedTuple):
+    """Edges in which exactly two constrained faces meet."""
+
+    edge: Ints  # (j,)
+    faces: Ints  # (j, 2)
+    turn: Floats  # (j,) angle between the faces in radians, 0 if they are coplanar
+    opposite: Mask  # (j,) True if the elements of both faces are on the same side
+    same_label: Mask  # (j,) True if names and regions on both sides are the same
+
+
+def constrained_faces(mesh: MeshTet, elements: Tetrahedra) -> Faces:
+    e, k, regions, label, sides = marked_facets(mesh, elements)
+    return Faces(e, k, np.take_along_axis(elements.node[e], FACES[k], axis=1), label, sides, regions)
+
+
+def edges_of(faces: Faces, nnodes: int) -> Edges:
+    start, end = faces.nodes.ravel(), np.roll(faces.nodes, -1, axis=1).ravel()
+    code = np.minimum(start, end).astype(np.int64) * nnodes + np.maximum(start, end)
+    order = np.argsort(code, kind="stable")
+    first = np.flatnonzero(np.append(True, np.diff(code[order]) != 0)[: len(order)])
+    ends = np.stack(np.divmod(code[order][first], nnodes), axis=1)
+    return Edges(ends, np.append(first, len(order)), order // 3, (start < end)[order])
+
+
+def seams_of(faces: Faces, edges: Edges, position: Floats) -> Seams:
+    edge = np.flatnonzero(edges.faces_around == 2)
+    slot = edges.start[edge]
+    one, other = edges.face[slot], edges.face[slot + 1]
+    opposite = edges.forth[slot] != edges.forth[slot + 1]
+    normal = normals(position, faces.nodes)
+    here, there = normal[one], np.where(opposite[:, None], 1.0, -1.0) * normal[other]
+    turn = np.arctan2(np.linalg.norm(np.cross(here, there), axis=1), np.einsum("ij,ij->i", here, there))
+    same_label = faces.label[one, 0] == faces.label[other, np.where(opposite, 0, 1)]
+    return Seams(edge, np.stack([one, other], axis=1), turn, opposite, same_label)
 
 
 class Patches(NamedTuple):

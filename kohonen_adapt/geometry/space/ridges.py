@@ -12,8 +12,7 @@ from scipy.spatial import cKDTree
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.cutting import COLLINEAR, TURN, cut_polylines, fitted_circle
 from kohonen_adapt.geometry.plane.polylines import CORNER, Polylines, joined_ends, trace_polylines, without_noise
-from kohonen_adapt.geometry.space.faces import Edges, Faces
-from kohonen_adapt.geometry.space.patches import Patches
+from kohonen_adapt.geometry.space.patches import Edges, Faces, Patches
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     CIRCLE,
     CONE,

@@ -15,7 +15,6 @@ from kohonen_adapt.magnetostatics.equations.higher import ElementGroup, Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, Symmetry
 from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.measures import hat_gradients
-from kohonen_adapt.mesh.near_axis import ON_AXIS, factor_at, kinds_at_axis, points_near_axis
 from kohonen_adapt.mesh.polynomials import (
     KINDS,
     facet_functions,
@@ -23,6 +22,7 @@ from kohonen_adapt.mesh.polynomials import (
     functions_near_axis,
     slopes_near_axis,
 )
+from kohonen_adapt.mesh.quadrature import ON_AXIS, factor_at, kinds_at_axis, points_near_axis
 
 __all__ = ["AroundAxis", "elements_on"]
 

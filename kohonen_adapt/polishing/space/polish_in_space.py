@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, padded
-from kohonen_adapt.geometry.recycled import Recycled
+from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.geometry.space.parts import Parts

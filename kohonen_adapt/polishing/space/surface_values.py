@@ -6,7 +6,8 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_PATCH, ON_RIDGE, Freedom, Surfaces
-from kohonen_adapt.mesh.tetrahedralization import FACES, Tetrahedralization
+from kohonen_adapt.mesh.cells import FACES
+from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import LINEAR
 
 __all__ = ["DirichletValues", "dirichlet_on"]

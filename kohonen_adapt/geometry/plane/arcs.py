@@ -1,0 +1,103 @@
+"""Uniform refinement on recognised arcs, and polygons that may be arcs with too few nodes."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Ints
+from kohonen_adapt.geometry.plane.cutting import fitted_circle, turning_angles
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.plane.polylines import (
+    constrained_facets,
+    joints_of,
+    trace_facets,
+    without_noise,
+)
+from kohonen_adapt.geometry.rules import Rules
+from kohonen_adapt.kernels.arrays import ROUND, STRAIGHT
+from kohonen_adapt.mesh.curved import is_second_order
+from kohonen_adapt.mesh.host import facets_opposite
+from kohonen_adapt.mesh.isoparametric import refined
+from kohonen_adapt.mesh.measures import signed_area
+
+__all__ = ["PossibleArc", "possible_arcs", "refined_on_arcs"]
+
+CIRCULAR = 1e-6  # maximum distance of a corner from the circle, relative to the radius
+SHARPEST = np.deg2rad(75.0)  # maximum turn at a corner: a pentagon turns by 72 degrees, a square by 90
+FACETS = 3  # minimum number of facets: any three nodes are on a circle
+
+
+def refined_on_arcs(mesh: MeshTri) -> tuple[MeshTri, MeshTri] | None:
+    """Return two uniform refinements of a mesh, with arcs as chords and round.
+
+    New nodes on recognised arcs between elements stay on the chords in the first mesh and lie on the circle in the
+    second. Arcs of the outer boundary are round in both meshes, because boundary conditions may need a circle. Returns
+    None if no interface is an arc, or if an element would be inverted.
+    """
+    movable = MovableMesh.of(mesh, Rules())
+    elements, chains = movable.triangulation.elements, movable.constraints.chains
+    e, k = np.nonzero(np.append(chains.shape == ROUND, False)[elements.chain])
+    chain = np.full(mesh.facets.shape[1], -1)
+    chain[facets_opposite(mesh, elements.node)[e, k]] = elements.chain[e, k]
+    finer = refined(mesh)
+    middle, facet = halves_of_facets(mesh, finer) if is_second_order(mesh) else midpoints_of_facets(mesh)
+    middle, facet = middle[chain[facet] >= 0], facet[chain[facet] >= 0]
+    (tx, ty), curvature = chains.direction[chain[facet]].T, chains.curvature[chain[facet]]
+    centre = chains.origin[chain[facet]].T + np.stack((-ty, tx)) / curvature
+    radial = finer.doflocs[:, middle] - centre
+    on_circle, inside = centre + radial / (np.abs(curvature) * np.hypot(*radial)), mesh.f2t[1, facet] >= 0
+    chords, arcs = finer.doflocs.copy(), finer.doflocs.copy()
+    chords[:, middle[~inside]], arcs[:, middle] = on_circle[:, ~inside], on_circle
+    pair = replace(finer, doflocs=chords), replace(finer, doflocs=arcs)
+    inverted = [np.any(signed_area(each) * signed_area(finer) <= 0.0) for each in pair]
+    return pair if inside.any() and not any(inverted) else None
+
+
+def midpoints_of_facets(mesh: MeshTri) -> tuple[Ints, Ints]:
+    facet = np.arange(mesh.facets.shape[1])
+    return mesh.nvertices + facet, facet  # scikit-fem numbers the new nodes of a refined mesh so
+
+
+def halves_of_facets(mesh: MeshTri, finer: MeshTri) -> tuple[Ints, Ints]:
+    half = np.flatnonzero(finer.facets[0] < mesh.nvertices)
+    return finer.nvertices + half, finer.facets[1, half] - mesh.nvertices
+
+
+class PossibleArc(NamedTuple):
+    """Polygon whose corners lie on a circle."""
+
+    names: list[str]  # names of boundaries that contain the polygon
+    nodes: int
+    turn: float  # largest turn at a corner in radians
+    centre: tuple[float, float]
+    radius: float
+
+
+def possible_arcs(movable: MovableMesh) -> Iterator[PossibleArc]:
+    """Yield polygons of boundaries and interfaces whose corners lie on a circle."""
+    triangulation, outline = movable.triangulation, movable.outline
+    facets, position = constrained_facets(triangulation.mesh, triangulation.elements), triangulation.position
+    joints = joints_of(facets, position, np.ones(len(facets.element), dtype=bool))
+    polylines = trace_facets(facets, joints, outline.pinned)
+    chain = triangulation.elements.chain[facets.element, facets.corner]
+    alone = np.bincount(chain, minlength=len(outline.straight)) == 1
+    single = (alone & (outline.constraints.chains.shape == STRAIGHT) & (outline.curve_index < 0))[chain]
+    for first, last in zip(polylines.start[:-1].tolist(), (polylines.start[1:] - 1).tolist(), strict=True):
+        rows = polylines.facet[first:last]
+        if last - first < FACETS or not single[rows].all():
+            continue
+        turns = turning_angles(position, polylines.node[first : last + 1])
+        nodes = (
+            polylines.node[first:last]
+            if polylines.node[first] == polylines.node[last]
+            else polylines.node[first : last + 1]
+        )
+        x, y, radius = without_noise(np.array([fitted_circle(position, nodes, 0, len(nodes) - 1)]))[0].tolist()
+        distance = np.abs(np.hypot(*(position[nodes] - (x, y)).T) - radius)
+        one_way = abs(np.sign(turns).sum()) == len(turns) and np.abs(turns).max() < SHARPEST
+        if one_way and distance.max() <= CIRCULAR * radius:
+            names = [name for name, side in facets.sides.items() if np.all(side[rows] > 0)]
+            yield PossibleArc(names, len(nodes), float(np.abs(turns).max()), (x, y), radius)
