@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
@@ -14,6 +13,7 @@ from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.newton import EnergyFunctional, Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.estimation import better_values, energy_indicators, error_of_goal, goal_indicators
+from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.goal_functional import functional_for
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.quantities.field import Field
@@ -26,7 +26,7 @@ __all__ = ["Magnetostatics"]
 
 
 @dataclass(frozen=True, eq=False)
-class Magnetostatics(Arguments):
+class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
     """Plane or axisymmetric magnetostatics with elements of order 1 to 3.
 
     The equations are ``curl H = J`` with ``H = nu(|B|) B - Hc``, in metres, teslas and amperes.
@@ -110,33 +110,9 @@ class Magnetostatics(Arguments):
     True
     """
 
-    norm: ClassVar[str] = "energy"
     method: ClassVar[Newton] = Newton()  # subclasses may override
 
     def solve(self, mesh: MeshTri) -> Field:
-        """Solve on a mesh by a sparse direct method, with Newton's method if nonlinear.
-
-        Above 300 000 unknowns by algebraic multigrid, to a residual of 1e-10, if pyamg is installed.
-
-        Parameters
-        ----------
-        mesh
-            A plain `MeshTri` in metres, with the named subdomains and boundaries, above order 1 also a `MeshTri2`.
-
-        Returns
-        -------
-        Field
-            The potential and derived quantities.
-
-        Raises
-        ------
-        ValueError
-            If the mesh is invalid or does not match the problem, see the class.
-        numpy.linalg.LinAlgError
-            If the equations have no finite solution (a kind of ValueError).
-        NotConverged
-            If Newton's method does not converge (a kind of LinAlgError); its `field` is the last iterate.
-        """
         return solution_of(self._energy_on(mesh), self.depth, None, self.method)
 
     def solve_from(self, mesh: MeshTri, old_mesh: MeshTri, old_field: Field) -> Field:
@@ -159,18 +135,6 @@ class Magnetostatics(Arguments):
         return solution_of(self._energy_on(mesh), self.depth, old_field, self.method)
 
     def check(self, mesh: MeshTri) -> None:
-        """Raise the errors of `solve` for the mesh, without solving.
-
-        Parameters
-        ----------
-        mesh
-            As in `solve`.
-
-        Raises
-        ------
-        ValueError
-            As in `solve`, except for equations that have no finite solution.
-        """
         self._energy_on(mesh)
 
     def _energy_on(self, mesh: MeshTri) -> EnergyFunctional:
@@ -181,22 +145,6 @@ class Magnetostatics(Arguments):
         return EnergyFunctional(elements, symmetry, material, conditions_of(elements, self.boundaries, symmetry))
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:
-        """Return error indicators in the energy norm, or of the error of the goal.
-
-        For nonlinear material the norm is that of the linearised problem, ``sqrt(int dH/dB |B - B_h|^2)``. With a goal
-        the sum of squares exceeds the error, because contributions of opposite sign do not cancel. Of order 2 and 3 the
-        indicators of a goal are the roots of the products of the residual estimates of field and dual.
-
-        Parameters
-        ----------
-        mesh, field
-            A mesh, and the field that `solve` returned for it.
-
-        Returns
-        -------
-        ndarray (nelements,)
-            Unsquared, in sqrt(J/m) whatever the depth; axisymmetric in sqrt(J). With a goal in the root of its unit.
-        """
         if self.goal is not None:
             return goal_indicators(field, self.goal, self.boundaries, self.method)
         return energy_indicators(mesh, field, self.estimator, self.boundaries, self.materials)
@@ -228,37 +176,6 @@ class Magnetostatics(Arguments):
         return linkage_slope(field, self.boundaries, circuit, self.method)
 
     def goal_error(self, field: Field) -> float:
-        """Return an estimate of ``J(A) - J(A_h)``, the error of the goal with its sign.
-
-        The estimate uses elements of one order more and rounder arcs. On a mesh adapted for the goal it is 0.76 to 1.1
-        times the error.
-
-        Parameters
-        ----------
-        field
-            The solution that `solve` returned.
-
-        Returns
-        -------
-        float
-            In the unit of the goal.
-
-        Raises
-        ------
-        ValueError
-            If there is no goal, or if the goal raises it.
-
-        Examples
-        --------
-        >>> import skfem
-        >>> from kohonen_adapt.magnetostatics import FluxLinkage, Magnetostatics, Material
-        >>> mesh = skfem.MeshTri().refined(3).with_defaults().with_subdomains({"all": lambda x: x[0] < 9.0})
-        >>> sides, goal = {"left": 0.0, "bottom": 0.0}, FluxLinkage({"all": 1})
-        >>> problem = Magnetostatics({"all": Material(current_density=1)}, sides, goal=goal)
-        >>> field, finer = problem.solve(mesh), problem.solve(mesh.refined(3))
-        >>> 0.9 < problem.goal_error(field) / (problem.goal(finer) - problem.goal(field)) < 1.1
-        True
-        """
         if self.goal is None:
             raise ValueError("goal_error needs a goal; give one to Magnetostatics, for instance goal=Torque('rotor').")
         return error_of_goal(field, self.goal, self.boundaries, self.method, self.solve_from)
@@ -286,30 +203,6 @@ class Magnetostatics(Arguments):
         if self.goal is not None or self.order > 1:
             raise NotOffered("the problem has a goal or elements of order 2 or 3")
         return better_values(field, outputs, self.boundaries, self.method, self.solve_from)
-
-    def energy_norm(self, mesh: MeshTri, field: Field) -> float:
-        """Return the energy norm ``sqrt(int nu |B|^2)`` of a solution.
-
-        An `estimate` divided by this norm is the relative error.
-
-        Parameters
-        ----------
-        mesh, field
-            As in `indicators`.
-
-        Returns
-        -------
-        float
-            In sqrt(J/m) whatever the depth; axisymmetric in sqrt(J).
-
-        Raises
-        ------
-        NotOffered
-            If there is a goal, because its error is no fraction of the energy.
-        """
-        if self.goal is not None:
-            raise NotOffered("the error of a goal is no fraction of the energy")
-        return float(np.sqrt(field.squared_norm))
 
     def ritz(self, mesh: MeshTri, field: Field) -> Ritz:
         """Return the energy functional and its minimiser, the potential.

@@ -16,6 +16,7 @@ from kohonen_adapt.magnetostatics.equations.conditions import Conditions, Value
 from kohonen_adapt.magnetostatics.equations.mirrors import checked_symmetry, conditions_in_space, mirrors_of
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, NotConverged
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
+from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients, coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import Inverse
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
@@ -32,7 +33,7 @@ ESTIMATORS = ("residual", "recovery")
 
 
 @dataclass(frozen=True, eq=False)
-class MagneticScalarPotential:
+class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
     """Magnets and iron in space, by a magnetic scalar potential of order 1.
 
     The equations are ``div B = 0`` with ``B = mu (H + Hc)`` and ``H = Hs - grad phi``, in metres, teslas and amperes.
@@ -91,7 +92,6 @@ class MagneticScalarPotential:
     symmetry: Mapping[str, str] | None = None
     estimator: str = "residual"
     goal: Goal | None = None
-    norm: ClassVar[str] = "energy"
     order: ClassVar[int] = 1
     method: ClassVar[Newton] = Newton(solver=IN_SPACE)  # subclasses may override
 
@@ -124,29 +124,6 @@ class MagneticScalarPotential:
         return unit_of_goal(self.goal, per_metre=False)
 
     def solve(self, mesh: MeshTet) -> SolidField:
-        """Solve on a mesh by a sparse direct method, with Newton's method if nonlinear.
-
-        Above 8000 unknowns by algebraic multigrid, to a residual of 1e-10, if pyamg is installed.
-
-        Parameters
-        ----------
-        mesh
-            A `MeshTet` in metres, with the named subdomains and boundaries.
-
-        Returns
-        -------
-        SolidField
-            The potential and derived quantities.
-
-        Raises
-        ------
-        ValueError
-            If the mesh is invalid or does not match the problem, see the class.
-        numpy.linalg.LinAlgError
-            If the equations have no finite solution (a kind of ValueError).
-        NotConverged
-            If Newton's method does not converge (a kind of LinAlgError); its `field` is the last iterate.
-        """
         energy, field = self.functional_on(mesh)
         steps, values = tuple[NewtonStep, ...](), energy.conditions.values
         if energy.coefficients.nonlinear_materials:
@@ -162,18 +139,6 @@ class MagneticScalarPotential:
         return result
 
     def check(self, mesh: MeshTet) -> None:
-        """Raise the errors of `solve` for the mesh, without solving.
-
-        Parameters
-        ----------
-        mesh
-            As in `solve`.
-
-        Raises
-        ------
-        ValueError
-            As in `solve`, except for equations that have no finite solution.
-        """
         self.functional_on(mesh)
 
     def functional_on(self, mesh: MeshTet) -> tuple[CoenergyFunctional, SolidField]:
@@ -210,55 +175,11 @@ class MagneticScalarPotential:
         return energy, field
 
     def indicators(self, mesh: MeshTet, field: SolidField) -> Floats:
-        """Return error indicators in the energy norm, or of the error of the goal.
-
-        For nonlinear material the norm is that of the linearised problem, ``sqrt(int dB/dH |H - H_h|^2)``.
-
-        Parameters
-        ----------
-        mesh, field
-            A mesh, and the field that `solve` returned for it.
-
-        Returns
-        -------
-        ndarray (nelements,)
-            Unsquared, in sqrt(J). With a goal in the root of its unit.
-        """
         if self.goal is None:
             return energy_indicators_in_space(field, self.estimator, self.materials)
         return goal_oriented(mesh, **self._pair(field, self.goal))
 
     def goal_error(self, field: SolidField) -> float:
-        """Return an estimate of the error of the goal, exact less computed value.
-
-        See `ka.estimators.goal_error` for its accuracy.
-
-        Parameters
-        ----------
-        field
-            The solution that `solve` returned.
-
-        Returns
-        -------
-        float
-            In the unit of the goal.
-
-        Raises
-        ------
-        ValueError
-            If there is no goal, or if the goal raises it.
-
-        Examples
-        --------
-        >>> import numpy as np, skfem
-        >>> from kohonen_adapt.magnetostatics import MagneticScalarPotential, Material, StoredEnergy
-        >>> mesh = skfem.MeshTet.init_tensor(*[np.linspace(0.0, 1.0, 9)] * 3).with_defaults()
-        >>> mesh = mesh.with_subdomains({"a": lambda x: x[2] < 0.5, "b": lambda x: x[2] > 0.5})
-        >>> materials = dict.fromkeys("ab", Material())
-        >>> problem = MagneticScalarPotential(materials, {"left": 1.0, "right": 0.0}, goal=StoredEnergy("a"))
-        >>> abs(problem.goal_error(problem.solve(mesh))) < 1e-15  # of a uniform field there is none
-        True
-        """
         if self.goal is None:
             raise ValueError("goal_error needs a goal; give one, for instance goal=Force('armature', (0.0, 0.0, 1.0)).")
         return goal_error(field.mesh, **self._pair(field, self.goal))
@@ -268,30 +189,6 @@ class MagneticScalarPotential:
 
     def _pair(self, field: SolidField, goal: Goal) -> dict[str, Any]:
         return primal_and_dual(field, goal, self._conditions(field), self.materials, self.method)
-
-    def energy_norm(self, mesh: MeshTet, field: SolidField) -> float:
-        """Return the energy norm ``sqrt(int nu |B|^2)`` of a solution.
-
-        An `estimate` divided by this norm is the relative error.
-
-        Parameters
-        ----------
-        mesh, field
-            As in `indicators`.
-
-        Returns
-        -------
-        float
-            In sqrt(J).
-
-        Raises
-        ------
-        NotOffered
-            If there is a goal, because its error is no fraction of the energy.
-        """
-        if self.goal is not None:
-            raise NotOffered("the error of a goal is no fraction of the energy")
-        return float(np.sqrt(field.squared_norm))
 
     def ritz(self, mesh: MeshTet, field: SolidField) -> Ritz:
         """Return the co-energy functional and its minimiser, the potential.

@@ -17,6 +17,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Goal, Law, Magnetostatics, Material
+from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 
 PACKAGE = Path(ka.__file__).parent
 MODULES = [
@@ -37,6 +38,7 @@ AS_THEIRS = {key for protocol in PROTOCOLS for key in vars(protocol)}
 
 def public_callables():
     """Every public function, class and method under its full name."""
+    yield from ((f"FieldProblem.{key}", method) for key, method in own_methods(FieldProblem))
     for module in MODULES:
         for name in module.__all__:
             thing = getattr(module, name)
