@@ -25,7 +25,8 @@ from kohonen_adapt.magnetostatics.equations.conditions import (
     fixed_values,
     ties_of,
 )
-from kohonen_adapt.magnetostatics.equations.newton import Newton, Scalar, scalar_problem
+from kohonen_adapt.magnetostatics.equations.energy import Scalar, scalar_problem
+from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field

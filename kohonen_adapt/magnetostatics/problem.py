@@ -10,7 +10,8 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.arguments import Arguments, check_plane_mesh
 from kohonen_adapt.magnetostatics.equations.around_axis import elements_on
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
-from kohonen_adapt.magnetostatics.equations.newton import EnergyFunctional, Newton
+from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
+from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.estimation import better_values, energy_indicators, error_of_goal, goal_indicators
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem

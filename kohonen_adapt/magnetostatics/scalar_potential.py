@@ -11,8 +11,8 @@ from skfem.mesh import MeshTet1
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators import goal_error, goal_oriented
 from kohonen_adapt.magnetostatics.equations.applied_field import checked_field, drive_on, field_at
-from kohonen_adapt.magnetostatics.equations.coenergy import CoenergyFunctional
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions, Value
+from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
 from kohonen_adapt.magnetostatics.equations.mirrors import checked_symmetry, conditions_in_space, mirrors_of
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, NotConverged
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE

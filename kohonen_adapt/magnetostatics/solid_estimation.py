@@ -7,8 +7,8 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators import recovery, residual
-from kohonen_adapt.magnetostatics.equations.coenergy import CoenergyFunctional
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
+from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
@@ -55,8 +55,9 @@ def primal_and_dual(
 
 
 def _dual(field: LocalSolid, load: Floats, conditions: Conditions, newton: Newton) -> Floats:
-    drive, terms = field.drive, field.elements.against_gradients(load)
-    energy = CoenergyFunctional(drive.elements, field.coefficients, conditions, drive.inside, drive.load)
+    drive, elements = field.drive, field.elements
+    terms = elements.assemble_vector(elements.against_gradients(load))
+    energy = CoenergyFunctional(elements, field.coefficients, conditions, drive.inside, drive.load)
     return newton.full_step(energy, field.unknown, -terms[conditions.free])
 
 

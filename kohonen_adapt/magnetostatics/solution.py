@@ -10,7 +10,8 @@ from scipy.spatial import KDTree
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.around_axis import elements_on
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value, circle_of, conditions_of
-from kohonen_adapt.magnetostatics.equations.newton import EnergyFunctional, Newton, NewtonStep, NotConverged
+from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
+from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, NotConverged
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY

@@ -14,7 +14,7 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.magnetostatics.equations.tetrahedra import ENDS, Tetrahedra
+from kohonen_adapt.magnetostatics.equations.elements import TETRAHEDRON_EDGES, Tetrahedra
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.cells import normals
@@ -192,7 +192,7 @@ def total_potential(mesh: MeshTet, iron: Mask, function: AppliedField) -> Floats
 
 
 def _edges(t: Ints) -> tuple[Ints, Ints]:
-    ends = np.sort(t[ENDS].reshape(2, -1), axis=0).astype(np.int64)
+    ends = np.sort(t[TETRAHEDRON_EDGES].reshape(2, -1), axis=0).astype(np.int64)
     count = int(ends.max(initial=0)) + 1
     key = np.unique(ends[0] * count + ends[1])
     return key // count, key % count

@@ -11,7 +11,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.pairs import Unmatched, image_nodes
-from kohonen_adapt.magnetostatics.equations.elements import Placed
+from kohonen_adapt.magnetostatics.equations.elements import FiniteElements
 from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
@@ -168,7 +168,7 @@ def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
     return centre, radius
 
 
-def fixed_values(elements: Placed, boundaries: Boundaries) -> tuple[Mask, Floats]:
+def fixed_values(elements: FiniteElements, boundaries: Boundaries) -> tuple[Mask, Floats]:
     x, mesh = elements.doflocs, elements.corners
     at_points = nodes_of_points(mesh, boundaries.points)
     fixed, values = np.zeros(x.shape[1], dtype=bool), np.zeros(x.shape[1])
@@ -179,7 +179,7 @@ def fixed_values(elements: Placed, boundaries: Boundaries) -> tuple[Mask, Floats
     return fixed, values
 
 
-def _on_boundary(elements: Placed, name: str) -> Ints:
+def _on_boundary(elements: FiniteElements, name: str) -> Ints:
     try:
         facets = named(elements.corners.boundaries, name, "boundary")
     except ValueError as error:

@@ -1,30 +1,45 @@
-"""Integrals of linear functions over triangles."""
+"""Integrals of linear functions over triangles and tetrahedra."""
 
+from abc import ABC, abstractmethod
 from functools import cached_property
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array
-from skfem import Mesh, MeshTri
+from skfem import Mesh, MeshTet, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
+from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.isoparametric import Isoparametric
-from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
+from kohonen_adapt.mesh.measures import area, gradient, hat_gradients, inner_points
 
-__all__ = ["Linear", "Placed", "Polynomials"]
+__all__ = ["TETRAHEDRON_EDGES", "FiniteElements", "Linear", "Polynomials", "Tetrahedra"]
 
-
-class Placed(Protocol):
-    """Elements with positions of their unknowns, and the unknowns of facets."""
-
-    @property
-    def corners(self) -> Mesh: ...
-    @property
-    def doflocs(self) -> Floats: ...
-    def on_facets(self, facets: Ints) -> Ints: ...
+TETRAHEDRON_EDGES = np.transpose(TETRAHEDRON.edges)  # shape (2, 6)
 
 
-class Polynomials:
+class FiniteElements(ABC):
+    """Functions with their unknowns on a mesh of triangles or tetrahedra."""
+
+    mesh: Mesh
+    corners: Mesh  # the mesh with straight sides
+    unknowns: Ints  # (k, nelements)
+    doflocs: Floats  # (d, nunknowns): positions of the unknowns
+
+    @abstractmethod
+    def on_facets(self, facets: Ints) -> Ints:
+        """Return the unknowns of facets, those at the corners first, shape (m, nfacets)."""
+
+    @cached_property
+    def hats(self) -> Floats:
+        return hat_gradients(self.corners)
+
+    def assemble_vector(self, terms: Floats) -> Floats:
+        return np.bincount(self.unknowns.ravel(), terms.ravel(), self.doflocs.shape[1]).astype(np.float64)
+
+
+class Polynomials(FiniteElements):
     """Functions that are polynomials of one degree in every element.
 
     Curved elements are isoparametric. Arrays at quadrature points have shape (..., npoints), with the points of an
@@ -37,12 +52,7 @@ class Polynomials:
 
     def __init__(self, mesh: MeshTri, shape: Isoparametric, unknowns: Ints, doflocs: Floats) -> None:
         self.mesh, self.shape, self.corners = mesh, shape, shape.corners
-        self.unknowns = unknowns  # (k, nelements)
-        self.doflocs = doflocs  # (2, nunknowns): positions of the unknowns
-
-    @cached_property
-    def hats(self) -> Floats:
-        return hat_gradients(self.corners)
+        self.unknowns, self.doflocs = unknowns, doflocs
 
     @property
     def centroids(self) -> Floats:
@@ -66,14 +76,57 @@ class Polynomials:
     def balanced(self, flux: Floats, source: Floats) -> Floats:
         return flux
 
-    def assemble_vector(self, terms: Floats) -> Floats:
-        return np.bincount(self.unknowns.ravel(), terms.ravel(), self.doflocs.shape[1]).astype(np.float64)
+
+class LinearFunctions(FiniteElements):
+    """P1 functions on triangles or tetrahedra, with nodal unknowns and constant gradients."""
+
+    edges: tuple[Any, Any]  # corners at the first and the second end of the edges of an element
+
+    @cached_property
+    def volumes(self) -> Floats:
+        return area(self.mesh)
+
+    def on_facets(self, facets: Ints) -> Ints:
+        return self.mesh.facets[:, facets]
+
+    def gradient(self, u: Floats) -> Floats:
+        return gradient(self.mesh, u, self.hats)
+
+    def against_gradients(self, flux: Floats) -> Floats:
+        """Return ``int flux . grad phi`` of every corner, shape (d + 1, nelements)."""
+        return np.einsum("ck,cik->ik", flux * self.volumes, self.hats)
+
+    def against_slopes(self, size: Floats) -> Floats:
+        return size * self.volumes * magnitude(self.hats)
+
+    def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> csc_array:
+        """Return the matrix of ``int nu grad phi . grad phi`` of the free unknowns.
+
+        `across` is nu at the quadrature points. `along` is a second coefficient and the unit vectors, shape (d,
+        npoints), in whose direction it applies.
+        """
+        hats, (first, second), across = self.hats, self.edges, self.volumes * across
+        on_diagonal = across * np.einsum("cik,cik->ik", hats, hats)
+        off_diagonal = across * np.einsum("cik,cik->ik", hats[:, first], hats[:, second])
+        if along is not None:
+            more, slope = self.volumes * along[0] - across, np.einsum("ck,cik->ik", along[1], hats)
+            on_diagonal = on_diagonal + more * slope**2
+            off_diagonal = off_diagonal + more * slope[first] * slope[second]
+        index = np.full(self.doflocs.shape[1], -1, dtype=np.int32)
+        index[free] = np.arange(free.size)
+        # Symmetric: off-diagonal products are computed once, and diagonal terms are summed before the assembly.
+        start, end = index[self.unknowns[first]], index[self.unknowns[second]]
+        inner = (start >= 0) & (end >= 0)
+        inner_values, start, end, diagonal = off_diagonal[inner], start[inner], end[inner], index[free]
+        values = np.concatenate((inner_values, inner_values, self.assemble_vector(on_diagonal)[free]))
+        indices = np.concatenate((start, end, diagonal)), np.concatenate((end, start, diagonal))
+        return coo_array((values, indices), shape=(free.size, free.size)).tocsc()
 
 
-class Linear(Polynomials):
+class Linear(LinearFunctions, Polynomials):
     """P1 elements, with nodal unknowns and constant gradients."""
 
-    order = 1
+    order, edges = 1, (slice(None), [1, 2, 0])
     facet_products = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0
 
     def __init__(self, mesh: MeshTri) -> None:
@@ -89,15 +142,9 @@ class Linear(Polynomials):
     def points(self) -> Floats:
         return self.mesh.p[:, self.mesh.t].mean(axis=1)
 
-    @cached_property
+    @property
     def weights(self) -> Floats:
-        return area(self.mesh)
-
-    def on_facets(self, facets: Ints) -> Ints:
-        return self.mesh.facets[:, facets]
-
-    def gradient(self, u: Floats) -> Floats:
-        return gradient(self.mesh, u, self.hats)
+        return self.volumes
 
     def at(self, u: Floats, element: Ints, barycentric: Floats) -> Floats:
         return np.sum(barycentric * u[self.unknowns[:, element]], axis=0)
@@ -115,12 +162,6 @@ class Linear(Polynomials):
     def against_function(self, source: Floats, u: Floats) -> Floats:
         return self.against_functions(source) * np.sum(u[self.unknowns], axis=0)
 
-    def against_gradients(self, flux: Floats) -> Floats:
-        return np.einsum("ck,cik->ik", flux * self.weights, self.hats)
-
-    def against_slopes(self, size: Floats) -> Floats:
-        return size * self.weights * np.hypot(*self.hats)
-
     def loads(self, source: Floats, flux: Floats) -> Floats:
         """Return ``int source phi + flux . grad phi`` of every unknown.
 
@@ -128,29 +169,30 @@ class Linear(Polynomials):
         """
         return self.assemble_vector(self.weights * (source / 3.0 + np.einsum("ck,cik->ik", flux, self.hats)))
 
-    def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> csc_array:
-        """Return the matrix of ``int nu grad phi . grad phi`` of the free unknowns.
 
-        `across` is nu at the quadrature points. `along` is a second coefficient and the unit vectors, shape (2,
-        npoints), in whose direction it applies.
-        """
-        after, across = [1, 2, 0], self.weights * across
-        on_diagonal = across * np.einsum("cik,cik->ik", self.hats, self.hats)
-        off_diagonal = across * np.einsum("cik,cik->ik", self.hats, self.hats[:, after])
-        if along is not None:
-            more, slope = self.weights * along[0] - across, np.einsum("ck,cik->ik", along[1], self.hats)
-            on_diagonal, off_diagonal = on_diagonal + more * slope**2, off_diagonal + more * slope * slope[after]
-        return self._assemble_matrix(on_diagonal, off_diagonal, free)
+class Tetrahedra(LinearFunctions):
+    """P1 elements on tetrahedra, with nodal unknowns and constant gradients.
 
-    def _assemble_matrix(self, on_diagonal: Floats, off_diagonal: Floats, free: Ints) -> csc_array:
-        index = np.full(self.doflocs.shape[1], -1, dtype=np.int32)
-        index[free] = np.arange(free.size)
-        # Symmetric: off-diagonal products are computed once, and diagonal terms are summed before the assembly.
-        diagonal_sum = np.bincount(self.unknowns.ravel(), on_diagonal.ravel(), index.size)
-        start, end = index[self.unknowns], index[self.unknowns[[1, 2, 0]]]
-        inner = (start >= 0) & (end >= 0)
-        values, start, end, diagonal = off_diagonal[inner], start[inner], end[inner], index[free]
-        row, column = np.concatenate((start, end, diagonal)), np.concatenate((end, start, diagonal))
-        return coo_array(
-            (np.concatenate((values, values, diagonal_sum[free])), (row, column)), shape=(free.size, free.size)
-        ).tocsc()
+    Arrays at quadrature points have shape (..., npoints): one point per element, or four if a field varies inside.
+    """
+
+    order, edges = 1, tuple(TETRAHEDRON_EDGES)
+
+    def __init__(self, mesh: MeshTet, varies: bool = False) -> None:
+        self.mesh = self.corners = mesh
+        self.unknowns, self.doflocs = mesh.t, mesh.p
+        count = mesh.t.shape[1]
+        corners = mesh.p[:, mesh.t]
+        inside = inner_points(corners) if varies else corners.mean(axis=1, keepdims=True)
+        self.points: Floats = inside.reshape(3, -1)  # (3, npoints)
+        self.element = np.tile(np.arange(count), inside.shape[1])  # (npoints,)
+
+    @property
+    def weights(self) -> Floats:
+        return (self.volumes * (self.volumes.size / self.element.size))[self.element]
+
+    def mean(self, values: Floats) -> Floats:
+        return values.reshape(*values.shape[:-1], -1, self.volumes.size).mean(axis=-2)
+
+    def slope_of_corners(self, values: Floats) -> Floats:
+        return self.gradient(values)[:, self.element]

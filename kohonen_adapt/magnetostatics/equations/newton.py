@@ -1,8 +1,7 @@
-"""Energy functional of a plane field, and damped Newton's method."""
+"""Damped Newton's method for convex functionals."""
 
 import logging
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -10,20 +9,14 @@ from scipy.sparse import csc_array
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.magnetostatics.equations.higher import Elements
-from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.equations.system import Solver
-from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 
 __all__ = [
     "TOLERANCE",
     "Convex",
-    "EnergyFunctional",
     "Newton",
     "NewtonStep",
     "NotConverged",
-    "Scalar",
-    "scalar_problem",
 ]
 
 TOLERANCE = 1e-8  # of the relative residual and of the relative update
@@ -31,24 +24,6 @@ DESCENT = 1e-4  # fraction of the descent predicted by the slope that a step mus
 LEAST_DAMPING = 2.0**-40  # least damping
 
 logger = logging.getLogger("kohonen_adapt")
-
-
-@dataclass(frozen=True)
-class Scalar:
-    """Scalar problem ``-div(reluctivity grad u - flux) = source`` in the plane."""
-
-    reluctivity: Floats  # (nelements,)
-    flux: Floats  # (2, nelements)
-    source: Floats  # (nelements,)
-
-
-def scalar_problem(elements: Elements, symmetry: Symmetry, coefficients: Coefficients) -> Scalar:
-    """Return the scalar problem at the quadrature points, for the material at B = 0."""
-    return Scalar(
-        symmetry.reluctivity(elements.points, coefficients.reluctivity),
-        -symmetry.flux(-coefficients.coercivity),
-        symmetry.source(coefficients.current_density),
-    )
 
 
 class Convex(Protocol):
@@ -66,74 +41,6 @@ class Convex(Protocol):
     def residual(self, u: Floats) -> tuple[Floats, float]: ...
     def linear_residual(self, u: Floats) -> Floats: ...
     def hessian(self, u: Floats) -> csc_array: ...
-
-
-@dataclass(frozen=True)
-class EnergyFunctional:
-    """Energy functional ``int (int H . dB) - J A`` under boundary conditions.
-
-    It is convex because H rises with B, so that its minimum is the solution.
-    """
-
-    elements: Elements
-    symmetry: Symmetry
-    coefficients: Coefficients
-    conditions: Conditions
-
-    @cached_property
-    def _at_points(self) -> Coefficients:
-        return self.coefficients.at_quadrature(self.elements.element, self.elements.points)
-
-    def at_zero_field(self) -> Self:
-        return replace(self, coefficients=replace(self.coefficients, nonlinear_materials=()))
-
-    @property
-    def _source(self) -> Floats:
-        return self.symmetry.source(self.coefficients.current_density)
-
-    def flux_density(self, u: Floats) -> Floats:
-        return self.symmetry.flux_density(self.elements.points, self.elements.gradient(u))
-
-    def value(self, u: Floats) -> tuple[float, float]:
-        volume = self.symmetry.volume(self.elements.points, self.elements.weights)
-        stored = volume * self._at_points.energy_density(self.flux_density(u))
-        spent = self.elements.against_function(self._source, u)
-        exterior, exterior_size = (
-            (0.0, 0.0) if self.conditions.open_boundary is None else self.conditions.open_boundary.energy(u)
-        )
-        rounding = np.finfo(float).eps * (float(np.sum(stored)) + float(np.sum(np.abs(spent))) + exterior_size)
-        return float(np.sum(stored) - np.sum(spent)) + exterior, rounding
-
-    def residual(self, u: Floats) -> tuple[Floats, float]:
-        density, load = self.flux_density(u), self.elements.against_functions(self._source)
-        flux = self.symmetry.flux(self._at_points.field_strength(density))
-        largest = self._at_points.largest_terms(density)
-        sizes = np.hypot(*self.symmetry.flux(np.stack((largest, np.zeros_like(largest)))))
-        total = self.elements.assemble_vector(self.elements.against_gradients(flux) - load)
-        size = self.elements.assemble_vector(self.elements.against_slopes(sizes) + np.abs(load))
-        return self._at_free(total, u), float(np.linalg.norm(size))
-
-    def linear_residual(self, u: Floats) -> Floats:
-        scalar = scalar_problem(self.elements, self.symmetry, self._at_points)
-        with np.errstate(over="ignore", invalid="ignore"):
-            flux = scalar.flux - scalar.reluctivity * self.elements.gradient(u)
-            return self._at_free(-self.elements.loads(self._source, flux), u)
-
-    def hessian(self, u: Floats) -> csc_array:
-        """Return the second derivatives, differential nu along grad u and nu across."""
-        points, free = self.elements.points, self.conditions.free
-        if not self.coefficients.nonlinear_materials:
-            return self.elements.stiffness(self.symmetry.reluctivity(points, self._at_points.reluctivity), free)
-        slope = self.elements.gradient(u)
-        pair = self._at_points.reluctivities(self.symmetry.flux_density(points, slope))
-        across, along = (self.symmetry.reluctivity(points, each) for each in pair)
-        size = np.hypot(*slope)
-        return self.elements.stiffness(across, free, (along, slope / np.where(size > 0.0, size, 1.0)))
-
-    def _at_free(self, total: Floats, u: Floats) -> Floats:
-        if self.conditions.open_boundary is not None:
-            total = total + self.conditions.open_boundary.gradient(u)
-        return total[self.conditions.free]
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from skfem import MeshTet
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators.explicit import corner_averages
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive
+from kohonen_adapt.magnetostatics.equations.elements import Tetrahedra
 from kohonen_adapt.magnetostatics.equations.mirrors import Mirror
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
-from kohonen_adapt.magnetostatics.equations.tetrahedra import Tetrahedra
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 

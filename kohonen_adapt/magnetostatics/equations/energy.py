@@ -1,0 +1,156 @@
+"""Energy of a plane field and co-energy of a field in space, as convex functionals."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from scipy.sparse import csc_array
+
+from kohonen_adapt.arrays import Floats
+from kohonen_adapt.magnetostatics.equations.conditions import Conditions
+from kohonen_adapt.magnetostatics.equations.elements import Tetrahedra
+from kohonen_adapt.magnetostatics.equations.higher import Elements
+from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
+
+__all__ = ["CoenergyFunctional", "EnergyFunctional", "Scalar", "scalar_problem"]
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """Scalar problem ``-div(reluctivity grad u - flux) = source`` in the plane."""
+
+    reluctivity: Floats  # (nelements,)
+    flux: Floats  # (2, nelements)
+    source: Floats  # (nelements,)
+
+
+def scalar_problem(elements: Elements, symmetry: Symmetry, coefficients: Coefficients) -> Scalar:
+    """Return the scalar problem at the quadrature points, for the material at B = 0."""
+    return Scalar(
+        symmetry.reluctivity(elements.points, coefficients.reluctivity),
+        -symmetry.flux(-coefficients.coercivity),
+        symmetry.source(coefficients.current_density),
+    )
+
+
+@dataclass(frozen=True)
+class EnergyFunctional:
+    """Energy functional ``int (int H . dB) - J A`` under boundary conditions.
+
+    It is convex because H rises with B, so that its minimum is the solution.
+    """
+
+    elements: Elements
+    symmetry: Symmetry
+    coefficients: Coefficients
+    conditions: Conditions
+
+    @cached_property
+    def _at_points(self) -> Coefficients:
+        return self.coefficients.at_quadrature(self.elements.element, self.elements.points)
+
+    def at_zero_field(self) -> Self:
+        return replace(self, coefficients=replace(self.coefficients, nonlinear_materials=()))
+
+    @property
+    def _source(self) -> Floats:
+        return self.symmetry.source(self.coefficients.current_density)
+
+    def flux_density(self, u: Floats) -> Floats:
+        return self.symmetry.flux_density(self.elements.points, self.elements.gradient(u))
+
+    def value(self, u: Floats) -> tuple[float, float]:
+        volume = self.symmetry.volume(self.elements.points, self.elements.weights)
+        stored = volume * self._at_points.energy_density(self.flux_density(u))
+        spent = self.elements.against_function(self._source, u)
+        exterior, exterior_size = (
+            (0.0, 0.0) if self.conditions.open_boundary is None else self.conditions.open_boundary.energy(u)
+        )
+        rounding = np.finfo(float).eps * (float(np.sum(stored)) + float(np.sum(np.abs(spent))) + exterior_size)
+        return float(np.sum(stored) - np.sum(spent)) + exterior, rounding
+
+    def residual(self, u: Floats) -> tuple[Floats, float]:
+        density, load = self.flux_density(u), self.elements.against_functions(self._source)
+        flux = self.symmetry.flux(self._at_points.field_strength(density))
+        largest = self._at_points.largest_terms(density)
+        sizes = np.hypot(*self.symmetry.flux(np.stack((largest, np.zeros_like(largest)))))
+        total = self.elements.assemble_vector(self.elements.against_gradients(flux) - load)
+        size = self.elements.assemble_vector(self.elements.against_slopes(sizes) + np.abs(load))
+        return self._at_free(total, u), float(np.linalg.norm(size))
+
+    def linear_residual(self, u: Floats) -> Floats:
+        scalar = scalar_problem(self.elements, self.symmetry, self._at_points)
+        with np.errstate(over="ignore", invalid="ignore"):
+            flux = scalar.flux - scalar.reluctivity * self.elements.gradient(u)
+            return self._at_free(-self.elements.loads(self._source, flux), u)
+
+    def hessian(self, u: Floats) -> csc_array:
+        """Return the second derivatives, differential nu along grad u and nu across."""
+        points, free = self.elements.points, self.conditions.free
+        if not self.coefficients.nonlinear_materials:
+            return self.elements.stiffness(self.symmetry.reluctivity(points, self._at_points.reluctivity), free)
+        slope = self.elements.gradient(u)
+        pair = self._at_points.reluctivities(self.symmetry.flux_density(points, slope))
+        across, along = (self.symmetry.reluctivity(points, each) for each in pair)
+        size = np.hypot(*slope)
+        return self.elements.stiffness(across, free, (along, slope / np.where(size > 0.0, size, 1.0)))
+
+    def _at_free(self, total: Floats, u: Floats) -> Floats:
+        if self.conditions.open_boundary is not None:
+            total = total + self.conditions.open_boundary.gradient(u)
+        return total[self.conditions.free]
+
+
+@dataclass(frozen=True)
+class CoenergyFunctional:
+    """Functional ``int (int_0^|H + Hc| B dh) - load . u`` with ``H = T - grad u``.
+
+    It is convex because B rises with H. Its gradient is ``-int B . grad v``, so that div B = 0 at the minimum.
+    """
+
+    elements: Tetrahedra
+    coefficients: Coefficients
+    conditions: Conditions
+    drive: Floats  # T without the part in the load, mean of every element, (3, nelements) in A/m
+    load: Floats  # (nnodes,) in Wb
+
+    def at_zero_field(self) -> Self:
+        return replace(self, coefficients=replace(self.coefficients, nonlinear_materials=()))
+
+    def value(self, u: Floats) -> tuple[float, float]:
+        driven = magnitude(self._strength(u) + self.coefficients.coercivity)
+        stored = float(np.sum(self.elements.volumes * self.coefficients.law_coenergy(driven[None])))
+        work = self.load * u
+        return stored - float(np.sum(work)), np.finfo(float).eps * (stored + float(np.sum(np.abs(work))))
+
+    def residual(self, u: Floats) -> tuple[Floats, float]:
+        strength, coercivity = self._strength(u), self.coefficients.coercivity
+        secant, _ = self.coefficients.permeabilities(strength)
+        total = self._against_gradients(-secant * (strength + coercivity)) - self.load
+        largest = magnitude(self.drive) + magnitude(strength - self.drive) + magnitude(coercivity)
+        size = self.elements.assemble_vector(self.elements.against_slopes(secant * largest)) + np.abs(self.load)
+        return total[self.conditions.free], float(np.linalg.norm(size))
+
+    def linear_residual(self, u: Floats) -> Floats:
+        with np.errstate(over="ignore", invalid="ignore"):
+            flux = (self._strength(u) + self.coefficients.coercivity) / self.coefficients.reluctivity
+            return -(self._against_gradients(flux) + self.load)[self.conditions.free]
+
+    def hessian(self, u: Floats) -> csc_array:
+        """Return the second derivatives, ``dB/dH`` along H + Hc and ``B/H`` across."""
+        free = self.conditions.free
+        if not self.coefficients.nonlinear_materials:
+            return self.elements.stiffness(1.0 / self.coefficients.reluctivity, free)
+        strength = self._strength(u)
+        secant, differential = self.coefficients.permeabilities(strength)
+        driven = strength + self.coefficients.coercivity
+        size = magnitude(driven)
+        return self.elements.stiffness(secant, free, (differential, driven / np.where(size > 0.0, size, 1.0)))
+
+    def _strength(self, u: Floats) -> Floats:
+        return self.drive - self.elements.gradient(u)
+
+    def _against_gradients(self, flux: Floats) -> Floats:
+        return self.elements.assemble_vector(self.elements.against_gradients(flux))
