@@ -29,7 +29,7 @@ class FiniteElements(ABC):
 
     @abstractmethod
     def on_facets(self, facets: Ints) -> Ints:
-        """Return the unknowns of facets, those at the corners first, shape (m, nfacets)."""
+        """Return the unknowns of facets, at corners first, shape (m, nfacets)."""
 
     @cached_property
     def hats(self) -> Floats:

@@ -1,4 +1,4 @@
-"""Energy of a plane field and co-energy of a field in space, as convex functionals."""
+"""Energy of a plane field and co-energy of a field in space."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
