@@ -7,14 +7,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.estimators import (
-    duality_gap,
-    equilibrated,
-    equilibrated_flux,
-    goal_oriented,
-    recovery,
-    residual,
-)
+from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux, goal_oriented, recovery, residual
 from kohonen_adapt.estimators.residual_at_points import HIGHER_SCALES, Facets
 from kohonen_adapt.geometry.plane.arcs import refined_on_arcs
 from kohonen_adapt.magnetostatics.equations.around_axis import AroundAxis

@@ -30,15 +30,7 @@ from hypothesis import strategies as st
 
 import kohonen_adapt as ka
 from kohonen_adapt.estimators import equilibrated
-from kohonen_adapt.magnetostatics import (
-    FluxLinkage,
-    Force,
-    Goal,
-    Magnetostatics,
-    Material,
-    StoredEnergy,
-    Torque,
-)
+from kohonen_adapt.magnetostatics import FluxLinkage, Force, Goal, Magnetostatics, Material, StoredEnergy, Torque
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.solution import at_points, dual_of
 from kohonen_adapt.mesh.measures import area

@@ -15,13 +15,7 @@ from kohonen_adapt.magnetostatics.equations.higher import ElementGroup, Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, Symmetry
 from kohonen_adapt.mesh.isoparametric import Isoparametric
 from kohonen_adapt.mesh.measures import hat_gradients
-from kohonen_adapt.mesh.polynomials import (
-    KINDS,
-    facet_functions,
-    functions_at,
-    functions_near_axis,
-    slopes_near_axis,
-)
+from kohonen_adapt.mesh.polynomials import KINDS, facet_functions, functions_at, functions_near_axis, slopes_near_axis
 from kohonen_adapt.mesh.quadrature import ON_AXIS, factor_at, kinds_at_axis, points_near_axis
 
 __all__ = ["AroundAxis", "elements_on"]

@@ -1,7 +1,7 @@
 """Elements of a body, the air around, and cuts by the outer boundary."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,17 +10,18 @@ from skfem import Mesh, MeshTri
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.curves import Arc
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
+from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 from kohonen_adapt.mesh.names import named, named_sets
 
 __all__ = [
     "Cut",
     "Names",
-    "Surroundings",
     "air_elements",
     "bores",
     "elements_in",
     "isolated_body",
     "mirror_cut",
+    "outer_facets",
     "sector_cut",
 ]
 
@@ -32,21 +33,6 @@ ROUND = 1e-3  # allowed difference of the radii of the ends of a facet on a circ
 Names = str | Sequence[str]
 
 
-class Surroundings(Protocol):
-    """Field with the material properties that identify air, per element."""
-
-    @property
-    def mesh(self) -> Mesh: ...
-    @property
-    def elements(self) -> Any: ...
-    @property
-    def reluctivity(self) -> Floats: ...
-    @property
-    def current_density(self) -> Floats: ...
-    @property
-    def remanence(self) -> Floats: ...
-
-
 def elements_in(mesh: Mesh, names: Names) -> Mask:
     inside = np.zeros(mesh.t.shape[1], dtype=bool)
     for name in _name_list(names):
@@ -56,12 +42,12 @@ def elements_in(mesh: Mesh, names: Names) -> Mask:
     return inside
 
 
-def air_elements(field: Surroundings) -> Mask:
+def air_elements(field: MagneticField) -> Mask:
     plain = np.abs(field.reluctivity * VACUUM_PERMEABILITY - 1.0) < AIR_TOLERANCE
     return plain & (field.current_density == 0.0) & ~field.remanence.any(axis=0)
 
 
-def isolated_body(field: Surroundings, names: Names) -> Mask:
+def isolated_body(field: MagneticField, names: Names) -> Mask:
     mesh, inside = field.elements.corners, elements_in(field.mesh, names)
     in_body = np.zeros(mesh.p.shape[1], dtype=bool)
     in_body[mesh.t[:, inside]] = True
@@ -111,7 +97,7 @@ class Cut(NamedTuple):
 
 
 def mirror_cut(mesh: MeshTri, inside: Mask) -> Cut:
-    body_facets, master = _outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
+    body_facets, master = outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
     if not body_facets.size:
         return Cut(body_facets, None, master)
     edge = _edges(mesh, body_facets)
@@ -139,7 +125,7 @@ def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
     ValueError
         If the body lies on other parts of the outer boundary, or the nodes of the sides have different radii.
     """
-    body_facets, master = _outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
+    body_facets, master = outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
     radial, tolerance = mesh.p - centre[:, None], NEAR * np.ptp(mesh.p, axis=1).max()
     radius = np.hypot(*radial)[mesh.facets[:, body_facets]]
     body_facets = body_facets[np.abs(radius[0] - radius[1]) > ROUND * np.hypot(*_edges(mesh, body_facets))]
@@ -172,7 +158,7 @@ def bores(mesh: MeshTri, names: Names, centre: ArrayLike) -> dict[str, Arc]:
     Only boundaries with too few nodes to be recognised as arcs are returned.
     """
     middle_point, found = np.asarray(centre, dtype=float), {}
-    outer = _outer_facets(mesh, elements_in(mesh, names))
+    outer = outer_facets(mesh, elements_in(mesh, names))
     radius = np.hypot(*(mesh.p - middle_point[:, None]))
     for name, rows in named_sets(mesh.boundaries).items():
         facets, nodes = np.unique(rows), np.unique(mesh.facets[:, rows])
@@ -196,7 +182,7 @@ def _arc_remedy(mesh: MeshTri, facets: Ints, centre: Floats) -> str:
     return f" If nodes have left an arc with too few nodes to be recognised, adapt with curves={{{', '.join(found)}}}."
 
 
-def _outer_facets(mesh: MeshTri, inside: Mask) -> Ints:
+def outer_facets(mesh: Mesh, inside: Mask) -> Ints:
     outer = mesh.boundary_facets()
     return outer[inside[mesh.f2t[0, outer]]]
 

@@ -13,13 +13,14 @@ from kohonen_adapt.magnetostatics.equations.elements import Linear
 from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
+from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField, PointValues, tangent_product
 from kohonen_adapt.mesh.measures import area
 
 __all__ = ["LocalField", "PointField"]
 
 
 @dataclass(frozen=True, eq=False)
-class PointField:
+class PointField(PointValues):
     """Field at points, each with the material of its element."""
 
     element: Ints  # (n,): element of every point
@@ -32,14 +33,6 @@ class PointField:
         return self.coefficients.field_strength(self.flux_density)
 
     @cached_property
-    def energy_density(self) -> Floats:
-        return self.coefficients.energy_density(self.flux_density)
-
-    @property
-    def coenergy_density(self) -> Floats:
-        return np.sum(self.field_strength * self.flux_density, axis=0) - self.energy_density
-
-    @cached_property
     def reluctivities(self) -> tuple[Floats, Floats]:
         return self.coefficients.reluctivities(self.flux_density)
 
@@ -48,14 +41,11 @@ class PointField:
 
         The reluctivity is differential along B and secant across.
         """
-        size = np.hypot(*self.flux_density)
-        along = self.flux_density / np.where(size > 0.0, size, 1.0)
-        secant, differential = self.reluctivities
-        return secant * change + (differential - secant) * np.sum(change * along, axis=0) * along
+        return tangent_product(*self.reluctivities, self.flux_density, change)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LocalField:
+class LocalField(MagneticField):
     """Potential of a plane problem with derived quantities per element.
 
     B is a polynomial in every element, of one degree less than the potential. `at_shares` evaluates B at any points of
@@ -209,11 +199,6 @@ class LocalField:
         return self._reluctivities[1]
 
     @property
-    def remanence(self) -> Floats:
-        """B at which H = 0, (2, nelements) in T."""
-        return self.coefficients.remanence
-
-    @property
     def current_density(self) -> Floats:
         """Current density out of the page, or along phi, shape (nelements,) in A/m^2."""
         return self.coefficients.current_density
@@ -227,38 +212,9 @@ class LocalField:
         middle = self.elements.centroids
         return self.symmetry.volume(middle, area(self.mesh)) * (1.0 if self.depth is None else self.depth)
 
-    @cached_property
-    def energy_density(self) -> Floats:
-        """Mean energy density of every element, shape (nelements,) in J/m^3.
-
-        ``int H . dB`` since the remanent state; linear: ``nu |B - Br|^2 / 2``.
-        """
-        return self.elements.mean(self.at_quadrature.energy_density)
-
-    @cached_property
-    def coenergy_density(self) -> Floats:
-        """``H . B`` less the energy density, mean, shape (nelements,) in J/m^3."""
-        return self.elements.mean(self.at_quadrature.coenergy_density)
-
     @property
     def squared_norm(self) -> float:
         """``int nu |B|^2`` over the mesh in J/m, also with `depth`, axisymmetric in J."""
         volume = self.symmetry.volume(self.elements.points, self.elements.weights)
         at = self.at_quadrature
         return float(np.sum(volume * at.reluctivities[0] * at.flux_density**2))
-
-    @property
-    def energy(self) -> float:
-        """Energy ``int H . dB`` since the remanent state, in J/m.
-
-        With `depth`, and axisymmetric, the total in J.
-        """
-        return float(np.sum(self.volume * self.energy_density))
-
-    @property
-    def coenergy(self) -> float:
-        """Co-energy, ``int H . B`` less the energy, in J/m.
-
-        With `depth`, and axisymmetric, the total in J.
-        """
-        return float(np.sum(self.volume * self.coenergy_density))

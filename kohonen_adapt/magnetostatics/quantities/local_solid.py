@@ -13,14 +13,15 @@ from kohonen_adapt.magnetostatics.equations.applied_field import Drive
 from kohonen_adapt.magnetostatics.equations.elements import Tetrahedra
 from kohonen_adapt.magnetostatics.equations.mirrors import Mirror
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
-from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
+from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField, PointValues, tangent_product
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 
 __all__ = ["LocalSolid", "Strength"]
 
 
 @dataclass(frozen=True, eq=False)
-class Strength:
+class Strength(PointValues):
     """Field at points, from H, each with the material of its element."""
 
     x: Floats  # (3, n) in m
@@ -40,19 +41,11 @@ class Strength:
 
         The permeability is differential along H + Hc and secant across.
         """
-        driven = self.field_strength + self.coefficients.coercivity
-        size = magnitude(driven)
-        along = driven / np.where(size > 0.0, size, 1.0)
-        secant, differential = self.permeabilities
-        return secant * change + (differential - secant) * np.sum(change * along, axis=0) * along
-
-    @cached_property
-    def energy_density(self) -> Floats:
-        return self.coefficients.energy_density(self.flux_density)
+        return tangent_product(*self.permeabilities, self.field_strength + self.coefficients.coercivity, change)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LocalSolid:
+class LocalSolid(MagneticField):
     """Potential of a problem in space with derived quantities per element.
 
     See `SolidField`, which adds forces, fluxes and values at points.
@@ -154,38 +147,9 @@ class LocalSolid:
         return 1.0 / self.permeabilities[0]
 
     @property
-    def remanence(self) -> Floats:
-        """B at which H = 0, (3, nelements) in T."""
-        return self.coefficients.remanence
-
-    @property
     def current_density(self) -> Floats:
         """Magnitude of the curl of the applied field, shape (nelements,) in A/m^2."""
         return self.drive.current_density
-
-    @cached_property
-    def energy_density(self) -> Floats:
-        """Mean energy density of every element, shape (nelements,) in J/m^3.
-
-        ``int H . dB`` since the remanent state; linear: ``nu |B - Br|^2 / 2``.
-        """
-        return self.elements.mean(self.at_quadrature.energy_density)
-
-    @cached_property
-    def coenergy_density(self) -> Floats:
-        """``H . B`` less the energy density, mean, shape (nelements,) in J/m^3."""
-        at = self.at_quadrature
-        return self.elements.mean(np.sum(at.field_strength * at.flux_density, axis=0) - at.energy_density)
-
-    @property
-    def energy(self) -> float:
-        """Energy ``int H . dB`` since the remanent state, in J."""
-        return float(np.sum(self.elements.volumes * self.energy_density))
-
-    @property
-    def coenergy(self) -> float:
-        """Co-energy, ``int H . B`` less the energy, in J."""
-        return float(np.sum(self.elements.volumes * self.coenergy_density))
 
     @property
     def squared_norm(self) -> float:

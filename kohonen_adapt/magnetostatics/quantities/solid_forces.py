@@ -1,7 +1,6 @@
 """Forces and torques on a body in space, and the flux through surfaces."""
 
 from collections.abc import Iterable
-from typing import Protocol
 
 import numpy as np
 from skfem import MeshTet
@@ -9,13 +8,9 @@ from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.mirrors import Mirror, surface
-from kohonen_adapt.magnetostatics.quantities.bodies import (
-    Cut,
-    Names,
-    Surroundings,
-    isolated_body,
-)
-from kohonen_adapt.magnetostatics.quantities.stress import Component, Stressed, stress_force, weight_gradient
+from kohonen_adapt.magnetostatics.quantities.bodies import Cut, Names, isolated_body, outer_facets
+from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
+from kohonen_adapt.magnetostatics.quantities.stress import Component, stress_force, weight_gradient
 from kohonen_adapt.mesh.cells import normals
 
 __all__ = ["eggshell", "flux_through", "force_component", "torque_component"]
@@ -23,14 +18,7 @@ __all__ = ["eggshell", "flux_through", "force_component", "torque_component"]
 EDGEWISE = 0.1  # cosine between the normal of a facet and of its surface, below which the facet has no side
 
 
-class Solid(Surroundings, Stressed, Protocol):
-    """Field in space from which forces are computed."""
-
-    @property
-    def mirrors(self) -> tuple[Mirror, ...]: ...
-
-
-def eggshell(field: Solid, body: Names, centre: Floats | None = None) -> Floats:
+def eggshell(field: LocalSolid, body: Names, centre: Floats | None = None) -> Floats:
     """Return the force (3,) on a body in N, or the torque about `centre` in N m."""
     slope, cuts = _shell(field, body)
     parts = stress_force(field, slope)
@@ -39,18 +27,18 @@ def eggshell(field: Solid, body: Names, centre: Floats | None = None) -> Floats:
     return _uncancelled(cuts, np.sum(parts, axis=1), centre is not None)
 
 
-def force_component(field: Solid, body: Names, direction: Floats) -> Component:
+def force_component(field: LocalSolid, body: Names, direction: Floats) -> Component:
     slope, cuts = _shell(field, body)
     return Component(slope, np.tile(_uncancelled(cuts[::-1], direction, False)[:, None], slope.shape[1]))
 
 
-def torque_component(field: Solid, body: Names, centre: Floats, axis: Floats) -> Component:
+def torque_component(field: LocalSolid, body: Names, centre: Floats, axis: Floats) -> Component:
     slope, cuts = _shell(field, body)
     across = _uncancelled(cuts[::-1], axis, True)
     return Component(slope, np.cross(across, field.at_quadrature.x - centre[:, None], axisb=0).T)
 
 
-def _shell(field: Solid, body: Names) -> tuple[Floats, list[Mirror]]:
+def _shell(field: LocalSolid, body: Names) -> tuple[Floats, list[Mirror]]:
     mesh, inside = field.mesh, isolated_body(field, body)
     cuts = _cuts(mesh, inside, field.mirrors)
     facets = np.concatenate([mirror.facets for mirror in cuts]) if cuts else np.zeros(0, dtype=np.int64)
@@ -69,11 +57,8 @@ def _uncancelled(cuts: Iterable[Mirror], vector: Floats, torque: bool) -> Floats
 
 
 def _cuts(mesh: MeshTet, inside: Mask, mirrors: Iterable[Mirror]) -> list[Mirror]:
-    outer = mesh.boundary_facets()
-    body_facets, cuts = outer[inside[mesh.f2t[0, outer]]], []
-    for mirror in mirrors:
-        if np.isin(mirror.facets, body_facets).any():
-            cuts.append(mirror)
+    body_facets = outer_facets(mesh, inside)
+    cuts = [mirror for mirror in mirrors if np.isin(mirror.facets, body_facets).any()]
     elsewhere = np.setdiff1d(body_facets, np.concatenate([body_facets[:0], *(mirror.facets for mirror in cuts)]))
     if elsewhere.size:
         raise ValueError(

@@ -1,6 +1,6 @@
 """Maxwell's stress in the air around a body, weighted by a decreasing function."""
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -9,28 +9,11 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE, Solver
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
-from kohonen_adapt.magnetostatics.quantities.bodies import Cut, Surroundings, air_elements
+from kohonen_adapt.magnetostatics.quantities.bodies import Cut, air_elements
+from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 from kohonen_adapt.mesh.measures import area, hat_gradients
 
-__all__ = ["Component", "Stressed", "component_change", "component_value", "stress_force", "weight_gradient"]
-
-
-class AtPoints(Protocol):
-    """B in T at points x in m, shape (d, n) each."""
-
-    @property
-    def x(self) -> Floats: ...
-    @property
-    def flux_density(self) -> Floats: ...
-
-
-class Stressed(Protocol):
-    """Field with B and volumes at quadrature points."""
-
-    @property
-    def at_quadrature(self) -> AtPoints: ...
-    @property
-    def point_volumes(self) -> Floats: ...
+__all__ = ["Component", "component_change", "component_value", "stress_force", "weight_gradient"]
 
 
 class Component(NamedTuple):
@@ -40,7 +23,7 @@ class Component(NamedTuple):
     arm: Floats  # (d, npoints): direction of a force, or axis x (x - centre) in m of a torque, in the plane (-y, x)
 
 
-def stress_force(field: Stressed, slope: Floats) -> Floats:
+def stress_force(field: MagneticField, slope: Floats) -> Floats:
     """Return ``-T slope`` times the volume of every quadrature point, (d, npoints).
 
     T is Maxwell's stress tensor of air.
@@ -50,7 +33,7 @@ def stress_force(field: Stressed, slope: Floats) -> Floats:
     return -field.point_volumes / VACUUM_PERMEABILITY * (b * normal - pressure * slope)
 
 
-def component_change(field: Stressed, component: Component) -> Floats:
+def component_change(field: MagneticField, component: Component) -> Floats:
     """Return the derivative of ``-arm . T slope`` by B, shape (d, npoints).
 
     ``-((B . slope) arm + (B . arm) slope - (arm . slope) B) / mu0``.
@@ -60,7 +43,7 @@ def component_change(field: Stressed, component: Component) -> Floats:
     return -(normal * arm + along * slope - both * b) / VACUUM_PERMEABILITY
 
 
-def component_value(field: Stressed, component: Component) -> float:
+def component_value(field: MagneticField, component: Component) -> float:
     """Return ``-int arm . T slope``, half the derivative applied to B."""
     change = component_change(field, component)
     return 0.5 * float(np.sum(field.point_volumes * change * field.at_quadrature.flux_density))
@@ -73,7 +56,7 @@ def component_value(field: Stressed, component: Component) -> float:
 # Two magnets on a regular grid, 5265 nodes: error of the force 1.2 / 3.1 / 1.1 %, rate of convergence - / 1.5 / 2.
 
 
-def weight_gradient(field: Surroundings, inside: Mask, cut: Cut) -> Floats:
+def weight_gradient(field: MagneticField, inside: Mask, cut: Cut) -> Floats:
     """Return the gradient of the weight at quadrature points, (d, npoints) in 1/m.
 
     The weight falls smoothly between the levels 3/4 and 1/4 of the P1 solution of Laplace's equation in the air, which

@@ -1,0 +1,86 @@
+"""Field in the plane or in space, with its energies at points and per element."""
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from skfem import Mesh
+
+from kohonen_adapt.arrays import Floats
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
+
+__all__ = ["MagneticField", "PointValues", "tangent_product"]
+
+
+class PointValues:
+    """B and H at points, each with the material of its element."""
+
+    x: Floats  # (d, n) in m
+    coefficients: Coefficients  # of the points
+    flux_density: Any  # (d, n) in T
+    field_strength: Any  # (d, n) in A/m
+
+    @cached_property
+    def energy_density(self) -> Floats:
+        return self.coefficients.energy_density(self.flux_density)
+
+    @property
+    def coenergy_density(self) -> Floats:
+        return np.sum(self.field_strength * self.flux_density, axis=0) - self.energy_density
+
+
+def tangent_product(secant: Floats, differential: Floats, direction: Floats, change: Floats) -> Floats:
+    """Return the product of the tensor of a linearised law and a small change (d, n).
+
+    The coefficient is `differential` along `direction` (d, n), and `secant` across.
+    """
+    size = magnitude(direction)
+    along = direction / np.where(size > 0.0, size, 1.0)
+    return secant * change + (differential - secant) * np.sum(change * along, axis=0) * along
+
+
+class MagneticField:
+    """Field of a problem in the plane or in space, by its finite elements."""
+
+    mesh: Mesh
+    coefficients: Coefficients
+    elements: Any  # `FiniteElements` with their quadrature points
+    at_quadrature: Any  # `PointValues` at the quadrature points
+    point_volumes: Any  # (npoints,): volumes of the quadrature points
+    volume: Any  # (nelements,)
+    reluctivity: Any  # (nelements,) in m/H
+    current_density: Any  # (nelements,) in A/m^2
+
+    @property
+    def remanence(self) -> Floats:
+        """B at which H = 0, (d, nelements) in T."""
+        return self.coefficients.remanence
+
+    @cached_property
+    def energy_density(self) -> Floats:
+        """Mean energy density of every element, shape (nelements,) in J/m^3.
+
+        ``int H . dB`` since the remanent state; linear: ``nu |B - Br|^2 / 2``.
+        """
+        return self.elements.mean(self.at_quadrature.energy_density)
+
+    @cached_property
+    def coenergy_density(self) -> Floats:
+        """``H . B`` less the energy density, mean, shape (nelements,) in J/m^3."""
+        return self.elements.mean(self.at_quadrature.coenergy_density)
+
+    @property
+    def energy(self) -> float:
+        """Energy ``int H . dB`` since the remanent state, in J/m.
+
+        With `depth`, axisymmetric and in space, the total in J.
+        """
+        return float(np.sum(self.volume * self.energy_density))
+
+    @property
+    def coenergy(self) -> float:
+        """Co-energy, ``int H . B`` less the energy, in J/m.
+
+        With `depth`, axisymmetric and in space, the total in J.
+        """
+        return float(np.sum(self.volume * self.coenergy_density))
