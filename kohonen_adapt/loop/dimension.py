@@ -1,4 +1,4 @@
-"""Parts of the adaptive loop for triangles and for tetrahedra, and the choice between them."""
+"""Parts of the adaptive loop for triangles and for tetrahedra."""
 
 from collections.abc import Callable, Sequence
 

@@ -154,7 +154,7 @@ def manners_of(mesh: Mesh, rows: Ints, facet: Ints, element: Ints) -> NDArray[np
 
 
 def marked_facets(mesh: Mesh, elements: Any) -> tuple[Ints, Ints, Ints, Ints, dict[str, NDArray[np.int8]]]:
-    """Return the facets on the outer boundary, between regions or on a named boundary.
+    """Return the facets on the rim, between regions or on a named boundary.
 
     Returns for every facet its element and the local index of the opposite corner, shape (f,), the regions of the
     element and of its neighbour, -1 outside, shape (f, 2), the labels of both sides, shape (f, 2), and the result of

@@ -1,6 +1,6 @@
-"""Quadrature of elements with a B-H law, and quadrature and functions at an axis x = 0.
+"""Quadrature of elements with a B-H law, and of elements at an axis x = 0.
 
-The functions are those of `Reference`. Some of them have an additional factor s, so that they decay towards the axis as
+The functions at the axis are those of `Reference`. Some of them have an additional factor s, so that they decay towards the axis as
 the solution does (`falling`). `Ritz` describes the weight 1 / x.
 """
 

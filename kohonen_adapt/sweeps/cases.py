@@ -1,4 +1,4 @@
-"""Cases of a sweep, listed one by one or as a grid of values, and the computation of one case."""
+"""Cases of a sweep, in a list or a grid, and the computation of one case."""
 
 import pickle
 import time

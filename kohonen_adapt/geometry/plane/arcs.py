@@ -1,4 +1,4 @@
-"""Uniform refinement on recognised arcs, and polygons that may be arcs with too few nodes."""
+"""Refinement on recognised arcs, and polygons that may be coarse arcs."""
 
 from collections.abc import Iterator
 from dataclasses import replace

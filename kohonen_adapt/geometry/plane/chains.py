@@ -1,4 +1,4 @@
-"""Tables of the curve segments on which nodes slide, and parameters of nodes on segments.
+"""Tables of the curve segments on which nodes slide, and their parameters.
 
 A curve segment (`chain`) is a part of a boundary or interface between two corners: a line, an arc or a cubic spline.
 The parameter of a point is its arc length from the beginning of the segment, approximately so on splines.

@@ -1,4 +1,4 @@
-"""Constrained facets of triangles, the polylines into which they join, and curve segments.
+"""Constrained facets of triangles, polylines of facets, and curve segments.
 
 A facet is constrained if it lies on the outer boundary, between two regions, or on a named boundary.
 """

@@ -1,4 +1,4 @@
-"""Arrays of a triangle mesh in another order, and with spare rows for splits and collapses.
+"""Arrays of a triangle mesh in another order, and with spare rows.
 
 Mesh generators number nodes in the order of their creation. Along a space-filling curve, neighbours are near in memory.
 """

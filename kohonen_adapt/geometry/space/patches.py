@@ -1,4 +1,4 @@
-"""Constrained faces of tetrahedra, their edges, and the patches into which they join.
+"""Constrained faces of tetrahedra, and the patches into which they join.
 
 A face is constrained if it lies on the outer boundary, between two regions, or on a named boundary.
 """

@@ -1,4 +1,4 @@
-"""Projection of nodes onto patches and ridges, and samples of projections for the kernels.
+"""Projection onto patches and ridges, and samples of it for the kernels.
 
 Kernels cannot call the method `project` of a user-defined surface. They use the paraboloid at the nearest sample.
 """
