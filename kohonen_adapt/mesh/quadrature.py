@@ -1,7 +1,7 @@
 """Quadrature of elements with a B-H law, and of elements at an axis x = 0.
 
-The functions at the axis are those of `Reference`. Some of them have an additional factor s, so that they decay towards the axis as
-the solution does (`falling`). `Ritz` describes the weight 1 / x.
+The functions at the axis are those of `Reference`. Some of them have an additional factor s, so that they decay towards
+the axis as the solution does (`falling`). `Ritz` describes the weight 1 / x.
 """
 
 from functools import cache

@@ -1,4 +1,4 @@
-"""Projection onto patches and ridges, and samples of it for the kernels.
+"""Projection onto patches and ridges, and samples of surfaces for kernels.
 
 Kernels cannot call the method `project` of a user-defined surface. They use the paraboloid at the nearest sample.
 """
