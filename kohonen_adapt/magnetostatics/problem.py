@@ -15,7 +15,7 @@ from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.estimation import better_values, energy_indicators, error_of_goal, goal_indicators
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
-from kohonen_adapt.magnetostatics.goal_functional import functional_for
+from kohonen_adapt.magnetostatics.functional import functional_for
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.solution import linkage_slope, solution_of

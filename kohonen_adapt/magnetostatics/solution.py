@@ -1,25 +1,19 @@
 """Solutions of plane problems, with their functionals and linearisations."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.around_axis import elements_on
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value, circle_of, conditions_of
+from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
 from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, NotConverged
-from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
-from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
-from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
-from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
-from kohonen_adapt.problem.ritz import Flux, Ritz
-from kohonen_adapt.problem.tables import EnergyLaw
 
 __all__ = [
     "CubicField",
@@ -27,7 +21,6 @@ __all__ = [
     "QuadraticField",
     "at_points",
     "dual_of",
-    "functional_of",
     "linkage_slope",
     "richer_solution",
     "solution_of",
@@ -114,63 +107,6 @@ def old_potential_at(x: Floats, old: Field) -> Floats:
         nearest = KDTree(old.elements.corners.p.T).query(x[:, outside].T)[1]
         values[outside] = old.potential[nearest]
     return values
-
-
-def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, Material]) -> Ritz:
-    coefficients, conditions = field.coefficients, conditions_of(field.elements, boundaries, field.symmetry)
-    present, first, region = coefficients.present(materials)
-    varies = any(material.turns for material in present.values())
-    symmetry, extent = field.symmetry, field.symmetry.extent
-    flux: Flux = _flux_of(present, symmetry) if varies else symmetry.flux(coefficients.coercivity[:, first])
-    laws: tuple[EnergyLaw | None, ...] = ()
-    if coefficients.nonlinear_materials:
-        laws = tuple(material.bh for material in present.values())
-    if field.axisymmetric:
-        scaled = {id(law): ScaledLaw(law, extent) for law in laws if law is not None}  # equal laws stay identical
-        laws = tuple(scaled.get(id(law)) for law in laws)
-    tables = extent * coefficients.reluctivity[first], symmetry.source(coefficients.current_density[first]), flux
-    order, around_axis = field.elements.order, field.axisymmetric
-    robin, signs = robin_of(field, boundaries), signs_of(boundaries)
-    return Ritz(field.unknown, conditions.fixed, *tables, region, laws, order, around_axis, robin, signs=signs)
-
-
-def signs_of(boundaries: Boundaries) -> dict[tuple[str, str], int]:
-    return {
-        (pair[0], pair[1]): sign
-        for sign, pairs in ((1, boundaries.periodic), (-1, boundaries.antiperiodic))
-        for pair in pairs
-    }
-
-
-def robin_of(field: Field, boundaries: Boundaries) -> dict[str, tuple[float, Value]]:
-    name = boundaries.open_boundary
-    if name is None:
-        return {}
-    (centre, radius), extent = circle_of(field.mesh, name), field.symmetry.extent
-
-    def load(x: Floats) -> Floats:
-        applied, dimension = field.symmetry.uniform(x, centre, boundaries.applied_field)
-        return extent * dimension / radius * applied
-
-    return {name: (extent / (VACUUM_PERMEABILITY * radius), load)}
-
-
-@dataclass(frozen=True)
-class ScaledLaw:
-    """B-H law integrated over the angle around an axis."""
-
-    law: EnergyLaw
-    factor: float
-
-    def field_strength(self, b: Floats) -> Floats:
-        return self.factor * self.law.field_strength(b)
-
-    def energy(self, b: Floats) -> Floats:
-        return self.factor * self.law.energy(b)
-
-
-def _flux_of(materials: Mapping[str, Material], symmetry: Symmetry) -> Callable[[Floats, Ints], Floats]:
-    return lambda x, index: symmetry.flux(coercivity_at(materials, x, index))
 
 
 def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton: Newton) -> Floats:

@@ -154,11 +154,8 @@ def coefficients(
     for name, total in (ampere_turns or {}).items():
         current_density[mesh.subdomains[name]] = total / _area_of(mesh, name)
     remanence = np.array([_constant_remanence(material, len(mesh.p)) for material in values]).T[:, material_index]
-    coercivity, nonlinear_materials, varying_magnets = (
-        reluctivity * remanence,
-        list[NonlinearMaterial](),
-        list[VaryingMagnet](),
-    )
+    coercivity = reluctivity * remanence
+    nonlinear_materials, varying_magnets = list[NonlinearMaterial](), list[VaryingMagnet]()
     for index, (name, material) in enumerate(materials.items()):
         if material.bh is not None or callable(material.remanence) or material.coercivity is not None:
             rows = np.flatnonzero(material_index == index)
@@ -167,15 +164,8 @@ def coefficients(
                 nonlinear_materials.append(NonlinearMaterial(material.bh, rows))
             if material.turns:
                 varying_magnets.append(VaryingMagnet(name, material, rows))
-    return Coefficients(
-        material_index,
-        reluctivity,
-        remanence,
-        coercivity,
-        current_density,
-        tuple(nonlinear_materials),
-        tuple(varying_magnets),
-    )
+    nonlinear, varying = tuple(nonlinear_materials), tuple(varying_magnets)
+    return Coefficients(material_index, reluctivity, remanence, coercivity, current_density, nonlinear, varying)
 
 
 def magnitude(vectors: Floats) -> Floats:
