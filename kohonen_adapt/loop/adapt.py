@@ -25,16 +25,8 @@ from kohonen_adapt.loop.steps import Steps
 from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
-from kohonen_adapt.problem.outputs import Output, check_outputs
-from kohonen_adapt.problem.protocol import (
-    Problem,
-    check_problem,
-    curves_of,
-    is_curved,
-    nodes_of_problem,
-    order_of,
-    pairs_of,
-)
+from kohonen_adapt.problem.evaluation import Output, check_outputs, curves_of
+from kohonen_adapt.problem.protocol import Problem, check_problem, is_curved, nodes_of_problem, order_of, pairs_of
 from kohonen_adapt.som.schedule import Schedule
 
 __all__ = ["adapt"]

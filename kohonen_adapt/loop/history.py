@@ -22,7 +22,7 @@ from kohonen_adapt.loop.stopping import (
     unmoved_ending,
     with_remarks,
 )
-from kohonen_adapt.problem.protocol import solve_again
+from kohonen_adapt.problem.evaluation import solve_again
 
 __all__ = ["History"]
 

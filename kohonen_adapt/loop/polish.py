@@ -13,6 +13,7 @@ from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.polishing.sweeps import SWEEPS
+from kohonen_adapt.problem.evaluation import ritz_of
 from kohonen_adapt.problem.protocol import (
     NotOffered,
     Problem,
@@ -21,7 +22,6 @@ from kohonen_adapt.problem.protocol import (
     is_curved,
     nodes_of_problem,
     optional_method,
-    ritz_of,
 )
 
 __all__ = ["polish"]

@@ -13,7 +13,7 @@ from kohonen_adapt.arrays import Ints
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.loop.growth import Growth
-from kohonen_adapt.problem.outputs import Output
+from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.protocol import Problem, is_curved, norm_of, order_of
 from kohonen_adapt.som.schedule import Schedule, check_training
 

@@ -19,23 +19,18 @@ from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.polishing.energy_tables import VariesInside
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.sweeps import SWEEPS
-from kohonen_adapt.problem.outputs import output_value
-from kohonen_adapt.problem.protocol import (
-    NotOffered,
-    Problem,
+from kohonen_adapt.problem.evaluation import (
     energy_norm,
     estimate,
     goal_error_of,
     goal_of,
-    goal_unit_of,
     improved,
-    is_calibrated,
-    norm_of,
-    order_of,
+    output_value,
     ritz_of,
     solve,
     solve_again,
 )
+from kohonen_adapt.problem.protocol import NotOffered, Problem, goal_unit_of, is_calibrated, norm_of, order_of
 from kohonen_adapt.som.density import equidistributing
 from kohonen_adapt.som.moved import Moved
 

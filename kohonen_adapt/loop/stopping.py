@@ -12,7 +12,7 @@ from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.steps import StepFailed
 from kohonen_adapt.loop.table import energy_norm_error
-from kohonen_adapt.problem.outputs import have_settled
+from kohonen_adapt.problem.evaluation import have_settled
 
 __all__ = [
     "STALL_GAIN",

@@ -10,16 +10,8 @@ from kohonen_adapt.geometry.rules import Rules, check_for
 from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.step import functional_of
 from kohonen_adapt.mesh.cells import check_kind
-from kohonen_adapt.problem.protocol import (
-    Problem,
-    check_names,
-    curves_of,
-    has_method,
-    is_curved,
-    nodes_of_problem,
-    pairs_of,
-    solve,
-)
+from kohonen_adapt.problem.evaluation import curves_of, solve
+from kohonen_adapt.problem.protocol import Problem, check_names, has_method, is_curved, nodes_of_problem, pairs_of
 
 __all__ = ["why_held"]
 

@@ -31,7 +31,7 @@ from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.isoparametric import refined
 from kohonen_adapt.mesh.measures import area, gradient, inner_points
 from kohonen_adapt.mesh.polynomials import functions_at
-from kohonen_adapt.problem.outputs import Output
+from kohonen_adapt.problem.evaluation import Output
 
 __all__ = [
     "RESIDUAL_SCALE",

@@ -19,7 +19,7 @@ from kohonen_adapt.magnetostatics.functional import functional_for
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.solution import linkage_slope, solution_of
-from kohonen_adapt.problem.outputs import Output
+from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz
 

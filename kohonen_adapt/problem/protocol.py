@@ -1,42 +1,33 @@
-"""Interface of a problem, and validation of the values that a problem returns."""
+"""Interface of a problem, and the optional attributes and methods of a problem."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
-import numpy as np
 from numpy.typing import ArrayLike
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Mask
-from kohonen_adapt.checks import as_reals, checked_points
+from kohonen_adapt.arrays import Ints
+from kohonen_adapt.checks import checked_points
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.names import nodes_of_points
-from kohonen_adapt.mesh.polynomials import count_unknowns
-from kohonen_adapt.problem.ritz import VECTORS, Ritz
 
 __all__ = [
     "NotOffered",
     "Problem",
     "check_names",
     "check_problem",
-    "curves_of",
-    "energy_norm",
-    "estimate",
-    "goal_error_of",
-    "goal_of",
     "goal_unit_of",
+    "has_functional",
     "has_method",
-    "improved",
     "is_calibrated",
     "is_curved",
+    "missing_norm_error",
     "nodes_of_problem",
     "norm_of",
     "optional_method",
     "order_of",
     "pairs_of",
-    "ritz_of",
-    "solve",
-    "solve_again",
+    "points_of",
 ]
 
 
@@ -55,8 +46,6 @@ METHODS = {
     "curves": "mesh",
     "improved": "mesh, solution, outputs",
 }
-
-RESTART_TOLERANCE = 1e-4  # of the largest indicator: allowed effect of the start values of a nonlinear solver
 
 
 class NotOffered(Exception):
@@ -154,20 +143,6 @@ def is_curved(problem: Problem) -> bool | None:
     return wanted and order_of(problem) > 1 if isinstance(wanted, bool) else wanted
 
 
-def improved(problem: Problem, mesh: Mesh, solution: Any, outputs: Mapping[str, Any]) -> dict[str, float]:
-    return optional_method(problem, "improved")(mesh, solution, outputs)
-
-
-def goal_of(problem: Problem, solution: Any) -> float | None:
-    if not (has_method(problem, "goal") and has_method(problem, "goal_error")):
-        return None
-    return float(problem.goal(solution))  # type: ignore[attr-defined]
-
-
-def goal_error_of(problem: Problem, solution: Any) -> float:
-    return float(problem.goal_error(solution))  # type: ignore[attr-defined]
-
-
 def goal_unit_of(problem: Problem) -> str:
     return str(getattr(problem, "goal_unit", ""))
 
@@ -176,12 +151,16 @@ def pairs_of(problem: Problem) -> Sequence[Pair]:
     return getattr(problem, "pairs", None) or ()
 
 
-def nodes_of_problem(problem: Problem, mesh: Mesh) -> list[int]:
+def points_of(problem: Problem, mesh: Mesh) -> dict[str, Ints]:
     points = getattr(problem, "points", None) or {}
     if not isinstance(points, Mapping):
         raise ValueError(f"points of the problem must be {ATTRIBUTES['points']}; got {points!r}.")
     positions = {name: checked_points(x, f"points[{name!r}] of the problem", mesh.dim()) for name, x in points.items()}
-    return [int(node) for rows in nodes_of_points(mesh, positions).values() for node in rows]
+    return nodes_of_points(mesh, positions)
+
+
+def nodes_of_problem(problem: Problem, mesh: Mesh) -> list[int]:
+    return [int(node) for rows in points_of(problem, mesh).values() for node in rows]
 
 
 def check_names(problem: Problem) -> None:
@@ -227,90 +206,8 @@ def check_problem(problem: Problem, rtol: float | None) -> None:
             raise missing_norm_error(reason) from None
 
 
-def solve(problem: Problem, mesh: Mesh, old_mesh: Mesh | None = None, old_solution: Any = None) -> Any:
-    if old_mesh is not None and has_method(problem, "solve_from"):
-        return problem.solve_from(mesh, old_mesh, old_solution)  # type: ignore[attr-defined]
-    return problem.solve(mesh)
-
-
-def estimate(problem: Problem, mesh: Mesh, solution: Any) -> Floats:
-    """Return a copy of the indicators, shape (nelements,).
-
-    Raises ValueError for another shape, and for values that are not finite numbers >= 0.
-    """
-    values = as_reals("indicators of the problem", problem.indicators(mesh, solution), {"nelements": mesh.t.shape[1]})
-    _check_values(values, np.isfinite(values), "finite; check the solution")
-    _check_values(values, values >= 0.0, ">= 0; take their absolute values")
-    largest = np.finfo(float).max / np.sqrt(len(values))
-    _check_values(values, values <= largest, "small enough for the sum of their squares; check units")
-    return values
-
-
-def solve_again(problem: Problem, mesh: Mesh, indicators: Floats) -> Any:
-    """Return the solution on a mesh that an earlier process solved.
-
-    Raises ValueError if the indicators (nelements,) differ, which means another problem.
-    """
-    solution = problem.solve(mesh)
-    difference = float(np.abs(estimate(problem, mesh, solution) - indicators).max())
-    if difference > RESTART_TOLERANCE * indicators.max():
-        raise ValueError(
-            f"the problem differs from the problem of the checkpoint: indicators on the same mesh differ by up to "
-            f"{difference:.3g}. Use the same problem, or another folder."
-        )
-    return solution
-
-
-def energy_norm(problem: Problem, mesh: Mesh, solution: Any, rtol: float | None = None) -> float | None:
-    try:
-        value = float(optional_method(problem, "energy_norm")(mesh, solution))
-    except NotOffered as reason:
-        if rtol is not None:
-            raise missing_norm_error(reason) from None
-        return None
-    if not 0.0 <= value < np.inf:
-        raise ValueError(f"energy_norm of the problem must be a finite number >= 0; got {value}.")
-    return value
-
-
 def missing_norm_error(reason: object) -> ValueError:
     return ValueError(f"rtol requires the energy norm of the problem, but {reason}. Use atol instead.")
-
-
-def ritz_of(problem: Problem, mesh: Mesh, solution: Any) -> Ritz:
-    """Return the functional of the problem with its solution.
-
-    Raises NotOffered if the problem has no functional of its order, and ValueError if the type is wrong.
-    """
-    try:
-        method = optional_method(problem, "ritz")
-    except NotOffered as reason:
-        if is_vector_valued(mesh, solution):
-            raise NotOffered(f"{reason}; {VECTORS}") from None
-        raise
-    ritz = method(mesh, solution)
-    if not isinstance(ritz, Ritz):
-        raise ValueError(f"ritz of the problem must return a kohonen_adapt.Ritz; got {type(ritz).__name__}.")
-    if ritz.order != order_of(problem):
-        raise NotOffered(f"the order of Ritz is {ritz.order}, the order of the problem is {order_of(problem)}")
-    return ritz
-
-
-def is_vector_valued(mesh: Mesh, solution: Any) -> bool:
-    size = np.size(solution) if isinstance(solution, np.ndarray) else 0
-    return size >= 2 * mesh.nvertices and size not in {count_unknowns(mesh, order) for order in (1, 2, 3, 4)}
-
-
-def curves_of(problem: Problem, mesh: Mesh, given: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
-    method = getattr(problem, "curves", None)
-    if not callable(method) or not (given is None or isinstance(given, Mapping)):
-        return given
-    found = method(mesh)
-    if not isinstance(found, Mapping | None):
-        raise ValueError(
-            f"curves of the problem must return a mapping of boundaries to curves, or None; got {found!r}."
-        )
-    return {**found, **(given or {})} if found else given
 
 
 def has_method(problem: Problem, name: str) -> bool:
@@ -330,12 +227,3 @@ def optional_method(problem: Problem, name: str) -> Callable[..., Any]:
     if not callable(method):
         raise NotOffered(reason)
     return method
-
-
-def _check_values(values: Floats, good: Mask, wanted: str) -> None:
-    if not good.all():
-        first = int(np.argmin(good))
-        raise ValueError(
-            f"indicators of the problem must be {wanted}: got {values[first]} at element {first}, "
-            f"{np.sum(~good)} such elements."
-        )

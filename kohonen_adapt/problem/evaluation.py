@@ -1,0 +1,177 @@
+"""Values that a problem and its outputs return, validated."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from skfem import Mesh
+
+from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.checks import as_reals, check_tolerance
+from kohonen_adapt.mesh.polynomials import count_unknowns
+from kohonen_adapt.problem.protocol import (
+    NotOffered,
+    Problem,
+    has_method,
+    missing_norm_error,
+    optional_method,
+    order_of,
+)
+from kohonen_adapt.problem.ritz import VECTORS, Ritz
+
+__all__ = [
+    "Output",
+    "check_outputs",
+    "curves_of",
+    "energy_norm",
+    "estimate",
+    "goal_error_of",
+    "goal_of",
+    "have_settled",
+    "improved",
+    "output_value",
+    "ritz_of",
+    "solve",
+    "solve_again",
+]
+
+RESTART_TOLERANCE = 1e-4  # of the largest indicator: allowed effect of the start values of a nonlinear solver
+
+Output = Callable[[Any], float]  # of the solution
+
+
+def solve(problem: Problem, mesh: Mesh, old_mesh: Mesh | None = None, old_solution: Any = None) -> Any:
+    if old_mesh is not None and has_method(problem, "solve_from"):
+        return problem.solve_from(mesh, old_mesh, old_solution)  # type: ignore[attr-defined]
+    return problem.solve(mesh)
+
+
+def estimate(problem: Problem, mesh: Mesh, solution: Any) -> Floats:
+    """Return a copy of the indicators, shape (nelements,).
+
+    Raises ValueError for another shape, and for values that are not finite numbers >= 0.
+    """
+    values = as_reals("indicators of the problem", problem.indicators(mesh, solution), {"nelements": mesh.t.shape[1]})
+    _check_values(values, np.isfinite(values), "finite; check the solution")
+    _check_values(values, values >= 0.0, ">= 0; take their absolute values")
+    largest = np.finfo(float).max / np.sqrt(len(values))
+    _check_values(values, values <= largest, "small enough for the sum of their squares; check units")
+    return values
+
+
+def _check_values(values: Floats, good: Mask, wanted: str) -> None:
+    if not good.all():
+        first = int(np.argmin(good))
+        raise ValueError(
+            f"indicators of the problem must be {wanted}: got {values[first]} at element {first}, "
+            f"{np.sum(~good)} such elements."
+        )
+
+
+def solve_again(problem: Problem, mesh: Mesh, indicators: Floats) -> Any:
+    """Return the solution on a mesh that an earlier process solved.
+
+    Raises ValueError if the indicators (nelements,) differ, which means another problem.
+    """
+    solution = problem.solve(mesh)
+    difference = float(np.abs(estimate(problem, mesh, solution) - indicators).max())
+    if difference > RESTART_TOLERANCE * indicators.max():
+        raise ValueError(
+            f"the problem differs from the problem of the checkpoint: indicators on the same mesh differ by up to "
+            f"{difference:.3g}. Use the same problem, or another folder."
+        )
+    return solution
+
+
+def energy_norm(problem: Problem, mesh: Mesh, solution: Any, rtol: float | None = None) -> float | None:
+    try:
+        value = float(optional_method(problem, "energy_norm")(mesh, solution))
+    except NotOffered as reason:
+        if rtol is not None:
+            raise missing_norm_error(reason) from None
+        return None
+    if not 0.0 <= value < np.inf:
+        raise ValueError(f"energy_norm of the problem must be a finite number >= 0; got {value}.")
+    return value
+
+
+def ritz_of(problem: Problem, mesh: Mesh, solution: Any) -> Ritz:
+    """Return the functional of the problem with its solution.
+
+    Raises NotOffered if the problem has no functional of its order, and ValueError if the type is wrong.
+    """
+    try:
+        method = optional_method(problem, "ritz")
+    except NotOffered as reason:
+        if is_vector_valued(mesh, solution):
+            raise NotOffered(f"{reason}; {VECTORS}") from None
+        raise
+    ritz = method(mesh, solution)
+    if not isinstance(ritz, Ritz):
+        raise ValueError(f"ritz of the problem must return a kohonen_adapt.Ritz; got {type(ritz).__name__}.")
+    if ritz.order != order_of(problem):
+        raise NotOffered(f"the order of Ritz is {ritz.order}, the order of the problem is {order_of(problem)}")
+    return ritz
+
+
+def is_vector_valued(mesh: Mesh, solution: Any) -> bool:
+    size = np.size(solution) if isinstance(solution, np.ndarray) else 0
+    return size >= 2 * mesh.nvertices and size not in {count_unknowns(mesh, order) for order in (1, 2, 3, 4)}
+
+
+def curves_of(problem: Problem, mesh: Mesh, given: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+    method = getattr(problem, "curves", None)
+    if not callable(method) or not (given is None or isinstance(given, Mapping)):
+        return given
+    found = method(mesh)
+    if not isinstance(found, Mapping | None):
+        raise ValueError(
+            f"curves of the problem must return a mapping of boundaries to curves, or None; got {found!r}."
+        )
+    return {**found, **(given or {})} if found else given
+
+
+def goal_of(problem: Problem, solution: Any) -> float | None:
+    if not (has_method(problem, "goal") and has_method(problem, "goal_error")):
+        return None
+    return float(problem.goal(solution))  # type: ignore[attr-defined]
+
+
+def goal_error_of(problem: Problem, solution: Any) -> float:
+    return float(problem.goal_error(solution))  # type: ignore[attr-defined]
+
+
+def improved(problem: Problem, mesh: Mesh, solution: Any, outputs: Mapping[str, Any]) -> dict[str, float]:
+    return optional_method(problem, "improved")(mesh, solution, outputs)
+
+
+def check_outputs(outputs: Any, output_rtol: Any) -> dict[str, Output]:
+    if outputs is not None and not isinstance(outputs, Mapping):
+        raise ValueError(f"outputs must map names to functions of the solution, or be None; got {outputs!r}.")
+    for name, function in (outputs or {}).items():
+        if not isinstance(name, str):
+            raise ValueError(f"the names of outputs must be strings; got {name!r}.")
+        if not callable(function):
+            raise ValueError(f"outputs[{name!r}] must be a function of the solution; got {function!r}.")
+    check_tolerance("output_rtol", output_rtol)
+    if output_rtol is not None and not outputs:
+        raise ValueError("output_rtol requires outputs; add outputs={name: function}.")
+    return dict(outputs or {})
+
+
+def output_value(name: str, function: Output, solution: Any) -> float:
+    value = np.asarray(function(solution))
+    if value.dtype.kind not in "iuf":
+        raise ValueError(f"outputs[{name!r}] must return a real number; got {value.dtype}.")
+    if value.shape != ():
+        raise ValueError(
+            f"outputs[{name!r}] must return one number; got an array of shape {value.shape}: "
+            "return one component, or add an output for each component."
+        )
+    if not np.isfinite(value):
+        raise ValueError(f"outputs[{name!r}] must return a finite number; got {value}.")
+    return float(value)
+
+
+def have_settled(before: Mapping[str, float], after: Mapping[str, float], tolerance: float) -> bool:
+    return all(abs(after[name] - value) <= tolerance * abs(value) for name, value in before.items())
