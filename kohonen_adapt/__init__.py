@@ -25,6 +25,7 @@ from kohonen_adapt.som.kohonen_map import KohonenMap
 from kohonen_adapt.som.schedule import Schedule, Stage
 from kohonen_adapt.sweeps.result import SweepResult
 from kohonen_adapt.sweeps.sweep import sweep
+from kohonen_adapt.version import __version__ as __version__
 
 __all__ = [
     "AdaptResult",
@@ -68,8 +69,6 @@ __all__ = [
     "why_held",
     "write_mesh",
 ]
-
-__version__ = "0.5.0"
 
 
 def __dir__() -> list[str]:

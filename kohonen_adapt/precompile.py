@@ -1,5 +1,7 @@
 """Compilation of all kernels ahead of use, for benchmarks and containers."""
 
+from typing import Any
+
 import numpy as np
 from skfem import Basis, ElementTriP1, ElementTriP2, MeshTri
 
@@ -11,12 +13,12 @@ from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.kernels.numba.switch import CACHED, PLAIN
 from kohonen_adapt.kernels.tetrahedron.entries import SPACE
 from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equilibrate, patch_scratch
-from kohonen_adapt.loop.relocate import relocate
 from kohonen_adapt.mesh.locate import interpolate
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend_and_recycle
 from kohonen_adapt.polishing.transfer import transferred
 from kohonen_adapt.problem.ritz import Ritz
+from kohonen_adapt.som.relocate import move, report_curves
 from kohonen_adapt.som.schedule import Schedule, Stage
 
 __all__ = ["compile_missing", "warmup"]
@@ -50,15 +52,12 @@ def warmup(space: bool = False) -> None:
     mesh = MeshTri().refined(2)
     brief = Schedule((Stage(2, 1, 0.3),), rounds=1, sweeps=1)
     for topology in ("recycle", "flip", "fixed"):
-        relocate(mesh, np.arange(1.0, mesh.nelements + 1.0), topology=topology, schedule=brief)
-    relocate(
-        MeshTri.init_lshaped().refined(3), lambda x: np.exp(8.0 * x[0])
-    )  # uses the repair of steps around a corner
+        _relocate(mesh, np.arange(1.0, mesh.nelements + 1.0), brief, topology=topology)
+    _relocate(MeshTri.init_lshaped().refined(3), lambda x: np.exp(8.0 * x[0]), None)  # repairs steps around a corner
     disc = MeshTri.init_circle(2)  # uses the recognition of circles
-    relocate(disc, np.ones(disc.nelements), schedule=brief)
-    relocate(
-        mesh.with_subdomains({"low": lambda x: x[1] < 0.5}), np.ones(mesh.nelements), layers={"low": 1}, schedule=brief
-    )
+    _relocate(disc, np.ones(disc.nelements), brief)
+    layered = mesh.with_subdomains({"low": lambda x: x[1] < 0.5})
+    _relocate(layered, np.ones(mesh.nelements), brief, layers={"low": 1})
     interpolate(mesh, mesh.p[0], mesh.p)
     for order in (1, 2):
         x = Basis(mesh, (ElementTriP1(), ElementTriP2())[order - 1]).doflocs[0]
@@ -85,6 +84,13 @@ def compile_missing() -> None:
     missing = [entry for entry in compiled if not is_cached(entry.loop, entry.types)]
     if missing and is_cacheable(missing[0].loop):
         warmup()
+
+
+def _relocate(mesh: MeshTri, density: Any, schedule: Schedule | None, **rules: Any) -> None:
+    movable = MovableMesh.of(mesh, Rules(**rules))
+    moved = move(movable, density, schedule, rules.get("topology", "flip"), np.random.default_rng(0))
+    report_curves(moved.before, movable)
+    movable.mesh()
 
 
 def _polish(mesh: MeshTri, ritz: Ritz) -> None:

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from kohonen_adapt import __doc__ as description
-from kohonen_adapt import __version__
 from kohonen_adapt.cases.kinds import locate_errors
 from kohonen_adapt.cases.settings import fitting_mesh, read_case
 from kohonen_adapt.cases.template import case_text
@@ -36,6 +35,7 @@ from kohonen_adapt.loop.table import energy_norm_error, estimate_word, goal_sent
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.validity import check_mesh
+from kohonen_adapt.version import __version__
 
 __all__ = ["main"]
 

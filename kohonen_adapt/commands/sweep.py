@@ -21,6 +21,7 @@ from kohonen_adapt.commands.arguments import refuse_link, writable_folder
 from kohonen_adapt.commands.terminal import Terminal, drawn
 from kohonen_adapt.files import remove_drafts, save_figure
 from kohonen_adapt.loop.adapt import adapt
+from kohonen_adapt.precompile import compile_missing
 from kohonen_adapt.sweeps.pool import LocalPool
 from kohonen_adapt.sweeps.result import SweepResult
 from kohonen_adapt.sweeps.sweep import sweep
@@ -134,7 +135,7 @@ def _begun(arguments: argparse.Namespace) -> Path:
 @contextmanager
 def _executor(arguments: argparse.Namespace) -> Iterator[Executor]:
     if not arguments.scheduler:
-        with LocalPool(arguments.jobs) as pool:
+        with LocalPool(compile_missing, arguments.jobs) as pool:
             yield pool
         return
     try:

@@ -13,7 +13,7 @@ from urllib.parse import unquote, urlsplit
 from sphinx.application import Sphinx
 from sphinx.errors import SphinxError
 
-from kohonen_adapt import __version__
+from kohonen_adapt.version import __version__
 
 DOCS = Path(__file__).parent
 PAGES = {  # READMEs that are pages here, or parts of one: links to them lead there

@@ -4,7 +4,6 @@ import platform
 import re
 from importlib.metadata import PackageNotFoundError, version
 
-from kohonen_adapt import __version__
 from kohonen_adapt.display import counted, significant
 from kohonen_adapt.kernels.threads import number_of_threads
 from kohonen_adapt.loop.passes import Pass, Status
@@ -19,6 +18,7 @@ from kohonen_adapt.loop.table import (
     goal_figures,
     goal_sentence,
 )
+from kohonen_adapt.version import __version__
 
 __all__ = ["key_figures", "sentences", "versions", "without_folders"]
 

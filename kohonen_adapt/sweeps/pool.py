@@ -14,7 +14,6 @@ from typing import Any, TypeVar
 
 from kohonen_adapt.checks import is_count
 from kohonen_adapt.kernels.threads import number_of_threads
-from kohonen_adapt.precompile import compile_missing
 
 __all__ = ["CannotBeginError", "LocalPool", "cannot_be_pickled", "check_pickled"]
 
@@ -52,11 +51,12 @@ def cannot_be_pickled(error: Exception) -> CannotBeginError:
 class LocalPool(Executor):
     """Executor with spawned processes, each for one task at a time.
 
-    All kernels are compiled before the first process starts. If a process dies, its task ends with a RuntimeError and a
-    new process replaces the dead one. Tasks must not raise.
+    If a process dies, its task ends with a RuntimeError and a new process replaces the dead one. Tasks must not raise.
 
     Parameters
     ----------
+    prepare
+        Function called before the first process starts, to compile what all processes need.
     processes
         Number of processes; by default the number of threads for compiled loops, which the processes share evenly.
 
@@ -66,11 +66,11 @@ class LocalPool(Executor):
         If `processes` is not an integer of at least 1.
     """
 
-    def __init__(self, processes: int | None = None) -> None:
+    def __init__(self, prepare: Callable[[], None], processes: int | None = None) -> None:
         count = number_of_threads() if processes is None else processes
         if not is_count(count) or count < 1:
             raise ValueError(f"the number of processes must be an integer >= 1; got {processes!r}.")
-        compile_missing()
+        prepare()
         self._share = max(1, number_of_threads() // count)
         self._tasks: SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None] = SimpleQueue()
         self._lock, self._ended = threading.Lock(), False

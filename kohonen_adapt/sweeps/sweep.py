@@ -9,6 +9,7 @@ from typing import Any
 
 from kohonen_adapt.checks import check_hook
 from kohonen_adapt.kernels.threads import number_of_threads
+from kohonen_adapt.precompile import compile_missing
 from kohonen_adapt.sweeps.cases import Case, Outcome, compute, list_cases
 from kohonen_adapt.sweeps.folder import SweepFolder
 from kohonen_adapt.sweeps.pool import CannotBeginError, LocalPool, cannot_be_pickled, check_pickled
@@ -127,7 +128,7 @@ def _check(function: Any, executor: Any, progress: Any) -> None:
 
 def _open(executor: Executor | None, count: int) -> AbstractContextManager[Executor]:
     """Return a context with the executor, left open on exit, or with a new pool."""
-    return LocalPool(min(count, number_of_threads())) if executor is None else nullcontext(executor)
+    return LocalPool(compile_missing, min(count, number_of_threads())) if executor is None else nullcontext(executor)
 
 
 def _compute(

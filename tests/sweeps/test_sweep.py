@@ -208,7 +208,7 @@ def test_an_exception_that_cannot_be_sent_is_told():
 @pytest.mark.parametrize("count", [0, 2.5, True])
 def test_what_is_no_number_of_processes(count):
     with pytest.raises(ValueError, match="processes must be an integer >= 1"):
-        LocalPool(count)
+        LocalPool(precompile.compile_missing, count)
 
 
 def nested(function):
