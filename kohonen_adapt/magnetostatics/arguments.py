@@ -97,7 +97,6 @@ class Arguments:
 
     @property
     def boundaries(self) -> Boundaries:
-        """Conditions on boundaries and at points, by name."""
         return Boundaries(
             self.potential or {},
             self.open_boundary,

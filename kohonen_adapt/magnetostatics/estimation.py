@@ -62,7 +62,6 @@ DIFFERENCE = 1e-4  # step of central differences, relative to the size of an ele
 def energy_indicators(
     mesh: MeshTri, field: Field, estimator: str, boundaries: Boundaries, materials: Mapping[str, Material]
 ) -> Floats:
-    """Return the indicators of `estimator`, unsquared, shape (nelements,)."""
     joined = _tied_facets(field, boundaries)
     if estimator == "residual" and (field.order > 1 or field.axisymmetric):
         return _residual_scale(field) * residual_by_points(field, joined)
@@ -139,7 +138,6 @@ def linearised(field: Field, estimator: str) -> Scalar:
 
 
 def goal_indicators(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> Floats:
-    """Return indicators of a goal, unsquared, in the root of its unit."""
     if field.order > 1:
         # Errors from a solve of one order more in every pass gave no better force between two magnets.
         dual, joined = dual_of(field, goal.derivative(field), boundaries, newton), _tied_facets(field, boundaries)

@@ -21,7 +21,6 @@ RESIDUAL_SCALE = 1.0 / 3.6
 
 
 def energy_indicators_in_space(field: LocalSolid, estimator: str, materials: Mapping[str, Material]) -> Floats:
-    """Return the indicators of `estimator`, unsquared, shape (nelements,)."""
     secant, differential = field.permeabilities
     weight = np.sqrt(secant * differential) if estimator == "residual" else differential
     flux = _flux_for(field, weight)

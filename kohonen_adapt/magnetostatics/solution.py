@@ -121,8 +121,6 @@ def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton:
 
 
 class Dual(NamedTuple):
-    """Solution of the dual problem of a goal, with the derivative that is its load."""
-
     values: Floats  # (nunknowns,)
     source: Floats  # (nelements,)
     load: Floats  # (2, npoints)

@@ -104,13 +104,9 @@ def functions_at(barycentric: Floats, order: int) -> Floats:
 
 def slopes_at(barycentric: Floats, order: int) -> Floats:
     """Return the reference gradients of the functions, (n, functions, 2)."""
-    left, right, rise = (
-        barycentric[:, AFTER, None],
-        barycentric[:, BEFORE, None],
-        (barycentric[:, BEFORE] - barycentric[:, AFTER])[..., None],
-    )
+    left, right = barycentric[:, AFTER, None], barycentric[:, BEFORE, None]
     product = left * HAT_SLOPES[BEFORE] + right * HAT_SLOPES[AFTER]
-    odd = rise * product + left * right * (HAT_SLOPES[BEFORE] - HAT_SLOPES[AFTER])
+    odd = (right - left) * product + left * right * (HAT_SLOPES[BEFORE] - HAT_SLOPES[AFTER])
     bubble = np.sum(left * right * HAT_SLOPES, axis=1, keepdims=True)
     parts = [np.broadcast_to(HAT_SLOPES, product.shape), EVEN * product, ODD * odd, BUBBLE * bubble]
     return np.hstack(parts[: (1, 2, 4)[order - 1]])

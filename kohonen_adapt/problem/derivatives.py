@@ -1,4 +1,4 @@
-"""Derivatives of a Ritz functional with respect to the coefficients of elements."""
+"""Element residuals, the derivatives of a Ritz functional by local coefficients."""
 
 from typing import NamedTuple
 
@@ -20,7 +20,12 @@ MARGIN = 3.0  # factor of the difference between the mean of a flux and its valu
 
 
 class Derivatives(NamedTuple):
-    """Derivatives with respect to the coefficients of elements, shape (m, functions)."""
+    """Element residuals of local basis functions phi, shape (m, functions).
+
+    A residual is ``int H . grad phi - flux . grad phi - source phi`` over the element. H is ``coefficient grad u``, or
+    with a law ``H(|grad u|) grad u / |grad u|``. The sum of the residuals over the elements is the derivative of the
+    functional by the coefficient of phi.
+    """
 
     total: Floats
     size: Floats  # sum of the magnitudes of the terms
@@ -28,7 +33,10 @@ class Derivatives(NamedTuple):
 
 
 def derivatives_on(corners: Floats, coefficients: Floats, region: Ints, ritz: Ritz, offsets: Floats) -> Derivatives:
-    """Return the derivatives on triangles with corners and midside offsets (m, 3, 2)."""
+    """Return the element residuals of triangles.
+
+    `corners` and the midside `offsets` have shape (m, 3, 2).
+    """
     derivatives = Derivatives(*np.zeros((3, *coefficients.shape)))
     kind = kinds_at_axis(corners[:, :, 0]) if ritz.axisymmetric else np.where(np.any(offsets, axis=(1, 2)), 0, -1)
     for one_kind, nonlinear, rows in elements_by_rule(kind, region, ritz):
@@ -44,7 +52,7 @@ def derivatives_on(corners: Floats, coefficients: Floats, region: Ints, ritz: Ri
 def _derivatives_of_kind(
     corners: Floats, coefficients: Floats, region: Ints, ritz: Ritz, offsets: Floats, kind: int, nonlinear: bool
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the derivatives on elements of one kind, -1 for straight triangles."""
+    """Return the element residuals of triangles of one kind, -1 if straight."""
     points = by_points(ritz.order, nonlinear)
     at = law_reference(ritz.order) if nonlinear else exact_reference(ritz.order)
     weight, slope = (at.weight, at.slope) if kind < 0 else (points.weight[kind], points.slope[kind])
@@ -117,7 +125,11 @@ def secants(gradient: Floats, x: Floats, region: Ints, ritz: Ritz) -> Floats:
 
 
 def derivatives_in_space(corners: Floats, values: Floats, region: Ints, ritz: Ritz) -> Derivatives:
-    """Return the derivatives on tetrahedra with corners (3, 4, m) and values (4, m)."""
+    """Return the element residuals of P1 functions on tetrahedra.
+
+    `corners` has shape (3, 4, m), and the nodal `values` have shape (4, m). ``grad u`` is constant in every element, so
+    that only a source that is a function needs a quadrature rule.
+    """
     hats, volume = TETRAHEDRON.hat_gradients(corners), np.abs(TETRAHEDRON.determinant(corners)) / 6.0
     gradient = np.einsum("dkm,km->dm", hats, values)
     field = secants(gradient[:, None], np.ones(()), region, ritz)[0] * gradient

@@ -200,7 +200,12 @@ def source_points(order: int) -> tuple[Floats, Floats]:
 
 
 def source_on(points: Points, kind: int, corners: Floats, offsets: Floats, region: Ints, ritz: Ritz) -> Floats:
-    """Return the source at the points of elements, shape (points, m), or by element."""
+    """Return the source of curved elements at their quadrature points, (points, m).
+
+    All elements have the same `kind`. Their points x are the sum of barycentric coordinates times `corners` and of
+    quadratic side functions times midside `offsets`, both (m, 3, 2). A source that is constant by region is returned as
+    one value per element, shape (m,).
+    """
     if not callable(ritz.source):
         return value_by_region(np.asarray(ritz.source), region)
     x = np.einsum("qk,mkd->dqm", points.share[kind], corners)

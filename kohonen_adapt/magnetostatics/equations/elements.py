@@ -78,7 +78,7 @@ class Polynomials(FiniteElements):
 
 
 class LinearFunctions(FiniteElements):
-    """P1 functions on triangles or tetrahedra, with nodal unknowns and constant gradients."""
+    """P1 functions on triangles or tetrahedra, with the nodal values as unknowns."""
 
     edges: tuple[Any, Any]  # corners at the first and the second end of the edges of an element
 
@@ -124,8 +124,6 @@ class LinearFunctions(FiniteElements):
 
 
 class Linear(LinearFunctions, Polynomials):
-    """P1 elements, with nodal unknowns and constant gradients."""
-
     order, edges = 1, (slice(None), [1, 2, 0])
     facet_products = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0
 

@@ -20,16 +20,12 @@ __all__ = ["Coefficients", "NonlinearMaterial", "coefficients", "coercivity_at",
 
 @dataclass(frozen=True)
 class NonlinearMaterial:
-    """Elements of one nonlinear material, with its B-H law."""
-
     law: Law
     elements: Ints
 
 
 @dataclass(frozen=True)
 class VaryingMagnet:
-    """Elements of one magnet that varies within its region, with its material."""
-
     name: str
     material: Material
     elements: Ints
@@ -60,7 +56,6 @@ class Coefficients:
         return found
 
     def at_points(self, element: Ints, x: Floats) -> "Coefficients":
-        """Return the coefficients of points `x` (d, n) in the elements `element` (n,)."""
         names = ("material_index", "reluctivity", "remanence", "coercivity", "current_density")
         arrays = {name: getattr(self, name)[..., element] for name in names}
         nonlinear_materials = tuple(

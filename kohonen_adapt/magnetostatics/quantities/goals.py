@@ -71,8 +71,6 @@ def unit_of_goal(goal: Goal | None, per_metre: bool) -> str:
 
 
 class _ComponentGoal:
-    """Component of a force or torque as a goal."""
-
     _component: Callable[[Any], Component]
     _vector: ClassVar[str]  # name of the attribute with as many components as the field has dimensions
 
@@ -96,11 +94,9 @@ class _ComponentGoal:
 
     @property
     def dimension(self) -> int:
-        """Dimension of the fields that the goal applies to."""
         return len(getattr(self, self._vector))
 
     def check_dimension(self, dim: int) -> None:
-        """Raise ValueError if the vectors of the goal do not have `dim` components."""
         if self.dimension != dim:
             kind = "(x, y, z) in space" if dim == 3 else "(x, y) in the plane"
             raise ValueError(f"a {type(self).__name__} must have vectors {kind} as a goal; got {self}.")

@@ -21,8 +21,6 @@ __all__ = ["LocalField", "PointField"]
 
 @dataclass(frozen=True, eq=False)
 class PointField(PointValues):
-    """Field at points, each with the material of its element."""
-
     element: Ints  # (n,): element of every point
     x: Floats  # (2, n) in m
     flux_density: Floats  # (2, n) in T
@@ -67,7 +65,6 @@ class LocalField(MagneticField):
 
     @cached_property
     def elements(self) -> Elements:
-        """Finite elements of the potential."""
         return elements_on(self.mesh, self.order, self.symmetry, self.coefficients.nonlinear)
 
     @cached_property
@@ -81,7 +78,6 @@ class LocalField(MagneticField):
 
     @property
     def mean_unknown(self) -> Floats:
-        """Mean of `unknown` over every element, (nelements,)."""
         return self.elements.mean_function(self.unknown)
 
     @cached_property

@@ -68,12 +68,10 @@ class LocalSolid(MagneticField):
 
     @property
     def elements(self) -> Tetrahedra:
-        """Finite elements of the potential."""
         return self.drive.elements
 
     @property
     def mirrors(self) -> tuple[Mirror, ...]:
-        """Planes of symmetry."""
         return tuple(self.planes.values())
 
     def at(self, x: Floats, element: Ints) -> Strength:
