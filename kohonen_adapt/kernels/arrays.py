@@ -316,6 +316,9 @@ class Modes(NamedTuple):
     bubble: np.ndarray  # (m,): coefficients of the bubbles at order 3
     dirichlet: np.ndarray  # (m, 3) bool: Dirichlet values on the side
 
+    def rows(self, rows: np.ndarray) -> "Modes":
+        return Modes(self.side[rows], self.bubble[rows], self.dirichlet[rows])
+
 
 @record
 class Reference(NamedTuple):

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import spsolve
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.chains import on_chains
-from kohonen_adapt.kernels.arrays import Modes, Points, Reference
+from kohonen_adapt.kernels.arrays import Points, Reference
 from kohonen_adapt.mesh.polynomials import TrialFunction, by_points, fields_at, local_coefficients, trace_columns
 from kohonen_adapt.mesh.quadrature import kinds_at_axis
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -171,8 +171,7 @@ class RobinElements:
         cls, tri: Triangulation, trial: TrialFunction, offsets: Floats, rows: Ints, unknown: Ints, number: Ints
     ) -> "RobinElements":
         node, chain, region = (array[rows] for array in (tri.elements.node, tri.elements.chain, tri.elements.region))
-        modes = None if trial.modes is None else Modes(*(array[rows] for array in trial.modes))
-        coefficients = local_coefficients(trial.values[node], modes)
+        coefficients = local_coefficients(trial.values[node], trial.modes and trial.modes.rows(rows))
         return cls(rows, node, chain, number[region], tri.position[node], offsets, coefficients, unknown)
 
     def add(self, trial: TrialFunction, change: Floats) -> None:

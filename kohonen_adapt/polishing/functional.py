@@ -15,6 +15,8 @@ from kohonen_adapt.kernels.arrays import (
     HELD,
     SLIDING,
     Laws,
+    Neurons,
+    OpenMesh,
     Reference,
     Trial,
     Trials,
@@ -29,7 +31,7 @@ from kohonen_adapt.polishing.chain_values import (
     signs_of_chains,
 )
 from kohonen_adapt.polishing.chords import Chords
-from kohonen_adapt.polishing.elements import expanded, kinds_of, steepest, with_source, without_modes
+from kohonen_adapt.polishing.elements import expanded, kinds_of, shapes_of, steepest, with_source, without_modes
 from kohonen_adapt.polishing.energy_tables import (
     LINEAR,
     Tables,
@@ -38,6 +40,7 @@ from kohonen_adapt.polishing.energy_tables import (
     laws_of_regions,
     numbers_of_regions,
 )
+from kohonen_adapt.polishing.loops import Higher, Linear
 from kohonen_adapt.polishing.stationarity import check_in_plane
 from kohonen_adapt.problem.functional_value import reference_of, value_on
 from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of
@@ -233,6 +236,15 @@ class Functional:
         if self.dual is None or trial.dual is None:
             return Trials(primal, primal._replace(value=primal.value[:0]))
         return Trials(primal, self.dual.trial(triangulation, trial.dual.values, trial.fixed))
+
+    def loops(self, movable: MovableMesh, trial: TrialFunction, mesh: Neurons | OpenMesh) -> Linear:
+        """Return the loops for a function on `mesh`, whose arrays may have spare rows."""
+        mesh = Neurons(mesh.position, mesh.elements, movable.triangulation.star, mesh.constraints)
+        trials = self.trials(movable.triangulation, trial)
+        if trial.affine:
+            return Linear(mesh, trials, movable.floor)
+        shapes = shapes_of(self.ritz, movable.midside_offsets(), len(mesh.elements.node))
+        return Higher(mesh, trials, movable.floor, trial.all_modes, self.reference, *shapes)
 
     def trial(self, triangulation: Triangulation, values: Floats, fixed: Mask) -> Trial:
         law, nonlinear = self.law[triangulation.elements.region], np.zeros(len(values), dtype=np.bool_)

@@ -5,7 +5,7 @@ are moved back to the node, and their values are multiplied by s. The kernels th
 node slides along its curve segment, and its partner moves with the node.
 """
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,30 +23,17 @@ from kohonen_adapt.kernels.arrays import (
     SIXTH_SOURCE,
     SOURCE_TERMS,
     X_BY_X,
-    Constraints,
-    Elements,
     Modes,
+    Neurons,
     Shapes,
     Star,
     Trial,
     Trials,
 )
 from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.polishing.loops import Linear, Patch
 
-__all__ = ["Descending", "Freedom", "Patch", "descend_pairs", "independent", "set_partners"]
-
-
-class Patch(NamedTuple):
-    """Disjoint stars as a mesh of their own."""
-
-    position: Floats
-    elements: Elements
-    star: Star
-    constraints: Constraints
-    trials: Trials
-    modes: tuple[Modes, ...]
-    shapes: Shapes | None
-    nodes: NDArray[np.int32]  # nodes that move, first rows of `position`
+__all__ = ["Freedom", "descend_pairs", "independent", "set_partners"]
 
 
 class Freedom(NamedTuple):
@@ -55,25 +42,6 @@ class Freedom(NamedTuple):
     kind: NDArray[np.int8]  # (n,)
     fixed: Mask  # (n,)
     sign: Floats  # (c,): `Functional.sign`
-
-
-class Descending(Protocol):
-    """Function on the whole mesh, and its descent on a patch."""
-
-    @property
-    def trials(self) -> Trials:
-        """Primal and dual function with their functionals."""
-
-    @property
-    def modes(self) -> tuple[Modes, ...]:
-        """Coefficients of sides and bubbles, of the primal and of the dual function."""
-
-    @property
-    def shapes(self) -> Shapes | None:
-        """Element shapes, None if all elements are straight and in the plane."""
-
-    def descend_patch(self, patch: Patch) -> float:
-        """Move the nodes of a patch, and return the decrease of the functional."""
 
 
 class Couples(NamedTuple):
@@ -118,7 +86,7 @@ def set_partners(movable: MovableMesh, trial: TrialFunction, sign: Floats) -> No
         modes.side[stars.element[at_partner], stars.corner[at_partner, 3 - b]] = times * coefficients
 
 
-def descend_pairs(movable: MovableMesh, downhill: Descending, freedom: Freedom) -> float:
+def descend_pairs(movable: MovableMesh, loops: Linear, freedom: Freedom) -> float:
     if not len(movable.constraints.periodic.motions):
         return 0.0
     couples, gain = Couples.of(movable, freedom.sign), 0.0
@@ -127,9 +95,9 @@ def descend_pairs(movable: MovableMesh, downhill: Descending, freedom: Freedom) 
     for rows in independent(number[movable.triangulation.elements.node], len(couples.node)):
         some = couples.some(rows)
         stars = Gathered.of(movable, some)
-        patch = stars.patch(movable, downhill, some, freedom)
-        gain += downhill.descend_patch(patch)
-        stars.write_back(movable, downhill, some, patch)
+        patch = stars.patch(movable, loops, some, freedom)
+        gain += loops.descend_patch(patch)
+        stars.write_back(movable, loops, some, patch)
     return gain
 
 
@@ -225,7 +193,7 @@ class Gathered(NamedTuple):
         _, found, number = np.unique(key, return_index=True, return_inverse=True)
         return number.reshape(key.shape), found
 
-    def patch(self, movable: MovableMesh, downhill: Descending, couples: Couples, freedom: Freedom) -> Patch:
+    def patch(self, movable: MovableMesh, loops: Linear, couples: Couples, freedom: Freedom) -> Patch:
         tri, constraints, count = movable.triangulation, movable.constraints, len(couples.node)
         number, found = self.numbers(movable, couples)
         node, times = self.nodes(movable), self.signs(couples)
@@ -235,17 +203,16 @@ class Gathered(NamedTuple):
         start[: count + 1] = np.searchsorted(self.owner, np.arange(count + 1))
         ends = number.astype(np.int32)
         star = Star(start, np.arange(len(node), dtype=np.int32), *np.ascontiguousarray(ends[:, 1:].T))
-        primal, dual = downhill.trials
-        general = bool(downhill.modes)
+        primal, dual = loops.trials
+        general = bool(loops.modes)
         trials = Trials(*(self.trial(each, couples, freedom, ends, found, node, general) for each in (primal, dual)))
         kind = np.where(np.arange(len(rows)) < count, freedom.kind[rows], HELD).astype(np.int8)
         of_nodes = {name: getattr(constraints, name)[rows] for name in ("chain", "parameter", "inner")}
-        modes = tuple(self.modes(movable, own, times, freedom.sign) for own in downhill.modes)
-        shapes = downhill.shapes and self.shapes(downhill.shapes, couples)
+        modes = tuple(self.modes(movable, own, times, freedom.sign) for own in loops.modes)
+        shapes = loops.shapes and self.shapes(loops.shapes, couples)
         elements, nodes = tri.elements._replace(node=ends), np.arange(count, dtype=np.int32)
-        return Patch(
-            position, elements, star, constraints._replace(kind=kind, **of_nodes), trials, modes, shapes, nodes
-        )
+        mesh = Neurons(position, elements, star, constraints._replace(kind=kind, **of_nodes))
+        return Patch(mesh, trials, modes, shapes, nodes)
 
     def trial(
         self, trial: Trial, couples: Couples, freedom: Freedom, ends: Ints, found: Ints, node: Ints, general: bool
@@ -311,18 +278,18 @@ class Gathered(NamedTuple):
         side = modes.side[at] * self.side_factors(modes.side.shape[2], times)
         return Modes(side, modes.bubble[self.element] * times, dirichlet)
 
-    def write_back(self, movable: MovableMesh, downhill: Descending, couples: Couples, patch: Patch) -> None:
+    def write_back(self, movable: MovableMesh, loops: Linear, couples: Couples, patch: Patch) -> None:
         constraints, count = movable.constraints, len(couples.node)
-        parameter = patch.constraints.parameter[:count]
+        parameter = patch.mesh.constraints.parameter[:count]
         for nodes, times in ((couples.node, np.ones(count)), (couples.partner, couples.sign)):
             moved = parameter != constraints.parameter[nodes]
             constraints.parameter[nodes] = parameter
             points = movable.outline.points_on(constraints.own_chain[nodes[moved]], parameter[moved])
             movable.triangulation.position[nodes[moved]] = points
-            for function, now in zip(downhill.trials, patch.trials, strict=True):
+            for function, now in zip(loops.trials, patch.trials, strict=True):
                 if len(function.value):
                     function.value[nodes] = times * now.value[:count]
         signs = self.signs(couples)
-        for modes, own in zip(downhill.modes, patch.modes, strict=True):
+        for modes, own in zip(loops.modes, patch.modes, strict=True):
             modes.side[self.element[:, None], self.corner] = own.side * self.side_factors(modes.side.shape[2], signs)
             modes.bubble[self.element] = own.bubble * signs

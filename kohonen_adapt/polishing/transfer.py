@@ -94,7 +94,7 @@ class InputSolution:
 
     def values(self, element: Ints, weights: Floats) -> Floats:
         values, _, modes, _ = self.functional.solution
-        part = None if modes is None else Modes(*(array[element] for array in modes))
+        part = modes and modes.rows(element)
         coefficients = local_coefficients(values[self.triangulation.elements.node[element]], part)
         return evaluated(coefficients, weights, None if self.kind is None else self.kind[element])
 

@@ -17,7 +17,7 @@ from kohonen_adapt.geometry.plane.surgery import Surgery
 from kohonen_adapt.kernels.arrays import HELD, SLIDING
 from kohonen_adapt.magnetostatics import Brauer, Froehlich
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.polishing.energy_recycling import compute_gains, make_judge, offers_of, recycle_by_energy
+from kohonen_adapt.polishing.energy_recycling import compute_gains, offers_of, recycle_by_energy, with_spare_rows
 from kohonen_adapt.polishing.functional import Functional
 
 FLOOR = 0.3
@@ -83,7 +83,8 @@ class Setting:
         mesh = Surgery.on(self.movable, np.ones(len(self.values)), len(self.values), self.recycled).mesh
         trial = TrialFunction(self.values, self.fixed, None)
         offers = offers_of(self.movable, self.functional, self.fixed, mesh)
-        return offers, compute_gains(make_judge(self.movable, self.functional, trial, mesh, offers), offers)
+        trial = with_spare_rows(trial, len(mesh.position), len(mesh.elements.node))
+        return offers, compute_gains(self.functional.loops(self.movable, trial, mesh), mesh, offers)
 
 
 def worst(position, node, elements):

@@ -8,7 +8,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.polishing.elements import without_modes
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.sweeps import Higher, Linear
+from kohonen_adapt.polishing.loops import Higher, Linear
 from kohonen_adapt.problem.ritz import Ritz
 
 
@@ -31,12 +31,13 @@ def swept(kind, seed):
     trial = functional.solution.copy()
     if kind is Higher:
         trial = trial._replace(modes=without_modes(len(movable.triangulation.elements.node)))
-    downhill, gains = kind(movable, functional, trial, movable.constraints), []
+    loops, gains = functional.loops(movable, trial, movable.kernel_mesh()), []
+    assert type(loops) is kind
     nodes, count = np.arange(movable.nnodes, dtype=np.int32), len(movable.triangulation.elements.node)
     for _ in range(3):
-        gains.append(downhill.descend_nodes(0, nodes))
+        gains.append(loops.descend_nodes(0, nodes))
         gainful = np.ones(count, dtype=np.bool_)
-        gains += downhill.descend_flips(0, 0, count, gainful, False)
+        gains += loops.descend_flips(0, 0, count, gainful, False)
         movable.triangulation.refill_star()
     return gains, movable.triangulation.position, trial.values, movable.triangulation.elements.node
 

@@ -24,7 +24,7 @@ from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend_and_recycle
-from kohonen_adapt.polishing.sweeps import Higher, sweep
+from kohonen_adapt.polishing.sweeps import sweep
 
 ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}
 MESHES = {"inset": lambda: perturbed(inset(8), 1), "junction": lambda: perturbed(junction(8), 2)}
@@ -117,7 +117,7 @@ def test_a_node_comes_to_rest_where_the_sum_is_least(order):
     one, other = (np.where(ritz.fixed, each.values, wave) for each, wave in zip((ritz, ritz.dual), waves, strict=True))
     at = Setting(MESHES["inset"](), replace(ritz, values=one, dual=replace(ritz.dual, values=other)))
     tri, constraints, trial = at.movable.triangulation, at.movable.constraints, at.trial
-    scratch = Higher(at.movable, at.functional, trial, constraints).scratch(0)
+    scratch = at.functional.loops(at.movable, trial, at.movable.kernel_mesh()).scratch(0)
     sliding, chain = constraints.kind == SLIDING, constraints.own_chain
     alone = Alone(at)
     groups = constraints.kind == FREE, sliding & trial.fixed, sliding & ~trial.fixed

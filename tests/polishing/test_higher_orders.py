@@ -13,11 +13,10 @@ from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import Surgery
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.kernels.triangle.polish.descend_higher import Descents
 from kohonen_adapt.kernels.triangle.polish.energy_recycle_higher import weigh_higher
 from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
 from kohonen_adapt.mesh.polynomials import count_unknowns, evaluated, local_coefficients, modes_of
-from kohonen_adapt.polishing.energy_recycling import compute_gains, make_judge, offers_of, recycle_by_energy
+from kohonen_adapt.polishing.energy_recycling import compute_gains, offers_of, recycle_by_energy, with_spare_rows
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend
 from kohonen_adapt.polishing.transfer import transferred
@@ -161,11 +160,12 @@ def test_what_was_in_memory_before_has_no_say(order):
     movable, functional, trial, recycled = taken(Setting(perturbed(l_shaped_mesh(3), 1), problem("F", order)))
     mesh = Surgery.on(movable, np.ones(movable.nnodes), movable.nnodes, recycled).mesh
     offers = offers_of(movable, functional, trial.fixed, mesh)
-    judging = make_judge(movable, functional, trial, mesh, offers)
-    most, costs = compute_gains(judging, offers), offers.cost.copy()
+    loops = functional.loops(movable, with_spare_rows(trial, len(mesh.position), len(mesh.elements.node)), mesh)
+    most, costs = compute_gains(loops, mesh, offers), offers.cost.copy()
     assert np.isfinite(costs).sum() > 10
     for v in range(movable.nnodes):
-        room = Descents.of(*judging.shared)
+        loops.scratches.clear()
+        room = loops.scratch(0)
         for array in room.primal.block:
             array[:] = np.nan if array.dtype == np.float64 else -5
         weigh_higher(mesh, room, offers, most, movable.floor, v, v + 1, False)

@@ -19,7 +19,6 @@ from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import Freedom, descend_pairs, set_partners
 from kohonen_adapt.polishing.polish import descend
-from kohonen_adapt.polishing.sweeps import _downhill
 from kohonen_adapt.problem.functional_value import functional_value
 
 LINES = {"left": (0, 0), "right": (0, 1), "low": (1, 0), "top": (1, 1)}
@@ -90,8 +89,8 @@ class Setting:
         return self.functional.value(self.movable.triangulation, self.trial)
 
     def step(self):
-        downhill = _downhill(self.movable, self.functional, self.trial, self.movable.constraints)
-        return descend_pairs(self.movable, downhill, self.freedom)
+        loops = self.functional.loops(self.movable, self.trial, self.movable.kernel_mesh())
+        return descend_pairs(self.movable, loops, self.freedom)
 
     def couples(self):
         """Both nodes and the sign of every pair of sliding nodes."""

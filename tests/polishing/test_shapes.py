@@ -17,7 +17,6 @@ from kohonen_adapt.mesh.curved import jacobian_coefficients
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend
-from kohonen_adapt.polishing.sweeps import Higher
 from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.problem.ritz import Ritz
 
@@ -102,7 +101,7 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
     at = Setting(case)
     tri, movable = at.movable.triangulation, at.movable
     assert at.value() == pytest.approx(functional_value(at.mesh, at.ritz), rel=1e-12)
-    scratch = Higher(movable, at.functional, at.trial, movable.constraints).scratch(0).primal
+    scratch = at.functional.loops(movable, at.trial, movable.kernel_mesh()).scratch(0).primal
     derivatives, number, change = (
         interpreted(loop) for loop in (kernels.derivatives, kernels.number_block, kernels.change_block)
     )
@@ -154,7 +153,7 @@ def test_few_points_integrate_the_block_of_a_uniform_field(name):
     at = Setting(CASES[name])
     tri, movable = at.movable.triangulation, at.movable
     at.trial.values[:], at.trial.modes.side[:], at.trial.modes.bubble[:] = tri.position[:, 0], 0.0, 0.0
-    scratch = Higher(movable, at.functional, at.trial, movable.constraints).scratch(0).primal
+    scratch = at.functional.loops(movable, at.trial, movable.kernel_mesh()).scratch(0).primal
     straight = np.setdiff1d(tri.elements.node, tri.elements.node[scratch.shapes.special])
     v = straight[movable.constraints.kind[straight] == FREE][0]
     interpreted(kernels.number_block)(scratch, v)

@@ -29,14 +29,12 @@ from kohonen_adapt.kernels.arrays import (
     SIXTH_SOURCE,
     VALUE,
     Block,
-    Constraints,
     Descent,
-    Elements,
     Modes,
+    Neurons,
     Points,
     Reference,
     Shapes,
-    Star,
     Trials,
 )
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
@@ -60,12 +58,12 @@ class Descents(NamedTuple):
     @classmethod
     def of(
         cls,
-        mesh: tuple[np.ndarray, Elements, Star, Constraints],
+        mesh: Neurons,
         trials: Trials,
         modes: Sequence[Modes],
         shapes: tuple[Reference, Points, Shapes],
-        most: int,
     ) -> "Descents":
+        most = int(np.diff(mesh.star.start).max())
         primal, dual = (Block.of(most, shapes[0].slope.shape[1]) for _ in trials)
         first = Descent(*mesh, trials.primal, modes[0], *shapes, primal)
         second = Descent(*mesh, trials.dual, modes[-1], *shapes, dual)
