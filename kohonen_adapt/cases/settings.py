@@ -36,10 +36,10 @@ from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
+from kohonen_adapt.mesh.adjacency import check_overlap
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.names import named_sets
-from kohonen_adapt.mesh.overlap import check_overlap
 
 __all__ = ["ADAPT", "PROBLEM", "case_of", "fitting_mesh", "read_case"]
 

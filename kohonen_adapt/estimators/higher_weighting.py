@@ -17,8 +17,7 @@ from kohonen_adapt.estimators.equilibration import fixed_nodes
 from kohonen_adapt.estimators.explicit import checked_reluctivity
 from kohonen_adapt.estimators.residual_at_points import HIGHER_SCALES, LATTICE, divergences, residual_at_points
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
-from kohonen_adapt.mesh.curved import with_midside_offsets
-from kohonen_adapt.mesh.isoparametric import Isoparametric
+from kohonen_adapt.mesh.curved import Isoparametric, with_midside_offsets
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.polynomials import KINDS, count_unknowns
 

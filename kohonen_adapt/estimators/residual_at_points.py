@@ -4,7 +4,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.cells import TRIANGLE
-from kohonen_adapt.mesh.isoparametric import Isoparametric
+from kohonen_adapt.mesh.curved import Isoparametric
 from kohonen_adapt.mesh.measures import area, hat_gradients, signed_area
 from kohonen_adapt.mesh.polynomials import facet_products
 

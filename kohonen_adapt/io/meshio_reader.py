@@ -33,8 +33,7 @@ from kohonen_adapt.io.content import (
     shape_of,
 )
 from kohonen_adapt.io.groups import UNNAMED
-from kohonen_adapt.io.vtu import BOUNDARY, SUBDOMAIN, sides_of
-from kohonen_adapt.io.vtu_check import checked_vtu, plain_xml
+from kohonen_adapt.io.vtu import BOUNDARY, SUBDOMAIN, checked_vtu, plain_xml, sides_of
 
 __all__ = ["FORMATS", "WITH_FIELDS", "read_arrays", "read_content"]
 

@@ -40,9 +40,15 @@ from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.problem.protocol import Problem, has_functional, order_of
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.moved import Moved, why_still
-from kohonen_adapt.som.relocate import loops_in_plane, move, report_curves
+from kohonen_adapt.som.relocate import (
+    loops_in_plane,
+    loops_in_space,
+    move,
+    move_in_space,
+    report_curves,
+    report_surfaces,
+)
 from kohonen_adapt.som.schedule import Schedule
-from kohonen_adapt.som.space import loops_in_space, move_in_space, report_surfaces
 
 __all__ = ["PlaneMethod", "SpaceMethod", "method_of"]
 

@@ -1,20 +1,31 @@
-"""Orientation and neighbours of elements.
+"""Orientation and neighbours of elements, and refusal of tangled meshes.
 
 scikit-fem sorts the nodes of elements by index and stores no neighbours. Its facets show neither on which side an
-element lies, nor that more than two elements share a facet. Tangled meshes are therefore detected here.
+element lies, nor that more than two elements share a facet. The number of elements over a point changes across facets
+of the rim only. Elements that lie on others are therefore found by the centroids of elements with a facet on the rim.
 """
+
+from functools import reduce
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.checks import point_text
-from kohonen_adapt.mesh.cells import CELLS
+from kohonen_adapt.checks import listed, point_text
+from kohonen_adapt.mesh.cells import CELLS, Cell, cell_of
+from kohonen_adapt.mesh.curved import corners_of, is_second_order, midside_offsets
 from kohonen_adapt.mesh.host import ascending, keys_of
+from kohonen_adapt.mesh.names import named_sets
 
-__all__ = ["neighbours_of", "parts_of_regions", "positive", "write_on_both_sides"]
+__all__ = ["check_overlap", "neighbours_of", "parts_of_regions", "positive", "refuse_overlap", "write_on_both_sides"]
+
+BRANCHES = 4  # boxes in each box of the tree
+FIRST, GROWTH, MOST = 16, 16, 2**16  # number of points at a time, few at first: stacked elements give many pairs
+ROUNDING = 16.0 * np.finfo(np.float64).eps  # rounding error of coordinates of the order of 1
+WHAT = {2: ("areas", "surfaces"), 3: ("volumes", "volumes")}  # words for elements and for the drawing
 
 
 def positive(position: Floats, t: ArrayLike) -> NDArray[np.int32]:
@@ -71,3 +82,112 @@ def write_on_both_sides(of_facet: Ints, neighbour: Ints, element: Ints, corner: 
     inside = across >= 0
     e, own = across[inside], element[inside]
     of_facet[e, np.argmax(neighbour[e] == own[:, None], axis=1)] = value[inside]
+
+
+def check_overlap(mesh: Mesh) -> None:
+    corners = corners_of(mesh)
+    position = np.ascontiguousarray(corners.p.T, dtype=np.float64)
+    node = positive(position, corners.t)
+    refuse_overlap(mesh, position, node, neighbours_of(node, position))
+
+
+def refuse_overlap(mesh: Mesh, position: Floats, node: NDArray[np.int32], neighbour: NDArray[np.int32]) -> None:
+    rim = np.flatnonzero((neighbour < 0).any(axis=1))
+    low, high = position.min(axis=0), position.max(axis=0)
+    size = (high - low).max()
+    scaled = (position - low) / size
+    corners = [np.take(scaled, column, axis=0).T for column in node.T]  # (d, m) each, whose extremes are quick to find
+    margin = np.zeros(len(node))
+    if is_second_order(mesh):
+        margin = np.linalg.norm(midside_offsets(mesh), axis=2).max(axis=1) / size
+    tree = BoxTree(reduce(np.minimum, corners), reduce(np.maximum, corners))
+    start, count = 0, FIRST
+    while start < len(rim):
+        own = rim[start : start + count]
+        centroids = scaled[node[own]].mean(axis=1).T
+        holder, point = tree.boxes_around(centroids)
+        other = holder != own[point]
+        holder, point = holder[other], point[other]
+        margin_of_pair = margin[holder] + margin[own[point]]
+        inside = are_inside(scaled[node[holder]].transpose(2, 1, 0), centroids[:, point], margin_of_pair)
+        if inside.any():
+            first = np.flatnonzero(inside)[np.argmin(point[inside])]
+            raise ValueError(overlap_message(mesh, int(own[point[first]]), int(holder[first])))
+        start, count = start + count, min(count * GROWTH, MOST)
+
+
+class BoxTree:
+    """Hierarchy of boxes (d, m), for meshes of elements of very different sizes."""
+
+    def __init__(self, low: Floats, high: Floats) -> None:
+        self.order = packed(0.5 * (low + high))
+        self.levels = [(low[:, self.order], high[:, self.order])]
+        while self.levels[-1][0].shape[1] > BRANCHES:
+            low, high = self.levels[-1]
+            first = np.arange(0, low.shape[1], BRANCHES)
+            self.levels.append((np.minimum.reduceat(low, first, axis=1), np.maximum.reduceat(high, first, axis=1)))
+
+    def boxes_around(self, x: Floats) -> tuple[Ints, Ints]:
+        box, point = (pair.ravel() for pair in np.indices((self.levels[-1][0].shape[1], x.shape[1])))
+        for depth, (low, high) in enumerate(reversed(self.levels)):
+            if depth:
+                box = (BRANCHES * box[:, None] + np.arange(BRANCHES)).ravel()
+                point = np.repeat(point, BRANCHES)
+                there = box < low.shape[1]
+                box, point = box[there], point[there]
+            for axis in range(len(x)):
+                at = x[axis, point]
+                inside = (low[axis, box] <= at) & (at <= high[axis, box])
+                box, point = box[inside], point[inside]
+        return self.order[box], point
+
+
+def packed(x: Floats) -> Ints:
+    """Return an order of points (d, m) that keeps neighbours together.
+
+    Slabs along the first axis hold columns along the second, and so on, with as many points in each (S. T. Leutenegger
+    et al., Proc. 13th Int. Conf. on Data Engineering (1997) 497).
+    """
+    dim, count = x.shape
+    order = np.argsort(x[0])
+    for axis in range(1, dim):
+        width = int(np.ceil(count ** ((dim - axis) / dim)))
+        slabs = -(-count // width)
+        along = np.full(slabs * width, np.inf)
+        along[:count] = x[axis, order]
+        inner = np.argsort(along.reshape(slabs, width), axis=1) + width * np.arange(slabs)[:, None]
+        order = order[inner.ravel()[:count]]
+    return order
+
+
+def are_inside(corners: Floats, x: Floats, margin: Floats) -> Mask:
+    """Return True for points farther than `margin` inside their elements.
+
+    Elements have corners (d, d + 1, q), points are (d, q), and coordinates are of the order of 1.
+    """
+    dim = len(corners)
+    cell: Cell = CELLS[dim]
+    extent = np.ptp(corners, axis=1).max(axis=0)
+    least = (ROUNDING + 1.5 * margin) * extent ** (dim - 1)  # a side in the plane is at most sqrt(2) extents long
+    inside = np.ones(x.shape[1], dtype=np.bool_)
+    for corner in range(dim + 1):
+        replaced = corners.copy()
+        replaced[:, corner] = x
+        inside &= cell.determinant(replaced) > least
+    return inside
+
+
+def overlap_message(mesh: Mesh, element: int, other: int) -> str:
+    middle = mesh.p[:, mesh.t[:, element]].mean(axis=1)
+    words, drawn = WHAT[cell_of(mesh).dim]
+    return (
+        f"the mesh lies on itself: at {point_text(middle)} element {element}{_subdomain(mesh, element)} is on element "
+        f"{other}{_subdomain(mesh, other)}, so {words} count twice. Cut the {drawn} of the drawing at one another "
+        "before meshing (Gmsh: BooleanFragments, where both are the same Coherence), so that each lies in one "
+        "subdomain only."
+    )
+
+
+def _subdomain(mesh: Mesh, element: int) -> str:
+    names = [name for name, rows in named_sets(mesh.subdomains).items() if element in rows]
+    return f" (subdomain {listed(names)})" if names else ""

@@ -14,8 +14,7 @@ from kohonen_adapt.kernels.tetrahedron import locate as of_tetrahedra
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle import locate as of_triangles
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
-from kohonen_adapt.mesh.curved import check_curved_sides, is_second_order
-from kohonen_adapt.mesh.isoparametric import Isoparametric
+from kohonen_adapt.mesh.curved import Isoparametric, check_curved_sides, is_second_order
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 

@@ -10,10 +10,9 @@ from skfem.mesh import MeshTet1
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.tetrahedron.arrays import Star, Tetrahedra
 from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star
-from kohonen_adapt.mesh.adjacency import neighbours_of, positive
+from kohonen_adapt.mesh.adjacency import neighbours_of, positive, refuse_overlap
 from kohonen_adapt.mesh.host import remade
 from kohonen_adapt.mesh.names import regions_of, subdomains_of
-from kohonen_adapt.mesh.overlap import refuse_overlap
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["Tetrahedralization"]

@@ -11,11 +11,10 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.arrays import Elements, Star
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
 from kohonen_adapt.kernels.triangle.connectivity import fill_star, find_starts
-from kohonen_adapt.mesh.adjacency import neighbours_of, positive
+from kohonen_adapt.mesh.adjacency import neighbours_of, positive, refuse_overlap
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.host import ascending, remade
 from kohonen_adapt.mesh.names import regions_of, subdomains_of
-from kohonen_adapt.mesh.overlap import refuse_overlap
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["Triangulation"]

@@ -8,8 +8,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING, Modes
 from kohonen_adapt.kernels.triangle.locate import barycentric
 from kohonen_adapt.mesh.adjacency import parts_of_regions
-from kohonen_adapt.mesh.curved import AFTER, BEFORE
-from kohonen_adapt.mesh.isoparametric import CurvedElements
+from kohonen_adapt.mesh.curved import AFTER, BEFORE, CurvedElements
 from kohonen_adapt.mesh.locate import walk_to_elements
 from kohonen_adapt.mesh.polynomials import (
     TrialFunction,

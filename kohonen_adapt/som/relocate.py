@@ -1,4 +1,4 @@
-"""Relocation of triangles by recycling, the Kohonen map and transport."""
+"""Relocation of triangles and tetrahedra by recycling, the map and smoothing."""
 
 import logging
 from collections.abc import Callable
@@ -6,24 +6,41 @@ from contextlib import nullcontext
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.movable import Recycled, unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import numbered_along_curve
-from kohonen_adapt.kernels.arrays import Elements
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.geometry.space.open_solid import OpenSolid
+from kohonen_adapt.geometry.space.parts import Parts
+from kohonen_adapt.kernels.arrays import Elements, Neurons
+from kohonen_adapt.kernels.heap import Heap
+from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints
+from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
+from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
+from kohonen_adapt.kernels.threads import Nodes
+from kohonen_adapt.som.density import DensityInSpace, density_in_space
 from kohonen_adapt.som.moved import Moved, why_still
 from kohonen_adapt.som.recycling import recycle_nodes, starts_of
 from kohonen_adapt.som.schedule import Schedule, most_doublings
 from kohonen_adapt.som.training import Trainer
-from kohonen_adapt.som.training_points import Density, density_of
+from kohonen_adapt.som.training_points import Density, density_of, source_of
 
 logger = logging.getLogger("kohonen_adapt")
 
-__all__ = ["loops_in_plane", "move", "report_curves"]
+__all__ = ["loops_in_plane", "loops_in_space", "move", "move_in_space", "report_curves", "report_surfaces"]
 
 # Logarithm of the mean mass per node of a patch, above which mass must travel the width of the patch.
 MISMATCH = 0.6
+SWEEPS = {"flip": 8, "fixed": 6, "recycle": 3}  # sweeps of smoothing: more would concentrate nodes too much
+RATIO = 2.2  # ratio of the longest to the shortest edge in the metric; below 2, splits and collapses alternate forever
+ROUNDS = 6  # number of rounds: a forbidden collapse may be allowed after swaps nearby
+SETTLED = 0.005  # fraction of nodes: a round with fewer splits is the last
+MIXED = 0.1  # fraction of nodes: after a round with more splits rows are ordered again
+POWER = 5.0 / 3.0  # exponent of the density as weight of smoothing, which equalises the mass of elements
+PAIRS, NODES = 10_000, 50_000  # per compiled call, so that Ctrl-C takes effect within half a second
 
 
 def loops_in_plane(topology: str) -> tuple[str, ...]:
@@ -108,3 +125,130 @@ def report_curves(before: MovableMesh, now: MovableMesh) -> None:
         which = now.outline.farthest_curve(now.triangulation)
         text = "curves are up to %.3g away from their facets, that of %s, and were up to %.3g, in units of the mesh"
         logger.info(text, left_out, which, then)
+
+
+def loops_in_space(topology: str, schedule: Schedule | None) -> tuple[str, ...]:
+    if schedule is not None and schedule.rounds:
+        raise ValueError(f"rounds of transport are for triangles only; got a schedule with {schedule.rounds}.")
+    recycling = ["space recycling"] * (topology == "recycle")
+    return ("space ground", "space moves", *recycling, *["space map"] * (schedule is not None and schedule.trains))
+
+
+def move_in_space(
+    movable: MovableSolid,
+    density: ArrayLike | Callable[[Floats], ArrayLike],
+    schedule: Schedule | None,
+    topology: str,
+    rng: np.random.Generator,
+    nodes: int = 0,
+) -> Moved[MovableSolid]:
+    """Move the nodes of a tetrahedral mesh to a density, in place."""
+    before, sweeps = movable.copy(), None if schedule is None else schedule.sweeps
+    wanted = density_in_space(before.tetrahedralization, density)
+    if schedule is None or not schedule.trains:
+        recycled, errors = rearrange(movable, wanted, topology, sweeps, nodes), tuple[float, ...]()
+    else:
+        recycled = rearrange(movable, wanted, topology, 0, nodes)
+        source = source_of(before.tetrahedralization, density)
+        errors = Trainer.of(movable).learn(source.draw, schedule, rng, starts_in_space(before, movable))
+        rearrange(movable, wanted, "flip" if movable.flips else "fixed", sweeps)
+    return Moved(before, recycled, errors, why_still(movable, schedule))
+
+
+def starts_in_space(before: MovableSolid, now: MovableSolid) -> Ints:
+    middle, old = before.tetrahedralization.centroids(), before.tetrahedralization.elements.region
+    node, region = now.tetrahedralization.elements.node, now.tetrahedralization.elements.region
+    starts = np.empty(len(middle), dtype=np.int32)
+    for number in range(int(old.max()) + 1):
+        nodes = np.unique(node[region == number])
+        nearest = cKDTree(now.tetrahedralization.position[nodes]).query(middle[old == number])[1]
+        starts[old == number] = nodes[nearest]
+    return starts
+
+
+def rearrange(
+    movable: MovableSolid, density: DensityInSpace, topology: str, sweeps: int | None = None, nodes: int = 0
+) -> Recycled:
+    """Recycle nodes, swap elements and smooth, in place, as `topology` allows.
+
+    `nodes` is the final number of nodes, 0 for the present number; without recycling the number does not decrease.
+    """
+    pairs, target = topology == "recycle", nodes or movable.nnodes
+    target = target if pairs else max(target, movable.nnodes)
+    movable.project_nodes()
+    opened = OpenSolid.of(movable, density.at_nodes(), target)
+    if movable.flips:
+        opened.swap()
+    splits = collapses = 0
+    if pairs or target > movable.nnodes:
+        splits, collapses = exchange(opened, movable, target, RATIO if pairs else np.inf)
+    smooth(opened, density, SWEEPS[topology] if sweeps is None else sweeps, movable)
+    rows = opened.write_back(movable, renumbered=bool(pairs and splits + collapses))
+    movable.project_nodes()
+    return Recycled(opened.mesh.origins.old[rows], opened.mesh.origins.start_element[rows], splits, collapses)
+
+
+def exchange(opened: OpenSolid, movable: MovableSolid, target: int, ratio: float) -> tuple[int, int]:
+    mesh, rows, floor = opened.mesh, 2 * len(opened.mesh.elements.node), cubed(movable.floor)
+    heaps = Heap.of(rows), Heap.of(rows)
+    splits = collapses = 0
+    for _ in range(ROUNDS):
+        fill(opened, heaps)
+        at_first, finished = splits, False
+        while not finished:
+            missing = target - len(opened.nodes())
+            more, fewer, finished = recycle(mesh, opened.queue, *heaps, missing, ratio, floor, PAIRS)
+            splits, collapses = splits + more, collapses + fewer
+        if ratio < np.inf and splits - at_first > MIXED * len(mesh.position):  # without this nodes keep their numbers
+            opened.renumber()
+        if movable.flips:
+            opened.swap()
+        if splits - at_first <= SETTLED * len(mesh.position):
+            break
+    return splits, collapses
+
+
+def fill(opened: OpenSolid, heaps: tuple[Heap, Heap]) -> None:
+    for heap in heaps:
+        heap.size[0] = 0
+    for first in range(0, len(opened.mesh.position), NODES):
+        fill_heaps(opened.mesh, *heaps, first, min(first + NODES, len(opened.mesh.position)))
+
+
+def smooth(opened: OpenSolid, density: DensityInSpace, sweeps: int, movable: MovableSolid) -> None:
+    parts = opened.parts()
+    for _ in range(sweeps):
+        sweep(opened, parts, weights(opened, density), cubed(movable.floor))
+        if movable.flips:
+            opened.queue_worse()
+            opened.swap()
+
+
+def weights(opened: OpenSolid, density: DensityInSpace) -> Floats:
+    node, weight = opened.mesh.elements.node, np.zeros(len(opened.mesh.elements.node))
+    used = np.flatnonzero(node[:, 0] >= 0)
+    weight[used] = density.at(opened.mesh.position[node[used]].mean(axis=1)) ** POWER
+    return weight
+
+
+def sweep(opened: OpenSolid, parts: Parts, weight: Floats, floor: float) -> None:
+    mesh, star = opened.mesh, opened.star()
+    constraints = Constraints(mesh.freedom, mesh.surfaces, mesh.freedom.number == INSIDE)
+    neurons = Neurons(mesh.position, mesh.elements, star, constraints)
+
+    def task(thread: int, nodes: Nodes) -> float:
+        smooth_nodes(neurons, weight, floor, nodes)
+        return 0.0
+
+    parts.sweep(star, task)
+
+
+def cubed(floor: float) -> float:
+    return floor**3
+
+
+def report_surfaces(before: MovableSolid, now: MovableSolid) -> None:
+    then, left_out = before.sagitta(), now.sagitta()
+    if max(then, left_out) > 0.0:
+        text = "surfaces are up to %.3g away from their faces, %s, and were up to %.3g, in units of the mesh"
+        logger.info(text, left_out, now.farthest_surface(), then)

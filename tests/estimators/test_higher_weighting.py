@@ -21,7 +21,7 @@ from skfem import (
 from skfem.helpers import dot, grad
 
 from kohonen_adapt.estimators import goal_error, goal_oriented
-from kohonen_adapt.mesh.isoparametric import refined
+from kohonen_adapt.mesh.curved import refined
 
 KINDS = {2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}
 

@@ -26,7 +26,7 @@ from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, LINE, ON_PATCH, ON_RIDGE, PLANE, WAITS
 from kohonen_adapt.kernels.tetrahedron.swap import swap_waiting
-from kohonen_adapt.som.space import move_in_space
+from kohonen_adapt.som.relocate import move_in_space
 
 MESHES = {"box": box, "L": l_shape, "two regions": two_regions, "sheet": cut}
 each_mesh = pytest.mark.parametrize("build", MESHES.values(), ids=MESHES)

@@ -10,8 +10,7 @@ from skfem import MeshTri, MeshTri2
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material, arkkio_torque, lorentz_torque
-from kohonen_adapt.mesh.curved import with_midside_offsets
-from kohonen_adapt.mesh.isoparametric import Isoparametric
+from kohonen_adapt.mesh.curved import Isoparametric, with_midside_offsets
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.measures import area
 

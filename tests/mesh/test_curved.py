@@ -8,14 +8,15 @@ from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt.mesh.curved import (
+    Isoparametric,
     corner_positions,
     corners_of,
     facet_midside_offsets,
     jacobian_coefficients,
     midside_offsets,
+    refined,
     with_midside_offsets,
 )
-from kohonen_adapt.mesh.isoparametric import Isoparametric, refined
 from kohonen_adapt.mesh.measures import area, signed_area
 from kohonen_adapt.mesh.validity import check_mesh
 

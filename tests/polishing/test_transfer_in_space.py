@@ -11,7 +11,7 @@ from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.space.transfer_in_space import transferred_in_space
-from kohonen_adapt.som.space import move_in_space
+from kohonen_adapt.som.relocate import move_in_space
 
 TOPOLOGIES = ("recycle", "flip", "fixed")
 

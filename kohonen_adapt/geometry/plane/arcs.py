@@ -18,9 +18,8 @@ from kohonen_adapt.geometry.plane.polylines import (
 )
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.arrays import ROUND, STRAIGHT
-from kohonen_adapt.mesh.curved import is_second_order
+from kohonen_adapt.mesh.curved import is_second_order, refined
 from kohonen_adapt.mesh.host import facets_opposite
-from kohonen_adapt.mesh.isoparametric import refined
 from kohonen_adapt.mesh.measures import signed_area
 
 __all__ = ["PossibleArc", "possible_arcs", "refined_on_arcs"]

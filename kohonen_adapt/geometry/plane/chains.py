@@ -179,7 +179,7 @@ def knots_through(nodes: Floats, offset: Floats, closed: bool) -> Floats:
     """Return knots (s, 5) of a cubic spline through corner and midside nodes.
 
     The parameter is the chord length, shifted inside every facet by a smooth function so that the midside node has the
-    mean parameter of the two corners, where `isoparametric` places midside nodes later.
+    mean parameter of the two corners, where `offsets_on_curves` places midside nodes.
     """
     points = np.empty((2 * len(nodes) - 1, 2))
     points[::2], points[1::2] = nodes, 0.5 * (nodes[:-1] + nodes[1:]) + offset

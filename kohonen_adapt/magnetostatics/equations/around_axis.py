@@ -13,7 +13,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.elements import Linear
 from kohonen_adapt.magnetostatics.equations.higher import ElementGroup, Elements, Higher
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, Symmetry
-from kohonen_adapt.mesh.isoparametric import Isoparametric
+from kohonen_adapt.mesh.curved import Isoparametric
 from kohonen_adapt.mesh.measures import hat_gradients
 from kohonen_adapt.mesh.polynomials import KINDS, facet_functions, functions_at, functions_near_axis, slopes_near_axis
 from kohonen_adapt.mesh.quadrature import ON_AXIS, factor_at, kinds_at_axis, points_near_axis

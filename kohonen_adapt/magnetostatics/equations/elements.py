@@ -11,7 +11,7 @@ from skfem import Mesh, MeshTet, MeshTri
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.mesh.cells import TETRAHEDRON
-from kohonen_adapt.mesh.isoparametric import Isoparametric
+from kohonen_adapt.mesh.curved import Isoparametric
 from kohonen_adapt.mesh.measures import area, gradient, hat_gradients, inner_points
 
 __all__ = ["TETRAHEDRON_EDGES", "FiniteElements", "Linear", "Polynomials", "Tetrahedra"]
