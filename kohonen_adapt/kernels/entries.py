@@ -2,7 +2,9 @@
 
 from numba.types import boolean, float64, int8, int64
 
-from kohonen_adapt.kernels import arrays, ordering
+from kohonen_adapt.kernels import arrays as shared
+from kohonen_adapt.kernels import nonlinear, ordering
+from kohonen_adapt.kernels.numba.compilation import record_type
 from kohonen_adapt.kernels.numba.entry import (
     B1,
     GRID,
@@ -19,9 +21,9 @@ from kohonen_adapt.kernels.numba.entry import (
     SEARCH_SCRATCH,
     Entry,
 )
-from kohonen_adapt.kernels.numba.records import record_type
 from kohonen_adapt.kernels.tetrahedron.entries import SPACE
 from kohonen_adapt.kernels.triangle import (
+    arrays,
     chains,
     connectivity,
     equilibrate,
@@ -52,11 +54,11 @@ SITES = record_type(smooth.Sites, (I1, I1, I1, R1))
 CHAINS = record_type(arrays.Chains, (R2, int8[:, ::1], I1, R2))
 PERIODIC_PAIRS = record_type(arrays.PeriodicPairs, (I1, I1, R3, I2))
 CONSTRAINTS = record_type(arrays.Constraints, (int8[::1], I2, R1, B1, CHAINS, PERIODIC_PAIRS))
-NEURONS = record_type(arrays.Neurons, (R2, ELEMENTS, STAR, CONSTRAINTS))
+NEURONS = record_type(shared.Neurons, (R2, ELEMENTS, STAR, CONSTRAINTS))
 ORIGINS = record_type(arrays.Origins, (R1, I1, I1, B1, B1, B1, R1))
 SURGERY_SCRATCH = record_type(arrays.SurgeryScratch, (I1, I1, L1, L1, I1, B1))
 OPEN_MESH = record_type(arrays.OpenMesh, (R2, ELEMENTS, CONSTRAINTS, POOL, ORIGINS, SURGERY_SCRATCH))
-LAWS = record_type(arrays.Laws, (I1, int64, R3))
+LAWS = record_type(nonlinear.Laws, (I1, int64, R3))
 TRIAL = record_type(arrays.Trial, (R1, B1, R2, R2, B1, LAWS))
 TRIALS = record_type(arrays.Trials, (TRIAL, TRIAL))
 MODES = record_type(arrays.Modes, (R3, R1, boolean[:, ::1]))

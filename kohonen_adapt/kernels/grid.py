@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.numba.records import record
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, record
 
 __all__ = ["Grid", "cell_index", "clear_counts", "enter", "sum_up_counts"]
 

@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.numba.records import record
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, record
 
 
 @record

@@ -1,14 +1,28 @@
-"""Energy density of nonlinear laws by tables."""
+"""Energy density of nonlinear laws by tables.
+
+A table has the energy density W and its derivative over s = |grad u|^2, with `STEPS` equal steps in every octave of s.
+Between two steps a cubic interpolates both. Below the table W is a parabola, above the table W is linear in s.
+"""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import DENSITY, RATE
-from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, record
 
 STEPS = 2048  # of a table in every octave of |grad u|^2
 LEAST_CURVE = -0.4  # least d2W/ds2 as a fraction of (dW/ds) / s; at -0.5 the field strength is constant
+DENSITY, RATE = 0, 1  # of `Laws.table`
+
+
+@record
+class Laws(NamedTuple):
+    """Nonlinear laws as tables of the energy density W over s = |grad u|^2."""
+
+    number: np.ndarray  # (m,) int32: index of the law of every element, -1 for none
+    first: int  # the tables begin at s = 2^(first - 1)
+    table: np.ndarray  # (laws, rows, 2): W and dW/ds at the steps
 
 
 @inner_kernel

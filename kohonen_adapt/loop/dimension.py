@@ -13,8 +13,8 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.geometry.space.held_nodes import reasons_in_space
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.kernels.arrays import FREE, HELD
 from kohonen_adapt.kernels.tetrahedron.arrays import ON_PATCH, ON_RIDGE
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.arrays import Elements, Star
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
+from kohonen_adapt.kernels.triangle.arrays import Elements, Star
 from kohonen_adapt.kernels.triangle.connectivity import fill_star, find_starts
 from kohonen_adapt.mesh.adjacency import neighbours_of, positive, refuse_overlap
 from kohonen_adapt.mesh.curved import corners_of
@@ -29,7 +29,7 @@ class Triangulation:
     position
         Nodes (n, 2).
     elements
-        Arrays of `kernels/arrays.py`.
+        Arrays of `kernels/triangle/arrays.py`.
     mesh
         The input mesh, of a `MeshTri2` its straight triangles, for its names and cached connectivity.
     region_of_input

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import spsolve
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.chains import on_chains
-from kohonen_adapt.kernels.arrays import Points, Reference
+from kohonen_adapt.kernels.triangle.arrays import Points, Reference
 from kohonen_adapt.mesh.polynomials import TrialFunction, by_points, fields_at, local_coefficients, trace_columns
 from kohonen_adapt.mesh.quadrature import kinds_at_axis
 from kohonen_adapt.mesh.triangulation import Triangulation

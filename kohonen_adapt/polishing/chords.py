@@ -15,7 +15,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.geometry.plane.midsides import offsets_from_chords
 from kohonen_adapt.geometry.plane.outline import Outline
-from kohonen_adapt.kernels.arrays import SLIDING
+from kohonen_adapt.kernels.triangle.arrays import SLIDING
 from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, gradients
 from kohonen_adapt.mesh.triangulation import Triangulation
 

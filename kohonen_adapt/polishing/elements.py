@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.arrays import (
+from kohonen_adapt.kernels.triangle.arrays import (
     CENTRE_X,
     CONSTANTS,
     HALF_FLUX_X,

@@ -10,17 +10,9 @@ from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.outline import Outline
-from kohonen_adapt.kernels.arrays import (
-    FREE,
-    HELD,
-    SLIDING,
-    Laws,
-    Neurons,
-    OpenMesh,
-    Reference,
-    Trial,
-    Trials,
-)
+from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.nonlinear import Laws
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING, OpenMesh, Reference, Trial, Trials
 from kohonen_adapt.mesh.polynomials import TrialFunction, local_coefficients, modes_of
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.polishing.boundary import BoundaryTerms

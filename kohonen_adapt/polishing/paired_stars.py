@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.pairs import sliding_pairs
-from kohonen_adapt.kernels.arrays import (
+from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.triangle.arrays import (
     CENTRE_X,
     CONSTANTS,
     HALF_FLUX_X,
@@ -24,7 +25,6 @@ from kohonen_adapt.kernels.arrays import (
     SOURCE_TERMS,
     X_BY_X,
     Modes,
-    Neurons,
     Shapes,
     Star,
     Trial,

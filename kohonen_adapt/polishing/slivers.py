@@ -4,7 +4,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.kernels.arrays import ROUND, SLIDING
+from kohonen_adapt.kernels.triangle.arrays import ROUND, SLIDING
 from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, gradients
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.polishing.energy_tables import constants_of

@@ -6,9 +6,9 @@ Parts of the mesh do not depend on the number of threads.
 import numpy as np
 
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.kernels.arrays import HELD
 from kohonen_adapt.kernels.ordering import along_curve, mark_interior, parts_along
 from kohonen_adapt.kernels.threads import even_cuts, shared, shared_in_parts
+from kohonen_adapt.kernels.triangle.arrays import HELD
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.elements import UNKNOWNS
 from kohonen_adapt.polishing.functional import Functional

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.arrays import Points
+from kohonen_adapt.kernels.triangle.arrays import Points
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.polynomials import HAT_SLOPES, by_points, exact_reference, functions_at, law_reference
 from kohonen_adapt.mesh.quadrature import kinds_at_axis

@@ -9,7 +9,7 @@ from skfem import ElementTetP1, ElementTriP1, Mesh, MeshTri
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.arrays import Points, Reference
+from kohonen_adapt.kernels.triangle.arrays import Points, Reference
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved import is_second_order, midside_offsets
 from kohonen_adapt.mesh.measures import inner_points

@@ -15,12 +15,13 @@ from kohonen_adapt.geometry.plane.surgery import numbered_along_curve
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.geometry.space.parts import Parts
-from kohonen_adapt.kernels.arrays import Elements, Neurons
+from kohonen_adapt.kernels.arrays import Neurons
 from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints
 from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
 from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
 from kohonen_adapt.kernels.threads import Nodes
+from kohonen_adapt.kernels.triangle.arrays import Elements
 from kohonen_adapt.som.density import DensityInSpace, density_in_space
 from kohonen_adapt.som.moved import Moved, why_still
 from kohonen_adapt.som.recycling import recycle_nodes, starts_of

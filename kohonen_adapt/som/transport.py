@@ -25,8 +25,8 @@ from scipy.sparse.csgraph import connected_components
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.pairs import sliding_pairs
-from kohonen_adapt.kernels.arrays import PAIRED, STRAIGHT, Constraints
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
+from kohonen_adapt.kernels.triangle.arrays import PAIRED, STRAIGHT, Constraints
 from kohonen_adapt.kernels.triangle.transport import (
     accept_step,
     find_crossings,

@@ -13,7 +13,7 @@ import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Schedule
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.kernels.arrays import HELD, ROUND, SLIDING
+from kohonen_adapt.kernels.triangle.arrays import HELD, ROUND, SLIDING
 
 HUNDRED = np.deg2rad(100.0)
 TOPOLOGIES = pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])

@@ -8,7 +8,7 @@ from skfem import MeshTri
 from test_arcs import circles, outline_of
 
 import kohonen_adapt as ka
-from kohonen_adapt.kernels.arrays import ROUND
+from kohonen_adapt.kernels.triangle.arrays import ROUND
 
 EIGHTH = np.pi / 4
 

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from kohonen_adapt.geometry.plane.cutting import TURN, straight_end, turning_angle
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.kernels.arrays import OWN, SLIDING, STRAIGHT
 from kohonen_adapt.kernels.numba.compilation import interpreted
+from kohonen_adapt.kernels.triangle.arrays import OWN, SLIDING, STRAIGHT
 from kohonen_adapt.kernels.triangle.chains import nearest_parameter
 
 BENDS = (0.0, 0.0, 0.0, 0.5 * TURN, 2.0 * TURN, -0.3)

@@ -12,7 +12,7 @@ import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Schedule, Stage
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.kernels.arrays import FREE, HELD, OTHER, SLIDING
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OTHER, SLIDING
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 MUCH = Schedule((Stage(2, 4, 0.5), Stage(0, 4, 0.5)), sweeps=3)

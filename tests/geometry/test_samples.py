@@ -10,8 +10,7 @@ from kohonen_adapt import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron.arrays import PROJECTED
-from kohonen_adapt.kernels.tetrahedron.samples import nearest_sample
-from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance
+from kohonen_adapt.kernels.tetrahedron.surfaces import nearest_sample, signed_distance
 
 
 class Projection:

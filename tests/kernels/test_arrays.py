@@ -9,7 +9,8 @@ from helpers.meshes import square
 
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.kernels import arrays
+from kohonen_adapt.kernels import arrays as shared
+from kohonen_adapt.kernels.triangle import arrays
 
 ROW = re.compile(r"^    (\w+): np\.ndarray  # \(([^)]+)\)(?: (int8|int32|int64|bool)\b)?", re.MULTILINE)
 NO_ARRAYS = {
@@ -24,6 +25,7 @@ NO_ARRAYS = {
     "Trial": {"laws"},
     "Trials": {"primal", "dual"},
 }
+KINDS = {name: kind for module in (shared, arrays) for name, kind in vars(module).items() if hasattr(kind, "_fields")}
 RECORDS = ("Elements", "Star", "Constraints", "Chains", "PeriodicPairs", "SearchScratch", "SurgeryScratch")
 
 
@@ -40,16 +42,16 @@ def records():
     tri, constraints = movable.triangulation, movable.constraints
     chains, periodic = constraints.chains, constraints.periodic
     n, m = tri.nnodes, len(tri.elements.node)
-    scratch = arrays.SearchScratch.of(n, m), arrays.SurgeryScratch.of(n, m)
+    scratch = shared.SearchScratch.of(n, m), arrays.SurgeryScratch.of(n, m)
     sizes = {"n": n, "m": m, "r": 2, "c": len(chains.row) - 1, "k": len(chains.knot), "motions": len(periodic.motions)}
     found = (tri.elements, tri.star, constraints, chains, periodic, *scratch)
-    return {type(record).__name__: record for record in found}, sizes | {"CROSSINGS": arrays.CROSSINGS}
+    return {type(record).__name__: record for record in found}, sizes | {"CROSSINGS": shared.CROSSINGS}
 
 
 @pytest.mark.parametrize("name", RECORDS)
 def test_the_table_says_what_there_is(records, name):
     found, sizes = records
-    for field, shape, kind in table_of(getattr(arrays, name)):
+    for field, shape, kind in table_of(KINDS[name]):
         array = getattr(found[name], field)
         wanted = eval(f"({shape.rstrip(',')},)".replace("3 m", "3 * m"), {}, sizes)
         assert array.dtype == np.dtype(kind), field
@@ -57,6 +59,6 @@ def test_the_table_says_what_there_is(records, name):
 
 
 def test_every_array_has_its_row_in_the_table():
-    for record in (getattr(arrays, name) for name in dir(arrays) if hasattr(getattr(arrays, name), "_fields")):
+    for record in KINDS.values():
         written = {name for name, _, _ in table_of(record)}
         assert written == set(record._fields) - NO_ARRAYS.get(record.__name__, set())

@@ -9,7 +9,8 @@ from helpers.slow_solids import functional, slow_descent, star_parts
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kohonen_adapt.kernels.arrays import Laws, Neurons
+from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.nonlinear import Laws
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,

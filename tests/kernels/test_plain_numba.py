@@ -10,8 +10,7 @@ from helpers.copied_kernels import make_package
 LOOPS = """
 from typing import NamedTuple
 import numpy as np
-from .numba.compilation import inner_kernel, kernel
-from .numba.records import record
+from .numba.compilation import inner_kernel, kernel, record
 
 @record
 class Line(NamedTuple):

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.numba.records import record
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel, record
 
 
 @record

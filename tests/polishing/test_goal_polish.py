@@ -18,7 +18,7 @@ from kohonen_adapt.estimators import residual
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.kernels.arrays import FREE, SLIDING
+from kohonen_adapt.kernels.triangle.arrays import FREE, SLIDING
 from kohonen_adapt.kernels.triangle.polish.sweep_higher import descend_nodes_higher
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy

@@ -15,9 +15,9 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING, Laws
-from kohonen_adapt.kernels.nonlinear import energy_density
+from kohonen_adapt.kernels.nonlinear import Laws, energy_density
 from kohonen_adapt.kernels.numba.compilation import interpreted
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING
 from kohonen_adapt.kernels.triangle.flip import flip_edge
 from kohonen_adapt.kernels.triangle.polish import descend as kernels
 from kohonen_adapt.kernels.triangle.polish.descend import (

@@ -12,7 +12,7 @@ import kohonen_adapt as ka
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.kernels.arrays import HELD, SLIDING
+from kohonen_adapt.kernels.triangle.arrays import HELD, SLIDING
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy

@@ -10,8 +10,8 @@ from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.midsides import MIN_JACOBIAN
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, FREE, POSITION, SLIDING, VALUE
 from kohonen_adapt.kernels.numba.compilation import interpreted
+from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, FREE, POSITION, SLIDING, VALUE
 from kohonen_adapt.kernels.triangle.polish import descend_higher as kernels
 from kohonen_adapt.mesh.curved import jacobian_coefficients
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy

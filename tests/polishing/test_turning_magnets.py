@@ -12,8 +12,8 @@ import kohonen_adapt as ka
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.kernels.arrays import FREE
 from kohonen_adapt.kernels.numba.compilation import interpreted
+from kohonen_adapt.kernels.triangle.arrays import FREE
 from kohonen_adapt.kernels.triangle.flip import flip_edge
 from kohonen_adapt.kernels.triangle.polish.descend import derivatives, descend_nodes, quadratic
 from kohonen_adapt.kernels.triangle.polish.flip_linear import gain_of_flip

@@ -8,7 +8,7 @@ import kohonen_adapt as ka
 from kohonen_adapt import Ritz, Rules, Schedule, Stage
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.kernels.arrays import FREE, HELD, SLIDING
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.transfer import transferred

@@ -11,7 +11,7 @@ from skfem.generic_utils import OrientedBoundary
 import kohonen_adapt as ka
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.kernels.arrays import SLIDING
+from kohonen_adapt.kernels.triangle.arrays import SLIDING
 from kohonen_adapt.som.recycling import recycle_nodes
 
 LINES = {"left": (0, 0), "right": (0, 1), "low": (1, 0), "top": (1, 1)}

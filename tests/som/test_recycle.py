@@ -22,7 +22,7 @@ from skfem.generic_utils import OrientedBoundary
 import kohonen_adapt as ka
 from kohonen_adapt import Rules, Schedule
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.kernels.arrays import HELD, SLIDING
+from kohonen_adapt.kernels.triangle.arrays import HELD, SLIDING
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.som.recycling import RATIO, recycle_nodes, starts_of

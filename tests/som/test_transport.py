@@ -26,9 +26,9 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Rules, Schedule
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.kernels.arrays import FREE, HELD
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.ordering import along_curve
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD
 from kohonen_adapt.kernels.triangle.geometry import element_quality
 from kohonen_adapt.kernels.triangle.transport import (
     find_directions,

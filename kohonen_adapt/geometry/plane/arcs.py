@@ -17,7 +17,7 @@ from kohonen_adapt.geometry.plane.polylines import (
     without_noise,
 )
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.kernels.arrays import ROUND, STRAIGHT
+from kohonen_adapt.kernels.triangle.arrays import ROUND, STRAIGHT
 from kohonen_adapt.mesh.curved import is_second_order, refined
 from kohonen_adapt.mesh.host import facets_opposite
 from kohonen_adapt.mesh.measures import signed_area

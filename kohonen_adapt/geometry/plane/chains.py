@@ -14,7 +14,8 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.curves import NEAR, Arc, Curve, Line, projected, size_of
 from kohonen_adapt.geometry.plane.cutting import FEWEST_FACETS, lengths_and_angles
 from kohonen_adapt.geometry.plane.polylines import BY_MIDSIDES, Polylines, Segments, nodes_of
-from kohonen_adapt.kernels.arrays import (
+from kohonen_adapt.kernels.numba.compilation import interpreted
+from kohonen_adapt.kernels.triangle.arrays import (
     AT,
     AT_X,
     AT_Y,
@@ -28,7 +29,6 @@ from kohonen_adapt.kernels.arrays import (
     Chains,
     Constraints,
 )
-from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.chains import look_up, nearest_parameter
 
 logger = logging.getLogger("kohonen_adapt")

@@ -5,9 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.geometry.plane.cutting import FEWEST_FACETS, arc_end, circle_of_part
+from kohonen_adapt.geometry.plane.cutting import FEWEST_FACETS, FIRST, IS_ROUND, LAST, arc_end, circle_of_part
 from kohonen_adapt.geometry.plane.polylines import Segments, without_noise
-from kohonen_adapt.kernels.arrays import FIRST, IS_ROUND, LAST
 
 __all__ = ["centres_of", "with_coarse_arcs"]
 

@@ -8,7 +8,8 @@ import math
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.arrays import FIRST, IS_CLOSED, IS_ROUND, LAST
+
+FIRST, LAST, IS_ROUND, IS_CLOSED = range(4)  # columns of the rows of segments
 
 TURN = 1e-6  # radians: maximum turn between facets of a straight segment
 COLLINEAR = 1e-9  # maximum distance of the nodes of a straight segment from its chord, relative to the chord

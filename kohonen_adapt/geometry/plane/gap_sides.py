@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.chains import parameters_of, signed_distances
-from kohonen_adapt.kernels.arrays import Constraints, Elements
+from kohonen_adapt.kernels.triangle.arrays import Constraints, Elements
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["Views", "components", "facing_sides", "views_across"]

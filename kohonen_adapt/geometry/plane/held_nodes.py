@@ -6,7 +6,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.polylines import CORNER
-from kohonen_adapt.kernels.arrays import HELD
+from kohonen_adapt.kernels.triangle.arrays import HELD
 from kohonen_adapt.mesh.names import named_sets
 
 __all__ = ["reasons_in_plane"]

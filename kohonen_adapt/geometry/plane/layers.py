@@ -14,7 +14,7 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.gap_sides import components, facing_sides
 from kohonen_adapt.geometry.rules import checked_layers
-from kohonen_adapt.kernels.arrays import Constraints, Elements
+from kohonen_adapt.kernels.triangle.arrays import Constraints, Elements
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["Band", "bands_of", "check_layer_count", "lower_to_steps", "parts_of", "set_levels"]

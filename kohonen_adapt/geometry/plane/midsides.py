@@ -14,7 +14,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.chains import parameters_of, points_on, signed_distances
 from kohonen_adapt.geometry.plane.cutting import COLLINEAR, TURN, fitted_circle
 from kohonen_adapt.geometry.plane.polylines import BY_MIDSIDES, Facets, Joints, without_noise
-from kohonen_adapt.kernels.arrays import STRAIGHT, Constraints
+from kohonen_adapt.kernels.triangle.arrays import STRAIGHT, Constraints
 from kohonen_adapt.kernels.triangle.polish.by_points import MIN_JACOBIAN
 from kohonen_adapt.mesh.curved import jacobian_coefficients
 from kohonen_adapt.mesh.host import facets_opposite

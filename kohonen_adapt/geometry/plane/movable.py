@@ -15,8 +15,9 @@ from kohonen_adapt.geometry.plane.layers import set_levels
 from kohonen_adapt.geometry.plane.midsides import offsets_on_curves
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.geometry.rules import Rules, check_for, floor_of
-from kohonen_adapt.kernels.arrays import HELD, JUNCTION, Constraints, Elements, Neurons
+from kohonen_adapt.kernels.arrays import Neurons
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
+from kohonen_adapt.kernels.triangle.arrays import HELD, JUNCTION, Constraints, Elements
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_non_delaunay
 from kohonen_adapt.mesh.curved import facet_midside_offsets, is_second_order, with_midside_offsets
 from kohonen_adapt.mesh.host import facets_opposite

@@ -38,7 +38,7 @@ from kohonen_adapt.geometry.plane.polylines import (
 )
 from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.geometry.rules import Rules, checked_curves, pinned_nodes
-from kohonen_adapt.kernels.arrays import (
+from kohonen_adapt.kernels.triangle.arrays import (
     FREE,
     HELD,
     JUNCTION,

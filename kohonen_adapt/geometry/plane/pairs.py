@@ -11,7 +11,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.polylines import Facets, constrained_facets
 from kohonen_adapt.geometry.rules import checked_pairs
-from kohonen_adapt.kernels.arrays import SLIDING, Constraints
+from kohonen_adapt.kernels.triangle.arrays import SLIDING, Constraints
 from kohonen_adapt.mesh.motions import Motion, Pair, inverse, is_proper, motion_of, moved
 from kohonen_adapt.mesh.triangulation import Triangulation
 

@@ -14,8 +14,8 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.curves import Arc, Curve, check_near
-from kohonen_adapt.geometry.plane.cutting import cut_polylines
-from kohonen_adapt.kernels.arrays import FIRST, IS_CLOSED, IS_ROUND, LAST, Elements
+from kohonen_adapt.geometry.plane.cutting import FIRST, IS_CLOSED, IS_ROUND, LAST, cut_polylines
+from kohonen_adapt.kernels.triangle.arrays import Elements
 from kohonen_adapt.mesh.names import marked_facets
 
 __all__ = [

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from kohonen_adapt.arrays import Floats, Ints, free_rows, padded, ranks
 from kohonen_adapt.geometry.movable import Recycled, unchanged
 from kohonen_adapt.geometry.plane.movable import BY_ELEMENT, MovableMesh, with_state
-from kohonen_adapt.kernels.arrays import SLIDING, Elements, OpenMesh, Origins, Pool, SurgeryScratch
+from kohonen_adapt.kernels.arrays import Pool
 from kohonen_adapt.kernels.ordering import along_curve
+from kohonen_adapt.kernels.triangle.arrays import SLIDING, Elements, OpenMesh, Origins, SurgeryScratch
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["Surgery", "element_order", "numbered_along_curve", "reordered_state"]

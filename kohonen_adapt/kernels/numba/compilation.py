@@ -1,26 +1,30 @@
-"""Compilation of kernels on first use, with a cache of machine code on disk."""
+"""Compilation of kernels on first use, and records of arrays as arguments.
+
+Machine code is cached on disk.
+"""
 
 import functools
 from collections.abc import Callable
 from types import FunctionType
-from typing import Any
+from typing import Any, TypeVar
 
 import numba
-from numba import config
+from numba import config, types
 
 from kohonen_adapt.kernels.numba.switch import CACHED, PLAIN
 
 if not PLAIN:
     from kohonen_adapt.kernels.numba.compiler import InnerCompiler, KernelCompiler, Loop
+    from kohonen_adapt.kernels.numba.fast_records import RecordType, register
 if CACHED:
     from kohonen_adapt.kernels.numba.cache import KernelCache
 
-__all__ = ["expect", "expected", "inner_kernel", "interpreted", "kernel", "number_of_threads"]
+__all__ = ["expect", "expected", "inner_kernel", "interpreted", "kernel", "number_of_threads", "record", "record_type"]
 
 expected: set[str] = set()
 
-
 OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
+Record = TypeVar("Record", bound=type)
 
 
 def kernel(function: Callable) -> Callable:
@@ -34,6 +38,21 @@ def kernel(function: Callable) -> Callable:
 def inner_kernel(function: Callable) -> Callable:
     """Return a compiled loop that only kernels call, without a wrapper for Python."""
     return _compiled(function, inner=True)
+
+
+def record(record_class: Record) -> Record:
+    """Pass a named tuple by address to kernels, which may read the fields.
+
+    Plain numba unpacks the tuple.
+    """
+    if not PLAIN:
+        register(record_class)
+    return record_class
+
+
+def record_type(record_class: Any, fields: tuple[types.Type, ...]) -> types.Type:
+    """Return the numba type of a record with fields of the given types."""
+    return types.NamedTuple(fields, record_class) if PLAIN else RecordType(record_class, fields)
 
 
 def expect(*chapters: str) -> None:

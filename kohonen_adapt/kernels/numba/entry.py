@@ -5,7 +5,7 @@ from typing import Any
 from numba.types import boolean, float64, int32, int64
 
 from kohonen_adapt.kernels import arrays, grid, heap
-from kohonen_adapt.kernels.numba.records import record_type
+from kohonen_adapt.kernels.numba.compilation import record_type
 
 __all__ = [
     "B1",

@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import Laws, Pool
-from kohonen_adapt.kernels.numba.records import record
+from kohonen_adapt.kernels.arrays import Pool
+from kohonen_adapt.kernels.nonlinear import Laws
+from kohonen_adapt.kernels.numba.compilation import record
 
 PLANE, SPHERE, CYLINDER, CONE, PROJECTED = range(5)  # shapes of patches, PROJECTED by samples
 LINE, CIRCLE, INTERSECTION = range(3)  # shapes of ridges, INTERSECTION without a formula

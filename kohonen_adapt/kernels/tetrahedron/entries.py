@@ -3,7 +3,8 @@
 from numba.types import boolean, float64, int8, int32, int64
 
 from kohonen_adapt.kernels import arrays as shared
-from kohonen_adapt.kernels import ordering
+from kohonen_adapt.kernels import nonlinear, ordering
+from kohonen_adapt.kernels.numba.compilation import record_type
 from kohonen_adapt.kernels.numba.entry import (
     B1,
     GRID,
@@ -19,7 +20,6 @@ from kohonen_adapt.kernels.numba.entry import (
     SEARCH_SCRATCH,
     Entry,
 )
-from kohonen_adapt.kernels.numba.records import record_type
 from kohonen_adapt.kernels.tetrahedron import (
     arrays,
     connectivity,
@@ -47,7 +47,7 @@ I3 = int32[:, :, ::1]
 CAVITY = record_type(arrays.Cavity, (L1, L1, L1, I1, I1, I1, I2, I1, I2, I1, I2, I1, I2, I2, R3, I3, I2, I1))
 OPEN_TETRAHEDRA = record_type(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, FREEDOM, POOL, ORIGINS, CAVITY))
 QUEUE = record_type(arrays.Queue, (int8[::1], I1, L1))
-LAWS = record_type(shared.Laws, (I1, int64, R3))
+LAWS = record_type(nonlinear.Laws, (I1, int64, R3))
 TRIAL = record_type(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, R2))
 OFFERS = record_type(arrays.Offers, (R2, R1, B1, B1, B1, B1))
 NEURONS = record_type(shared.Neurons, (R2, TETRAHEDRA, STAR, CONSTRAINTS))

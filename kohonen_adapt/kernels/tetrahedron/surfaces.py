@@ -16,7 +16,6 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     PROJECTED,
     SPHERE,
 )
-from kohonen_adapt.kernels.tetrahedron.samples import nearest_sample
 
 STEPS = 20  # maximum number of Newton steps
 TURN = math.cos(math.radians(30.0))  # maximum angle between the normals at the ends of an edge
@@ -57,6 +56,41 @@ def height_above(samples, p, x, y, z):
     nx, ny, nz = nx - bx, ny - by, nz - bz
     slope = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
     return slope * height, slope * nx, slope * ny, slope * nz
+
+
+@inner_kernel
+def nearest_sample(samples, p, x, y, z):
+    """Return the row of the sample of patch `p` nearest to (x, y, z).
+
+    The children of row i of the k-d tree are rows 2 i + 1 and 2 i + 2, with cuts across x, y and z in turn. The search
+    has no stack, because every step follows from the previous row (Wald, "A Stack-Free Traversal Algorithm for
+    Left-Balanced k-d Trees", 2022).
+    """
+    point, root, rows = samples.point, np.int64(samples.start[p]), samples.start[p + 1] - samples.start[p]
+    here, before, depth, found, least = np.int64(0), np.int64(-1), 0, root, np.inf
+    while here >= 0:
+        above = (here + 1) // 2 - 1
+        if here >= rows:
+            here, before, depth = above, here, depth - 1
+            continue
+        row = root + here
+        dx, dy, dz = x - point[row, 0], y - point[row, 1], z - point[row, 2]
+        if before < here:
+            squared = dx * dx + dy * dy + dz * dz
+            if squared < least:
+                found, least = row, squared
+        distance = dx if depth % 3 == 0 else dy if depth % 3 == 1 else dz
+        near = 2 * here + (2 if distance > 0.0 else 1)
+        far = 4 * here + 3 - near
+        if before < here:
+            onward = near
+        elif before == near and distance * distance < least:
+            onward = far
+        else:
+            onward = above
+        depth += -1 if onward == above else 1
+        here, before = onward, here
+    return found
 
 
 @inner_kernel

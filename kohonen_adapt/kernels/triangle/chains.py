@@ -9,7 +9,8 @@ import math
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import (
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.arrays import (
     AT,
     AT_X,
     AT_Y,
@@ -30,7 +31,6 @@ from kohonen_adapt.kernels.arrays import (
     STRAIGHT,
     TABLED,
 )
-from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.geometry import may_move
 
 BISECTIONS = 45  # of a span between knots, one bit of the nearest point each

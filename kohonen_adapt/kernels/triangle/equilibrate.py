@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.numba.records import record
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel, record
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
 from kohonen_adapt.kernels.triangle.geometry import orientation
 

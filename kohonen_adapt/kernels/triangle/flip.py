@@ -77,6 +77,13 @@ def flip_edge(elements, e, k):
 
 
 @inner_kernel
+def mark_neighbours(elements, e, marked):
+    for k in range(3):
+        if elements.neighbour[e, k] >= 0:
+            marked[elements.neighbour[e, k]] = True
+
+
+@inner_kernel
 def push(stack, waiting, height, e):
     if waiting[e]:
         return height

@@ -6,8 +6,9 @@ followed by a check that no other node lies in the circle through the winner.
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import CROSSINGS, SAGITTA
+from kohonen_adapt.kernels.arrays import CROSSINGS
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.arrays import SAGITTA
 from kohonen_adapt.kernels.triangle.chains import distance_to_chain, parameter_of
 from kohonen_adapt.kernels.triangle.geometry import squared_distance, squared_distance_to_edge
 from kohonen_adapt.kernels.triangle.locate import TOLERANCE, WALK, least_barycentric, side_of_edge, walk

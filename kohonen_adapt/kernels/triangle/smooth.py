@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import FREE, HELD, OWN, PAIRED
-from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.numba.records import record
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel, record
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OWN, PAIRED
 from kohonen_adapt.kernels.triangle.chains import (
     advanced_parameter,
     nearest_parameter,

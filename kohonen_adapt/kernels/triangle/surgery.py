@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import FREE, MERGED, OTHER, OWN, SLIDING
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.triangle.arrays import FREE, MERGED, OTHER, OWN, SLIDING
 from kohonen_adapt.kernels.triangle.chains import midpoint_on_chain
 from kohonen_adapt.kernels.triangle.connectivity import corner_of, corner_towards
 from kohonen_adapt.kernels.triangle.geometry import allowed, element_quality, may_join, signed_quality

@@ -7,8 +7,8 @@ sections II and III. A corner passes from a node to a neighbour, so that nodes m
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import FREE, HELD, JUNCTION, OTHER, OWN, PAIRED, SLIDING
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, JUNCTION, OTHER, OWN, PAIRED, SLIDING
 from kohonen_adapt.kernels.triangle.chains import (
     advanced_parameter,
     distance_to_chain,

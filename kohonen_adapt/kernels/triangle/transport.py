@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import FREE, HELD, OWN, PAIRED, REACH, SLIDING
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OWN, PAIRED, REACH, SLIDING
 from kohonen_adapt.kernels.triangle.chains import nearest_parameter, point_at, tangent_at
 from kohonen_adapt.kernels.triangle.geometry import FLAT, allowed, element_quality, exceeds_quality, quality_bound
 

@@ -8,7 +8,7 @@ from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.kernels.arrays import Laws
+from kohonen_adapt.kernels.nonlinear import Laws
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,
     INSIDE,

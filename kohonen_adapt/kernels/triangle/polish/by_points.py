@@ -9,17 +9,17 @@ x D in place of the doubled area D, while the source and the flux keep D. The ra
 on x_v, so x D also has second derivatives.
 """
 
-from kohonen_adapt.kernels.arrays import (
+from kohonen_adapt.kernels.arrays import NEAR_AXIS
+from kohonen_adapt.kernels.nonlinear import energy_density
+from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.triangle.arrays import (
     COARSE_BLOCK,
     HALF_COEFFICIENT,
     HALF_FLUX_X,
     HALF_FLUX_Y,
-    NEAR_AXIS,
     SIXTH_SOURCE,
     VALUE,
 )
-from kohonen_adapt.kernels.nonlinear import energy_density
-from kohonen_adapt.kernels.numba.compilation import inner_kernel
 
 # Minimum Bernstein coefficient of the Jacobian determinant of a curved element, as a fraction of the determinant with
 # straight sides, for accurate quadrature and well-conditioned quadratic elements. On facets of 15 degrees every element

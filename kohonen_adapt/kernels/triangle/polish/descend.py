@@ -18,7 +18,9 @@ import math
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import (
+from kohonen_adapt.kernels.nonlinear import energy_density
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.arrays import (
     CONSTANTS,
     DIRECTION_X,
     DIRECTION_Y,
@@ -28,8 +30,6 @@ from kohonen_adapt.kernels.arrays import (
     OWN,
     SIXTH_SOURCE,
 )
-from kohonen_adapt.kernels.nonlinear import energy_density
-from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.chains import point_at
 from kohonen_adapt.kernels.triangle.geometry import may_move
 from kohonen_adapt.kernels.triangle.polish.varying_flux import half_flux, half_flux_rates

@@ -21,7 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import (
+from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, record
+from kohonen_adapt.kernels.triangle.arrays import (
     CONSTANTS,
     HALF_COEFFICIENT,
     HALF_FLUX_X,
@@ -31,14 +33,11 @@ from kohonen_adapt.kernels.arrays import (
     Block,
     Descent,
     Modes,
-    Neurons,
     Points,
     Reference,
     Shapes,
     Trials,
 )
-from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.numba.records import record
 from kohonen_adapt.kernels.triangle.connectivity import corner_of
 from kohonen_adapt.kernels.triangle.polish.by_law import add_by_law
 from kohonen_adapt.kernels.triangle.polish.by_points import add_by_points, gather_offsets, is_curved, is_valid, valid_at
@@ -118,6 +117,16 @@ def gather_coefficients(node, value, modes, e, k, own, local):
             local[EVEN + 3 * d + i] = modes.side[e, corner, d]
     if degrees == 2:
         local[BUBBLE] = modes.bubble[e]
+
+
+@inner_kernel
+def put_coefficients(modes, e, k, local):
+    degrees = modes.side.shape[2]
+    for i in range(3):
+        for d in range(degrees):
+            modes.side[e, (k + i) % 3, d] = local[EVEN + 3 * d + i]
+    if degrees == 2:
+        modes.bubble[e] = local[BUBBLE]
 
 
 @inner_kernel

@@ -7,8 +7,8 @@ operations share an element, the functional falls by the sum of all gains less t
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import OWN, SIXTH_SOURCE, SLIDING
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.arrays import OWN, SIXTH_SOURCE, SLIDING
 from kohonen_adapt.kernels.triangle.connectivity import corner_of, corner_towards
 from kohonen_adapt.kernels.triangle.geometry import orientation
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING, triangle_parabola

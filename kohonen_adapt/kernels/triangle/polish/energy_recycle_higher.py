@@ -5,8 +5,8 @@ The method is that of `energy_recycle`, with the new coefficients eliminated. A 
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, OWN, SLIDING, VALUE
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, OWN, SLIDING, VALUE
 from kohonen_adapt.kernels.triangle.connectivity import corner_of, row_beside, rows_with
 from kohonen_adapt.kernels.triangle.geometry import orientation
 from kohonen_adapt.kernels.triangle.polish.by_points import gather_offsets, is_valid, put_offsets
@@ -21,6 +21,7 @@ from kohonen_adapt.kernels.triangle.polish.descend_higher import (
     factorise,
     gather_coefficients,
     number_block,
+    put_coefficients,
     reference_value,
     solve_upper,
 )
@@ -31,7 +32,6 @@ from kohonen_adapt.kernels.triangle.polish.energy_split_higher import (
     put_split,
     weigh_splits,
 )
-from kohonen_adapt.kernels.triangle.polish.flip_higher import put_coefficients
 from kohonen_adapt.kernels.triangle.surgery import collapse, collapsed_quality, midpoint, split
 
 

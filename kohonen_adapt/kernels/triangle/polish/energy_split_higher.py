@@ -7,8 +7,8 @@ values, which are linear, the value of the node and the coefficients of the edge
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, VALUE
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, VALUE
 from kohonen_adapt.kernels.triangle.connectivity import corner_of, corner_towards
 from kohonen_adapt.kernels.triangle.polish.by_points import gather_offsets, is_valid, put_offsets
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING
@@ -20,10 +20,10 @@ from kohonen_adapt.kernels.triangle.polish.descend_higher import (
     clear_derivatives,
     factorise,
     gather_coefficients,
+    put_coefficients,
     reference_value,
     solve_upper,
 )
-from kohonen_adapt.kernels.triangle.polish.flip_higher import put_coefficients
 from kohonen_adapt.kernels.triangle.surgery import gather_around, may_split, midpoint
 
 # Edge ab, between the corners c and d, is split at p. A row has the indices among a, b, c, d of the ends of the sides

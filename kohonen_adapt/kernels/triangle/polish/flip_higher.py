@@ -5,10 +5,10 @@ The coefficients inside the two elements are eliminated before and after a flip.
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import BLOCK, COARSE_BLOCK, CONSTANTS, VALUE
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, CONSTANTS, VALUE
 from kohonen_adapt.kernels.triangle.connectivity import corner_towards, corners_around
-from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip
+from kohonen_adapt.kernels.triangle.flip import flip_edge, mark_neighbours, may_flip
 from kohonen_adapt.kernels.triangle.geometry import orientation
 from kohonen_adapt.kernels.triangle.polish.by_points import gather_offsets, put_offsets, valid_at
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING
@@ -21,10 +21,10 @@ from kohonen_adapt.kernels.triangle.polish.descend_higher import (
     clear_derivatives,
     factorise,
     gather_coefficients,
+    put_coefficients,
     reference_value,
     solve_upper,
 )
-from kohonen_adapt.kernels.triangle.polish.flip_linear import mark_neighbours
 from kohonen_adapt.kernels.triangle.polish.varying_source import with_source
 
 NEAR = 0.25  # of twice the decrease of a step by few points: more than another step takes off
@@ -67,16 +67,6 @@ def flip_with_modes(descents, e, k, other):
     if shapes.special[e] or shapes.special[other]:
         put_offsets(shapes, e, k1, offset[2])
         put_offsets(shapes, other, j1, offset[3])
-
-
-@inner_kernel
-def put_coefficients(modes, e, k, local):
-    degrees = modes.side.shape[2]
-    for i in range(3):
-        for d in range(degrees):
-            modes.side[e, (k + i) % 3, d] = local[EVEN + 3 * d + i]
-    if degrees == 2:
-        modes.bubble[e] = local[BUBBLE]
 
 
 @inner_kernel

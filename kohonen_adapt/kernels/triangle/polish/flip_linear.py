@@ -2,20 +2,13 @@
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import CONSTANTS, HALF_COEFFICIENT, SIXTH_SOURCE
 from kohonen_adapt.kernels.nonlinear import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.triangle.arrays import CONSTANTS, HALF_COEFFICIENT, SIXTH_SOURCE
 from kohonen_adapt.kernels.triangle.connectivity import corners_around
-from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip
+from kohonen_adapt.kernels.triangle.flip import flip_edge, mark_neighbours, may_flip
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING
 from kohonen_adapt.kernels.triangle.polish.varying_flux import flux_term
-
-
-@inner_kernel
-def mark_neighbours(elements, e, marked):
-    for k in range(3):
-        if elements.neighbour[e, k] >= 0:
-            marked[elements.neighbour[e, k]] = True
 
 
 @kernel

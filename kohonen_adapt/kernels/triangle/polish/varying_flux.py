@@ -13,11 +13,19 @@ order. Constants per element would carry the flux along with the nodes, an error
 would move to the strongest flux.
 
 Flips, splits and collapses evaluate the polynomial of the element whose row they use, before and after. The
-columns of the data are defined in `kernels/arrays.py`. Without a varying flux the data have CONSTANTS columns.
+columns of the data are defined in `kernels/triangle/arrays.py`. Without a varying flux the data have CONSTANTS columns.
 """
 
-from kohonen_adapt.kernels.arrays import CENTRE_X, CENTRE_Y, CONSTANTS, HALF_FLUX_X, HALF_FLUX_Y, RATES_X, RATES_Y
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.triangle.arrays import (
+    CENTRE_X,
+    CENTRE_Y,
+    CONSTANTS,
+    HALF_FLUX_X,
+    HALF_FLUX_Y,
+    RATES_X,
+    RATES_Y,
+)
 
 
 @inner_kernel

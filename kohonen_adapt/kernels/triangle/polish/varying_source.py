@@ -5,11 +5,21 @@ when the source was last sampled. The load -int f u is integrated at the points 
 element. Derivatives by the position of a node therefore include those of f.
 
 Flips, splits and collapses evaluate the polynomial of the element whose row they use, before and after. The
-columns of the data are defined in `kernels/arrays.py`. Without a varying source the data have CONSTANTS columns.
+columns of the data are defined in `kernels/triangle/arrays.py`. Without a varying source the data have CONSTANTS
+columns.
 """
 
-from kohonen_adapt.kernels.arrays import CENTRE_X, CENTRE_Y, SOURCE_TERMS, VALUE, X_BY_X, X_BY_Y, Y_BY_X, Y_BY_Y
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.triangle.arrays import (
+    CENTRE_X,
+    CENTRE_Y,
+    SOURCE_TERMS,
+    VALUE,
+    X_BY_X,
+    X_BY_Y,
+    Y_BY_X,
+    Y_BY_Y,
+)
 from kohonen_adapt.kernels.triangle.polish.by_points import axis_kind
 
 

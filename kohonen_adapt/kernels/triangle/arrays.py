@@ -1,0 +1,351 @@
+"""Array records of the kernels on triangles.
+
+Shapes are given by n nodes, m elements, r regions, c curve segments (`chain`) and k knots of tabulated segments. Arrays
+without a type are float64. Some tables have several columns because every array costs numba as much time as some lines
+of code. Kernels use the constants below for the columns, Python code uses the properties of the records.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kohonen_adapt.kernels.arrays import Pool
+from kohonen_adapt.kernels.nonlinear import Laws
+from kohonen_adapt.kernels.numba.compilation import record
+
+FREE, SLIDING, HELD = 0, 1, 2  # degrees of freedom: in the plane, along a curve segment, none
+STRAIGHT, ROUND, TABLED = 0, 1, 2  # shapes of curve segments
+JUNCTION = -2  # instead of a segment, for a node at which three segments meet
+
+# Columns of tables
+OWN, OTHER = 0, 1  # of `Constraints.chain`
+ORIGIN_X, ORIGIN_Y, DIRECTION_X, DIRECTION_Y, LENGTH = range(5)  # of `Chains.geometry`
+CURVATURE, REACH, MERGED, SAGITTA, EVEN = range(5, 10)
+SHAPE, CLOSED, PAIRED = 0, 1, 2  # of `Chains.flags`
+AT, AT_X, AT_Y, RATE_X, RATE_Y = range(5)  # of `Chains.knot`
+HALF_COEFFICIENT, SIXTH_SOURCE, HALF_FLUX_X, HALF_FLUX_Y, CENTRE_X, CENTRE_Y = range(6)  # of `Trial.data`
+# Number of constants, first columns of the derivatives of a varying flux, and number of columns with these derivatives
+CONSTANTS, RATES_X, RATES_Y, VARYING = 4, 6, 11, 16
+# Columns after the centre if the source varies: affine coordinates, then the terms of the polynomial
+X_BY_X, X_BY_Y, Y_BY_X, Y_BY_Y, SOURCE_TERMS = range(6, 11)
+
+
+@record
+class Elements(NamedTuple):
+    """Triangles, counter-clockwise, with the neighbours across their edges.
+
+    ``neighbour[e, k]`` is the neighbour across the edge opposite to corner k, -1 at the boundary.
+    """
+
+    node: np.ndarray  # (m, 3) int32
+    neighbour: np.ndarray  # (m, 3) int32
+    region: np.ndarray  # (m,) int32
+    chain: np.ndarray  # (m, 3) int32: segment of the edge opposite to corner k, -1 for an edge that may flip
+    level: np.ndarray  # (n,) int32: from 0 on one side of a subdomain with layers to their number on the opposite side
+    layered: np.ndarray  # (r,) bool: regions in which no edge may join nodes whose levels differ by more than 1
+
+    def ends(self, e: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return both nodes, counter-clockwise, of the edges opposite to corners k."""
+        return self.node[e, (k + 1) % 3], self.node[e, (k + 2) % 3]
+
+
+@record
+class Star(NamedTuple):
+    """Elements around every node.
+
+    Node v has the rows from ``start[v]`` to ``start[v + 1]``. The nodes (v, ahead, behind) of an element are
+    counter-clockwise.
+    """
+
+    start: np.ndarray  # (n + 1,) int32
+    element: np.ndarray  # (3 m,) int32
+    ahead: np.ndarray  # (3 m,) int32
+    behind: np.ndarray  # (3 m,) int32
+
+
+@record
+class Chains(NamedTuple):
+    """Curve segments with their parametrisation by distance from the origin."""
+
+    geometry: np.ndarray  # (c, 10): origin, direction, length, curvature, reach, merged, sagitta, even
+    flags: np.ndarray  # (c, 3) int8: shape, closed, paired
+    row: np.ndarray  # (c + 1,) int32: segment c has the knots row[c] to row[c + 1]
+    knot: np.ndarray  # (k, 5): parameter, position and derivative by the parameter of TABLED segments
+
+    @classmethod
+    def of(cls, count: int) -> "Chains":
+        flags, row = np.zeros((count, PAIRED + 1), dtype=np.int8), np.zeros(count + 1, dtype=np.int32)
+        return cls(np.zeros((count, EVEN + 1)), flags, row, np.empty((0, RATE_Y + 1)))
+
+    @property
+    def shape(self) -> np.ndarray:
+        """STRAIGHT, ROUND or TABLED, shape (c,)."""
+        return self.flags[:, SHAPE]
+
+    @property
+    def origin(self) -> np.ndarray:
+        """Position at the parameter 0, shape (c, 2)."""
+        return self.geometry[:, ORIGIN_X : ORIGIN_Y + 1]
+
+    @property
+    def direction(self) -> np.ndarray:
+        """Unit tangent at the origin, shape (c, 2)."""
+        return self.geometry[:, DIRECTION_X : DIRECTION_Y + 1]
+
+    @property
+    def length(self) -> np.ndarray:
+        """Largest parameter, shape (c,)."""
+        return self.geometry[:, LENGTH]
+
+    @property
+    def curvature(self) -> np.ndarray:
+        """1 / radius of ROUND segments, positive if counter-clockwise, shape (c,)."""
+        return self.geometry[:, CURVATURE]
+
+    @property
+    def closed(self) -> np.ndarray:
+        """Mask of segments without ends, on which the parameter is periodic, shape (c,)."""
+        return self.flags[:, CLOSED].view(np.bool_)
+
+    @property
+    def reach(self) -> np.ndarray:
+        """Maximum length of a facet, due to its distance from the curve, shape (c,)."""
+        return self.geometry[:, REACH]
+
+    @property
+    def merged(self) -> np.ndarray:
+        """Maximum length of two facets that a collapse joins, shape (c,)."""
+        return self.geometry[:, MERGED]
+
+    @property
+    def sagitta(self) -> np.ndarray:
+        """Maximum distance between curve and facets, shape (c,)."""
+        return self.geometry[:, SAGITTA]
+
+    @property
+    def even(self) -> np.ndarray:
+        """Length of equal facets that are as far from the curve as the input, shape (c,)."""
+        return self.geometry[:, EVEN]
+
+    @property
+    def paired(self) -> np.ndarray:
+        """Mask of segments with periodic partners at the same parameters, shape (c,)."""
+        return self.flags[:, PAIRED].view(np.bool_)
+
+
+@record
+class PeriodicPairs(NamedTuple):
+    """Periodic partners of nodes, and the motions between them."""
+
+    partner: np.ndarray  # (n,) int32: partner node, -1 for none
+    motion: np.ndarray  # (n,) int32: motion that maps the node to its partner, -1 for none
+    motions: np.ndarray  # (motions, 2, 3): x -> A x + b as rows [A | b]
+    region: np.ndarray  # (motions, r) int32: region that continues a region after a motion, -1 for none
+
+
+@record
+class Constraints(NamedTuple):
+    """Degrees of freedom of every node."""
+
+    kind: np.ndarray  # (n,) int8: FREE, SLIDING or HELD
+    chain: np.ndarray  # (n, 2) int32: segment of the node, or both segments of a corner; -1 for none, or JUNCTION
+    parameter: np.ndarray  # (n,): position on the segment
+    inner: np.ndarray  # (n,) bool: in the interior of a region, with all neighbours in the closed region
+    chains: Chains
+    periodic: PeriodicPairs
+
+    @property
+    def own_chain(self) -> np.ndarray:
+        """Segment on which a node slides, else -1, JUNCTION or the first one of a corner."""
+        return self.chain[:, OWN]
+
+
+@record
+class Origins(NamedTuple):
+    """Data of every node for recycling, except position and constraint."""
+
+    density: np.ndarray  # (n,): wanted nodes per area
+    old: np.ndarray  # (n,) int32: index before, -1 for a new node
+    start_element: np.ndarray  # (n,) int32: element near the node in the mesh before
+    pinned: np.ndarray  # (n,) bool: edges between two pinned nodes are not split
+    is_new: np.ndarray  # (n,) bool: new in this round, and not collapsed, so that a round ends
+    non_manifold: np.ndarray  # (n,) bool: non-manifold nodes, into which no node is collapsed
+    longest: np.ndarray  # (n,): maximum length of a facet made by collapsing a node on a curve
+
+
+@record
+class SurgeryScratch(NamedTuple):
+    """Scratch for splits, collapses and flips."""
+
+    around: np.ndarray  # (m,) int32: elements around a node
+    around_other: np.ndarray  # (m,) int32
+    stamp: np.ndarray  # (n,) int64
+    counter: np.ndarray  # (1,) int64
+    stack: np.ndarray  # (m,) int32: elements with edges to check for a flip
+    waiting: np.ndarray  # (m,) bool: elements in the stack
+
+    @classmethod
+    def of(cls, nodes: int, elements: int) -> "SurgeryScratch":
+        around, other, stack = (np.empty(elements, dtype=np.int32) for _ in range(3))
+        counter, stamp = np.zeros(1, dtype=np.int64), np.zeros(nodes, dtype=np.int64)
+        return cls(around, other, stamp, counter, stack, np.zeros(elements, dtype=np.bool_))
+
+
+@record
+class OpenMesh(NamedTuple):
+    """Mesh with spare rows, in which edges are split and collapsed."""
+
+    position: np.ndarray  # (n, 2)
+    elements: Elements
+    constraints: Constraints
+    pool: Pool
+    origins: Origins
+    scratch: SurgeryScratch
+
+
+@record
+class Trial(NamedTuple):
+    """Function of order 1 (see also `Modes`) and the functional to minimise."""
+
+    value: np.ndarray  # (n,)
+    fixed: np.ndarray  # (n,) bool: Dirichlet value at the node or along its segment
+    on_chain: np.ndarray  # (c, 2): Dirichlet values of a segment, as value at the origin and derivative
+    # Half of the coefficient, a sixth of the source and half of the flux of every element. If the flux varies inside
+    # regions, then a centre, to which the half refers, and the derivatives of its components. If the source varies,
+    # then a centre, affine coordinates X, Y relative to the centre, and the coefficients of X^i Y^j, in the order of j
+    # and then i; a function with a varying source has `Modes` at order 1 as well.
+    data: np.ndarray  # (m, CONSTANTS), or (m, VARYING) for a varying flux, or (m, SOURCE_TERMS + terms)
+    nonlinear: np.ndarray  # (n,) bool: the node touches nonlinear material
+    laws: Laws  # replace the coefficient
+
+
+@record
+class Trials(NamedTuple):
+    """Primal and dual functions of a sum of functionals."""
+
+    primal: Trial
+    dual: Trial  # the dual, of linear material, with the same fixed values; without values if missing
+
+
+@record
+class Modes(NamedTuple):
+    """Coefficients of functions of order 2 or 3, except the values at the nodes.
+
+    Every side has coefficients in both its elements, for the functions of `Reference`. The odd function of a side runs
+    counter-clockwise around the element, so the coefficients in both elements have opposite signs.
+    """
+
+    side: np.ndarray  # (m, 3, order - 1): coefficients of the side opposite to corner k: even, at order 3 also odd
+    bubble: np.ndarray  # (m,): coefficients of the bubbles at order 3
+    dirichlet: np.ndarray  # (m, 3) bool: Dirichlet values on the side
+
+    def rows(self, rows: np.ndarray) -> "Modes":
+        return Modes(self.side[rows], self.bubble[rows], self.dirichlet[rows])
+
+
+@record
+class Reference(NamedTuple):
+    """Functions of order 2 or 3 on the triangle (0, 0), (1, 0), (0, 1), at points.
+
+    With the barycentric coordinates L_k, the functions are L_k, then for the side opposite to each corner the even
+    function 4 L_i L_j; at order 3 also the odd function 27/2 L_i L_j (L_i - L_j) of each side and the bubble 27 L_0 L_1
+    L_2.
+    """
+
+    slope: np.ndarray  # (points, functions, 2): gradients
+    weight: np.ndarray  # (points,): quadrature weights, with sum 1 for each of both rules
+    mean: np.ndarray  # (functions,): integrals
+    halves: np.ndarray  # (2, functions, functions): coefficients on (p, 0, 1) and (p, 2, 0), p the midpoint of 1 and 2
+    plain: int  # number of points of the rule for linear elements, followed by the points for nonlinear elements
+
+
+@record
+class Points(NamedTuple):
+    """Quadrature points of elements with curved sides or around an axis, by kind.
+
+    Kind 0 has no corner on the axis, kinds 1 to 3 have corner ``kind - 1`` on the axis, and kinds 4 to 6 have all
+    corners on the axis except ``kind - 4``.
+    """
+
+    weight: np.ndarray  # (7, points): as of `Reference`
+    share: np.ndarray  # (7, points, 3): barycentric coordinates
+    value: np.ndarray  # (7, points, functions)
+    slope: np.ndarray  # (7, points, functions, 2): gradients
+    side: np.ndarray  # (7, points, 3, 3): value and gradient of the even function of each side
+    plain: int  # as of `Reference`
+
+
+@record
+class Shapes(NamedTuple):
+    """Deviations of elements from straight triangles in the plane."""
+
+    offset: np.ndarray  # (m, 3, 2): midside offsets, from the midpoint of the chord opposite to corner k to the curve
+    special: np.ndarray  # (m,) bool: the element has a curved side, or is around an axis
+    around: bool  # around an axis: coefficients are divided by x, and laws evaluated at |grad u| / x
+
+
+# Derivatives wanted of an element: none; by a block, at the points of linear material; by a block; by position, too.
+VALUE, COARSE_BLOCK, BLOCK, POSITION = range(4)
+
+
+@record
+class Block(NamedTuple):
+    """Scratch for the unknowns that change with a node or an edge.
+
+    Shapes are given by d elements, u unknowns and b functions.
+    """
+
+    unknowns: np.ndarray  # (1,) int32: number of unknowns
+    own: np.ndarray  # (1,): value to which the values around the node are relative
+    dof: np.ndarray  # (d, b) int32: index of the unknown of every coefficient, -1 for none
+    sign: np.ndarray  # (d, b): factor from the unknown to the coefficient
+    far_end: np.ndarray  # (u,) int32: far end of the edge of every unknown
+    local: np.ndarray  # (4, b): coefficients of elements
+    part: np.ndarray  # (b,): coefficients of a fifth element
+    offset: np.ndarray  # (5, 3, 2): midside offsets of these five elements
+    across: np.ndarray  # (b, 2): rotated gradient of each function times the doubled area
+    added: np.ndarray  # (b, b + 3): derivatives by the coefficients of an element: second, first, mixed by x and y
+    stiffness: np.ndarray  # (u, u): second derivatives, in the lower triangle; then the Cholesky factor
+    rest: np.ndarray  # (u,): first derivatives; then the solution with the factor
+    mixed: np.ndarray  # (u, 2): second derivatives by unknown and position; then the solution with the factor
+    correction: np.ndarray  # (u,): change of the unknowns to the minimum at the old position
+    response: np.ndarray  # (u,): further change of the unknowns due to a step of the node
+
+    @classmethod
+    def of(cls, elements: int, functions: int) -> "Block":
+        elements = max(elements, 4)  # a split edge has up to four
+        unknowns = 1 + (elements + 1) * (functions // 3 - 1) + elements * (functions == 10)
+        dof, sign = np.empty((elements, functions), dtype=np.int32), np.empty((elements, functions))
+        numbers = np.empty(1, dtype=np.int32), np.empty(1), dof, sign
+        local, across, vectors = np.empty((5, functions)), np.empty((functions, 2)), np.empty((3, unknowns))
+        table, mixed, far_end = np.empty((unknowns, unknowns)), np.empty((unknowns, 2)), np.empty(unknowns, np.int32)
+        scratch = far_end, local[:4], local[4], np.empty((5, 3, 2)), across, np.empty((functions, functions + 3))
+        return cls(*numbers, *scratch, table, vectors[0], mixed, vectors[1], vectors[2])
+
+
+@record
+class Descent(NamedTuple):
+    """Mesh and function of order 2 or 3 or around an axis, with scratch of a thread."""
+
+    position: np.ndarray  # (n, 2)
+    elements: Elements
+    star: Star
+    constraints: Constraints
+    trial: Trial
+    modes: Modes
+    reference: Reference
+    points: Points
+    shapes: Shapes
+    block: Block
+
+
+@record
+class Offers(NamedTuple):
+    """Estimated gains of splits and costs of collapses, and the elements concerned."""
+
+    gain: np.ndarray  # (m, 3): decrease by a split of the edge opposite to corner k, at the element of larger index
+    cost: np.ndarray  # (n,): increase by the cheapest valid collapse of the node, inf without one
+    into: np.ndarray  # (n,) int32: neighbour into which the node is collapsed
+    open: np.ndarray  # (c,) bool: segments with edges that may be split
+    removable: np.ndarray  # (n,) bool: nodes that may be removed
+    locked: np.ndarray  # (m,) bool: elements changed by a split or a collapse, or about to be changed
