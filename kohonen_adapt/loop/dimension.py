@@ -13,8 +13,6 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.geometry.space.held_nodes import reasons_in_space
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.kernels.tetrahedron.arrays import ON_PATCH, ON_RIDGE
-from kohonen_adapt.kernels.triangle.arrays import FREE, HELD
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
@@ -22,6 +20,7 @@ from kohonen_adapt.loop.stopping import stalls_by_estimate, stalls_by_functional
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, cell_of
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.held_nodes import polish_reasons, polish_reasons_in_space
 from kohonen_adapt.polishing.polish import PLAN, descend, descend_and_recycle
 from kohonen_adapt.polishing.slivers import longest_on_arcs
 from kohonen_adapt.polishing.space.polish_in_space import (
@@ -116,21 +115,7 @@ class PlaneMethod(Method):
         return reasons_in_plane(movable)
 
     def polish_reasons(self, movable: MovableMesh, functional: Functional) -> list[str]:
-        found, kind = [""] * movable.nnodes, movable.constraints.kind
-        held = (functional.kinds(movable.outline, functional.solution.fixed) == HELD) & (kind != HELD)
-        chain = movable.constraints.own_chain
-        for v in np.flatnonzero(held):
-            if kind[v] == FREE:
-                found[v] = "Dirichlet value inside the mesh"
-            elif functional.boundary.on[chain[v]]:
-                found[v] = "Robin condition"
-            elif movable.outline.straight[chain[v]]:
-                found[v] = "Dirichlet values that are not linear along the boundary"
-            elif functional.chords.cut[chain[v]]:
-                found[v] = "source that ends at a curve"
-            elif not functional.chords.counted[chain[v]]:  # else descend_curves moves the node
-                found[v] = "curve on which the polish moves no node"
-        return found
+        return polish_reasons(movable, functional)
 
     def descend(self, movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int) -> float:
         return descend(movable, functional, trial, sweeps)
@@ -219,14 +204,7 @@ class SpaceMethod(Method):
         return reasons_in_space(movable)
 
     def polish_reasons(self, movable: MovableSolid, functional: SolidFunctional) -> list[str]:
-        freedom, found = movable.freedom, [""] * movable.nnodes
-        row = freedom.place + np.where(freedom.number == ON_RIDGE, functional.patches, 0)
-        sliding = (freedom.number == ON_PATCH) | (freedom.number == ON_RIDGE)
-        for v in np.flatnonzero(sliding & ~freedom.pinned):
-            if functional.held[row[v]]:
-                dirichlet = functional.dirichlet[row[v]]
-                found[v] = "Dirichlet values that are not linear" if dirichlet else "curved surface without slivers"
-        return found
+        return polish_reasons_in_space(movable, functional)
 
     def descend(self, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, sweeps: int) -> float:
         return descend_in_space(movable, functional, trial, sweeps)

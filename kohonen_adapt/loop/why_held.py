@@ -1,75 +1,113 @@
 """Reasons for which nodes stay where they are."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
-from kohonen_adapt.geometry.rules import Rules, check_for
+from kohonen_adapt.geometry.plane.more_layers import with_layers
+from kohonen_adapt.geometry.rules import Pinned, Rules, check_for, pinned_nodes, with_pinned
 from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.step import functional_of
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.problem.evaluation import curves_of, solve
-from kohonen_adapt.problem.protocol import Problem, check_names, has_method, is_curved, nodes_of_problem, pairs_of
+from kohonen_adapt.problem.protocol import (
+    Problem,
+    check_names,
+    has_method,
+    is_curved,
+    nodes_of_problem,
+    pairs_of,
+    points_of,
+)
 
 __all__ = ["why_held"]
 
 
-def why_held(mesh: Mesh, problem: Problem | Rules | None = None) -> NDArray[np.str_]:
+def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | None = None) -> NDArray[np.str_]:
     """Return why each node of a mesh is held.
+
+    Layers hold no node, because they refuse flips, collapses and splits only. The quality, the reach of a move and the
+    schedule depend on the pass: `Pass` counts the moves that they refused.
 
     Parameters
     ----------
     mesh
         A mesh of triangles with straight or curved sides, or of tetrahedra.
     problem
-        A problem as for `adapt`, which is solved once on the mesh, or `Rules`. None stands for ``Rules()``.
+        A problem as for `adapt`, which is solved once on the mesh. None stands for no problem. `Rules` are accepted
+        here, too.
+    rules
+        Rules beside those of the problem. As in `adapt`, curves of a boundary replace those of the problem, pinned
+        nodes are added to its points, and pairs, if any, replace its pairs. None stands for ``Rules()``.
 
     Returns
     -------
     ndarray (nnodes,) of str
-        The reason in words: a corner or junction with the names of boundaries or subdomains and the turn, a turn at
-        which no curve is recognised, ``pinned``, ``point of the problem``, or a periodic pair. Reasons that hold a node
-        in the polish only begin with ``polish:``. An empty string stands for a node that moves or slides. The quality,
-        the reach of a move and the schedule depend on the pass and are not included.
+        The reason in words: a pin with the boundary or subdomain that pins the node, a point of the problem, a corner
+        or junction with the names of boundaries or subdomains and the turn, a turn at which no curve is recognised, or
+        a periodic pair. Reasons that hold a node in the polish only begin with ``polish:``, for example Dirichlet
+        values that are not linear, or an open boundary. An empty string stands for a node that moves or slides.
 
     Raises
     ------
     ValueError
         If the mesh or a rule is invalid.
     TypeError
-        If `problem` is neither a problem nor `Rules`.
+        If `problem` is neither a problem nor `Rules`, or if `rules` are no `Rules` or given twice.
 
     Examples
     --------
     >>> import skfem, kohonen_adapt as ka
     >>> mesh = skfem.MeshTri().refined(2).with_boundaries({"rim": lambda x: x[0] < 2.0})
-    >>> why = ka.why_held(mesh, ka.Rules(pinned=[12]))
+    >>> why = ka.why_held(mesh, rules=ka.Rules(pinned=[12]))
     >>> str(why[0]), str(why[12]), int((why == "").sum())
-    ("corner of boundary 'rim', 90 degrees", 'pinned', 20)
+    ("corner of boundary 'rim', 90 degrees", 'pinned by number', 20)
     """
     check_kind(mesh, curved=True, space=True)
-    if problem is None or isinstance(problem, Rules):
-        return np.array(method_of(mesh).reasons(opened(mesh, problem or Rules(), None)), dtype=np.str_)
-    if not has_method(problem, "solve"):
-        raise TypeError(f"why_held requires a problem with the method solve(mesh), or Rules; got {problem!r}.")
-    check_names(problem)
-    points = nodes_of_problem(problem, mesh)
-    rules = Rules(pinned=points, curves=curves_of(problem, mesh, None), periodic=pairs_of(problem))
-    movable = opened(mesh, rules, is_curved(problem))
+    if isinstance(problem, Rules):
+        if rules is not None:
+            raise TypeError("why_held requires Rules once, as problem or as rules; got both.")
+        problem, rules = None, problem
+    rules = Rules() if rules is None else rules
+    if not isinstance(rules, Rules):
+        raise TypeError(f"rules of why_held must be kohonen_adapt.Rules; got {rules!r}.")
+    if problem is not None:
+        if not has_method(problem, "solve"):
+            raise TypeError(f"why_held requires a problem with the method solve(mesh), or Rules; got {problem!r}.")
+        check_names(problem)
+        curves, pairs = curves_of(problem, mesh, rules.curves), rules.periodic or pairs_of(problem)
+        rules = replace(rules, curves=curves, periodic=pairs)
+    check_for(rules, mesh.dim())
+    movable = opened(mesh, rules, problem)
     reasons = method_of(mesh).reasons(movable)
-    for node in points:
-        reasons[node] = "point of the problem"
-    polish = polish_reasons(mesh, movable, problem)
-    both = [why or (f"polish: {other}" if other else "") for why, other in zip(reasons, polish, strict=True)]
-    return np.array(both, dtype=np.str_)
+    for node, pin in pin_reasons(mesh, rules.pinned, problem).items():
+        reasons[node] = pin
+    if problem is not None:
+        polish = polish_reasons(mesh, movable, problem)
+        reasons = [why or (f"polish: {other}" if other else "") for why, other in zip(reasons, polish, strict=True)]
+    return np.array(reasons[: mesh.nvertices], dtype=np.str_)
 
 
-def opened(mesh: Mesh, rules: Rules, curved: bool | None) -> Any:
-    method = method_of(mesh)
-    check_for(rules, method.dim)
-    return method.open(mesh, rules.guarded(), curved)
+def opened(mesh: Mesh, rules: Rules, problem: Problem | None) -> Any:
+    if problem is not None:
+        rules = with_pinned(rules, nodes_of_problem(problem, mesh))
+    layered = with_layers(mesh, rules)  # nodes of missing layers follow the nodes of the input
+    return method_of(mesh).open(layered, rules.guarded(), None if problem is None else is_curved(problem))
+
+
+def pin_reasons(mesh: Mesh, pinned: Pinned, problem: Problem | None) -> dict[int, str]:
+    entries = [pinned] if isinstance(pinned, str) else list(pinned)
+    numbers = [entry for entry in entries if not isinstance(entry, str)]
+    found = dict.fromkeys(np.flatnonzero(pinned_nodes(mesh, numbers)).tolist(), "pinned by number")
+    for name in (entry for entry in entries if isinstance(entry, str)):
+        kind = "boundary" if name in (mesh.boundaries or {}) else "subdomain"
+        found |= dict.fromkeys(np.flatnonzero(pinned_nodes(mesh, [name])).tolist(), f"pinned by {kind} {name!r}")
+    for name, nodes in ({} if problem is None else points_of(problem, mesh)).items():
+        found |= dict.fromkeys(nodes.tolist(), f"point {name!r} of the problem")
+    return {node: why for node, why in found.items() if node < mesh.nvertices}
 
 
 def polish_reasons(mesh: Mesh, movable: Any, problem: Problem) -> list[str]:

@@ -57,7 +57,7 @@ def test_held_nodes_are_counted_by_reason(capsys):
     held = capsys.readouterr().out.partition("held nodes: ")[2].splitlines()
     assert held[:3] == [
         "20",
-        "  12: corner of subdomain 'air', 'iron', 90 degrees",
+        "  12: corner of subdomains 'air', 'iron', 90 degrees",
         "  4: corner of boundary 'outer', 90 degrees",
     ]
 

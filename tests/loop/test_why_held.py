@@ -5,7 +5,7 @@ import pytest
 from skfem import MeshQuad, MeshTet, MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt.magnetostatics import Magnetostatics, Material
+from kohonen_adapt.magnetostatics import FluxLinkage, MagneticScalarPotential, Magnetostatics, Material
 
 HALVES = {"left": lambda x: x[0] < 0.5, "right": lambda x: x[0] > 0.5}
 
@@ -20,10 +20,10 @@ def at(mesh, *x):
 
 def test_corners_junctions_and_pinned_nodes_say_so():
     mesh = square()
-    why = ka.why_held(mesh, ka.Rules(pinned=[at(mesh, 0.25, 0.25)]))
+    why = ka.why_held(mesh, rules=ka.Rules(pinned=[at(mesh, 0.25, 0.25)]))
     assert why[at(mesh, 0.0, 0.0)] == "corner of boundary 'rim', 90 degrees"
     assert why[at(mesh, 0.5, 0.0)] == "junction of 3 boundaries and interfaces at boundary 'rim'"
-    assert why[at(mesh, 0.25, 0.25)] == "pinned"
+    assert why[at(mesh, 0.25, 0.25)] == "pinned by number"
     assert (why != "").sum() == 4 + 2 + 1
 
 
@@ -52,19 +52,109 @@ def test_the_polish_has_reasons_of_its_own():
     linear, bent = (Magnetostatics(materials, {"rim": f}, order=1) for f in (0.0, lambda x: x[0] ** 2))
     v = at(mesh, 0.25, 0.0)
     assert ka.why_held(mesh, linear)[v] == ""
-    assert ka.why_held(mesh, bent)[v] == "polish: Dirichlet values that are not linear along the boundary"
+    assert ka.why_held(mesh, bent)[v] == "polish: Dirichlet values that are not linear along boundary 'rim'"
 
 
-def test_a_corner_of_a_periodic_side_is_a_corner():
-    sides = {"left": lambda x: x[0] == 0.0, "right": lambda x: x[0] == 1.0}
-    mesh = MeshTri().refined(3).with_boundaries(sides)
-    why = ka.why_held(mesh, ka.Rules(periodic=[("left", "right")]))
-    assert why[at(mesh, 0.0, 0.0)] == "corner of boundary 'left', 90 degrees"
+SIDES = {"left side": lambda x: x[0] == 0.0, "right side": lambda x: x[0] == 1.0, "floor": lambda x: x[1] == 0.0}
+COIL = {"left": Material(current_density=1e6), "right": Material()}
+
+
+def of_sides():
+    return MeshTri().refined(3).with_subdomains(HALVES).with_boundaries(SIDES)
+
+
+def test_a_pin_says_by_which_name():
+    mesh = of_sides()
+    why = ka.why_held(mesh, ka.Rules(pinned=["floor", "left"]))
+    assert why[at(mesh, 1.0, 0.0)] == "pinned by boundary 'floor'"
+    assert why[at(mesh, 0.25, 0.5)] == "pinned by subdomain 'left'"
+
+
+def test_pairs_hold_where_the_other_node_cannot_slide():
+    mesh = of_sides()
+    why = ka.why_held(mesh, ka.Rules(periodic=[("left side", "right side")], pinned=["right side"]))
+    assert why[at(mesh, 0.0, 0.0)] == "corner of boundaries 'floor', 'left side', 90 degrees"
+    assert why[at(mesh, 0.0, 0.5)] == "periodic pair on boundary 'left side', whose other node cannot slide"
+    assert ka.why_held(mesh, ka.Rules(periodic=[("left side", "right side")]))[at(mesh, 0.0, 0.5)] == ""
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_rules_beside_a_problem_are_obeyed(order):
+    mesh, probe = of_sides(), {"probe": np.array([[0.75], [0.75]])}
+    periodic = [("left side", "right side")]
+    problem = Magnetostatics(COIL, {"floor": 0.0}, periodic=periodic, order=order, points=probe)
+    why = ka.why_held(mesh, problem, ka.Rules(pinned=["right side", at(mesh, 0.5, 0.5)]))
+    assert why[at(mesh, 0.75, 0.75)] == "point 'probe' of the problem"
+    assert why[at(mesh, 0.5, 0.5)] == "pinned by number"
+    assert why[at(mesh, 1.0, 0.5)] == "pinned by boundary 'right side'"
+    assert why[at(mesh, 0.0, 0.5)].startswith("periodic pair on boundary 'left side'")
+    assert why[at(mesh, 0.25, 0.0)] == why[at(mesh, 0.25, 0.25)] == ""
+
+
+@pytest.mark.parametrize("topology", ["flip", "recycle"])
+def test_layers_hold_no_node(topology):
+    mesh = MeshTri.init_tensor(np.linspace(0.0, 3.0, 13), np.array([-1.0, -0.5, 0.0, 0.15, 0.3, 0.8, 1.3]))
+    parts = {"iron": lambda x: (x[1] < 0.0) | (x[1] > 0.3), "gap": lambda x: (x[1] > 0.0) & (x[1] < 0.3)}
+    mesh = mesh.with_subdomains(parts)
+    layers = 4 if topology == "recycle" else 2  # missing layers are made
+    why = ka.why_held(mesh, ka.Rules(topology, layers={"gap": layers}))
+    np.testing.assert_array_equal(why, ka.why_held(mesh))
+    if topology == "flip":
+        with pytest.raises(ValueError, match="subdomain 'gap' has 2 layers"):
+            ka.why_held(mesh, ka.Rules(layers={"gap": 4}))
+
+
+RIMS = {
+    "given": ({"potential": {"rim": 0.0}}, {1: "", 2: "curve", 3: "curve"}),
+    "open": ({"open_boundary": "rim"}, dict.fromkeys((1, 2, 3), "open boundary 'rim' (Robin condition)")),
+}
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("condition", RIMS)
+@pytest.mark.parametrize("goal", [None, FluxLinkage({"coil": 1.0})], ids=["energy", "goal"])
+def test_the_polish_moves_no_node_of_a_rim_with_a_reason(condition, order, goal):
+    mesh = MeshTri.init_circle(4).with_boundaries({"rim": lambda x: x[0] < 2.0})
+    mesh = mesh.with_subdomains({"coil": lambda x: x[0] ** 2 + x[1] ** 2 < 0.1})
+    mesh = mesh.with_subdomains({"air": np.setdiff1d(np.arange(mesh.nelements), mesh.subdomains["coil"])})
+    keywords, reasons = RIMS[condition]
+    problem = Magnetostatics(
+        {"coil": Material(current_density=1e6), "air": Material()}, **keywords, order=order, goal=goal, curved=False
+    )
+    why, rim = ka.why_held(mesh, problem), mesh.boundary_nodes()
+    assert all(reason.removeprefix("polish: ").startswith(reasons[order]) for reason in why[rim])
+    assert np.all((why[rim] == "") == (reasons[order] == ""))
+    still = np.all(ka.polish(mesh, problem).p == mesh.p, axis=0)
+    assert np.all(still[why != ""]) and np.mean(still[why == ""]) < 0.01
+
+
+def slab():
+    halves = {"air": lambda x: x[0] < 0.5, "iron": lambda x: x[0] > 0.5}
+    sides = {"bottom": lambda x: x[2] == 0.0, "top": lambda x: x[2] == 1.0}
+    return MeshTet().refined(2).with_subdomains(halves).with_boundaries(sides)
+
+
+def test_tetrahedra_say_what_holds_their_nodes():
+    mesh, materials = slab(), {"air": Material(), "iron": Material(permeability=100.0)}
+    problem = MagneticScalarPotential(materials, {"bottom": 0.0, "top": lambda x: x[0] ** 2})
+    why = ka.why_held(mesh, problem, ka.Rules(pinned=["bottom", at(mesh, 0.25, 0.25, 0.25)]))
+    assert why[at(mesh, 0.5, 0.5, 0.0)] == "pinned by boundary 'bottom'"
+    assert why[at(mesh, 0.25, 0.25, 0.25)] == "pinned by number"
+    assert why[at(mesh, 1.0, 1.0, 1.0)] == "corner of 3 faces of boundary 'top'"
+    nonlinear = "polish: Dirichlet values that are not linear on the {} of boundary 'top'"
+    assert why[at(mesh, 0.25, 0.5, 1.0)] == nonlinear.format("face")
+    assert why[at(mesh, 0.25, 0.0, 1.0)] == nonlinear.format("edge")
+    assert why[at(mesh, 0.75, 0.5, 0.5)] == ""
+    still = np.all(ka.polish(mesh, problem, pinned=["bottom"]).p == mesh.p, axis=0)
+    assert np.all(still[why != "pinned by number"] == (why[why != "pinned by number"] != ""))
 
 
 @pytest.mark.parametrize(
     ("order", "reason"),
-    [(1, "polish: source that ends at a curve"), (3, "polish: curve on which the polish moves no node")],
+    [
+        (1, "polish: source that ends at the curve of boundary 'rim'"),
+        (3, "polish: curve of boundary 'rim', where the polish moves no node at order 3"),
+    ],
 )
 def test_nodes_on_a_curve_stay_in_the_polish_where_it_says_so(order, reason):
     mesh = MeshTri.init_circle(3)
@@ -87,6 +177,10 @@ def test_a_problem_without_energy_says_what_it_lacks():
 
 
 def test_what_is_neither_problem_nor_rules_is_refused():
+    with pytest.raises(TypeError, match="requires Rules once"):
+        ka.why_held(square(), ka.Rules(), ka.Rules())
+    with pytest.raises(TypeError, match="rules of why_held must be"):
+        ka.why_held(square(), rules=3)
     with pytest.raises(TypeError, match=r"requires a problem with the method solve\(mesh\), or Rules; got 3\."):
         ka.why_held(square(), 3)
     with pytest.raises(ValueError, match="MeshQuad"):

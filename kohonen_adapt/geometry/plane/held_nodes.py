@@ -9,7 +9,7 @@ from kohonen_adapt.geometry.plane.polylines import CORNER
 from kohonen_adapt.kernels.triangle.arrays import HELD
 from kohonen_adapt.mesh.names import named_sets
 
-__all__ = ["reasons_in_plane"]
+__all__ = ["names_at", "reasons_in_plane"]
 
 
 def reasons_in_plane(movable: MovableMesh) -> list[str]:
@@ -41,13 +41,13 @@ def names_at(movable: MovableMesh, v: int, chain: Ints) -> str:
     """Return the boundaries at a node, else the subdomains around the node."""
     names = [name for name, orientation in movable.outline.names.items() if np.any(orientation[chain])]
     if names:
-        return f"boundary {listed(names)}"
+        return f"{'boundary' if len(names) == 1 else 'boundaries'} {listed(names)}"
     triangulation = movable.triangulation
     star = triangulation.star
     around = triangulation.elements.region[star.element[star.start[v] : star.start[v + 1]]]
     sets = named_sets(movable.input_mesh.subdomains)
     names = [name for name, rows in sets.items() if np.isin(around, triangulation.region_of_input[rows]).any()]
-    return f"subdomain {listed(names)}" if names else "the outer boundary"
+    return f"subdomain{'s' * (len(names) > 1)} {listed(names)}" if names else "the outer boundary"
 
 
 def corner_text(position: Floats, v: int, others: Ints, names: str, paired: bool) -> str:
@@ -60,5 +60,5 @@ def corner_text(position: Floats, v: int, others: Ints, names: str, paired: bool
     if turn >= CORNER:
         return f"corner of {names}, {np.rad2deg(turn):.3g} degrees"
     if paired:
-        return "node of a periodic pair whose partner cannot slide"
+        return f"periodic pair on {names}, whose other node cannot slide"
     return f"no curve of {names} is recognised at a turn of {np.rad2deg(turn):.3g} degrees; use `curves`"

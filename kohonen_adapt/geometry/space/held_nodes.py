@@ -2,11 +2,12 @@
 
 import numpy as np
 
+from kohonen_adapt.arrays import Ints
 from kohonen_adapt.checks import listed
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD
 
-__all__ = ["reasons_in_space"]
+__all__ = ["of_boundaries", "reasons_in_space"]
 
 
 def reasons_in_space(movable: MovableSolid) -> list[str]:
@@ -18,8 +19,7 @@ def reasons_in_space(movable: MovableSolid) -> list[str]:
     start = np.searchsorted(pairs[:, 0], np.arange(movable.nnodes + 1))
     for v in np.flatnonzero((movable.freedom.number == HELD) | movable.freedom.pinned).tolist():
         patches = pairs[start[v] : start[v + 1], 1]
-        names = [name for name, side in movable.patches.names.items() if np.any(side[patches])]
-        where = f" of boundary {listed(names)}" if names else ""
+        where = of_boundaries(movable, patches)
         if movable.freedom.pinned[v]:
             found[v] = "pinned"
         elif len(patches) > 2:
@@ -29,3 +29,8 @@ def reasons_in_space(movable: MovableSolid) -> list[str]:
         else:
             found[v] = f"rim of a sheet that is neither straight nor an arc{where}"
     return found
+
+
+def of_boundaries(movable: MovableSolid, patches: Ints) -> str:
+    names = [name for name, side in movable.patches.names.items() if np.any(side[patches])]
+    return f" of {'boundary' if len(names) == 1 else 'boundaries'} {listed(names)}" if names else ""
