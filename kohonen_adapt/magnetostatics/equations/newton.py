@@ -11,13 +11,7 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.system import Solver
 
-__all__ = [
-    "TOLERANCE",
-    "Convex",
-    "Newton",
-    "NewtonStep",
-    "NotConverged",
-]
+__all__ = ["TOLERANCE", "Convex", "Newton", "NewtonStep", "NotConverged"]
 
 TOLERANCE = 1e-8  # of the relative residual and of the relative update
 DESCENT = 1e-4  # fraction of the descent predicted by the slope that a step must reach (Armijo)
