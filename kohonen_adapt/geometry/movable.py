@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Ints
-from kohonen_adapt.checks import check_state
+from kohonen_adapt.arrays import Ints, padded
+from kohonen_adapt.checks import check_state, listed
+from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["Movable", "Recycled", "arrays_of", "unchanged"]
+__all__ = ["Movable", "Recycled", "arrays_of", "names_beside", "unchanged"]
 
 
 class Movable(ABC):
@@ -63,6 +64,11 @@ class Movable(ABC):
         split = {name: name.rpartition(".") for name in self.state_names}
         return {name: getattr(records[record], field) for name, (record, _, field) in split.items()}
 
+    def padded_state(self, nodes: int, elements: int, unused: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+        """Return copies of the arrays with spare rows, filled with `unused`, else -1."""
+        rows = {name: elements if name in self.by_element else nodes for name in self.state_names}
+        return {name: padded(array, rows[name], unused.get(name, -1)) for name, array in self.state().items()}
+
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         self.check_state(state)
         self.set_arrays({name: state[name].copy() for name in self.state_names})
@@ -72,6 +78,22 @@ class Movable(ABC):
         n, m = len(state.get("position", ())), len(state.get(self.by_element[0], ()))
         rows = {name: m if name in self.by_element else n for name in self.state_names}
         check_state(self.state(), state, rows, self.ranges(n, m))
+
+
+def names_beside(
+    tessellation: Triangulation | Tetrahedralization, names: Mapping[str, NDArray[np.int8]], part: int, regions: Ints
+) -> str:
+    """Return the boundaries of a curve segment or patch, else the subdomains beside.
+
+    Returns an empty string if neither has a name.
+    """
+    found = [name for name, manner in names.items() if manner[part]]
+    if found:
+        return f"boundary {' + '.join(map(repr, found))}"
+    region_of_input, beside = tessellation.region_of_input, set(regions.tolist())
+    sets = named_sets(tessellation.mesh.subdomains).items()
+    found = [name for name, rows in sets if beside & set(region_of_input[rows].tolist())]
+    return listed(found) if found else ""
 
 
 def arrays_of(record: str, state: Mapping[str, NDArray[Any]]) -> dict[str, Any]:

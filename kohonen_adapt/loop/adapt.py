@@ -8,7 +8,7 @@ from skfem import Mesh
 
 from kohonen_adapt.checks import with_nearest_names
 from kohonen_adapt.geometry.plane.curves import Curve
-from kohonen_adapt.geometry.plane.more_layers import with_layers
+from kohonen_adapt.geometry.plane.missing_layers import with_layers
 from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules, check_for, with_pinned
 from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.kernels.numba.compilation import expect
@@ -21,7 +21,7 @@ from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.settings import PASSES, Settings
 from kohonen_adapt.loop.step import Adaptation
-from kohonen_adapt.loop.steps import Steps
+from kohonen_adapt.loop.step_timer import Steps
 from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh

@@ -11,7 +11,7 @@ from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.step import UNSOLVED, Adaptation, Solved
-from kohonen_adapt.loop.steps import StepFailed, Steps
+from kohonen_adapt.loop.step_timer import StepFailed, Steps
 from kohonen_adapt.loop.stopping import (
     Ending,
     StopTest,

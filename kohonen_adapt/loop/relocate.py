@@ -10,7 +10,7 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import with_nearest_names
 from kohonen_adapt.geometry.plane.curves import Curve
-from kohonen_adapt.geometry.plane.more_layers import with_layers
+from kohonen_adapt.geometry.plane.missing_layers import with_layers
 from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules, check_for
 from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.kernels.numba.compilation import expect

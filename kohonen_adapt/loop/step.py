@@ -12,7 +12,7 @@ from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
-from kohonen_adapt.loop.steps import Steps
+from kohonen_adapt.loop.step_timer import Steps
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.polynomials import count_unknowns

@@ -10,7 +10,7 @@ from kohonen_adapt.checks import check_count, check_hook, check_tolerance
 from kohonen_adapt.geometry.plane.movable import Work
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.settings import Settings
-from kohonen_adapt.loop.steps import StepFailed
+from kohonen_adapt.loop.step_timer import StepFailed
 from kohonen_adapt.loop.table import energy_norm_error
 from kohonen_adapt.problem.evaluation import have_settled
 

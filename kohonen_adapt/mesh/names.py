@@ -1,6 +1,6 @@
 """Named subdomains and boundaries, and regions of elements with equal names."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -173,6 +173,21 @@ def marked_facets(mesh: Mesh, elements: Any) -> tuple[Ints, Ints, Ints, Ints, di
     sides = {} if facet is None else {n: manners_of(mesh, rows, facet[e, k], e) for n, rows in boundaries.items()}
     regions = np.stack([elements.region[e], other[e, k]], axis=1)
     return e, k, regions, labels(regions[:, 0], regions[:, 1], list(sides.values())), sides
+
+
+def boundary_of(
+    mesh: Mesh, facet: Ints, element: Ints, corner: Ints, side: Callable[[Ints, Ints], NDArray[np.int8]] | None
+) -> Ints:
+    """Return the boundary of the facets opposite to corners of elements.
+
+    `facet`, shape (m, d + 1), holds the facets of `facets_opposite`. `side(element, corner)` returns the side on which
+    the elements lie, LEFT or RIGHT. With None the boundary has no orientation.
+    """
+    number, first = np.unique(facet[element, corner], return_index=True)
+    if side is None:
+        return number
+    element, corner = element[first], corner[first]
+    return OrientedBoundary(number, (mesh.f2t[0, number] == element) != (side(element, corner) == LEFT))
 
 
 def turned(side: NDArray[np.int8], same_direction: Mask | bool) -> NDArray[np.int8]:

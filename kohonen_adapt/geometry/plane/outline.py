@@ -11,7 +11,7 @@ from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.checks import listed
+from kohonen_adapt.geometry.movable import names_beside
 from kohonen_adapt.geometry.plane.chains import (
     chains_of,
     find_parameters,
@@ -21,9 +21,7 @@ from kohonen_adapt.geometry.plane.chains import (
     points_on,
     signed_distances,
 )
-from kohonen_adapt.geometry.plane.coarse_arcs import centres_of, with_coarse_arcs
 from kohonen_adapt.geometry.plane.curves import Curve, curve_of_facets, projected
-from kohonen_adapt.geometry.plane.midsides import joints_on_curves, midsides_of
 from kohonen_adapt.geometry.plane.pairs import Pairs, find_pairs
 from kohonen_adapt.geometry.plane.polylines import (
     BY_MIDSIDES,
@@ -36,6 +34,7 @@ from kohonen_adapt.geometry.plane.polylines import (
     joints_of,
     trace_facets,
 )
+from kohonen_adapt.geometry.plane.recognition import centres_of, joints_on_curves, midsides_of, with_coarse_arcs
 from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.geometry.rules import Rules, checked_curves, pinned_nodes
 from kohonen_adapt.kernels.triangle.arrays import (
@@ -55,7 +54,7 @@ from kohonen_adapt.kernels.triangle.chains import farthest_from_facets, look_up
 from kohonen_adapt.kernels.triangle.geometry import move_to_targets
 from kohonen_adapt.mesh.adjacency import write_on_both_sides
 from kohonen_adapt.mesh.host import facets_opposite, set_boundaries
-from kohonen_adapt.mesh.names import LEFT, named_sets, turned
+from kohonen_adapt.mesh.names import boundary_of, turned
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["Outline"]
@@ -150,12 +149,8 @@ class Outline:
 
     def farthest_curve(self, triangulation: Triangulation) -> str:
         _, c = farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)
-        names = [name for name, manner in self.names.items() if manner[c]]
-        if names:
-            return f"boundary {' + '.join(map(repr, names))}"
-        regions = set(triangulation.elements.region[np.any(triangulation.elements.chain == c, axis=1)].tolist())
-        found = named_sets(triangulation.mesh.subdomains).items()
-        return listed(name for name, rows in found if regions & set(triangulation.region_of_input[rows].tolist()))
+        regions = triangulation.elements.region[np.any(triangulation.elements.chain == c, axis=1)]
+        return names_beside(triangulation, self.names, c, regions) or "none"
 
     @property
     def straight(self) -> Mask:
@@ -187,13 +182,14 @@ class Outline:
 
     def _boundary(self, mesh: MeshTri, facet: Ints, triangulation: Triangulation, name: str) -> Ints:
         chain = triangulation.elements.chain
-        e, k = np.nonzero((chain >= 0) & np.append(self.names[name], 0)[chain].astype(bool))
-        number, first = np.unique(facet[e, k], return_index=True)
-        if not isinstance(triangulation.mesh.boundaries[name], OrientedBoundary):
-            return number
-        e, k = e[first], k[first]
-        side = turned(self.names[name][chain[e, k]], runs_along(triangulation, self.constraints, e, k))
-        return OrientedBoundary(number, (mesh.f2t[0, number] == e) != (side == LEFT))
+        manner = np.append(self.names[name], 0)
+        element, corner = np.nonzero((chain >= 0) & manner[chain].astype(bool))
+
+        def side(e: Ints, k: Ints) -> NDArray[np.int8]:
+            return turned(manner[chain[e, k]], runs_along(triangulation, self.constraints, e, k))
+
+        oriented = isinstance(triangulation.mesh.boundaries[name], OrientedBoundary)
+        return boundary_of(mesh, facet, element, corner, side if oriented else None)
 
 
 def with_circles(curves: dict[str, Curve]) -> dict[str, Curve]:
@@ -271,15 +267,13 @@ def chains_of_nodes(
     JUNCTION if `junctions`. Nodes of the mask `occupied`, shape (n,), hold -1, because no other node may take over
     their corner: pinned nodes, and nodes of periodic boundaries that do not slide.
     """
-    names_of_arrays = np.full((len(sliding), 2), -1, dtype=np.int32)
-    names_of_arrays[joints.node] = chain[joints.facets]
+    chains = np.full((len(sliding), 2), -1, dtype=np.int32)
+    chains[joints.node] = chain[joints.facets]
     if junctions:
-        names_of_arrays[np.bincount(facets.nodes.ravel(), minlength=len(names_of_arrays)) == 3, OWN] = JUNCTION
-    names_of_arrays[occupied] = -1
-    names_of_arrays[
-        (names_of_arrays[:, OWN] == names_of_arrays[:, OTHER]) & ~sliding
-    ] = -1  # the corner of a loop has no second segment to slide onto
-    return names_of_arrays
+        chains[np.bincount(facets.nodes.ravel(), minlength=len(chains)) == 3, OWN] = JUNCTION
+    chains[occupied] = -1
+    chains[(chains[:, OWN] == chains[:, OTHER]) & ~sliding] = -1  # the corner of a loop has no second segment
+    return chains
 
 
 def inner_nodes(triangulation: Triangulation) -> Mask:

@@ -94,10 +94,7 @@ class Surgery:
         n, m = movable.nnodes, len(movable.triangulation.elements.node)
         on_boundary = np.bincount(outer_edges(movable.triangulation.elements).ravel(), minlength=n)
         rows, spare = target + 1, m + int(np.count_nonzero(on_boundary)) + 2 * (target - n) + 4
-        state = {
-            name: padded(array, spare if name in BY_ELEMENT else rows, UNUSED.get(name, -1))
-            for name, array in movable.state().items()
-        }
+        state = movable.padded_state(rows, spare, UNUSED)
         anchor = padded(unchanged(movable.triangulation).start_element, rows, -1)
         pool = Pool(anchor, free_rows(n, rows), free_rows(m, spare), np.array([rows - n, spare - m], dtype=np.int64))
         origins = Origins(

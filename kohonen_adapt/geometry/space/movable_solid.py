@@ -11,8 +11,7 @@ from skfem import MeshTet
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Ints, Mask
-from kohonen_adapt.checks import listed
-from kohonen_adapt.geometry.movable import Movable, arrays_of
+from kohonen_adapt.geometry.movable import Movable, arrays_of, names_beside
 from kohonen_adapt.geometry.rules import Rules, check_for, checked_surfaces, floor_of, pinned_nodes
 from kohonen_adapt.geometry.space.patches import Patches, constrained_faces, edges_of, on_their_patches, seams_of
 from kohonen_adapt.geometry.space.projection import (
@@ -38,7 +37,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 from kohonen_adapt.mesh.adjacency import write_on_both_sides
 from kohonen_adapt.mesh.cells import FACES, normals
 from kohonen_adapt.mesh.host import facets_opposite, set_boundaries
-from kohonen_adapt.mesh.names import LEFT, named_sets, turned
+from kohonen_adapt.mesh.names import boundary_of, turned
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 
 __all__ = ["MovableSolid"]
@@ -120,14 +119,14 @@ class MovableSolid(Movable):
 
     def _boundary(self, mesh: MeshTet, facet: Ints, name: str) -> Ints:
         tet, used = self.tetrahedralization, self.tetrahedralization.used
-        patch, manner = tet.elements.patch[used], self.patches.names[name]
-        e, k = np.nonzero((patch >= 0) & np.append(manner, 0)[patch].astype(bool))
-        number, first = np.unique(facet[e, k], return_index=True)
-        if not isinstance(self.input_mesh.boundaries[name], OrientedBoundary):
-            return number
-        e, k = e[first], k[first]
-        side = turned(manner[patch[e, k]], self.on_front(used[e], k))
-        return OrientedBoundary(number, (mesh.f2t[0, number] == e) != (side == LEFT))
+        patch, manner = tet.elements.patch[used], np.append(self.patches.names[name], 0)
+        element, corner = np.nonzero((patch >= 0) & manner[patch].astype(bool))
+
+        def side(e: Ints, k: Ints) -> NDArray[np.int8]:
+            return turned(manner[patch[e, k]], self.on_front(used[e], k))
+
+        oriented = isinstance(self.input_mesh.boundaries[name], OrientedBoundary)
+        return boundary_of(mesh, facet, element, corner, side if oriented else None)
 
     def on_front(self, element: Ints, corner: Ints) -> Mask:
         tet = self.tetrahedralization
@@ -180,15 +179,10 @@ class MovableSolid(Movable):
 
     def farthest_surface(self) -> str:
         tet = self.tetrahedralization
-        p = np.argmax(distances_from_faces(tet.position, tet.elements, self.patches))
-        names = [name for name, manner in self.patches.names.items() if manner[p]]
-        if names:
-            return f"boundary {' + '.join(map(repr, names))}"
-        regions = set(tet.elements.region[np.any(tet.elements.patch == p, axis=1)].tolist())
-        found = named_sets(tet.mesh.subdomains).items()
-        names = [name for name, rows in found if regions & set(tet.region_of_input[rows].tolist())]
-        if names:
-            return listed(names)
+        p = int(np.argmax(distances_from_faces(tet.position, tet.elements, self.patches)))
+        regions = tet.elements.region[np.any(tet.elements.patch == p, axis=1)]
+        if names := names_beside(tet, self.patches.names, p, regions):
+            return names
         e, k = np.argwhere(tet.elements.patch == p)[0]
         x = tet.position[tet.elements.node[e, FACES[k]]].mean(axis=0)
         return f"one without a name, with a face near ({', '.join(f'{place:.4g}' for place in x)})"

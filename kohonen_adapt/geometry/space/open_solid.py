@@ -63,10 +63,7 @@ class OpenSolid:
         n, node = movable.nnodes, movable.tetrahedralization.elements.node
         rows = max(n, target) + 2
         capacity = max(len(node) + len(node) // 4, int(PER_NODE * rows)) + 4 * MOST
-        state = {
-            name: padded(array, capacity if name in BY_ELEMENT else rows, UNUSED.get(name, -1))
-            for name, array in movable.state().items()
-        }
+        state = movable.padded_state(rows, capacity, UNUSED)
         star = star_of(node, n)
         first = star.element[star.start[:-1]]
         fineness = padded(np.cbrt(density / density.max()), rows, 1.0)
