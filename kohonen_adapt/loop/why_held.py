@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
-from kohonen_adapt.geometry.plane.more_layers import with_layers
+from kohonen_adapt.geometry.plane.missing_layers import with_layers
 from kohonen_adapt.geometry.rules import Pinned, Rules, check_for, pinned_nodes, with_pinned
 from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.step import functional_of
