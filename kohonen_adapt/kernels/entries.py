@@ -104,7 +104,7 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(train.learn, NEURONS, LESSON, float64, float64, B1, SEARCH_SCRATCH),
         Entry(smooth.update_factors, R2, int64, int64, SITES, R2, ELEMENTS, R2),
         Entry(smooth.multiply_factors, ELEMENTS, SITES, R1),
-        Entry(smooth.sweep, R2, ELEMENTS, STAR, CONSTRAINTS, R1, boolean, float64, I1, B1, boolean),
+        Entry(smooth.sweep, NEURONS, R1, boolean, float64, I1, B1, boolean),
         Entry(chains.farthest_from_facets, R2, ELEMENTS, CONSTRAINTS),
     ),
     "transport": (

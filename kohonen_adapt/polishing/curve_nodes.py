@@ -12,8 +12,9 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.chains import on_chains, parameters_of, signed_distances
 from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.kernels.arrays import HALVINGS
 from kohonen_adapt.kernels.triangle.geometry import FLAT
-from kohonen_adapt.kernels.triangle.polish.descend import HALVINGS, OVERSTEP, ROUNDING
+from kohonen_adapt.kernels.triangle.polish.descend import OVERSTEP, ROUNDING
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.chords import CENTROID, Slivers, segment_areas
 from kohonen_adapt.polishing.functional import Functional

@@ -162,18 +162,15 @@ class Trainer:
 
     def sweep(self, weight: Floats, circumcentres: bool) -> None:
         movable = self._triangles("sweeps")
-        tri, constraints, floor = movable.triangulation, movable.constraints, movable.floor
-        parts = parts_for(tri.nnodes, 1, self.method.cell.dim)
+        mesh, floor = movable.kernel_mesh(), movable.floor
+        parts = parts_for(movable.nnodes, 1, self.method.cell.dim)
         interior = self._interior_nodes(parts, 1)
 
         def task(thread: int, first: int, last: int, which: bool = True) -> None:
-            sweep(
-                tri.position, tri.elements, tri.star, constraints, weight, circumcentres, floor,
-                self.order[first:last], interior, which,
-            )  # fmt: skip
+            sweep(mesh, weight, circumcentres, floor, self.order[first:last], interior, which)
 
-        shared(task, starts_of_threads(starts_of_parts(tri.nnodes, parts)))
-        task(0, 0, tri.nnodes, which=False)
+        shared(task, starts_of_threads(starts_of_parts(movable.nnodes, parts)))
+        task(0, 0, movable.nnodes, which=False)
 
     def _interior_nodes(self, parts: int, rings: int) -> Mask:
         """Return the mask (n,) of nodes with all nodes within `rings` in their own part."""

@@ -19,6 +19,7 @@ LINE, CIRCLE, INTERSECTION = range(3)  # shapes of ridges, INTERSECTION without 
 HELD, ON_RIDGE, ON_PATCH, INSIDE = range(4)  # `Freedom.number`: dimension of the permitted moves
 
 MOST = 1024  # maximum number of elements around a node for surgery
+RIDGE_PATCHES = 4  # maximum number of patches at a ridge
 RING = 8  # maximum number of nodes in the ring of an edge for swaps
 FREE, WAITS, ELSEWHERE, WANTED = range(4)  # `Queue.waiting`; ELSEWHERE turns into WANTED if an element blocks a swap
 
@@ -61,7 +62,7 @@ class Surfaces(NamedTuple):
     origin: np.ndarray  # (p, 3): a point of a plane or an axis, a centre, an apex
     axis: np.ndarray  # (p, 3): unit normal of a plane, direction of an axis, for a cone from the apex inwards
     size: np.ndarray  # (p,): radius of a sphere or a cylinder, half angle of a cone
-    meets: np.ndarray  # (r, 4) int32: patches that meet in the ridge, ascending, then -1
+    meets: np.ndarray  # (r, RIDGE_PATCHES) int32: patches that meet in the ridge, ascending, then -1
     ridge_shape: np.ndarray  # (r,) int8: LINE, CIRCLE, INTERSECTION
     ridge_origin: np.ndarray  # (r, 3): a point of a line, the centre of a circle
     ridge_axis: np.ndarray  # (r, 3): direction of a line, unit normal of the plane of a circle

@@ -8,13 +8,12 @@ lines).
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_RIDGE
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_RIDGE, RIDGE_PATCHES
 from kohonen_adapt.kernels.tetrahedron.connectivity import OPPOSITE
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, star_quality
 from kohonen_adapt.kernels.tetrahedron.stars import star_tolerable
 from kohonen_adapt.kernels.tetrahedron.surfaces import onto_ridge, within_reach
 
-RIDGE_PATCHES = 4  # maximum number of patches at a ridge
 CORNER_RIDGES = 3  # maximum number of ridges at a corner that nodes may leave
 
 

@@ -12,6 +12,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import MOST
 from kohonen_adapt.kernels.tetrahedron.connectivity import corner_of, gather_around, gather_edge
 from kohonen_adapt.kernels.tetrahedron.surgery import (
     NOWHERE,
+    UNLIMITED,
     collapse,
     metric_length,
     prepare_collapse,
@@ -19,8 +20,6 @@ from kohonen_adapt.kernels.tetrahedron.surgery import (
     split,
 )
 from kohonen_adapt.kernels.tetrahedron.swap import enter
-
-UNLIMITED = np.inf
 
 
 @inner_kernel
@@ -124,11 +123,31 @@ def split_prepared(mesh, queue, longest, shortest, a, b, floor):
 
 @kernel
 def recycle(mesh, queue, longest, shortest, missing, ratio, floor, limit):
-    """Split and collapse edges up to a ratio of the longest to the shortest.
+    """Split long edges and collapse short edges until all lengths are similar.
 
-    `missing` nodes are added first by splits alone, or removed by collapses if negative. `floor` is the cube of a
-    quality. Heaps and queue are updated. The loop ends after `limit` splits or collapses, or without free rows.
-    Returned are (splits, collapses, finished).
+    Lengths are in the metric of the wanted density. A split puts a node into the middle of the longest edge. A collapse
+    merges the nodes of the shortest edge. Each pair of both keeps the number of nodes. No pair follows if the longest
+    edge is shorter than `ratio` times the shortest, or if no valid split or collapse is left.
+
+    Parameters
+    ----------
+    queue
+        Receives new elements, of which edges and faces are to be searched for swaps.
+    longest, shortest
+        Heaps of all edges, updated.
+    missing
+        Number of nodes to add by splits before the first pair. If negative, collapses remove nodes.
+    ratio
+        Largest ratio of lengths.
+    floor
+        Cube of the minimum quality.
+    limit
+        Maximum number of splits and of collapses in this call.
+
+    Returns
+    -------
+    splits, collapses, finished
+        `finished` is False if `limit` has ended the loop.
     """
     splits = collapses = 0
     while splits < limit and collapses < limit:

@@ -10,6 +10,7 @@ linear, so the sum is convex.
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import HALVINGS
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, PLANE
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, allowed, sum_of_squares
@@ -19,8 +20,6 @@ from kohonen_adapt.kernels.tetrahedron.surfaces import (
     tangent_of_ridge,
     within_reach,
 )
-
-HALVINGS = 3  # of a rejected step
 
 
 @inner_kernel

@@ -3,7 +3,7 @@
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE, PLANE
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE, PLANE, RIDGE_PATCHES
 from kohonen_adapt.kernels.tetrahedron.connectivity import (
     OPPOSITE,
     corner_of,
@@ -20,9 +20,9 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
 )
 from kohonen_adapt.kernels.tetrahedron.surfaces import exceeds_sagitta, onto_patch, onto_ridge, ridge_distance
 
+UNLIMITED = np.inf  # length of edges after a collapse
 NOWHERE = -1
 EQUAL = 1e-9  # relative tolerance of equal volumes
-RIDGE_PATCHES = 4  # maximum number of patches at a ridge
 
 
 @inner_kernel

@@ -141,12 +141,13 @@ def midpoint_on_chain(position, constraints, c, a, b):
 
 
 @inner_kernel
-def within_reach(position, elements, star, chains, c, v, x, y):
+def within_reach(mesh, c, v, x, y):
     """Return True if node `v` at (x, y) makes no facet too long.
 
     A facet is too long if longer than the reach of segment `c` and longer than before.
     """
-    reach = chains.geometry[c, REACH]
+    position, elements, star = mesh.position, mesh.elements, mesh.star
+    reach = mesh.constraints.chains.geometry[c, REACH]
     if reach == np.inf:
         return True
     for k in range(star.start[v], star.start[v + 1]):
@@ -185,8 +186,7 @@ def span_fraction(knot, k, parameter):
 def on_span(knot, k, fraction):
     """Return position and derivative of the cubic Hermite polynomial of span `k`.
 
-    The result is (x, y, dx, dy) at the fraction `share` of the span from knot k to k + 1. The derivative is by the
-    fraction.
+    The result is (x, y, dx, dy) at `fraction` of the span from knot k to k + 1. The derivative is by the fraction.
     """
     width, r = knot[k + 1, AT] - knot[k, AT], 1.0 - fraction
     h0, h1 = r * r * (1.0 + 2.0 * fraction), fraction * fraction * (1.0 + 2.0 * r)
@@ -281,26 +281,28 @@ def farthest_from_facets(position, elements, constraints):
 
 
 @inner_kernel
-def slide(position, elements, star, constraints, v, parameter, floor):
-    chains, chain = constraints.chains, np.int64(constraints.chain[v, OWN])
-    x, y = point_at(chains, chain, parameter)
-    if not within_reach(position, elements, star, chains, chain, v, x, y):
+def slide(mesh, v, parameter, floor):
+    position, constraints = mesh.position, mesh.constraints
+    chain = np.int64(constraints.chain[v, OWN])
+    x, y = point_at(constraints.chains, chain, parameter)
+    if not within_reach(mesh, chain, v, x, y):
         return False
-    if not may_move(position, star, v, x, y, floor):
+    if not may_move(position, mesh.star, v, x, y, floor):
         return False
     position[v, 0], position[v, 1], constraints.parameter[v] = x, y, parameter
     return True
 
 
 @inner_kernel
-def slide_pair(position, elements, star, constraints, v, parameter, floor):
+def slide_pair(mesh, v, parameter, floor):
+    position, constraints = mesh.position, mesh.constraints
     w, before = np.int64(constraints.periodic.partner[v]), constraints.parameter[v]
     before_x, before_y = position[v, 0], position[v, 1]
     # The star of the partner depends on the node where the mesh is a single element wide, so the node moves first.
-    if not slide(position, elements, star, constraints, v, parameter, floor):
+    if not slide(mesh, v, parameter, floor):
         return False
     x, y = point_at(constraints.chains, np.int64(constraints.chain[w, OWN]), parameter)
-    if not may_move(position, star, w, x, y, floor):
+    if not may_move(position, mesh.star, w, x, y, floor):
         position[v, 0], position[v, 1], constraints.parameter[v] = before_x, before_y, before
         return False
     position[w, 0], position[w, 1], constraints.parameter[w] = x, y, parameter

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import HALVINGS
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel, record
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OWN, PAIRED
 from kohonen_adapt.kernels.triangle.chains import (
@@ -23,7 +24,6 @@ from kohonen_adapt.kernels.triangle.locate import TOLERANCE, WALK, least_barycen
 from kohonen_adapt.kernels.triangle.search import STRETCH, nearer
 
 RELAXATION = 0.85  # full steps overshoot where the density changes within an element
-HALVINGS = 3  # of a rejected step
 
 
 @record
@@ -164,13 +164,14 @@ def nearest_element(position, elements, e, x, y):
 
 
 @kernel
-def sweep(position, elements, star, constraints, weight, circumcentres, floor, order, interior, which):
+def sweep(mesh, weight, circumcentres, floor, order, interior, which):
     """Move nodes to the weighted mean of the centres of their elements, guarded.
 
     x <- sum |K| w_K c_K / sum |K| w_K over the star, with the weights w_K = rho_K^2. The centre c_K is the
     circumcentre, or the barycentre if no edge is flipped, because the circumcentre of a stretched element is far away.
     Only nodes of `order` with `interior` equal to `which` move.
     """
+    position, star, constraints = mesh.position, mesh.star, mesh.constraints
     for node in order:
         v = np.int64(node)
         if interior[v] != which or constraints.kind[v] == HELD:
@@ -191,7 +192,7 @@ def sweep(position, elements, star, constraints, weight, circumcentres, floor, o
                 chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter)
             )
             distance = (mass * distance + mass_there * distance_there) / (mass + mass_there)
-        slide_along_chain(position, elements, star, constraints, v, RELAXATION * distance, floor)
+        slide_along_chain(mesh, v, RELAXATION * distance, floor)
 
 
 @inner_kernel
@@ -215,14 +216,15 @@ def centre_mean(position, star, weight, circumcentres, v):
 
 
 @inner_kernel
-def slide_along_chain(position, elements, star, constraints, v, distance, floor):
+def slide_along_chain(mesh, v, distance, floor):
+    constraints = mesh.constraints
     chains, chain, moved = constraints.chains, np.int64(constraints.chain[v, OWN]), False
     for _ in range(HALVINGS + 1):
         parameter = advanced_parameter(chains, chain, constraints.parameter[v], distance)
         if chains.flags[chain, PAIRED]:
-            moved = slide_pair(position, elements, star, constraints, v, parameter, floor)
+            moved = slide_pair(mesh, v, parameter, floor)
         else:
-            moved = slide(position, elements, star, constraints, v, parameter, floor)
+            moved = slide(mesh, v, parameter, floor)
         if moved:
             return
         distance *= 0.5

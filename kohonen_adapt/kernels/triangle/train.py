@@ -56,10 +56,10 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
     The learning rate times the weight is limited to 1. Stars marked `is_valid` satisfy the floor and need no comparison
     with the quality before.
     """
-    position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
+    position, star, constraints = mesh.position, mesh.star, mesh.constraints
     points, region, weights, winners = lesson.points, lesson.region, lesson.weights, lesson.winners
     strength, rings = lesson.strength, lesson.ends
-    kind, inner, chains = constraints.kind, constraints.inner, constraints.chains
+    kind, chains = constraints.kind, constraints.chains
     queue, stamps, radius, parameter = scratch.queue, scratch.node_stamp, strength.shape[0] - 1, 0.0
     periodic, rings[0] = constraints.periodic.motions.shape[0] > 0, 0
     for t in range(points.shape[0]):
@@ -69,7 +69,7 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
         first, last = np.int64(0), np.int64(1)
         for ring in range(radius + 1):
             if ring > 0:
-                end = gather_ring(elements, star, inner, region[t], queue, first, last, stamps, stamp)
+                end = gather_ring(mesh, region[t], queue, first, last, stamps, stamp)
                 first, last = last, end
             step, rings[ring + 1] = rate_of_point * strength[ring], last
             for i in range(first, last):  # moves are inlined, because calls would take longer
@@ -81,16 +81,16 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
                     chain = np.int64(constraints.chain[v, OWN])
                     parameter = stepped_parameter(constraints, chain, v, x[0], x[1], step)
                     if chains.flags[chain, PAIRED]:
-                        slide_pair(position, elements, star, constraints, v, parameter, floor)
+                        slide_pair(mesh, v, parameter, floor)
                         continue
                     new_x, new_y = point_at(chains, chain, parameter)
-                    if not within_reach(position, elements, star, chains, chain, v, new_x, new_y):
+                    if not within_reach(mesh, chain, v, new_x, new_y):
                         continue
                 else:
                     if constraints.chain[v, OTHER] >= 0:
-                        jump(position, elements, star, constraints, v, x[0], x[1], step, floor)
+                        jump(mesh, v, x[0], x[1], step, floor)
                     elif ring == 0 and constraints.chain[v, OWN] == JUNCTION:  # winners only, or junctions would drift
-                        jump_at_junction(position, elements, star, constraints, v, x[0], x[1], step, floor)
+                        jump_at_junction(mesh, v, x[0], x[1], step, floor)
                     continue
                 if star_tolerable(position, star, v, new_x, new_y, floor) or (
                     not is_valid[v] and may_move(position, star, v, new_x, new_y, floor)
@@ -99,14 +99,12 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
                     if kind[v] == SLIDING:
                         constraints.parameter[v] = parameter
         if periodic:
-            learn_across_boundary(
-                position, elements, star, constraints, x, region[t], rate_of_point, strength, rings, floor, scratch
-            )
+            learn_across_boundary(mesh, x, region[t], rate_of_point, strength, rings, floor, scratch)
 
 
 @inner_kernel
-def gather_ring(elements, star, inner, region, queue, first, last, stamps, stamp):
-    end = last
+def gather_ring(mesh, region, queue, first, last, stamps, stamp):
+    elements, star, inner, end = mesh.elements, mesh.star, mesh.constraints.inner, last
     for i in range(first, last):
         v = queue[i]
         if inner[v]:
@@ -128,14 +126,13 @@ def gather_ring(elements, star, inner, region, queue, first, last, stamps, stamp
 
 
 @inner_kernel
-def learn_across_boundary(position, elements, star, constraints, x, region, rate, strength, rings, floor, scratch):
+def learn_across_boundary(mesh, x, region, rate, strength, rings, floor, scratch):
     """Move nodes beyond a periodic boundary towards the image of a point.
 
     Ring r of the nodes on this side is ``scratch.queue[rings[r] : rings[r + 1]]``. The rings beyond the boundary begin
     at the partners of these nodes with equal r. The partners themselves have moved already.
     """
-    periodic, queue, stamps = constraints.periodic, scratch.queue, scratch.node_stamp
-    reached = rings[-1]
+    periodic, queue, stamps, reached = mesh.constraints.periodic, scratch.queue, scratch.node_stamp, rings[-1]
     for m in range(periodic.motions.shape[0]):
         there, stamp = periodic.region[m, region], next_stamp(scratch)
         if there < 0:
@@ -146,11 +143,11 @@ def learn_across_boundary(position, elements, star, constraints, x, region, rate
         first, last = reached, reached
         for ring in range(strength.shape[0]):
             if last > first:
-                end = gather_ring(elements, star, constraints.inner, there, queue, first, last, stamps, stamp)
+                end = gather_ring(mesh, there, queue, first, last, stamps, stamp)
                 first, last = last, end
                 for i in range(first, last):
                     v, step = np.int64(queue[i]), rate * strength[ring]
-                    move_to_image(position, elements, star, constraints, v, image_x, image_y, step, floor)
+                    move_to_image(mesh, v, image_x, image_y, step, floor)
             for i in range(rings[ring], rings[ring + 1]):
                 v = queue[i]
                 if periodic.motion[v] == m and stamps[periodic.partner[v]] != stamp:
@@ -160,14 +157,15 @@ def learn_across_boundary(position, elements, star, constraints, x, region, rate
 
 
 @inner_kernel
-def move_to_image(position, elements, star, constraints, v, x, y, step, floor):
-    chains, chain = constraints.chains, np.int64(constraints.chain[v, OWN])
+def move_to_image(mesh, v, x, y, step, floor):
+    position, constraints = mesh.position, mesh.constraints
+    chain = np.int64(constraints.chain[v, OWN])
     if constraints.kind[v] == FREE:
         new_x, new_y = position[v, 0] + step * (x - position[v, 0]), position[v, 1] + step * (y - position[v, 1])
-        if may_move(position, star, v, new_x, new_y, floor):
+        if may_move(position, mesh.star, v, new_x, new_y, floor):
             position[v, 0], position[v, 1] = new_x, new_y
-    elif constraints.kind[v] == SLIDING and not chains.flags[chain, PAIRED]:
-        slide(position, elements, star, constraints, v, stepped_parameter(constraints, chain, v, x, y, step), floor)
+    elif constraints.kind[v] == SLIDING and not constraints.chains.flags[chain, PAIRED]:
+        slide(mesh, v, stepped_parameter(constraints, chain, v, x, y, step), floor)
 
 
 @inner_kernel
@@ -208,7 +206,8 @@ def relabel_edge(elements, star, a, b, chain):
 
 
 @inner_kernel
-def jump(position, elements, star, constraints, v, x, y, step, floor):
+def jump(mesh, v, x, y, step, floor):
+    position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
     chains, onto, away = constraints.chains, np.int64(constraints.chain[v, OWN]), np.int64(constraints.chain[v, OTHER])
     corner_x, corner_y = position[v, 0], position[v, 1]
     corner, corner_away = parameter_of(position, constraints, onto, v), parameter_of(position, constraints, away, v)
@@ -220,7 +219,7 @@ def jump(position, elements, star, constraints, v, x, y, step, floor):
     parameter = corner + step * (target - corner)
     if next_node < 0 or parameter == corner or elements.level[next_node] != elements.level[v]:
         return
-    if not within_reach(position, elements, star, chains, away, next_node, corner_x, corner_y):
+    if not within_reach(mesh, away, next_node, corner_x, corner_y):
         return
     if not swap_nodes(position, star, constraints, v, next_node, onto, parameter, floor):
         return
@@ -229,13 +228,14 @@ def jump(position, elements, star, constraints, v, x, y, step, floor):
 
 
 @inner_kernel
-def jump_at_junction(position, elements, star, constraints, v, x, y, step, floor):
+def jump_at_junction(mesh, v, x, y, step, floor):
     """Move node `v` from a junction of three segments onto the nearest segment.
 
     A neighbour on a second segment takes the junction if a single element lies between the second and the third
     segment. The edge of the element from `v` to the third segment is then free, the edge from the neighbour is the end
     of the third segment, and the element changes its region.
     """
+    position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
     chains, onto, least, target = constraints.chains, np.int64(-1), np.inf, 0.0
     for k in range(star.start[v], star.start[v + 1]):
         for j in range(3):
@@ -253,7 +253,7 @@ def jump_at_junction(position, elements, star, constraints, v, x, y, step, floor
         e = np.int64(star.element[k])
         ahead, behind = np.int64(star.ahead[k]), np.int64(star.behind[k])
         for next_node, other in ((ahead, behind), (behind, ahead)):
-            if not may_follow(position, elements, star, constraints, e, v, next_node, other, onto):
+            if not may_follow(mesh, e, v, next_node, other, onto):
                 continue
             if swap_nodes(position, star, constraints, v, next_node, onto, parameter, floor):
                 third = np.int64(chain_of_edge(elements, e, next_node))
@@ -267,8 +267,9 @@ def jump_at_junction(position, elements, star, constraints, v, x, y, step, floor
 
 
 @inner_kernel
-def may_follow(position, elements, star, constraints, e, v, next_node, other, onto):
-    chains, away, third = constraints.chains, chain_of_edge(elements, e, other), chain_of_edge(elements, e, next_node)
+def may_follow(mesh, e, v, next_node, other, onto):
+    position, elements, constraints = mesh.position, mesh.elements, mesh.constraints
+    away, third = chain_of_edge(elements, e, other), chain_of_edge(elements, e, next_node)
     if away < 0 or third < 0 or onto == away or onto == third or away == third:  # noqa: SIM109 (numba lacks `in` here)
         return False
     if chain_of_edge(elements, e, v) >= 0:
@@ -279,7 +280,7 @@ def may_follow(position, elements, star, constraints, e, v, next_node, other, on
         return False
     if elements.neighbour[e, corner_of(elements.node, e, next_node)] < 0:
         return False
-    return within_reach(position, elements, star, chains, away, next_node, position[v, 0], position[v, 1])
+    return within_reach(mesh, away, next_node, position[v, 0], position[v, 1])
 
 
 @inner_kernel

@@ -18,6 +18,7 @@ import math
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import HALVINGS
 from kohonen_adapt.kernels.nonlinear import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
@@ -34,7 +35,6 @@ from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, source_aro
 from kohonen_adapt.kernels.tetrahedron.polish.slivers import has_slivers, sliver_gradient, slivers_around
 from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance, slid, tangent_of_ridge, within_reach
 
-HALVINGS = 3  # of a rejected step
 OVERSTEP = 1.6  # over-relaxation of Newton's step, because neighbours move afterwards
 TRIES = 4  # halvings of a Newton step of a value in nonlinear material
 LEAST_CURVATURE = 0.3  # smallest eigenvalue used, relative to the largest; limits the step

@@ -30,9 +30,15 @@ from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, element_en
 from kohonen_adapt.kernels.tetrahedron.polish.slivers import UNMOVED, filled_by_split, sliver, slivers_of
 from kohonen_adapt.kernels.tetrahedron.polish.swap_by_energy import energy_of
 from kohonen_adapt.kernels.tetrahedron.recycle import enter_made, holds_edge
-from kohonen_adapt.kernels.tetrahedron.surgery import NOWHERE, collapse, prepare_collapse, prepare_split, split
+from kohonen_adapt.kernels.tetrahedron.surgery import (
+    NOWHERE,
+    UNLIMITED,
+    collapse,
+    prepare_collapse,
+    prepare_split,
+    split,
+)
 
-UNLIMITED = np.inf
 SHRUNK = 0.8  # smallest gain of a split, relative to its first evaluation
 
 

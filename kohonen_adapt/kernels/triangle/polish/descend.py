@@ -18,6 +18,7 @@ import math
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import HALVINGS
 from kohonen_adapt.kernels.nonlinear import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import (
@@ -35,7 +36,6 @@ from kohonen_adapt.kernels.triangle.geometry import may_move
 from kohonen_adapt.kernels.triangle.polish.varying_flux import half_flux, half_flux_rates
 
 ROUNDING = 1e-13  # minimum gain as a fraction of the summed magnitudes of all terms
-HALVINGS = 3  # of a rejected step
 OVERSTEP = 1.6  # relaxation of Newton's step, as in successive over-relaxation: halves the number of sweeps
 TRIES = 4  # lengths of a Newton step of a value, each half the previous length
 LEAST_CURVATURE = 0.3  # minimum as a fraction of the larger principal curvature, limits steps in flat directions

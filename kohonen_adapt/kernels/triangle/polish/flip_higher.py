@@ -103,12 +103,12 @@ def change_by_flip(descent, e, k, other):
             and valid_at(position, descent.block.offset[3], q, r, s)
         ):
             return 0.0, 0.0
-    magnitude, before, square = step_of_pair(descent, e, 0, special, p, q, r, s, BLOCK)
+    magnitude, before, square = step_of_pair(descent, e, 0, special, (p, q, r, s), BLOCK)
     before -= 0.5 * square
     if descent.trial.laws.number[e] >= 0:
-        more, after = best_of_nonlinear_pair(descent, e, 2, special, before, s, r, p, q)
+        more, after = best_of_nonlinear_pair(descent, e, 2, special, before, (s, r, p, q))
     else:
-        more, after, square = step_of_pair(descent, e, 2, special, s, r, p, q, BLOCK)
+        more, after, square = step_of_pair(descent, e, 2, special, (s, r, p, q), BLOCK)
         after -= 0.5 * square
     return before - after, magnitude + more
 
@@ -138,16 +138,32 @@ def turn_offsets(offset):
 
 
 @inner_kernel
-def step_of_pair(descent, e, row, special, p, q, r, s, wanted):
-    """Change the inner coefficients of (r, p, q) and (s, q, p) by a Newton step.
+def step_of_pair(descent, e, row, special, nodes, wanted):
+    """Minimise the functional of two triangles over the coefficients inside the pair.
 
-    The elements have the coefficients `Block.local[row : row + 2]`, and the midside offsets in the same rows of
-    `Block.offset` if `special`. Return the sum of magnitudes, the functional before the step, and twice the decrease of
-    a quadratic functional.
+    For `nodes` (p, q, r, s) the triangles are (r, p, q) and (s, q, p). The coefficients of the common side pq and of
+    both bubbles change by one step of Newton's method. Coefficients on the boundary of the pair are held.
+
+    Parameters
+    ----------
+    e
+        Element with the data of both triangles, which are in one region.
+    row
+        Row of `Block.local` with the coefficients of the first triangle. The next row is the second triangle's.
+    special
+        True if the same rows of `Block.offset` have midside offsets, or the mesh is around an axis.
+    wanted
+        BLOCK, or COARSE_BLOCK for few quadrature points.
+
+    Returns
+    -------
+    magnitude, total, square
+        Sum of magnitudes of all terms, functional before the step, and twice the decrease by the step. The decrease is
+        exact if the functional is quadratic.
     """
     block = descent.block
     number_pair(block, descent.modes.side.shape[2])
-    magnitude, total = derivatives_of_pair(descent, e, row, special, p, q, r, s, wanted)
+    magnitude, total = derivatives_of_pair(descent, e, row, special, nodes, wanted)
     solved, square = factorise(block, 0)
     if solved:
         solve_upper(block, 0, 0.0, 0.0)
@@ -156,17 +172,17 @@ def step_of_pair(descent, e, row, special, p, q, r, s, wanted):
 
 
 @inner_kernel
-def best_of_nonlinear_pair(descent, e, row, special, target, p, q, r, s):
+def best_of_nonlinear_pair(descent, e, row, special, target, nodes):
     """Compute the minimum over inner coefficients in nonlinear materials.
 
     The first step of `step_of_pair` has few quadrature points, a second step with all points follows if the functional
     may fall to `target`. Return the sum of magnitudes and the functional.
     """
-    square = step_of_pair(descent, e, row, special, p, q, r, s, COARSE_BLOCK)[2]
-    magnitude, total = derivatives_of_pair(descent, e, row, special, p, q, r, s, VALUE)
+    square = step_of_pair(descent, e, row, special, nodes, COARSE_BLOCK)[2]
+    magnitude, total = derivatives_of_pair(descent, e, row, special, nodes, VALUE)
     if total - target < NEAR * square:
-        step_of_pair(descent, e, row, special, p, q, r, s, BLOCK)
-        magnitude, total = derivatives_of_pair(descent, e, row, special, p, q, r, s, VALUE)
+        step_of_pair(descent, e, row, special, nodes, BLOCK)
+        magnitude, total = derivatives_of_pair(descent, e, row, special, nodes, VALUE)
     return magnitude, total
 
 
@@ -186,8 +202,8 @@ def number_pair(block, degrees):
 
 
 @inner_kernel
-def derivatives_of_pair(descent, e, row, special, p, q, r, s, wanted):
-    block = descent.block
+def derivatives_of_pair(descent, e, row, special, nodes, wanted):
+    block, (p, q, r, s) = descent.block, nodes
     clear_derivatives(block)
     magnitude, total = 0.0, 0.0
     for j in range(2):

@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import HALVINGS
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import BLOCK, DIRECTION_X, DIRECTION_Y, FREE, HELD, OWN, POSITION, VALUE
 from kohonen_adapt.kernels.triangle.chains import point_at
 from kohonen_adapt.kernels.triangle.geometry import may_move
 from kohonen_adapt.kernels.triangle.polish.descend import (
-    HALVINGS,
     OVERSTEP,
     ROUNDING,
     TRIES,
