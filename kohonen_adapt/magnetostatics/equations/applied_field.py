@@ -1,6 +1,6 @@
 """Applied field of currents in a problem with a scalar potential."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,12 +15,11 @@ from skfem.refdom import RefTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.elements import TETRAHEDRON_EDGES, Tetrahedra
-from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude, subdomains_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import inner_points
-from kohonen_adapt.mesh.names import named_sets
 
 __all__ = ["AppliedField", "Drive", "checked_field", "drive_on", "field_at"]
 
@@ -218,17 +217,10 @@ def _check_unlinked(mesh: MeshTet, iron: Mask, component: Ints, node: Ints, circ
         return
     worst = linked[np.argmax(np.abs(circulation[linked]))]
     elements = np.flatnonzero(iron & (component[mesh.t[0]] == edge_component[worst]))
-    names = _names_of(mesh, elements)
+    names = subdomains_at(mesh, elements)
     raise ValueError(
         f"iron links a current: along a closed path in {names} the applied_field has a circulation of "
         f"{abs(circulation[worst]):.4g} A. There is no total potential there, and a reduced one would cancel. Leave a "
         "gap in the ring, cut it by a plane of symmetry that the flux crosses (symmetry={...: 'normal'}), and keep "
         "currents out of iron; a closed ring in one plane or around an axis is a case for Magnetostatics."
     )
-
-
-def _names_of(mesh: MeshTet, elements: Ints) -> str:
-    found: Sequence[str] = [
-        repr(name) for name, rows in sorted(named_sets(mesh.subdomains).items()) if np.isin(elements, rows).any()
-    ]
-    return " + ".join(found)

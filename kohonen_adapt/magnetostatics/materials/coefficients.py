@@ -15,7 +15,15 @@ from kohonen_adapt.magnetostatics.materials.material import Material, Vector
 from kohonen_adapt.mesh.measures import area, inner_points
 from kohonen_adapt.mesh.names import named, named_sets
 
-__all__ = ["Coefficients", "NonlinearMaterial", "coefficients", "coercivity_at", "magnitude", "material_of_elements"]
+__all__ = [
+    "Coefficients",
+    "NonlinearMaterial",
+    "coefficients",
+    "coercivity_at",
+    "magnitude",
+    "material_of_elements",
+    "subdomains_at",
+]
 
 
 @dataclass(frozen=True)
@@ -257,3 +265,9 @@ def material_of_elements(mesh: Mesh, materials: Mapping[str, Material]) -> NDArr
             f"first element {empty[0]} ({where}). Add a material for their subdomain."
         )
     return material_index
+
+
+def subdomains_at(mesh: Mesh, elements: Ints) -> str:
+    """Return the names of the subdomains of elements for a message."""
+    sets = sorted(named_sets(mesh.subdomains).items())
+    return " + ".join(repr(name) for name, rows in sets if np.isin(elements, rows).any())

@@ -47,7 +47,7 @@ class Law(Protocol):
         """Return ``int_0^B H dB`` in J/m^3."""
 
 
-class Continued:
+class Continued(Law):
     """B-H law that is extrapolated with dB/dH = mu0.
 
     Attributes
@@ -63,16 +63,13 @@ class Continued:
     _energy: Callable[[Floats], Floats]
 
     def field_strength(self, b: Floats) -> Floats:
-        """Return H(B) in A/m, for B >= 0 in T."""
         inside = np.minimum(b, self.end)
         return self._strength(inside) + VACUUM_RELUCTIVITY * (b - inside)
 
     def slope(self, b: Floats) -> Floats:
-        """Return dH/dB in m/H, for B >= 0 in T."""
         return np.where(np.less(b, self.end), self._slope(np.minimum(b, self.end)), VACUUM_RELUCTIVITY)
 
     def energy(self, b: Floats) -> Floats:
-        """Return ``int_0^B H dB`` in J/m^3, for B >= 0 in T."""
         inside = np.minimum(b, self.end)
         excess = b - inside
         return self._energy(inside) + excess * (self._strength(inside) + 0.5 * VACUUM_RELUCTIVITY * excess)
@@ -173,15 +170,14 @@ class Froehlich(Continued):
 
     def _energy(self, b: Floats) -> Floats:
         fraction = b / self.saturation
-        series = fraction**2 * np.polyval(
-            1.0 / np.arange(9.0, 1.0, -1.0), fraction
-        )  # the difference would be rounding error
+        # For small B the difference would be rounding error.
+        series = fraction**2 * np.polyval(1.0 / np.arange(9.0, 1.0, -1.0), fraction)
         normalised = np.where(fraction < 0.01, series, -np.log1p(-fraction) - fraction)
         return VACUUM_RELUCTIVITY / self.permeability * self.saturation**2 * normalised
 
 
 @dataclass(frozen=True)
-class Arctan:
+class Arctan(Law):
     """Law ``B = mu0 H + 2 Js / pi arctan(pi (permeability - 1) mu0 H / (2 Js))``.
 
     dB/dH is always above mu0.
@@ -215,10 +211,7 @@ class Arctan:
         _check_above(0.0, "saturation of Arctan", self.saturation)
 
     def field_strength(self, b: Floats) -> Floats:
-        """Return H(B) in A/m, for B >= 0 in T, by Newton's method.
-
-        B(H) is concave, so the iteration rises from a value below the root and does not pass the root.
-        """
+        # B(H) is concave, so Newton's method rises from a value below the root and does not pass the root.
         b = np.asarray(b, dtype=float)
         below = np.maximum(b / self.permeability, b - self.saturation)
         strength = VACUUM_RELUCTIVITY * np.maximum(below, 0.0)
@@ -230,14 +223,9 @@ class Arctan:
         return strength
 
     def slope(self, b: Floats) -> Floats:
-        """Return dH/dB in m/H, for B >= 0 in T."""
         return 1.0 / self._rate(self.field_strength(b))
 
     def energy(self, b: Floats) -> Floats:
-        """Return ``int_0^B H dB`` in J/m^3, for B >= 0 in T.
-
-        It is computed as H B less the co-energy.
-        """
         strength = self.field_strength(b)
         scaled = strength * self._steepness
         integral = strength * np.arctan(scaled) - 0.5 * np.log1p(scaled**2) / self._steepness
@@ -268,7 +256,6 @@ class Inverse:
     law: Law
 
     def field_strength(self, h: Floats) -> Floats:
-        """Return B(H) in T, for H >= 0 in A/m."""
         return flux_density_of(self.law, h)
 
     def energy(self, h: Floats) -> Floats:

@@ -9,6 +9,7 @@ from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.curves import Arc
+from kohonen_adapt.magnetostatics.materials.coefficients import subdomains_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 from kohonen_adapt.mesh.names import named, named_sets
@@ -58,17 +59,17 @@ def isolated_body(field: MagneticField, names: Names) -> Mask:
         )
     solid = np.flatnonzero(around & ~air_elements(field))
     if solid.size and len(mesh.p) == 3 and field.current_density[solid].any():
-        driven = solid[np.argmax(field.current_density[solid] != 0.0)]
+        driven = solid[field.current_density[solid] != 0.0][:1]
         raise ValueError(
-            f"subdomain {_joined_names(names)} touches {_names_at(mesh, driven)} where the current of the "
+            f"subdomain {_joined_names(names)} touches {subdomains_at(mesh, driven)} where the current of the "
             "applied_field runs, and the force is computed from the field in air without current: mesh the coil as a "
             "volume of air of its own, with air between it and the body."
         )
     if solid.size:
         raise ValueError(
-            f"subdomain {_joined_names(names)} touches {_names_at(mesh, solid[0])}, which is not air (permeability 1, "
-            "no current, no remanence), and the force is computed from the field in the air around: leave air between "
-            "them, or compute the force on both together."
+            f"subdomain {_joined_names(names)} touches {subdomains_at(mesh, solid[:1])}, which is not air "
+            "(permeability 1, no current, no remanence), and the force is computed from the field in the air around: "
+            "leave air between them, or compute the force on both together."
         )
     return inside
 
@@ -82,10 +83,6 @@ def _name_list(names: Names) -> list[str]:
 
 def _joined_names(names: Names) -> str:
     return " + ".join(repr(name) for name in _name_list(names))
-
-
-def _names_at(mesh: Mesh, element: int) -> str:
-    return " + ".join(repr(name) for name, rows in sorted(named_sets(mesh.subdomains).items()) if element in rows)
 
 
 class Cut(NamedTuple):

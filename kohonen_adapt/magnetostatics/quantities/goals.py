@@ -70,7 +70,7 @@ def unit_of_goal(goal: Goal | None, per_metre: bool) -> str:
     return f"{unit}/m" if per_metre and isinstance(goal, Force | Torque | FluxLinkage | StoredEnergy) else unit
 
 
-class _ComponentGoal:
+class _ComponentGoal(Goal):
     _component: Callable[[Any], Component]
     _vector: ClassVar[str]  # name of the attribute with as many components as the field has dimensions
 
@@ -83,7 +83,6 @@ class _ComponentGoal:
         return component_value(field, self._component(field))
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
-        """Return the derivative, see `Goal`."""
         self.check_dimension(len(field.mesh.p))
         return _of_flux_density(field, component_change(field, self._component(field)))
 
@@ -215,7 +214,7 @@ def _unit(name: str, value: tuple[float, ...]) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True)
-class FluxLinkage:
+class FluxLinkage(Goal):
     """Flux linkage of a circuit, the sum of `Field.flux_linkage` over its sides.
 
     Parameters
@@ -245,13 +244,12 @@ class FluxLinkage:
         return sum(coil_linkage(field, name, turns) for name, turns in self.circuit.items())
 
     def derivative(self, field: Field) -> tuple[Floats, Floats]:
-        """Return the derivative, see `Goal`."""
         source = turn_length(field) * turns_density(field, self.circuit)
         return source, np.zeros_like(field.elements.points)
 
 
 @dataclass(frozen=True)
-class StoredEnergy:
+class StoredEnergy(Goal):
     """Energy ``int H . dB`` stored in a part of the mesh since the remanent state.
 
     Parameters
@@ -282,7 +280,6 @@ class StoredEnergy:
         return float(np.sum((field.volume * field.energy_density)[elements_in(field.mesh, self.part)]))
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
-        """Return the derivative, see `Goal`."""
         inside = elements_in(field.mesh, self.part)
         if inside.all():
             raise ValueError(
