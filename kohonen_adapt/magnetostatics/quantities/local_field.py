@@ -82,7 +82,6 @@ class LocalField(MagneticField):
 
     @cached_property
     def at_quadrature(self) -> PointField:
-        """Field at the quadrature points of the elements, with volumes `point_volumes`."""
         elements = self.elements
         density = self.symmetry.flux_density(elements.points, elements.gradient(self.unknown))
         coefficients = self.coefficients.at_quadrature(elements.element, elements.points)

@@ -75,20 +75,17 @@ class LocalSolid(MagneticField):
         return tuple(self.planes.values())
 
     def at(self, x: Floats, element: Ints) -> Strength:
-        """Return the field at points x (3, n) of the elements `element` (n,)."""
         slope = self.elements.gradient(self.unknown)[:, element]
         return Strength(x, self.drive.at(x, element) - slope, self.coefficients.at_points(element, x))
 
     @cached_property
     def at_quadrature(self) -> Strength:
-        """Field at the quadrature points of the elements, with volumes `point_volumes`."""
         elements = self.elements
         strength = self.drive.at_points - elements.slope_of_corners(self.unknown)
         return Strength(elements.points, strength, self.coefficients.at_quadrature(elements.element, elements.points))
 
     @property
     def point_volumes(self) -> Floats:
-        """Volumes of the quadrature points, shape (npoints,) in m^3."""
         return self.elements.weights
 
     @property
