@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Ints, padded
+from kohonen_adapt.arrays import Ints, Mask, padded
 from kohonen_adapt.checks import check_state, listed
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
@@ -37,6 +37,10 @@ class Movable(ABC):
     @property
     @abstractmethod
     def tessellation(self) -> Triangulation | Tetrahedralization: ...
+
+    @property
+    @abstractmethod
+    def held_nodes(self) -> Mask: ...
 
     @abstractmethod
     def records(self) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from kohonen_adapt.kernels.numba.compilation import record
 
 UNGUARDED = -2.0  # minimum quality that every triangle exceeds, even an inverted triangle
 NEAR_AXIS = 1e-6  # of the largest x of an element: corners with a smaller x are on the axis
+MOVED, BY_QUALITY, BY_REACH = 0, 1, 2  # results of a move, and the causes of a refusal
 HALVINGS = 3  # maximum number of halvings of a rejected step
 CROSSINGS = 32  # maximum number of edges crossed by the check of a circle, otherwise the ordered check is used
 

@@ -24,6 +24,9 @@ __all__ = ["Checkpoint"]
 
 FORMAT = 3  # version of the file format
 
+# Fields that files of earlier releases may lack.
+ADDED = {"unmoved": 0, "refused_by_quality": 0, "refused_by_reach": 0, "held_in_polish": 0}
+
 STATE = "state "  # prefix of the names of mesh arrays
 
 
@@ -167,7 +170,7 @@ def _is_of(value: Any, kind: Any) -> bool:
 
 
 def _field(about: dict[str, Any], arrays: Mapping[str, NDArray[Any]], name: str) -> Any:
-    value = arrays[name] if name in arrays else about[name]
+    value = {**ADDED, **about, **arrays}[name]
     return tuple(value) if isinstance(value, list) else value
 
 

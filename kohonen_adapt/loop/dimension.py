@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.movable import Recycled, unchanged
 from kohonen_adapt.geometry.plane.held_nodes import reasons_in_plane
 from kohonen_adapt.geometry.plane.movable import MovableMesh
@@ -20,7 +20,12 @@ from kohonen_adapt.loop.stopping import stalls_by_estimate, stalls_by_functional
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, cell_of
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.held_nodes import polish_reasons, polish_reasons_in_space
+from kohonen_adapt.polishing.held_nodes import (
+    held_by_polish,
+    held_by_polish_in_space,
+    polish_reasons,
+    polish_reasons_in_space,
+)
 from kohonen_adapt.polishing.polish import PLAN, descend, descend_and_recycle
 from kohonen_adapt.polishing.slivers import longest_on_arcs
 from kohonen_adapt.polishing.space.polish_in_space import (
@@ -114,6 +119,9 @@ class PlaneMethod(Method):
     def reasons(self, movable: MovableMesh) -> list[str]:
         return reasons_in_plane(movable)
 
+    def held_in_polish(self, movable: MovableMesh, functional: Functional) -> Mask:
+        return held_by_polish(movable, functional)
+
     def polish_reasons(self, movable: MovableMesh, functional: Functional) -> list[str]:
         return polish_reasons(movable, functional)
 
@@ -202,6 +210,9 @@ class SpaceMethod(Method):
 
     def reasons(self, movable: MovableSolid) -> list[str]:
         return reasons_in_space(movable)
+
+    def held_in_polish(self, movable: MovableSolid, functional: SolidFunctional) -> Mask:
+        return held_by_polish_in_space(movable, functional)
 
     def polish_reasons(self, movable: MovableSolid, functional: SolidFunctional) -> list[str]:
         return polish_reasons_in_space(movable, functional)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.loop.passes import Pass
@@ -105,6 +105,10 @@ class Method(ABC):
     @abstractmethod
     def reasons(self, movable: Any) -> list[str]:
         """Return why each node is held, an empty string for nodes that move or slide."""
+
+    @abstractmethod
+    def held_in_polish(self, movable: Any, functional: Any) -> Mask:
+        """Return the mask (n,) of nodes held by the polish alone."""
 
     @abstractmethod
     def polish_reasons(self, movable: Any, functional: Any) -> list[str]:

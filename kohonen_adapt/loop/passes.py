@@ -83,6 +83,13 @@ class Pass(Work):
         Largest displacement of a node by the relocation in mesh units, 0 for the input.
     moved, why_still
         Number of moved or new nodes, and the reason if there are none.
+    unmoved
+        Number of nodes that no rule holds and that did not move: their moves were refused, or the schedule had none.
+    refused_by_quality, refused_by_reach
+        Number of moves of the map and of the smoothing that were refused, because they would have broken the quality
+        rule or would have turned facets too far from their curve. A node may count several times.
+    held_in_polish
+        Number of nodes that slide, but that the polish holds. `kohonen_adapt.why_held` returns their reasons.
     polish_gain
         Decrease of the functional of the interpolated solution by the polish. The rest of the decrease since the pass
         before is due to the map.

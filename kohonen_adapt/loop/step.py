@@ -147,7 +147,9 @@ class Adaptation:
             steers = functional is not None and not functional.ritz.shapes_only
             by_energy = steers and number > self.method.passes_by_density
             recycles = not by_energy or settings.growth.nodes(number, functional is not None) != self.movable.nnodes
-            return self.method.move(self.movable, density, functional, estimate, settings, number, recycles)
+            held = None if functional is None else self.method.held_in_polish(self.movable, functional)
+            moved = self.method.move(self.movable, density, functional, estimate, settings, number, recycles)
+            return moved if held is None else replace(moved, held_in_polish=int(held.sum()))
 
     def polish(self, solved: Solved, moved: Moved[Any]) -> tuple[Moved[Any], float]:
         """Polish the moved mesh, and return all moves and the decrease of the functional."""

@@ -20,7 +20,7 @@ from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints
 from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
 from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
-from kohonen_adapt.kernels.threads import Nodes
+from kohonen_adapt.kernels.threads import Nodes, number_of_threads
 from kohonen_adapt.kernels.triangle.arrays import Elements
 from kohonen_adapt.som.density import DensityInSpace, density_in_space
 from kohonen_adapt.som.moved import Moved, why_still
@@ -81,7 +81,7 @@ def move(
             if recycled.splits:
                 wanted.refit(movable.triangulation, before.triangulation, recycled.start_element)
             trainer.smooth(wanted, schedule.sweeps)
-    return Moved(before, recycled, errors, why_still(movable, schedule))
+    return Moved(before, recycled, errors, why_still(movable, schedule), trainer.refused)
 
 
 def radius_for(trainer: Trainer, wanted: Density, topology: str, recycled: Recycled) -> int | None:
@@ -145,15 +145,18 @@ def move_in_space(
 ) -> Moved[MovableSolid]:
     """Move the nodes of a tetrahedral mesh to a density, in place."""
     before, sweeps = movable.copy(), None if schedule is None else schedule.sweeps
+    refused = np.zeros(2, dtype=np.int64)
     wanted = density_in_space(before.tetrahedralization, density)
     if schedule is None or not schedule.trains:
-        recycled, errors = rearrange(movable, wanted, topology, sweeps, nodes), tuple[float, ...]()
+        recycled, errors = rearrange(movable, wanted, topology, sweeps, nodes, refused), tuple[float, ...]()
     else:
         recycled = rearrange(movable, wanted, topology, 0, nodes)
         source = source_of(before.tetrahedralization, density)
-        errors = Trainer.of(movable).learn(source.draw, schedule, rng, starts_in_space(before, movable))
-        rearrange(movable, wanted, "flip" if movable.flips else "fixed", sweeps)
-    return Moved(before, recycled, errors, why_still(movable, schedule))
+        trainer = Trainer.of(movable)
+        errors = trainer.learn(source.draw, schedule, rng, starts_in_space(before, movable))
+        refused += trainer.refused
+        rearrange(movable, wanted, "flip" if movable.flips else "fixed", sweeps, refused=refused)
+    return Moved(before, recycled, errors, why_still(movable, schedule), refused)
 
 
 def starts_in_space(before: MovableSolid, now: MovableSolid) -> Ints:
@@ -168,11 +171,17 @@ def starts_in_space(before: MovableSolid, now: MovableSolid) -> Ints:
 
 
 def rearrange(
-    movable: MovableSolid, density: DensityInSpace, topology: str, sweeps: int | None = None, nodes: int = 0
+    movable: MovableSolid,
+    density: DensityInSpace,
+    topology: str,
+    sweeps: int | None = None,
+    nodes: int = 0,
+    refused: Ints | None = None,
 ) -> Recycled:
     """Recycle nodes, swap elements and smooth, in place, as `topology` allows.
 
-    `nodes` is the final number of nodes, 0 for the present number; without recycling the number does not decrease.
+    `nodes` is the final number of nodes, 0 for the present number; without recycling the number does not decrease. The
+    moves that the quality and the reach refuse are added to `refused`, shape (2,).
     """
     pairs, target = topology == "recycle", nodes or movable.nnodes
     target = target if pairs else max(target, movable.nnodes)
@@ -183,7 +192,9 @@ def rearrange(
     splits = collapses = 0
     if pairs or target > movable.nnodes:
         splits, collapses = exchange(opened, movable, target, RATIO if pairs else np.inf)
-    smooth(opened, density, SWEEPS[topology] if sweeps is None else sweeps, movable)
+    counts = smooth(opened, density, SWEEPS[topology] if sweeps is None else sweeps, movable)
+    if refused is not None:
+        refused += counts
     rows = opened.write_back(movable, renumbered=bool(pairs and splits + collapses))
     movable.project_nodes()
     return Recycled(opened.mesh.origins.old[rows], opened.mesh.origins.start_element[rows], splits, collapses)
@@ -216,13 +227,14 @@ def fill(opened: OpenSolid, heaps: tuple[Heap, Heap]) -> None:
         fill_heaps(opened.mesh, *heaps, first, min(first + NODES, len(opened.mesh.position)))
 
 
-def smooth(opened: OpenSolid, density: DensityInSpace, sweeps: int, movable: MovableSolid) -> None:
-    parts = opened.parts()
+def smooth(opened: OpenSolid, density: DensityInSpace, sweeps: int, movable: MovableSolid) -> Ints:
+    parts, refused = opened.parts(), np.zeros(2, dtype=np.int64)
     for _ in range(sweeps):
-        sweep(opened, parts, weights(opened, density), cubed(movable.floor))
+        refused += sweep(opened, parts, weights(opened, density), cubed(movable.floor))
         if movable.flips:
             opened.queue_worse()
             opened.swap()
+    return refused
 
 
 def weights(opened: OpenSolid, density: DensityInSpace) -> Floats:
@@ -232,16 +244,18 @@ def weights(opened: OpenSolid, density: DensityInSpace) -> Floats:
     return weight
 
 
-def sweep(opened: OpenSolid, parts: Parts, weight: Floats, floor: float) -> None:
+def sweep(opened: OpenSolid, parts: Parts, weight: Floats, floor: float) -> Ints:
     mesh, star = opened.mesh, opened.star()
     constraints = Constraints(mesh.freedom, mesh.surfaces, mesh.freedom.number == INSIDE)
     neurons = Neurons(mesh.position, mesh.elements, star, constraints)
+    refused = np.zeros((number_of_threads(), 2), dtype=np.int64)
 
     def task(thread: int, nodes: Nodes) -> float:
-        smooth_nodes(neurons, weight, floor, nodes)
+        refused[thread] += smooth_nodes(neurons, weight, floor, nodes)
         return 0.0
 
     parts.sweep(star, task)
+    return refused.sum(axis=0)
 
 
 def cubed(floor: float) -> float:

@@ -55,6 +55,8 @@ class Trainer:
         Kernel arrays of the present mesh.
     scratch
         Scratch memory, one record per thread.
+    refused
+        Number of moves that the quality and the reach refused so far, shape (2,).
     """
 
     movable: MovableMesh | MovableSolid
@@ -63,6 +65,7 @@ class Trainer:
     rank: Ints
     neurons: Neurons
     scratch: list[SearchScratch]
+    refused: Ints
 
     @classmethod
     def of(cls, movable: MovableMesh | MovableSolid) -> "Trainer":
@@ -70,7 +73,8 @@ class Trainer:
         order = along_curve(neurons.position).astype(np.int32)
         rank = np.empty_like(order)
         rank[order] = np.arange(len(order))
-        return cls(movable, map_method_of(neurons.position.shape[1]), order, rank, neurons, scratch_for(neurons))
+        method, refused = map_method_of(neurons.position.shape[1]), np.zeros(2, dtype=np.int64)
+        return cls(movable, method, order, rank, neurons, scratch_for(neurons), refused)
 
     def learn(
         self, draw: Drawing, schedule: Schedule, rng: np.random.Generator, starts: Ints | None = None
@@ -166,11 +170,11 @@ class Trainer:
         parts = parts_for(movable.nnodes, 1, self.method.cell.dim)
         interior = self._interior_nodes(parts, 1)
 
-        def task(thread: int, first: int, last: int, which: bool = True) -> None:
-            sweep(mesh, weight, circumcentres, floor, self.order[first:last], interior, which)
+        def task(thread: int, first: int, last: int, which: bool = True) -> tuple[int, int]:
+            return sweep(mesh, weight, circumcentres, floor, self.order[first:last], interior, which)
 
-        shared(task, starts_of_threads(starts_of_parts(movable.nnodes, parts)))
-        task(0, 0, movable.nnodes, which=False)
+        refused = shared(task, starts_of_threads(starts_of_parts(movable.nnodes, parts)))
+        self.refused += np.sum([*refused, task(0, 0, movable.nnodes, which=False)], axis=0)
 
     def _interior_nodes(self, parts: int, rings: int) -> Mask:
         """Return the mask (n,) of nodes with all nodes within `rings` in their own part."""
@@ -222,13 +226,14 @@ class Trainer:
     def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Ints, is_valid: Mask, cuts: Ints) -> None:
         floor, strength = self.movable.floor, stage.strength()
 
-        def task(thread: int, first: int, last: int) -> None:
+        def task(thread: int, first: int, last: int) -> tuple[int, int]:
             part, ends = slice(first, last), np.empty(stage.radius + 2, dtype=np.int64)
             shown = batch.points[part], batch.region[part], batch.weights[part], winners[part]
-            self.method.learn(self.neurons, Lesson(*shown, strength, ends), rate, floor, is_valid, self.scratch[thread])
+            lesson = Lesson(*shown, strength, ends)
+            return self.method.learn(self.neurons, lesson, rate, floor, is_valid, self.scratch[thread])
 
-        shared(task, starts_of_threads(cuts[:-1]))
-        task(0, cuts[-2], cuts[-1])
+        refused = shared(task, starts_of_threads(cuts[:-1]))
+        self.refused += np.sum([*refused, task(0, cuts[-2], cuts[-1])], axis=0)
 
 
 def starts_of_parts(neurons: int, parts: int) -> Ints:

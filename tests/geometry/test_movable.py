@@ -179,11 +179,11 @@ def test_one_flip_is_one_flip(min_quality):
 
 def test_whether_any_node_can_move():
     triangle = MeshTri(np.array([[0.0, 1, 0], [0, 0, 1]]), np.array([[0], [1], [2]]))
-    assert not MovableMesh.of(triangle, Rules()).can_move()
-    assert MovableMesh.of(square(2), Rules()).can_move()
+    assert MovableMesh.of(triangle, Rules()).held_nodes.all()
+    assert not MovableMesh.of(square(2), Rules()).held_nodes.all()
     mesh = square(2)
-    assert not MovableMesh.of(mesh, Rules(pinned=range(9))).can_move()
-    assert MovableMesh.of(mesh, Rules(pinned=mesh.boundary_nodes())).can_move()
+    assert MovableMesh.of(mesh, Rules(pinned=range(9))).held_nodes.all()
+    assert not MovableMesh.of(mesh, Rules(pinned=mesh.boundary_nodes())).held_nodes.all()
 
 
 def test_what_curves_leave_out_of_the_facets_on_them():

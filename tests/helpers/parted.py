@@ -79,13 +79,32 @@ def of_order_3():
     return ka.adapt(l_shaped_mesh(24), problem("F", 3), passes=1).mesh
 
 
-RESULTS = (relocated, on_curves, paired, polished, polished_in_space, recycled_by_energy, of_order_2, of_order_3)
+def refused():
+    result = ka.adapt(grid(), Load(), passes=1, polish=False, min_quality=0.7)
+    assert result.history[1].refused_by_quality > 0
+    return result
+
+
+RESULTS = (
+    relocated,
+    on_curves,
+    paired,
+    polished,
+    polished_in_space,
+    recycled_by_energy,
+    of_order_2,
+    of_order_3,
+    refused,
+)
 
 
 def texts():
     """By the name of what was done: how many nodes and elements there are, and a hash of where and which they are."""
-    meshes = {each.__name__: each() for each in RESULTS}
-    return {
-        name: f"{mesh.nvertices} {mesh.nelements} {hashlib.sha256(mesh.p.tobytes() + mesh.t.tobytes()).hexdigest()}"
-        for name, mesh in meshes.items()
-    }
+    return {each.__name__: text(each()) for each in RESULTS}
+
+
+def text(result):
+    mesh, history = getattr(result, "mesh", result), getattr(result, "history", ())
+    refusals = [(step.refused_by_quality, step.refused_by_reach, step.unmoved) for step in history]
+    hashed = hashlib.sha256(mesh.p.tobytes() + mesh.t.tobytes()).hexdigest()
+    return f"{mesh.nvertices} {mesh.nelements} {hashed} {refusals}"

@@ -564,6 +564,23 @@ def test_what_fails_before_a_mesh_is_solved_again_is_raised(tmp_path):
         ka.adapt(MESH, Counting(RuntimeError("not this time")), passes=2, checkpoint=tmp_path)
 
 
+def test_files_of_before_the_refusals_were_counted_are_read(folder):
+    added = ("unmoved", "refused_by_quality", "refused_by_reach", "held_in_polish")
+
+    def older(arrays):
+        about = json.loads(arrays["about"].tobytes())
+        for name in added:
+            del about[name]
+        arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+
+    files = sorted(folder.iterdir())
+    for file in files:
+        rewritten(file, older)
+    result = ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=folder)
+    assert_same_mesh(result.mesh, uninterrupted().mesh)
+    assert {getattr(step, name) for step in result.history[: len(files)] for name in added} == {0}
+
+
 def test_the_files_are_plain(folder):
     with np.load(folder / "pass-0001.npz", allow_pickle=False) as content:
         about = json.loads(content["about"].tobytes())

@@ -166,9 +166,47 @@ def test_nodes_on_a_curve_stay_in_the_polish_where_it_says_so(order, reason):
     np.testing.assert_array_equal(polished.p[:, rim], mesh.p[:, rim])
 
 
+def counts(result):
+    return np.array([(p.refused_by_quality, p.refused_by_reach, p.held_in_polish, p.unmoved) for p in result.history])
+
+
+@pytest.mark.parametrize("topology", ["flip", "recycle"])
+def test_passes_count_what_they_refuse(topology):
+    mesh = MeshTri.init_circle(4).with_boundaries({"rim": lambda x: x[0] < 2.0})
+    mesh = mesh.with_subdomains({"coil": np.arange(mesh.nelements)})
+    problem = Magnetostatics({"coil": Material(current_density=1e6)}, {"rim": 0.0}, order=1)
+    lax, strict = (counts(ka.adapt(mesh, problem, passes=2, topology=topology, min_quality=q)) for q in (0.0, 0.8))
+    assert not lax[0].any() and not strict[0].any()  # the input
+    assert np.all(strict[1:, 0] > 10 * lax[1:, 0])
+    why = ka.why_held(mesh, problem)
+    assert lax[1, 2] == strict[1, 2] == np.sum(np.char.startswith(why, "polish: "))
+
+
+def test_passes_count_moves_beyond_reach():
+    """Two nodes on a rim of eight facets may not leave a facet that turns by more."""
+    mesh = MeshTri.init_circle(2).with_boundaries({"rim": lambda x: x[0] ** 2 + x[1] ** 2 > 0.5})
+    rules = {"curves": {"rim": ka.Arc((0.0, 0.0), 1.0)}, "topology": "fixed", "polish": False}
+    result = ka.adapt(mesh, Alone(), passes=1, min_quality=0.0, **rules)
+    assert result.history[1].refused_by_reach > 0
+
+
+@pytest.mark.parametrize("schedule", [None, ka.Schedule((ka.Stage(1, 2, 0.3),), sweeps=1)], ids=["sweeps", "map"])
+def test_passes_count_refusals_on_tetrahedra(schedule):
+    mesh, materials = slab(), {"air": Material(), "iron": Material(permeability=100.0)}
+    problem = MagneticScalarPotential(materials, {"bottom": 0.0, "top": lambda x: x[0] ** 2})
+    options = {"passes": 1, "topology": "fixed", "schedule": schedule}
+    lax, strict = (counts(ka.adapt(mesh, problem, min_quality=q, **options))[1] for q in (0.0, 0.9))
+    assert strict[0] > lax[0] and strict[3] > lax[3]
+    assert lax[2] == strict[2] == np.sum(np.char.startswith(ka.why_held(mesh, problem), "polish: "))
+
+
 class Alone:
     def solve(self, mesh):
         return np.zeros(mesh.nvertices)
+
+    def indicators(self, mesh, solution):
+        x = mesh.p[:, mesh.t].mean(axis=1)
+        return 1.0 / (0.05 + np.hypot(x[0] - 1.0, x[1])) ** 2
 
 
 def test_a_problem_without_energy_says_what_it_lacks():

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.geometry.movable import Movable, arrays_of
 from kohonen_adapt.geometry.plane.layers import set_levels
 from kohonen_adapt.geometry.plane.midsides import offsets_on_curves
@@ -46,6 +46,10 @@ class Work:
     quantization_errors: tuple[float, ...] = field(default=(), repr=False)
     max_displacement: float = 0.0
     moved: int = 0
+    unmoved: int = 0
+    refused_by_quality: int = 0
+    refused_by_reach: int = 0
+    held_in_polish: int = 0
     why_still: str = ""
     polish_gain: float = field(default=0.0, metadata=shown("gain of polish", "#.2g"))
     splits: int = field(default=0, metadata=shown("splits", "d"))
@@ -174,8 +178,9 @@ class MovableMesh(Movable):
     def sagitta(self) -> float:
         return 0.0 if self.curved else self.outline.sagitta(self.triangulation)
 
-    def can_move(self) -> bool:
-        return bool(np.any(self.constraints.kind != HELD))
+    @property
+    def held_nodes(self) -> Mask:
+        return self.constraints.kind == HELD
 
 
 def with_state(

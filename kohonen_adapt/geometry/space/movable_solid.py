@@ -187,8 +187,9 @@ class MovableSolid(Movable):
         x = tet.position[tet.elements.node[e, FACES[k]]].mean(axis=0)
         return f"one without a name, with a face near ({', '.join(f'{place:.4g}' for place in x)})"
 
-    def can_move(self) -> bool:
-        return bool(np.any(self.freedom.number != HELD))
+    @property
+    def held_nodes(self) -> Mask:
+        return self.freedom.number == HELD
 
 
 def inner_nodes(tet: Tetrahedralization) -> Mask:

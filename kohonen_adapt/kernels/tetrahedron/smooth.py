@@ -10,7 +10,7 @@ linear, so the sum is convex.
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import HALVINGS
+from kohonen_adapt.kernels.arrays import BY_QUALITY, BY_REACH, HALVINGS, MOVED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, PLANE
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, allowed, sum_of_squares
@@ -144,8 +144,10 @@ def is_curved(surfaces, freedom, v):
 def smooth_nodes(mesh, weight, floor, order):
     """Move nodes in order by damped Newton steps.
 
-    `weight` (m,) is rho^(5/3) up to a factor, `floor` the cube of a quality.
+    `weight` (m,) is rho^(5/3) up to a factor, `floor` the cube of a quality. Returned are the numbers of nodes whose
+    move the quality and the reach refused.
     """
+    by_quality, by_reach = 0, 0
     position, elements, star = mesh.position, mesh.elements, mesh.star
     surfaces, freedom = mesh.constraints.surfaces, mesh.constraints.freedom
     for node in order:
@@ -155,15 +157,18 @@ def smooth_nodes(mesh, weight, floor, order):
         x, y, z = position[v, 0], position[v, 1], position[v, 2]
         before, worst_before = star_energy(position, star, weight, v, x, y, z)
         dx, dy, dz = newton_step(position, star, surfaces, freedom, weight, v)
-        curved = is_curved(surfaces, freedom, v)
+        curved, cause = is_curved(surfaces, freedom, v), MOVED
         for _ in range(HALVINGS + 1):
             x, y, z = slid(position, mesh.constraints, v, dx, dy, dz)
             after, worst = star_energy(position, star, weight, v, x, y, z)
-            if (
-                allowed(worst, worst_before, floor)
-                and after < before
-                and not (curved and not within_reach(position, elements, star, surfaces, v, x, y, z))
-            ):
-                position[v, 0], position[v, 1], position[v, 2] = x, y, z
-                break
+            cause = MOVED
+            if not allowed(worst, worst_before, floor):
+                cause = BY_QUALITY
+            elif after < before:
+                if not curved or within_reach(position, elements, star, surfaces, v, x, y, z):
+                    position[v, 0], position[v, 1], position[v, 2] = x, y, z
+                    break
+                cause = BY_REACH
             dx, dy, dz = 0.5 * dx, 0.5 * dy, 0.5 * dz
+        by_quality, by_reach = by_quality + (cause == BY_QUALITY), by_reach + (cause == BY_REACH)
+    return by_quality, by_reach

@@ -50,8 +50,9 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
     """Train the map with points whose winners are known.
 
     The learning rate times the weight is at most 1. Stars marked `is_valid` are not compared with their former
-    quality.
+    quality. Returned are the numbers of moves that the quality and the reach refused.
     """
+    by_quality, by_reach = 0, 0
     position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
     freedom, surfaces = constraints.freedom, constraints.surfaces
     queue, stamps = scratch.queue, scratch.node_stamp
@@ -79,11 +80,15 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
                     np.isfinite(new_x + new_y + new_z)
                     and within_reach(position, elements, star, surfaces, v, new_x, new_y, new_z)
                 ):
+                    by_reach += 1
                     continue
                 if star_tolerable(position, star, v, new_x, new_y, new_z, floor) or (
                     not is_valid[v] and may_move(position, star, v, new_x, new_y, new_z, floor)
                 ):
                     position[v, 0], position[v, 1], position[v, 2] = new_x, new_y, new_z
+                else:
+                    by_quality += 1
+    return by_quality, by_reach
 
 
 @inner_kernel

@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import BY_QUALITY, BY_REACH, MOVED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import (
     AT,
@@ -286,11 +287,11 @@ def slide(mesh, v, parameter, floor):
     chain = np.int64(constraints.chain[v, OWN])
     x, y = point_at(constraints.chains, chain, parameter)
     if not within_reach(mesh, chain, v, x, y):
-        return False
+        return BY_REACH
     if not may_move(position, mesh.star, v, x, y, floor):
-        return False
+        return BY_QUALITY
     position[v, 0], position[v, 1], constraints.parameter[v] = x, y, parameter
-    return True
+    return MOVED
 
 
 @inner_kernel
@@ -299,11 +300,12 @@ def slide_pair(mesh, v, parameter, floor):
     w, before = np.int64(constraints.periodic.partner[v]), constraints.parameter[v]
     before_x, before_y = position[v, 0], position[v, 1]
     # The star of the partner depends on the node where the mesh is a single element wide, so the node moves first.
-    if not slide(mesh, v, parameter, floor):
-        return False
+    cause = slide(mesh, v, parameter, floor)
+    if cause != MOVED:
+        return cause
     x, y = point_at(constraints.chains, np.int64(constraints.chain[w, OWN]), parameter)
     if not may_move(position, mesh.star, w, x, y, floor):
         position[v, 0], position[v, 1], constraints.parameter[v] = before_x, before_y, before
-        return False
+        return BY_QUALITY
     position[w, 0], position[w, 1], constraints.parameter[w] = x, y, parameter
-    return True
+    return MOVED

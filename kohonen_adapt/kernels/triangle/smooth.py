@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import HALVINGS
+from kohonen_adapt.kernels.arrays import BY_QUALITY, BY_REACH, HALVINGS, MOVED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel, record
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OWN, PAIRED
 from kohonen_adapt.kernels.triangle.chains import (
@@ -169,16 +169,18 @@ def sweep(mesh, weight, circumcentres, floor, order, interior, which):
 
     x <- sum |K| w_K c_K / sum |K| w_K over the star, with the weights w_K = rho_K^2. The centre c_K is the
     circumcentre, or the barycentre if no edge is flipped, because the circumcentre of a stretched element is far away.
-    Only nodes of `order` with `interior` equal to `which` move.
+    Only nodes of `order` with `interior` equal to `which` move. Returned are the numbers of nodes whose move the
+    quality and the reach refused.
     """
     position, star, constraints = mesh.position, mesh.star, mesh.constraints
+    by_quality, by_reach = 0, 0
     for node in order:
         v = np.int64(node)
         if interior[v] != which or constraints.kind[v] == HELD:
             continue
         x, y, mass = centre_mean(position, star, weight, circumcentres, v)
         if constraints.kind[v] == FREE:
-            step_towards(position, star, v, x, y, floor)
+            by_quality += not step_towards(position, star, v, x, y, floor)
             continue
         chains, chain, parameter = constraints.chains, np.int64(constraints.chain[v, OWN]), constraints.parameter[v]
         distance = signed_distance(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
@@ -192,7 +194,9 @@ def sweep(mesh, weight, circumcentres, floor, order, interior, which):
                 chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter)
             )
             distance = (mass * distance + mass_there * distance_there) / (mass + mass_there)
-        slide_along_chain(mesh, v, RELAXATION * distance, floor)
+        cause = slide_along_chain(mesh, v, RELAXATION * distance, floor)
+        by_quality, by_reach = by_quality + (cause == BY_QUALITY), by_reach + (cause == BY_REACH)
+    return by_quality, by_reach
 
 
 @inner_kernel
@@ -218,16 +222,17 @@ def centre_mean(position, star, weight, circumcentres, v):
 @inner_kernel
 def slide_along_chain(mesh, v, distance, floor):
     constraints = mesh.constraints
-    chains, chain, moved = constraints.chains, np.int64(constraints.chain[v, OWN]), False
+    chains, chain, cause = constraints.chains, np.int64(constraints.chain[v, OWN]), MOVED
     for _ in range(HALVINGS + 1):
         parameter = advanced_parameter(chains, chain, constraints.parameter[v], distance)
         if chains.flags[chain, PAIRED]:
-            moved = slide_pair(mesh, v, parameter, floor)
+            cause = slide_pair(mesh, v, parameter, floor)
         else:
-            moved = slide(mesh, v, parameter, floor)
-        if moved:
-            return
+            cause = slide(mesh, v, parameter, floor)
+        if cause == MOVED:
+            break
         distance *= 0.5
+    return cause
 
 
 @inner_kernel
@@ -237,5 +242,6 @@ def step_towards(position, star, v, x, y, floor):
         if may_move(position, star, v, position[v, 0] + dx, position[v, 1] + dy, floor):
             position[v, 0] += dx
             position[v, 1] += dy
-            return
+            return True
         dx, dy = 0.5 * dx, 0.5 * dy
+    return False

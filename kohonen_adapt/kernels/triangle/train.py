@@ -7,6 +7,7 @@ sections II and III. A corner passes from a node to a neighbour, so that nodes m
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import BY_QUALITY, BY_REACH
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, JUNCTION, OTHER, OWN, PAIRED, SLIDING
 from kohonen_adapt.kernels.triangle.chains import (
@@ -54,13 +55,14 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
     """Move the winners of training points and their neighbours towards the points.
 
     The learning rate times the weight is limited to 1. Stars marked `is_valid` satisfy the floor and need no comparison
-    with the quality before.
+    with the quality before. Returned are the numbers of moves that the quality and the reach refused.
     """
     position, star, constraints = mesh.position, mesh.star, mesh.constraints
     points, region, weights, winners = lesson.points, lesson.region, lesson.weights, lesson.winners
     strength, rings = lesson.strength, lesson.ends
     kind, chains = constraints.kind, constraints.chains
     queue, stamps, radius, parameter = scratch.queue, scratch.node_stamp, strength.shape[0] - 1, 0.0
+    by_quality, by_reach = 0, 0
     periodic, rings[0] = constraints.periodic.motions.shape[0] > 0, 0
     for t in range(points.shape[0]):
         x = points[t]
@@ -81,10 +83,12 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
                     chain = np.int64(constraints.chain[v, OWN])
                     parameter = stepped_parameter(constraints, chain, v, x[0], x[1], step)
                     if chains.flags[chain, PAIRED]:
-                        slide_pair(mesh, v, parameter, floor)
+                        cause = slide_pair(mesh, v, parameter, floor)
+                        by_quality, by_reach = by_quality + (cause == BY_QUALITY), by_reach + (cause == BY_REACH)
                         continue
                     new_x, new_y = point_at(chains, chain, parameter)
                     if not within_reach(mesh, chain, v, new_x, new_y):
+                        by_reach += 1
                         continue
                 else:
                     if constraints.chain[v, OTHER] >= 0:
@@ -98,8 +102,11 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
                     position[v, 0], position[v, 1] = new_x, new_y
                     if kind[v] == SLIDING:
                         constraints.parameter[v] = parameter
+                else:
+                    by_quality += 1
         if periodic:
             learn_across_boundary(mesh, x, region[t], rate_of_point, strength, rings, floor, scratch)
+    return by_quality, by_reach
 
 
 @inner_kernel
