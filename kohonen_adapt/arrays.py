@@ -1,11 +1,11 @@
-"""Array types, and arrays with spare rows."""
+"""Array types, arrays with spare rows, and sorted rows."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Floats", "Ints", "Mask", "free_rows", "padded", "ranks"]
+__all__ = ["Floats", "Ints", "Mask", "free_rows", "padded", "ranks", "sorted_below"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.integer]
@@ -30,3 +30,9 @@ def ranks(order: Ints, rows: int) -> NDArray[np.int32]:
     places = np.full(rows, -1, dtype=np.int32)
     places[order] = np.arange(len(order))
     return places
+
+
+def sorted_below(values: Floats, below: float) -> Ints:
+    """Return the rows with values less than `below`, in increasing order of the values."""
+    found = np.flatnonzero(values < below)
+    return found[np.argsort(values[found], kind="stable")]

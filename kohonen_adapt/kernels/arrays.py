@@ -46,8 +46,8 @@ class SearchScratch(NamedTuple):
 
 
 @record
-class Neurons(NamedTuple):
-    """Mesh of triangles or tetrahedra during training."""
+class KernelMesh(NamedTuple):
+    """Mesh of triangles or tetrahedra, with the constraints on its nodes."""
 
     position: np.ndarray  # (n, d)
     elements: Any  # Elements, or Tetrahedra

@@ -43,7 +43,6 @@ def parts_along(order: NDArray[np.int32], rows: int, parts: int) -> NDArray[np.i
 
 @kernel
 def hilbert_keys(points, origin, size, keys):
-    """Compute the positions (n,) of points along Hilbert's curve in a square."""
     cells = 1 << BITS
     for t in range(points.shape[0]):
         x = min(cells - 1, max(0, int((points[t, 0] - origin[0]) / size * cells)))

@@ -155,8 +155,6 @@ class BoundaryTerms:
 
 @dataclass(frozen=True)
 class RobinElements:
-    """Elements at Robin boundaries, and a function on them."""
-
     rows: Ints  # (k,): their indices in the mesh
     node: Ints  # (k, 3)
     chain: Ints  # (k, 3)

@@ -103,7 +103,6 @@ class Chords:
         return Slivers(e, k, change[rows], offsets_from_chords(triangulation, self.outline.constraints, e, k))
 
     def value(self, triangulation: Triangulation, values: Floats) -> float:
-        """Return the functional of all slivers for nodal values of shape (n,)."""
         if not self.counted.any():
             return 0.0
         e, k, change, offset = self.slivers(triangulation)

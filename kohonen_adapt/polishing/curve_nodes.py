@@ -51,8 +51,6 @@ def nearest_on_curves(movable: MovableMesh, curves: Mask) -> Floats:
 
 
 class Part(NamedTuple):
-    """Nodal values and constants of one functional on `Stars`."""
-
     values: Floats
     constants: Floats  # (r, 4)
     change: Floats  # (s, 4)

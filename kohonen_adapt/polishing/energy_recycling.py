@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints, Mask, padded
+from kohonen_adapt.arrays import Ints, Mask, padded, sorted_below
 from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import Surgery
@@ -21,8 +21,6 @@ PART = 5_000  # elements or nodes per compiled call, because Ctrl-C is handled b
 
 
 class Exchange(NamedTuple):
-    """Result of recycling by energy."""
-
     trial: TrialFunction  # function on the new mesh
     recycled: Recycled  # including earlier recyclings
     decrease: float  # decrease of the functional
@@ -96,8 +94,3 @@ def compute_gains(loops: Linear, mesh: OpenMesh, offers: Offers) -> float:
 
     shared(weigh_nodes, cuts)
     return most
-
-
-def sorted_below(values: Floats, below: float) -> Ints:
-    found = np.flatnonzero(values < below)
-    return found[np.argsort(values[found], kind="stable")]

@@ -10,20 +10,25 @@ from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.outline import Outline
-from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.nonlinear import Laws
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING, OpenMesh, Reference, Trial, Trials
 from kohonen_adapt.mesh.polynomials import TrialFunction, local_coefficients, modes_of
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.polishing.boundary import BoundaryTerms
-from kohonen_adapt.polishing.chain_values import (
+from kohonen_adapt.polishing.chords import Chords
+from kohonen_adapt.polishing.elements import (
+    expanded,
     hold_unpaired,
+    kinds_of,
     line_of_chains,
     nodes_of_chains,
+    shapes_of,
     signs_of_chains,
+    steepest,
+    with_source,
+    without_modes,
 )
-from kohonen_adapt.polishing.chords import Chords
-from kohonen_adapt.polishing.elements import expanded, kinds_of, shapes_of, steepest, with_source, without_modes
 from kohonen_adapt.polishing.energy_tables import (
     LINEAR,
     Tables,
@@ -229,9 +234,9 @@ class Functional:
             return Trials(primal, primal._replace(value=primal.value[:0]))
         return Trials(primal, self.dual.trial(triangulation, trial.dual.values, trial.fixed))
 
-    def loops(self, movable: MovableMesh, trial: TrialFunction, mesh: Neurons | OpenMesh) -> Linear:
+    def loops(self, movable: MovableMesh, trial: TrialFunction, mesh: KernelMesh | OpenMesh) -> Linear:
         """Return the loops for a function on `mesh`, whose arrays may have spare rows."""
-        mesh = Neurons(mesh.position, mesh.elements, movable.triangulation.star, mesh.constraints)
+        mesh = KernelMesh(mesh.position, mesh.elements, movable.triangulation.star, mesh.constraints)
         trials = self.trials(movable.triangulation, trial)
         if trial.affine:
             return Linear(mesh, trials, movable.floor)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Ints, Mask
-from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.triangle.arrays import Modes, Offers, OpenMesh, Points, Reference, Shapes, Trials
 from kohonen_adapt.kernels.triangle.polish.descend import descend_nodes
 from kohonen_adapt.kernels.triangle.polish.descend_higher import Descents
@@ -26,7 +26,7 @@ __all__ = ["Higher", "Linear", "Patch"]
 class Patch(NamedTuple):
     """Disjoint stars as a mesh of their own."""
 
-    mesh: Neurons
+    mesh: KernelMesh
     trials: Trials
     modes: tuple[Modes, ...]
     shapes: Shapes | None
@@ -55,7 +55,7 @@ class Linear:
     modes: tuple[Modes, ...] = ()
     shapes: Shapes | None = None
 
-    def __init__(self, mesh: Neurons, trials: Trials, floor: float) -> None:
+    def __init__(self, mesh: KernelMesh, trials: Trials, floor: float) -> None:
         self.mesh, self.trials, self.floor, self.few = mesh, trials, floor, min_per_thread(1)
 
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
@@ -64,7 +64,6 @@ class Linear:
         return descend_nodes(mesh.position, mesh.star, mesh.constraints, self.trials, nodes, self.floor)
 
     def descend_patch(self, patch: Patch) -> float:
-        """Move the nodes of a patch, and return the decrease of the functional."""
         mesh = patch.mesh
         return descend_nodes(mesh.position, mesh.star, mesh.constraints, patch.trials, patch.nodes, self.floor)
 
@@ -77,11 +76,9 @@ class Linear:
         return descend_flips(mesh.position, mesh.elements, self.trials, self.floor, gainful, first, last, marks)
 
     def weigh_splits(self, thread: int, mesh: OpenMesh, offers: Offers, first: int, last: int) -> None:
-        """Compute the gains of splits of the edges of elements."""
         weigh_splits(mesh, self.trials, offers, self.floor, first, last)
 
     def weigh_collapses(self, thread: int, mesh: OpenMesh, offers: Offers, most: float, first: int, last: int) -> None:
-        """Compute the costs of collapses of nodes, up to `most`."""
         weigh_collapses(mesh, self.mesh.star, self.trials, offers, most, self.floor, first, last)
 
     def exchange(self, mesh: OpenMesh, offers: Offers, edges: Ints, nodes: Ints) -> tuple[int, float]:
@@ -97,7 +94,7 @@ class Higher(Linear):
 
     def __init__(
         self,
-        mesh: Neurons,
+        mesh: KernelMesh,
         trials: Trials,
         floor: float,
         modes: tuple[Modes, ...],

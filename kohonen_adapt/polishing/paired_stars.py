@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.pairs import sliding_pairs
-from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.triangle.arrays import (
     CENTRE_X,
     CONSTANTS,
@@ -37,8 +37,6 @@ __all__ = ["Freedom", "descend_pairs", "independent", "set_partners"]
 
 
 class Freedom(NamedTuple):
-    """Kinds of nodes, Dirichlet nodes, and signs of curve segments."""
-
     kind: NDArray[np.int8]  # (n,)
     fixed: Mask  # (n,)
     sign: Floats  # (c,): `Functional.sign`
@@ -211,7 +209,7 @@ class Gathered(NamedTuple):
         modes = tuple(self.modes(movable, own, times, freedom.sign) for own in loops.modes)
         shapes = loops.shapes and self.shapes(loops.shapes, couples)
         elements, nodes = tri.elements._replace(node=ends), np.arange(count, dtype=np.int32)
-        mesh = Neurons(position, elements, star, constraints._replace(kind=kind, **of_nodes))
+        mesh = KernelMesh(position, elements, star, constraints._replace(kind=kind, **of_nodes))
         return Patch(mesh, trials, modes, shapes, nodes)
 
     def trial(

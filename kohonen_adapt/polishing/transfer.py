@@ -57,8 +57,6 @@ def transferred(
 
 
 class InputSolution:
-    """Solution of a functional on the unmoved mesh."""
-
     def __init__(self, functional: Functional, before: MovableMesh) -> None:
         self.functional, self.triangulation = functional, before.triangulation
         self.kind = kinds_of(functional.ritz, before.triangulation)

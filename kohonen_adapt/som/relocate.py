@@ -15,7 +15,7 @@ from kohonen_adapt.geometry.plane.surgery import numbered_along_curve
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.geometry.space.parts import Parts
-from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints
 from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
@@ -247,7 +247,7 @@ def weights(opened: OpenSolid, density: DensityInSpace) -> Floats:
 def sweep(opened: OpenSolid, parts: Parts, weight: Floats, floor: float) -> Ints:
     mesh, star = opened.mesh, opened.star()
     constraints = Constraints(mesh.freedom, mesh.surfaces, mesh.freedom.number == INSIDE)
-    neurons = Neurons(mesh.position, mesh.elements, star, constraints)
+    neurons = KernelMesh(mesh.position, mesh.elements, star, constraints)
     refused = np.zeros((number_of_threads(), 2), dtype=np.int64)
 
     def task(thread: int, nodes: Nodes) -> float:

@@ -18,7 +18,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import swap_elements
-from kohonen_adapt.kernels.arrays import Lesson, Neurons, SearchScratch
+from kohonen_adapt.kernels.arrays import KernelMesh, Lesson, SearchScratch
 from kohonen_adapt.kernels.ordering import along_curve, shuffle, sort_into_tiles
 from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
 from kohonen_adapt.kernels.triangle.search import STRETCH
@@ -63,7 +63,7 @@ class Trainer:
     method: MapMethod
     order: Ints
     rank: Ints
-    neurons: Neurons
+    neurons: KernelMesh
     scratch: list[SearchScratch]
     refused: Ints
 
@@ -268,6 +268,6 @@ def batches_for(stage: Stage, rate: float, per_neuron: float, points: int, metho
     return max(1, ceil(pull), ceil(points / method.updates * disc(stage.radius, method)))
 
 
-def scratch_for(neurons: Neurons) -> list[SearchScratch]:
+def scratch_for(neurons: KernelMesh) -> list[SearchScratch]:
     size = len(neurons.position), len(neurons.elements.node)
     return [SearchScratch.of(*size) for _ in range(number_of_threads())]

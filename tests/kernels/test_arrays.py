@@ -17,7 +17,7 @@ NO_ARRAYS = {
     "Constraints": {"chains", "periodic"},
     "Descent": {"elements", "star", "constraints", "trial", "modes", "reference", "points", "shapes", "block"},
     "Laws": {"first"},
-    "Neurons": {"elements", "star", "constraints"},
+    "KernelMesh": {"elements", "star", "constraints"},
     "Points": {"plain"},
     "Reference": {"plain"},
     "Shapes": {"around"},

@@ -9,7 +9,7 @@ from helpers.slow_solids import functional, slow_descent, star_parts
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.nonlinear import Laws
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron.arrays import (
@@ -78,7 +78,7 @@ class Setting:
         fill_star(self.mesh.elements.node, star)
         freedom = self.mesh.freedom
         constraints = Constraints(freedom, surfaces, freedom.number == INSIDE)
-        self.neurons = Neurons(self.mesh.position, self.mesh.elements, star, constraints)
+        self.neurons = KernelMesh(self.mesh.position, self.mesh.elements, star, constraints)
 
     @property
     def arrays(self):

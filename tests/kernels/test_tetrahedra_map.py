@@ -9,7 +9,7 @@ from skfem import MeshTet
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels import ordering
-from kohonen_adapt.kernels.arrays import Lesson, Neurons, SearchScratch
+from kohonen_adapt.kernels.arrays import KernelMesh, Lesson, SearchScratch
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     CYLINDER,
@@ -43,7 +43,7 @@ class Map:
             self.elements.region[:, None],
         )
         constraints = Constraints(self.solid.freedom, self.solid.surfaces, region[0] == region[1])
-        self.neurons = Neurons(self.position, self.elements, star, constraints)
+        self.neurons = KernelMesh(self.position, self.elements, star, constraints)
         self.scratch = SearchScratch.of(n, m)
 
     def search(self, points, region, hints):

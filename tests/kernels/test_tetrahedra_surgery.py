@@ -8,7 +8,7 @@ from helpers.boxes import ball, check, drum, jittered, opened, qualities, volume
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron import smooth, swap
@@ -49,7 +49,7 @@ def sweep(mesh, density):
     order = np.flatnonzero(mesh.pool.anchor >= 0).astype(np.int32)
     constraints = Constraints(mesh.freedom, mesh.surfaces, mesh.freedom.number == INSIDE)
     before = mesh.position.copy()
-    neurons = Neurons(mesh.position, mesh.elements, star, constraints)
+    neurons = KernelMesh(mesh.position, mesh.elements, star, constraints)
     smooth_nodes(neurons, weight, FLOOR**3, order)
     return int(np.count_nonzero(np.any(mesh.position != before, axis=1)))
 

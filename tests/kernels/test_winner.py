@@ -8,7 +8,7 @@ from skfem import MeshTri
 
 from kohonen_adapt import Rules, Schedule, Stage
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.kernels.arrays import Neurons, SearchScratch
+from kohonen_adapt.kernels.arrays import KernelMesh, SearchScratch
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.search import find_winner, find_winners
 from kohonen_adapt.mesh.locate import Locator
@@ -57,7 +57,7 @@ def points_in(p, t, element, rng):
 def search(movable, start, x, region, alike=True):
     """Winner and distance by the kernel for one point; the one for many finds them too."""
     tri = movable.triangulation
-    neurons = Neurons(tri.position, tri.elements, tri.star, movable.constraints)
+    neurons = KernelMesh(tri.position, tri.elements, tri.star, movable.constraints)
     scratch = SearchScratch.of(tri.nnodes, len(tri.elements.node))
     winner, distance = find_winner(neurons, start, x, region, scratch)
     winners, distances = np.empty(1, dtype=np.int32), np.empty(1)

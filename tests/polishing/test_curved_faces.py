@@ -11,7 +11,7 @@ import kohonen_adapt as ka
 from benchmarks.problems.magnets_in_space import nested_balls
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, Constraints
 from kohonen_adapt.kernels.tetrahedron.polish.descend import with_slivers
@@ -82,7 +82,7 @@ def test_stars_know_what_a_move_does_to_the_whole(name, laws):
     told, go = interpreted(with_slivers), interpreted(slid)
     freedom = functional.freedom(opened.freedom, trial.fixed)
     constraints = Constraints(freedom, opened.surfaces, freedom.number == INSIDE)
-    neurons = Neurons(opened.position, opened.elements, descent.opened.star(), constraints)
+    neurons = KernelMesh(opened.position, opened.elements, descent.opened.star(), constraints)
     rng, checked = np.random.default_rng(1), 0
     for v in np.flatnonzero(on_curves(functional, movable))[::17]:
         start, own, before = opened.position[v].copy(), trial.value[v], descent.value()

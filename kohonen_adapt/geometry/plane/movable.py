@@ -15,7 +15,7 @@ from kohonen_adapt.geometry.plane.layers import set_levels
 from kohonen_adapt.geometry.plane.midsides import offsets_on_curves
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.geometry.rules import Rules, check_for, floor_of
-from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
 from kohonen_adapt.kernels.triangle.arrays import HELD, JUNCTION, Constraints, Elements
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_non_delaunay
@@ -107,9 +107,9 @@ class MovableMesh(Movable):
     def tessellation(self) -> Triangulation:
         return self.triangulation
 
-    def kernel_mesh(self) -> Neurons:
+    def kernel_mesh(self) -> KernelMesh:
         tri = self.triangulation
-        return Neurons(tri.position, tri.elements, tri.star, self.constraints)
+        return KernelMesh(tri.position, tri.elements, tri.star, self.constraints)
 
     def mesh(self) -> MeshTri:
         mesh = self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)

@@ -22,7 +22,7 @@ from kohonen_adapt.geometry.space.projection import (
 )
 from kohonen_adapt.geometry.space.recognition import patches_of
 from kohonen_adapt.geometry.space.ridges import Ridges, freedom_of, ridges_of
-from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,
     INSIDE,
@@ -103,9 +103,11 @@ class MovableSolid(Movable):
     def tessellation(self) -> Tetrahedralization:
         return self.tetrahedralization
 
-    def kernel_mesh(self) -> Neurons:
+    def kernel_mesh(self) -> KernelMesh:
         tet = self.tetrahedralization
-        return Neurons(tet.position, tet.elements, tet.star, Constraints(self.freedom, self.surfaces, inner_nodes(tet)))
+        return KernelMesh(
+            tet.position, tet.elements, tet.star, Constraints(self.freedom, self.surfaces, inner_nodes(tet))
+        )
 
     def mesh(self) -> MeshTet:
         mesh = self.tetrahedralization.to_mesh()

@@ -51,7 +51,6 @@ def record(record_class: Record) -> Record:
 
 
 def record_type(record_class: Any, fields: tuple[types.Type, ...]) -> types.Type:
-    """Return the numba type of a record with fields of the given types."""
     return types.NamedTuple(fields, record_class) if PLAIN else RecordType(record_class, fields)
 
 

@@ -42,8 +42,6 @@ NOT_NEEDED = {
 
 
 class KernelCompiler(Compiler):
-    """Compiler of loops that Python calls."""
-
     def __init__(self, typingctx: Any, targetctx: Any, library: Any, args: Any, returned: Any, flags: Any, *rest: Any):
         super().__init__(typingctx, targetctx, library, args, returned, _Flags(flags), *rest)
 
@@ -56,8 +54,6 @@ class KernelCompiler(Compiler):
 
 
 class InnerCompiler(KernelCompiler):
-    """Compiler of loops that only kernels call."""
-
     def __init__(self, typingctx: Any, targetctx: Any, library: Any, *rest: Any) -> None:
         super().__init__(typingctx, targetctx, _LinkedCode(targetctx.codegen(), "inner loop"), *rest)
 
@@ -131,8 +127,6 @@ class _CachedTypes(Context):
 
 
 class _Target(CPUTarget):
-    """Processor as the target of compilation, with cached types."""
-
     @cached_property
     def _toplevel_typing_context(self) -> Context:
         return _CachedTypes(cpu_target.typing_context)
@@ -165,8 +159,6 @@ def _widened(kind: types.Type) -> types.Type:
 
 
 class _DelayedHandler:
-    """Signal handler that stores signals for the original handler."""
-
     def __init__(self, handler: Handler) -> None:
         self._handler = handler
         self._signals: list[tuple[int, FrameType | None]] = []

@@ -18,8 +18,6 @@ __all__ = ["RecordType", "register"]
 
 
 class RecordType(types.Type):
-    """Type of a record, defined by its class and the types of its fields."""
-
     def __init__(self, record_class: Any, fields: tuple[types.Type, ...]) -> None:
         self.record_class, self.fields = record_class, fields
         super().__init__(name=f"{record_class.__name__}({', '.join(map(str, fields))})")
@@ -65,8 +63,6 @@ def address_of(kind: RecordType, obj: Any, c: Any) -> NativeValue:
 
 @infer_getattr
 class RecordAttributes(AttributeTemplate):
-    """Numba typing rule for the fields of a record."""
-
     key = RecordType
 
     def generic_resolve(self, kind: RecordType, name: str) -> types.Type | None:

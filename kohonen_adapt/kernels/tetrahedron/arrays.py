@@ -56,8 +56,6 @@ NO_SAMPLES = Samples(np.zeros(1, dtype=np.int32), np.zeros((0, 3)), np.zeros((0,
 
 @record
 class Surfaces(NamedTuple):
-    """Geometry of patches and ridges."""
-
     shape: np.ndarray  # (p,) int8: PLANE, SPHERE, CYLINDER, CONE, PROJECTED
     origin: np.ndarray  # (p, 3): a point of a plane or an axis, a centre, an apex
     axis: np.ndarray  # (p, 3): unit normal of a plane, direction of an axis, for a cone from the apex inwards
@@ -72,8 +70,6 @@ class Surfaces(NamedTuple):
 
 @record
 class Freedom(NamedTuple):
-    """Directions in which each node may move."""
-
     number: np.ndarray  # (n,) int8: HELD, ON_RIDGE, ON_PATCH, INSIDE
     place: np.ndarray  # (n,) int32: ridge or patch of a sliding node, otherwise -1
     pinned: np.ndarray  # (n,) bool: held by the user; edges between two pinned nodes are not split
@@ -93,15 +89,12 @@ class Star(NamedTuple):
 
     @classmethod
     def of(cls, nodes: int, elements: int) -> "Star":
-        """Return arrays to be filled by `fill_star`."""
         shapes = (nodes + 1,), (4 * elements,), (4 * elements, 3)
         return cls(*(np.zeros(shape, dtype=np.int32) for shape in shapes))
 
 
 @record
 class Origins(NamedTuple):
-    """Data of nodes and patches for recycling."""
-
     fineness: np.ndarray  # (n,): cube root of the requested node density
     old: np.ndarray  # (n,) int32: row in the input mesh, -1 for new nodes
     start_element: np.ndarray  # (n,) int32: an element of the input mesh near the node
@@ -134,7 +127,6 @@ class Cavity(NamedTuple):
 
     @classmethod
     def of(cls, nodes: int, elements: int) -> "Cavity":
-        """Return scratch for the given numbers of rows of nodes and elements."""
         small = (MOST,), (MOST,), (MOST,), (2 * MOST, 4), (2 * MOST,), (2 * MOST, 4), (2 * MOST,)
         faces = (12 * MOST, 5), (12 * MOST,), (2, RING), (2, RING)
         ints = [np.empty(shape, dtype=np.int32) for shape in (*small, *faces)]
@@ -166,14 +158,11 @@ class Queue(NamedTuple):
 
     @classmethod
     def of(cls, elements: int) -> "Queue":
-        """Return an empty queue for the given number of rows of elements."""
         return cls(np.zeros(elements, dtype=np.int8), np.empty(elements, dtype=np.int32), np.zeros(2, dtype=np.int64))
 
 
 @record
 class Constraints(NamedTuple):
-    """Freedom of nodes, with the geometry."""
-
     freedom: Freedom
     surfaces: Surfaces
     inner: np.ndarray  # (n,) bool: all neighbours are in one region
@@ -195,8 +184,6 @@ class Trial(NamedTuple):
 
 @record
 class Offers(NamedTuple):
-    """Gains of splits, costs of collapses, and restrictions of both."""
-
     gain: np.ndarray  # (m, 6): gain of splitting each edge, at one of its elements, 0 at the rest
     cost: np.ndarray  # (n,): cost of the cheapest permitted collapse of each node, or inf
     open: np.ndarray  # (p,) bool: patches whose edges may be split

@@ -50,7 +50,7 @@ QUEUE = record_type(arrays.Queue, (int8[::1], I1, L1))
 LAWS = record_type(nonlinear.Laws, (I1, int64, R3))
 TRIAL = record_type(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, R2))
 OFFERS = record_type(arrays.Offers, (R2, R1, B1, B1, B1, B1))
-NEURONS = record_type(shared.Neurons, (R2, TETRAHEDRA, STAR, CONSTRAINTS))
+KERNEL_MESH = record_type(shared.KernelMesh, (R2, TETRAHEDRA, STAR, CONSTRAINTS))
 
 # Groups "space ..." are compiled by a warm-up on request only.
 SPACE: dict[str, tuple[Entry, ...]] = {
@@ -65,7 +65,7 @@ SPACE: dict[str, tuple[Entry, ...]] = {
         Entry(surfaces.measure_sagittas, OPEN_TETRAHEDRA, R1),
         Entry(swap.enter_worse, OPEN_TETRAHEDRA, QUEUE, float64),
         Entry(swap.swap_waiting, OPEN_TETRAHEDRA, QUEUE, float64, int64),
-        Entry(smooth.smooth_nodes, NEURONS, R1, float64, I1),
+        Entry(smooth.smooth_nodes, KERNEL_MESH, R1, float64, I1),
     ),
     "space recycling": (
         Entry(recycle.fill_heaps, OPEN_TETRAHEDRA, HEAP, HEAP, int64, int64),
@@ -74,11 +74,11 @@ SPACE: dict[str, tuple[Entry, ...]] = {
     "space map": (
         Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
         Entry(stars.mark_valid, R2, STAR, float64, int64, int64, B1),
-        Entry(search.find_winners, NEURONS, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
-        Entry(train.learn, NEURONS, LESSON, float64, float64, boolean[::1], SEARCH_SCRATCH),
+        Entry(search.find_winners, KERNEL_MESH, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
+        Entry(train.learn, KERNEL_MESH, LESSON, float64, float64, boolean[::1], SEARCH_SCRATCH),
     ),
     "space polish": (
-        Entry(descend.descend_nodes, NEURONS, TRIAL, I1, float64),
+        Entry(descend.descend_nodes, KERNEL_MESH, TRIAL, I1, float64),
         Entry(swap_by_energy.enter_changed, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, float64),
         Entry(swap_by_energy.swap_downhill, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, B1, float64, int64),
         Entry(energy_recycle.weigh_splits, OPEN_TETRAHEDRA, TRIAL, OFFERS, float64, int64, int64),

@@ -135,8 +135,6 @@ class Chains(NamedTuple):
 
 @record
 class PeriodicPairs(NamedTuple):
-    """Periodic partners of nodes, and the motions between them."""
-
     partner: np.ndarray  # (n,) int32: partner node, -1 for none
     motion: np.ndarray  # (n,) int32: motion that maps the node to its partner, -1 for none
     motions: np.ndarray  # (motions, 2, 3): x -> A x + b as rows [A | b]
@@ -175,8 +173,6 @@ class Origins(NamedTuple):
 
 @record
 class SurgeryScratch(NamedTuple):
-    """Scratch for splits, collapses and flips."""
-
     around: np.ndarray  # (m,) int32: elements around a node
     around_other: np.ndarray  # (m,) int32
     stamp: np.ndarray  # (n,) int64
@@ -221,8 +217,6 @@ class Trial(NamedTuple):
 
 @record
 class Trials(NamedTuple):
-    """Primal and dual functions of a sum of functionals."""
-
     primal: Trial
     dual: Trial  # the dual, of linear material, with the same fixed values; without values if missing
 
@@ -341,8 +335,6 @@ class Descent(NamedTuple):
 
 @record
 class Offers(NamedTuple):
-    """Estimated gains of splits and costs of collapses, and the elements concerned."""
-
     gain: np.ndarray  # (m, 3): decrease by a split of the edge opposite to corner k, at the element of larger index
     cost: np.ndarray  # (n,): increase by the cheapest valid collapse of the node, inf without one
     into: np.ndarray  # (n,) int32: neighbour into which the node is collapsed

@@ -152,7 +152,7 @@ def find_winner(mesh, v, x, region, scratch):
 def find_winners(mesh, points, region, start_nodes, winners, distances, scratch):
     """Find the winner of every point and its distance.
 
-    `hints` are start nodes in the regions of the points, preferably former winners. The search begins at the previous
+    `start_nodes` are nodes in the regions of the points, preferably former winners. The search begins at the previous
     winner if nearer, except at every STRETCH-th point, where points may be divided among threads. From the element
     that contains the point the search crosses every edge cut by the circle through the nearest node so far.
     `find_winner` searches again if the circle cuts a boundary.

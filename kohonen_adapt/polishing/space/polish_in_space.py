@@ -10,7 +10,7 @@ from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.geometry.space.parts import Parts
-from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints, Freedom, Trial
 from kohonen_adapt.kernels.tetrahedron.polish.descend import descend_nodes
 from kohonen_adapt.kernels.threads import Nodes
@@ -168,7 +168,7 @@ class Descent:
         mesh, star = self.opened.mesh, self.opened.star()
         self.sample_source()
         constraints = Constraints(freedom, mesh.surfaces, freedom.number == INSIDE)
-        arrays = Neurons(mesh.position, mesh.elements, star, constraints)
+        arrays = KernelMesh(mesh.position, mesh.elements, star, constraints)
 
         def task(thread: int, nodes: Nodes) -> float:
             return float(descend_nodes(arrays, self.trial, nodes, self.floor**3))

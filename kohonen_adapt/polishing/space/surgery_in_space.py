@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.arrays import Floats, Mask, sorted_below
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.geometry.space.parts import Parts
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, PLANE, Cavity, Offers, OpenTetrahedra, Queue, Trial
@@ -53,11 +53,9 @@ def recycle_in_space(opened: OpenSolid, functional: SolidFunctional, trial: Tria
     mesh, offers = opened.mesh, offers_of(opened.mesh, functional, trial)
     most = compute_gains(mesh, trial, offers, floor**3)
     gain, node = offers.gain.ravel(), mesh.elements.node
-    edges = np.flatnonzero(gain > max(0.0, MARGIN * offers.cost.min(initial=0.0)))
-    edges = edges[np.argsort(-gain[edges], kind="stable")]
+    edges = sorted_below(-gain, -max(0.0, MARGIN * offers.cost.min(initial=0.0)))
     ends = node[edges[:, None] // 6, EDGES[edges % 6, :2]]
-    nodes = np.flatnonzero(offers.cost < most)
-    nodes = nodes[np.argsort(offers.cost[nodes], kind="stable")]
+    nodes = sorted_below(offers.cost, most)
     pairs, decrease = 0, 0.0
     for i in range(0, len(edges), PAIRS):
         part = ends[i : i + PAIRS], gain[edges[i : i + PAIRS]]

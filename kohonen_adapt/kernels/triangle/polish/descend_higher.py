@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import Neurons
+from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, record
 from kohonen_adapt.kernels.triangle.arrays import (
     CONSTANTS,
@@ -48,8 +48,6 @@ EVEN, ODD, BUBBLE = 3, 6, 9  # index of the first function of each kind
 
 @record
 class Descents(NamedTuple):
-    """One function, or a primal and a dual function, with a common mesh."""
-
     primal: Descent
     dual: Descent  # in linear materials
     terms: int  # 1 without a dual function, else 2
@@ -57,7 +55,7 @@ class Descents(NamedTuple):
     @classmethod
     def of(
         cls,
-        mesh: Neurons,
+        mesh: KernelMesh,
         trials: Trials,
         modes: Sequence[Modes],
         shapes: tuple[Reference, Points, Shapes],
