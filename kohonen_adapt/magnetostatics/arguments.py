@@ -21,6 +21,7 @@ from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["Arguments", "check_plane_mesh"]
 
+ORDERS = range(1, 9)
 ESTIMATORS = ("residual", "recovery", "equilibrated")  # see `estimation.estimated`
 
 
@@ -149,8 +150,8 @@ class Arguments:
         return DefaultOrder(2 if self.estimator == "residual" else 1)
 
     def _check_order(self) -> None:
-        if self.order not in (1, 2, 3) or isinstance(self.order, bool):
-            raise ValueError(f"order of the elements must be 1, 2 or 3; got {self.order!r}.")
+        if self.order not in ORDERS or isinstance(self.order, bool):
+            raise ValueError(f"order of the elements must be a whole number from 1 to 8; got {self.order!r}.")
         if not isinstance(self.curved, bool):
             raise ValueError(f"curved must be True or False; got {self.curved!r}.")
         if self.order > 1 and self.estimator != "residual":

@@ -23,10 +23,11 @@ from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
+from kohonen_adapt.magnetostatics.order_estimates import goal_indicators_by_orders, indicators_by_orders
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.quantities.local_field import PointField
-from kohonen_adapt.magnetostatics.solution import Dual, dual_of, richer_solution
+from kohonen_adapt.magnetostatics.solution import Dual, HighOrderField, dual_of, richer_solution
 from kohonen_adapt.mesh.curved import is_second_order, refined
 from kohonen_adapt.mesh.measures import area, gradient, inner_points
 from kohonen_adapt.mesh.polynomials import functions_at
@@ -54,13 +55,20 @@ RESIDUAL_SCALE = 1.0 / 3.6
 # The same around an axis, for a coil with and without an iron core, on squares and on adapted meshes (`benchmarks
 # axis`): order 1 3.4 - 4.8, order 2 4.3 - 8.9, order 3 6.6 - 13.9, the largest where the polish stretches elements.
 AXIS_SCALES = HIGHER_SCALES | {1: 1.0 / 4.2}
-HIGHEST_ORDER = 3  # order of the elements
+BY_RESIDUAL = 3  # highest order of the residual estimate
 DIFFERENCE = 1e-4  # step of central differences, relative to the size of an element
 
 
 def energy_indicators(
-    mesh: MeshTri, field: Field, estimator: str, boundaries: Boundaries, materials: Mapping[str, Material]
+    mesh: MeshTri,
+    field: Field,
+    estimator: str,
+    boundaries: Boundaries,
+    materials: Mapping[str, Material],
+    newton: Newton,
 ) -> Floats:
+    if isinstance(field, HighOrderField):
+        return indicators_by_orders(field, boundaries, newton)
     joined = _tied_facets(field, boundaries)
     if estimator == "residual" and (field.order > 1 or field.axisymmetric):
         return _residual_scale(field) * residual_by_points(field, joined)
@@ -137,6 +145,8 @@ def linearised(field: Field, estimator: str) -> Scalar:
 
 
 def goal_indicators(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> Floats:
+    if isinstance(field, HighOrderField):
+        return goal_indicators_by_orders(field, goal, boundaries, newton)
     if field.order > 1:
         # Errors from a solve of one order more in every pass gave no better force between two magnets.
         dual, joined = dual_of(field, goal.derivative(field), boundaries, newton), _tied_facets(field, boundaries)
@@ -165,13 +175,13 @@ def better_values(
     Twice as many facets on arcs reduce the area between chords and arcs to a quarter, and between parabolas and arcs to
     a sixteenth. The difference of two solves, with and without rounder arcs, is extrapolated accordingly.
     """
-    if field.order < HIGHEST_ORDER:
+    if field.order != BY_RESIDUAL:
         better = richer_solution(field, boundaries, newton)
     else:
         better = solve_from(refined(field.mesh), field.mesh, field)
     values = {name: float(output(better)) for name, output in outputs.items()}
     meshes, fraction = refined_on_arcs(field.mesh), 15.0 / 16.0 if is_second_order(field.mesh) else 0.75
-    if meshes is not None:
+    if meshes is not None and not (isinstance(field, HighOrderField) and is_second_order(field.mesh)):
         chords, arcs = (solve_from(finer, field.mesh, field) for finer in meshes)
         for name, output in outputs.items():
             values[name] += (output(arcs) - output(chords)) / fraction

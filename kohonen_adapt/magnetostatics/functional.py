@@ -24,6 +24,7 @@ from kohonen_adapt.problem.tables import EnergyLaw
 __all__ = ["functional_for"]
 
 TOLERANCE = 1e-9  # tolerance of equality, relative to the largest derivative or to the sum of the terms of the goal
+HIGHEST_ORDER = 3  # order with a polish
 
 
 def functional_for(
@@ -34,8 +35,11 @@ def functional_for(
     Raises
     ------
     NotOffered
-        With a goal, for nonlinear material, around an axis, or if its derivative varies within a region.
+        For elements of order 4 and above. With a goal, for nonlinear material, around an axis, or if its derivative
+        varies within a region.
     """
+    if field.order > HIGHEST_ORDER:
+        raise NotOffered(f"elements of order {field.order} are not polished")
     ritz = functional_of(field, boundaries, materials)
     if goal is None:
         return ritz

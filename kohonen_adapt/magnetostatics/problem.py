@@ -8,9 +8,9 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.arguments import Arguments, check_plane_mesh
-from kohonen_adapt.magnetostatics.equations.around_axis import elements_on
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
+from kohonen_adapt.magnetostatics.equations.high_orders import elements_on
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.estimation import better_values, energy_indicators, error_of_goal, goal_indicators
@@ -19,11 +19,15 @@ from kohonen_adapt.magnetostatics.functional import functional_for
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.solution import linkage_slope, solution_of
+from kohonen_adapt.mesh.blended import exact_area
+from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = ["Magnetostatics"]
+
+BY_PARABOLAS = 3  # highest order with parabolas as curved sides
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,14 +145,15 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
     def _energy_on(self, mesh: MeshTri) -> EnergyFunctional:
         check_plane_mesh(mesh, curved=self.order > 1)
         symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
-        material = coefficients(mesh, self.materials, self.ampere_turns)
+        size = exact_area if self.order > BY_PARABOLAS else area
+        material = coefficients(mesh, self.materials, self.ampere_turns, size)
         elements = elements_on(mesh, self.order, symmetry, material.nonlinear)
         return EnergyFunctional(elements, symmetry, material, conditions_of(elements, self.boundaries, symmetry))
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:
         if self.goal is not None:
             return goal_indicators(field, self.goal, self.boundaries, self.method)
-        return energy_indicators(mesh, field, self.estimator, self.boundaries, self.materials)
+        return energy_indicators(mesh, field, self.estimator, self.boundaries, self.materials, self.method)
 
     def incremental_inductance(self, field: Field, circuit: Mapping[str, float]) -> float:
         """Return ``d linkage / d current`` of a circuit for small changes of its current.

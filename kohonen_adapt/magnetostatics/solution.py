@@ -2,15 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.magnetostatics.equations.around_axis import elements_on
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
 from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
+from kohonen_adapt.magnetostatics.equations.high_orders import HighOrder, elements_on, high_order_elements
+from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, NotConverged
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
@@ -18,13 +20,17 @@ from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, tur
 __all__ = [
     "CubicField",
     "Dual",
+    "HighOrderField",
     "QuadraticField",
     "at_points",
     "dual_of",
+    "energy_on",
+    "interpolated_on",
     "linkage_slope",
     "richer_solution",
     "solution_of",
     "tangent_solution",
+    "unknown_of",
 ]
 
 
@@ -54,7 +60,11 @@ class QuadraticField(Field):
     """
 
     values: Floats
-    order: ClassVar[int] = 2
+
+    @property
+    def order(self) -> int:
+        """Order of the elements."""
+        return 2
 
     @property
     def _values(self) -> Floats:
@@ -70,19 +80,56 @@ class CubicField(QuadraticField):
         As in `QuadraticField`.
     """
 
-    order = 3
+    @property
+    def order(self) -> int:
+        """Order of the elements."""
+        return 3
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class HighOrderField(QuadraticField):
+    """Field of a potential of order 4 to 8, on exact arcs.
+
+    In elements with curved sides A and B are polynomials of the reference coordinates.
+
+    Parameters
+    ----------
+    mesh, potential, coefficients, symmetry, depth, newton
+        As in `Field`. The potential at the nodes is the first part of `values`.
+    values : (nunknowns,)
+        A in Wb/m at ``elements.doflocs``: at the nodes, at the Gauss-Lobatto points of the facets from the lower to the
+        higher node, and inside the elements.
+    degree
+        Order of the elements.
+    """
+
+    degree: int
+
+    @cached_property
+    def elements(self) -> HighOrder:
+        """Finite elements of the potential."""
+        return high_order_elements(self.mesh, self.order, self.symmetry, self.coefficients.nonlinear)
+
+    @property
+    def order(self) -> int:
+        """Order of the elements."""
+        return self.degree
+
+
+def unknown_of(energy: EnergyFunctional, old: Field | None, newton: Newton) -> tuple[Floats, tuple[NewtonStep, ...]]:
+    if energy.coefficients.nonlinear_materials:
+        return newton.descend(energy, _start_values(energy, old, newton))
+    return newton.linear(energy), ()
 
 
 def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None, newton: Newton) -> Field:
-    elements, steps = energy.elements, tuple[NewtonStep, ...]()
-    if energy.coefficients.nonlinear_materials:
-        unknown, steps = newton.descend(energy, _start_values(energy, old, newton))
-    else:
-        unknown = newton.linear(energy)
+    elements, (unknown, steps) = energy.elements, unknown_of(energy, old, newton)
     values = energy.symmetry.potential(elements.doflocs, unknown)
     arguments = elements.mesh, values[: elements.corners.p.shape[1]], energy.coefficients, energy.symmetry, depth, steps
     if elements.order == 1:
         field = Field(*arguments)
+    elif elements.order > 3:
+        field = HighOrderField(*arguments, values=values, degree=elements.order)
     else:
         field = (QuadraticField if elements.order == 2 else CubicField)(*arguments, values=values)
     if steps and not steps[-1].converged:
@@ -94,10 +141,19 @@ def _start_values(energy: EnergyFunctional, old: Field | None, newton: Newton) -
     # From A = 0 the first step is the whole linear solution, halved if that saturates everything. Beside prescribed
     # values A = 0 is a steep wall, and the linear solution is a better start.
     conditions = energy.conditions
+    if isinstance(old, HighOrderField) and old.mesh is energy.elements.mesh:
+        return conditions.admissible(interpolated_on(energy.elements, old.elements, old.unknown))
     if old is not None:
         x = energy.elements.doflocs
         return conditions.admissible(energy.symmetry.unknown(x, old_potential_at(x, old)))
     return newton.linear(energy) if np.any(conditions.values) else conditions.values
+
+
+def interpolated_on(elements: Elements, old: HighOrder, unknown: Floats) -> Floats:
+    """Return a function of `old` in elements of another order on the same mesh, (nunknowns,)."""
+    result = np.empty(elements.doflocs.shape[1])
+    result[elements.unknowns] = old.at_nodes(unknown, elements.order)
+    return result
 
 
 def old_potential_at(x: Floats, old: Field) -> Floats:
@@ -138,10 +194,13 @@ def at_points(field: Field, derivative: tuple[Floats, Floats]) -> tuple[Floats, 
 
 def richer_solution(field: Field, boundaries: Boundaries, newton: Newton) -> Field:
     elements = elements_on(field.mesh, field.order + 1, field.symmetry, field.coefficients.nonlinear)
+    return solution_of(energy_on(elements, field, boundaries), field.depth, field, newton)
+
+
+def energy_on(elements: Elements, field: Field, boundaries: Boundaries) -> EnergyFunctional:
+    """Return the functional of the problem of `field` on elements of another order."""
     conditions = conditions_of(elements, boundaries, field.symmetry)
-    return solution_of(
-        EnergyFunctional(elements, field.symmetry, field.coefficients, conditions), field.depth, field, newton
-    )
+    return EnergyFunctional(elements, field.symmetry, field.coefficients, conditions)
 
 
 def linkage_slope(field: Field, boundaries: Boundaries, circuit: Mapping[str, float], newton: Newton) -> float:

@@ -246,7 +246,7 @@ class Isoparametric(CurvedElements):
     def __init__(self, mesh: MeshTri) -> None:
         self.corners = corners = corners_of(mesh)  # with the same elements, facets and names
         number_facets(corners)
-        start, end = corners.p[:, corners.facets]
+        start, end = corners.p[:, corners.facets].swapaxes(0, 1)
         offset, sides = facet_midside_offsets(mesh), corners.t2f[AFTER]
         curved = np.hypot(*offset) > STRAIGHT * np.hypot(*(end - start))
         self.facet_offset = np.where(curved, offset, 0.0)  # (2, nfacets)

@@ -1,7 +1,7 @@
 """A mesh between circles, and Gmsh files of second order written by hand."""
 
 import numpy as np
-from skfem import MeshTri
+from skfem import MeshTri, MeshTri2
 
 RADII = {"inner": 0.5, "interface": 1.0, "outer": 1.5}
 
@@ -29,6 +29,17 @@ def on_circles(mesh, facets):
     middle, radius = ends.mean(axis=1), np.hypot(*ends)
     round_ = np.abs(radius[0] - radius[1]) < 1e-9
     return np.where(round_, middle * radius[0] / np.hypot(*middle), middle)
+
+
+def curved_annulus(count):
+    """`annulus` as a `MeshTri2` with all midside nodes on the circles."""
+    return with_midsides(annulus(count), on_circles)
+
+
+def with_midsides(mesh, place):
+    """A `MeshTri2` with the midside nodes that `place(mesh, facets)` returns, and the names of the mesh."""
+    midsides = place(mesh, np.arange(mesh.facets.shape[1]))
+    return MeshTri2(np.hstack([mesh.p, midsides]), mesh.t, mesh.boundaries, mesh.subdomains)
 
 
 def write_second_order(path, mesh, middles, *, version, seed=0):

@@ -6,19 +6,17 @@ from functools import cache, cached_property
 from itertools import product
 
 import numpy as np
-from skfem import ElementLineP1, MeshTri
+from skfem import ElementLineP1
 from skfem.quadrature import get_quadrature
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.magnetostatics.equations.elements import Linear
-from kohonen_adapt.magnetostatics.equations.higher import ElementGroup, Elements, Higher
-from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, Symmetry
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.magnetostatics.equations.higher import ElementGroup, Higher
 from kohonen_adapt.mesh.curved import Isoparametric
 from kohonen_adapt.mesh.measures import hat_gradients
 from kohonen_adapt.mesh.polynomials import KINDS, facet_functions, functions_at, functions_near_axis, slopes_near_axis
 from kohonen_adapt.mesh.quadrature import ON_AXIS, factor_at, kinds_at_axis, points_near_axis
 
-__all__ = ["AroundAxis", "elements_on"]
+__all__ = ["AroundAxis"]
 
 INWARDS = 1e-6  # distance from the axis at which limits on the axis are evaluated, relative to the way to the centroid
 FACET = 10  # degree of the rule along facets
@@ -111,7 +109,7 @@ class AroundAxis(Higher):
     ``B = (-du/dz, du/dr) / r`` also holds on the axis.
     """
 
-    def _make_groups(self, curved_mesh: MeshTri) -> Sequence[ElementGroup]:
+    def _make_groups(self) -> Sequence[ElementGroup]:
         groups, first = list[ElementGroup](), 0
         for kind, law in product(np.unique(self.kind), (False, True)):
             rows = np.flatnonzero((self.kind == kind) & (self.nonlinear == law))
@@ -191,9 +189,3 @@ class AroundAxis(Higher):
         projection = np.sum((1.0 - off_axis) * corner, axis=1) / np.sum(1.0 - off_axis, axis=0)
         mean[:, touching] += np.einsum("ik,cik->ck", missing[:, touching], corner - projection[:, None])
         return mean
-
-
-def elements_on(mesh: MeshTri, order: int, symmetry: Symmetry, nonlinear: Mask) -> Elements:
-    if symmetry is AXISYMMETRIC:
-        return AroundAxis(mesh, order, nonlinear)
-    return Higher(mesh, order, nonlinear) if order > 1 else Linear(mesh)

@@ -5,10 +5,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array
+from scipy.sparse import coo_array
 from skfem import Mesh, MeshTet, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.magnetostatics.equations.system import Reduced
 from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved import Isoparametric
@@ -99,7 +100,7 @@ class LinearFunctions(FiniteElements):
     def against_slopes(self, size: Floats) -> Floats:
         return size * self.volumes * magnitude(self.hats)
 
-    def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> csc_array:
+    def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> Reduced:
         """Return the matrix of ``int nu grad phi . grad phi`` of the free unknowns.
 
         `across` is nu at the quadrature points. `along` is a second coefficient and the unit vectors, shape (d,
@@ -120,7 +121,7 @@ class LinearFunctions(FiniteElements):
         inner_values, start, end, diagonal = off_diagonal[inner], start[inner], end[inner], index[free]
         values = np.concatenate((inner_values, inner_values, self.assemble_vector(on_diagonal)[free]))
         indices = np.concatenate((start, end, diagonal)), np.concatenate((end, start, diagonal))
-        return coo_array((values, indices), shape=(free.size, free.size)).tocsc()
+        return Reduced(coo_array((values, indices), shape=(free.size, free.size)).tocsc())
 
 
 class Linear(LinearFunctions, Polynomials):

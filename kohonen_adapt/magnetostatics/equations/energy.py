@@ -5,13 +5,13 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from scipy.sparse import csc_array
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.elements import Tetrahedra
 from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
+from kohonen_adapt.magnetostatics.equations.system import Reduced
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
 
 __all__ = ["CoenergyFunctional", "EnergyFunctional", "Scalar", "scalar_problem"]
@@ -86,7 +86,7 @@ class EnergyFunctional:
             flux = scalar.flux - scalar.reluctivity * self.elements.gradient(u)
             return self._at_free(-self.elements.loads(self._source, flux), u)
 
-    def hessian(self, u: Floats) -> csc_array:
+    def hessian(self, u: Floats) -> Reduced:
         """Return the second derivatives, differential nu along grad u and nu across."""
         points, free = self.elements.points, self.conditions.free
         if not self.coefficients.nonlinear_materials:
@@ -138,7 +138,7 @@ class CoenergyFunctional:
             flux = (self._strength(u) + self.coefficients.coercivity) / self.coefficients.reluctivity
             return -(self._against_gradients(flux) + self.load)[self.conditions.free]
 
-    def hessian(self, u: Floats) -> csc_array:
+    def hessian(self, u: Floats) -> Reduced:
         """Return the second derivatives, ``dB/dH`` along H + Hc and ``B/H`` across."""
         free = self.conditions.free
         if not self.coefficients.nonlinear_materials:

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array
+from scipy.sparse import coo_array
 from skfem import Basis, ElementLineP1, MeshTri
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.elements import Linear, Polynomials
+from kohonen_adapt.magnetostatics.equations.system import Reduced
 from kohonen_adapt.mesh.curved import Isoparametric, with_midside_offsets
 from kohonen_adapt.mesh.host import remade
 from kohonen_adapt.mesh.polynomials import KINDS, facet_functions, facet_products
@@ -63,6 +64,27 @@ class ElementGroup(ABC):
         own = values[..., self.points]
         return own.reshape(*own.shape[:-1], *self.weights.shape)
 
+    def gradient(self, local: Floats) -> Floats:
+        """Return the gradient of the function with coefficients (k, nelements)."""
+        return np.einsum("ik,ickq->ckq", local, self.gradients)
+
+    def against_gradients(self, flux: Floats) -> Floats:
+        return np.einsum("ckq,ickq->ik", self.restrict(flux) * self.weights, self.gradients)
+
+    def against_slopes(self, size: Floats) -> Floats:
+        slopes = np.hypot(self.gradients[:, 0], self.gradients[:, 1])
+        return np.einsum("kq,ikq->ik", self.restrict(size) * self.weights, slopes)
+
+    def products(self, across: Floats, along: tuple[Floats, Floats] | None) -> Floats:
+        """Return the element matrices of `Higher.stiffness`, (k, k, nelements)."""
+        gradients, across = self.gradients, self.restrict(across) * self.weights
+        products = np.einsum("ickq,kq,jckq->ijk", gradients, across, gradients, optimize=True)
+        if along is not None:
+            more = self.restrict(along[0]) * self.weights - across
+            slope = np.einsum("ckq,ickq->ikq", self.restrict(along[1]), gradients)
+            products += np.einsum("ikq,kq,jkq->ijk", slope, more, slope, optimize=True)
+        return products
+
 
 @dataclass(frozen=True, eq=False)
 class BasisGroup(ElementGroup):
@@ -100,22 +122,34 @@ class Higher(Polynomials):
     """
 
     def __init__(self, mesh: MeshTri, order: int, nonlinear: Mask) -> None:
-        shape = Isoparametric(mesh)
+        shape = self._shape_of(mesh)
         # scikit-fem sorts the corners of a `MeshTri` and relies on the order.
         if not np.array_equal(mesh.t, shape.corners.t):
             names = {"boundaries": mesh.boundaries, "subdomains": mesh.subdomains}
             mesh = remade(mesh, mesh.doflocs, shape.corners.t, **names)
         self.order, self.facet_products, self.nonlinear = order, facet_products(order), nonlinear
-        curved_mesh = with_midside_offsets(shape.corners, shape.facet_offset) if shape.curved.any() else shape.corners
-        numbered = Basis(curved_mesh, KINDS[order](), intorder=1)
-        super().__init__(mesh, shape, numbered.dofs.element_dofs, numbered.doflocs)
-        self._groups = self._make_groups(curved_mesh)
+        self.shape = shape
+        super().__init__(mesh, shape, *self._numbering())
+        self._groups = self._make_groups()
         count = np.arange(mesh.t.shape[1])
         self.element = np.concatenate(
             [np.repeat(count[group.rows], group.barycentric.shape[1]) for group in self._groups]
         )
 
-    def _make_groups(self, curved_mesh: MeshTri) -> Sequence[ElementGroup]:
+    def _shape_of(self, mesh: MeshTri) -> Isoparametric:
+        return Isoparametric(mesh)
+
+    def _numbering(self) -> tuple[Ints, Floats]:
+        """Return the unknowns of elements, (k, nelements), and their positions."""
+        numbered = Basis(self._curved_mesh(), KINDS[self.order](), intorder=1)
+        return numbered.dofs.element_dofs, numbered.doflocs
+
+    def _curved_mesh(self) -> MeshTri:
+        shape = self.shape
+        return with_midside_offsets(shape.corners, shape.facet_offset) if shape.curved.any() else shape.corners
+
+    def _make_groups(self) -> Sequence[ElementGroup]:
+        curved_mesh = self._curved_mesh()
         kind, order, curved, nonlinear = KINDS[self.order](), 2 * self.order, self.shape.curved, self.nonlinear
         if not curved.any() and not nonlinear.any():
             # two degrees more than nu |grad u|^2 needs if nu is constant
@@ -174,7 +208,7 @@ class Higher(Polynomials):
 
     def gradient(self, u: Floats) -> Floats:
         local = u[self.unknowns]
-        found = [np.einsum("ik,ickq->ckq", local[:, group.rows], group.gradients) for group in self._groups]
+        found = [group.gradient(local[:, group.rows]) for group in self._groups]
         return np.concatenate([each.reshape(2, -1) for each in found], axis=1)
 
     @cached_property
@@ -226,34 +260,20 @@ class Higher(Polynomials):
         return self.against_functions(source) * u[self.unknowns]
 
     def against_gradients(self, flux: Floats) -> Floats:
-        parts = self._groups
-        found = [np.einsum("ckq,ickq->ik", group.restrict(flux) * group.weights, group.gradients) for group in parts]
-        return self._by_element(found)
+        return self._by_element([group.against_gradients(flux) for group in self._groups])
 
     def against_slopes(self, size: Floats) -> Floats:
-        found = []
-        for group in self._groups:
-            slopes = np.hypot(group.gradients[:, 0], group.gradients[:, 1])
-            found.append(np.einsum("kq,ikq->ik", group.restrict(size) * group.weights, slopes))
-        return self._by_element(found)
+        return self._by_element([group.against_slopes(size) for group in self._groups])
 
     def loads(self, source: Floats, flux: Floats) -> Floats:
         return self.assemble_vector(self.against_functions(source) + self.against_gradients(flux))
 
-    def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> csc_array:
-        products = self._by_element([self._products(group, across, along) for group in self._groups])
+    def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> Reduced:
+        products = self._by_element([group.products(across, along) for group in self._groups])
         row, column = np.broadcast_arrays(self.unknowns[:, None], self.unknowns[None])
         count = self.doflocs.shape[1]
-        return coo_array((products.ravel(), (row.ravel(), column.ravel())), shape=(count,) * 2).tocsc()[free][:, free]
-
-    def _products(self, group: ElementGroup, across: Floats, along: tuple[Floats, Floats] | None) -> Floats:
-        gradients, across = group.gradients, group.restrict(across) * group.weights
-        products = np.einsum("ickq,kq,jckq->ijk", gradients, across, gradients, optimize=True)
-        if along is not None:
-            more = group.restrict(along[0]) * group.weights - across
-            slope = np.einsum("ckq,ickq->ikq", group.restrict(along[1]), gradients)
-            products += np.einsum("ikq,kq,jkq->ijk", slope, more, slope, optimize=True)
-        return products
+        matrix = coo_array((products.ravel(), (row.ravel(), column.ravel())), shape=(count,) * 2).tocsc()
+        return Reduced(matrix[free][:, free])
 
 
 Elements = Linear | Higher

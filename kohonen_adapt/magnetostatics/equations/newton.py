@@ -5,11 +5,10 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol, Self
 
 import numpy as np
-from scipy.sparse import csc_array
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.magnetostatics.equations.system import Solver
+from kohonen_adapt.magnetostatics.equations.system import Reduced, Solver
 
 __all__ = ["TOLERANCE", "Convex", "Newton", "NewtonStep", "NotConverged"]
 
@@ -34,7 +33,7 @@ class Convex(Protocol):
     def value(self, u: Floats) -> tuple[float, float]: ...
     def residual(self, u: Floats) -> tuple[Floats, float]: ...
     def linear_residual(self, u: Floats) -> Floats: ...
-    def hessian(self, u: Floats) -> csc_array: ...
+    def hessian(self, u: Floats) -> Reduced: ...
 
 
 @dataclass(frozen=True)
@@ -96,8 +95,10 @@ class Newton:
     def full_step(self, energy: Convex, u: Floats, gradient: Floats) -> Floats:
         step, conditions = np.zeros_like(u), energy.conditions
         if conditions.free.size:
-            matrix, right = conditions.reduced(energy.hessian(u), -gradient)
-            step[conditions.free] = conditions.from_classes(self.solver.solve(matrix, right))
+            hessian = energy.hessian(u)
+            matrix, right = conditions.reduced(hessian.matrix, hessian.eliminated(-gradient))
+            outer = conditions.from_classes(self.solver.solve(matrix, right))
+            step[conditions.free] = hessian.completed(outer, -gradient)
         if not np.all(np.isfinite(step)):
             raise np.linalg.LinAlgError(
                 "the potential is infinite or not a number; check for extreme permeabilities, sources, potentials "

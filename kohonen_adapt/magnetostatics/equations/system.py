@@ -7,11 +7,50 @@ import numpy as np
 from scipy.sparse import csc_array, csr_matrix
 from scipy.sparse.linalg import SuperLU, splu
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints
 
-__all__ = ["IN_SPACE", "Solver", "factorised"]
+__all__ = ["IN_SPACE", "Interiors", "Reduced", "Solver", "factorised"]
 
 TOLERANCE = 1e-10  # residual of multigrid, relative to the right-hand side
+
+
+@dataclass(frozen=True)
+class Interiors:
+    """Unknowns inside elements, eliminated from the equations of all others."""
+
+    inner: Ints  # (nelements, i): indices among the free unknowns
+    outer: Ints  # (nelements, o): indices of the unknowns on the sides, -1 for prescribed ones
+    inverse: Floats  # (nelements, i, i): inverse of the matrix of the inner unknowns
+    coupling: Floats  # (nelements, i, o): the inverse times the coupling of inner and outer unknowns
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """Matrix of the free unknowns, with the identity for eliminated ones."""
+
+    matrix: csc_array
+    interiors: Interiors | None = None
+
+    def eliminated(self, right: Floats) -> Floats:
+        """Return the right-hand side of the reduced equations, 0 for eliminated unknowns."""
+        if self.interiors is None:
+            return right
+        inner, outer = self.interiors.inner, self.interiors.outer
+        reduced = right.copy()
+        reduced[inner] = 0.0
+        moved = np.einsum("mio,mi->mo", self.interiors.coupling, right[inner])
+        free = outer >= 0
+        return reduced - np.bincount(outer[free], moved[free], right.size)
+
+    def completed(self, solution: Floats, right: Floats) -> Floats:
+        """Return the solution with eliminated unknowns, by the original right-hand side."""
+        if self.interiors is None:
+            return solution
+        inner, outer = self.interiors.inner, self.interiors.outer
+        outer_values = np.where(outer >= 0, solution[outer], 0.0)
+        solution[inner] = np.einsum("mij,mj->mi", self.interiors.inverse, right[inner])
+        solution[inner] -= np.einsum("mio,mo->mi", self.interiors.coupling, outer_values)
+        return solution
 
 
 @dataclass(frozen=True)

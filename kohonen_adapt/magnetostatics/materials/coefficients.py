@@ -1,6 +1,6 @@
 """Material coefficients of elements, with H and energy densities from B."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
 
@@ -149,13 +149,17 @@ class Coefficients:
 
 
 def coefficients(
-    mesh: Mesh, materials: Mapping[str, Material], ampere_turns: Mapping[str, float] | None = None
+    mesh: Mesh,
+    materials: Mapping[str, Material],
+    ampere_turns: Mapping[str, float] | None = None,
+    size: Callable[[Mesh], Floats] = area,
 ) -> Coefficients:
+    """Return the coefficients, with the currents of coils from the areas that `size` returns."""
     material_index, values = material_of_elements(mesh, materials), list(materials.values())
     reluctivity = np.array([material.reluctivity for material in values])[material_index]
     current_density = np.array([material.current_density for material in values])[material_index]
     for name, total in (ampere_turns or {}).items():
-        current_density[mesh.subdomains[name]] = total / _area_of(mesh, name)
+        current_density[mesh.subdomains[name]] = total / _area_of(mesh, name, size)
     remanence = np.array([_constant_remanence(material, len(mesh.p)) for material in values]).T[:, material_index]
     coercivity = reluctivity * remanence
     nonlinear_materials, varying_magnets = list[NonlinearMaterial](), list[VaryingMagnet]()
@@ -235,8 +239,8 @@ def _evaluated(name: str, value: Vector, x: Floats) -> Floats:
     return vector
 
 
-def _area_of(mesh: Mesh, name: str) -> float:
-    total = float(np.sum(area(mesh)[mesh.subdomains[name]]))
+def _area_of(mesh: Mesh, name: str, size: Callable[[Mesh], Floats]) -> float:
+    total = float(np.sum(size(mesh)[mesh.subdomains[name]]))
     if total <= 0.0:
         raise ValueError(
             f"the coil {name!r} has no area in the mesh, so its ampere_turns cannot be applied; mesh the coil or "

@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.magnetostatics.equations.around_axis import elements_on
 from kohonen_adapt.magnetostatics.equations.elements import Linear
+from kohonen_adapt.magnetostatics.equations.high_orders import elements_on
 from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
@@ -56,7 +55,11 @@ class LocalField(MagneticField):
     coefficients: Coefficients
     symmetry: Symmetry = PLANAR
     depth: float | None = None
-    order: ClassVar[int] = 1
+
+    @property
+    def order(self) -> int:
+        """Order of the elements."""
+        return 1
 
     @property
     def axisymmetric(self) -> bool:

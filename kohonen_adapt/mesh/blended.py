@@ -1,0 +1,128 @@
+"""Triangles with sides on exact arcs, by transfinite blending.
+
+A side from corner a to corner b has the position ``chord(t) + (1 - t^2) e(t)`` for t from -1 to 1, with a polynomial e
+(its first coefficient is the midside offset, and a parabola has no other). The element is the image of ``x = sum_i
+lambda_i x_i + 4 sum_k lambda_a lambda_b e_k(lambda_b - lambda_a)`` (B. Szabo and I. Babuska, Finite Element Analysis,
+1991, section 6.2), which for parabolas is the isoparametric map of order 2.
+"""
+
+from functools import cached_property
+from math import factorial
+
+import numpy as np
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.mesh.curved import AFTER, BEFORE, Isoparametric
+from kohonen_adapt.mesh.lagrange import triangle_rule
+from kohonen_adapt.mesh.measures import area
+
+__all__ = ["Blended", "exact_area"]
+
+ROUND = 1e-6  # shift of a midside node along the chord, relative to its offset, up to which the side is an arc
+DEGREE = 26  # of the quadrature of areas
+TERMS = 12  # terms of the series of sine and cosine, exact to rounding up to half a circle
+
+
+class Blended(Isoparametric):
+    """Elements of a `MeshTri` or `MeshTri2`, with arcs through the three nodes of a side.
+
+    A side whose midside node is not on the perpendicular bisector of the chord is a parabola.
+    """
+
+    def __init__(self, mesh: MeshTri) -> None:
+        super().__init__(mesh)
+        self.facet_series = np.zeros((2 * TERMS, *self.facet_offset.shape))  # (powers, 2, nfacets): e by powers of t
+        self.facet_series[0] = self.facet_offset
+        start, end = self.corners.p[:, self.corners.facets].swapaxes(0, 1)
+        half, offset = 0.5 * (end - start), self.facet_offset
+        size = np.hypot(*offset)
+        rounded = np.abs(np.sum(half * offset, axis=0)) <= ROUND * size * np.hypot(*half)
+        rows = np.flatnonzero((size > 0.0) & rounded)
+        self.facet_series[:, :, rows] = series_of_arcs(half[:, rows], offset[:, rows])
+
+    @cached_property
+    def series(self) -> Floats:
+        """Coefficients e of the sides opposite to the corners, (powers, 2, 3, nelements)."""
+        facet = self.corners.t2f[AFTER]
+        sign = np.where(self.corners.facets[0, facet] == self.t[AFTER], 1.0, -1.0)
+        powers = np.arange(len(self.facet_series))[:, None, None]
+        return self.facet_series[:, :, facet] * (sign**powers)[:, None]
+
+    def points(self, element: Ints, barycentric: Floats) -> Floats:
+        x = np.einsum("in,cin->cn", barycentric, self.p[:, self.t[:, element]])
+        rows = np.flatnonzero(self.curved[element])
+        if rows.size:
+            own = barycentric[:, rows]
+            value, _ = self._evaluated(element[rows], own)
+            x[:, rows] += 4.0 * np.sum(own[AFTER] * own[BEFORE] * value, axis=1)
+        return x
+
+    def hat_gradients(self, element: Ints, barycentric: Floats) -> Floats:
+        # derivatives by the barycentric coordinates, taken as independent
+        rate = self.p[:, self.t[:, element]]
+        rows = np.flatnonzero(self.curved[element])
+        if rows.size:
+            own = barycentric[:, rows]
+            value, slope = self._evaluated(element[rows], own)
+            left, right = own[AFTER], own[BEFORE]
+            of_left, of_right = right * value - left * right * slope, left * value + left * right * slope
+            rate[:, :, rows] += 4.0 * (of_left[:, BEFORE] + of_right[:, AFTER])
+        (a, b), (c, d) = rate[:, 1:] - rate[:, :1]
+        return np.stack((np.stack((c - d, d, -c)), np.stack((b - a, -b, a)))) / (a * d - b * c)
+
+    def _evaluated(self, element: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
+        """Return e and its derivative at points of elements, (2, 3, n) each."""
+        return _polynomial(self.series[..., element], barycentric[BEFORE] - barycentric[AFTER])
+
+    def facet_points(self, facets: Ints, at: Floats) -> tuple[Floats, Floats]:
+        """Return positions and tangents at `at` from 0 to 1 along facets, (2, f, n) each.
+
+        The direction is from the lower to the higher node, and tangents are the derivatives by `at`.
+        """
+        start, end = self.corners.p[:, self.corners.facets[:, facets]].swapaxes(0, 1)[..., None]
+        x, tangent = start + at * (end - start), np.repeat(end - start, at.size, axis=2)
+        rows = np.flatnonzero(self.facet_offset[:, facets].any(axis=0))
+        t, series = 2.0 * at - 1.0, self.facet_series[:, :, facets[rows], None]
+        value, slope = _polynomial(series, t)
+        x[:, rows] += (1.0 - t**2) * value
+        tangent[:, rows] += 2.0 * ((1.0 - t**2) * slope - 2.0 * t * value)
+        return x, tangent
+
+
+def exact_area(mesh: MeshTri) -> Floats:
+    """Return the areas of elements with arcs as sides, (nelements,)."""
+    size, shape = area(mesh), Blended(mesh)
+    rows, (barycentric, weight) = np.flatnonzero(shape.curved), triangle_rule(DEGREE)
+    element, share = np.repeat(rows, weight.size), np.tile(barycentric.T, rows.size)
+    hats = shape.hat_gradients(element, share)
+    determinant = 1.0 / np.abs(hats[0, 1] * hats[1, 2] - hats[1, 1] * hats[0, 2])
+    size[rows] = 0.5 * determinant.reshape(-1, weight.size) @ weight
+    return size
+
+
+def _polynomial(series: Floats, t: Floats) -> tuple[Floats, Floats]:
+    value = np.zeros(np.broadcast_shapes(series.shape[1:], t.shape))
+    slope = np.zeros_like(value)
+    for coefficient in series[::-1]:
+        slope = slope * t + value
+        value = value * t + coefficient
+    return value, slope
+
+
+def series_of_arcs(half: Floats, offset: Floats) -> Floats:
+    """Return e of arcs, (powers, 2, n), from half chords and midside offsets, (2, n).
+
+    With the half angle w and the radius r the arc is ``r sin(w t)`` along and ``r (cos(w t) - cos w)`` across the
+    chord. e is its difference to the chord divided by ``1 - t^2``, term by term of the series of both functions.
+    """
+    length, rise = np.hypot(*half), np.hypot(*offset)
+    angle = 2.0 * np.arctan2(rise, length)
+    radius = length / np.sin(angle)
+    series = np.zeros((2 * TERMS, *half.shape))
+    for k in range(1, TERMS):
+        even, odd = ((-1.0) ** k * radius * angle**power / factorial(power) for power in (2 * k, 2 * k + 1))
+        for power in range(0, 2 * k, 2):  # (t^2k - 1) / (1 - t^2) = -(1 + t^2 + ... + t^(2k - 2))
+            series[power] -= even * offset / rise
+            series[power + 1] -= odd * half / length
+    return series

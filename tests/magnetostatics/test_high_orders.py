@@ -1,0 +1,122 @@
+"""Elements of order 4 to 8 against exact fields, scikit-fem's elements and their own estimates."""
+
+import numpy as np
+import pytest
+from helpers.curved_meshes import curved_annulus
+from helpers.devices import BORE, CURRENT, RIM, curved_wire_mesh, tube
+from helpers.exact_fields import LAYERS, RECTANGLE, random_mesh, rectangle_mesh, sheet_field, true_error
+from scipy.special import iv
+from skfem import Basis, BilinearForm, ElementTriP4, LinearForm, MeshTri, MeshTri2, condense, solve
+from skfem.helpers import dot, grad
+
+from kohonen_adapt.magnetostatics import FluxLinkage, Magnetostatics, Material
+from kohonen_adapt.problem.protocol import NotOffered
+
+ORDERS = range(4, 9)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_harmonic_polynomials_of_the_order_are_exact(order):
+    mesh = random_mesh()
+
+    def exact(x):
+        return ((x[0] - 1.0 + 1j * x[1]) ** order).real / 2.0**order
+
+    def density(x):
+        slope = order * (x[0] - 1.0 + 1j * x[1]) ** (order - 1) / 2.0**order
+        return np.stack([-slope.imag, -slope.real])
+
+    problem = Magnetostatics(dict.fromkeys(LAYERS, Material()), dict.fromkeys(mesh.boundaries, exact), order=order)
+    field = problem.solve(mesh)
+    x = np.random.default_rng(1).uniform(0.0, 3.0, (2, 50))
+    size = np.abs(exact(field.elements.doflocs)).max()
+    np.testing.assert_allclose(field.potential_at(x), exact(x), atol=1e-11 * size)
+    np.testing.assert_allclose(field.flux_density_at(x), density(x), atol=1e-10 * order * size)
+    assert np.linalg.norm(problem.indicators(mesh, field)) < 1e-8 * problem.energy_norm(mesh, field)
+
+
+def test_order_four_equals_scikit_fem():
+    mesh = random_mesh()
+    materials = {name: Material(1.0 + 9.0 * k, current_density=1e6 * k) for k, name in enumerate(LAYERS)}
+    field = Magnetostatics(materials, {"left": 0.0}, order=4).solve(mesh)
+    basis = Basis(mesh, ElementTriP4())
+    nu, current = (np.asarray(each)[:, None] for each in (field.reluctivity, field.current_density))
+    stiffness = BilinearForm(lambda u, v, w: nu * dot(grad(u), grad(v))).assemble(basis)
+    load = LinearForm(lambda v, w: current * v).assemble(basis)
+    values = solve(*condense(stiffness, load, D=basis.get_dofs("left")))
+    assert field.squared_norm == pytest.approx(values @ stiffness @ values, rel=1e-11)
+    np.testing.assert_allclose(field.potential, values[: mesh.nvertices], atol=1e-11 * np.abs(values).max())
+
+
+@pytest.mark.parametrize("axisymmetric", [False, True])
+def test_smooth_fields_converge_exponentially(axisymmetric):
+    """Bessel's field around an axis, and ``sinh(k y) sin(k x)`` in the plane across an antiperiodic pair."""
+    k, grid = np.pi, np.linspace(0.0, 1.0, 4)
+    mesh = MeshTri.init_tensor(grid, grid).with_defaults().with_subdomains({"air": lambda x: x[0] > -1.0})
+
+    def exact(x):
+        return iv(1, k * x[0]) * np.sin(k * x[1]) if axisymmetric else np.sinh(k * x[1]) * np.sin(k * x[0])
+
+    x, errors = np.random.default_rng(2).random((2, 200)), []
+    for order in ORDERS:
+        sides = ["right", "bottom", "top"] if axisymmetric else ["bottom", "top"]
+        pairs = [] if axisymmetric else [("left", "right")]
+        problem = Magnetostatics(
+            {"air": Material()}, dict.fromkeys(sides, exact), axisymmetric=axisymmetric, antiperiodic=pairs, order=order
+        )
+        errors.append(np.abs(problem.solve(mesh).potential_at(x) - exact(x)).max())
+    assert np.all(np.divide(errors[1:], errors[:-1]) < 0.12)
+
+
+def test_arcs_are_exact():
+    """The energy between circles at two potentials converges to the exact one."""
+    mesh, materials = curved_annulus(8), {"core": Material(), "shell": Material()}
+    fields = [Magnetostatics(materials, {"inner": 1.0, "outer": 0.0}, order=order).solve(mesh) for order in ORDERS]
+    exact = fields[0].reluctivity[0] * 2.0 * np.pi / np.log(3.0)
+    errors = np.array([field.squared_norm / exact - 1.0 for field in fields])
+    assert np.all(errors > 0.0) and errors[-1] < 1e-9
+    assert np.all(errors[1:] < 0.15 * errors[:-1])
+
+
+def test_arcs_that_fold_elements_are_named():
+    """An arc leaves its chord at a steeper angle than the parabola through the same three nodes."""
+    p = np.array([[-1.0, 1.0, 0.0, 0.0, -0.5, 0.5], [0.0, 0.0, 4.0, 0.9, 2.0, 2.0]])
+    mesh = MeshTri2(p, np.array([[0], [1], [2]])).with_subdomains({"air": np.array([0])})
+    mesh = mesh.with_boundaries({"rim": mesh.boundary_facets()})
+    given = {"materials": {"air": Material()}, "potential": {"rim": 0.0}}
+    assert Magnetostatics(**given, order=3).solve(mesh).energy == 0.0
+    with pytest.raises(ValueError, match=r"arcs must not fold elements of order 4 and above; they fold 1, first elem"):
+        Magnetostatics(**given, order=4).solve(mesh)
+
+
+@pytest.mark.parametrize("order", [4, 7])
+def test_saturated_iron_matches_the_exact_tube(order):
+    """``H = I / (2 pi r)`` around a wire, whatever the material."""
+    field = tube(order=order).solve(curved_wire_mesh())
+    r = np.linspace(1.02 * BORE, 0.98 * RIM, 50)
+    strength = field.field_strength_at(np.stack([0.6 * r, 0.8 * r]))
+    wanted = CURRENT / (2.0 * np.pi * r) * np.array([[-0.8], [0.6]])
+    np.testing.assert_allclose(strength, wanted, atol={4: 2e-3, 7: 2e-5}[order] * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("order", [4, 6, 8])
+def test_estimates_are_near_the_error_of_singular_fields(order):
+    mesh = rectangle_mesh(1)
+    problem = Magnetostatics(RECTANGLE.materials, RECTANGLE.potential, order=order)
+    field = problem.solve(mesh)
+    told = np.linalg.norm(problem.indicators(mesh, field))
+    assert 0.75 < told / true_error(field, sheet_field) < 1.15
+
+
+def test_a_goal_has_indicators_and_an_error():
+    mesh = rectangle_mesh(1)
+    goal = FluxLinkage({next(iter(RECTANGLE.materials)): 1})
+    problem, finer = (
+        Magnetostatics(RECTANGLE.materials, RECTANGLE.potential, order=order, goal=goal) for order in (4, 8)
+    )
+    field = problem.solve(mesh)
+    error = goal(finer.solve(mesh)) - goal(field)
+    assert problem.goal_error(field) == pytest.approx(error, rel=0.5)
+    assert np.sum(problem.indicators(mesh, field) ** 2) > 0.5 * abs(error)
+    with pytest.raises(NotOffered, match="elements of order 4 are not polished"):
+        problem.ritz(mesh, field)
