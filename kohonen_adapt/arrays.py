@@ -33,6 +33,6 @@ def ranks(order: Ints, rows: int) -> NDArray[np.int32]:
 
 
 def sorted_below(values: Floats, below: float) -> Ints:
-    """Return the rows with values less than `below`, in increasing order of the values."""
+    """Return the rows with values less than `below`, sorted by value."""
     found = np.flatnonzero(values < below)
     return found[np.argsort(values[found], kind="stable")]

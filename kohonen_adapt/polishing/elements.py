@@ -1,4 +1,4 @@
-"""Data of elements and curve segments, such as varying sources and Dirichlet values."""
+"""Data of elements and curve segments for the polish of triangles."""
 
 from collections.abc import Callable
 

@@ -139,7 +139,7 @@ def turn_offsets(offset):
 
 @inner_kernel
 def step_of_pair(descent, e, row, special, nodes, wanted):
-    """Minimise the functional of two triangles over the coefficients inside the pair.
+    """Minimise the functional of two triangles over their inner coefficients.
 
     For `nodes` (p, q, r, s) the triangles are (r, p, q) and (s, q, p). The coefficients of the common side pq and of
     both bubbles change by one step of Newton's method. Coefficients on the boundary of the pair are held.
