@@ -27,6 +27,7 @@ __all__ = [
     "listed",
     "nearest_name",
     "point_text",
+    "positive_number",
     "with_nearest_names",
 ]
 
@@ -40,6 +41,12 @@ def is_count(value: object) -> bool:
 
 def is_number(value: object) -> bool:
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
+def positive_number(value: Any, what: str) -> float:
+    if not (is_number(value) and isfinite(value) and value > 0.0):
+        raise ValueError(f"{what} must be a positive number; got {value!r}.")
+    return float(value)
 
 
 def check_count(name: str, value: object) -> None:

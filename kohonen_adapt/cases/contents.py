@@ -232,13 +232,11 @@ def as_scalar_potential(problem: Magnetostatics) -> MagneticScalarPotential:
 
 
 def _is_default(name: str, problem: Magnetostatics, default: Magnetostatics) -> bool:
-    """Return True if an argument has its default value (order 1 in space)."""
     value, expected = getattr(problem, name), getattr(default, name)
     return bool(value == expected and type(value) is type(expected)) or (name == "order" and value == 1)
 
 
 def _with_rim(mesh: MeshTri, name: str) -> MeshTri:
-    """Return the mesh with a name for its whole rim, including holes."""
     rim, known = mesh.boundary_facets(), (mesh.boundaries or {}).get(name)
     if known is not None and np.array_equal(np.sort(np.asarray(known)), rim):
         return mesh  # in a mesh written by `run`

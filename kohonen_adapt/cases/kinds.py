@@ -181,7 +181,6 @@ def read_table(
 def make_from_table(
     make: Callable[..., Any], given: Any, location: str, special: Mapping[str, Reader] | None = None
 ) -> Any:
-    """Return `make` called with the values of a table as arguments."""
     required = [name for name, each in signature(make).parameters.items() if each.default is Parameter.empty]
     return call_checked(make, read_table(given, kinds_of(make, special), location, required), location)
 
@@ -195,7 +194,6 @@ def call_checked(make: Callable[..., Any], values: Mapping[str, Any], location: 
 
 
 def make_named(makers: Mapping[str, Callable[..., Any]], key: str, given: Any, location: str) -> Any:
-    """Call the maker that `key` of a table names, with its other keys as arguments."""
     options = f"one of {', '.join(map(repr, makers))}"
     entries = Kind((dict,), f"a table with a key {key}, {options}", read=TABLE)(given, location)
     name = entries.pop(key, None)
@@ -210,7 +208,6 @@ def make_named(makers: Mapping[str, Callable[..., Any]], key: str, given: Any, l
 
 @contextmanager
 def locate_errors(location: object) -> Iterator[None]:
-    """Add `location` to the message of a ValueError."""
     try:
         yield
     except ValueError as error:

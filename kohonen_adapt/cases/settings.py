@@ -162,7 +162,6 @@ def _problem(values: Mapping[str, Any]) -> Magnetostatics | MagneticScalarPotent
 
 
 def _keys_of_space(materials: Mapping[str, Material], applied_field: Any, goal: Any, symmetry: Any) -> list[str]:
-    """Return the keys of a case that are valid for tetrahedra only."""
     vectors = {
         f"materials.{name}.{kind}": getattr(material, kind)
         for name, material in materials.items()
@@ -266,7 +265,6 @@ def _check_names(case: Case, mesh: MeshTri) -> None:
 
 
 def _zero_field(problem: Magnetostatics | MagneticScalarPotential, mesh: MeshTri) -> Field | SolidField:
-    """Return a zero field of order 1 for checks of goals and outputs."""
     if isinstance(problem, MagneticScalarPotential):
         return problem.functional_on(mesh)[1]
     given = coefficients(mesh, problem.materials, problem.ampere_turns)

@@ -79,8 +79,6 @@ MAGNET = Kind(
 
 
 def material_in(folder: Path) -> Reader:
-    """Return a reader of a material, with file names of curves relative to `folder`."""
-
     def law(given: Any, location: str) -> Law:
         return _law(given, location, folder)
 

@@ -82,8 +82,6 @@ def _turned_vector(vector: Vector, rotation: Rotation) -> Vector:
 
 @dataclass(frozen=True)
 class _TurnedField:
-    """Vector field that is turned with its subdomain."""
-
     field: Callable[[Floats], ArrayLike]
     rotation: Rotation
 

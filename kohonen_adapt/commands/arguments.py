@@ -21,7 +21,6 @@ Handler = Callable[..., int]
 
 
 def command_parser(description: str | None, version: str, run: Mapping[str, Handler]) -> argparse.ArgumentParser:
-    """Return the parser of the command, with the handler of a subcommand as ``run``."""
     parser = argparse.ArgumentParser(prog="kohonen-adapt", description=description, epilog=EPILOG)
     parser.add_argument("--version", action="version", version=f"kohonen-adapt {version}")
     commands = parser.add_subparsers(metavar="COMMAND", dest="command")
@@ -227,7 +226,6 @@ class _OldSpelling(argparse.Action):
 
 
 def writable_folder(folder: Path) -> Path:
-    """Create the folder and check its write permission."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

@@ -198,7 +198,6 @@ def _radii(radii: Floats) -> str:
 
 
 def faults(mesh: Mesh, scale: float = 1.0) -> Iterator[str]:
-    """Yield a sentence for each kind of fault of a valid mesh in metres."""
     yield from unit_doubts(mesh, scale)
     yield from _names(mesh)
     for nodes, called, remedy in seams(mesh):
@@ -221,7 +220,6 @@ def hints(movable: MovableMesh) -> Iterator[str]:
 
 
 def thin_parts(movable: MovableMesh) -> Iterator[str]:
-    """Yield sentences on narrow subdomains with a single layer of elements."""
     triangulation, constraints = movable.triangulation, movable.constraints
     size = area(triangulation.mesh)
     for name, rows in named_sets(triangulation.mesh.subdomains).items():
@@ -251,7 +249,6 @@ def perimeter(triangulation: Triangulation, own: Mask) -> float:
 
 
 def coarse_arcs(movable: MovableMesh) -> Iterator[str]:
-    """Yield sentences on polygons that may be coarsely meshed arcs."""
     for names, nodes, turn, (x, y), radius in possible_arcs(movable):
         key, at = names[0] if names else "NAME", f"({x:.9g}, {y:.9g})"
         called, first = (

@@ -33,7 +33,6 @@ def size_text(mesh: Mesh) -> str:
 
 
 def unit_doubts(mesh: Mesh, scale: float = 1.0) -> Iterator[str]:
-    """Yield a warning if a mesh in metres is too large or too small for a device."""
     extent, size = np.ptp(mesh.p, axis=1).max(), size_text(mesh)
     if extent > LARGE and scale == 1.0:
         yield f"the mesh is {size}: that looks like millimetres. If so, --scale 1e-3 (scale = 1e-3 in a case)."

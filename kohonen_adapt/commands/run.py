@@ -149,7 +149,6 @@ def write_fields(case: Case, result: AdaptResult, mesh: Path, fields: Path) -> N
 
 
 def curve_sentence(case: Case, result: AdaptResult) -> str:
-    """Return a sentence on the distance of curves from facets, empty for zero."""
     before, now = (step.sagitta / case.scale for step in (result.history[0], result.best))
     if max(before, now) == 0.0:
         return ""

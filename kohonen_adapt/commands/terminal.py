@@ -58,7 +58,6 @@ class Terminal(logging.Handler):
             self._write_line(self.format(record), sys.stderr)
 
     def show(self, step: str) -> None:
-        """Replace the step shown, if standard error is a terminal."""
         if not self._quiet and sys.stderr.isatty():
             columns = os.get_terminal_size(sys.stderr.fileno()).columns or 80
             step = step[: columns - 1]

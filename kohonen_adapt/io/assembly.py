@@ -111,7 +111,6 @@ def _check_shapes(content: Content, path: Path) -> None:
 
 
 def element_counts(content: Content) -> tuple[dict[str, int], str]:
-    """Return the number of elements by shape, and the same as text."""
     counts: dict[str, int] = {}
     for kind, rows in content.rows.items():
         counts[shape_of(kind)] = counts.get(shape_of(kind), 0) + len(rows.number)

@@ -191,7 +191,7 @@ def _write_nodes_41(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
 def _write_22(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
     stream.write(f"$Nodes\n{p.shape[1]}\n")
     _write_rows(stream, f"%d {_coordinates(p)}", np.column_stack([1 + np.arange(p.shape[1]), p.T]))
-    tables = [_listing(layer, rank) for rank in range(_most_groups(layers)) for layer in reversed(layers)]
+    tables = [_element_lines(layer, rank) for rank in range(_most_groups(layers)) for layer in reversed(layers)]
     stream.write(f"$EndNodes\n$Elements\n{sum(map(len, tables))}\n")
     start = 1
     for table in tables:
@@ -206,8 +206,13 @@ def _most_groups(layers: list[Layer]) -> int:
     return max(1, *(len(groups) for layer in layers for groups in layer.groups))
 
 
-def _listing(layer: Layer, rank: int) -> Ints:
-    """Return rows (number, type, 2, group, entity, nodes) for the group index `rank`."""
+def _element_lines(layer: Layer, rank: int) -> Ints:
+    """Return lines of the section ``$Elements`` of a Gmsh file, as integers.
+
+    The columns are the number of the element (0, set later), its type, the number of tags (2), the tags, which are the
+    physical group and the entity, and the nodes. An element in several groups has a line for each: `rank` is the index
+    of the group among these. An element without a group has one line, at rank 0.
+    """
     group = np.array([groups[rank] if rank < len(groups) else 0 for groups in layer.groups], dtype=np.int64)
     listed = np.flatnonzero((group[layer.entity] > 0) | (rank == 0))
     tags = np.column_stack([group[layer.entity], layer.entity + 1])[listed]

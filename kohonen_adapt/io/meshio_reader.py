@@ -143,7 +143,6 @@ FORMATS: dict[str, tuple[str, Any, Callable[[bytes, Path], bytes]]] = {
 
 
 def _read_with_meshio(path: Path, caller: str) -> Any:
-    """Return the mesh of meshio for a file, with names of cell tags as `cell_tags`."""
     suffix = path.suffix.lower()
     name, module, correct = FORMATS[suffix]
     if suffix in (".med", ".xdmf") and not find_spec("h5py"):
@@ -193,7 +192,6 @@ def _read_logged(read: Callable[[str], Any], path: Path) -> Any:
 
 
 def read_content(path: Path) -> Content:
-    """Return the content of a file with all named sets and numbered groups."""
     mesh = _read_with_meshio(path, "read_mesh")
     with as_value_error(path, f"'{path}' cannot be read: {{}}."):
         points = _points(mesh)

@@ -115,7 +115,6 @@ def write_mesh(
 
 
 def check_names_written(mesh: Mesh) -> None:
-    """Raise ValueError for a name that `write_mesh` refuses."""
     for kind, sets in (("subdomain", mesh.subdomains), ("boundary", mesh.boundaries)):
         for name in named_sets(sets):
             _check_name(name, kind)

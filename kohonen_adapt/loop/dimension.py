@@ -58,8 +58,6 @@ __all__ = ["PlaneMethod", "SpaceMethod", "method_of"]
 
 
 class PlaneMethod(Method):
-    """Kohonen map and polish of triangles."""
-
     dim = TRIANGLE.dim
     passes_by_density = 3
     plan = PLAN
@@ -149,8 +147,6 @@ class PlaneMethod(Method):
 
 
 class SpaceMethod(Method):
-    """Smoothing, swaps and polish of tetrahedra."""
-
     dim = TETRAHEDRON.dim
     passes_by_density = 2
     plan = PLAN_IN_SPACE

@@ -98,7 +98,6 @@ def _set_arrays(sets: Mapping[str, Ints] | None) -> list[NDArray[Any]]:
 
 
 def _curve_digest(mesh: Mesh, curves: Mapping[str, Curve]) -> str:
-    """Return a digest of the curves, evaluated at the midpoints of their facets."""
     arrays: list[NDArray[Any]] = []
     for name, curve in sorted(curves.items()):
         ends = mesh.p[:, mesh.facets[:, np.asarray((mesh.boundaries or {})[name])]]

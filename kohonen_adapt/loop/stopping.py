@@ -68,8 +68,6 @@ class Ending:
 
 @dataclass(frozen=True)
 class StopTest:
-    """Stop test of the loop, called once for every pass."""
-
     passes: int
     rtol: float | None
     atol: float | None

@@ -38,7 +38,6 @@ BARE = re.compile(r"""(?<![\w.:/\\)\]])(?:~|[A-Za-z]:)?(?:[\\/][^\\/\s"'<>|,;]+)
 
 
 def key_figures(result: AdaptResult) -> list[tuple[str, str]]:
-    """Return the names and values at the top of a report."""
     first, last = result.history[0], result.best
     word = "energy-norm error" if _in_percent(first, last) else estimate_word(result.history)
     energy = [("energy error after", f"{energy_error(last):.2g}\u00a0%")] if _in_percent(first, last) else []

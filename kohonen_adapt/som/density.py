@@ -180,8 +180,6 @@ def values_at(function: Callable[[Floats], ArrayLike], points: Floats) -> Floats
 
 
 class ElementDensityInSpace:
-    """Density that is constant on every element of the mesh of its estimate."""
-
     def __init__(self, tet: Tetrahedralization, values: Floats) -> None:
         node, region = tet.elements.node[tet.used], tet.elements.region[tet.used]
         self.values = without_zeros(values, values.max())
@@ -208,8 +206,6 @@ class ElementDensityInSpace:
 
 
 class CallableDensityInSpace:
-    """User-defined density as a function of position."""
-
     def __init__(self, tet: Tetrahedralization, function: Callable[[Floats], ArrayLike]) -> None:
         self.function = function
         nodes, centroids = (values_at(function, points) for points in (tet.position, tet.centroids()))

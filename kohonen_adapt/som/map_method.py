@@ -57,8 +57,6 @@ class MapMethod(ABC):
 
 
 class PlaneMap(MapMethod):
-    """Kohonen map of triangles."""
-
     cell = TRIANGLE
     kernel_groups = "ground", "map", "transport", "locating"
     draw_points = staticmethod(train.draw_points)
@@ -81,8 +79,6 @@ class PlaneMap(MapMethod):
 
 
 class SpaceMap(MapMethod):
-    """Kohonen map of tetrahedra."""
-
     cell = TETRAHEDRON
     kernel_groups = "space ground", "space map", "space moves", "space locating"
     draw_points = staticmethod(train_in_space.draw_points)

@@ -143,7 +143,6 @@ def move_in_space(
     rng: np.random.Generator,
     nodes: int = 0,
 ) -> Moved[MovableSolid]:
-    """Move the nodes of a tetrahedral mesh to a density, in place."""
     before, sweeps = movable.copy(), None if schedule is None else schedule.sweeps
     refused = np.zeros(2, dtype=np.int64)
     wanted = density_in_space(before.tetrahedralization, density)

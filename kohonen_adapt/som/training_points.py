@@ -85,8 +85,6 @@ class OfElements:
 
 
 class ElementSource(OfElements):
-    """Source of training points for a density that is constant on every element."""
-
     def __init__(self, mesh: Triangulation | Tetrahedralization, values: Floats) -> None:
         super().__init__(mesh)
         self.values = without_zeros(values, values.max())
@@ -102,8 +100,6 @@ class ElementSource(OfElements):
 
 
 class ElementDensity(ElementSource):
-    """Density on triangles that is constant on every element of its mesh."""
-
     lasting = 4  # sweeps with the same squares: in so few the density at a node changes little
 
     def __init__(self, triangulation: Triangulation, values: Floats) -> None:
@@ -135,8 +131,6 @@ class ElementDensity(ElementSource):
 
 
 class FunctionSource(OfElements):
-    """Source of training points for a density given as a function of position."""
-
     def __init__(self, mesh: Triangulation | Tetrahedralization, function: Callable[[Floats], ArrayLike]) -> None:
         super().__init__(mesh)
         self.function = function
@@ -192,8 +186,6 @@ class FunctionSource(OfElements):
 
 
 class CallableDensity(FunctionSource):
-    """Density on triangles given as a function of position."""
-
     lasting = 1  # sweeps with the same squares: the function may change from point to point
 
     def refit(self, triangulation: Triangulation, before: Triangulation, start_element: Ints) -> None:

@@ -105,7 +105,6 @@ def _outputs(returned: Any, case: Case) -> dict[str, float]:
 
 
 def _portable(error: BaseException) -> Exception:
-    """Return an exception that can be pickled, with the traceback as a note."""
     error.add_note(format_exc())
     try:
         sent = pickle.loads(pickle.dumps(error))

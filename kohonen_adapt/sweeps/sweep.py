@@ -127,7 +127,6 @@ def _check(function: Any, executor: Any, progress: Any) -> None:
 
 
 def _open(executor: Executor | None, count: int) -> AbstractContextManager[Executor]:
-    """Return a context with the executor, left open on exit, or with a new pool."""
     return LocalPool(compile_missing, min(count, number_of_threads())) if executor is None else nullcontext(executor)
 
 

@@ -76,7 +76,6 @@ class PossibleArc(NamedTuple):
 
 
 def possible_arcs(movable: MovableMesh) -> Iterator[PossibleArc]:
-    """Yield polygons of boundaries and interfaces whose corners lie on a circle."""
     triangulation, outline = movable.triangulation, movable.outline
     facets, position = constrained_facets(triangulation.mesh, triangulation.elements), triangulation.position
     joints = joints_of(facets, position, np.ones(len(facets.element), dtype=bool))

@@ -62,7 +62,6 @@ def on_lines_and_arcs(curve: Ints, curves: Mapping[str, Curve]) -> Mask:
 def chains_of(
     position: Floats, polylines: Polylines, segments: Segments, curves: Mapping[str, Curve], offset: Floats
 ) -> Chains:
-    """Return the table of curve segments, one row for each row of `segments`."""
     count = len(segments.rows)
     longest, even, angle = (np.empty(count) for _ in range(3))
     lengths_and_angles(position, polylines.node, segments.rows, segments.circle, longest, even, angle)
@@ -147,7 +146,11 @@ def cross(u: Floats, w: Floats) -> Floats:
 
 
 def spline_knots(curve: Curve, nodes: Floats, closed: bool, name: str) -> Floats:
-    """Return knots (k, 5) of a cubic spline within `FINE` of a user-defined curve."""
+    """Return a table of the cubic spline that interpolates a user-defined curve.
+
+    The columns (k, 5) are parameter, point and derivative. The number of interpolation points on each facet is doubled
+    until the spline is within `FINE` of the curve, or `SAMPLES` is reached.
+    """
     samples, most = SAMPLES
     found = project_facets(curve, nodes, np.arange(samples) / samples, name)
     end = found[0, :1] if closed else projected(curve, nodes[-1:], name)

@@ -2,15 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite
-from numbers import Real
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.checks import checked_points, finite_point
+from kohonen_adapt.checks import checked_points, finite_point, positive_number
 
 __all__ = ["NEAR", "Arc", "Curve", "Line", "check_near", "curve_of_facets", "projected", "size_of"]
 
@@ -111,9 +109,7 @@ class Arc:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", finite_point(self.centre, "centre of an Arc"))
-        if not (isinstance(self.radius, Real) and isfinite(self.radius) and self.radius > 0.0):
-            raise ValueError(f"radius of an Arc must be a positive number; got {self.radius!r}.")
-        object.__setattr__(self, "radius", float(self.radius))
+        object.__setattr__(self, "radius", positive_number(self.radius, "radius of an Arc"))
 
     def project(self, x: ArrayLike) -> Floats:
         """Return the points of the circle nearest to `x`.

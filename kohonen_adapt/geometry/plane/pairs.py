@@ -25,7 +25,7 @@ MIRROR = np.diag([-1.0, 1.0])
 
 
 class Unmatched(ValueError):
-    """Error for two boundaries whose nodes do not match."""
+    pass
 
 
 class Sides(NamedTuple):

@@ -1,14 +1,14 @@
 """Surfaces on which nodes slide."""
 
 from dataclasses import dataclass
-from math import isfinite, pi
-from typing import Any, Protocol
+from math import pi
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.checks import checked_points, finite_triple, is_number
+from kohonen_adapt.checks import checked_points, finite_triple, is_number, positive_number
 
 __all__ = [
     "Cone",
@@ -116,7 +116,7 @@ class Sphere:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", finite_triple(self.centre, "centre of a Sphere"))
-        object.__setattr__(self, "radius", positive(self.radius, "radius of a Sphere"))
+        object.__setattr__(self, "radius", positive_number(self.radius, "radius of a Sphere"))
 
     def project(self, x: ArrayLike) -> Floats:
         """Return the points of the sphere nearest to `x`.
@@ -174,7 +174,7 @@ class Cylinder:
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", finite_triple(self.point, "point of a Cylinder"))
         object.__setattr__(self, "axis", direction(self.axis, "axis of a Cylinder"))
-        object.__setattr__(self, "radius", positive(self.radius, "radius of a Cylinder"))
+        object.__setattr__(self, "radius", positive_number(self.radius, "radius of a Cylinder"))
 
     def project(self, x: ArrayLike) -> Floats:
         """Return the points of the cylinder nearest to `x`.
@@ -271,12 +271,6 @@ def direction(vector: ArrayLike, what: str) -> tuple[float, float, float]:
     direction_vector /= largest  # no square may overflow
     x, y, z = (direction_vector / np.linalg.norm(direction_vector)).tolist()
     return x, y, z
-
-
-def positive(number: Any, what: str) -> float:
-    if not (is_number(number) and isfinite(number) and number > 0.0):
-        raise ValueError(f"{what} must be a positive number; got {number!r}.")
-    return float(number)
 
 
 # Projections of points x, (k, 3): origin and axis (3,) and a number as size, or (k, 3) and (k,) for k surfaces.
