@@ -178,16 +178,16 @@ def check_names(problem: Problem) -> None:
                 f"{name} of the problem must be a method {name}({arguments}); {kind} has a {type(value).__name__} of "
                 "this name. Rename an attribute with another purpose."
             )
-    if not isinstance(pairs_of(problem), tuple | list):
-        raise ValueError(f"pairs of the problem must be {ATTRIBUTES['pairs']}; got {pairs_of(problem)!r}.")
-    if norm_of(problem) not in ("energy", "L2"):
-        raise ValueError(f"norm of the problem must be 'energy' or 'L2'; got {norm_of(problem)!r}.")
-    if not isinstance(is_calibrated(problem), bool):
-        raise ValueError(f"calibrated of the problem must be True or False; got {is_calibrated(problem)!r}.")
-    if not isinstance(is_curved(problem), bool | None):
-        raise ValueError(f"curved of the problem must be True, False or None; got {is_curved(problem)!r}.")
-    if isinstance(order_of(problem), bool) or order_of(problem) not in (1, 2, 3, 4):
-        raise ValueError(f"order of the problem must be the degree of its elements, 1 to 4; got {order_of(problem)!r}.")
+    valid = {
+        "pairs": isinstance(pairs_of(problem), tuple | list),
+        "norm": norm_of(problem) in ("energy", "L2"),
+        "calibrated": isinstance(is_calibrated(problem), bool),
+        "curved": isinstance(is_curved(problem), bool | None),
+        "order": order_of(problem) in (1, 2, 3, 4) and not isinstance(order_of(problem), bool),
+    }
+    for name, is_valid in valid.items():
+        if not is_valid:
+            raise ValueError(f"{name} of the problem must be {ATTRIBUTES[name]}; got {getattr(problem, name)!r}.")
 
 
 def check_problem(problem: Problem, rtol: float | None) -> None:
