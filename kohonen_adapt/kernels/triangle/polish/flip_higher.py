@@ -139,10 +139,10 @@ def turn_offsets(offset):
 
 @inner_kernel
 def step_of_pair(descent, e, row, special, nodes, wanted):
-    """Minimise the functional of two triangles over their inner coefficients.
+    """Update the coefficients inside two adjacent triangles to lower the energy.
 
     For `nodes` (p, q, r, s) the triangles are (r, p, q) and (s, q, p). The coefficients of the common side pq and of
-    both bubbles change by one step of Newton's method. Coefficients on the boundary of the pair are held.
+    both bubbles change by one step of Newton's method. All other coefficients are held.
 
     Parameters
     ----------
