@@ -113,8 +113,6 @@ def _read(path: Path, location: str) -> Table:
 
 @dataclass(frozen=True)
 class Quantity:
-    """Function of a field, with unit and subdomains."""
-
     function: Callable[[Any], float]  # of a `Field` or a `SolidField`
     unit: str  # of a total with a depth, or of a local value
     bodies: tuple[str, ...] = ()

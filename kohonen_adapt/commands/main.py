@@ -142,8 +142,6 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
 
 @dataclass
 class _Passes:
-    """Progress of an adaptive loop, with the result of its input."""
-
     terminal: Terminal
     passes: int
     known: str = ""

@@ -63,7 +63,6 @@ class Movable(ABC):
         return self.tessellation.mesh
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays that change when nodes move, by name."""
         records = self.records()
         split = {name: name.rpartition(".") for name in self.state_names}
         return {name: getattr(records[record], field) for name, (record, _, field) in split.items()}

@@ -36,8 +36,6 @@ INCHES = 5.0  # longer side of the mesh
 
 @dataclass(frozen=True)
 class View:
-    """The arguments of `draw_mesh` that all frames share."""
-
     plane: CutBy | None
     unit: str
     axisymmetric: bool = False

@@ -96,7 +96,6 @@ class Hits(NamedTuple):
 
 
 def facing_sides(triangulation: Triangulation, constraints: Constraints, inside: Mask) -> Iterator[tuple[Ints, Ints]]:
-    """Yield the nodes on both sides of a connected part of a subdomain."""
     elements = triangulation.elements
     across = elements.neighbour
     own = inside[elements.region]

@@ -29,8 +29,6 @@ class Unmatched(ValueError):
 
 
 class Sides(NamedTuple):
-    """Two boundaries of a periodic pair."""
-
     names: tuple[str, str]
     position: Floats  # (2, n)
     facets: tuple[Ints, Ints]  # (k, 2) each: nodes, counter-clockwise around the elements

@@ -116,7 +116,6 @@ def distances_from_faces(position: Floats, elements: Tetrahedra, patches: Patche
 
 
 def samples_of(faces: Faces, patches: Patches, position: Floats) -> Samples:
-    """Return points, normals and second derivatives of user-defined surfaces."""
     if not np.any(patches.shape == PROJECTED):
         return NO_SAMPLES
     start, samples = [0], []
