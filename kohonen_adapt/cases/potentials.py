@@ -9,7 +9,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.cases.kinds import NUMBER, POINTS, Kind, call_checked, kinds_of, read_table
+from kohonen_adapt.cases.readers import NUMBER, POINTS, Kind, call_checked, kinds_of, read_table
 from kohonen_adapt.magnetostatics.equations.conditions import Value
 
 __all__ = ["POTENTIAL", "LinearPotential", "TabulatedPotential"]

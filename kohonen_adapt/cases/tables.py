@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.cases.kinds import (
+from kohonen_adapt.cases.readers import (
     POINT,
     POINTS,
     TEXT,

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from kohonen_adapt.cases.kinds import table_of
+from kohonen_adapt.cases.readers import table_of
 from kohonen_adapt.cases.tables import surface
 from kohonen_adapt.geometry.rules import TOPOLOGIES, LeastQuality, Rules
 from kohonen_adapt.geometry.space.surfaces import Surface

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.cases.contents import Case
+from kohonen_adapt.cases.case import Case
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients, magnitude
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.problem import Magnetostatics

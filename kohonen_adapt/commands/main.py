@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from kohonen_adapt import __doc__ as description
-from kohonen_adapt.cases.kinds import locate_errors
-from kohonen_adapt.cases.settings import fitting_mesh, read_case
+from kohonen_adapt.cases.readers import locate_errors
+from kohonen_adapt.cases.reading import fitting_mesh, read_case
 from kohonen_adapt.cases.template import case_text
 from kohonen_adapt.commands.arguments import command_parser, writable_folder
 from kohonen_adapt.commands.check import described, faults, held_described, moving, points_described

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.cases.contents import Case
+from kohonen_adapt.cases.case import Case
 from kohonen_adapt.display import lattice
 from kohonen_adapt.files import save_figure
 from kohonen_adapt.geometry.space.surfaces import Plane

@@ -11,7 +11,7 @@ from typing import Any
 
 from skfem import MeshTri
 
-from kohonen_adapt.cases.contents import Case
+from kohonen_adapt.cases.case import Case
 from kohonen_adapt.commands.arguments import refuse_link
 from kohonen_adapt.display import divided, lattice
 from kohonen_adapt.files import remove_drafts, whole_file, whole_files

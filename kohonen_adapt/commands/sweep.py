@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from kohonen_adapt.cases.contents import Case
-from kohonen_adapt.cases.kinds import locate_errors
-from kohonen_adapt.cases.settings import case_of, fitting_mesh, read_case
+from kohonen_adapt.cases.case import Case
+from kohonen_adapt.cases.readers import locate_errors
+from kohonen_adapt.cases.reading import case_of, fitting_mesh, read_case
 from kohonen_adapt.commands.arguments import refuse_link, writable_folder
 from kohonen_adapt.commands.terminal import Terminal, drawn
 from kohonen_adapt.files import remove_drafts, save_figure

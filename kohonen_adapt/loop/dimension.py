@@ -43,7 +43,6 @@ from kohonen_adapt.polishing.transfer import transferred
 from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.problem.protocol import Problem, has_functional, order_of
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.som.moved import Moved, why_still
 from kohonen_adapt.som.relocate import (
     loops_in_plane,
     loops_in_space,
@@ -52,6 +51,7 @@ from kohonen_adapt.som.relocate import (
     report_curves,
     report_surfaces,
 )
+from kohonen_adapt.som.relocation_record import Moved, why_still
 from kohonen_adapt.som.schedule import Schedule
 
 __all__ = ["PlaneMethod", "SpaceMethod", "method_of"]

@@ -15,7 +15,7 @@ from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.problem.protocol import Problem
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.som.moved import Moved
+from kohonen_adapt.som.relocation_record import Moved
 from kohonen_adapt.som.schedule import Schedule
 
 __all__ = ["Method"]

@@ -32,7 +32,7 @@ from kohonen_adapt.problem.evaluation import (
 )
 from kohonen_adapt.problem.protocol import NotOffered, Problem, goal_unit_of, is_calibrated, norm_of, order_of
 from kohonen_adapt.som.density import equidistributing
-from kohonen_adapt.som.moved import Moved
+from kohonen_adapt.som.relocation_record import Moved
 
 __all__ = ["UNSOLVED", "Adaptation", "Solved", "functional_of"]
 

@@ -14,7 +14,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import numbered_along_curve
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
-from kohonen_adapt.geometry.space.parts import Parts
+from kohonen_adapt.geometry.space.thread_parts import Parts
 from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints
@@ -23,8 +23,8 @@ from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
 from kohonen_adapt.kernels.threads import Nodes, number_of_threads
 from kohonen_adapt.kernels.triangle.arrays import Elements
 from kohonen_adapt.som.density import DensityInSpace, density_in_space
-from kohonen_adapt.som.moved import Moved, why_still
 from kohonen_adapt.som.recycling import recycle_nodes, starts_of
+from kohonen_adapt.som.relocation_record import Moved, why_still
 from kohonen_adapt.som.schedule import Schedule, most_doublings
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import Density, density_of, source_of

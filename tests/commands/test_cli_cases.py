@@ -19,7 +19,7 @@ from skfem import MeshTri2
 import kohonen_adapt as ka
 from kohonen_adapt import magnetostatics
 from kohonen_adapt.cases import case_of, fitting_mesh, read_case
-from kohonen_adapt.cases.settings import ADAPT, PROBLEM
+from kohonen_adapt.cases.reading import ADAPT, PROBLEM
 from kohonen_adapt.cases.tables import GOALS, LAWS, MOTIONS, PATTERNS, QUANTITIES, SHAPES
 from kohonen_adapt.commands import main as cli
 from kohonen_adapt.commands.sweep import CaseOutputs

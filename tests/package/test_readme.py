@@ -11,8 +11,8 @@ import pytest
 import kohonen_adapt as ka
 from kohonen_adapt import magnetostatics
 from kohonen_adapt.cases import case_of, fitting_mesh
-from kohonen_adapt.cases.kinds import kinds_of
-from kohonen_adapt.cases.settings import ADAPT, PROBLEM
+from kohonen_adapt.cases.readers import kinds_of
+from kohonen_adapt.cases.reading import ADAPT, PROBLEM
 from kohonen_adapt.cases.tables import GOALS, LAWS, MOTIONS, PATTERNS, QUANTITIES, SHAPES
 
 ROOT = Path(__file__).parents[2]

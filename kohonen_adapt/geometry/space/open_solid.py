@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints, free_rows, padded, ranks
 from kohonen_adapt.geometry.space.movable_solid import BY_ELEMENT, MovableSolid
-from kohonen_adapt.geometry.space.parts import Parts, wait_in
+from kohonen_adapt.geometry.space.thread_parts import Parts, wait_in
 from kohonen_adapt.kernels.arrays import Pool
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.kernels.tetrahedron.arrays import (

@@ -9,7 +9,7 @@ from kohonen_adapt.arrays import Floats, padded
 from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
-from kohonen_adapt.geometry.space.parts import Parts
+from kohonen_adapt.geometry.space.thread_parts import Parts
 from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints, Freedom, Trial
 from kohonen_adapt.kernels.tetrahedron.polish.descend import descend_nodes

@@ -4,7 +4,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Mask, sorted_below
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
-from kohonen_adapt.geometry.space.parts import Parts
+from kohonen_adapt.geometry.space.thread_parts import Parts
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, PLANE, Cavity, Offers, OpenTetrahedra, Queue, Trial
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE
 from kohonen_adapt.kernels.tetrahedron.polish.energy_recycle import exchange, weigh_collapses, weigh_splits

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from skfem import Mesh, MeshTri
 
-from kohonen_adapt.cases.contents import Case
-from kohonen_adapt.cases.kinds import (
+from kohonen_adapt.cases.case import Case
+from kohonen_adapt.cases.potentials import POTENTIAL, TabulatedPotential
+from kohonen_adapt.cases.readers import (
     NUMBER,
     TEXT,
     VECTOR,
@@ -23,7 +24,6 @@ from kohonen_adapt.cases.kinds import (
     read_table,
     table_of,
 )
-from kohonen_adapt.cases.potentials import POTENTIAL, TabulatedPotential
 from kohonen_adapt.cases.tables import PAIRS, goal, material_in, quantity, schedule, shape
 from kohonen_adapt.cases.turning import turned_mesh
 from kohonen_adapt.checks import nearest_name
