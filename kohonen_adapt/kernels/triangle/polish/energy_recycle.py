@@ -109,25 +109,30 @@ def star_functional(position, star, trial, v):
     return total - ROUNDING * magnitude
 
 
+@inner_kernel
+def merge_target(mesh, star, v, j, i):
+    # every neighbour of a free node is `ahead` once; a sliding node has two neighbours on its curve
+    e, constraints = np.int64(star.element[j]), mesh.constraints
+    chain = mesh.elements.chain[e, (corner_of(mesh.elements.node, e, v) + 2 - i) % 3]
+    if chain != constraints.chain[v, OWN] if constraints.kind[v] == SLIDING else i == 1:
+        return np.int64(-1)
+    return np.int64(star.behind[j] if i else star.ahead[j])
+
+
 @kernel
 def weigh_collapses(mesh, star, trials, offers, most, floor, first, last):
-    position, elements, constraints = mesh.position, mesh.elements, mesh.constraints
-    has_dual = trials.dual.value.shape[0] > 0
+    position, has_dual = mesh.position, trials.dual.value.shape[0] > 0
     for v in range(first, last):
         offers.cost[v] = np.inf
         if not offers.removable[v]:
             continue
-        before, least, sliding = star_functional(position, star, trials.primal, v), most, constraints.kind[v] == SLIDING
+        before, least = star_functional(position, star, trials.primal, v), most
         if has_dual:
             before += star_functional(position, star, trials.dual, v)
         for j in range(star.start[v], star.start[v + 1]):
-            e = np.int64(star.element[j])
-            k = corner_of(elements.node, e, v)
             for i in range(2):
-                w = np.int64(star.behind[j] if i else star.ahead[j])
-                c = elements.chain[e, (k + 2 - i) % 3]
-                # every neighbour of a free node is `ahead` once; a sliding node has two neighbours on its curve
-                if c != constraints.chain[v, OWN] if sliding else i == 1:
+                w = merge_target(mesh, star, v, j, i)
+                if w < 0:
                     continue
                 after = merged_functional(position, star, trials.primal, v, w)
                 if has_dual:
@@ -136,6 +141,15 @@ def weigh_collapses(mesh, star, trials, offers, most, floor, first, last):
                 # after the cost, because the checks take longer
                 if cost < least and collapsed_quality(mesh, v, w, np.inf, floor) > 0.0:
                     offers.cost[v], offers.into[v], least = cost, w, cost
+
+
+@inner_kernel
+def lock_edge(mesh, e, k, locked):
+    other = np.int64(mesh.elements.neighbour[e, k])
+    if locked[e] or (other >= 0 and locked[other]):
+        return False
+    locked[e] = locked[other if other >= 0 else e] = True
+    return True
 
 
 @inner_kernel
@@ -175,12 +189,8 @@ def exchange(mesh, trials, offers, edges, nodes, floor):
     elements, locked, pairs, decrease, at = mesh.elements, offers.locked, 0, 0.0, 0
     for edge in edges:
         e, k = edge // 3, edge % 3
-        other = np.int64(elements.neighbour[e, k])
-        if locked[e] or (other >= 0 and locked[other]):
+        if not lock_edge(mesh, e, k, locked):
             continue
-        locked[e] = True
-        if other >= 0:
-            locked[other] = True
         gain = offers.gain[e, k]
         at = next_collapse(mesh, offers, nodes, at, gain, floor)
         if at < 0:

@@ -6,7 +6,7 @@ The method is that of `energy_recycle`, with the new coefficients eliminated. A 
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, OWN, SLIDING, VALUE
+from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, VALUE
 from kohonen_adapt.kernels.triangle.connectivity import corner_of, row_beside, rows_with
 from kohonen_adapt.kernels.triangle.geometry import orientation
 from kohonen_adapt.kernels.triangle.polish.by_points import gather_offsets, is_valid, put_offsets
@@ -25,7 +25,7 @@ from kohonen_adapt.kernels.triangle.polish.descend_higher import (
     reference_value,
     solve_upper,
 )
-from kohonen_adapt.kernels.triangle.polish.energy_recycle import lock_around, next_collapse
+from kohonen_adapt.kernels.triangle.polish.energy_recycle import lock_around, lock_edge, merge_target, next_collapse
 from kohonen_adapt.kernels.triangle.polish.energy_split_higher import (
     gain_of_split,
     outer_given,
@@ -160,25 +160,21 @@ def merged_functionals(descents, v, w):
 
 @inner_kernel
 def weigh_collapses(mesh, descents, offers, most, floor, first, last):
-    position, elements, constraints, star = mesh.position, mesh.elements, mesh.constraints, descents.primal.star
+    position, star = mesh.position, descents.primal.star
     for v in range(first, last):
         offers.cost[v] = np.inf
         if not offers.removable[v]:
             continue
-        before, least, sliding = 0.0, most, constraints.kind[v] == SLIDING
+        before, least = 0.0, most
         for i in range(descents.terms):
             descent = descents.primal if i == 0 else descents.dual
             number_block(descent, v)
             magnitude, total = derivatives(descent, v, position[v, 0], position[v, 1], VALUE)[:2]
             before += total - ROUNDING * magnitude
         for j in range(star.start[v], star.start[v + 1]):
-            e = np.int64(star.element[j])
-            k = corner_of(elements.node, e, v)
             for i in range(2):
-                w = np.int64(star.behind[j] if i else star.ahead[j])
-                c = elements.chain[e, (k + 2 - i) % 3]
-                # every neighbour of a free node is `ahead` once; a sliding node has two neighbours on its curve
-                if c != constraints.chain[v, OWN] if sliding else i == 1:
+                w = merge_target(mesh, star, v, j, i)
+                if w < 0:
                     continue
                 cost = merged_functionals(descents, v, w) - before
                 # after the cost, because the checks take longer
@@ -200,11 +196,9 @@ def exchange_higher(mesh, descents, offers, edges, nodes, floor):
     elements, locked, pairs, decrease, at = mesh.elements, offers.locked, 0, 0.0, 0
     for edge in edges:
         e, k = edge // 3, edge % 3
-        other = np.int64(elements.neighbour[e, k])
-        if locked[e] or (other >= 0 and locked[other]):
+        if not lock_edge(mesh, e, k, locked):
             continue
-        locked[e], gain = True, offers.gain[e, k]
-        locked[other if other >= 0 else e] = True
+        gain = offers.gain[e, k]
         at = next_collapse(mesh, offers, nodes, at, gain, floor)
         if at < 0:
             return pairs, decrease  # later edges gain less
