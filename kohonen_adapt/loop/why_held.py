@@ -23,7 +23,7 @@ from kohonen_adapt.problem.protocol import (
     points_of,
 )
 
-__all__ = ["why_held"]
+__all__ = ["reasons_at", "why_held"]
 
 
 def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | None = None) -> NDArray[np.str_]:
@@ -78,6 +78,12 @@ def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | 
         if not has_method(problem, "solve"):
             raise TypeError(f"why_held requires a problem with the method solve(mesh), or Rules; got {problem!r}.")
         check_names(problem)
+    return reasons_at(mesh, problem, rules)
+
+
+def reasons_at(mesh: Mesh, problem: Problem | None, rules: Rules, solution: Any = None) -> NDArray[np.str_]:
+    """Return why each node is held, for valid arguments. The solution is computed if None."""
+    if problem is not None:
         curves, pairs = curves_of(problem, mesh, rules.curves), rules.periodic or pairs_of(problem)
         rules = replace(rules, curves=curves, periodic=pairs)
     check_for(rules, mesh.dim())
@@ -86,7 +92,7 @@ def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | 
     for node, pin in pin_reasons(mesh, rules.pinned, problem).items():
         reasons[node] = pin
     if problem is not None:
-        polish = polish_reasons(mesh, movable, problem)
+        polish = polish_reasons(mesh, movable, problem, solution)
         reasons = [why or (f"polish: {other}" if other else "") for why, other in zip(reasons, polish, strict=True)]
     return np.array(reasons[: mesh.nvertices], dtype=np.str_)
 
@@ -110,7 +116,8 @@ def pin_reasons(mesh: Mesh, pinned: Pinned, problem: Problem | None) -> dict[int
     return {node: why for node, why in found.items() if node < mesh.nvertices}
 
 
-def polish_reasons(mesh: Mesh, movable: Any, problem: Problem) -> list[str]:
+def polish_reasons(mesh: Mesh, movable: Any, problem: Problem, solution: Any) -> list[str]:
     method, start = method_of(mesh), movable.start()
-    functional, _, reason = functional_of(problem, method, movable, start, solve(problem, start))
+    solution = solve(problem, start) if solution is None else solution
+    functional, _, reason = functional_of(problem, method, movable, start, solution)
     return [reason] * movable.nnodes if functional is None else method.polish_reasons(movable, functional)

@@ -3,8 +3,9 @@
 A curve segment from corner to corner is called a chain.
 """
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,6 +21,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.geometry.plane.polylines import constrained_facets
 from kohonen_adapt.geometry.rules import Rules
+from kohonen_adapt.loop.why_held import why_held
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.plotting.drawing import COLOURS, set_axes
 
@@ -28,6 +30,9 @@ __all__ = ["plot_outlines"]
 LABELLED = 0.08  # minimum size of a curve segment with a label, relative to the mesh
 ROOM = np.array([0.2, 0.05])  # minimum distance of labels in x and y, relative to the mesh
 STEP = np.deg2rad(2.0)  # angle between points drawn on a circle
+LISTED = 8  # maximum number of reasons in the legend
+# Colours of reasons, dark and away from the colours of curve segments; the last one is for all further reasons.
+REASON_COLOURS = ("#882255", "#117733", "#332288", "#999933", "#44aa99", "#cc6677", "#661100", "#6699cc", "#888888")
 MIDSIDE_DASHES = (0, (6.0, 1.5, 1.0, 1.5, 1.0, 1.5))  # dashes of splines through midside nodes
 
 
@@ -50,6 +55,7 @@ def plot_outlines(
 
     Corners are squares. A filled square is a node that never moves, and a hollow square one whose place another node
     may take (where three segments meet, only if edges may flip). Sliding nodes are black dots, free nodes grey dots.
+    The colour of a square is the reason that holds the node, as of `kohonen_adapt.why_held`.
 
     Parameters
     ----------
@@ -67,7 +73,7 @@ def plot_outlines(
     Returns
     -------
     Axes
-        With a legend that counts segments and nodes of each kind.
+        With a legend that counts segments, nodes of each kind and held nodes by reason.
 
     Raises
     ------
@@ -80,7 +86,8 @@ def plot_outlines(
     >>> from kohonen_adapt.plotting import plot_outlines
     >>> plot_outlines(skfem.MeshTri.init_circle(3)).figure.savefig("outlines.png")
     """
-    movable = MovableMesh.of(mesh, Rules(pinned=pinned, curves=curves, periodic=periodic))
+    rules = Rules(pinned=pinned, curves=curves, periodic=periodic)
+    movable = MovableMesh.of(mesh, rules)
     triangulation, outline = movable.triangulation, movable.outline
     axes = Figure(figsize=(9.0, 6.0), layout="compressed").subplots() if ax is None else ax
     facets = constrained_facets(triangulation.mesh, triangulation.elements)
@@ -88,6 +95,7 @@ def plot_outlines(
     axes.add_collection(LineCollection([*(in_unit(unit) * triangulation.position[ends])], colors="0.8", linewidths=0.5))
     _draw_chains(axes, outline, _colours(ends, chain, len(outline.curve_index)), np.bincount(chain), unit)
     _draw_constraints(axes, outline, triangulation.position, unit)
+    _draw_reasons(axes, why_held(mesh, rules=rules), outline, triangulation.position, unit)
     sagitta = in_unit(unit) * outline.sagitta(triangulation)
     if sagitta > 0.0:
         label = f"facets, up to {sagitta:.3g} {unit}".rstrip() + " off their curves"
@@ -189,10 +197,28 @@ def _write(axes: Axes, at: Floats, normal: Floats, text: str, colour: str) -> No
     )  # fmt: skip
 
 
+def _draw_reasons(axes: Axes, why: NDArray[np.str_], outline: Outline, position: Floats, unit: str) -> None:
+    never, size = outline.nodes_by_freedom()["fixed"], _square_size(outline)
+    counts = Counter(why[why != ""].tolist()).most_common()
+    for k, (reason, count) in enumerate(counts):
+        colour, held = REASON_COLOURS[min(k, LISTED)], why == reason
+        for mask, face in ((held & never, colour), (held & ~never, "white")):
+            x, y = in_unit(unit) * position[mask].T
+            axes.scatter(x, y, size**2, marker="s", color=face, edgecolors=colour, linewidths=1.6, zorder=4)
+        if k <= LISTED:
+            further = sum(number for _, number in counts[k:])
+            text = f"{count}: {reason}" if k < LISTED else f"{further}: {counted(len(counts) - k, 'further reason')}"
+            text = fill(text, 44, subsequent_indent="    ").replace("$", r"\$")  # a name may contain dollar signs
+            axes.scatter([], [], marker="s", color=colour, label=text)
+
+
+def _square_size(outline: Outline) -> float:
+    held = max(int(np.sum(~outline.nodes_by_freedom()["free"])), 1)
+    return float(np.clip(120.0 / np.sqrt(held), 1.5, 6.0))
+
+
 def _draw_constraints(axes: Axes, outline: Outline, position: Floats, unit: str) -> None:
-    freedoms = outline.nodes_by_freedom()
-    held = max(int(np.sum(~freedoms["free"])), 1)
-    size = float(np.clip(120.0 / np.sqrt(held), 1.5, 6.0))
+    freedoms, size = outline.nodes_by_freedom(), _square_size(outline)
     looks = (("o", "0.7", 0.25 * size), ("o", "black", 0.35 * size), ("s", "white", size), ("s", "black", size))
     for (label, mask), (marker, face, width) in zip(freedoms.items(), looks, strict=True):
         if mask.any():

@@ -5,12 +5,13 @@ import time
 import numpy as np
 import pytest
 from helpers.meshes import inset, junction, named, ring, square
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import LogNorm, to_hex
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 from skfem import MeshTri
 
+import kohonen_adapt as ka
 from kohonen_adapt import plotting
 from kohonen_adapt.display import divided, divisions_of, lattice
 from kohonen_adapt.geometry.plane.curves import Arc, Line
@@ -213,7 +214,7 @@ def legend_of(drawing):
 def chains_drawn(drawing):
     """All chains of a picture, (points, colour) each; the first collection are the facets."""
     found = []
-    for each in drawing.collections[1:]:
+    for each in [each for each in drawing.collections[1:] if not isinstance(each, PathCollection)]:
         assert isinstance(each, LineCollection)
         found += zip(each.get_segments(), map(to_hex, each.get_colors()), strict=True)
     return found
@@ -222,7 +223,7 @@ def chains_drawn(drawing):
 def test_every_node_is_drawn_once_as_what_it_may_do():
     mesh = junction(8)
     drawing = plotting.plot_outlines(mesh, pinned=[20])
-    assert legend_of(drawing) == [
+    assert legend_of(drawing)[:5] == [
         "10 chains straight",
         f"{81 - 32 - 10 - 1} nodes free",
         f"{32 + 10 - 8} nodes sliding",
@@ -237,6 +238,22 @@ def test_every_node_is_drawn_once_as_what_it_may_do():
         *((0, 0), (0, 1), (1, 0), (1, 1)),
         *((0, 0.5), (1, 0.5), (0.5, 1), (0.5, 0.5)),
     }
+
+
+def test_held_nodes_have_the_colour_of_their_reason():
+    mesh = junction(8).with_boundaries({"$rim$": lambda x: x[0] < 2.0})
+    drawing = plotting.plot_outlines(mesh, pinned=[40])
+    why = ka.why_held(mesh, rules=ka.Rules(pinned=[40]))
+    squares = [each for each in drawing.collections if isinstance(each, PathCollection) and len(each.get_offsets())]
+    drawn = {tuple(x): to_hex(each.get_edgecolors()[0]) for each in squares for x in each.get_offsets().tolist()}
+    held = np.flatnonzero(why)
+    assert sorted(drawn) == sorted(map(tuple, mesh.p[:, held].T.tolist()))
+    colours = {reason: {drawn[tuple(mesh.p[:, v].tolist())] for v in held if why[v] == reason} for reason in why[held]}
+    assert all(len(each) == 1 for each in colours.values()) and len(set.union(*colours.values())) == len(colours)
+    legend = [" ".join(text.split()).replace("\\$", "$") for text in legend_of(drawing)]
+    assert {f"{np.sum(why == reason)}: {reason}" for reason in colours} <= set(legend)
+    assert "1: pinned by number" in legend
+    assert legend_of(plotting.plot_outlines(named(8)))[-1].endswith("further reasons")
 
 
 def test_a_pinned_node_is_held_for_good_and_ends_a_chain():
