@@ -9,14 +9,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.display import lattice
 from kohonen_adapt.files import save_figure
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.geometry.space.surfaces import Plane
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.settings import PASSES
+from kohonen_adapt.loop.why_held import reasons_at
 from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.problem.protocol import pairs_of
@@ -73,7 +76,6 @@ def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> 
 
     unit, order = _length_unit(after), case.problem.order
     plane, axis = _plane_through(after), _is_axisymmetric(case)
-    names = [pin for pin in case.pinned if isinstance(pin, str)]  # node numbers are no longer valid
     slope = -order / len(after.mesh.p) * (1 if case.goal is None else 2)  # the error of a goal has twice the order
     density = density_from_indicators(before.mesh, before.indicators, order=order)
     figures = {
@@ -83,9 +85,14 @@ def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> 
         ESTIMATE: plotting.plot_convergence({"passes": after.history}, slope=slope).figure,
     }
     if plane is None:
-        pairs = case.adapt.get("periodic", pairs_of(case.problem))
+        rules = _rules(case, before, after)
         figures[OUTLINES] = plotting.plot_outlines(
-            after.mesh, pinned=names, periodic=pairs, unit=unit, axisymmetric=axis
+            after.mesh,
+            pinned=rules.pinned,
+            curves=rules.curves,
+            periodic=rules.periodic,
+            unit=unit,
+            axisymmetric=axis,
         ).figure
     else:
         size, label = _magnitude(after.solution), "flux density |B| (T)"
@@ -128,12 +135,32 @@ def _write_report(
         point_data=_potentials(case),
         cell_data={"flux density |B| (T)": _magnitude},
         indicator_label=f"error indicator of an element (√({case.problem.goal_unit or case.energy_unit}))",
+        held=lambda result: _why_held(case, before, result),
         plane=_plane_through(after),
         unit=_length_unit(after),
         axisymmetric=_is_axisymmetric(case),
         pictures=pictures,
         settings={"Command": command, "Case": case.text, "Seed": str(case.adapt.get("seed", 0))},
     )
+
+
+def _rules(case: Case, before: AdaptResult, result: AdaptResult) -> Rules:
+    """Return the rules of a case for the mesh of a result, in which nodes have other numbers."""
+    options = case.options(before.mesh)
+    names = [pin for pin in options["pinned"] if isinstance(pin, str)]
+    numbers = [pin for pin in options["pinned"] if not isinstance(pin, str)]
+    return Rules(
+        pinned=[*names, *np.flatnonzero(np.isin(result.nodes, numbers)).tolist()],
+        curves=options.get("curves"),
+        periodic=options.get("periodic", pairs_of(case.problem)),
+        surfaces=options.get("surfaces"),
+    )
+
+
+def _why_held(case: Case, before: AdaptResult, result: AdaptResult) -> NDArray[np.str_]:
+    why = reasons_at(result.mesh, case.problem, _rules(case, before, result), result.solution)
+    why[why == f"polish: {result.best.unpolished}"] = ""  # for all nodes, and in the summary
+    return why
 
 
 def _asked(case: Case, before: AdaptResult) -> str:

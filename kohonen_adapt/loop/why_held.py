@@ -1,5 +1,6 @@
 """Reasons for which nodes stay where they are."""
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -23,7 +24,9 @@ from kohonen_adapt.problem.protocol import (
     points_of,
 )
 
-__all__ = ["reasons_at", "why_held"]
+__all__ = ["reasons_at", "why_held", "without_turns"]
+
+TURN = re.compile(r"(, | at a turn of )[\d.e-]+ degrees")
 
 
 def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | None = None) -> NDArray[np.str_]:
@@ -121,3 +124,9 @@ def polish_reasons(mesh: Mesh, movable: Any, problem: Problem, solution: Any) ->
     solution = solve(problem, start) if solution is None else solution
     functional, _, reason = functional_of(problem, method, movable, start, solution)
     return [reason] * movable.nnodes if functional is None else method.polish_reasons(movable, functional)
+
+
+def without_turns(why: NDArray[np.str_]) -> NDArray[np.str_]:
+    """Return reasons without the angles, which differ from node to node."""
+    texts, number = np.unique(why, return_inverse=True)
+    return np.array([TURN.sub("", text) for text in texts.tolist()], dtype=np.str_)[number]

@@ -46,8 +46,8 @@ class Layer {
   }
 
   // Draw the columns from `begin` up to `end`; what stands already is kept.
-  draw(begin, end, camera, k, field, edges, lines) {
-    const look = [camera.x, camera.y, camera.zoom, k, edges, lines && lines.k].join();
+  draw(begin, end, camera, k, field, edges, lines, held) {
+    const look = [camera.x, camera.y, camera.zoom, k, edges, lines && lines.k, held].join();
     if (this.drawn && this.drawn.look === look && this.drawn.begin <= begin && this.drawn.end >= end) return;
     const place = [camera.x, camera.y, camera.zoom, begin, end].join();
     this.begin = begin;
@@ -55,6 +55,7 @@ class Layer {
     if (this.placed !== place || !this.drawn) this.place(camera);
     this.placed = place;
     this.paint(k, field, edges, lines);
+    if (held) this.drawHeld();
     this.drawn = {look, begin, end};
   }
 
@@ -212,6 +213,28 @@ class Layer {
       context.strokeStyle = colour;
       context.stroke();
     }
+  }
+
+  drawHeld() {
+    const {node, reason} = this.mesh.held, {across, down, context} = this, size = 7 * density();
+    context.lineWidth = density();
+    context.strokeStyle = "#ffffff";
+    node.forEach((v, k) => {
+      context.fillStyle = css(MARKS[reason[k] % MARKS.length]);
+      context.fillRect(across[v] - size / 2, down[v] - size / 2, size, size);
+      context.strokeRect(across[v] - size / 2, down[v] - size / 2, size, size);
+    });
+  }
+
+  // The reason of the nearest held node under a mark, or null.
+  heldAt(column, row) {
+    const {node, reason} = this.mesh.held, {across, down} = this;
+    let nearest = 7 * density(), found = null;
+    node.forEach((v, k) => {
+      const far = Math.hypot(across[v] - column, down[v] - row);
+      if (far < nearest) [nearest, found] = [far, reason[k]];
+    });
+    return found;
   }
 
   valueAt(k, field, column, row) {

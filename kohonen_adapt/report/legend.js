@@ -16,11 +16,11 @@ function made(tag, name, text = "") {
 
 const css = colour => "#" + colour.toString(16).padStart(6, "0");
 
-function namesOf(field) {
+function namesOf(names, colours = NAMED) {
   const list = made("ul", "names");
-  field.names.forEach((name, k) => {
+  names.forEach((name, k) => {
     const item = document.createElement("li"), swatch = made("span", "swatch");
-    swatch.style.background = css(NAMED[k % NAMED.length]);
+    swatch.style.background = css(colours[k % colours.length]);
     item.append(swatch, made("span", "", name));
     list.append(item);
   });

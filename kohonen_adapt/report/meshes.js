@@ -5,6 +5,8 @@ const VIRIDIS = ("440154 471164 482071 472e7c 443b84 3f4889 3a548c 34608d 2f6c8e
   "24aa83 2fb47c 42be71 58c765 70cf57 8bd646 a8db34 c5e021 e2e418 fde725").split(" ").map(hex => parseInt(hex, 16));
 // Okabe and Ito's colours, which the colour-blind tell apart, made pale so that lines stand out on them.
 const NAMED = [0xa6cee8, 0xf3c887, 0x94d3bd, 0xf5ec9c, 0xe6bfd6, 0x7fb2d3, 0xe9ab84, 0xd9dde2];
+// Darker ones, of marks that stand out on the fields.
+const MARKS = [0xd55e00, 0x0072b2, 0x009e73, 0xcc79a7, 0x882255, 0x332288, 0x999933, 0x56b4e9];
 const MISSING = 0xb8bec6, PLAIN = 0xeef3f8;
 const SHADES = 256;
 const TYPES = {f4: Float32Array, u4: Uint32Array, u1: Uint8Array};
@@ -27,6 +29,7 @@ async function meshOf(packed) {
   mesh.count = nodes.length / 3;
   mesh.edges = packed.edges ? await unpacked(packed.edges) : edgesOf(nodes, x.length);
   mesh.elements = packed.elements && await unpacked(packed.elements);
+  mesh.held = packed.held && {node: await unpacked(packed.held.node), reason: await unpacked(packed.held.reason)};
   return mesh;
 }
 

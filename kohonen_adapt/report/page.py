@@ -3,7 +3,7 @@
 import base64
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from string import Template
@@ -24,6 +24,7 @@ def filled_page(
     summary: Iterable[str],
     figures: Iterable[tuple[str, str]],
     result: AdaptResult,
+    held: Sequence[tuple[str, ...]],
     pictures: Mapping[str, bytes],
     settings: Mapping[str, str],
     versions: Mapping[str, str],
@@ -33,6 +34,8 @@ def filled_page(
 
     Parameters
     ----------
+    held
+        Reason, and the number of nodes before and after.
     pictures
         Caption to the bytes of a PNG or GIF file.
     settings, versions
@@ -55,6 +58,8 @@ def filled_page(
         summary=_each("<p>{}</p>", ((sentence,) for sentence in summary)),
         figures=_each("<div><dt>{}</dt><dd>{}</dd></div>", figures),
         passes=html_table(result.history, [' class="result"' * (step is result.best) for step in result.history]),
+        held=_each('<tr><th scope="row">{}</th><td>{}</td><td>{}</td></tr>', held),
+        without_held="" if held else " hidden",
         pictures=_each('<figure><img src="{1}" alt="{0}"><figcaption>{0}</figcaption></figure>', sources),
         without_pictures="" if pictures else " hidden",
         settings=_each("<h3>{}</h3>\n<pre>{}</pre>", settings.items()),

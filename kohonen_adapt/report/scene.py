@@ -2,12 +2,13 @@
 
 import base64
 import zlib
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -18,10 +19,13 @@ from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
 from kohonen_adapt.mesh.slicing import CutBy, Flat, flat
 
-__all__ = ["FieldOf", "packed", "view_data"]
+__all__ = ["FieldOf", "HeldBy", "packed", "view_data"]
 
 FieldOf = Callable[[Any], ArrayLike]
 """Function of a solution that returns the values of a field."""
+
+HeldBy = Callable[[AdaptResult], ArrayLike]
+"""Function of a result that returns the reason that holds each node."""
 
 Results = Sequence[tuple[AdaptResult, Flat]]
 """Results with the plane meshes to show."""
@@ -56,13 +60,15 @@ def view_data(
     point_data: Mapping[str, FieldOf],
     cell_data: Mapping[str, FieldOf],
     indicator_label: str,
+    why: Sequence[NDArray[np.str_]],
     plane: CutBy | None,
     unit: str,
     axisymmetric: bool,
 ) -> dict[str, Any]:
     """Return the data of the view, ready for JSON.
 
-    The keys of `results` are the labels on both sides of the divider. Meshes of tetrahedra are cut by `plane`.
+    The keys of `results` are the labels on both sides of the divider. Meshes of tetrahedra are cut by `plane`. `why` is
+    the reason that holds each node, for every mesh, or empty.
 
     Raises
     ------
@@ -78,13 +84,17 @@ def view_data(
         _sizes(each, unit) if plane is None else _lengths(each, unit),
         _subdomains(each),
     ]
+    reasons = [text for text, _ in Counter(text for texts in why for text in texts.tolist() if text).most_common()]
+    index = {text: min(k, MOST_NAMES) for k, text in enumerate(reasons)}
     return {
         "unit": unit,
+        "reasons": reasons[: MOST_NAMES + 1],
         "axes": each[0][1].axes,
         "bounds": _bounds([shown.mesh for _, shown in each], unit),
         "fields": [field.about for field in shown],
         "meshes": [
             {"name": word, **_mesh(each[k][1], unit), "values": [field.values[k] for field in shown]}
+            | ({"held": _held(why[k], index)} if why else {})
             for k, word in enumerate(results)
         ],
     }
@@ -114,6 +124,11 @@ def _mesh(shown: Flat, unit: str) -> dict[str, Any]:
         "outline": packed(lines, "u4"),
         **cut,
     }
+
+
+def _held(why: NDArray[np.str_], index: Mapping[str, int]) -> dict[str, Any]:
+    node = np.flatnonzero(why != "")
+    return {"node": packed(node, "u4"), "reason": packed([index[text] for text in why[node].tolist()], "u1")}
 
 
 def _bounds(meshes: Sequence[Mesh], unit: str) -> list[list[float]]:

@@ -28,6 +28,8 @@ class View {
       element("lines-name").textContent = "lines of " + this.fields[this.contours].label.replace(/ \(.*/, "");
       element("lines-label").hidden = false;
     }
+    element("held-label").hidden = !this.data.reasons.length;
+    element("reasons").append(namesOf(this.data.reasons, MARKS));
   }
 
   resize() {
@@ -66,7 +68,8 @@ class View {
 
   drawParts(parts, hurry) {
     const k = this.contours, lines = k >= 0 && element("lines").checked && {k, field: this.fields[k]};
-    const looks = [this.camera, this.chosen(), this.field(), element("edges").checked && !hurry, lines];
+    const edges = element("edges").checked && !hurry, held = element("held-nodes").checked;
+    const looks = [this.camera, this.chosen(), this.field(), edges, lines, held];
     this.layers.forEach((layer, side) => layer.draw(...parts[side], ...looks));
   }
 
@@ -124,7 +127,7 @@ class View {
     const field = this.field();
     if (this.scaled === field) return;
     this.scaled = field;
-    element("scale").replaceChildren(...(field.kind === "plain" ? [] : field.names ? [namesOf(field)] : barOf(field)));
+    element("scale").replaceChildren(...(field.kind === "plain" ? [] : field.names ? [namesOf(field.names)] : barOf(field)));
   }
 
   zoomBy(factor, column, row) {
@@ -173,7 +176,8 @@ class View {
     canvas.addEventListener("keydown", event => this.pressKey(event));
     element("divider").addEventListener("input", event => this.setDivide(event.target.value / 100));
     element("field").addEventListener("change", () => this.ask());
-    for (const id of ["edges", "lines"]) element(id).addEventListener("change", () => this.ask());
+    element("held-nodes").addEventListener("change", event => { element("reasons").hidden = !event.target.checked; });
+    for (const id of ["edges", "lines", "held-nodes"]) element(id).addEventListener("change", () => this.ask());
     element("closer").addEventListener("click", () => this.zoomMiddle(1.5));
     element("farther").addEventListener("click", () => this.zoomMiddle(1 / 1.5));
     element("reset").addEventListener("click", () => this.reset());
@@ -231,17 +235,20 @@ class View {
     const layer = this.layers[place.column < this.divide * this.canvas.width ? 0 : 1];
     const column = Math.floor(place.column), row = Math.floor(place.row), {width, height} = this.canvas;
     const inside = column >= 0 && row >= 0 && column < width && row < height;
-    this.say(layer.mesh.name, inside ? layer.valueAt(this.chosen(), this.field(), column, row) : null);
+    const reason = inside && element("held-nodes").checked ? layer.heldAt(column, row) : null;
+    this.say(layer.mesh.name, inside ? layer.valueAt(this.chosen(), this.field(), column, row) : null, reason);
   }
 
-  say(name, found = null) {
+  say(name, found = null, reason = null) {
     const field = this.field(), unit = this.data.unit && " " + this.data.unit;
-    if (!found) { element("value").textContent = "Point at the mesh to read values."; return; }
+    const held = reason === null ? "" : `held node: ${this.data.reasons[reason]}`;
+    if (!found) { element("value").textContent = held || "Point at the mesh to read values."; return; }
     const shown = field.names ? field.names[found.value] : digits(found.value);
     const value = found.value === null ? "" : `${field.label}: ${shown}; `;
     const [x, y] = found.point.map(each => digits(each, 5));
     const [across, up] = this.data.axes;
-    element("value").textContent = `${name}: ${value}element ${found.e}, ${across} = ${x}${unit}, ${up} = ${y}${unit}`;
+    element("value").textContent = `${name}: ${value}element ${found.e}, ${across} = ${x}${unit}, ${up} = ${y}${unit}` +
+      (held && "; " + held);
   }
 }
 

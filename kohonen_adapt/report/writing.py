@@ -1,14 +1,19 @@
 """Report of an adaptation as one HTML file."""
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.loop.why_held import without_turns
 from kohonen_adapt.mesh.slicing import CutBy
 from kohonen_adapt.report.page import filled_page
-from kohonen_adapt.report.scene import FieldOf, view_data
+from kohonen_adapt.report.scene import FieldOf, HeldBy, view_data
 from kohonen_adapt.report.summary import key_figures, sentences, versions, without_folders
 
 __all__ = ["write_report"]
@@ -26,6 +31,7 @@ def write_report(
     point_data: Mapping[str, FieldOf] | None = None,
     cell_data: Mapping[str, FieldOf] | None = None,
     indicator_label: str = "error indicator of an element",
+    held: HeldBy | None = None,
     plane: CutBy | None = None,
     unit: str = "m",
     axisymmetric: bool = False,
@@ -55,6 +61,10 @@ def write_report(
         size and subdomains are always included.
     indicator_label
         Label of the indicators, with their unit.
+    held
+        Function of a result that returns why each node of its mesh is held, (nnodes,) texts as of
+        `kohonen_adapt.why_held`, empty for other nodes. The report has a table of the reasons, and the view of a mesh
+        of triangles marks the nodes.
     plane
         Cut through meshes of tetrahedra for the view, a `kohonen_adapt.Plane`.
     unit
@@ -82,11 +92,13 @@ def write_report(
         before, after = ka.adapt(mesh, problem, passes=0), ka.adapt(mesh, problem)
         write_report("report.html", after, before=before, point_data={"A (Wb/m)": lambda field: field.potential})
     """
+    why = [without_turns(np.asarray(held(each))) for each in (before, result)] if held else []
     data = view_data(
         {"before": before, "after": result},
         point_data=point_data or {},
         cell_data=cell_data or {},
         indicator_label=indicator_label,
+        why=why if plane is None else [],
         plane=plane,
         unit=unit,
         axisymmetric=axisymmetric,
@@ -96,6 +108,7 @@ def write_report(
         summary=[*([asked] if asked else []), *sentences(result)],
         figures=key_figures(result),
         result=result,
+        held=counts_by_reason(why),
         pictures={caption: _content(picture) for caption, picture in (pictures or {}).items()},
         settings={name: without_folders(text) for name, text in (settings or {}).items()},
         versions=versions(),
@@ -103,6 +116,13 @@ def write_report(
     )
     with whole_file(Path(path)) as draft:
         draft.write_bytes(content)
+
+
+def counts_by_reason(why: Sequence[NDArray[np.str_]]) -> list[tuple[str, ...]]:
+    """Return reasons with the number of nodes on every mesh, as texts."""
+    counts = [Counter(texts[texts != ""].tolist()) for texts in why]
+    reasons = [reason for reason, _ in sum(counts, Counter()).most_common()]
+    return [(reason, *(str(each[reason]) for each in counts)) for reason in reasons]
 
 
 def _content(picture: Picture) -> bytes:

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 from skfem import MeshTri
 
+import kohonen_adapt as ka
 from helpers.mesh_files import two_boxes
-from kohonen_adapt.geometry.space.surfaces import Plane
-from kohonen_adapt.loop.passes import Pass, Status
-from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt import AdaptResult, Pass, Plane, Status
 from kohonen_adapt.report import write_report
 
 CUT = Plane((0.5, 0.4, 0.4), (0.0, 1.0, 0.0))
@@ -66,6 +65,7 @@ def solid_report(folder, **changed):
     mesh = two_boxes(1)
     result = a_result(mesh, [a_pass(0, mesh, 1.0)])
     given = {"point_data": {"x (m)": lambda solution: solution}, "cell_data": {"middle (m)": mean_of_x(mesh)}}
+    given["held"] = lambda result: ka.why_held(result.mesh)
     path = folder / "solid.html"
     write_report(path, result, before=result, **given | {"plane": CUT} | changed)
     return path
@@ -79,6 +79,7 @@ def hostile_report(folder, **changed):
         "asked": HOSTILE,
         "point_data": {f"x (m) {HOSTILE}": lambda solution: solution},
         "cell_data": {"middle (m)": mean_of_x(before.mesh)},
+        "held": lambda result: np.where(result.mesh.p[0] == 0.0, f"pinned by {HOSTILE}", ""),
         "settings": {HOSTILE: HOSTILE},
         **changed,
     }

@@ -35,6 +35,18 @@ def test_a_turn_without_a_curve_asks_for_one():
     assert why[2] == "no curve of boundary 'rim' is recognised at a turn of 20 degrees; use `curves`"
 
 
+def test_a_line_meets_a_recognised_arc_at_the_end_of_a_curve():
+    """A stadium, whose arcs turn as little at their ends as between their facets."""
+    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 17)
+    right = np.stack([1.0 + np.cos(angles), np.sin(angles)])
+    rim = np.hstack([right, [[0.5, 0.0, -0.5], [1.0] * 3], -right, [[-0.5, 0.0, 0.5], [-1.0] * 3]])
+    rows = np.arange(rim.shape[1])
+    mesh = MeshTri(np.hstack([rim, np.zeros((2, 1))]), np.stack([rows, (rows + 1) % len(rows), 0 * rows + len(rows)]))
+    why = ka.why_held(mesh.with_boundaries({"rim": lambda x: np.abs(x).sum(axis=0) > 0.0}))
+    assert set(np.flatnonzero(why)) == {at(mesh, x, y) for x in (-1.0, 1.0) for y in (-1.0, 1.0)}
+    assert set(why) == {"", "end of a curve of boundary 'rim'"}
+
+
 @pytest.mark.parametrize("mesh", [square(), MeshTet().refined(3)], ids=["triangles", "tetrahedra"])
 def test_held_nodes_stay_and_most_others_move(mesh):
     """Corners may pass from node to node, hence positions are compared as sets."""

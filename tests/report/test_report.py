@@ -73,6 +73,28 @@ def page(tmp_path_factory):
     return Page(hostile_report(tmp_path_factory.mktemp("report"), pictures={HOSTILE: PNG}))
 
 
+def test_held_nodes_are_counted_and_marked(page):
+    rows = page.texts[next(k for k, (_, text) in enumerate(page.texts) if text == "nodes after") :]
+    cells = [text for tag, text in rows if tag in ("th", "td")]
+    assert cells[1:4] == [f"pinned by {HOSTILE}", "9", "9"]
+    assert page.data["reasons"] == [f"pinned by {HOSTILE}"]
+    for mesh, result in zip(page.data["meshes"], before_and_after(), strict=True):
+        assert_array_equal(unpacked(mesh["held"]["node"]), np.flatnonzero(result.mesh.p[0] == 0.0))
+        assert not unpacked(mesh["held"]["reason"]).any()
+
+
+def test_a_cut_has_the_table_alone(tmp_path):
+    page = Page(solid_report(tmp_path))
+    assert page.data["reasons"] == [] and "held" not in page.data["meshes"][0]
+    assert any("corner of" in text for tag, text in page.texts if tag == "th")
+
+
+def test_a_report_without_reasons_hides_their_table(tmp_path):
+    page = Page(hostile_report(tmp_path, held=None))
+    assert "hidden" in next(each for each in page.of("section") if each.get("id") == "held")
+    assert page.data["reasons"] == []
+
+
 def test_the_file_needs_nothing_else(page):
     for tag, attributes in page.elements:
         for name in ("src", "href", "action", "data", "poster", "srcset"):
@@ -117,6 +139,7 @@ def test_any_text_leaves_the_page_as_it_was_built(text):
 def html_with(text, result):
     return filled_page(
         title=text, summary=[text], figures=[(text, text)], result=result, pictures={text: PNG},
+        held=[(text, "1", "2")],
         settings={text: text}, versions={"kohonen_adapt": text}, data={"name": text},
     ).decode()  # fmt: skip
 
@@ -166,7 +189,7 @@ def test_the_table_has_every_column_that_print_shows(page):
     printed = str(after).splitlines()[0].split()
     shown = " ".join(page.text_of("th"))
     assert all(word in shown for word in printed)
-    rows = page.of("tr")[1:]
+    rows = page.of("tr")[1:3]
     assert [row.get("class") for row in rows] == [None, "result"]
 
 

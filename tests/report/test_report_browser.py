@@ -95,8 +95,26 @@ def test_names_are_shown_as_text(view):
     options = "return [...document.getElementById('field').options].map(option => option.text)"
     assert f"x (m) {HOSTILE}" in view.execute_script(options)
     do(view, "element('field').value = 5; change(element('field'), 'change');")
-    names = view.execute_script("return [...document.querySelectorAll('.names li')].map(item => item.textContent)")
+    names = view.execute_script("return [...document.querySelectorAll('#scale li')].map(item => item.textContent)")
     assert sorted(names) == sorted(["left", HOSTILE])
+
+
+def test_held_nodes_are_marked_and_named(view):
+    plain = picture(view)
+    do(view, "element('held-nodes').checked = true; change(element('held-nodes'), 'change');")
+    assert picture(view) != plain
+    assert view.execute_script("return document.getElementById('reasons').textContent") == f"pinned by {HOSTILE}"
+    do(
+        view,
+        """
+        const box = canvas.getBoundingClientRect(), width = box.height * 0.96, left = box.left + box.width / 2;
+        canvas.dispatchEvent(new PointerEvent("pointermove", {pointerId: 1, bubbles: true,
+            clientX: left - width / 2 + 1, clientY: box.top + box.height / 2 + 1}));
+    """,
+    )
+    assert f"held node: pinned by {HOSTILE}" in view.execute_script(
+        "return document.getElementById('value').textContent"
+    )
 
 
 @pytest.mark.parametrize("width", [1280, 400])

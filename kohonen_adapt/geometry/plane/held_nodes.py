@@ -23,8 +23,14 @@ def reasons_in_plane(movable: MovableMesh) -> list[str]:
         if movable.outline.pinned[v]:
             found[v] = "pinned"
             continue
-        names, paired = names_at(movable, v, chain[rows]), bool(movable.constraints.periodic.partner[v] >= 0)
-        found[v] = corner_text(movable.triangulation.position, v, ends[rows, 1 - side], names, paired)
+        others, names = ends[rows, 1 - side], names_at(movable, v, chain[rows])
+        if movable.constraints.periodic.partner[v] >= 0:
+            small = f"periodic pair on {names}, whose other node cannot slide"
+        elif not movable.outline.straight[chain[rows]].all():
+            small = f"end of a curve of {names}"
+        else:
+            small = ""
+        found[v] = corner_text(movable.triangulation.position, v, others, names, small)
     return found
 
 
@@ -50,7 +56,8 @@ def names_at(movable: MovableMesh, v: int, chain: Ints) -> str:
     return f"subdomain{'s' * (len(names) > 1)} {listed(names)}" if names else "the outer boundary"
 
 
-def corner_text(position: Floats, v: int, others: Ints, names: str, paired: bool) -> str:
+def corner_text(position: Floats, v: int, others: Ints, names: str, small: str) -> str:
+    """Return the reason at a node with the neighbours `others`, or `small` at a small turn if not empty."""
     if len(others) > 2:
         return f"junction of {len(others)} boundaries and interfaces at {names}"
     if len(others) < 2:
@@ -59,6 +66,4 @@ def corner_text(position: Floats, v: int, others: Ints, names: str, paired: bool
     turn = abs(np.arctan2(one[0] * two[1] - one[1] * two[0], one @ two))
     if turn >= CORNER:
         return f"corner of {names}, {np.rad2deg(turn):.3g} degrees"
-    if paired:
-        return f"periodic pair on {names}, whose other node cannot slide"
-    return f"no curve of {names} is recognised at a turn of {np.rad2deg(turn):.3g} degrees; use `curves`"
+    return small or f"no curve of {names} is recognised at a turn of {np.rad2deg(turn):.3g} degrees; use `curves`"
