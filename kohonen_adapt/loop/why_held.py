@@ -85,7 +85,6 @@ def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | 
 
 
 def reasons_at(mesh: Mesh, problem: Problem | None, rules: Rules, solution: Any = None) -> NDArray[np.str_]:
-    """Return why each node is held, for valid arguments. The solution is computed if None."""
     if problem is not None:
         curves, pairs = curves_of(problem, mesh, rules.curves), rules.periodic or pairs_of(problem)
         rules = replace(rules, curves=curves, periodic=pairs)
@@ -126,7 +125,7 @@ def polish_reasons(mesh: Mesh, movable: Any, problem: Problem, solution: Any) ->
     return [reason] * movable.nnodes if functional is None else method.polish_reasons(movable, functional)
 
 
+# Angles differ from node to node.
 def without_turns(why: NDArray[np.str_]) -> NDArray[np.str_]:
-    """Return reasons without the angles, which differ from node to node."""
     texts, number = np.unique(why, return_inverse=True)
     return np.array([TURN.sub("", text) for text in texts.tolist()], dtype=np.str_)[number]

@@ -28,7 +28,6 @@ def held_by_polish(movable: MovableMesh, functional: Functional) -> Mask:
 
 
 def polish_reasons(movable: MovableMesh, functional: Functional) -> list[str]:
-    """Return why the polish alone holds each node, else an empty string."""
     found = [""] * movable.nnodes
     for v in np.flatnonzero(held_by_polish(movable, functional)).tolist():
         if movable.constraints.kind[v] == FREE:
@@ -74,7 +73,6 @@ def held_by_polish_in_space(movable: MovableSolid, functional: SolidFunctional) 
 
 
 def polish_reasons_in_space(movable: MovableSolid, functional: SolidFunctional) -> list[str]:
-    """Return why the polish alone holds each node, else an empty string."""
     freedom, found = movable.freedom, [""] * movable.nnodes
     for v in np.flatnonzero(held_by_polish_in_space(movable, functional)).tolist():
         if freedom.number[v] == INSIDE:

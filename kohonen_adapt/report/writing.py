@@ -119,7 +119,6 @@ def write_report(
 
 
 def counts_by_reason(why: Sequence[NDArray[np.str_]]) -> list[tuple[str, ...]]:
-    """Return reasons with the number of nodes on every mesh, as texts."""
     counts = [Counter(texts[texts != ""].tolist()) for texts in why]
     reasons = [reason for reason, _ in sum(counts, Counter()).most_common()]
     return [(reason, *(str(each[reason]) for each in counts)) for reason in reasons]

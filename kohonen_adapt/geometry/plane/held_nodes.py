@@ -57,7 +57,6 @@ def names_at(movable: MovableMesh, v: int, chain: Ints) -> str:
 
 
 def corner_text(position: Floats, v: int, others: Ints, names: str, small: str) -> str:
-    """Return the reason at a node with the neighbours `others`, or `small` at a small turn if not empty."""
     if len(others) > 2:
         return f"junction of {len(others)} boundaries and interfaces at {names}"
     if len(others) < 2:
