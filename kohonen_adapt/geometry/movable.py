@@ -29,10 +29,13 @@ class Movable(ABC):
         Names of the arrays that change when nodes move. The array "record.field" is a field of one of `records`.
     by_element
         Names of the arrays with a row per element; all others have a row per node.
+    curved_parts
+        Words for curved parts of the boundary and for their facets in messages.
     """
 
     state_names: ClassVar[tuple[str, ...]]
     by_element: ClassVar[tuple[str, ...]]
+    curved_parts: ClassVar[tuple[str, str]]
 
     @property
     @abstractmethod
@@ -53,6 +56,14 @@ class Movable(ABC):
     @abstractmethod
     def set_arrays(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Replace the arrays by the arrays of a valid state."""
+
+    @abstractmethod
+    def sagitta(self) -> float:
+        """Return the largest distance of a curved part from its facets."""
+
+    @abstractmethod
+    def farthest_part(self) -> str:
+        """Return the name of the part at this distance from its facets."""
 
     @property
     def nnodes(self) -> int:

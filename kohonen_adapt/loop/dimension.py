@@ -48,8 +48,6 @@ from kohonen_adapt.som.relocate import (
     loops_in_space,
     move,
     move_in_space,
-    report_curves,
-    report_surfaces,
 )
 from kohonen_adapt.som.relocation_record import Moved, why_still
 from kohonen_adapt.som.schedule import Schedule
@@ -82,9 +80,6 @@ class PlaneMethod(Method):
         nodes: int,
     ) -> Moved[MovableMesh]:
         return move(movable, density, schedule, topology, rng, nodes)
-
-    def report_sagitta(self, before: MovableMesh, now: MovableMesh) -> None:
-        report_curves(before, now)
 
     def move(
         self,
@@ -171,9 +166,6 @@ class SpaceMethod(Method):
         nodes: int,
     ) -> Moved[MovableSolid]:
         return move_in_space(movable, density, schedule, topology, rng, nodes)
-
-    def report_sagitta(self, before: MovableSolid, now: MovableSolid) -> None:
-        report_surfaces(before, now)
 
     def move(
         self,

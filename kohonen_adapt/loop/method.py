@@ -71,10 +71,6 @@ class Method(ABC):
         """Relocate the nodes to a density, and recycle to `nodes` nodes."""
 
     @abstractmethod
-    def report_sagitta(self, before: Any, now: Any) -> None:
-        """Log the distance of curves or surfaces from their facets."""
-
-    @abstractmethod
     def move(
         self,
         movable: Any,

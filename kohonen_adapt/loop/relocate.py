@@ -18,6 +18,7 @@ from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.motions import Pair
+from kohonen_adapt.som.relocate import report_sagitta
 from kohonen_adapt.som.schedule import Schedule, check_training
 
 logger = logging.getLogger("kohonen_adapt")
@@ -110,7 +111,7 @@ def relocate(
         density = np.asarray(density)[find_elements(mesh, layered.p[:, layered.t].mean(axis=1))]
     expect(*method.moving_kernels(topology, schedule))
     moved = method.relocate(movable, density, schedule, topology, np.random.default_rng(seed), int(mesh.nvertices))
-    method.report_sagitta(moved.before, movable)
+    report_sagitta(moved.before, movable)
     work = moved.work(movable)
     if not work.moved and schedule != Schedule(()):  # an empty schedule is used for its flips alone
         logger.warning("relocate moved no node: %s.", work.why_still)

@@ -31,7 +31,7 @@ from kohonen_adapt.kernels.triangle.surgery import (
 )
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["recycle_nodes", "recycle_pairs", "starts_of"]
+__all__ = ["RATIO", "recycle_nodes", "recycle_pairs", "starts_of"]
 
 RATIO = 2.2  # ratio of the longest to the shortest edge in the metric; below 2, splits and collapses alternate forever
 ROUNDS = 2  # number of rounds: a forbidden collapse may be allowed after changes nearby

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.geometry.movable import Recycled, unchanged
+from kohonen_adapt.geometry.movable import Movable, Recycled, unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import numbered_along_curve
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
@@ -23,7 +23,7 @@ from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
 from kohonen_adapt.kernels.threads import Nodes, number_of_threads
 from kohonen_adapt.kernels.triangle.arrays import Elements
 from kohonen_adapt.som.density import DensityInSpace, density_in_space
-from kohonen_adapt.som.recycling import recycle_nodes, starts_of
+from kohonen_adapt.som.recycling import RATIO, recycle_nodes, starts_of
 from kohonen_adapt.som.relocation_record import Moved, why_still
 from kohonen_adapt.som.schedule import Schedule, most_doublings
 from kohonen_adapt.som.training import Trainer
@@ -31,12 +31,11 @@ from kohonen_adapt.som.training_points import Density, density_of, source_of
 
 logger = logging.getLogger("kohonen_adapt")
 
-__all__ = ["loops_in_plane", "loops_in_space", "move", "move_in_space", "report_curves", "report_surfaces"]
+__all__ = ["loops_in_plane", "loops_in_space", "move", "move_in_space", "report_sagitta"]
 
 # Logarithm of the mean mass per node of a patch, above which mass must travel the width of the patch.
 MISMATCH = 0.6
 SWEEPS = {"flip": 8, "fixed": 6, "recycle": 3}  # sweeps of smoothing: more would concentrate nodes too much
-RATIO = 2.2  # ratio of the longest to the shortest edge in the metric; below 2, splits and collapses alternate forever
 ROUNDS = 6  # number of rounds: a forbidden collapse may be allowed after swaps nearby
 SETTLED = 0.005  # fraction of nodes: a round with fewer splits is the last
 MIXED = 0.1  # fraction of nodes: after a round with more splits rows are ordered again
@@ -118,14 +117,6 @@ def node_masses(elements: Elements, masses: Floats) -> Floats:
     nodes_of_region = np.bincount(region, weights=np.sum(1.0 / degree[node], axis=1))
     fraction = masses * (nodes_of_region / np.bincount(region, weights=masses))[region] / 3.0
     return np.bincount(node.ravel(), weights=np.repeat(fraction, 3)).astype(np.float64)
-
-
-def report_curves(before: MovableMesh, now: MovableMesh) -> None:
-    then, left_out = before.sagitta(), now.sagitta()
-    if max(then, left_out) > 0.0:
-        which = now.outline.farthest_curve(now.triangulation)
-        text = "curves are up to %.3g away from their facets, that of %s, and were up to %.3g, in units of the mesh"
-        logger.info(text, left_out, which, then)
 
 
 def loops_in_space(topology: str, schedule: Schedule | None) -> tuple[str, ...]:
@@ -261,8 +252,9 @@ def cubed(floor: float) -> float:
     return floor**3
 
 
-def report_surfaces(before: MovableSolid, now: MovableSolid) -> None:
+def report_sagitta(before: Movable, now: Movable) -> None:
     then, left_out = before.sagitta(), now.sagitta()
     if max(then, left_out) > 0.0:
-        text = "surfaces are up to %.3g away from their faces, %s, and were up to %.3g, in units of the mesh"
-        logger.info(text, left_out, now.farthest_surface(), then)
+        text = "%s are up to %.3g away from their %s, that of %s, and were up to %.3g, in units of the mesh"
+        parts, facets = now.curved_parts
+        logger.info(text, parts, left_out, facets, now.farthest_part(), then)

@@ -197,7 +197,7 @@ def test_relocated_nodes_are_on_their_surfaces_and_names_where_they_were(topolog
     ends = np.unique(after.facets[:, np.setdiff1d(after.boundary_facets(), after.boundaries["side"])])
     assert np.all(np.isin(after.p[2, ends], [0.0, 2.0]))
     assert found(MovableSolid.of(after, Rules())) == {"planes": 2, "cylinders": 1, "circles": 2}
-    assert "away from their faces, boundary 'side', and were up to 0.00548" in caplog.text
+    assert "away from their faces, that of boundary 'side', and were up to 0.00548" in caplog.text
 
 
 @dataclass
@@ -299,12 +299,12 @@ def test_how_far_faces_are_off_is_told():
     mesh = extruded(ring(count, 3), 3).with_boundaries({"rim": lambda x: np.hypot(x[0], x[1]) > 0.9})
     solid = MovableSolid.of(mesh, Rules())
     assert solid.sagitta() == pytest.approx(1.0 - np.cos(np.pi / count), rel=1e-9)
-    assert solid.farthest_surface() == "boundary 'rim'"
+    assert solid.farthest_part() == "boundary 'rim'"
     assert MovableSolid.of(cut(2), Rules()).sagitta() == 0.0
 
 
 def test_the_farthest_surface_of_a_body_without_names_is_told_by_its_place():
-    said = MovableSolid.of(ball(4, 2.0), Rules()).farthest_surface()
+    said = MovableSolid.of(ball(4, 2.0), Rules()).farthest_part()
     place = np.array(re.fullmatch(r"one without a name, with a face near \((.*)\)", said)[1].split(", "), dtype=float)
     assert 1.5 < np.linalg.norm(place) < 2.0
 

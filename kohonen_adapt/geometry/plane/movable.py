@@ -76,6 +76,7 @@ class MovableMesh(Movable):
 
     state_names = STATE_NAMES
     by_element = BY_ELEMENT
+    curved_parts = "curves", "facets"
 
     triangulation: Triangulation
     outline: Outline
@@ -177,6 +178,9 @@ class MovableMesh(Movable):
 
     def sagitta(self) -> float:
         return 0.0 if self.curved else self.outline.sagitta(self.triangulation)
+
+    def farthest_part(self) -> str:
+        return self.outline.farthest_curve(self.triangulation)
 
     @property
     def held_nodes(self) -> Mask:

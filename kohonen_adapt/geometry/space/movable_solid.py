@@ -69,6 +69,7 @@ class MovableSolid(Movable):
 
     state_names = STATE_NAMES
     by_element = BY_ELEMENT
+    curved_parts = "surfaces", "faces"
 
     tetrahedralization: Tetrahedralization
     surfaces: Surfaces
@@ -179,7 +180,7 @@ class MovableSolid(Movable):
         tet = self.tetrahedralization
         return float(distances_from_faces(tet.position, tet.elements, self.patches).max(initial=0.0))
 
-    def farthest_surface(self) -> str:
+    def farthest_part(self) -> str:
         tet = self.tetrahedralization
         p = int(np.argmax(distances_from_faces(tet.position, tet.elements, self.patches)))
         regions = tet.elements.region[np.any(tet.elements.patch == p, axis=1)]
