@@ -145,7 +145,7 @@ def _write_report(
 
 
 def _rules(case: Case, before: AdaptResult, result: AdaptResult) -> Rules:
-    """Return the rules of a case for the mesh of a result, in which nodes have other numbers."""
+    """Return the rules of a case for a result, whose nodes have other numbers."""
     options = case.options(before.mesh)
     names = [pin for pin in options["pinned"] if isinstance(pin, str)]
     numbers = [pin for pin in options["pinned"] if not isinstance(pin, str)]
