@@ -5,7 +5,7 @@ import logging
 import pytest
 from hypothesis import HealthCheck, settings
 
-from kohonen_adapt.precompile import warmup
+from kohonen_adapt import warmup
 
 # By the clock nothing fails: a busy machine, or one that has to compile first, is no fault of the code.
 STEADY = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}

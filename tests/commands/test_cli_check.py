@@ -10,10 +10,10 @@ from helpers.meshes import disk, named, slit, square
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt import Rules
 from kohonen_adapt.commands import main as cli
 from kohonen_adapt.commands.check import faults, thin_parts
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -10,9 +10,8 @@ from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
-from kohonen_adapt import KohonenMap, Schedule
+from kohonen_adapt import KohonenMap, Rules, Schedule
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.triangle.arrays import HELD, ROUND, SLIDING
 
 HUNDRED = np.deg2rad(100.0)

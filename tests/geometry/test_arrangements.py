@@ -14,8 +14,8 @@ from scipy.spatial import KDTree
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.triangle.arrays import ROUND, SLIDING
 from kohonen_adapt.kernels.triangle.chains import look_up
 from kohonen_adapt.mesh.triangulation import Triangulation

@@ -5,9 +5,9 @@ from helpers.meshes import holed, l_shape
 from hypothesis import given
 from hypothesis import strategies as st
 
+from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.cutting import TURN, straight_end, turning_angle
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.arrays import OWN, SLIDING, STRAIGHT
 from kohonen_adapt.kernels.triangle.chains import nearest_parameter

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from skfem import MeshTri, MeshTri2
 
 import kohonen_adapt as ka
+from kohonen_adapt import Rules, quality
 from kohonen_adapt.geometry.plane.midsides import MIN_JACOBIAN
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.mesh.curved import (
     corner_positions,
     corners_of,
@@ -19,7 +19,7 @@ from kohonen_adapt.mesh.curved import (
     midside_offsets,
     with_midside_offsets,
 )
-from kohonen_adapt.mesh.measures import area, quality, signed_area
+from kohonen_adapt.mesh.measures import area, signed_area
 
 UNIT = ka.Arc((0.0, 0.0), 1.0)
 

@@ -11,13 +11,12 @@ from hypothesis import strategies as st
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt import KohonenMap, Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend
-from kohonen_adapt.som.kohonen_map import KohonenMap
 
 
 def grid(low, high, rows, length=3.0, width=0.3, columns=24):

@@ -7,8 +7,8 @@ from skfem import MeshTri, MeshTri2
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
+from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.triangle.arrays import ROUND, STRAIGHT, TABLED
 from kohonen_adapt.mesh.curved import corners_of, facet_midside_offsets, with_midside_offsets
 

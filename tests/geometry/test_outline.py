@@ -9,9 +9,8 @@ from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
-from kohonen_adapt import KohonenMap, Schedule, Stage
+from kohonen_adapt import KohonenMap, Rules, Schedule, Stage
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OTHER, SLIDING
 from kohonen_adapt.mesh.triangulation import Triangulation
 

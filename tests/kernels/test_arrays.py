@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from helpers.meshes import square
 
+from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels import arrays as shared
 from kohonen_adapt.kernels.triangle import arrays
 

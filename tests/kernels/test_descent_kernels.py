@@ -8,8 +8,8 @@ from helpers.meshes import generic_square, inset, junction, perturbed, square
 from hypothesis import given
 from hypothesis import strategies as st
 
+from kohonen_adapt import Ritz, Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING
 from kohonen_adapt.kernels.triangle.flip import flip_edge
@@ -19,7 +19,6 @@ from kohonen_adapt.kernels.triangle.polish.flip_linear import descend_flips, gai
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value
-from kohonen_adapt.problem.ritz import Ritz
 
 derivatives, flip_edge, gain_of_flip, quadratic = (
     interpreted(loop) for loop in (derivatives, flip_edge, gain_of_flip, quadratic)

@@ -6,7 +6,7 @@ from helpers.slow_solids import SlowSolidMap, canonical_winner, distance_to_simp
 from helpers.solids import box, l_shape, two_regions, volumes
 from skfem import MeshTet
 
-from kohonen_adapt.geometry.rules import Rules
+from kohonen_adapt import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels import ordering
 from kohonen_adapt.kernels.arrays import KernelMesh, Lesson, SearchScratch

@@ -11,9 +11,8 @@ from numpy.testing import assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt import AdaptResult, Status
 from kohonen_adapt.loop.growth import Growth
-from kohonen_adapt.loop.passes import Status
-from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.mesh.measures import area
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from skfem import MeshTri
 
-from kohonen_adapt.loop.adapt import adapt
-from kohonen_adapt.loop.passes import Status
+from kohonen_adapt import Status, adapt
 
 MESH = MeshTri().refined(2)
 ELEMENTS = MESH.t.shape[1]

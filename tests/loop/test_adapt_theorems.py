@@ -7,10 +7,8 @@ import pytest
 from skfem import Basis, ElementTriP1, MeshTri, condense, solve
 from skfem.models.poisson import laplace
 
+from kohonen_adapt import Status, adapt, interpolate
 from kohonen_adapt.estimators import residual
-from kohonen_adapt.loop.adapt import adapt
-from kohonen_adapt.loop.passes import Status
-from kohonen_adapt.mesh.locate import interpolate
 from kohonen_adapt.mesh.measures import area
 
 

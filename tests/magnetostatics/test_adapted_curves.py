@@ -6,11 +6,10 @@ from skfem import Basis, ElementTriP2, MeshTri, MeshTri2
 
 import kohonen_adapt as ka
 from benchmarks.problems.round_magnet import RoundMagnet
+from kohonen_adapt import Rules, find_elements
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
-from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.transfer import transferred

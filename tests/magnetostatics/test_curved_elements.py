@@ -9,9 +9,9 @@ from helpers.meshes import apart, disk, ring
 from skfem import MeshTri, MeshTri2
 
 import kohonen_adapt as ka
+from kohonen_adapt import find_elements
 from kohonen_adapt.magnetostatics import Magnetostatics, Material, arkkio_torque, lorentz_torque
 from kohonen_adapt.mesh.curved import Isoparametric, with_midside_offsets
-from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.measures import area
 
 MU0 = 4e-7 * np.pi

@@ -9,8 +9,8 @@ from scipy.special import iv
 from skfem import Basis, BilinearForm, ElementTriP4, LinearForm, MeshTri, MeshTri2, condense, solve
 from skfem.helpers import dot, grad
 
+from kohonen_adapt import NotOffered
 from kohonen_adapt.magnetostatics import FluxLinkage, Magnetostatics, Material
-from kohonen_adapt.problem.protocol import NotOffered
 
 ORDERS = range(4, 9)
 

@@ -6,8 +6,8 @@ from helpers.meshes import disk, square
 from skfem import Basis, ElementTriP1
 
 import kohonen_adapt as ka
+from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.triangle.locate import TOLERANCE
 from kohonen_adapt.mesh.curved import corner_positions, corners_of, midside_offsets, with_midside_offsets
 from kohonen_adapt.mesh.validity import check_mesh

@@ -6,8 +6,7 @@ from PIL import Image
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt import plotting
-from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt import Pass, plotting
 
 
 def passes(count, mesh=None):

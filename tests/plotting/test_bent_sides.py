@@ -5,10 +5,10 @@ from helpers.meshes import disk
 from matplotlib.figure import Figure
 from skfem import MeshTri2
 
+from kohonen_adapt import Rules
 from kohonen_adapt.commands.check import outlines_described
 from kohonen_adapt.display import PARTS, divided, lattice, straight_and_curved
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.slicing import flat
 from kohonen_adapt.plotting import draw_field_lines, draw_indicators, draw_mesh, plot_outlines

@@ -12,11 +12,8 @@ from numpy.testing import assert_allclose
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt import plotting
+from kohonen_adapt import AdaptResult, Arc, Line, Pass, Status, plotting
 from kohonen_adapt.display import divided, divisions_of, lattice
-from kohonen_adapt.geometry.plane.curves import Arc, Line
-from kohonen_adapt.loop.passes import Pass, Status
-from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.magnetostatics import Arctan, Table
 from kohonen_adapt.mesh.measures import area
 

@@ -8,8 +8,8 @@ from helpers.meshes import circle, shells
 from skfem import Basis, ElementTriP1, MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.triangle.arrays import SLIDING
 from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material, radial
 from kohonen_adapt.polishing.curve_nodes import Stars

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from skfem import MeshTri
 
+from kohonen_adapt import Ritz, Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.polishing.elements import without_modes
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.loops import Higher, Linear
-from kohonen_adapt.problem.ritz import Ritz
 
 
 def opened(seed):

@@ -14,10 +14,10 @@ from skfem.models import laplace, unit_load
 
 import kohonen_adapt as ka
 from benchmarks.problems.patch_mean import PatchMeanOfOrder, PolishedPatchMeanOfOrder, patched_mesh
+from kohonen_adapt import Rules
 from kohonen_adapt.estimators import residual
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.triangle.arrays import FREE, SLIDING
 from kohonen_adapt.kernels.triangle.polish.sweep_higher import descend_nodes_higher
 from kohonen_adapt.mesh.measures import area

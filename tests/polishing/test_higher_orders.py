@@ -9,10 +9,10 @@ import kohonen_adapt as ka
 from benchmarks.problems.l_shape import l_shaped_mesh
 from benchmarks.problems.orders import problem
 from benchmarks.problems.square_magnet import magnet_mesh
+from kohonen_adapt import Ritz, Rules
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import Surgery
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.triangle.polish.energy_recycle_higher import weigh_higher
 from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
 from kohonen_adapt.mesh.polynomials import count_unknowns, evaluated, local_coefficients, modes_of
@@ -21,7 +21,6 @@ from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend
 from kohonen_adapt.polishing.transfer import transferred
 from kohonen_adapt.problem.functional_value import functional_value
-from kohonen_adapt.problem.ritz import Ritz
 
 ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}
 TABLE = 1e-9  # of a functional: what tables of laws leave out

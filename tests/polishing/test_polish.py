@@ -17,8 +17,8 @@ import kohonen_adapt as ka
 from benchmarks.problems.l_shape import l_shaped_mesh
 from benchmarks.problems.poisson_l import PoissonL
 from benchmarks.problems.square_magnet import SquareMagnet, magnet_mesh
+from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.polishing.functional import Functional

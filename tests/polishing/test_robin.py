@@ -12,9 +12,9 @@ from skfem import Basis, BilinearForm, ElementTriP1, ElementTriP2, ElementTriP3,
 from skfem.helpers import dot, grad
 
 import kohonen_adapt as ka
+from kohonen_adapt import Rules
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.curved import with_midside_offsets
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy

@@ -7,8 +7,8 @@ import pytest
 from helpers.meshes import circle, disk, shells
 
 import kohonen_adapt as ka
+from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.polishing.slivers import longest_on_arcs, shift_per_area

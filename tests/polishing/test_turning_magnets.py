@@ -9,9 +9,9 @@ from helpers.meshes import generic_square, inset, perturbed
 from helpers.tensor_meshes import disk
 
 import kohonen_adapt as ka
+from kohonen_adapt import Rules
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.arrays import FREE
 from kohonen_adapt.kernels.triangle.flip import flip_edge

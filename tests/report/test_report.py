@@ -19,7 +19,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt.loop.result import Status
+from kohonen_adapt import Status
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.slicing import flat
 from kohonen_adapt.report import write_report
