@@ -1,4 +1,4 @@
-"""Error estimates of order 4 and above, from solutions of neighbouring orders on the same mesh."""
+"""Error estimates of order 4 and above, from solutions of neighbouring orders."""
 
 import numpy as np
 

@@ -150,7 +150,7 @@ def _start_values(energy: EnergyFunctional, old: Field | None, newton: Newton) -
 
 
 def interpolated_on(elements: Elements, old: HighOrder, unknown: Floats) -> Floats:
-    """Return a function of `old` in elements of another order on the same mesh, (nunknowns,)."""
+    """Return the unknowns (nunknowns,) of a function in elements of another order."""
     result = np.empty(elements.doflocs.shape[1])
     result[elements.unknowns] = old.at_nodes(unknown, elements.order)
     return result

@@ -25,7 +25,7 @@ TERMS = 12  # terms of the series of sine and cosine, exact to rounding up to ha
 
 
 class Blended(Isoparametric):
-    """Elements of a `MeshTri` or `MeshTri2`, with arcs through the three nodes of a side.
+    """Triangles with an arc through the three nodes of a curved side.
 
     A side whose midside node is not on the perpendicular bisector of the chord is a parabola.
     """

@@ -84,9 +84,8 @@ def _legendre(degree: int, x: Floats) -> tuple[Floats, Floats]:
 def _hierarchical(barycentric: Floats, order: int) -> tuple[Floats, Floats]:
     """Return values (k, n) and slopes (k, 2, n) of the hierarchical functions.
 
-    Corners come first, then the sides opposite to corners 0, 1, 2 for every degree from 2, with Legendre polynomials
-    along the side (B. Szabo and I. Babuska, Finite Element Analysis, 1991), then the functions that vanish on all
-    sides.
+    The order is corners, then sides opposite to corners 0, 1, 2 for every degree from 2, with Legendre polynomials
+    along the side (B. Szabo and I. Babuska, Finite Element Analysis, 1991), then functions that vanish on all sides.
     """
     hats = barycentric.T
     values, slopes = [*hats], [np.repeat(slope[:, None], hats.shape[1], axis=1) for slope in SLOPES]
@@ -124,7 +123,7 @@ def _falling(order: int) -> Mask:
 
 @cache
 def _coefficients_of_values(order: int, kind: int) -> Floats:
-    # Values on the axis are those of the functions without the factor, which is 0 there.
+    # The factor is 0 on the axis, where values are taken of the functions without the factor.
     at = nodes(order)
     plain, _ = _hierarchical(at, order)
     falls, factor = _falling(order)[kind][:, None], factor_at(np.array(kind), at)
@@ -153,9 +152,9 @@ def _trace_matrix(order: int) -> Floats:
 
 
 def trace_functions(at: Floats, order: int) -> Floats:
-    """Return the Lagrange functions of a side at positions from 0 to 1, (n, order + 1).
+    """Return the Lagrange functions (n, order + 1) of a side at positions 0 to 1.
 
-    Both ends come first, as in the unknowns of facets.
+    The functions of both ends precede the others, as in the unknowns of facets.
     """
     values = legendre.legvander(2.0 * at - 1.0, order) @ _trace_matrix(order)
     return values[:, [0, order, *range(1, order)]]

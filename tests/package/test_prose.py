@@ -8,7 +8,7 @@ import kohonen_adapt
 
 FILES = sorted(Path(kohonen_adapt.__file__).parent.rglob("*.py"))
 
-DOCSTRINGS = 1384  # aim: 1250
+DOCSTRINGS = 1383  # aim: 1250
 FLAGGED = 1
 LATER = 1  # paragraphs after the first
 COMMENTS = 6

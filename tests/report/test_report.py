@@ -23,9 +23,9 @@ from kohonen_adapt import Status
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.slicing import flat
 from kohonen_adapt.report import write_report
-from kohonen_adapt.report.page import filled_page
 from kohonen_adapt.report.scene import packed
 from kohonen_adapt.report.summary import key_figures, sentences, without_folders
+from kohonen_adapt.report.writing import filled_page
 
 PNG = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="

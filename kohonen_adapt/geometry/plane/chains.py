@@ -50,7 +50,9 @@ LONGEST = 1.5  # maximum facet of a coarse arc that is user-defined or has midsi
 SAMPLES = (8, 512)  # samples of a curve per facet, at first and at most
 POSITION, DERIVATIVE = slice(AT_X, AT_Y + 1), slice(RATE_X, RATE_Y + 1)  # columns of knots
 SPANS = 4  # spans of a table between a corner node and a midside node
-MOST_SHIFT = 0.25  # maximum offset of a midside node along the chord, relative to it: a larger one inverts the element
+MOST_SHIFT = (
+    0.25  # maximum offset of a midside node along the chord, relative to the chord: a larger offset inverts the element
+)
 FINE = 1e-10  # maximum distance of a spline from its curve, relative to the size of the curve
 
 

@@ -154,7 +154,7 @@ def coefficients(
     ampere_turns: Mapping[str, float] | None = None,
     size: Callable[[Mesh], Floats] = area,
 ) -> Coefficients:
-    """Return the coefficients, with the currents of coils from the areas that `size` returns."""
+    """Return the coefficients, with areas of coils as `size` returns them."""
     material_index, values = material_of_elements(mesh, materials), list(materials.values())
     reluctivity = np.array([material.reluctivity for material in values])[material_index]
     current_density = np.array([material.current_density for material in values])[material_index]
