@@ -10,10 +10,6 @@ from scipy.sparse.linalg import spsolve
 from skfem import Basis, BilinearForm, ElementTriP0, ElementTriP1, LinearForm, MeshQuad, MeshTri, MeshTri2
 from skfem.helpers import dot, grad
 
-import kohonen_adapt as ka
-from benchmarks.problems import c_core
-from benchmarks.problems.cases import cases
-from benchmarks.problems.square_magnet import SquareMagnet
 from kohonen_adapt.estimators import equilibrated, equilibrated_flux
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.measures import area
@@ -215,39 +211,6 @@ def test_indicators_scale_as_the_energy_norm_does():
 
 
 # --- effectivity -------------------------------------------------------------------------------------------------
-
-CASES = [case for letter in "LMCF" for case in cases(letter, quick=True)]
-
-
-def benchmark_data(problem, mesh):
-    """Reluctivity, source, flux, and the reference energy of a relative error, of the problems of the benchmarks."""
-    ones = np.ones(mesh.t.shape[1])
-    if isinstance(problem, SquareMagnet):
-        ritz = problem.ritz(mesh, np.zeros(mesh.p.shape[1]))
-        coefficient, flux = np.asarray(ritz.coefficient), np.asarray(ritz.flux)
-        reference = 0.113491130 if problem.iron else 0.090837036
-        return coefficient[ritz.region], 0 * ones, flux[:, ritz.region], reference
-    if isinstance(problem, c_core.CCore):
-        return c_core.reluctivity(mesh), 0 * ones, c_core.flux(mesh), c_core.REFERENCE_ENERGY
-    source = ones if type(problem).__name__ == "PoissonL" else 0 * ones
-    return ones, source, np.zeros((2, ones.size)), 1.0
-
-
-def effectivity(problem, mesh):
-    potential = problem.solve(mesh)
-    reluctivity, source, flux, reference = benchmark_data(problem, mesh)
-    estimate = equilibrated(mesh, potential, reluctivity, source=source, flux=flux)
-    return np.linalg.norm(estimate) / (problem.error(mesh, potential) * np.sqrt(reference))
-
-
-@pytest.mark.parametrize("topology", ["as it was", "recycle", "fixed"])
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_effectivity_on_the_benchmarks(case, topology):
-    """Corner singularities, magnets, iron of permeability 1000, a source; uniform, adapted, and badly shaped meshes."""
-    mesh = case.start()
-    if topology != "as it was":
-        mesh = ka.adapt(mesh, case.problem, passes=2, topology=topology).mesh
-    assert 1.0 <= effectivity(case.problem, mesh) < 1.35
 
 
 def test_effectivity_with_a_source():

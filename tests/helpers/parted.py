@@ -8,9 +8,8 @@ from skfem import MeshTri
 from skfem.models.poisson import laplace, unit_load
 
 import kohonen_adapt as ka
-from benchmarks.problems.l_shape import l_shaped_mesh
-from benchmarks.problems.orders import problem
-from helpers.meshes import BOTH, cell, inset, peak, ring
+from helpers.meshes import BOTH, cell, inset, l_shape, peak, ring
+from helpers.scalar_problems import loaded
 from helpers.solids import box
 
 
@@ -72,11 +71,11 @@ def recycled_by_energy():
 
 
 def of_order_2():
-    return ka.adapt(l_shaped_mesh(24), problem("F", 2), passes=1).mesh
+    return ka.adapt(l_shape(24), loaded(2), passes=1).mesh
 
 
 def of_order_3():
-    return ka.adapt(l_shaped_mesh(24), problem("F", 3), passes=1).mesh
+    return ka.adapt(l_shape(24), loaded(3), passes=1).mesh
 
 
 def refused():

@@ -5,11 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers.meshes import area_of, inset, l_shape, length_of
+from helpers.scalar_problems import magnet, magnet_mesh
 from skfem import Basis, ElementTriP1, MeshTri, condense, solve
 from skfem.models.poisson import laplace, unit_load
 
 import kohonen_adapt as ka
-from benchmarks.problems.square_magnet import SquareMagnet, magnet_mesh
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.problem.functional_value import functional_value
 
@@ -109,7 +109,7 @@ def test_the_default_recycles_and_counts():
 
 def test_density_recycles_in_three_passes_and_energy_in_all():
     """From the fourth on the map trains on nodes that the energy alone has put where they are."""
-    result = ka.adapt(magnet_mesh(20, True), SquareMagnet(True), passes=5)
+    result = ka.adapt(magnet_mesh(20), magnet(), passes=5)
     splits = [step.splits for step in result.history]
     assert splits[1] > splits[2] > splits[3] > sum(splits[4:])
     assert all(step.quantization_errors and step.splits == step.collapses for step in result.history[1:])

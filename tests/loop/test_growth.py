@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.meshes import l_shape
+from helpers.scalar_problems import Corner
 from hypothesis import given
 from hypothesis import strategies as st
 
 import kohonen_adapt as ka
-from benchmarks.problems.l_shape import LShape
-from benchmarks.problems.orders import LaplaceOnL
 from kohonen_adapt.loop.growth import MAX_LAST_FACTOR, MIN_PLACING_NODES, Growth
 
 
@@ -18,15 +17,15 @@ class Plain:
     """Laplace on the L-shape without a functional."""
 
     def __init__(self):
-        problem = LShape()
+        problem = Corner()
         self.solve, self.indicators = problem.solve, problem.indicators
 
 
-class Varying(LShape):
+class Varying(Corner):
     """The same with a functional whose coefficient is told for every other element on its own."""
 
     def ritz(self, mesh, solution):
-        return replace(super().ritz(mesh, solution), coefficient=np.ones(2), region=np.arange(mesh.t.shape[1]) % 2)
+        return replace(super().ritz(mesh, solution), coefficient=np.ones(2), flux=0.0, region=np.arange(mesh.nelements) % 2)
 
 
 @given(st.integers(1, 10**6), st.integers(0, 10**7), st.integers(0, 12), st.booleans())
@@ -54,12 +53,12 @@ def test_without_a_target_nodes_stay_as_many():
 @pytest.mark.parametrize(
     ("problem", "options", "before_last"),
     [
-        (LShape(), {}, 500),
-        (LShape(), {"topology": "flip"}, 500),
-        (LShape(), {"polish": False}, 900),
+        (Corner(), {}, 500),
+        (Corner(), {"topology": "flip"}, 500),
+        (Corner(), {"polish": False}, 900),
         (Plain(), {}, 900),
         (Varying(), {}, 900),
-        (LaplaceOnL(2), {}, 900),
+        (Corner(2), {}, 900),
     ],
     ids=["polished", "flip", "not polished", "without a functional", "not to be polished", "of order 2"],
 )
@@ -70,7 +69,7 @@ def test_what_a_polish_puts_right_may_come_last(problem, options, before_last):
 
 
 def test_a_pass_over_all_nodes_more_takes_off_a_hundredth():
-    problem = LShape()
+    problem = Corner()
     grown = ka.adapt(l_shape(2), problem, passes=3, target_nodes=2000)
     more = ka.adapt(grown.mesh, problem, passes=1)
     least = ka.adapt(more.mesh, problem, passes=1)

@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import perturbed
+from helpers.meshes import l_shape, perturbed
+from helpers.scalar_problems import Corner, loaded, magnet, magnet_mesh
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 
 import kohonen_adapt as ka
-from benchmarks.problems.l_shape import l_shaped_mesh
-from benchmarks.problems.orders import problem
-from benchmarks.problems.square_magnet import magnet_mesh
 from kohonen_adapt import Ritz, Rules
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
@@ -25,7 +23,8 @@ from kohonen_adapt.problem.functional_value import functional_value
 ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}
 TABLE = 1e-9  # of a functional: what tables of laws leave out
 each_order = pytest.mark.parametrize("order", (2, 3))
-MESHES = {"L": lambda: l_shaped_mesh(6), "F": lambda: l_shaped_mesh(6), "M": lambda: magnet_mesh(20, True)}
+MESHES = {"L": lambda: l_shape(6), "F": lambda: l_shape(6), "M": lambda: magnet_mesh(20)}
+PROBLEMS = {"L": Corner, "F": loaded, "M": magnet}
 each_problem = pytest.mark.parametrize("letter", MESHES)
 
 
@@ -73,7 +72,7 @@ class Setting:
 
 
 def at(letter, order):
-    return Setting(MESHES[letter](), problem(letter, order, iron=letter == "M"))
+    return Setting(MESHES[letter](), PROBLEMS[letter](order))
 
 
 @pytest.mark.parametrize("order", (1, 2, 3))
@@ -92,7 +91,7 @@ def test_coefficients_are_those_of_scikit_fem(order):
 @each_order
 @each_problem
 def test_the_functional_is_that_of_scikit_fem(letter, order):
-    mesh, given = MESHES[letter](), problem(letter, order, iron=letter == "M")
+    mesh, given = MESHES[letter](), PROBLEMS[letter](order)
     solution = given.solve(mesh)
     ritz = given.ritz(mesh, solution)
     # a solution with values given to be 0 has twice its functional for energy, with the sign turned
@@ -147,7 +146,7 @@ def test_edges_with_values_given_linearly_are_split_where_that_gains(order):
 
 @each_order
 def test_what_splits_offer_is_about_what_is_left(order):
-    mesh, given = l_shaped_mesh(6), problem("F", order)
+    mesh, given = l_shape(6), loaded(order)
     mesh = ka.adapt(mesh, given, passes=2).mesh
     offered = recycle_by_energy(*taken(Setting(mesh, given))).offered
     assert 0.5 <= offered / (0.5 * given.error(mesh, given.solve(mesh)) ** 2) <= 4.0
@@ -156,7 +155,7 @@ def test_what_splits_offer_is_about_what_is_left(order):
 @pytest.mark.parametrize("order", [2, 3])
 def test_what_was_in_memory_before_has_no_say(order):
     """A collapse costs the same, whatever other nodes, or nobody, have left in the room of a thread."""
-    movable, functional, trial, recycled = taken(Setting(perturbed(l_shaped_mesh(3), 1), problem("F", order)))
+    movable, functional, trial, recycled = taken(Setting(perturbed(l_shape(3), 1), loaded(order)))
     mesh = Surgery.on(movable, np.ones(movable.nnodes), movable.nnodes, recycled).mesh
     offers = offers_of(movable, functional, trial.fixed, mesh)
     loops = functional.loops(movable, with_spare_rows(trial, len(mesh.position), len(mesh.elements.node)), mesh)
@@ -177,7 +176,7 @@ def taken(setting):
 
 
 def test_two_passes_are_nearly_as_good_as_four():
-    mesh, given, errors = l_shaped_mesh(6), problem("L", 3), []
+    mesh, given, errors = l_shape(6), Corner(3), []
     for seed in range(3):
         history = ka.adapt(mesh, given, passes=4, seed=seed).history
         errors.append([given.error(done.mesh, given.solve(done.mesh)) for done in (history[2], history[-1])])
@@ -232,7 +231,7 @@ def test_a_polynomial_that_the_elements_have_is_carried_as_it_is(order):
     ("letter", "order", "squares", "target"), [("L", 2, 8, 0.0040), ("F", 2, 16, 0.00096), ("L", 3, 10, 2.6e-4)]
 )
 def test_four_passes_reach_the_optimal_rate_at_a_corner(letter, order, squares, target):
-    mesh, given = l_shaped_mesh(squares), problem(letter, order)
+    mesh, given = l_shape(squares), PROBLEMS[letter](order)
     errors = []
     for seed in range(5):
         result = ka.adapt(mesh, given, passes=4, seed=seed)

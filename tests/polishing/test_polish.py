@@ -7,6 +7,7 @@ import pytest
 from helpers.alternatives import ritz_solution
 from helpers.examples import examples
 from helpers.meshes import area_of, generic_square, inset, junction, l_shape, length_of, named, perturbed, slit, square
+from helpers.scalar_problems import loaded, magnet, magnet_mesh
 from hypothesis import given
 from hypothesis import strategies as st
 from skfem import Basis, ElementTriP1, MeshQuad, MeshTri, condense, solve
@@ -14,9 +15,6 @@ from skfem.generic_utils import OrientedBoundary
 from skfem.models.poisson import laplace
 
 import kohonen_adapt as ka
-from benchmarks.problems.l_shape import l_shaped_mesh
-from benchmarks.problems.poisson_l import PoissonL
-from benchmarks.problems.square_magnet import SquareMagnet, magnet_mesh
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
@@ -93,9 +91,9 @@ def test_the_functional_of_the_next_solution_has_not_grown(name, seed, contrast,
 @pytest.mark.parametrize(
     "build, problem",
     [
-        (lambda: magnet_mesh(20, False), SquareMagnet(False)),
-        (lambda: magnet_mesh(20, True), SquareMagnet(True)),
-        (lambda: l_shaped_mesh(8), PoissonL()),
+        (lambda: magnet_mesh(20, False), magnet(iron=False)),
+        (lambda: magnet_mesh(20, True), magnet()),
+        (lambda: l_shape(8), loaded()),
     ],
     ids=["magnet", "magnet over iron", "example 22"],
 )

@@ -2,19 +2,23 @@
 
 import numpy as np
 import pytest
+from helpers.scalar_problems import Gaussians
 from skfem import MeshTri, MeshTri2
 
 import kohonen_adapt as ka
-from benchmarks.problems.gaussian_sources import GaussianSources
 from kohonen_adapt.problem.functional_value import functional_value
 
-PROBLEM = GaussianSources(np.array([[0.3, 0.4], [0.8, 0.7]]), np.array([0.15, 0.3]))
+PROBLEM = Gaussians(np.array([[0.3, 0.4], [0.8, 0.7]]), np.array([0.15, 0.3]))
 LINE = np.linspace(0.0, 1.0, 14)
 SQUARE = MeshTri.init_tensor(LINE, LINE).with_boundaries({"right": lambda x: x[0] == 1.0})
 
 
 def of_order(order, natural=""):
-    return GaussianSources(PROBLEM.centres, PROBLEM.widths, order, natural)
+    return Gaussians(PROBLEM.centres, PROBLEM.widths, order, natural)
+
+
+def error(problem, mesh, exact):
+    return np.sqrt(max(0.0, exact - problem.energy(mesh, problem.order)))
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
@@ -32,7 +36,7 @@ def test_the_polish_lowers_the_error_by_a_tenth_and_more(order, natural):
     exact = problem.energy(SQUARE.refined(2), 3)
     better = ka.polish(SQUARE, problem)
     assert better.nvertices == SQUARE.nvertices
-    assert problem.error(better, exact) < 0.9 * problem.error(SQUARE, exact)
+    assert error(problem, better, exact) < 0.9 * error(problem, SQUARE, exact)
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
@@ -43,11 +47,11 @@ def test_adapt_recycles_nodes_by_it_and_compares_passes(order):
     assert result.error is None and not any(step.unpolished for step in result.history)
     assert all(step.polish_gain > 0.0 for step in result.history[1:])
     assert result.best.functional == min(step.functional for step in result.history)
-    assert problem.error(result.mesh, exact) < (0.75, 0.75, 0.9)[order - 1] * problem.error(SQUARE, exact)
+    assert error(problem, result.mesh, exact) < (0.75, 0.75, 0.9)[order - 1] * error(problem, SQUARE, exact)
 
 
 def test_a_constant_and_a_function_of_that_value_come_to_the_same():
-    class Constant(GaussianSources):
+    class Constant(Gaussians):
         def source(self, x, region=None):
             return np.ones_like(x[0])
 
@@ -72,7 +76,7 @@ def test_a_constant_and_a_function_of_that_value_come_to_the_same():
     ],
 )
 def test_functions_that_return_something_else(source, message):
-    class Wrong(GaussianSources):
+    class Wrong(Gaussians):
         def ritz(self, mesh, solution):
             return ka.Ritz(solution, self.fixed(self.basis(mesh, 1)), 1.0, source)
 
@@ -83,7 +87,7 @@ def test_functions_that_return_something_else(source, message):
 def test_the_region_numbers_are_those_of_the_points():
     line, seen = np.linspace(0.0, 1.0, 13), []
 
-    class Parted(GaussianSources):
+    class Parted(Gaussians):
         def ritz(self, mesh, solution):
             region = np.isin(np.arange(mesh.nelements), mesh.subdomains["b"]).astype(int)
 

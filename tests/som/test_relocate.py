@@ -22,11 +22,11 @@ from helpers.meshes import (
     slit,
     square,
 )
+from helpers.scalar_problems import Corner
 from helpers.stand_ins import Script
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from benchmarks.problems.l_shape import LShape, l_shaped_mesh
 from kohonen_adapt import Rules, Schedule, Stage
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -276,9 +276,9 @@ def test_a_density_counts_up_to_a_factor_that_is_a_power_of_two():
 
 @pytest.mark.slow
 def test_eight_calls_each_on_a_fresh_estimate_end_no_worse_than_four():
-    problem, errors = LShape(), []
+    problem, errors = Corner(), []
     for seed in range(3):
-        mesh, trail = l_shaped_mesh(8), []
+        mesh, trail = l_shape(8), []
         for number in range(9):
             solution = problem.solve(mesh)
             trail.append(problem.error(mesh, solution))

@@ -1,0 +1,157 @@
+"""Scalar problems of orders 1 to 3 in the plane, assembled by scikit-fem: a load, a corner, a square magnet."""
+
+import numpy as np
+from skfem import (
+    Basis,
+    BilinearForm,
+    ElementTriP0,
+    ElementTriP1,
+    ElementTriP2,
+    ElementTriP3,
+    ElementTriP4,
+    FacetBasis,
+    LinearForm,
+    MeshTri,
+    condense,
+    solve,
+)
+from skfem.helpers import dot, grad
+
+import kohonen_adapt as ka
+
+ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}
+MAGNET_ENERGY = {False: 0.0908370426, True: 0.1134912582}  # without and with iron: P2 on bisected meshes, extrapolated
+LOAD_ENERGY = 0.2140758027  # on the L-shape, likewise
+CORNER_ENERGY = 1.8362266618751626
+
+stiffness = BilinearForm(lambda u, v, w: w["nu"] * dot(grad(u), grad(v)))
+pull = LinearForm(lambda v, w: w["gx"] * grad(v)[0] + w["gy"] * grad(v)[1])
+
+
+class Scalar:
+    """-div(nu grad u - g) = f, u given all round but on the `natural` boundary.
+
+    `parts` has nu and g of subdomains; elsewhere they are 1 and 0. `energy` is a(u, u) of
+    the exact solution. Indicators are the distance from the solution of the next order.
+    """
+
+    def __init__(self, order=1, parts=(), source=0.0, energy=None, natural=""):
+        self.order, self.parts, self.load, self.exact, self.natural = order, dict(parts), source, energy, natural
+
+    def given(self, x):
+        return np.zeros(x.shape[1])
+
+    def source(self, x, region=None):
+        return np.full(x.shape[1:], self.load)
+
+    def region(self, mesh):
+        numbers = np.zeros(mesh.nelements, dtype=int)
+        for number, name in enumerate(self.parts, 1):
+            numbers[mesh.subdomains[name]] = number
+        return numbers
+
+    def tables(self):
+        rows = [(1.0, (0.0, 0.0)), *self.parts.values()]
+        return np.array([nu for nu, _ in rows]), np.array([g for _, g in rows]).T
+
+    def basis(self, mesh, order):
+        return Basis(mesh, ELEMENTS[order](), intorder=2 * order + 4 * callable(self.load))
+
+    def fixed(self, basis):
+        facets = basis.mesh.boundary_facets()
+        if self.natural:
+            facets = np.setdiff1d(facets, basis.mesh.boundaries[self.natural])
+        return np.isin(np.arange(basis.N), basis.get_dofs(facets).flatten())
+
+    def matrix(self, basis):
+        return stiffness.assemble(basis, nu=self._constant(basis, self.tables()[0]))
+
+    def solve(self, mesh):
+        return self.solved(mesh, self.order)
+
+    def solved(self, mesh, order):
+        basis = self.basis(mesh, order)
+        gx, gy = (self._constant(basis, each) for each in self.tables()[1])
+        right = pull.assemble(basis, gx=gx, gy=gy) + LinearForm(lambda v, w: self.source(w.x) * v).assemble(basis)
+        fixed = np.flatnonzero(self.fixed(basis))
+        start = np.zeros(basis.N)
+        start[fixed] = self.given(basis.doflocs[:, fixed])
+        return solve(*condense(self.matrix(basis), right, x=start, D=fixed))
+
+    def _constant(self, basis, table):
+        return basis.with_element(ElementTriP0()).interpolate(table[self.region(basis.mesh)])
+
+    def indicators(self, mesh, solution):
+        basis = self.basis(mesh, self.order + 1)
+        finer = basis.interpolate(self.solved(mesh, self.order + 1)).grad
+        coarse = basis.with_element(ELEMENTS[self.order]()).interpolate(solution).grad
+        squares = np.sum(np.sum((finer - coarse) ** 2, axis=0) * basis.dx, axis=1)
+        return np.sqrt(self.tables()[0][self.region(mesh)] * squares)
+
+    def energy_norm(self, mesh, solution):
+        return float(np.sqrt(solution @ self.matrix(self.basis(mesh, self.order)) @ solution))
+
+    def energy(self, mesh, order):
+        solution = self.solved(mesh, order)
+        return float(solution @ self.matrix(self.basis(mesh, order)) @ solution)
+
+    def error(self, mesh, solution):
+        """In the energy norm: the energy of a Galerkin solution falls short by its square."""
+        return float(np.sqrt(abs(self.exact - self.energy_norm(mesh, solution) ** 2)))
+
+    def ritz(self, mesh, solution):
+        nu, g = self.tables()
+        fixed, region = self.fixed(self.basis(mesh, self.order)), self.region(mesh)
+        return ka.Ritz(solution, fixed, nu, self.load, flux=g, region=region, order=self.order)
+
+
+class Corner(Scalar):
+    """Laplace on the L-shape with the exact solution r^(2/3) sin(2 theta / 3)."""
+
+    def __init__(self, order=1):
+        super().__init__(order, energy=CORNER_ENERGY)
+
+    def given(self, x):
+        z = (x[0] + 1j * x[1]) * np.exp(-0.75j * np.pi)  # the branch cut lies outside
+        return (np.exp(0.5j * np.pi) * np.power(z, 2 / 3)).imag
+
+    def error(self, mesh, solution):
+        """By Green's formula, as values given are interpolated: (grad u, grad u_h) is an integral over the outline."""
+        outline = FacetBasis(mesh, ELEMENTS[self.order](), intorder=14)
+        x, values = np.asarray(outline.global_coordinates()), np.asarray(outline.interpolate(solution))
+        turn = np.exp(-0.75j * np.pi)
+        slope = 2 / 3 * turn * (turn * (x[0] + 1j * x[1])) ** (-1 / 3)
+        along = slope.real * outline.normals[0] - slope.imag * outline.normals[1]
+        both = float(np.sum(np.where(values == 0.0, 0.0, along * values) * outline.dx))  # 0 beside the corner
+        return float(np.sqrt(abs(self.exact - 2.0 * both + self.energy_norm(mesh, solution) ** 2)))
+
+
+def loaded(order=1):
+    """-lap u = 1 on the L-shape."""
+    return Scalar(order, source=1.0, energy=LOAD_ENERGY)
+
+
+def magnet(order=1, iron=True):
+    """A square magnet, over iron or alone, on `magnet_mesh`."""
+    parts = {"magnet": (1.0, (-1.0, 0.0))} | ({"iron": (1e-3, (0.0, 0.0))} if iron else {})
+    return Scalar(order, parts, energy=MAGNET_ENERGY[iron])
+
+
+def magnet_mesh(n, iron=True):
+    """(-1, 1)^2 in n x n squares; n a multiple of 20 puts every interface on grid lines."""
+    parts = {"magnet": lambda x: (abs(x[0]) < 0.3) & (abs(x[1]) < 0.2)}
+    if iron:
+        parts["iron"] = lambda x: (abs(x[0]) < 0.5) & (abs(x[1] + 0.4) < 0.2)
+    return MeshTri.init_tensor(*[np.linspace(-1.0, 1.0, n + 1)] * 2).with_subdomains(parts)
+
+
+class Gaussians(Scalar):
+    """-lap u = sum exp(-|x - c|^2 / s^2)."""
+
+    def __init__(self, centres, widths, order=1, natural=""):
+        self.centres, self.widths = centres, widths
+        super().__init__(order, source=self.source, natural=natural)
+
+    def source(self, x, region=None):
+        pairs = zip(self.centres, self.widths, strict=True)
+        return sum(np.exp(-((x[0] - c[0]) ** 2 + (x[1] - c[1]) ** 2) / s**2) for c, s in pairs)
