@@ -8,9 +8,9 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from helpers.magnet_solids import blocks
 
 import kohonen_adapt as ka
-from benchmarks.problems.magnets_in_space import blocks
 from kohonen_adapt.cases import fitting_mesh, read_case
 from kohonen_adapt.commands import main as cli
 from kohonen_adapt.magnetostatics import Force, MagneticScalarPotential, Magnetostatics, Material, StoredEnergy, Torque

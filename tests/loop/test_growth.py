@@ -25,7 +25,9 @@ class Varying(Corner):
     """The same with a functional whose coefficient is told for every other element on its own."""
 
     def ritz(self, mesh, solution):
-        return replace(super().ritz(mesh, solution), coefficient=np.ones(2), flux=0.0, region=np.arange(mesh.nelements) % 2)
+        return replace(
+            super().ritz(mesh, solution), coefficient=np.ones(2), flux=0.0, region=np.arange(mesh.nelements) % 2
+        )
 
 
 @given(st.integers(1, 10**6), st.integers(0, 10**7), st.integers(0, 12), st.booleans())

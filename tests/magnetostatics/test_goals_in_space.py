@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.magnet_solids import blocks, graded
 
 import kohonen_adapt as ka
-from benchmarks.problems.magnets_in_space import blocks, graded
 from kohonen_adapt.magnetostatics import (
     FluxLinkage,
     Force,

@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.magnet_solids import blocks, dipole, graded, nested_balls
+from helpers.sheets import MU0
 from helpers.solids import box
 from scipy.optimize import brentq
 from skfem import MeshTet, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
-from benchmarks.problems.magnets_in_space import MU0, blocks, dipole, graded, nested_balls
 from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Magnetostatics, Material, radial
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.system import Solver

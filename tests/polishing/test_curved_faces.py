@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from helpers.diffusion_solids import Diffusion, Rising
+from helpers.magnet_solids import nested_balls
 from helpers.meshes import disk
 from helpers.solids import extruded, volumes
 from skfem import MeshTet
 
 import kohonen_adapt as ka
-from benchmarks.problems.magnets_in_space import nested_balls
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.arrays import KernelMesh
