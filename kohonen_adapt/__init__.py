@@ -1,6 +1,7 @@
 """Adaptive finite elements for scikit-fem, with nodes moved by a Kohonen map."""
 
 from kohonen_adapt import estimators
+from kohonen_adapt.geometry.plane.corner_layers import refined_at
 from kohonen_adapt.geometry.plane.curves import Arc, Line
 from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.geometry.rules import Rules
@@ -62,6 +63,7 @@ __all__ = [
     "read_field",
     "read_groups",
     "read_mesh",
+    "refined_at",
     "relocate",
     "sweep",
     "turned",
