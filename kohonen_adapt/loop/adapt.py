@@ -1,6 +1,7 @@
 """Adaptive loop of solving, estimating, relocating and polishing."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from typing import Any
 
@@ -14,6 +15,7 @@ from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.dimension import method_of
+from kohonen_adapt.loop.final_order import at_final_order
 from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.history import History
 from kohonen_adapt.loop.method import Method
@@ -26,6 +28,7 @@ from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.evaluation import Output, check_outputs, curves_of
+from kohonen_adapt.problem.orders import at_order_of_passes, has_final_order
 from kohonen_adapt.problem.protocol import Problem, check_problem, is_curved, nodes_of_problem, order_of, pairs_of
 from kohonen_adapt.som.schedule import Schedule
 
@@ -188,20 +191,23 @@ def adapt(
     """
     stop, steps = StopTest(passes, rtol, atol, output_rtol, callback), Steps(progress)
     check_problem(problem, rtol)
+    raises_order, of_passes = has_final_order(problem), at_order_of_passes(problem)
     check_mesh(mesh, curved=True, inverted=True, space=True)
     method = method_of(mesh)
     all_curves, pairs = curves_of(problem, mesh, curves), pairs_of(problem) if periodic is None else periodic
     rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, all_curves, pairs, layers, surfaces)
     check_for(rules, method.dim)
     rules = with_pinned(rules.guarded(), nodes_of_problem(problem, mesh))
-    growth = Growth.of(int(mesh.nvertices), target_nodes, passes, polish and method.corrects(problem))
+    growth = Growth.of(int(mesh.nvertices), target_nodes, passes, polish and method.corrects(of_passes))
     settings = Settings(rules, schedule, seed, polish, growth, check_outputs(outputs, output_rtol), rtol)
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)
-    movable = method.open(mesh, rules, is_curved(problem))
+    movable = method.open(mesh, rules, is_curved(of_passes))
     passes_on_disk = Checkpoint.at(checkpoint, mesh, problem, settings)
-    expect_kernels(method, problem, settings)
-    adaptation = Adaptation(problem, method, movable, settings, steps, order_of(problem))
-    return run_loop(adaptation, History(adaptation, stop, passes_on_disk, interim))
+    expect_kernels(method, of_passes, settings)
+    adaptation = Adaptation(of_passes, method, movable, settings, steps, order_of(of_passes))
+    stop_of_passes = replace(stop, rtol=None, atol=None) if raises_order else stop
+    result = run_loop(adaptation, History(adaptation, stop_of_passes, passes_on_disk, interim))
+    return at_final_order(result, problem, adaptation, stop) if raises_order else result
 
 
 def expect_kernels(method: Method, problem: Problem, settings: Settings) -> None:

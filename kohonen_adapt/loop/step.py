@@ -34,7 +34,7 @@ from kohonen_adapt.problem.protocol import NotOffered, Problem, goal_unit_of, is
 from kohonen_adapt.som.density import equidistributing
 from kohonen_adapt.som.relocation_record import Moved
 
-__all__ = ["UNSOLVED", "Adaptation", "Solved", "functional_of"]
+__all__ = ["UNSOLVED", "Adaptation", "Solved", "functional_of", "root_of_squares"]
 
 GROWING_ENTRIES = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
 
@@ -125,7 +125,7 @@ class Adaptation:
             goal=goal,
             goal_unit="" if goal is None else goal_unit_of(self.problem),
             sagitta=self.movable.sagitta(),
-            outputs=self._outputs(solution),
+            outputs=self.outputs(solution),
             seconds=self.steps.seconds,  # last, because outputs add their time
         )
         return Solved(record, solution, functional)
@@ -181,7 +181,7 @@ class Adaptation:
             return None, None, "polish=False"
         return functional_of(self.problem, self.method, self.movable, mesh, solution, share)
 
-    def _outputs(self, solution: Any) -> dict[str, float]:
+    def outputs(self, solution: Any) -> dict[str, float]:
         values = {}
         for name, function in self.settings.outputs.items():
             with self.steps("estimate", f"output {name!r}"):

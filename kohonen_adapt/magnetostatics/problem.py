@@ -116,11 +116,12 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
     """
 
     method: ClassVar[Newton] = Newton()  # subclasses may override
+    orders: ClassVar[tuple[int, int]] = (1, 8)
 
-    def solve(self, mesh: MeshTri) -> Field:
-        return solution_of(self._energy_on(mesh), self.depth, None, self.method)
+    def solve(self, mesh: MeshTri, *, order: int | None = None) -> Field:
+        return solution_of(self._energy_on(mesh, order), self.depth, None, self.method)
 
-    def solve_from(self, mesh: MeshTri, old_mesh: MeshTri, old_field: Field) -> Field:
+    def solve_from(self, mesh: MeshTri, old_mesh: MeshTri, old_field: Field, *, order: int | None = None) -> Field:
         """Solve like `solve`, starting from a solution on another mesh.
 
         The start saves steps of Newton's method. Linear problems do not use it.
@@ -131,23 +132,26 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
             As in `solve`.
         old_mesh, old_field
             Another mesh, and the field that `solve` returned for it.
+        order
+            Order of the elements in place of that of the problem.
 
         Returns
         -------
         Field
             As in `solve`, with the same errors raised.
         """
-        return solution_of(self._energy_on(mesh), self.depth, old_field, self.method)
+        return solution_of(self._energy_on(mesh, order), self.depth, old_field, self.method)
 
     def check(self, mesh: MeshTri) -> None:
         self._energy_on(mesh)
 
-    def _energy_on(self, mesh: MeshTri) -> EnergyFunctional:
-        check_plane_mesh(mesh, curved=self.order > 1)
+    def _energy_on(self, mesh: MeshTri, order: int | None = None) -> EnergyFunctional:
+        order = self.order if order is None else order
+        check_plane_mesh(mesh, curved=order > 1)
         symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
-        size = exact_area if self.order > BY_PARABOLAS else area
+        size = exact_area if order > BY_PARABOLAS else area
         material = coefficients(mesh, self.materials, self.ampere_turns, size)
-        elements = elements_on(mesh, self.order, symmetry, material.nonlinear)
+        elements = elements_on(mesh, order, symmetry, material.nonlinear)
         return EnergyFunctional(elements, symmetry, material, conditions_of(elements, self.boundaries, symmetry))
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Ints
-from kohonen_adapt.checks import checked_points
+from kohonen_adapt.checks import checked_points, is_count
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.names import nodes_of_points
 
@@ -26,13 +26,15 @@ __all__ = [
     "norm_of",
     "optional_method",
     "order_of",
+    "orders_of",
     "pairs_of",
     "points_of",
 ]
 
 
 ATTRIBUTES = {
-    "order": "the degree of its elements, 1 to 4",
+    "orders": "the lowest and the highest degree of its elements, (1, 4) for instance, or None",
+    "order": "the degree of its elements, from 1 to 4 or within its orders",
     "norm": "'energy' or 'L2'",
     "calibrated": "True or False",
     "curved": "True, False or None",
@@ -77,6 +79,7 @@ class Problem(Protocol):
     Optional name                                 Meaning
     ============================================  ====================================================================
     ``order = 1``                                 degree of the elements, 1 to 4
+    ``orders = None``                             lowest and highest order that ``solve(mesh, order=...)`` takes
     ``norm = "energy"``                           norm of the error to reduce, "energy" or "L2"
     ``calibrated = False``                        True if the estimate is close to the error, see below
     ``curved = None``                             True for curved sides, False for straight sides, see below
@@ -124,6 +127,16 @@ class Problem(Protocol):
 
 def order_of(problem: Problem) -> int:
     return getattr(problem, "order", 1)
+
+
+def orders_of(problem: Problem) -> tuple[int, int] | None:
+    """Return the lowest and the highest order that ``solve`` takes, None for a single order."""
+    return getattr(problem, "orders", None)
+
+
+def are_orders(value: object) -> bool:
+    pair = value is None or (isinstance(value, tuple | list) and len(value) == 2 and all(map(is_count, value)))
+    return pair and (value is None or 1 <= value[0] <= value[1])  # type: ignore[index]
 
 
 def norm_of(problem: Problem) -> str:
@@ -178,12 +191,14 @@ def check_names(problem: Problem) -> None:
                 f"{name} of the problem must be a method {name}({arguments}); {kind} has a {type(value).__name__} of "
                 "this name. Rename an attribute with another purpose."
             )
+    lowest, highest = (orders_of(problem) if are_orders(orders_of(problem)) else None) or (1, 4)
     valid = {
         "pairs": isinstance(pairs_of(problem), tuple | list),
         "norm": norm_of(problem) in ("energy", "L2"),
         "calibrated": isinstance(is_calibrated(problem), bool),
         "curved": isinstance(is_curved(problem), bool | None),
-        "order": order_of(problem) in (1, 2, 3, 4) and not isinstance(order_of(problem), bool),
+        "orders": are_orders(orders_of(problem)),
+        "order": is_count(order_of(problem)) and lowest <= order_of(problem) <= highest,
     }
     for name, is_valid in valid.items():
         if not is_valid:

@@ -54,12 +54,8 @@ def materials_of(mesh: MeshTri, ritz: Ritz) -> Ints:
     columns.append(np.array([laws[id(law)] for law in ritz.laws] or [0] * regions, dtype=float))
     if callable(ritz.flux):
         columns.append(np.arange(regions, dtype=float))
-    else:
-        columns += [
-            *np.broadcast_to(
-                np.asarray(ritz.flux, dtype=float).reshape(-1, 1 if np.ndim(ritz.flux) < 2 else regions), (2, regions)
-            )
-        ]
+    elif np.ndim(ritz.flux) == 2:
+        columns += [*np.asarray(ritz.flux, dtype=float)]
     return np.unique(np.stack(columns), axis=1, return_inverse=True)[1].ravel()[region]
 
 
@@ -95,7 +91,7 @@ def candidates(shape: Blended, lines: Lines) -> Ints:
 
 
 def is_singular(shape: Blended, ritz: Ritz, material: Ints, lines: Lines, node: int) -> bool:
-    element, k = np.nonzero(node == shape.t.T)
+    element, k = np.nonzero(np.equal(shape.t.T, node))
     start, end = (shape.p[:, shape.t.T[element, np.take(ways, k)]] - shape.p[:, [node]] for ways in (AFTER, BEFORE))
     clockwise = start[0] * end[1] - start[1] * end[0] < 0.0
     start, end = np.where(clockwise, end, start), np.where(clockwise, start, end)

@@ -101,6 +101,11 @@ class ReferenceGroup(ElementGroup):
         on_reference = np.concatenate([a * x + c * y, b * x + d * y], axis=1)
         return self.at.slopes.reshape(len(self.at.slopes), -1) @ on_reference.T
 
+    def against_slopes(self, size: Floats) -> Floats:
+        # The root mean square of the slopes over all directions, which needs no gradient at each point.
+        stretch = np.sqrt(0.5 * np.sum(self._inverse**2, axis=(0, 1)))
+        return np.hypot(self.at.slopes[:, 0], self.at.slopes[:, 1]) @ (self.restrict(size) * self.weights * stretch).T
+
     def products(self, across: Floats, along: tuple[Floats, Floats] | None) -> Floats:
         (a, b), (c, d) = self._inverse
         entries = a * a + c * c, a * b + c * d, b * b + d * d
