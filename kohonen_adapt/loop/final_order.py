@@ -1,4 +1,4 @@
-"""Result of a higher order than the passes, with layers at the corners of the field."""
+"""Result of a higher order than the passes, with layers at corners."""
 
 from dataclasses import replace
 from typing import Any

@@ -130,7 +130,6 @@ def order_of(problem: Problem) -> int:
 
 
 def orders_of(problem: Problem) -> tuple[int, int] | None:
-    """Return the lowest and the highest order that ``solve`` takes, None for a single order."""
     return getattr(problem, "orders", None)
 
 

@@ -1,4 +1,4 @@
-"""Nodes at which the solution of a problem is singular, by the angles of its materials.
+"""Nodes at which the solution of a problem is singular.
 
 Around a node the solution is a sum of functions ``r^l s(angle)``. In a sector of constant coefficient s is a
 combination of cos(l angle) and sin(l angle); s and coefficient times s' are continuous between sectors. The exponents l
@@ -32,7 +32,7 @@ class Lines(NamedTuple):
 
 
 def singular_nodes(mesh: MeshTri, ritz: Ritz) -> Ints:
-    """Return the corners of materials and boundaries where the solution is not smooth.
+    """Return the corners where the solution is not smooth.
 
     A corner counts if it has an exponent below 2 other than 1, or a jump of the flux. Pairs of boundaries are treated
     as natural conditions, and materials with a law as with their coefficient.
@@ -45,7 +45,7 @@ def singular_nodes(mesh: MeshTri, ritz: Ritz) -> Ints:
 
 
 def materials_of(mesh: MeshTri, ritz: Ritz) -> Ints:
-    """Return the material index of every element; equal constants make one material."""
+    # equal constants make one material
     count = mesh.t.shape[1]
     region = np.zeros(count, dtype=np.int64) if ritz.region is None else np.asarray(ritz.region, dtype=np.int64)
     regions = int(region.max()) + 1
@@ -127,7 +127,6 @@ def jumps(ritz: Ritz, element: Ints) -> bool:
 
 
 def ends_prescribed(shape: Blended, lines: Lines, node: int, begin: float, own: Mask) -> tuple[bool, bool]:
-    """Return whether the values are prescribed on the first and the last boundary facet."""
     ends = shape.corners.facets[:, lines.facets[own]]
     other = np.where(ends[0] == node, ends[1], ends[0])
     direction = shape.p[:, other] - shape.p[:, [node]]
@@ -147,7 +146,7 @@ def exponents(angle: Floats, coefficient: Floats, prescribed: tuple[bool, bool] 
     prescribed
         Whether values are prescribed on both ends of the sectors, None for a node inside.
     """
-    # Both s and coefficient times s' / l at the end of a sector from those at its beginning.
+    # maps s and coefficient s' / l from the beginning to the end of the sectors
     total = np.tile(np.eye(2), (SAMPLES.size, 1, 1))
     for size, value in zip(angle, coefficient / coefficient.max(), strict=True):
         cosine, sine = np.cos(SAMPLES * size), np.sin(SAMPLES * size)

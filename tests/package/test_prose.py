@@ -8,11 +8,11 @@ import kohonen_adapt
 
 FILES = sorted(Path(kohonen_adapt.__file__).parent.rglob("*.py"))
 
-DOCSTRINGS = 1383  # aim: 1250
+DOCSTRINGS = 1402  # aim: 1250; orders 4 to 8 added 19
 FLAGGED = 1
 LATER = 1  # paragraphs after the first
 COMMENTS = 5
-OLD_NAMES = 10  # the field `worth` of `Pass`
+OLD_NAMES = 11  # the field `worth` of `Pass`
 
 
 def test_docstrings():

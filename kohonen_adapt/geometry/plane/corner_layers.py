@@ -24,7 +24,7 @@ __all__ = ["refined_at"]
 class Pieces(NamedTuple):
     """Parts of the elements of a mesh."""
 
-    node: Ints  # (m, 3): corners, new nodes after those of the mesh
+    node: Ints  # (m, 3): corners; new nodes follow the nodes of the mesh
     parent: Ints  # (m,): element that the part lies in
     share: Floats  # (m, 3, 3): barycentric coordinates of the corners in the parent
 
@@ -187,14 +187,14 @@ def mesh_of(pieces: Pieces, mesh: MeshTri, shape: Blended) -> MeshTri:
 
 
 def sides_in_parent(share: Floats) -> Mask:
-    """Return whether the side opposite to corner k lies on side j of the parent, (m, 3, 3)."""
+    """Return a mask of sides k that lie on sides j of the parents, (m, 3, 3)."""
     on = share == 0.0
     return on[:, AFTER] & on[:, BEFORE]
 
 
 def divided_boundary(mesh: MeshTri, facet: Ints, parent: Ints, on_side: Mask, before: MeshTri, rows: Ints) -> Ints:
     sides = sides_of(before, rows)
-    meant = len(rows) if sides.oriented else len(sides.element)  # the oriented side comes first
+    meant = len(rows) if sides.oriented else len(sides.element)  # `sides_of` lists the oriented side first
     named = np.zeros((before.t.shape[1], 3), dtype=np.bool_)
     named[sides.element[:meant], sides.corner[:meant]] = True
     e, k = np.nonzero(np.any(on_side & named[parent][:, None], axis=2))

@@ -1,0 +1,90 @@
+"""Geometric layers at nodes: areas, names, arcs, pairs and what is refused."""
+
+import numpy as np
+import pytest
+from helpers.curved_meshes import curved_annulus
+from hypothesis import given
+from hypothesis import strategies as st
+from skfem import MeshTet, MeshTri, MeshTri2
+from skfem.generic_utils import OrientedBoundary
+
+import kohonen_adapt as ka
+from kohonen_adapt.mesh.blended import exact_area
+from kohonen_adapt.mesh.measures import area
+
+
+def named_square():
+    mesh = MeshTri().refined(2).with_defaults()
+    return mesh.with_subdomains({"low": lambda x: x[0] < 0.5, "high": lambda x: x[0] > 0.5})
+
+
+def length(mesh, rows):
+    start, end = mesh.p[:, mesh.facets[:, np.asarray(rows)]].swapaxes(0, 1)
+    return np.hypot(*(end - start)).sum()
+
+
+@given(st.sets(st.integers(0, 24)), st.integers(1, 3), st.floats(0.05, 0.9))
+def test_areas_names_and_nodes_stay(nodes, layers, factor):
+    mesh = named_square()
+    finer = ka.refined_at(mesh, sorted(nodes), layers, factor)
+    assert finer.is_valid()
+    np.testing.assert_array_equal(finer.p[:, : mesh.nvertices], mesh.p)
+    for name, rows in mesh.subdomains.items():
+        assert area(finer)[finer.subdomains[name]].sum() == pytest.approx(area(mesh)[rows].sum(), rel=1e-12)
+    for name, rows in mesh.boundaries.items():
+        assert length(finer, finer.boundaries[name]) == pytest.approx(length(mesh, rows), rel=1e-12)
+
+
+def test_sides_shrink_by_the_factor():
+    mesh = named_square()
+    centre = int(np.argmin(np.hypot(*(mesh.p - 0.5))))
+    finer = ka.refined_at(mesh, [centre], layers=3, factor=0.2)
+    distance = np.unique(np.abs(finer.p[0, np.isclose(finer.p[1], 0.5)] - 0.5).round(12))
+    np.testing.assert_allclose(distance[:4], [0.0, *(0.25 * 0.2**k for k in (3, 2, 1))], atol=1e-12)
+
+
+def test_new_nodes_lie_on_arcs():
+    mesh = curved_annulus(24)
+    finer = ka.refined_at(mesh, [24, 25, 31])
+    assert isinstance(finer, MeshTri2)
+    assert exact_area(finer).sum() == pytest.approx(2.0 * np.pi, rel=1e-13)
+    rim = finer.boundaries["interface"]
+    midsides = finer.p[:, finer.nvertices + rim]
+    np.testing.assert_allclose(np.hypot(*finer.p[:, finer.facets[:, rim]]), 1.0, rtol=1e-14)
+    np.testing.assert_allclose(np.hypot(*midsides), 1.0, rtol=1e-14)
+
+
+def test_oriented_boundaries_keep_their_side():
+    mesh = named_square()
+    inner = np.flatnonzero(np.all(np.isclose(mesh.p[0, mesh.facets], 0.5), axis=0))
+    high = np.isin(mesh.f2t[:, inner], mesh.subdomains["high"])
+    mesh = mesh.with_boundaries({"cut": OrientedBoundary(inner, np.argmax(high, axis=0))})
+    finer = ka.refined_at(mesh, np.unique(mesh.facets[:, inner])[:2])
+    cut = finer.boundaries["cut"]
+    assert len(cut) > len(inner)
+    assert np.all(np.isin(finer.f2t[cut.ori, np.asarray(cut)], finer.subdomains["high"]))
+
+
+def test_both_nodes_of_a_pair_get_layers():
+    mesh = named_square()
+    left = int(np.flatnonzero((mesh.p[0] == 0.0) & (mesh.p[1] == 0.25))[0])
+    finer = ka.refined_at(mesh, [left], periodic=[("left", "right")])
+    heights = [np.unique(finer.p[1, finer.facets[:, finer.boundaries[name]]].round(12)) for name in ("left", "right")]
+    np.testing.assert_array_equal(*heights)
+    assert len(heights[0]) == 5 + 4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"layers": 0}, "layers must be an integer >= 1; got 0"),
+        ({"factor": 1.0}, r"factor must be a number between 0 and 1; got 1\.0"),
+        ({"nodes": [25]}, r"nodes must be numbers of nodes, from 0 to 24; got \[25\]"),
+        ({"nodes": [0.5]}, "nodes must be numbers of nodes"),
+        ({"mesh": MeshTet()}, "mesh must be a skfem.MeshTri or MeshTri2; got MeshTet1"),
+        ({"mesh": curved_annulus(8), "nodes": [8, 9]}, "layers at the nodes would invert elements at a curve"),
+    ],
+)
+def test_bad_input_is_named(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        ka.refined_at(**{"mesh": named_square(), "nodes": [0]} | arguments)

@@ -1,0 +1,85 @@
+"""`adapt` for orders above 3: passes of order 2, layers at corners, and a result of the order."""
+
+import numpy as np
+import pytest
+from helpers.exact_fields import RECTANGLE, rectangle_mesh, sheet_field, true_error
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Magnetostatics
+
+
+def problem_of(order, **more):
+    return Magnetostatics(RECTANGLE.materials, RECTANGLE.potential, order=order, **more)
+
+
+def test_the_result_has_the_order_and_layers_and_its_error_is_told():
+    mesh = rectangle_mesh(1)
+    before = mesh.p.copy()
+    result = ka.adapt(mesh, problem_of(5), passes=1, rtol=0.01)
+    assert result.status is ka.Status.CONVERGED
+    assert result.solution.order == 5 and result.best is result.history[-1] and len(result.history) == 3
+    assert result.mesh.nvertices > mesh.nvertices and result.nodes.shape == (result.mesh.nvertices,)
+    assert 0.75 < result.estimate / true_error(result.solution, sheet_field) < 1.15
+    assert "Solved with order 5 on 2 layers at 4 corners" in result.message
+    np.testing.assert_array_equal(mesh.p, before)
+
+
+def test_a_missed_tolerance_is_no_convergence():
+    result = ka.adapt(rectangle_mesh(1), problem_of(4), passes=1, rtol=1e-6)
+    assert result.status is ka.Status.MAX_PASSES and result.solution.order == 4
+
+
+def test_the_callback_that_stops_the_passes_leaves_their_result():
+    result = ka.adapt(rectangle_mesh(1), problem_of(4), passes=3, callback=lambda step: True)
+    assert result.status is ka.Status.STOPPED and result.solution.order == 2
+
+
+class Poisson:
+    """-lap u = 1 by scikit-fem's elements of order 1 to 4, with the order in the solution."""
+
+    orders = (1, 4)
+
+    def __init__(self, order):
+        self.order = order
+
+    def solve(self, mesh, order=None):
+        from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, ElementTriP4, condense, solve
+        from skfem.models import laplace, unit_load
+
+        kind = [ElementTriP1, ElementTriP2, ElementTriP3, ElementTriP4][(order or self.order) - 1]
+        basis = Basis(mesh, kind(), intorder=8)
+        matrix, load = laplace.assemble(basis), unit_load.assemble(basis)
+        rows = basis.get_dofs(mesh.boundary_facets())
+        return basis, solve(*condense(matrix, load, D=rows)), matrix
+
+    def indicators(self, mesh, solution):
+        basis, u, _ = solution
+        from skfem import Basis, ElementTriP1
+
+        flat = Basis(mesh, ElementTriP1(), intorder=8)
+        slope = np.asarray(basis.interpolate(u).grad)
+        mean = (slope * flat.dx).sum(axis=2, keepdims=True) / flat.dx.sum(axis=1)[:, None]
+        return np.sqrt((((slope - mean) ** 2).sum(axis=0) * flat.dx).sum(axis=1))
+
+    def ritz(self, mesh, solution):
+        basis, u, _ = solution
+        fixed = np.zeros(u.size, dtype=bool)
+        fixed[basis.get_dofs(mesh.boundary_facets()).flatten()] = True
+        return ka.Ritz(u, fixed, 1.0, 1.0, order=basis.elem.maxdeg)
+
+
+def test_a_problem_of_ones_own_with_orders():
+    from skfem import MeshTri
+
+    result = ka.adapt(MeshTri.init_lshaped().refined(3), Poisson(4), passes=1)
+    basis, u, matrix = result.solution
+    assert basis.elem.maxdeg == 4 and "2 layers at 1 corners" in result.message
+    assert u @ matrix @ u == pytest.approx(0.2140758, abs=2e-5)
+
+
+@pytest.mark.parametrize("orders", [(4, 1), (0, 2), 4, (1, 2.5)])
+def test_wrong_orders_are_named(orders):
+    problem = Poisson(1)
+    problem.orders = orders
+    with pytest.raises(ValueError, match="orders of the problem must be the lowest and the highest degree"):
+        ka.adapt(rectangle_mesh(1), problem)
