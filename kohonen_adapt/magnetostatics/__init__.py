@@ -11,7 +11,7 @@ from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Go
 from kohonen_adapt.magnetostatics.quantities.linkage import apparent_inductance, circuit_current, energy_inductance
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
-from kohonen_adapt.magnetostatics.solution import CubicField, QuadraticField
+from kohonen_adapt.magnetostatics.solution import CubicField, HighOrderField, QuadraticField
 
 __all__ = [
     "Arctan",
@@ -22,6 +22,7 @@ __all__ = [
     "Force",
     "Froehlich",
     "Goal",
+    "HighOrderField",
     "Law",
     "MagneticScalarPotential",
     "Magnetostatics",

@@ -32,7 +32,7 @@ BY_PARABOLAS = 3  # highest order with parabolas as curved sides
 
 @dataclass(frozen=True, eq=False)
 class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
-    """Plane or axisymmetric magnetostatics with elements of order 1 to 3.
+    """Plane or axisymmetric magnetostatics with elements of order 1 to 8.
 
     The equations are ``curl H = J`` with ``H = nu(|B|) B - Hc``, in metres, teslas and amperes.
 
@@ -84,13 +84,16 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         and forces on it refer to the position in the mesh. ``("rim", "kelvin", ka.Reflection(point, normal))`` joins a
         disc to a Kelvin disc, a disc of air of the same size that stands for the exterior.
     order
-        Order of the elements: 1, 2 (a `QuadraticField`) or 3 (a `CubicField`). The default is 2, which takes a fifth to
-        a third of the time of order 1 to an error of 1 % (`python -m benchmarks time`), but 1 with an estimator other
-        than "residual".
+        Order of the elements: 1, 2 (a `QuadraticField`), 3 (a `CubicField`) or 4 to 8 (a `HighOrderField`). The default
+        is 2, which takes a fifth to a third of the time of order 1 to an error of 1 % (`python -m benchmarks time`),
+        but 1 with an estimator other than "residual". From order 4 on, `adapt` moves nodes at order 2, refines
+        geometrically at corners (`kohonen_adapt.refined_at`) and solves once with the order. Errors below 0.3 % take
+        less time with high orders, unless tables of B-H laws have kinks, or sources jump inside regions.
     curved
-        True if `adapt` curves the sides of elements of order 2 and 3 onto the arcs and splines that they follow, and
-        solves on a `MeshTri2`. On chords these orders lose their rate of convergence (`python -m benchmarks curves`).
-        `solve` curves no sides.
+        True if `adapt` curves the sides of elements of order 2 and above onto the arcs and splines that they follow,
+        and solves on a `MeshTri2`. On chords these orders lose their rate of convergence (`python -m benchmarks
+        curves`). `solve` curves no sides. From order 4 on, a side is the arc through its three nodes if the midside
+        node lies on the perpendicular bisector, and otherwise a parabola.
     goal
         Quantity to adapt the mesh for in place of the energy: `Force`, `Torque`, `FluxLinkage`, `StoredEnergy`, or a
         user-defined `Goal`. `indicators` are then those of `ka.estimators.goal_oriented`: the square of an `estimate`

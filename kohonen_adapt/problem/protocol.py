@@ -79,7 +79,9 @@ class Problem(Protocol):
     Optional name                                 Meaning
     ============================================  ====================================================================
     ``order = 1``                                 degree of the elements, 1 to 4
-    ``orders = None``                             lowest and highest order that ``solve(mesh, order=...)`` takes
+    ``orders = None``                             lowest and highest order that ``solve(mesh, order=...)`` takes. With
+                                                  an `order` above 3 the passes have order 2, and the result has
+                                                  layers at corners, see `refined_at`
     ``norm = "energy"``                           norm of the error to reduce, "energy" or "L2"
     ``calibrated = False``                        True if the estimate is close to the error, see below
     ``curved = None``                             True for curved sides, False for straight sides, see below

@@ -117,7 +117,10 @@ def test_an_unknown_calibration():
 def test_an_impossible_order(order):
     problem = Constant()
     problem.order = order
-    refused(f"order of the problem must be the degree of its elements, 1 to 4; got {order!r}.", problem=problem)
+    refused(
+        f"order of the problem must be the degree of its elements, from 1 to 4 or within its orders; got {order!r}.",
+        problem=problem,
+    )
 
 
 BROKEN = [

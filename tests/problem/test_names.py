@@ -70,7 +70,7 @@ def test_signatures_are_those_that_are_written():
     [
         ("points", "a mapping of names to positions of shape (2, n)"),
         ("pairs", "a sequence of pairs of names of boundaries"),
-        ("order", "the degree of its elements, 1 to 4"),
+        ("order", "the degree of its elements, from 1 to 4 or within its orders"),
         ("norm", "'energy' or 'L2'"),
         ("calibrated", "True or False"),
         ("curved", "True, False or None"),
