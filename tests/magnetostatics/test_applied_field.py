@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from helpers.magnet_solids import LoopAndBall, blocks, nested_balls
+from helpers.sheets import MU0
 from scipy.spatial.transform import Rotation
 
 import kohonen_adapt as ka
-from benchmarks.problems.magnets_in_space import MU0, LoopAndBall, blocks, nested_balls
 from kohonen_adapt.magnetostatics import (
     Force,
     Froehlich,
