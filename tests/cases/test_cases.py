@@ -12,9 +12,8 @@ from helpers.meshes import disk
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kohonen_adapt import Arc, Line, Spline
+from kohonen_adapt import Arc, Line, Spline, write_mesh
 from kohonen_adapt.cases import case_of, fitting_mesh, read_case
-from kohonen_adapt.io import write_mesh
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -14,7 +14,7 @@ from numpy.testing import assert_array_equal
 from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
-from kohonen_adapt.io import read_mesh, write_mesh
+from kohonen_adapt import read_mesh, write_mesh
 from kohonen_adapt.mesh.measures import area
 
 

@@ -6,7 +6,7 @@ import skfem
 from helpers.mesh_files import SUFFIXES
 from skfem import MeshTri
 
-from kohonen_adapt.io import read_mesh, write_mesh
+from kohonen_adapt import read_mesh, write_mesh
 
 
 def test_missing_file(tmp_path):

@@ -20,7 +20,7 @@ from helpers.mesh_files import (
 from numpy.testing import assert_array_equal
 from skfem import MeshTri
 
-from kohonen_adapt.io import read_mesh, write_mesh
+from kohonen_adapt import read_mesh, write_mesh
 from kohonen_adapt.mesh.measures import area
 
 

@@ -26,7 +26,7 @@ from skfem import MeshTet, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
-from kohonen_adapt.io import read_field, read_groups, read_mesh, write_mesh
+from kohonen_adapt import read_field, read_groups, read_mesh, write_mesh
 from kohonen_adapt.mesh.measures import area, signed_area
 
 

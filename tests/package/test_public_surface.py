@@ -188,3 +188,30 @@ def test_calls_leave_nothing_behind():
     first = ka.adapt(mesh, problem, passes=2)
     assert shared_state() == before and len(before) > 10
     np.testing.assert_array_equal(ka.adapt(mesh, problem, passes=2).mesh.p, first.mesh.p)
+
+
+def imports_of_tests():
+    """Module and names of every import in the tests, with the file."""
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom):
+                yield path, node.module or "", [alias.name for alias in node.names]
+
+
+def test_tests_import_public_names_from_where_they_are_public():
+    """So a file of the package moves without them. Kernels are an exception, which have slow twins beside them."""
+    public = {name: getattr(module, name) for module in MODULES for name in module.__all__}
+    homes = {module.__name__ for module in MODULES}
+    wrong = [
+        f"{path}: {name} of {module}"
+        for path, module, names in imports_of_tests()
+        if module.startswith("kohonen_adapt.") and module not in homes and ".kernels" not in module
+        for name in names
+        if name in public and getattr(importlib.import_module(module), name, None) is public[name]
+    ]
+    assert not wrong
+
+
+def test_only_tests_of_benchmarks_import_them():
+    found = {path.parent.name for path, module, _ in imports_of_tests() if module.partition(".")[0] == "benchmarks"}
+    assert found == {"benchmarks"}
