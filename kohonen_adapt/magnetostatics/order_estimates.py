@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import zeta
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries
@@ -21,7 +22,10 @@ from kohonen_adapt.magnetostatics.solution import (
 
 __all__ = ["goal_indicators_by_orders", "indicators_by_orders"]
 
-MOST_RATIO = 0.9  # limit of the squared ratio of two changes, where the error no longer falls with the order
+# Told over true error of orders 4 to 7 on the C-core and on a magnet over iron, each polished once: 0.83 to 1.0 without
+# layers, 0.88 to 0.95 with one, 0.97 to 1.09 with two and more (`benchmarks hp`). A geometric series of the squared
+# changes (Aitken) gives 0.77 to 0.89 without layers.
+LEAST_POWER = 2.0  # of the fall of the squared changes with the order; at a corner with exponent l it is 4 l + 1
 
 
 @dataclass(frozen=True)
@@ -47,15 +51,23 @@ class Step:
 def indicators_by_orders(field: HighOrderField, boundaries: Boundaries, newton: Newton) -> Floats:
     """Return unsquared indicators of the energy norm, shape (nelements,).
 
-    The change from order p to p + 1 misses what higher orders would add. If the squared changes form a geometric series
-    with the ratio r of the last two, the squared error of order p is the last squared change over 1 - r (Aitken).
+    The change from order p to p + 1 misses what higher orders would add. The squared change between orders n and n + 1
+    is taken as a power of n + 1/2, from the changes to p and to p + 1, and the squared error is the sum from n = p on.
     """
     lower, higher = (Step.of(field, field.order + difference, boundaries, newton) for difference in (-1, 1))
     from_lower = field.unknown - interpolated_on(field.elements, lower.elements, lower.start + lower.change)
     before = energy_products(energy_on(field.elements, field, boundaries), field.unknown, from_lower, from_lower)
     now = energy_products(higher.energy, higher.start, higher.change, higher.change)
-    ratio = now.sum() / before.sum() if before.sum() > 0.0 else 0.0
-    return np.asarray(np.sqrt(now / (1.0 - min(ratio, MOST_RATIO))))
+    return np.asarray(np.sqrt(now * sum_over_change(float(before.sum()), float(now.sum()), field.order)))
+
+
+def sum_over_change(before: float, now: float, order: int) -> float:
+    """Return the sum of all squared changes from `order` on, over the first, `now`."""
+    if now == 0.0:
+        return 1.0
+    place = order + 0.5
+    power = max(np.log(before / now) / np.log(place / (place - 1.0)) if before > 0.0 else 0.0, LEAST_POWER)
+    return float(zeta(power, place) * place**power)
 
 
 def energy_products(energy: EnergyFunctional, u: Floats, first: Floats, second: Floats) -> Floats:
