@@ -16,8 +16,8 @@ from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.problem.evaluation import energy_norm, estimate, goal_error_of, goal_of, ritz_of, solve
-from kohonen_adapt.problem.protocol import NotOffered, Problem, order_of
-from kohonen_adapt.problem.singular_nodes import singular_nodes
+from kohonen_adapt.problem.protocol import NotOffered, Problem, has_method, order_of
+from kohonen_adapt.problem.singular_nodes import Materials, singular_nodes
 
 __all__ = ["at_final_order"]
 
@@ -35,8 +35,8 @@ def at_final_order(result: AdaptResult, problem: Problem, adaptation: Adaptation
     layers = int(LAYERS_PER_ORDER * order)
     steps.next_pass(len(result.history))
     with steps("relocate"):
-        nodes = corners_of_field(result, adaptation)
-        mesh = result.mesh
+        nodes = corners_of_field(result, adaptation.problem)
+        mesh = replace(result.mesh)  # a pass is known by its mesh
         if nodes.size:
             mesh = refined_at(mesh, nodes, layers, periodic=adaptation.settings.rules.periodic)
         number_facets(mesh)
@@ -60,9 +60,12 @@ def at_final_order(result: AdaptResult, problem: Problem, adaptation: Adaptation
     )
 
 
-def corners_of_field(result: AdaptResult, adaptation: Adaptation) -> Ints:
+def corners_of_field(result: AdaptResult, problem: Problem) -> Ints:
+    mesh, solution = result.mesh, result.solution
+    if has_method(problem, "singular_nodes"):
+        return np.asarray(problem.singular_nodes(mesh, solution))  # type: ignore[attr-defined]
     try:
-        return singular_nodes(result.mesh, ritz_of(adaptation.problem, result.mesh, result.solution))
+        return singular_nodes(mesh, Materials.of(mesh, ritz_of(problem, mesh, solution)))
     except NotOffered:
         return np.zeros(0, dtype=np.int64)
 

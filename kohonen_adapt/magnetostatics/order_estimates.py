@@ -22,10 +22,10 @@ from kohonen_adapt.magnetostatics.solution import (
 
 __all__ = ["goal_indicators_by_orders", "indicators_by_orders"]
 
-# Told over true error of orders 4 to 7 on the C-core and on a magnet over iron, each polished once: 0.83 to 1.0 without
+# Estimate over error of orders 4 to 7 on the C-core and on a magnet over iron, each polished once: 0.83 to 1.0 without
 # layers, 0.88 to 0.95 with one, 0.97 to 1.09 with two and more (`benchmarks hp`). A geometric series of the squared
 # changes (Aitken) gives 0.77 to 0.89 without layers.
-LEAST_POWER = 2.0  # of the fall of the squared changes with the order; at a corner with exponent l it is 4 l + 1
+LEAST_POWER = 2.0  # of the fall of the squared changes with the order, 4 l + 1 at a corner with exponent l
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.arguments import Arguments, check_plane_mesh
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
@@ -15,7 +15,7 @@ from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.estimation import better_values, energy_indicators, error_of_goal, goal_indicators
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
-from kohonen_adapt.magnetostatics.functional import functional_for
+from kohonen_adapt.magnetostatics.functional import functional_for, materials_of
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.solution import linkage_slope, solution_of
@@ -24,6 +24,7 @@ from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz
+from kohonen_adapt.problem.singular_nodes import singular_nodes
 
 __all__ = ["Magnetostatics"]
 
@@ -161,6 +162,37 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         if self.goal is not None:
             return goal_indicators(field, self.goal, self.boundaries, self.method)
         return energy_indicators(mesh, field, self.estimator, self.boundaries, self.materials, self.method)
+
+    def singular_nodes(self, mesh: MeshTri, field: Field) -> Ints:
+        """Return the corners at which B is infinite or not smooth.
+
+        Parameters
+        ----------
+        mesh, field
+            As in `indicators`.
+
+        Returns
+        -------
+        ndarray (n,)
+            Numbers of the nodes, for `kohonen_adapt.refined_at`. Around a corner with sectors of constant reluctivity,
+            A is a sum of functions ``r^l s(angle)``. Corners with an exponent l below 2 other than 1 count, and corners
+            of magnets. Nonlinear material has its reluctivity at B = 0.
+
+        Examples
+        --------
+        >>> import numpy as np, skfem, kohonen_adapt as ka
+        >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
+        >>> def inside(x):
+        ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+        >>> mesh = skfem.MeshTri().refined(3).with_defaults()
+        >>> mesh = mesh.with_subdomains({"iron": inside, "air": lambda x: ~inside(x)})
+        >>> materials = {"iron": Material(1000.0), "air": Material()}
+        >>> problem = Magnetostatics(materials, {"left": 0.0, "right": 1.0}, order=5)
+        >>> nodes = problem.singular_nodes(mesh, problem.solve(mesh))
+        >>> mesh.p[:, nodes].tolist()
+        [[0.75, 0.25, 0.25, 0.75], [0.25, 0.75, 0.25, 0.75]]
+        """
+        return singular_nodes(mesh, materials_of(field, self.boundaries))
 
     def incremental_inductance(self, field: Field, circuit: Mapping[str, float]) -> float:
         """Return ``d linkage / d current`` of a circuit for small changes of its current.

@@ -47,6 +47,7 @@ METHODS = {
     "ritz": "mesh, solution",
     "curves": "mesh",
     "improved": "mesh, solution, outputs",
+    "singular_nodes": "mesh, solution",
 }
 
 
@@ -91,6 +92,7 @@ class Problem(Protocol):
     ``solve_from(mesh, old_mesh, old_solution)``  warm start, called instead of ``solve`` except for the first mesh
     ``energy_norm(mesh, solution)``               energy norm of the solution, a float
     ``ritz(mesh, solution)``                      functional that the solution minimises, a `Ritz`; the polish needs it
+    ``singular_nodes(mesh, solution)``            numbers of the nodes that get layers; default: from ``ritz``
     ``goal(solution)``                            value of a goal, a float, see below
     ``goal_error(solution)``                      estimated signed error of the goal, a float, see below
     ``goal_unit = ""``                            unit of the goal

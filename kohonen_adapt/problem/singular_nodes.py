@@ -13,14 +13,49 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.blended import Blended
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
+from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.problem.ritz import Ritz
 
-__all__ = ["exponents", "singular_nodes"]
+__all__ = ["Materials", "exponents", "fixed_parts", "singular_nodes"]
 
 STRAIGHT = np.deg2rad(10.0)  # turn of an interface or boundary up to which a node is smooth; chords of arcs turn less
 SMOOTH = 1.95  # exponent from which no layers are made
 WHOLE = 0.01  # largest distance of an exponent of a polynomial from 1
 SAMPLES = np.linspace(0.05, SMOOTH, 381)  # tried exponents
+
+
+class Materials(NamedTuple):
+    """Coefficients and prescribed values of a problem on a mesh."""
+
+    coefficient: Floats  # (m,); with a law its value at zero
+    kind: Ints  # (m,): number of the material, equal for equal constants
+    flux: Floats | None  # (2, m); None if the flux varies within materials
+    fixed: Mask  # (nnodes,): nodes with prescribed values
+    prescribed: Mask  # (nfacets,): facets with prescribed values
+
+    @classmethod
+    def of(cls, mesh: MeshTri, ritz: Ritz) -> "Materials":
+        region = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
+        regions = int(region.max()) + 1
+        numbers = {id(law): number for number, law in enumerate(ritz.laws)}
+        law = np.array([numbers[id(law)] for law in ritz.laws] or [0] * regions)
+        flux = None if callable(ritz.flux) else np.asarray(ritz.flux, dtype=float)
+        if flux is not None:
+            flux = np.broadcast_to(flux if flux.ndim == 2 else np.reshape(flux, (-1, 1)), (2, regions))
+        coefficient = np.broadcast_to(np.asarray(ritz.coefficient, dtype=float), regions)
+        values = np.arange(regions)[None] if flux is None else flux
+        kind = np.unique(np.stack([coefficient, law, *values]), axis=1, return_inverse=True)[1].ravel()
+        fixed = fixed_parts(mesh, np.asarray(ritz.fixed), ritz.order)
+        return cls(coefficient[region], kind[region], None if flux is None else flux[:, region], *fixed)
+
+
+def fixed_parts(mesh: MeshTri, fixed: Mask, order: int) -> tuple[Mask, Mask]:
+    """Return masks of the nodes and of the facets with prescribed values."""
+    number_facets(mesh)
+    nodes, facets = mesh.nvertices, mesh.facets.shape[1]
+    prescribed = fixed[mesh.facets].all(axis=0) & (mesh.f2t[1] < 0)
+    own = fixed[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1)
+    return fixed[:nodes], prescribed & own.all(axis=1)
 
 
 class Lines(NamedTuple):
@@ -31,45 +66,25 @@ class Lines(NamedTuple):
     kind: Ints  # (f,): equal for the same materials on both sides and the same condition
 
 
-def singular_nodes(mesh: MeshTri, ritz: Ritz) -> Ints:
+def singular_nodes(mesh: MeshTri, materials: Materials) -> Ints:
     """Return the corners where the solution is not smooth.
 
     A corner counts if it has an exponent below 2 other than 1, or a jump of the flux. Pairs of boundaries are treated
-    as natural conditions, and materials with a law as with their coefficient.
+    as natural conditions.
     """
     shape = Blended(mesh)
-    material = materials_of(mesh, ritz)
-    lines = lines_of(shape, ritz, material)
-    found = [int(node) for node in candidates(shape, lines) if is_singular(shape, ritz, material, lines, int(node))]
-    return np.union1d(found, points_inside(shape, ritz)).astype(np.int64)
+    lines = lines_of(shape, materials)
+    found = [int(node) for node in candidates(shape, lines) if is_singular(shape, materials, lines, int(node))]
+    return np.union1d(found, points_inside(shape, materials)).astype(np.int64)
 
 
-def materials_of(mesh: MeshTri, ritz: Ritz) -> Ints:
-    # equal constants make one material
-    count = mesh.t.shape[1]
-    region = np.zeros(count, dtype=np.int64) if ritz.region is None else np.asarray(ritz.region, dtype=np.int64)
-    regions = int(region.max()) + 1
-    laws = {id(law): number for number, law in enumerate(ritz.laws)}
-    columns = [np.broadcast_to(np.asarray(ritz.coefficient, dtype=float), regions)]
-    columns.append(np.array([laws[id(law)] for law in ritz.laws] or [0] * regions, dtype=float))
-    if callable(ritz.flux):
-        columns.append(np.arange(regions, dtype=float))
-    elif np.ndim(ritz.flux) == 2:
-        columns += [*np.asarray(ritz.flux, dtype=float)]
-    return np.unique(np.stack(columns), axis=1, return_inverse=True)[1].ravel()[region]
-
-
-def lines_of(shape: Blended, ritz: Ritz, material: Ints) -> Lines:
+def lines_of(shape: Blended, materials: Materials) -> Lines:
     first, second = shape.corners.f2t
-    left, right = material[first], np.where(second >= 0, material[np.maximum(second, 0)], -1)
+    left, right = materials.kind[first], np.where(second >= 0, materials.kind[np.maximum(second, 0)], -1)
     facets = np.flatnonzero(left != right)
-    fixed, nodes = np.asarray(ritz.fixed), shape.p.shape[1]
-    prescribed = fixed[shape.corners.facets].all(axis=0) & (second < 0)
-    if ritz.order > 1:
-        prescribed &= fixed[nodes : nodes + (ritz.order - 1) * second.size].reshape(second.size, -1).all(axis=1)
-    sides = np.sort(np.stack([left, right]), axis=0)
-    kind = np.unique(np.stack([*sides, prescribed])[:, facets], axis=1, return_inverse=True)[1].ravel()
-    return Lines(facets, prescribed[facets], kind)
+    sides, prescribed = np.sort(np.stack([left, right]), axis=0)[:, facets], materials.prescribed[facets]
+    kind = np.unique(np.stack([*sides, prescribed]), axis=1, return_inverse=True)[1].ravel()
+    return Lines(facets, prescribed, kind)
 
 
 def candidates(shape: Blended, lines: Lines) -> Ints:
@@ -90,7 +105,7 @@ def candidates(shape: Blended, lines: Lines) -> Ints:
     return np.flatnonzero((meeting > 0) & ((meeting != 2) | turns | (low != high)))
 
 
-def is_singular(shape: Blended, ritz: Ritz, material: Ints, lines: Lines, node: int) -> bool:
+def is_singular(shape: Blended, materials: Materials, lines: Lines, node: int) -> bool:
     element, k = np.nonzero(np.equal(shape.t.T, node))
     start, end = (shape.p[:, shape.t.T[element, np.take(ways, k)]] - shape.p[:, [node]] for ways in (AFTER, BEFORE))
     clockwise = start[0] * end[1] - start[1] * end[0] < 0.0
@@ -102,28 +117,17 @@ def is_singular(shape: Blended, ritz: Ritz, material: Ints, lines: Lines, node: 
     if own.any():  # from the boundary on, counter-clockwise
         gap = np.mod(np.roll(begin[order], -1) - (begin + angle)[order], 2.0 * np.pi)
         order = np.roll(order, -1 - int(np.argmax(np.where(gap > 2.0 * np.pi - 1e-9, 0.0, gap))))
-    sectors, coefficient = material[element[order]], coefficients_of(ritz, element[order])
-    if np.ptp(sectors) > 0 and jumps(ritz, element):
+    if np.ptp(materials.kind[element]) > 0 and jumps(materials, element):
         return True
     prescribed = None
     if own.any():
         prescribed = ends_prescribed(shape, lines, node, begin[order[0]], own)
-    found = exponents(angle[order], coefficient, prescribed)
+    found = exponents(angle[order], materials.coefficient[element[order]], prescribed)
     return bool(np.any(np.abs(found - 1.0) > WHOLE))
 
 
-def coefficients_of(ritz: Ritz, element: Ints) -> Floats:
-    values = np.asarray(ritz.coefficient, dtype=float)
-    if values.ndim == 0:
-        return np.full(element.size, float(values))
-    return values[np.asarray(ritz.region)[element]]
-
-
-def jumps(ritz: Ritz, element: Ints) -> bool:
-    if callable(ritz.flux):
-        return True
-    flux = np.asarray(ritz.flux, dtype=float)
-    return flux.ndim == 2 and bool(np.ptp(flux[:, np.asarray(ritz.region)[element]], axis=1).any())
+def jumps(materials: Materials, element: Ints) -> bool:
+    return materials.flux is None or bool(np.ptp(materials.flux[:, element], axis=1).any())
 
 
 def ends_prescribed(shape: Blended, lines: Lines, node: int, begin: float, own: Mask) -> tuple[bool, bool]:
@@ -163,9 +167,7 @@ def exponents(angle: Floats, coefficient: Floats, prescribed: tuple[bool, bool] 
     return SAMPLES[change] + part * (SAMPLES[change + 1] - SAMPLES[change])
 
 
-def points_inside(shape: Blended, ritz: Ritz) -> Ints:
-    """Return single nodes inside the mesh with prescribed values."""
-    inside = np.ones(shape.p.shape[1], dtype=np.bool_)
+def points_inside(shape: Blended, materials: Materials) -> Ints:
+    inside, fixed = np.ones(shape.p.shape[1], dtype=np.bool_), materials.fixed
     inside[shape.corners.facets[:, shape.corners.f2t[1] < 0]] = False
-    fixed = np.asarray(ritz.fixed)[: inside.size]
     return np.flatnonzero(fixed & inside) if np.any(fixed & ~inside) else np.zeros(0, dtype=np.int64)

@@ -1,11 +1,15 @@
 """`adapt` for orders above 3: passes of order 2, layers at corners, and a result of the order."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from helpers.exact_fields import RECTANGLE, rectangle_mesh, sheet_field, true_error
+from helpers.devices import two_magnets
+from helpers.exact_fields import RECTANGLE, rectangle_mesh, sheet_field, smooth_field, smooth_potential, true_error
+from helpers.meshes import square
 
 import kohonen_adapt as ka
-from kohonen_adapt.magnetostatics import Magnetostatics
+from kohonen_adapt.magnetostatics import Force, Magnetostatics, Material
 
 
 def problem_of(order, **more):
@@ -32,6 +36,24 @@ def test_a_missed_tolerance_is_no_convergence():
 def test_the_callback_that_stops_the_passes_leaves_their_result():
     result = ka.adapt(rectangle_mesh(1), problem_of(4), passes=3, callback=lambda step: True)
     assert result.status is ka.Status.STOPPED and result.solution.order == 2
+
+
+def test_the_error_of_a_force_is_told():
+    mesh, problem = two_magnets(1)
+    exact = ka.adapt(mesh, replace(problem, order=7), passes=1).solution.force("a")[0]
+    result = ka.adapt(mesh, replace(problem, order=4, goal=Force("a", (1, 0))), passes=1)
+    error = exact - result.best.goal
+    assert abs(error) < 1e-6 * abs(exact)
+    assert result.best.goal_error == pytest.approx(error, rel=0.1)
+    assert "8 corners" in result.message
+
+
+def test_smooth_fields_get_no_layers():
+    mesh = square(4).with_subdomains({"air": lambda x: x[0] > -1})
+    mesh = mesh.with_boundaries({"rim": lambda x: x[0] > -1}, boundaries_only=True)
+    result = ka.adapt(mesh, Magnetostatics({"air": Material()}, {"rim": smooth_potential}, order=6), passes=1)
+    assert result.best is result.history[-1] and "layers at 0 corners" in result.message
+    assert true_error(result.solution, smooth_field) < 1e-5 * np.sqrt(result.solution.squared_norm)
 
 
 class Poisson:

@@ -8,7 +8,7 @@ from helpers.meshes import square
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt.problem.singular_nodes import exponents, singular_nodes
+from kohonen_adapt.problem.singular_nodes import Materials, exponents, singular_nodes
 
 RIGHT = np.pi / 2.0
 
@@ -36,7 +36,8 @@ def test_closed_forms(angle, coefficient, prescribed, wanted):
 
 def laplace(mesh, fixed, **tables):
     rim = np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes() if fixed is None else fixed)
-    return ka.Ritz(np.zeros(mesh.nvertices), rim, **{"coefficient": 1.0} | tables)
+    ritz = ka.Ritz(np.zeros(mesh.nvertices), rim, **{"coefficient": 1.0} | tables)
+    return Materials.of(mesh, ritz)
 
 
 def test_only_the_re_entrant_corner_of_an_l_counts():
@@ -54,8 +55,12 @@ def test_a_change_of_condition_counts_and_a_right_angle_does_not():
 
 def test_corners_of_magnets_and_iron_count_and_straight_interfaces_do_not():
     mesh, problem = two_magnets(1)
-    found = singular_nodes(mesh, problem.ritz(mesh, problem.solve(mesh)))
-    assert found.size == 8
+    field = problem.solve(mesh)
+    assert problem.singular_nodes(mesh, field).size == 8
+    of_ritz = singular_nodes(mesh, Materials.of(mesh, problem.ritz(mesh, field)))
+    np.testing.assert_array_equal(of_ritz, problem.singular_nodes(mesh, field))
+    for order in (3, 6):
+        np.testing.assert_array_equal(of_ritz, problem.singular_nodes(mesh, problem.solve(mesh, order=order)))
     mesh = rectangle_mesh(1)
     region = (mesh.p[0, mesh.t].mean(axis=0) > 0.0).astype(int)
     assert singular_nodes(mesh, laplace(mesh, None, coefficient=[1.0, 50.0], region=region)).size == 0

@@ -122,7 +122,6 @@ def is_singular(node: Ints, singular: Mask) -> Mask:
 
 
 def separated(pieces: Pieces, singular: Mask) -> Pieces:
-    """Halve the sides between two of the nodes."""
     node, share, at = pieces.node, pieces.share, is_singular(pieces.node, singular)
     both, halves = at[:, AFTER] & at[:, BEFORE], 0.5 * (share[:, AFTER] + share[:, BEFORE])
     middle = np.full(node.shape, -1)

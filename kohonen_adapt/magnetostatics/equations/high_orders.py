@@ -41,7 +41,7 @@ class Reference:
 
     @cached_property
     def products(self) -> Floats:
-        """Products of slopes, (3 q, pairs), for the entries 00, 01 and 11 of a tensor."""
+        # (3 q, pairs), for the entries 00, 01 and 11 of a tensor
         first, second = (self.slopes[rows] for rows in self.upper)
         mixed = first[:, 0] * second[:, 1] + first[:, 1] * second[:, 0]
         return np.concatenate([first[:, 0] * second[:, 0], mixed, first[:, 1] * second[:, 1]], axis=1).T
@@ -225,7 +225,6 @@ class HighOrder(Higher):
         return values, slopes
 
     def at_nodes(self, u: Floats, order: int) -> Floats:
-        """Return the values of a function at the nodes of another order, (k, nelements)."""
         values = np.empty((len(nodes(order)), self.kind.size))
         for kind in np.unique(self.kind).tolist():
             rows = np.flatnonzero(self.kind == kind)
