@@ -140,6 +140,12 @@ def test_the_polish_moves_no_node_of_a_rim_with_a_reason(condition, order, goal)
     assert np.all(still[why != ""]) and np.mean(still[why == ""]) < 0.01
 
 
+def test_a_final_order_is_not_the_order_of_the_polish():
+    mesh = square()
+    low, high = (Magnetostatics(COIL, {"rim": 0.0}, order=order) for order in (2, 5))
+    np.testing.assert_array_equal(ka.why_held(mesh, high), ka.why_held(mesh, low))
+
+
 def slab():
     halves = {"air": lambda x: x[0] < 0.5, "iron": lambda x: x[0] > 0.5}
     sides = {"bottom": lambda x: x[2] == 0.0, "top": lambda x: x[2] == 1.0}
