@@ -11,7 +11,8 @@ from kohonen_adapt.geometry.plane.corner_layers import refined_at
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.step import Adaptation, root_of_squares
-from kohonen_adapt.loop.stopping import StopTest
+from kohonen_adapt.loop.step_timer import StepFailed
+from kohonen_adapt.loop.stopping import StopTest, failed_ending, interrupted_ending
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.mesh.polynomials import count_unknowns
@@ -31,16 +32,28 @@ def at_final_order(result: AdaptResult, problem: Problem, adaptation: Adaptation
     """
     if result.status in (Status.STOPPED, Status.FAILED):
         return result
-    order, steps = order_of(problem), adaptation.steps
+    try:
+        return raised(result, problem, adaptation, stop)
+    except KeyboardInterrupt:
+        ending = interrupted_ending(result.history, result.best)
+    except StepFailed as failure:
+        ending = failed_ending(failure, result.best)
+    return replace(result, status=ending.status, message=ending.message, error=ending.error)
+
+
+def raised(result: AdaptResult, problem: Problem, adaptation: Adaptation, stop: StopTest) -> AdaptResult:
+    order, steps, rules = order_of(problem), adaptation.steps, adaptation.settings.rules
     layers = int(LAYERS_PER_ORDER * order)
     steps.next_pass(len(result.history))
     with steps("relocate"):
         nodes = corners_of_field(result, adaptation.problem)
         mesh = replace(result.mesh)  # a pass is known by its mesh
         if nodes.size:
-            mesh = refined_at(mesh, nodes, layers, periodic=adaptation.settings.rules.periodic)
+            mesh = refined_at(mesh, nodes, layers, periodic=rules.periodic, curves=rules.curves)
         number_facets(mesh)
     with steps("solve"):
+        if has_method(problem, "on_curves"):
+            problem = problem.on_curves(rules.curves or {})  # type: ignore[attr-defined]
         solution = solve(problem, mesh, result.mesh, result.solution)
     record = replace(assessed(result, problem, adaptation, mesh, solution), seconds=steps.seconds)
     ending = stop((*result.history, record), record, False, False)

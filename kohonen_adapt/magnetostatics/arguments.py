@@ -9,7 +9,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_number, listed, nearest_name
-from kohonen_adapt.geometry.plane.curves import Arc
+from kohonen_adapt.geometry.plane.curves import Arc, Curve
 from kohonen_adapt.geometry.rules import checked_pair
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
@@ -53,6 +53,7 @@ class Arguments:
     applied_field: tuple[float, float] = (0.0, 0.0)
     points: Mapping[str, tuple[float, float] | Floats] | None = None
     curved: bool = True
+    sides: Mapping[str, Curve] | None = None
 
     def __post_init__(self) -> None:
         self._check_kinds()
@@ -61,6 +62,7 @@ class Arguments:
             object.__setattr__(self, "order", self._default_order())
         self._check_order()
         self._check_depth()
+        self._check_sides()
         self._check_bound()
         self._check_goal()
         object.__setattr__(self, "applied_field", self._checked_field())
@@ -158,6 +160,11 @@ class Arguments:
             raise ValueError(
                 f"elements of order {self.order} have the estimator 'residual' only; got {self.estimator!r}."
             )
+
+    def _check_sides(self) -> None:
+        valid = self.sides is None or isinstance(self.sides, Mapping)
+        if not valid or not all(callable(getattr(curve, "project", None)) for curve in (self.sides or {}).values()):
+            raise ValueError(f"sides must map boundary names to curves with a method project; got {self.sides!r}.")
 
     def _check_depth(self) -> None:
         if self.depth is None:

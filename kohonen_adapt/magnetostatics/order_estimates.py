@@ -42,7 +42,8 @@ class Step:
 
     @classmethod
     def of(cls, field: HighOrderField, order: int, boundaries: Boundaries, newton: Newton) -> "Step":
-        elements = high_order_elements(field.mesh, order, field.symmetry, field.coefficients.nonlinear)
+        nonlinear, sides = field.coefficients.nonlinear, field.sides
+        elements = high_order_elements(field.mesh, order, field.symmetry, nonlinear, sides)
         energy = energy_on(elements, field, boundaries)
         start = energy.conditions.admissible(interpolated_on(elements, field.elements, field.unknown))
         return cls(elements, energy, start, newton.full_step(energy, start, energy.residual(start)[0]))

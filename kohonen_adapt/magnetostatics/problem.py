@@ -1,12 +1,14 @@
 """Plane and axisymmetric magnetostatic problems."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import ClassVar, Self
 
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.magnetostatics.arguments import Arguments, check_plane_mesh
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
@@ -94,13 +96,17 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         True if `adapt` curves the sides of elements of order 2 and above onto the arcs and splines that they follow,
         and solves on a `MeshTri2`. On chords these orders lose their rate of convergence (`python -m benchmarks
         curves`). `solve` curves no sides. From order 4 on, a side is the arc through its three nodes if the midside
-        node lies on the perpendicular bisector, and otherwise a parabola.
+        node lies on the perpendicular bisector, and otherwise a parabola, unless it has a curve in `sides`.
     goal
         Quantity to adapt the mesh for in place of the energy: `Force`, `Torque`, `FluxLinkage`, `StoredEnergy`, or a
         user-defined `Goal`. `indicators` are then those of `ka.estimators.goal_oriented`: the square of an `estimate`
         is the sum of the magnitudes of what the elements add to the error of the goal, in its unit, and `atol` is the
         root of the allowed error. There is no `energy_norm`, and `ritz` exists only if the derivative of the goal is
         constant in regions of linear material, as for a `FluxLinkage`. `goal_error` estimates the error.
+
+    sides
+        Boundary name to a curve with a method ``project``, such as `kohonen_adapt.Spline`, which the curved sides of
+        elements of order 4 and above follow. Arcs need none, and `adapt` adds its `curves`.
 
     Raises
     ------
@@ -153,15 +159,31 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         order = self.order if order is None else order
         check_plane_mesh(mesh, curved=order > 1)
         symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
-        size = exact_area if order > BY_PARABOLAS else area
+        sides = {name: curve.project for name, curve in (self.sides or {}).items()}
+        size = partial(exact_area, sides=sides) if order > BY_PARABOLAS else area
         material = coefficients(mesh, self.materials, self.ampere_turns, size)
-        elements = elements_on(mesh, order, symmetry, material.nonlinear)
+        elements = elements_on(mesh, order, symmetry, material.nonlinear, sides)
         return EnergyFunctional(elements, symmetry, material, conditions_of(elements, self.boundaries, symmetry))
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:
         if self.goal is not None:
             return goal_indicators(field, self.goal, self.boundaries, self.method)
         return energy_indicators(mesh, field, self.estimator, self.boundaries, self.materials, self.method)
+
+    def on_curves(self, curves: Mapping[str, Curve]) -> Self:
+        """Return the problem with more curves in `sides`.
+
+        Parameters
+        ----------
+        curves
+            As `sides`, which have priority.
+
+        Returns
+        -------
+        Magnetostatics
+            A copy.
+        """
+        return replace(self, sides={**curves, **(self.sides or {})})
 
     def singular_nodes(self, mesh: MeshTri, field: Field) -> Ints:
         """Return the corners at which B is infinite or not smooth.

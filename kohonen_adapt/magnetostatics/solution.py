@@ -16,6 +16,7 @@ from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, NotConverged
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
+from kohonen_adapt.mesh.blended import Projections
 
 __all__ = [
     "CubicField",
@@ -101,14 +102,17 @@ class HighOrderField(QuadraticField):
         higher node, and inside the elements.
     degree
         Order of the elements.
+    sides
+        Projections onto the curves of boundaries by name, see `Magnetostatics`.
     """
 
     degree: int
+    sides: Projections | None = None
 
     @cached_property
     def elements(self) -> HighOrder:
         """Finite elements of the potential."""
-        return high_order_elements(self.mesh, self.order, self.symmetry, self.coefficients.nonlinear)
+        return high_order_elements(self.mesh, self.order, self.symmetry, self.coefficients.nonlinear, self.sides)
 
     @property
     def order(self) -> int:
@@ -128,8 +132,8 @@ def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None
     arguments = elements.mesh, values[: elements.corners.p.shape[1]], energy.coefficients, energy.symmetry, depth, steps
     if elements.order == 1:
         field = Field(*arguments)
-    elif elements.order > 3:
-        field = HighOrderField(*arguments, values=values, degree=elements.order)
+    elif isinstance(elements, HighOrder):
+        field = HighOrderField(*arguments, values=values, degree=elements.order, sides=elements.sides)
     else:
         field = (QuadraticField if elements.order == 2 else CubicField)(*arguments, values=values)
     if steps and not steps[-1].converged:
@@ -193,7 +197,8 @@ def at_points(field: Field, derivative: tuple[Floats, Floats]) -> tuple[Floats, 
 
 
 def richer_solution(field: Field, boundaries: Boundaries, newton: Newton) -> Field:
-    elements = elements_on(field.mesh, field.order + 1, field.symmetry, field.coefficients.nonlinear)
+    sides = field.sides if isinstance(field, HighOrderField) else None
+    elements = elements_on(field.mesh, field.order + 1, field.symmetry, field.coefficients.nonlinear, sides)
     return solution_of(energy_on(elements, field, boundaries), field.depth, field, newton)
 
 

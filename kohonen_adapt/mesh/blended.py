@@ -1,4 +1,4 @@
-"""Triangles with sides on exact arcs, by transfinite blending.
+"""Triangles with sides on arcs and other curves, by transfinite blending.
 
 A side from corner a to corner b has the position ``chord(t) + (1 - t^2) e(t)`` for t from -1 to 1, with a polynomial e
 (its first coefficient is the midside offset, and a parabola has no other). The element is the image of ``x = sum_i
@@ -6,6 +6,7 @@ lambda_i x_i + 4 sum_k lambda_a lambda_b e_k(lambda_b - lambda_a)`` (B. Szabo an
 1991, section 6.2), which for parabolas is the isoparametric map of order 2.
 """
 
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from math import factorial
 
@@ -16,21 +17,26 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.curved import AFTER, BEFORE, Isoparametric
 from kohonen_adapt.mesh.lagrange import triangle_rule
 from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.names import named
 
-__all__ = ["Blended", "exact_area"]
+__all__ = ["Blended", "Projections", "exact_area"]
+
+Projections = Mapping[str, Callable[[Floats], Floats]]  # boundary name to the projection onto its curve
 
 ROUND = 1e-6  # shift of a midside node along the chord, relative to its offset, up to which the side is an arc
 DEGREE = 26  # of the quadrature of areas
+FITTED = 16  # coefficients of a side on a curve that is no arc
 TERMS = 12  # terms of the series of sine and cosine, exact to rounding up to half a circle
 
 
 class Blended(Isoparametric):
     """Triangles with an arc through the three nodes of a curved side.
 
-    A side whose midside node is not on the perpendicular bisector of the chord is a parabola.
+    A side whose midside node is not on the perpendicular bisector of the chord is a parabola. Curved sides on a
+    boundary in `sides` follow the curve of its projection.
     """
 
-    def __init__(self, mesh: MeshTri) -> None:
+    def __init__(self, mesh: MeshTri, sides: Projections | None = None) -> None:
         super().__init__(mesh)
         self.facet_series = np.zeros((2 * TERMS, *self.facet_offset.shape))  # (powers, 2, nfacets): e by powers of t
         self.facet_series[0] = self.facet_offset
@@ -40,6 +46,11 @@ class Blended(Isoparametric):
         rounded = np.abs(np.sum(half * offset, axis=0)) <= ROUND * size * np.hypot(*half)
         rows = np.flatnonzero((size > 0.0) & rounded)
         self.facet_series[:, :, rows] = series_of_arcs(half[:, rows], offset[:, rows])
+        for name, project in (sides or {}).items():
+            on = np.asarray(named(self.corners.boundaries, name, "boundary"))
+            rows = on[size[on] > 0.0]
+            self.facet_series[:, :, rows] = 0.0
+            self.facet_series[:FITTED, :, rows] = fitted_series(start[:, rows], end[:, rows], offset[:, rows], project)
 
     @cached_property
     def series(self) -> Floats:
@@ -90,9 +101,23 @@ class Blended(Isoparametric):
         return x, tangent
 
 
-def exact_area(mesh: MeshTri) -> Floats:
+def fitted_series(start: Floats, end: Floats, offset: Floats, project: Callable[[Floats], Floats]) -> Floats:
+    """Return e of sides on a curve, (FITTED, 2, n), a polynomial through Chebyshev points."""
+    if not start.size:
+        return np.zeros((FITTED, *start.shape))
+    t = np.cos((2.0 * np.arange(FITTED) + 1.0) * np.pi / (2.0 * FITTED))[:, None, None]
+    chord = 0.5 * ((1.0 - t) * start + (1.0 + t) * end)  # (FITTED, 2, n)
+    guess = chord + (1.0 - t**2) * offset
+    found = project(np.moveaxis(guess, 1, 0).reshape(2, -1)).reshape(2, FITTED, -1)
+    missed = [project(ends) - ends for ends in (start, end)]  # rounding, so that sides end exactly at their nodes
+    on_curve = np.moveaxis(found, 1, 0) - 0.5 * ((1.0 - t) * missed[0] + (1.0 + t) * missed[1])
+    powers = np.linalg.inv(np.vander(t.ravel(), increasing=True))
+    return np.einsum("pq,qcn->pcn", powers, (on_curve - chord) / (1.0 - t**2))
+
+
+def exact_area(mesh: MeshTri, sides: Projections | None = None) -> Floats:
     """Return the areas of elements with arcs as sides, (nelements,)."""
-    size, shape = area(mesh), Blended(mesh)
+    size, shape = area(mesh), Blended(mesh, sides)
     rows, (barycentric, weight) = np.flatnonzero(shape.curved), triangle_rule(DEGREE)
     element, share = np.repeat(rows, weight.size), np.tile(barycentric.T, rows.size)
     hats = shape.hat_gradients(element, share)

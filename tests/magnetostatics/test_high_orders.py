@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.curved_meshes import curved_annulus
+from helpers.curved_meshes import curved_annulus, with_midsides
 from helpers.devices import BORE, CURRENT, RIM, curved_wire_mesh, tube
 from helpers.exact_fields import HALF, LAYERS, RECTANGLE, random_mesh, rectangle_mesh, sheet_field
 from helpers.sheets import MU0
@@ -133,3 +133,50 @@ def test_a_goal_has_indicators_and_an_error():
     assert np.sum(problem.indicators(mesh, field) ** 2) > 0.5 * abs(error)
     with pytest.raises(NotOffered, match="elements of order 4 are not polished"):
         problem.ritz(mesh, field)
+
+
+class Ellipse:
+    """The ellipse with half axes 2 and 1, known by its projection only."""
+
+    def project(self, x):
+        angle = np.arctan2(2.0 * x[1], x[0])
+        for _ in range(30):  # Newton's method for the nearest point
+            cosine, sine = np.cos(angle), np.sin(angle)
+            slope = 2.0 * sine * (x[0] - 2.0 * cosine) - cosine * (x[1] - sine)
+            rate = 2.0 * cosine * (x[0] - 2.0 * cosine) + 4.0 * sine**2 + sine * (x[1] - sine) + cosine**2
+            angle = angle - slope / rate
+        return np.stack([2.0 * np.cos(angle), np.sin(angle)])
+
+
+def elliptic_conductor():
+    circle = MeshTri.init_circle(2, smoothed=False)
+    mesh = MeshTri(circle.p * np.array([[2.0], [1.0]]), circle.t)
+    mesh = mesh.with_boundaries({"rim": mesh.boundary_facets()}).with_subdomains({"wire": lambda x: x[0] < 9.0})
+
+    def place(mesh, facets):
+        middle = mesh.p[:, mesh.facets].mean(axis=1)
+        middle[:, mesh.boundaries["rim"]] = Ellipse().project(middle[:, mesh.boundaries["rim"]])
+        return middle
+
+    return with_midsides(mesh, place)
+
+
+def test_sides_follow_a_curve_that_is_known_by_its_projection():
+    """In an elliptic conductor A is a polynomial of degree 2 that is zero on the ellipse."""
+    mesh, errors, x = elliptic_conductor(), {}, np.random.default_rng(3).uniform(-0.6, 0.6, (2, 50))
+    exact = MU0 * 1e6 / 2.0 * (4.0 / 5.0) * (1.0 - x[0] ** 2 / 4.0 - x[1] ** 2)
+    for sides in (None, {"rim": Ellipse()}):
+        for order in (4, 6, 8):
+            given = {"materials": {"wire": Material(current_density=1e6)}, "potential": {"rim": 0.0}}
+            field = Magnetostatics(**given, order=order, sides=sides).solve(mesh)
+            errors[sides is None, order] = np.abs(field.potential_at(x) - exact).max() / exact.max()
+    assert errors[False, 8] < 1e-7 < 1e-6 < errors[True, 8]
+    assert errors[False, 8] < 0.1 * errors[False, 6] < 0.01 * errors[False, 4]
+
+
+def test_wrong_sides_are_named():
+    with pytest.raises(ValueError, match="sides must map boundary names to curves with a method project; got"):
+        Magnetostatics({"air": Material()}, {"rim": 0.0}, sides={"rim": 1.0})
+    problem = Magnetostatics({"wire": Material()}, {"rim": 0.0}, order=4, sides={"ring": Ellipse()})
+    with pytest.raises(ValueError, match="boundary 'ring' is not in the mesh; it has 'rim'"):
+        problem.solve(elliptic_conductor())

@@ -1,6 +1,6 @@
 """Geometric layers of elements around nodes where a field is singular."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import is_count, is_number
+from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.plane.pairs import image_nodes
 from kohonen_adapt.mesh.blended import Blended
 from kohonen_adapt.mesh.curved import AFTER, BEFORE, check_curved_sides, with_midside_offsets
@@ -44,7 +45,12 @@ Corner = tuple[Ints, Floats]  # (r,) nodes and (r, 3) barycentric coordinates in
 
 
 def refined_at(
-    mesh: MeshTri, nodes: ArrayLike, layers: int = 2, factor: float = 0.15, periodic: Sequence[Pair] = ()
+    mesh: MeshTri,
+    nodes: ArrayLike,
+    layers: int = 2,
+    factor: float = 0.15,
+    periodic: Sequence[Pair] = (),
+    curves: Mapping[str, Curve] | None = None,
 ) -> MeshTri:
     """Refine a mesh geometrically towards nodes, for elements of high order.
 
@@ -64,6 +70,8 @@ def refined_at(
         Ratio of the sizes of successive layers, between 0 and 1.
     periodic
         Pairs of boundaries as in `Rules.periodic`: layers at a node are made at its image, too.
+    curves
+        Curves of boundaries as in `Rules.curves`, on which new nodes of curved sides lie. Arcs need none.
 
     Returns
     -------
@@ -89,7 +97,7 @@ def refined_at(
         raise ValueError(f"layers must be an integer >= 1; got {layers!r}.")
     if not is_number(factor) or not 0.0 < factor < 1.0:
         raise ValueError(f"factor must be a number between 0 and 1; got {factor!r}.")
-    shape = Blended(mesh)
+    shape = Blended(mesh, {name: curve.project for name, curve in (curves or {}).items()})
     singular = with_images(checked_nodes(nodes, shape.p.shape[1]), shape.corners, periodic)
     count = shape.t.shape[1]
     whole = Pieces(shape.t.T.astype(np.int64), np.arange(count), np.tile(np.eye(3), (count, 1, 1)))

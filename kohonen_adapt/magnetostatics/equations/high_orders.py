@@ -15,7 +15,7 @@ from kohonen_adapt.magnetostatics.equations.elements import Linear
 from kohonen_adapt.magnetostatics.equations.higher import ElementGroup, Elements, Higher
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, Symmetry
 from kohonen_adapt.magnetostatics.equations.system import Interiors, Reduced
-from kohonen_adapt.mesh.blended import Blended
+from kohonen_adapt.mesh.blended import Blended, Projections
 from kohonen_adapt.mesh.lagrange import functions_and_slopes, lobatto, nodes, rule_about, trace_functions, triangle_rule
 from kohonen_adapt.mesh.measures import hat_gradients
 
@@ -167,8 +167,12 @@ class HighOrder(Higher):
 
     shape: Blended
 
+    def __init__(self, mesh: MeshTri, order: int, nonlinear: Mask, sides: Projections | None = None) -> None:
+        self.sides = sides
+        super().__init__(mesh, order, nonlinear)
+
     def _shape_of(self, mesh: MeshTri) -> Blended:
-        return Blended(mesh)
+        return Blended(mesh, self.sides)
 
     def _numbering(self) -> tuple[Ints, Floats]:
         shape, order, at = self.shape, self.order, nodes(self.order)
@@ -277,13 +281,17 @@ def _facet_rule(order: int) -> tuple[Floats, Floats]:
     return 0.5 + 0.5 * at, 0.5 * weights
 
 
-def high_order_elements(mesh: MeshTri, order: int, symmetry: Symmetry, nonlinear: Mask) -> HighOrder:
-    return (HighOrderAroundAxis if symmetry is AXISYMMETRIC else HighOrder)(mesh, order, nonlinear)
+def high_order_elements(
+    mesh: MeshTri, order: int, symmetry: Symmetry, nonlinear: Mask, sides: Projections | None
+) -> HighOrder:
+    return (HighOrderAroundAxis if symmetry is AXISYMMETRIC else HighOrder)(mesh, order, nonlinear, sides)
 
 
-def elements_on(mesh: MeshTri, order: int, symmetry: Symmetry, nonlinear: Mask) -> Elements:
+def elements_on(
+    mesh: MeshTri, order: int, symmetry: Symmetry, nonlinear: Mask, sides: Projections | None = None
+) -> Elements:
     if order > BY_LAGRANGE:
-        return high_order_elements(mesh, order, symmetry, nonlinear)
+        return high_order_elements(mesh, order, symmetry, nonlinear, sides)
     if symmetry is AXISYMMETRIC:
         return AroundAxis(mesh, order, nonlinear)
     return Higher(mesh, order, nonlinear) if order > 1 else Linear(mesh)
