@@ -129,6 +129,31 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
     orders: ClassVar[tuple[int, int]] = (1, 8)
 
     def solve(self, mesh: MeshTri, *, order: int | None = None) -> Field:
+        """Solve on a mesh by a sparse direct method, with Newton's method if nonlinear.
+
+        Above 300 000 unknowns by algebraic multigrid, to a residual of 1e-10, if pyamg is installed.
+
+        Parameters
+        ----------
+        mesh
+            In metres, with the named subdomains and boundaries, a plain `MeshTri`, above order 1 also a `MeshTri2`.
+        order
+            Order of the elements in place of that of the problem.
+
+        Returns
+        -------
+        Field
+            The potential and derived quantities.
+
+        Raises
+        ------
+        ValueError
+            If the mesh is invalid or does not match the problem, see the class.
+        numpy.linalg.LinAlgError
+            If the equations have no finite solution (a kind of ValueError).
+        NotConverged
+            If Newton's method does not converge (a kind of LinAlgError); its `field` is the last iterate.
+        """
         return solution_of(self._energy_on(mesh, order), self.depth, None, self.method)
 
     def solve_from(self, mesh: MeshTri, old_mesh: MeshTri, old_field: Field, *, order: int | None = None) -> Field:

@@ -89,8 +89,8 @@ def refined_at(
     >>> import skfem, kohonen_adapt as ka
     >>> mesh = skfem.MeshTri().refined(1)
     >>> finer = ka.refined_at(mesh, [0], layers=2)
-    >>> mesh.nvertices, finer.nvertices, round(finer.p[0, finer.p[0] > 0.0].min(), 5)  # 0.5 times 0.15 squared
-    (9, 15, 0.01125)
+    >>> round(float(finer.p[0, finer.p[0] > 0.0].min()), 5)  # 0.5 times 0.15 squared
+    0.01125
     """
     check_mesh(mesh, curved=True)
     if not is_count(layers) or layers < 1:
