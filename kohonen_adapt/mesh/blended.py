@@ -102,7 +102,7 @@ class Blended(Isoparametric):
 
 
 def fitted_series(start: Floats, end: Floats, offset: Floats, project: Callable[[Floats], Floats]) -> Floats:
-    """Return e of sides on a curve, (FITTED, 2, n), a polynomial through Chebyshev points."""
+    """Return e of sides on a curve, through Chebyshev points, (FITTED, 2, n)."""
     if not start.size:
         return np.zeros((FITTED, *start.shape))
     t = np.cos((2.0 * np.arange(FITTED) + 1.0) * np.pi / (2.0 * FITTED))[:, None, None]
