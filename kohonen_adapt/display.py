@@ -1,5 +1,7 @@
 """Units, outlines and number formats shared by plots and reports."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from skfem import MeshTri
 
@@ -8,9 +10,9 @@ from kohonen_adapt.mesh.curved import facet_midside_offsets, is_second_order, mi
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
 
 __all__ = [
-    "DECADES",
     "PARTS",
     "counted",
+    "decades_of",
     "divided",
     "divisions_of",
     "in_unit",
@@ -28,8 +30,8 @@ UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
 PARTS = 8
 """Straight segments that draw a curved side."""
 
-DECADES = 3
-"""Decades of a colour scale below the largest indicator."""
+DECADES, MOST_DECADES = 3, 6
+"""Least and largest number of decades of a colour scale below the largest indicator."""
 
 
 def in_unit(unit: str) -> float:
@@ -79,6 +81,13 @@ def level_of_share(values: Floats, weights: Floats, share: float) -> float:
     order = np.argsort(values)
     running = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(running, share * running[-1])])
+
+
+def decades_of(arrays: Sequence[Floats]) -> tuple[float, float]:
+    # limits of a logarithmic scale with the top decade of every array, as far as `MOST_DECADES` reach
+    tops = [float(values[np.isfinite(values)].max(initial=0.0)) for values in arrays]
+    high, least = max(tops, default=0.0), min((top for top in tops if top > 0.0), default=0.0)
+    return min(10.0**-DECADES * high, max(10.0**-MOST_DECADES * high, 0.1 * least)), high
 
 
 def lattice(divisions: int) -> tuple[Floats, Ints]:

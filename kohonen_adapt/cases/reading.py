@@ -285,7 +285,7 @@ class _CheckOnly:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._problem, name)
 
-    def solve(self, mesh: MeshTri) -> Any:
+    def solve(self, mesh: MeshTri, *, order: int | None = None) -> Any:
         raise _ChecksDone
 
     def indicators(self, mesh: MeshTri, solution: Any) -> Any:

@@ -35,6 +35,7 @@ from kohonen_adapt.loop.table import energy_norm_error, estimate_word, goal_sent
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.validity import check_mesh
+from kohonen_adapt.problem.orders import at_order_of_passes
 from kohonen_adapt.version import __version__
 
 __all__ = ["main"]
@@ -128,7 +129,8 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     terminal.say(f"The best pass so far is always in {folder}. To continue after an interruption: {command}")
     result = run.result()
     terminal.say(result)
-    before = passes.before or adapt(mesh, case.problem, passes=0)  # a resumed run has only the meshes
+    # a resumed run has only the meshes
+    before = passes.before or adapt(mesh, at_order_of_passes(case.problem), passes=0)
     pictures = drawn(terminal, folder, lambda: write_pictures(case, before, result, folder))
     terminal.say(f"Files in {folder}: {', '.join([*results_of(case), *(pictures or [])])}.")
     for sentence in (goal_sentence(result.best), curve_sentence(case, result)):
@@ -148,7 +150,8 @@ class _Passes:
     before: AdaptResult | None = None
 
     def show(self, number: int, step: str) -> None:
-        self.terminal.show(f"pass {number} of {self.passes}: {step}{self.known and f', {self.known}'}")
+        place = f"pass {number} of {self.passes}" if number <= self.passes else f"pass {number}, the last"
+        self.terminal.show(f"{place}: {step}{self.known and f', {self.known}'}")
 
     def report(self, result: AdaptResult) -> None:
         step = result.history[-1]
@@ -176,6 +179,8 @@ def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
 
 
 def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
+    if arguments.mesh.suffix.lower() == ".toml":
+        raise ValueError(f"check expected a mesh file; check a case by kohonen-adapt run {arguments.mesh} --dry-run")
     mesh = read_mesh(arguments.mesh, scale=arguments.scale)
     check_mesh(mesh, curved=True, inverted=True, space=True)
     corners = corners_of(mesh)

@@ -22,7 +22,8 @@ from kohonen_adapt.loop.settings import PASSES
 from kohonen_adapt.loop.why_held import reasons_at
 from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
-from kohonen_adapt.problem.protocol import pairs_of
+from kohonen_adapt.problem.orders import at_order_of_passes
+from kohonen_adapt.problem.protocol import order_of, pairs_of
 from kohonen_adapt.report.scene import FieldOf
 from kohonen_adapt.report.writing import write_report
 from kohonen_adapt.som.density import density_from_indicators
@@ -74,7 +75,7 @@ def write_overview(
 def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
     from kohonen_adapt import plotting  # needs matplotlib
 
-    unit, order = _length_unit(after), case.problem.order
+    unit, order = _length_unit(after), order_of(at_order_of_passes(case.problem))
     plane, axis = _plane_through(after), _is_axisymmetric(case)
     slope = -order / len(after.mesh.p) * (1 if case.goal is None else 2)  # the error of a goal has twice the order
     density = density_from_indicators(before.mesh, before.indicators, order=order)

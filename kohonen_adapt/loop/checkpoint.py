@@ -25,7 +25,7 @@ __all__ = ["Checkpoint"]
 FORMAT = 3  # version of the file format
 
 # Fields that files of earlier releases may lack.
-ADDED = {"unmoved": 0, "refused_by_quality": 0, "refused_by_reach": 0, "held_in_polish": 0}
+ADDED = {"order": 1, "unmoved": 0, "refused_by_quality": 0, "refused_by_reach": 0, "held_in_polish": 0}
 
 STATE = "state "  # prefix of the names of mesh arrays
 

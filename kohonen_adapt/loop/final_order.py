@@ -8,6 +8,7 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.geometry.plane.corner_layers import refined_at
+from kohonen_adapt.geometry.plane.movable import Work
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.step import Adaptation, root_of_squares
@@ -93,10 +94,12 @@ def assessed(result: AdaptResult, problem: Problem, adaptation: Adaptation, mesh
     qualities, total = quality(mesh), root_of_squares(indicators)
     return replace(
         best,
+        **vars(Work()),  # no node moves
         number=last.number + 1,
         mesh=mesh,
         indicators=indicators,
         nodes=np.append(best.nodes, np.full(mesh.nvertices - best.nodes.size, -1)),
+        order=int(order_of(problem)),
         unknowns=count_unknowns(mesh, order_of(problem)),
         estimate=total,
         worth=total,

@@ -44,6 +44,9 @@ class Pass(Work):
         Unsquared indicators returned by the problem, shape (nelements,).
     nodes
         Index in the input mesh of every node, -1 for a new node, shape (nnodes,).
+    order
+        Order of the elements. The last pass has another one than the passes before if the order of the problem is above
+        3.
     unknowns
         Number of unknowns, Dirichlet values included. At order 1 the number of nodes.
     estimate
@@ -101,6 +104,7 @@ class Pass(Work):
     mesh: Mesh
     indicators: Floats
     nodes: Ints
+    order: int = 1
     unknowns: int
     estimate: float
     worth: float

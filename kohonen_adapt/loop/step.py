@@ -111,6 +111,7 @@ class Adaptation:
             mesh=mesh,
             indicators=indicators,
             nodes=indices_in_input(before, moved, self.movable.nnodes, self.settings.growth.start),
+            order=int(self.order),
             unknowns=count_unknowns(mesh, self.order),
             estimate=root_of_squares(indicators),
             worth=root_of_squares(weight * indicators),

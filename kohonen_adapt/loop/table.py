@@ -144,6 +144,8 @@ def _html_row(attributes: str, kind: str, cells: Sequence[str]) -> str:
 
 def _solution_columns(history: tuple[Pass, ...]) -> Columns:
     columns = [("nodes", [str(step.mesh.nvertices) for step in history])]
+    if len({step.order for step in history}) > 1:
+        columns.append(("order", [str(step.order) for step in history]))
     if any(step.unknowns != step.mesh.nvertices for step in history):
         columns.append(("unknowns", [str(step.unknowns) for step in history]))
     columns += [
@@ -192,7 +194,7 @@ def _work_columns(history: tuple[Pass, ...]) -> Columns:
     columns += [_column(entry, history) for entry in _titled_fields(history) if entry.name not in work]
     columns.append(("seconds", [f"{sum(step.seconds.values()):.2f}" for step in history]))
     if any(step.functional is not None for step in history):
-        columns.append(("gain of map", [DASH, *(significant(_gain_of_map(*pair), 2) for pair in pairwise(history))]))
+        columns.append(("gain of map", [DASH, *(_gain_of_map(*pair) for pair in pairwise(history))]))
     for entry in _titled_fields(history):
         if entry.name in work and any(getattr(step, entry.name) for step in history):
             title, cells = _column(entry, history)
@@ -236,8 +238,10 @@ def _changes(values: Sequence[float | None], form: str) -> list[str]:
     ]
 
 
-def _gain_of_map(before: Pass, after: Pass) -> float:
-    return (before.functional or 0.0) - (after.functional or 0.0) - after.polish_gain
+def _gain_of_map(before: Pass, after: Pass) -> str:
+    if before.functional is None or after.functional is None:
+        return DASH
+    return significant(before.functional - after.functional - after.polish_gain, 2)
 
 
 def table_blocks(groups: list[Columns], width: int = WIDTH) -> Iterator[list[str]]:

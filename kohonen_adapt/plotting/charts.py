@@ -59,7 +59,8 @@ def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] 
         axes.plot(number, exact / norms, "s--", color=VERMILION, label="exact error")
         axes.legend()
     counts = sorted({step.mesh.nvertices for step in history})
-    axes.set_xlabel(f"relocations, with {' to '.join(map(str, counts[:: max(len(counts) - 1, 1)]))} nodes")
+    last = f", the last pass of order {history[-1].order}" if history[-1].order != history[0].order else ""
+    axes.set_xlabel(f"relocations, with {' to '.join(map(str, counts[:: max(len(counts) - 1, 1)]))} nodes{last}")
     axes.set(ylabel=_label(history), ylim=(0.0, None))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     _rule(axes)
@@ -68,9 +69,9 @@ def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] 
 def plot_convergence(histories: Mapping[str, Sequence[Pass]], *, slope: float = -0.5, ax: Axes | None = None) -> Axes:
     """Plot the estimate of every pass over the number of nodes, on logarithmic axes.
 
-    Grey lines of the slope ``N ** slope`` run through the first and the best pass of the first history. The best pass
-    has the smallest estimate times ``N ** -slope``. If both passes have the same number of nodes, a circle marks the
-    number of nodes at which the first line reaches the error of the best pass.
+    Grey lines of the slope ``N ** slope`` run through the first and the best pass of the first history, without passes
+    of another order than the first. The best pass has the smallest estimate times ``N ** -slope``. If both have equal
+    numbers of nodes, a circle marks the number of nodes at which the first line reaches the error of the best pass.
 
     Parameters
     ----------
@@ -100,7 +101,9 @@ def plot_convergence(histories: Mapping[str, Sequence[Pass]], *, slope: float = 
     drawn = [_points(history, percent) for history in histories.values()]
     for word, (nodes, errors), colour, marker in zip(histories, drawn, COLOURS, MARKERS, strict=False):
         axes.plot(nodes, errors, marker, linestyle="-", color=colour, label=word, zorder=3)
-    needed = _draw_slopes(axes, *drawn[0], slope)
+    first, (nodes, errors) = next(iter(histories.values())), drawn[0]
+    of_one_order = [step.order == first[0].order for step in first]
+    needed = _draw_slopes(axes, nodes[of_one_order], errors[of_one_order], slope)
     axes.set(xscale="log", yscale="log" if any(np.any(errors > 0.0) for _, errors in drawn) else "linear")
     axes.set(xlim=_span_of(np.concatenate([needed, *(nodes for nodes, _ in drawn)])))
     axes.set(xlabel="nodes N", ylabel=_label(passes), title=f"{estimate_word(passes).capitalize()} over nodes")

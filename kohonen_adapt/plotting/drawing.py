@@ -12,8 +12,8 @@ from skfem import Mesh, MeshTri
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import as_reals
 from kohonen_adapt.display import (
-    DECADES,
     PARTS,
+    decades_of,
     divided,
     divisions_of,
     in_unit,
@@ -220,7 +220,8 @@ def _values(name: str, given: ArrayLike, mesh: Mesh, shape: dict[str, int]) -> F
 def indicator_scale(*indicators: ArrayLike) -> Normalize:
     """Return a logarithmic colour scale for several arrays of indicators.
 
-    The scale covers three decades below the largest indicator.
+    The scale covers three decades below the largest indicator, or more, so that it covers at least one decade of every
+    array.
 
     Parameters
     ----------
@@ -232,8 +233,8 @@ def indicator_scale(*indicators: ArrayLike) -> Normalize:
     Normalize
         For ``draw_indicators(..., norm=)``.
     """
-    largest = max((float(np.max(values)) for values in indicators), default=0.0)
-    return LogNorm(10.0**-DECADES * largest, largest) if largest > 0.0 else Normalize(0.0, 1.0)
+    low, high = decades_of([np.asarray(values) for values in indicators])
+    return LogNorm(low, high) if high > 0.0 else Normalize(0.0, 1.0)
 
 
 def set_axes(axes: Axes, mesh: MeshTri, unit: str, names: tuple[str, str] = ("x", "y")) -> None:

@@ -13,7 +13,7 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import as_reals
-from kohonen_adapt.display import DECADES, in_unit, level_of_share, outlined_facets, straight_and_curved
+from kohonen_adapt.display import decades_of, in_unit, level_of_share, outlined_facets, straight_and_curved
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
@@ -165,10 +165,10 @@ def _indicators(label: str, results: Results) -> Shown:
         shown.of_elements(as_reals("indicators", each.indicators, {"nelements": each.mesh.t.shape[1]}))
         for each, shown in results
     ]
-    largest = max((float(each[np.isfinite(each)].max(initial=0.0)) for each in values), default=0.0)
-    if largest == 0.0:
+    low, high = decades_of(values)
+    if high == 0.0:
         return _scaled(label, "element", values, 0.0, 1.0)
-    return _scaled(label, "element", values, 10.0**-DECADES * largest, largest, "log")
+    return _scaled(label, "element", values, low, high, "log")
 
 
 def _scaled(label: str, at: str, values: Sequence[Floats], low: float, high: float, scale: str = "linear") -> Shown:

@@ -440,3 +440,9 @@ def test_an_estimate_of_zero_has_no_slope(tmp_path):
     drawn = plotting.plot_convergence({"exact": [a_pass(0, two_regions(), 0.0)]})
     drawn.figure.savefig(tmp_path / "estimate.png", dpi=30)
     assert len(drawn.lines) == 1
+
+
+def test_the_scale_shows_the_top_decade_of_every_array():
+    scale = plotting.indicator_scale([0.1, 1.0], [2e-4, 1e-5])
+    assert (scale.vmin, scale.vmax) == (pytest.approx(2e-5), 1.0)
+    assert plotting.indicator_scale([1.0], [1e-12]).vmin == pytest.approx(1e-6)

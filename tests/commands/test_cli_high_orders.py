@@ -1,0 +1,118 @@
+"""Orders above 3 in cases: run, resume, sweep, and careless uses."""
+
+import csv
+
+import numpy as np
+import pytest
+from helpers.meshes import inset
+from numpy.testing import assert_allclose
+
+import kohonen_adapt as ka
+from kohonen_adapt.cases import fitting_mesh, read_case
+from kohonen_adapt.commands import main as cli
+
+CASE = """
+mesh = "mesh.msh"
+scale = 1e-3
+order = 5
+[materials.core]
+permeability = 1000.0
+remanence = [0.0, 1.2]
+[materials.air]
+[potential]
+outer = 0.0
+[adapt]
+passes = 2
+[outputs.stored]
+quantity = "energy"
+"""
+
+
+def written(folder, text=CASE):
+    mesh = inset(8)
+    ka.write_mesh(folder / "mesh.msh", mesh.with_boundaries({"outer": mesh.boundary_facets()}))
+    (folder / "case.toml").write_text(text)
+    return folder / "case.toml"
+
+
+def history_of(folder):
+    with (folder / "history.csv").open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A case and the folder of its run; only to be looked at."""
+    case = written(tmp_path_factory.mktemp("high"))
+    assert cli.main(["run", str(case), "--out", str(case.parent / "out")]) == 0
+    return case
+
+
+def test_the_last_pass_has_the_order_of_the_case(finished):
+    rows = history_of(finished.parent / "out")
+    assert [row["order"] for row in rows] == ["2", "2", "2", "5"]
+    assert int(rows[-1]["unknowns"]) > 4 * int(rows[-2]["unknowns"])
+    assert (rows[-1]["moved"], rows[-1]["splits"], rows[-1]["polish_gain"]) == ("0", "0", "0.0")
+    case = read_case(finished)
+    result = ka.adapt(
+        fitting_mesh(case), case.problem, outputs=case.labelled_outputs, **case.options(fitting_mesh(case))
+    )
+    assert result.best.estimate == float(rows[-1]["estimate"])
+    table = str(result).splitlines()
+    assert table[0].split()[:5] == ["pass", "nodes", "order", "unknowns", "estimate"]
+    gains = next(k for k, line in enumerate(table) if "gain of map" in line)
+    assert table[gains + 4].split()[5] == "-"  # no map before the last solve
+    mesh = ka.read_mesh(finished.parent / "out" / "adapted.msh", scale=1e-3)
+    assert_allclose(mesh.p, result.mesh.p, rtol=1e-12, atol=1e-15)
+
+
+def test_every_picture_is_drawn(finished):
+    report = (finished.parent / "out" / "report.html").read_text(encoding="utf-8")
+    assert report.count("<img ") == 6
+
+
+def test_a_resumed_run_ends_with_the_same_figures(finished, tmp_path):
+    case = written(tmp_path, CASE.replace("passes = 2", "passes = 1"))
+    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    case.write_text(CASE)
+    assert cli.main(["run", str(case), "--resume", str(tmp_path / "out"), "--quiet"]) == 0
+    for one, other in zip(history_of(tmp_path / "out"), history_of(finished.parent / "out"), strict=True):
+        same = [name for name in one if not name.startswith("seconds")]
+        assert {name: one[name] for name in same} == {name: other[name] for name in same}
+
+
+def test_a_resumed_run_shows_the_input_at_the_order_of_the_passes(finished, capsys):
+    (mesh_before,) = {row["nodes"] for row in history_of(finished.parent / "out")[:1]}
+    assert cli.main(["run", str(finished), "--resume", str(finished.parent / "out")]) == 0
+    assert f"<td>{mesh_before}</td>" in (finished.parent / "out" / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_sweep_over_orders_has_the_results_of_each(finished, tmp_path):
+    case = written(tmp_path, CASE.replace("passes = 2", "passes = 0"))
+    out = tmp_path / "out"
+    assert cli.main(["sweep", str(case), "--over", "order=3:5:3", "--jobs", "1", "-o", str(out), "--quiet"]) == 0
+    with (out / "sweep.csv").open(newline="") as stream:
+        stored = [float(row["stored (J/m)"]) for row in csv.DictReader(stream)]
+    exact = float(history_of(finished.parent / "out")[-1]["output stored (J/m)"])
+    errors = np.abs(np.array(stored) - exact)
+    assert errors[0] > 3.0 * errors[1] > 3.0 * errors[2]
+
+
+@pytest.mark.parametrize(
+    ("order", "message"),
+    [
+        ("9", "order of the elements must be a whole number from 1 to 8; got 9."),
+        ("5.0", "order must be an integer up to 2147483647; got 5.0."),
+        ('"5"', "order must be an integer up to 2147483647; got '5'."),
+        ('5\nestimator = "recovery"', "elements of order 5 have the estimator 'residual' only; got 'recovery'."),
+    ],
+)
+def test_wrong_orders_are_named(order, message, tmp_path, capsys):
+    case = written(tmp_path, CASE.replace("order = 5", f"order = {order}"))
+    assert cli.main(["run", str(case), "--dry-run"]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_check_of_a_case_names_the_command_for_cases(finished, capsys):
+    assert cli.main(["check", str(finished)]) == 2
+    assert f"check a case by kohonen-adapt run {finished} --dry-run" in capsys.readouterr().err
