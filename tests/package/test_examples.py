@@ -103,6 +103,13 @@ def test_every_case_has_been_compared():
     assert {path.stem for path in EXAMPLES.glob("*.toml")} == {"magnet", "actuator"}
 
 
+def test_the_high_order_has_an_error_below_three_in_ten_thousand_and_states_it(tmp_path):
+    result = run("high_order.py", tmp_path)
+    error = np.sqrt(0.2140758022 - result.best.energy_norm**2)  # the square of the exact norm, by order 8
+    assert result.best.order == 4 and error < 3e-4 * result.best.energy_norm
+    assert 0.6 < result.estimate / error < 1.4
+
+
 def test_own_problem_has_a_smaller_estimate_at_the_same_nodes(own_problem):
     after = own_problem[1]
     assert after.estimate < 0.8 * after.history[0].estimate
