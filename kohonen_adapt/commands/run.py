@@ -13,7 +13,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.commands.arguments import refuse_link
-from kohonen_adapt.display import divided, lattice
+from kohonen_adapt.display import lattice
 from kohonen_adapt.files import remove_drafts, whole_file, whole_files
 from kohonen_adapt.io import write_mesh
 from kohonen_adapt.loop.adapt import adapt
@@ -161,13 +161,13 @@ def results_of(case: Case) -> list[str]:
 
 
 def _write_inside(field: Any, path: Path) -> None:
-    """Write a field of higher order on divided elements, between which B may jump."""
+    """Write a field of higher order on Lagrange cells, between which B may jump."""
     share, _ = lattice(field.elements.order)
-    at = field.at_each(share)
-    data = {"A (Wb per m)": field.potential_at_each(share).ravel()}
+    at, count = field.at_each(share), field.mesh.t.shape[1]
+    data = {"A (Wb per m)": field.potential_at_each(share)}
     for name, unit, vector in (("B", "T", at.flux_density), ("H", "A per m", at.field_strength)):
-        data |= {f"{name}_{axis} ({unit})": values for axis, values in zip("xy", vector, strict=True)}
-    write_mesh(path, divided(field.mesh, field.elements.order), point_data=data)
+        data |= {f"{name}_{axis} ({unit})": part.reshape(-1, count) for axis, part in zip("xy", vector, strict=True)}
+    write_mesh(path, field.mesh, point_data=data)
 
 
 def _write_history(history: tuple[Pass, ...], folder: Path) -> None:

@@ -33,7 +33,7 @@ from kohonen_adapt.io.content import (
     shape_of,
 )
 from kohonen_adapt.io.groups import UNNAMED
-from kohonen_adapt.io.vtu import BOUNDARY, SUBDOMAIN, checked_vtu, plain_xml, sides_of
+from kohonen_adapt.io.vtu import BOUNDARY, LAGRANGE, SUBDOMAIN, checked_vtu, mean_weights, plain_xml, sides_of
 
 __all__ = ["FORMATS", "WITH_FIELDS", "read_arrays", "read_content"]
 
@@ -207,6 +207,8 @@ def _all_sets(mesh: Any, points: Floats) -> Iterator[tuple[int, str, Ints, Ints]
     """Yield (type, name, nodes, numbers) of all cells, and of the cells of every set."""
     first = 0
     for k, block in enumerate(mesh.cells):
+        if block.type == LAGRANGE:
+            raise ValueError("its Lagrange cells hold a field inside elements; read the mesh from its own file")
         kind = _kind(block)
         nodes = _nodes(block, kind, len(points))
         yield kind, "", nodes, first + np.arange(len(nodes))
@@ -219,10 +221,18 @@ def _points(mesh: Any) -> Floats:
     return np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))])
 
 
+def _means(values: Any, parts: list[Ints]) -> Any:
+    weights = [mean_weights(part.shape[1]) for part in parts]
+    return np.concatenate(
+        [np.einsum("i,mi...->m...", own, values[part]) for own, part in zip(weights, parts, strict=True)]
+    )
+
+
 def _nodes(block: Any, kind: int, count: int) -> Ints:
     if kind not in KINDS.values():
         return np.empty((len(block.data), 0), np.int64)
-    nodes = np.asarray(block.data, np.int64).reshape(-1, nodes_per_element(kind))
+    nodes = np.asarray(block.data, np.int64)
+    nodes = nodes if block.type == LAGRANGE else nodes.reshape(-1, nodes_per_element(kind))
     if np.any((nodes < 0) | (nodes >= count)):
         raise ValueError("a cell has a node that does not exist")
     return nodes
@@ -274,11 +284,17 @@ def read_arrays(path: Path, shape: str) -> CellFields:
     mesh = _read_with_meshio(path, "read_field")
     with as_value_error(path, f"'{path}' cannot be read: {{}}."):
         points = _points(mesh)
-        kinds = [_kind(block) for block in mesh.cells]
+        kinds = [TRIANGLE if block.type == LAGRANGE else _kind(block) for block in mesh.cells]
         blocks = [k for k, kind in enumerate(kinds) if shape_of(kind) == shape and kind in KINDS.values()]
-        parts = [_nodes(mesh.cells[k], kinds[k], len(points))[:, : CORNERS[shape]] for k in blocks]
-        cells = np.concatenate([np.empty((0, CORNERS[shape]), np.int64), *parts])
-        nodal = [Field(name, True, values) for name, values in mesh.point_data.items()]
+        parts = [_nodes(mesh.cells[k], kinds[k], len(points)) for k in blocks]
+        cells = np.concatenate(
+            [np.empty((0, CORNERS[shape]), np.int64), *(part[:, : CORNERS[shape]] for part in parts)]
+        )
+        is_nodal = all(mesh.cells[k].type != LAGRANGE for k in blocks)
+        nodal = [
+            Field(name, True, values) if is_nodal else Field(name, False, _means(values, parts))
+            for name, values in mesh.point_data.items()
+        ]
         cellwise = [
             Field(name, False, np.concatenate([values[k] for k in blocks]))
             for name, values in mesh.cell_data.items()

@@ -5,6 +5,7 @@ import lzma
 import re
 import zlib
 from collections.abc import Callable
+from functools import cache
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -16,13 +17,16 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
+from kohonen_adapt.display import divisions_of, lattice
 from kohonen_adapt.io.content import ALLOWED_BYTES, MAX_EXPANSION
+from kohonen_adapt.mesh.blended import Blended
 from kohonen_adapt.mesh.cells import CELLS
-from kohonen_adapt.mesh.curved import nodes_of_elements
+from kohonen_adapt.mesh.curved import Isoparametric, nodes_of_elements
+from kohonen_adapt.mesh.lagrange import triangle_rule
 from kohonen_adapt.mesh.measures import is_in_front
 from kohonen_adapt.mesh.names import combinations
 
-__all__ = ["BOUNDARY", "SUBDOMAIN", "checked_vtu", "plain_xml", "sides_of", "write_vtu"]
+__all__ = ["BOUNDARY", "LAGRANGE", "SUBDOMAIN", "checked_vtu", "mean_weights", "plain_xml", "sides_of", "write_vtu"]
 
 Sets = dict[str, Ints]
 Fields = dict[str, Floats]
@@ -31,6 +35,11 @@ REGION = "region"
 SUBDOMAIN, BOUNDARY = "skfem:s:", "skfem:b:"
 KINDS = {3: "triangle", 4: "tetra", 6: "triangle6"}
 """Nodes per element to the type in meshio (VTK's types 5, 10 and 22)."""
+
+LAGRANGE = "VTK_LAGRANGE_TRIANGLE"
+"""Triangles of any order with equispaced nodes (VTK's type 69) in meshio."""
+
+PARABOLAS = 3  # highest order whose elements have parabolas as sides; the others have arcs
 Source = bytes | str
 """Raw bytes, or base64 text in which header and data are encoded separately."""
 
@@ -53,6 +62,8 @@ def write_vtu(
     The names are integer arrays per element: ``region`` is the index of the combination of subdomain names,
     ``skfem:s:<name>`` is 1 in a subdomain, and bit k of ``skfem:b:<name>`` is set if side k is in a boundary.
 
+    If a field in `point_data` has values inside elements, as in `write_mesh`, the elements share no points.
+
     Raises
     ------
     ValueError
@@ -68,11 +79,67 @@ def write_vtu(
         )
     # meshio does not escape names in the XML.
     cells = {escape(name, quote=False): [_components(values)] for name, values in (names | cell_data).items()}
-    nodal = {escape(name, quote=False): values for name, values in point_data.items()}
-    points = np.column_stack([mesh.p.T, np.zeros((mesh.p.shape[1], 3 - len(mesh.p)))])
-    nodes = nodes_of_elements(mesh)
-    content = meshio.Mesh(points, [(KINDS[nodes.shape[1]], nodes)], point_data=nodal, cell_data=cells)
-    meshio.vtu.write(str(path), content)
+    order = max((divisions_of(len(values)) for values in point_data.values() if values.ndim == 2), default=0)
+    nodes, p = (
+        (_lagrange_nodes(mesh, order), _lagrange_points(mesh, order)) if order else (nodes_of_elements(mesh), mesh.p)
+    )
+    kind = LAGRANGE if order > 1 else KINDS[nodes.shape[1]]
+    nodal = {
+        escape(name, quote=False): _at_points(mesh, values, order) if order else values
+        for name, values in point_data.items()
+    }
+    points = np.column_stack([p.T, np.zeros((p.shape[1], 3 - len(p)))])
+    meshio.vtu.write(str(path), meshio.Mesh(points, [(kind, nodes)], point_data=nodal, cell_data=cells))
+
+
+def _lagrange_nodes(mesh: Mesh, order: int) -> Ints:
+    count = mesh.t.shape[1]
+    return (_vtk_rows(order) * count + np.arange(count)[:, None]).astype(np.int64)
+
+
+def _lagrange_points(mesh: Mesh, order: int) -> Floats:
+    share, count = lattice(order)[0], mesh.t.shape[1]
+    shape = Blended(mesh) if order > PARABOLAS else Isoparametric(mesh)
+    return shape.points(np.tile(np.arange(count), share.shape[1]), np.repeat(share, count, axis=1))
+
+
+def _at_points(mesh: Mesh, values: Floats, order: int) -> Floats:
+    if values.ndim == 2:
+        return values.ravel()
+    own, share = values[nodes_of_elements(mesh)].T, lattice(order)[0]
+    between = 4.0 * share * np.roll(share, -1, axis=0)
+    functions = share if len(own) == 3 else np.vstack([share * (2.0 * share - 1.0), between])
+    return (functions.T @ own).ravel()
+
+
+def _places(order: int) -> list[tuple[int, int]]:
+    # nodes of VTK in steps from corner 0: corners, sides 01, 12 and 20, then the triangle inside
+    n, inner = order, range(1, order)
+    if n == 0:
+        return [(0, 0)]
+    sides = [(i, 0) for i in inner], [(n - i, i) for i in inner], [(0, n - i) for i in inner]
+    inside = [(i + 1, j + 1) for i, j in _places(n - 3)] if n > 2 else []
+    return [(0, 0), (n, 0), (0, n), *sides[0], *sides[1], *sides[2], *inside]
+
+
+@cache
+def _vtk_rows(order: int) -> Ints:
+    row = {tuple(place): k for k, place in enumerate(np.rint(order * lattice(order)[0][1:].T).astype(int).tolist())}
+    return np.array([row[place] for place in _places(order)])
+
+
+@cache
+def mean_weights(nodes: int) -> Floats:
+    order = divisions_of(nodes)
+    if not order:
+        raise ValueError(f"a Lagrange triangle has {nodes} nodes, which is not the number of any order")
+    barycentric, weight = triangle_rule(order)
+    at = lattice(order)[0][1:, _vtk_rows(order)]
+    powers = [(a, b) for a in range(order + 1) for b in range(order + 1 - a)]
+    values, moments = (
+        np.array([x**a * y**b for a, b in powers]) for x, y in (at - 1.0 / 3.0, barycentric.T[1:] - 1.0 / 3.0)
+    )
+    return np.asarray(np.linalg.solve(values, moments @ weight))
 
 
 def _mark_sides(mesh: Mesh, facets: Ints) -> Ints:

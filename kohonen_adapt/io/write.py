@@ -11,6 +11,8 @@ from skfem import Mesh, MeshTet, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.checks import finite_reals
+from kohonen_adapt.display import divisions_of
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.io.content import MSH_VERSION, suffix_of
 from kohonen_adapt.io.elmer import write_elmer
@@ -62,6 +64,11 @@ def write_mesh(
     point_data
         Fields (nnodes,) by name. On a `MeshTri2` a field has a value for all nodes, in the order of ``mesh.p``, like a
         potential of order 2, or for the corners; midside nodes then get the mean of both ends.
+
+        For fields of order p above 1, or fields that jump between elements, ``.vtu`` takes values (k, nelements) at the
+        k = (p + 1) (p + 2) / 2 points of a `kohonen_adapt.display.lattice` in every element, like
+        ``field.potential_at_each(lattice(p)[0])``. The elements are Lagrange cells of order p (VTK's type 69) without
+        common points, from order 4 on with sides on the arcs through the nodes of a `MeshTri2`.
     cell_data
         Fields (nelements,) or vectors (2, nelements), of tetrahedra (3, nelements), by name.
     groups
@@ -93,7 +100,9 @@ def write_mesh(
     mesh = of_positive_volume(mesh)
     subdomains = _checked_sets(mesh.subdomains, "subdomain")
     boundaries = _checked_sets(mesh.boundaries, "boundary")
-    points = _checked_fields(with_midside_means(mesh, point_data), mesh.p.shape[1], "point_data")
+    inside = _checked_inside(mesh, point_data, suffix)
+    nodal = {name: values for name, values in (point_data or {}).items() if name not in inside}
+    points = _checked_fields(with_midside_means(mesh, nodal), mesh.p.shape[1], "point_data") | inside
     cells = _checked_fields(cell_data, mesh.t.shape[1], "cell_data", len(mesh.p))
     groups = groups or Groups()
     if for_elmer:
@@ -141,6 +150,34 @@ def _checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]
             logger.warning("%s '%s' is empty: Gmsh will not show it.", kind, name)
         checked[name] = items
     return checked
+
+
+def _checked_inside(mesh: Mesh, fields: Mapping[str, ArrayLike] | None, suffix: str) -> dict[str, Floats]:
+    found: dict[str, Floats] = {}
+    shapes: set[tuple[int, ...]] = set()
+    for name, values in (fields or {}).items() if len(mesh.p) == 2 else ():
+        if np.ndim(values) != 2:
+            continue
+        _check_name(name, "point_data")
+        shape, count = np.shape(values), mesh.t.shape[1]
+        if shape[1] != count or not divisions_of(shape[0]):
+            raise ValueError(
+                f"point_data '{name}' must have shape ({mesh.p.shape[1]},), or (k, {count}) with k = (p + 1) (p + 2) / "
+                f"2 points in every element for the order p; got {shape}."
+            )
+        if suffix != ".vtu":
+            raise ValueError(
+                f"point_data '{name}' has values inside elements, for .vtu only; got a name that ends in "
+                f"'{suffix}'. Write the field at nodes, or a second file."
+            )
+        found[name] = finite_reals(f"point_data '{name}'", values, {"k": shape[0], "nelements": count}, "element")
+        shapes.add(shape)
+    if len(shapes) > 1:
+        raise ValueError(
+            f"point_data with values inside elements must have one shape, that of one order; got "
+            f"{' and '.join(map(str, sorted(shapes)))}."
+        )
+    return found
 
 
 def _checked_fields(

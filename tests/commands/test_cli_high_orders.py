@@ -2,6 +2,7 @@
 
 import csv
 
+import meshio
 import numpy as np
 import pytest
 from helpers.meshes import inset
@@ -64,6 +65,20 @@ def test_the_last_pass_has_the_order_of_the_case(finished):
     assert table[gains + 4].split()[5] == "-"  # no map before the last solve
     mesh = ka.read_mesh(finished.parent / "out" / "adapted.msh", scale=1e-3)
     assert_allclose(mesh.p, result.mesh.p, rtol=1e-12, atol=1e-15)
+
+
+def test_the_field_inside_elements_is_written_at_its_order(finished):
+    out = finished.parent / "out"
+    inside, mesh = meshio.read(out / "inside.vtu"), ka.read_mesh(out / "adapted.msh", scale=1e-3)
+    (cells,) = inside.cells
+    assert cells.type == "VTK_LAGRANGE_TRIANGLE" and cells.data.shape == (mesh.t.shape[1], 21)
+    field = read_case(finished).problem.solve(mesh)
+    some = cells.data[::7, 15:].ravel()  # inside elements
+    x = inside.points[some, :2].T
+    for name, wanted in {"A (Wb per m)": field.potential_at(x), "B_x (T)": field.flux_density_at(x)[0]}.items():
+        assert_allclose(inside.point_data[name][some], wanted, atol=1e-7 * np.abs(wanted).max())
+    mean = ka.read_field(out / "inside.vtu", mesh, "B_y (T)")
+    assert_allclose(mean, field.flux_density[1], atol=1e-7 * np.abs(mean).max())
 
 
 def test_every_picture_is_drawn(finished):

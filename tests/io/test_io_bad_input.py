@@ -101,8 +101,8 @@ def test_write_refuses_an_empty_mesh(tmp_path):
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        ({"point_data": {"u": np.zeros(3)}}, r"point_data 'u' must have shape \(4,\); got \(3,\)"),
-        ({"point_data": {"u": np.zeros((2, 4))}}, r"point_data 'u' must have shape \(4,\); got \(2, 4\)"),
+        ({"point_data": {"u": np.zeros(3)}}, r"point_data 'u' must have shape \(4,\).*; got \(3,\)"),
+        ({"point_data": {"u": np.zeros((2, 4))}}, r"point_data 'u' must have shape \(4,\).*; got \(2, 4\)"),
         ({"cell_data": {"u": np.zeros((2, 3))}}, r"cell_data 'u' must have shape \(2,\) or \(2, 2\); got \(2, 3\)"),
         ({"cell_data": {"u": [1.0, np.nan]}}, "cell_data 'u' must be finite; 1 of its 2 values are not"),
         ({"point_data": {"u": [0.0, np.inf, 0, 0]}}, "point_data 'u' must be finite; 1 of its 4 values are not"),

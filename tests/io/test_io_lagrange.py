@@ -1,0 +1,130 @@
+"""Fields of any order in VTU files: Lagrange cells, their nodes, sides on arcs, and means read back."""
+
+import meshio
+import numpy as np
+import pytest
+from helpers.curved_meshes import RADII, curved_annulus
+from numpy.testing import assert_allclose
+from skfem import Basis, ElementTriP1, MeshTri, MeshTri2
+
+import kohonen_adapt as ka
+from kohonen_adapt.display import lattice
+
+TYPE = "VTK_LAGRANGE_TRIANGLE"
+
+
+def vtk_place(index, order):
+    """``vtkHigherOrderTriangle::BarycentricIndex`` of VTK 9: barycentric coordinates of a node, in steps."""
+    place, highest, lowest = [0, 0, 0], order, 0
+    while index != 0 and index >= 3 * order:
+        index, highest, lowest, order = index - 3 * order, highest - 2, lowest + 1, order - 3
+    if index < 3:
+        place[index], place[(index + 1) % 3], place[(index + 2) % 3] = lowest, lowest, highest
+    else:
+        side, step = divmod(index - 3, order - 1)
+        place[(side + 1) % 3], place[(side + 2) % 3], place[side] = lowest, highest - 1 - step, lowest + 1 + step
+    return place  # of the second, the third and the first corner
+
+
+def crooked():
+    mesh = MeshTri().refined(1)
+    p = mesh.p + 0.1 * np.sin(3.0 * mesh.p[::-1])
+    return MeshTri(p, mesh.t).with_subdomains({"low": lambda x: x[1] < 0.5})
+
+
+def polynomial(x, order):
+    return (x[0] + 2.0 * x[1]) ** order - 3.0 * x[0] ** (order - 1) * x[1]
+
+
+def points_of(mesh, order):
+    return np.einsum("iq,dik->dqk", lattice(order)[0], mesh.p[:, mesh.t])
+
+
+@pytest.mark.parametrize("order", [2, 3, 4, 5, 6, 7, 8])
+def test_nodes_are_in_the_order_of_vtk(order, tmp_path):
+    mesh = crooked()
+    x = points_of(mesh, order)
+    flag = np.arange(mesh.t.shape[1])
+    ka.write_mesh(
+        tmp_path / "f.vtu", mesh, point_data={"u": polynomial(x, order), "x": mesh.p[0]}, cell_data={"k": flag}
+    )
+    read = meshio.read(tmp_path / "f.vtu")
+    (block,) = read.cells
+    assert block.type == TYPE and block.data.shape == (mesh.t.shape[1], (order + 1) * (order + 2) // 2)
+    steps = np.array([vtk_place(k, order) for k in range(block.data.shape[1])])
+    share = np.roll(steps, 1, axis=1) / order
+    wanted = np.einsum("qi,dik->kqd", share, mesh.p[:, mesh.t])
+    assert_allclose(read.points[block.data][:, :, :2], wanted, atol=1e-14)
+    assert_allclose(read.point_data["u"][block.data], polynomial(wanted.T, order).T, rtol=1e-12)
+    assert_allclose(read.point_data["x"][block.data], wanted[:, :, 0], atol=1e-14)
+    assert list(read.cell_data["k"][0]) == list(flag) and "skfem:s:low" in read.cell_data
+
+
+@pytest.mark.parametrize("order", [2, 5, 8])
+def test_read_field_returns_the_means_of_elements(order, tmp_path):
+    mesh = crooked()
+    ka.write_mesh(tmp_path / "f.vtu", mesh, point_data={"u": polynomial(points_of(mesh, order), order)})
+    basis = Basis(mesh, ElementTriP1(), intorder=order)
+    wanted = (polynomial(basis.global_coordinates(), order) * basis.dx).sum(axis=1) / basis.dx.sum(axis=1)
+    assert_allclose(ka.read_field(tmp_path / "f.vtu", mesh, "u"), wanted, atol=1e-11 * np.abs(wanted).max())
+    linear = mesh.p[0][mesh.t].mean(axis=0)
+    ka.write_mesh(tmp_path / "g.vtu", mesh, point_data={"u": points_of(mesh, order)[0]})
+    assert_allclose(ka.read_field(tmp_path / "g.vtu", mesh, "u"), linear, atol=1e-13)
+
+
+@pytest.mark.parametrize("order", [2, 3, 4, 6])
+def test_sides_are_on_the_arcs_above_order_3(order, tmp_path):
+    mesh = curved_annulus(12)
+    assert type(mesh) is MeshTri2
+    zeros = np.zeros((lattice(order)[0].shape[1], mesh.t.shape[1]))
+    ka.write_mesh(tmp_path / "f.vtu", mesh, point_data={"u": zeros, "r": np.hypot(*mesh.p)})
+    read = meshio.read(tmp_path / "f.vtu")
+    nodes = read.cells[0].data
+    ends = np.hypot(*np.moveaxis(read.points[nodes[:, :3], :2], 2, 0))
+    farthest = 0.0
+    for radius in RADII.values():
+        on = np.isclose(ends, radius)
+        for side, (a, b) in enumerate([(0, 1), (1, 2), (2, 0)]):
+            own = nodes[on[:, a] & on[:, b], 3 + side * (order - 1) : 3 + (side + 1) * (order - 1)]
+            farthest = max(farthest, np.abs(np.hypot(*read.points[own, :2].T) / radius - 1.0).max(initial=0.0))
+    if order == 3:
+        assert 1e-6 < farthest < 1e-3  # a parabola, the side of elements of order 3
+    else:
+        assert farthest < 1e-12
+
+
+def test_values_for_linear_elements_jump_between_them(tmp_path):
+    mesh = crooked()
+    values = np.arange(3.0 * mesh.t.shape[1]).reshape(3, -1)
+    ka.write_mesh(tmp_path / "f.vtu", mesh, point_data={"u": values})
+    read = meshio.read(tmp_path / "f.vtu")
+    assert_allclose(read.point_data["u"][read.cells_dict["triangle"]], values.T)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "fields", "message"),
+    [
+        (".vtu", {"u": (7, 8)}, r"'u' must have shape \(9,\), or \(k, 8\) with k = .* for the order p; got \(7, 8\)"),
+        (".vtu", {"u": (8, 6)}, r"'u' must have shape \(9,\), or \(k, 8\)"),
+        (".vtu", {"u": (6, 8), "v": (10, 8)}, r"must have one shape, that of one order; got \(6, 8\) and \(10, 8\)"),
+        (".msh", {"u": (6, 8)}, "'u' has values inside elements, for .vtu only; got a name that ends in '.msh'"),
+    ],
+)
+def test_careless_fields_inside_elements(suffix, fields, message, tmp_path):
+    data = {name: np.zeros(shape) for name, shape in fields.items()}
+    with pytest.raises(ValueError, match=message):
+        ka.write_mesh(tmp_path / f"f{suffix}", crooked(), point_data=data)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_value_that_is_not_finite_is_named(tmp_path):
+    with pytest.raises(ValueError, match=r"point_data 'u'.*finite"):
+        ka.write_mesh(tmp_path / "f.vtu", crooked(), point_data={"u": np.full((6, 8), np.nan)})
+
+
+def test_a_field_file_is_no_mesh(tmp_path):
+    ka.write_mesh(tmp_path / "f.vtu", crooked(), point_data={"u": np.zeros((6, 8))})
+    with pytest.raises(
+        ValueError, match="Lagrange cells hold a field inside elements; read the mesh from its own file"
+    ):
+        ka.read_mesh(tmp_path / "f.vtu")
