@@ -177,8 +177,8 @@ class Case:
         """Return the arguments of `adapt` for a mesh, with pinned nodes and curves.
 
         Curves of the mesh file and the bores of bodies with a torque as output are added, except on periodic boundaries
-        and on facets that already have a curve. The curves of a second-order file are those of its midside nodes, if
-        nothing is turned.
+        and on facets that already have a curve. The curves of a file of order 2 to 5 are those of the
+        nodes of its sides, if nothing is turned.
 
         Parameters
         ----------

@@ -23,13 +23,14 @@ from kohonen_adapt.io.content import (
     shape_of,
 )
 from kohonen_adapt.io.groups import by_group, name_of
+from kohonen_adapt.mesh.blended import Blended
 from kohonen_adapt.mesh.curved import corners_of, with_midsides
 from kohonen_adapt.mesh.curved import is_second_order as has_bent_sides
 from kohonen_adapt.mesh.host import is_own_name
 from kohonen_adapt.mesh.measures import area, directed, is_in_front
 from kohonen_adapt.mesh.names import named_sets
 
-__all__ = ["element_counts", "is_second_order", "items_by_name", "oriented", "to_curves", "to_mesh", "unique_elements"]
+__all__ = ["element_counts", "items_by_name", "order_of_sides", "oriented", "to_curves", "to_mesh", "unique_elements"]
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -44,15 +45,25 @@ ROTATE = {
 FLAT = 1e-9
 """Tolerance for a plane z = constant, relative to the size of the mesh."""
 
-TRIANGLE6 = 9
-"""Gmsh's number for triangles of second order; `MIDSIDES` has the columns of their midside nodes."""
+ORDERS = {9: 2, 20: 3, 21: 3, 22: 4, 23: 4, 24: 5, 25: 5}
+"""Gmsh's numbers for triangles to their order p; p - 1 nodes of each of `SIDES` follow the corners."""
 
-SIDES, MIDSIDES = ([0, 1], [1, 2], [2, 0]), (3, 4, 5)
+SIDES = ([0, 1], [1, 2], [2, 0])
+MIDDLE = {
+    2: np.array([0.0, 1.0, 0.0]),
+    3: np.array([-1.0, 9.0, 9.0, -1.0]) / 16.0,
+    4: np.array([0.0, 0.0, 1.0, 0.0, 0.0]),
+    5: np.array([3.0, -25.0, 150.0, 150.0, -25.0, 3.0]) / 256.0,
+}
+"""Order of a side to the weights of its nodes in the middle of its polynomial."""
 SAME = 1e-12
 """Tolerance for equal node positions, relative to the size of the mesh."""
 
 STRAIGHT = 1e-9
 """Tolerance for the midside node of a straight facet, relative to the length of the facet."""
+
+LOST = 1e-6
+"""Distance of the nodes of sides from the curves read above which a warning is given, relative to the side."""
 
 DIGITS = 1e-14
 """Rounding error of positions, relative to the largest coordinate."""
@@ -61,7 +72,7 @@ DIGITS = 1e-14
 def to_mesh(content: Content, path: Path, scale: float) -> MeshTri:
     """Return the triangles of a file, with groups as subdomains and boundaries.
 
-    The mesh is a `MeshTri2` if a second-order triangle has a curved side.
+    The mesh is a `MeshTri2` if a triangle of order 2 to 5 has a curved side.
 
     Raises
     ------
@@ -80,19 +91,39 @@ def to_mesh(content: Content, path: Path, scale: float) -> MeshTri:
     subdomains = items_by_name(rows.group, element, TRIANGLE, content)
     boundaries = oriented(bare, _boundaries(bare, used, content, path), _has_direction)
     mesh = MeshTri(bare.p, bare.t, boundaries, subdomains)
-    if is_second_order(content):
+    if order_of_sides(content):
         mesh = _with_curved_sides(mesh, content, used, path, scale)
+    elif content.rows.keys() & ORDERS.keys():
+        logger.warning("'%s' has triangles of several orders: all sides are read as straight.", path)
     _report(mesh, content, path)
     return mesh
 
 
 def _with_curved_sides(mesh: MeshTri, content: Content, used: Ints, path: Path, scale: float) -> MeshTri:
-    middle = _midside_nodes(content.rows[TRIANGLE6].nodes, used[mesh.facets.T], path)
-    _check_points(content.points[np.append(used, middle)], path, "midside node")
+    segments = _side_nodes(content, used[mesh.facets.T], path)
+    _check_points(content.points[np.unique(segments)], path, "midside node")
     position = scale * content.points[:, :2].T
-    segments = np.column_stack([used[mesh.facets[0]], middle, used[mesh.facets[1]]])
-    curved = _is_curved(segments, position)
-    return with_midsides(mesh, np.ascontiguousarray(position[:, middle])) if curved.any() else mesh
+    if not _is_curved(segments, position).any():
+        return mesh
+    order = segments.shape[1] - 1
+    curved = with_midsides(mesh, np.ascontiguousarray(position[:, segments] @ MIDDLE[order]))
+    if order > 2:
+        _report_loss(curved, position[:, segments[:, 1:-1]], path)
+    return curved
+
+
+def _report_loss(mesh: MeshTri, inner: Floats, path: Path) -> None:
+    order, size = inner.shape[2] + 1, np.hypot(*np.diff(mesh.p[:, mesh.facets], axis=1)[:, 0])
+    x, tangent = Blended(mesh).facet_points(np.arange(size.size), np.arange(1, order) / order)
+    across, up = inner - x
+    off = np.abs(tangent[0] * up - tangent[1] * across).T / np.hypot(*tangent).T
+    worst = int(np.argmax(off.max(axis=0) / size))
+    logger.log(
+        logging.WARNING if off[:, worst].max() > LOST * size[worst] else logging.INFO,
+        "sides of order %d of '%s' become arcs or parabolas through their ends and middles, and the nodes inside "
+        "triangles are left out: a node of a side is off by %.2g of its length, near (%.6g, %.6g).",
+        *(order, path, off[:, worst].max() / size[worst], *x[:, worst].mean(axis=1)),
+    )
 
 
 def _check_shapes(content: Content, path: Path) -> None:
@@ -232,20 +263,17 @@ def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict
     Raises
     ------
     ValueError
-        If the file, `path`, does not hold second-order triangles only, or `mesh` has other nodes than the file.
+        If the file, `path`, does not hold triangles of one order from 2 to 5, or `mesh` has other nodes than the file.
     """
     _check_order(content, path)
     mesh = corners_of(mesh)
-    triangles = content.rows[TRIANGLE6].nodes
-    used = np.unique(triangles[:, :3])
+    used = np.unique(content.of_shape(TRIANGLE).nodes)
     _check_same(mesh.p, scale * content.points[used, :2].T, path)
     named = {name: np.unique(rows) for name, rows in named_sets(mesh.boundaries).items()}
     facets = np.unique(np.concatenate([np.empty(0, np.int64), *named.values()]))
-    ends = used[mesh.facets[:, facets].T]
-    middle = _midside_nodes(triangles, ends, path)
+    segments = _side_nodes(content, used[mesh.facets[:, facets].T], path)
     position = scale * content.points[:, :2].T
-    check_finite(position[:, middle].T, path, "read_curves", "midside node")
-    segments = np.column_stack([ends[:, 0], middle, ends[:, 1]])
+    check_finite(position[:, np.unique(segments)].T, path, "read_curves", "midside node")
     curved = _is_curved(segments, position)
     curves = {}
     for name, members in named.items():
@@ -257,15 +285,17 @@ def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict
     return curves
 
 
-def is_second_order(content: Content) -> bool:
-    return {kind for kind in content.rows if shape_of(kind) == TRIANGLE} == {TRIANGLE6}
+def order_of_sides(content: Content) -> int:
+    # 0 for straight sides, and for triangles of several orders
+    kinds = [kind for kind in content.rows if shape_of(kind) == TRIANGLE]
+    return ORDERS.get(kinds[0], 0) if len(kinds) == 1 else 0
 
 
 def _check_order(content: Content, path: Path) -> None:
-    if not is_second_order(content):
-        found = "other elements, too" if TRIANGLE6 in content.rows else "none"
+    if not order_of_sides(content):
+        found = "other elements, too" if content.rows.keys() & ORDERS.keys() else "none"
         raise ValueError(
-            f"read_curves expected triangles of second order only, for their midside nodes; '{path}' has {found}. "
+            f"read_curves expected triangles of one order from 2 to 5, for the nodes of sides; '{path}' has {found}. "
             "Mesh with Mesh.ElementOrder = 2, or use the nodes of the mesh: Spline.through(mesh, name)."
         )
 
@@ -284,21 +314,28 @@ def _of_another_mesh(path: Path, why: str) -> ValueError:
     return ValueError(f"{expected}{why}. Read the curves before the mesh is changed.")
 
 
-def _midside_nodes(triangles: Ints, ends: Ints, path: Path) -> Ints:
-    """Return the midside node of each facet with the end nodes `ends` (f, 2)."""
-    middle = np.full(len(ends), -1)
-    for side, between in zip(SIDES, MIDSIDES, strict=True):
-        facet = rows_in(ends, triangles[:, side])
-        middle[facet[facet >= 0]] = triangles[facet >= 0, between]
-    if np.any(middle < 0):
-        count = np.sum(middle < 0)
+def _side_nodes(content: Content, ends: Ints, path: Path) -> Ints:
+    """Return the nodes (f, order + 1) from end to end of the facets `ends` (f, 2)."""
+    order, triangles = (
+        order_of_sides(content),
+        next(content.rows[kind] for kind in ORDERS if kind in content.rows).nodes,
+    )
+    inner = np.full((len(ends), order - 1), -1)
+    for k, side in enumerate(SIDES):
+        facet, first = rows_in(ends, triangles[:, side]), 3 + k * (order - 1)
+        own, facet = triangles[facet >= 0], facet[facet >= 0]
+        forth = ends[facet, 0] == own[:, side[0]]
+        between = own[:, first : first + order - 1]
+        inner[facet] = np.where(forth[:, None], between, between[:, ::-1])
+    if np.any(inner < 0):
+        count = np.sum(inner[:, 0] < 0)
         raise _of_another_mesh(path, f"; {count} facets of its boundaries are not sides of triangles in the file")
-    return middle
+    return np.column_stack([ends[:, 0], inner, ends[:, 1]])
 
 
 def _is_curved(segments: Ints, position: Floats) -> Mask:
-    start, middle, end = (position[:, segments[:, k]] for k in range(3))
-    chord, off = end - start, middle - start
-    length = np.sqrt(np.sum(chord**2, axis=0))
-    distance = np.abs(chord[0] * off[1] - chord[1] * off[0]) / length
+    start, end = position[:, segments[:, 0]], position[:, segments[:, -1]]
+    chord, off = (end - start)[..., None], position[:, segments[:, 1:-1]] - start[..., None]
+    length = np.sqrt(np.sum(chord[..., 0] ** 2, axis=0))
+    distance = np.abs(chord[0] * off[1] - chord[1] * off[0]).max(axis=1) / length
     return distance > STRAIGHT * length + DIGITS * np.abs(position[:, segments]).max(initial=0.0)

@@ -195,7 +195,7 @@ def shape_of(kind: int) -> str:
 
 def nodes_per_element(kind: int) -> int:
     if kind not in _TYPES:
-        raise ValueError(f"element type {kind} is unknown")
+        raise ValueError(f"element type {kind} is unknown: mesh with an order (Mesh.ElementOrder) of at most 5")
     return _TYPES[kind][1]
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from skfem import MeshTet, MeshTri
 
 from kohonen_adapt.geometry.plane.spline import Spline
-from kohonen_adapt.io.assembly import is_second_order, to_curves, to_mesh
+from kohonen_adapt.io.assembly import order_of_sides, to_curves, to_mesh
 from kohonen_adapt.io.content import MSH_VERSION, Content, suffix_of
 from kohonen_adapt.io.elmer import HEADER, read_elmer
 from kohonen_adapt.io.femm import read_ans
@@ -36,8 +36,9 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri | Mes
     ``subdomains``, its surface groups as ``boundaries``, and groups of lines are left out. Groups without a name are
     called ``region_<tag>`` and ``boundary_<tag>``; `read_groups` reads the numbers of all groups.
 
-    Second-order triangles with a curved side make a `MeshTri2`, whose curves `relocate` and `adapt` follow. If all
-    sides are straight, or the order is higher, only the corners are read. An element in several groups is read once,
+    Triangles of order 2 to 5 with a curved side make a `MeshTri2`, whose curves `relocate` and `adapt` follow. Midside
+    nodes are the middles of the polynomials along the sides, and the distance of the other nodes from the curves read
+    is reported. If all sides are straight, only the corners are read. An element in several groups is read once,
     unused nodes are dropped, and tetrahedra of negative volume are turned. The part of the area or volume without a
     name, and everything left out, is reported through ``logging``.
 
@@ -62,8 +63,7 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri | Mes
     Returns
     -------
     MeshTri or MeshTet
-        Nodes and elements in the order of their numbers in the file; a `MeshTri2` if a side of a second-order triangle
-        is curved.
+        Nodes and elements in the order of their numbers in the file; a `MeshTri2` if a side of a triangle is curved.
 
     Raises
     ------
@@ -122,14 +122,14 @@ def read_groups(path: str | PathLike[str], *, scale: float = 1.0) -> Groups:
 def read_curves(path: str | PathLike[str], mesh: MeshTri, *, scale: float = 1.0) -> dict[str, Spline]:
     """Read the curves through the midside nodes of the boundaries of a Gmsh file.
 
-    With ``Mesh.ElementOrder = 2`` Gmsh puts midside nodes on the curves of the drawing. The spline through them and the
-    ends of the facets is much nearer to the curves than a spline through the ends alone. Its pieces are those of
-    `Spline.through`.
+    With ``Mesh.ElementOrder = 2`` and above Gmsh puts nodes between the ends of facets on the curves of the drawing.
+    The spline through these and the ends is much nearer to the curves than a spline through the ends alone. Its pieces
+    are those of `Spline.through`.
 
     Parameters
     ----------
     path
-        The Gmsh file, of second order.
+        The Gmsh file, of order 2 to 5.
     mesh
         The mesh that `read_mesh` returned for the file, with its present names; interior boundaries are read, too.
     scale
@@ -155,9 +155,9 @@ def read_curves(path: str | PathLike[str], mesh: MeshTri, *, scale: float = 1.0)
 
 
 def curves_in_file(path: Path, mesh: MeshTri, scale: float) -> dict[str, Spline]:
-    """Return the curves of a second-order Gmsh file, an empty dictionary for others."""
+    """Return the curves of a Gmsh file of order 2 to 5, an empty dictionary for others."""
     content = read_msh(path) if path.suffix.lower() in MSH_VERSION else None
-    return to_curves(content, mesh, path, scale) if content is not None and is_second_order(content) else {}
+    return to_curves(content, mesh, path, scale) if content is not None and order_of_sides(content) else {}
 
 
 def _reader(path: Path, scale: float, caller: str, readers: dict[str, Reader]) -> Reader:

@@ -144,13 +144,13 @@ def test_a_first_order_file_is_refused_with_two_remedies(tmp_path):
     write_mesh(tmp_path / "first.msh", mesh)
     with pytest.raises(
         ValueError,
-        match=r"read_curves expected triangles of second order only, .*; '.*first\.msh' has none\. "
+        match=r"read_curves expected triangles of one order from 2 to 5, .*; '.*first\.msh' has none\. "
         r"Mesh with Mesh\.ElementOrder = 2, or use the nodes of the mesh: Spline\.through\(mesh, name\)",
     ):
         read_curves(tmp_path / "first.msh", mesh)
 
 
-def test_a_file_of_both_orders_is_refused(tmp_path):
+def test_a_file_of_both_orders_is_refused(tmp_path, caplog):
     mesh = annulus(COUNT)
     path = write_second_order(tmp_path / "both.msh", mesh, on_circles(mesh, slice(None)), version="2.2")
     lines = path.read_text().split("\n")
@@ -160,7 +160,8 @@ def test_a_file_of_both_orders_is_refused(tmp_path):
     lines[last] = " ".join([words[0], "2", *words[2:8]])
     path.write_text("\n".join(lines))
     assert read_mesh(path).t.shape == mesh.t.shape
-    with pytest.raises(ValueError, match=r"expected triangles of second order only, .* has other elements, too"):
+    assert "has triangles of several orders: all sides are read as straight" in caplog.text
+    with pytest.raises(ValueError, match=r"expected triangles of one order from 2 to 5, .* has other elements, too"):
         read_curves(path, read_mesh(path))
 
 

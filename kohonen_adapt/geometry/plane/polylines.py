@@ -157,7 +157,8 @@ def polylines_of(edges: Ints, position: Floats) -> list[Polyline]:
     """Join edges into polylines that end at corners of 35 degrees or more.
 
     `edges`, shape (m, 2), are the end nodes of one edge or more, no edge twice. With a midside node between
-    the ends, shape (m, 3), the angle is measured between the parabolas through the nodes. `position` has shape (2, n).
+    the ends, shape (m, 3), or several, the angle is measured between the polynomials through the nodes. `position` has
+    shape (2, n).
     Polylines also end where other than two edges meet. Loops without a corner are closed.
     """
     end = edges[:, [0, -1]]
@@ -269,6 +270,9 @@ def _smooth(edges: Ints, position: Floats) -> Ints:
 
 
 def _directions(edges: Ints, position: Floats) -> Floats:
+    if edges.shape[1] > 3:  # slopes of the polynomials through equispaced nodes
+        slope = np.linalg.inv(np.vander(np.linspace(0.0, 1.0, edges.shape[1]), increasing=True))[1]
+        return np.stack([position[:, edges] @ slope, position[:, edges[:, ::-1]] @ slope], axis=2).reshape(2, -1).T
     start, end = position[:, edges[:, 0]], position[:, edges[:, -1]]
     middle = position[:, edges[:, 1]] if edges.shape[1] == 3 else 0.5 * (start + end)
     forth, back = 4.0 * (middle - start) - (end - start), 4.0 * (middle - end) - (start - end)

@@ -1,0 +1,174 @@
+"""Gmsh files of order 3 to 5: corners, the middles of sides, what is lost, and curves."""
+
+import logging
+
+import numpy as np
+import pytest
+from helpers.curved_meshes import annulus
+from helpers.mesh_files import gmsh, gmsh_session, needs_gmsh
+from numpy.testing import assert_allclose, assert_array_equal
+from skfem import MeshTri, MeshTri2
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Magnetostatics, Material
+
+KINDS = {3: 21, 4: 23, 5: 25}
+COUNT = 12
+
+
+def on_arc(start, end, at):
+    """Points at `at` from 0 to 1 of the arc around the origin if both ends are equally far, else of the chord."""
+    radius, angle = np.hypot(*start), np.arctan2(start[1], start[0])
+    if abs(np.hypot(*end) - radius) > 1e-9:
+        return start + at * (end - start)
+    turn = np.angle(complex(*end) / complex(*start))
+    return radius * np.array([np.cos(angle + at * turn), np.sin(angle + at * turn)])
+
+
+def write_of_order(path, mesh, order, side=on_arc, kind=None):
+    """A file of MSH 2.2 with the nodes of `side(start, end, at)` on the sides, and centroids inside."""
+    points, number, rows = list(mesh.p.T), {}, []
+    for corners in mesh.t.T.tolist():
+        row = list(corners)
+        for a, b in ((0, 1), (1, 2), (2, 0)):
+            start, end = corners[a], corners[b]
+            steps = range(1, order)
+            if (end, start) not in number:
+                number[start, end] = [len(points) + k for k in range(order - 1)]
+                points += [side(mesh.p[:, start], mesh.p[:, end], k / order) for k in steps]
+            row += number[start, end] if (start, end) in number else number[end, start][::-1]
+        inner = (order - 1) * (order - 2) // 2
+        row += [len(points) + k for k in range(inner)]
+        points += [mesh.p[:, corners].mean(axis=1)] * inner
+        rows.append(row)
+    lines = ["$MeshFormat\n2.2 0 8\n$EndMeshFormat", f"$Nodes\n{len(points)}"]
+    lines += [f"{k} {x!r} {y!r} 0" for k, (x, y) in enumerate(np.array(points).tolist(), 1)]
+    lines += [f"$EndNodes\n$Elements\n{len(rows)}"]
+    head = f"{kind or KINDS[order]} 2 1 1"
+    lines += [f"{k} {head} {' '.join(str(node + 1) for node in row)}" for k, row in enumerate(rows, 1)]
+    path.write_text("\n".join([*lines, "$EndElements\n"]))
+    return path
+
+
+@pytest.mark.parametrize("order", [3, 4, 5])
+def test_midside_nodes_are_the_middles_of_the_polynomials(order, tmp_path, caplog):
+    mesh = annulus(COUNT)
+    with caplog.at_level(logging.INFO):
+        read = ka.read_mesh(write_of_order(tmp_path / "ring.msh", mesh, order))
+    assert type(read) is MeshTri2
+    assert_array_equal(read.p[:, : read.nvertices], mesh.p)
+    middles = read.p[:, read.nvertices :]
+    round_ = np.ptp(np.hypot(*read.p[:, read.facets]), axis=0) < 1e-9
+    share = np.hypot(*middles[:, round_]) / np.hypot(*read.p[:, read.facets[0, round_]]) - 1.0
+    at = np.linspace(0.0, 1.0, order + 1)
+    along = np.exp(1j * at * 2.0 * np.pi / COUNT)
+    exact = abs(complex(*(np.polyval(np.polyfit(at, part, order), 0.5) for part in (along.real, along.imag))))
+    assert_allclose(share, exact - 1.0, atol=1e-12)
+    assert_allclose(middles[:, ~round_], read.p[:, read.facets[:, ~round_]].mean(axis=1), atol=1e-15)
+    assert f"sides of order {order} of" in caplog.text and "nodes inside triangles are left out" in caplog.text
+
+
+def test_the_middle_node_of_order_4_is_taken_as_it_is(tmp_path):
+    mesh = annulus(COUNT)
+    read = ka.read_mesh(write_of_order(tmp_path / "ring.msh", mesh, 4), scale=0.5)
+    middles = [on_arc(*0.5 * mesh.p[:, ends].T, 0.5) for ends in read.facets.T]
+    assert_allclose(read.p[:, read.nvertices :].T, middles, rtol=1e-15, atol=1e-16)
+
+
+def wavy(start, end, at):
+    across = np.array([start[1] - end[1], end[0] - start[0]])
+    return start + at * (end - start) + 0.02 * np.sin(2.0 * np.pi * at) * across
+
+
+def test_what_is_lost_is_a_warning_with_its_size_and_place(tmp_path, caplog):
+    mesh = MeshTri().refined(1)
+    ka.read_mesh(write_of_order(tmp_path / "wavy.msh", mesh, 4, wavy))
+    (warning,) = [record for record in caplog.records if "become arcs" in record.message]
+    assert warning.levelname == "WARNING" and "is off by 0.02 of its length, near (" in warning.message
+
+
+def test_arcs_of_order_4_lose_nothing(tmp_path, caplog):
+    with caplog.at_level(logging.INFO):
+        ka.read_mesh(write_of_order(tmp_path / "ring.msh", annulus(COUNT), 4))
+    assert [record.levelname for record in caplog.records if "become arcs" in record.message] == ["INFO"]
+
+
+@pytest.mark.parametrize("order", [3, 4, 5])
+def test_straight_sides_are_read_as_corners(order, tmp_path, caplog):
+    mesh = MeshTri().refined(2)
+    read = ka.read_mesh(write_of_order(tmp_path / "flat.msh", mesh, order, lambda a, b, at: a + at * (b - a)))
+    assert type(read) is MeshTri and read.t.shape == mesh.t.shape and "become arcs" not in caplog.text
+
+
+def test_order_6_is_refused_with_a_remedy(tmp_path):
+    write_of_order(tmp_path / "six.msh", annulus(COUNT), 6, kind=42)
+    with pytest.raises(ValueError, match=r"element type 42 is unknown: mesh with an order \(Mesh.ElementOrder\)"):
+        ka.read_mesh(tmp_path / "six.msh")
+
+
+def test_a_side_node_out_of_the_plane_is_named(tmp_path):
+    path = write_of_order(tmp_path / "ring.msh", annulus(COUNT), 3)
+    lines = path.read_text().split("\n")
+    last = lines.index("$EndNodes") - 1
+    first = next(k for k, line in enumerate(lines) if line.startswith(f"{annulus(COUNT).p.shape[1] + 1} "))
+    assert first < last
+    lines[first] = lines[first][:-1] + "0.5"
+    path.write_text("\n".join(lines))
+    with pytest.raises(ValueError, match=r"expected a drawing in the xy-plane; z runs from 0 to 0\.5"):
+        ka.read_mesh(path)
+
+
+DRAWING = """
+Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Point(3) = {2, 0, 0}; Point(4) = {0, 1, 0}; Point(5) = {0, 2, 0};
+Circle(1) = {2, 1, 4}; Circle(2) = {3, 1, 5}; Line(3) = {2, 3}; Line(4) = {4, 5}; Line(5) = {1, 2}; Line(6) = {4, 1};
+Curve Loop(1) = {5, 1, 6}; Plane Surface(1) = {1};
+Curve Loop(2) = {3, 2, -4, -1}; Plane Surface(2) = {2};
+Physical Surface("shaft", 1) = {1}; Physical Surface("gap", 2) = {2};
+Physical Curve("interface", 1) = {1}; Physical Curve("outer", 2) = {2, 3, 4, 5, 6};
+Mesh.MeshSizeMin = 0.4; Mesh.MeshSizeMax = 0.4;
+"""
+
+
+def by_gmsh(folder, order, version=4.1, binary=1):
+    (folder / "machine.geo").write_text(DRAWING)
+    with gmsh_session() as model:
+        gmsh.open(str(folder / "machine.geo"))
+        gmsh.option.setNumber("Mesh.MshFileVersion", version)
+        gmsh.option.setNumber("Mesh.Binary", binary)
+        gmsh.option.setNumber("Mesh.ElementOrder", order)
+        model.mesh.generate(2)
+        gmsh.write(str(folder / "machine.msh"))
+    return folder / "machine.msh"
+
+
+@needs_gmsh
+@pytest.mark.parametrize(("version", "binary"), [(2.2, 0), (4.1, 1)])
+@pytest.mark.parametrize("order", [3, 4, 5])
+def test_a_quarter_of_a_machine_by_gmsh(order, version, binary, tmp_path):
+    path = by_gmsh(tmp_path, order, version, binary)
+    mesh, straight = ka.read_mesh(path), ka.read_mesh(by_gmsh(tmp_path, 1, version, binary))
+    path = by_gmsh(tmp_path, order, version, binary)
+    assert type(mesh) is MeshTri2 and mesh.nvertices == straight.nvertices
+    assert {name: len(rows) for name, rows in mesh.boundaries.items()} == {
+        name: len(rows) for name, rows in straight.boundaries.items()
+    }
+    middles = mesh.p[:, mesh.nvertices :][:, mesh.boundaries["interface"]]
+    assert_allclose(np.hypot(*middles), 1.0, rtol=1e-4 if order == 3 else 1e-6)
+    curves = ka.read_curves(path, mesh)
+    assert set(curves) == {"interface", "outer"} and len(curves["outer"].pieces) == 3
+    angle = np.linspace(0.0, np.pi / 2, 200)
+    x = np.stack([np.cos(angle), np.sin(angle)])
+    assert np.abs(curves["interface"].project(x) - x).max() < 3e-2 * 0.2**4
+
+
+@needs_gmsh
+def test_a_file_of_order_4_is_solved_on_its_curves(tmp_path):
+    mesh = ka.read_mesh(by_gmsh(tmp_path, 4))
+    materials = {"shaft": Material(), "gap": Material(current_density=1e6)}
+    energies = [
+        Magnetostatics(materials, potential={"outer": 0.0}, order=6).solve(each).energy
+        for each in (mesh, ka.read_mesh(by_gmsh(tmp_path, 2)))
+    ]
+    assert energies[0] == pytest.approx(energies[1], rel=1e-5)
+    result = ka.adapt(mesh, Magnetostatics(materials, potential={"outer": 0.0}, order=4), passes=1)
+    assert result.best.order == 4 and type(result.mesh) is MeshTri2
