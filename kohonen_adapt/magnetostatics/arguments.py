@@ -19,7 +19,7 @@ from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["Arguments", "check_plane_mesh"]
+__all__ = ["Arguments", "check_plane_mesh", "checked_order"]
 
 ORDERS = range(1, 9)
 ESTIMATORS = ("residual", "recovery", "equilibrated")  # see `estimation.estimated`
@@ -152,13 +152,13 @@ class Arguments:
         return DefaultOrder(2 if self.estimator == "residual" else 1)
 
     def _check_order(self) -> None:
-        if self.order not in ORDERS or isinstance(self.order, bool):
-            raise ValueError(f"order of the elements must be a whole number from 1 to 8; got {self.order!r}.")
+        checked_order(self.order)
         if not isinstance(self.curved, bool):
             raise ValueError(f"curved must be True or False; got {self.curved!r}.")
         if self.order > 1 and self.estimator != "residual":
             raise ValueError(
-                f"elements of order {self.order} have the estimator 'residual' only; got {self.estimator!r}."
+                f"elements of order {self.order} have the estimator 'residual' only; got {self.estimator!r}. "
+                "Set order=1 for other estimators."
             )
 
     def _check_sides(self) -> None:
@@ -208,6 +208,12 @@ class Arguments:
     def _check_goal(self) -> None:
         if self.goal is not None:
             check_goal(self.goal, 2, self.estimator)
+
+
+def checked_order(order: int) -> int:
+    if order not in ORDERS or isinstance(order, bool):
+        raise ValueError(f"order of the elements must be a whole number from 1 to 8; got {order!r}.")
+    return order
 
 
 def check_plane_mesh(mesh: Any, curved: bool) -> None:

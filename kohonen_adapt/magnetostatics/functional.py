@@ -40,7 +40,7 @@ def functional_for(
         varies within a region.
     """
     if field.order > HIGHEST_ORDER:
-        raise NotOffered(f"elements of order {field.order} are not polished")
+        raise NotOffered(f"elements of order {field.order} are not polished, only elements of order 1 to 3")
     ritz = functional_of(field, boundaries, materials)
     if goal is None:
         return ritz

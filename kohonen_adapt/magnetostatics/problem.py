@@ -9,7 +9,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.curves import Curve
-from kohonen_adapt.magnetostatics.arguments import Arguments, check_plane_mesh
+from kohonen_adapt.magnetostatics.arguments import Arguments, check_plane_mesh, checked_order
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
 from kohonen_adapt.magnetostatics.equations.high_orders import elements_on
@@ -181,7 +181,7 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         self._energy_on(mesh)
 
     def _energy_on(self, mesh: MeshTri, order: int | None = None) -> EnergyFunctional:
-        order = self.order if order is None else order
+        order = checked_order(self.order if order is None else order)
         check_plane_mesh(mesh, curved=order > 1)
         symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
         sides = {name: curve.project for name, curve in (self.sides or {}).items()}

@@ -79,8 +79,9 @@ def test_both_nodes_of_a_pair_get_layers():
     [
         ({"layers": 0}, "layers must be an integer >= 1; got 0"),
         ({"factor": 1.0}, r"factor must be a number between 0 and 1; got 1\.0"),
-        ({"nodes": [25]}, r"nodes must be numbers of nodes, from 0 to 24; got \[25\]"),
-        ({"nodes": [0.5]}, "nodes must be numbers of nodes"),
+        ({"nodes": [3, 25]}, "nodes must be numbers of nodes of this mesh, from 0 to 24; got 25"),
+        ({"nodes": [0.5]}, "nodes must be whole numbers"),
+        ({"nodes": np.zeros(25, dtype=bool)}, r"got bool of shape \(25,\). Take np.flatnonzero\(mask\) of a mask"),
         ({"mesh": MeshTet()}, "mesh must be a skfem.MeshTri or MeshTri2; got MeshTet1"),
         ({"mesh": curved_annulus(8), "nodes": [8, 9]}, "layers at the nodes would invert elements at a curve"),
     ],

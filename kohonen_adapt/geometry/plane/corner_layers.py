@@ -109,8 +109,12 @@ def refined_at(
 
 def checked_nodes(nodes: ArrayLike, count: int) -> Mask:
     rows, chosen = np.asarray(nodes), np.zeros(count, dtype=np.bool_)
-    if rows.size and (rows.ndim != 1 or rows.dtype.kind not in "iu" or rows.min() < 0 or rows.max() >= count):
-        raise ValueError(f"nodes must be numbers of nodes, from 0 to {count - 1}; got {nodes!r}.")
+    if rows.size and (rows.ndim != 1 or rows.dtype.kind not in "iu"):
+        advice = " Take np.flatnonzero(mask) of a mask." if rows.dtype.kind == "b" else ""
+        raise ValueError(f"nodes must be whole numbers, shape (k,); got {rows.dtype} of shape {rows.shape}.{advice}")
+    outside = rows[(rows < 0) | (rows >= count)]
+    if outside.size:
+        raise ValueError(f"nodes must be numbers of nodes of this mesh, from 0 to {count - 1}; got {outside[0]}.")
     chosen[rows.astype(np.int64)] = True
     return chosen
 
