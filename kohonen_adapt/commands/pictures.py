@@ -46,6 +46,7 @@ CAPTIONS = {
 }
 """Picture to caption, in the order of the report."""
 
+BY_CORNERS = 3  # highest order shown by its values at corners in the view of a report
 MILLIMETRES = 1.0  # m: smaller meshes are drawn in millimetres
 
 
@@ -182,18 +183,26 @@ def _asked(case: Case, before: AdaptResult) -> str:
 def _potentials(case: Case) -> dict[str, FieldOf]:
     if not isinstance(case.problem, Magnetostatics):
         return {"scalar potential (A)": lambda field: field.potential}
-    flux: dict[str, FieldOf] = {"flux function r A (Wb)": lambda field: field.unknown[: field.mesh.nvertices]}
-    return {
-        **(flux if case.problem.axisymmetric else {}),
-        "vector potential A (Wb/m)": lambda field: field.potential,
-    }
+    flux: dict[str, FieldOf] = {"flux function r A (Wb)": lambda field: _potential(field, flux=True)}
+    return {**(flux if case.problem.axisymmetric else {}), "vector potential A (Wb/m)": _potential}
+
+
+def _potential(field: Any, flux: bool = False) -> Floats:
+    order = field.elements.order
+    if order <= BY_CORNERS:
+        return field.unknown[: field.mesh.nvertices] if flux else field.potential
+    share, _ = lattice(order)
+    values = field.potential_at_each(share)
+    return values * field.at_each(share).x[0].reshape(values.shape) if flux else values
 
 
 def _magnitude(field: Any) -> Floats:
-    """Return |B| in T, (nelements,), or (3, nelements) at the corners above order 1."""
-    if field.elements.order == 1:
+    """Return |B| in T, (nelements,), or above order 1 (k, nelements) on a lattice."""
+    order = field.elements.order
+    if order == 1:
         return magnitude(field.flux_density)
-    return np.hypot(*field.at_corners.flux_density).reshape(3, -1)
+    share, _ = lattice(order - 1 if order > BY_CORNERS else 1)
+    return np.hypot(*field.at_each(share).flux_density).reshape(share.shape[1], -1)
 
 
 def _lines_and_colours(field: Any) -> tuple[Floats, Floats]:

@@ -59,7 +59,7 @@ def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] 
         axes.plot(number, exact / norms, "s--", color=VERMILION, label="exact error")
         axes.legend()
     counts = sorted({step.mesh.nvertices for step in history})
-    last = f", the last pass of order {history[-1].order}" if history[-1].order != history[0].order else ""
+    last = f", then order {history[-1].order}" if history[-1].order != history[0].order else ""
     axes.set_xlabel(f"relocations, with {' to '.join(map(str, counts[:: max(len(counts) - 1, 1)]))} nodes{last}")
     axes.set(ylabel=_label(history), ylim=(0.0, None))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))

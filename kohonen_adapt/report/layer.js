@@ -121,20 +121,21 @@ class Layer {
   }
 
   shadePlanes(k, field) {
-    const paint = painter(field), planes = this.planesOf(k, field), {pixels} = this;
+    const paint = painter(field), {planes, planeAt} = this.planesOf(k, field), {pixels} = this;
     pixels.fill(0);
     this.eachPixel((p, e, x, y) => {
-      pixels[p] = paint(planes[3 * e] + planes[3 * e + 1] * x + planes[3 * e + 2] * y);
+      const q = planeAt(e, x, y);
+      pixels[p] = paint(planes[q] + planes[q + 1] * x + planes[q + 2] * y);
     });
   }
 
   // Contours: where the nearest level is less than a pixel away.
   drawLines(k, field) {
-    const planes = this.planesOf(k, field), step = (field.high - field.low) / (LINES + 1);
+    const {planes, planeAt} = this.planesOf(k, field), step = (field.high - field.low) / (LINES + 1);
     if (!(step > 0)) return;
     this.eachPixel((p, e, x, y) => {
-      const gx = planes[3 * e + 1], gy = planes[3 * e + 2];
-      const level = (planes[3 * e] + gx * x + gy * y - field.low) / step, nearest = Math.round(level);
+      const q = planeAt(e, x, y), gx = planes[q + 1], gy = planes[q + 2];
+      const level = (planes[q] + gx * x + gy * y - field.low) / step, nearest = Math.round(level);
       if (nearest < 1 || nearest > LINES) return;
       const pixels = Math.abs(level - nearest) * step * this.zoom / Math.hypot(gx, gy);
       if (pixels < 1.2) this.contrast(p, Math.min(1, 1.4 - pixels) * 0.85);
@@ -245,7 +246,7 @@ class Layer {
     const said = {e: this.mesh.elements ? this.mesh.elements[e] : e, point};  // of a cut, what it is a piece of
     if (field.kind === "plain") return {...said, value: null};
     if (field.at === "element") return {...said, value: this.valuesOf(k, field)[e]};
-    const planes = this.planesOf(k, field);
-    return {...said, value: planes[3 * e] + planes[3 * e + 1] * x + planes[3 * e + 2] * y};
+    const {planes, planeAt} = this.planesOf(k, field), q = planeAt(e, x, y);
+    return {...said, value: planes[q] + planes[q + 1] * x + planes[q + 2] * y};
   }
 }

@@ -61,20 +61,40 @@ function shapeOf(mesh, wanted) {
   return found;
 }
 
-// The plane a + b x + c y over every element of a field at nodes, or at the corners of each element.
+// The planes a + b x + c y of a field at nodes, or at the points of a lattice in each element, and a function from an
+// element and a point to the beginning of its plane. An element of n divisions has 2 n n places for planes: one for the
+// triangle at every point of its lattice, one for the triangle across.
 function planesOf(mesh, values, at) {
-  const {x, y, nodes: t, count: m} = mesh, planes = new Float64Array(3 * m);
+  const {x, y, nodes: t, count: m} = mesh, lattice = at === "lattice";
+  const n = lattice ? Math.round((Math.sqrt(8 * values.length / m + 1) - 3) / 2) : 1;
+  const planes = new Float64Array(6 * n * n * m), row = j => j * (n + 1) - j * (j - 1) / 2;
+  const placeOf = (e, i, j) => 6 * ((e * n + j) * n + i);
   for (let e = 0; e < m; e++) {
-    const i = t[e], j = t[m + e], k = t[2 * m + e];
-    const ux = x[j] - x[i], uy = y[j] - y[i], vx = x[k] - x[i], vy = y[k] - y[i];
-    const [first, second, third] = at === "corner" ? [e, m + e, 2 * m + e] : [i, j, k], from = values[first];
-    const du = values[second] - from, dv = values[third] - from, det = ux * vy - uy * vx;
-    const gx = (du * vy - dv * uy) / det, gy = (dv * ux - du * vx) / det;
-    planes[3 * e] = from - gx * x[i] - gy * y[i];
-    planes[3 * e + 1] = gx;
-    planes[3 * e + 2] = gy;
+    const a = t[e], b = t[m + e], c = t[2 * m + e];
+    const ux = x[b] - x[a], uy = y[b] - y[a], vx = x[c] - x[a], vy = y[c] - y[a], det = (ux * vy - uy * vx) / n;
+    const valueAt = (i, j) => values[lattice ? (row(j) + i) * m + e : i ? b : j ? c : a];
+    const set = (place, i, j, from, du, dv) => {
+      const gx = (du * vy - dv * uy) / det, gy = (dv * ux - du * vx) / det;
+      planes[place] = from - i * du - j * dv - gx * x[a] - gy * y[a];
+      planes[place + 1] = gx;
+      planes[place + 2] = gy;
+    };
+    for (let j = 0; j < n; j++) for (let i = 0; i + j < n; i++) {
+      const here = valueAt(i, j), right = valueAt(i + 1, j), above = valueAt(i, j + 1), place = placeOf(e, i, j);
+      set(place, i, j, here, right - here, above - here);
+      if (i + j === n - 1) continue;
+      const across = valueAt(i + 1, j + 1);
+      set(place + 3, i + 1, j + 1, across, across - above, across - right);
+    }
   }
-  return planes;
+  const planeAt = n === 1 ? e => 6 * e : (e, px, py) => {
+    const a = t[e], b = t[m + e], c = t[2 * m + e];
+    const ux = x[b] - x[a], uy = y[b] - y[a], vx = x[c] - x[a], vy = y[c] - y[a], det = (ux * vy - uy * vx) / n;
+    const u = ((px - x[a]) * vy - (py - y[a]) * vx) / det, v = ((py - y[a]) * ux - (px - x[a]) * uy) / det;
+    const j = Math.max(0, Math.min(n - 1, Math.floor(v))), i = Math.max(0, Math.min(n - 1 - j, Math.floor(u)));
+    return placeOf(e, i, j) + (i + j < n - 1 && u - i + v - j > 1 ? 3 : 0);
+  };
+  return {planes, planeAt};
 }
 
 const pixelOf = colour => (0xff000000 | (colour & 0xff) << 16 | colour & 0xff00 | colour >> 16) >>> 0;

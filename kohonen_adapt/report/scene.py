@@ -13,7 +13,14 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import as_reals
-from kohonen_adapt.display import decades_of, in_unit, level_of_share, outlined_facets, straight_and_curved
+from kohonen_adapt.display import (
+    decades_of,
+    divisions_of,
+    in_unit,
+    level_of_share,
+    outlined_facets,
+    straight_and_curved,
+)
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
@@ -141,23 +148,45 @@ def _elementwise(label: str, results: Results, function: FieldOf) -> Shown:
     values = [shown.of_elements(_by_element(label, function(each.solution), each.mesh)) for each, shown in results]
     ends = [_middle_ends(each, shown.mesh) for each, (_, shown) in zip(values, results, strict=True)]
     low, high = min(low for low, _ in ends), max(high for _, high in ends)
-    at = "element" if all(each.ndim == 1 for each in values) else "corner"
+    at = "element" if all(each.ndim == 1 for each in values) else "lattice"
+    if at == "lattice":
+        values = [each if each.ndim == 2 else np.tile(each, (3, 1)) for each in values]
     return _scaled(label, at, values, 0.0 if low >= 0.0 else low, high)
 
 
 def _by_element(label: str, values: ArrayLike, mesh: Mesh) -> Floats:
-    shape = {"nelements": mesh.t.shape[1]}
-    return as_reals(label, values, {"3": 3} | shape if np.ndim(values) == len(mesh.p) == 2 else shape)
+    return as_reals(label, values, _shape_inside(label, values, mesh) or {"nelements": mesh.t.shape[1]})
+
+
+def _by_node(label: str, values: ArrayLike, mesh: Mesh) -> Floats:
+    return as_reals(label, values, _shape_inside(label, values, mesh) or {"nnodes": int(mesh.nvertices)})
+
+
+def _shape_inside(label: str, values: ArrayLike, mesh: Mesh) -> dict[str, int]:
+    # of values at the points of a lattice in every element
+    if np.ndim(values) != 2 or len(mesh.p) != 2:
+        return {}
+    points, count = len(np.asarray(values)), mesh.t.shape[1]
+    if not divisions_of(points):
+        raise ValueError(
+            f"{label} must have shape (k, nelements) = (k, {count}) with k = (n + 1) (n + 2) / 2 points of a lattice "
+            f"in every element, 3 for the corners; got {np.shape(values)}."
+        )
+    return {"k": points, "nelements": count}
 
 
 def _nodal(label: str, results: Results, function: FieldOf) -> Shown:
-    values = [
-        shown.of_nodes(as_reals(label, function(each.solution), {"nnodes": int(each.mesh.nvertices)}))
-        for each, shown in results
-    ]
+    values = [shown.of_nodes(_by_node(label, function(each.solution), each.mesh)) for each, shown in results]
+    at = "node" if all(each.ndim == 1 for each in values) else "lattice"
+    if at == "lattice":
+        values = [
+            each if each.ndim == 2 else each[shown.mesh.t] for each, (_, shown) in zip(values, results, strict=True)
+        ]
     finite = np.concatenate([each[np.isfinite(each)] for each in values])
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
-    return _scaled(label, "node", values, low, high)
+    field = _scaled(label, at, values, low, high)
+    field.about["lines"] = True
+    return field
 
 
 def _indicators(label: str, results: Results) -> Shown:

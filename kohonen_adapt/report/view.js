@@ -13,7 +13,7 @@ class View {
     this.canvas = element("canvas");
     this.context = this.canvas.getContext("2d");
     this.fields = [...data.fields, {label: "mesh only", kind: "plain", at: "element"}];
-    this.contours = this.fields.findIndex(field => field.at === "node");
+    this.contours = this.fields.findIndex(field => field.lines);
     this.divide = 0.5;
     this.detailed = 0;
     this.pointers = new Map();

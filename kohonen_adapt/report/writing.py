@@ -65,8 +65,9 @@ def write_report(
         Heading, and a sentence on the task.
     point_data, cell_data
         Fields of the view: label, with a unit, to a function of a solution that returns values (nnodes,) or
-        (nelements,); for a field that is linear in every element (3, nelements), at the corners of ``mesh.t``. The
-        first of `cell_data` is shown at first; contours are those of the first of `point_data`. Indicators, quality,
+        (nelements,), or for fields of higher order (k, nelements): at the points of a `kohonen_adapt.display.lattice`
+        in every element, of which three are the corners. Fields are linear between these points. The first of
+        `cell_data` is shown at first; contours are those of the first of `point_data`. Indicators, quality,
         size and subdomains are always included.
     indicator_label
         Label of the indicators, with their unit.

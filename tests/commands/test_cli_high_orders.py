@@ -1,6 +1,7 @@
 """Orders above 3 in cases: run, resume, sweep, and careless uses."""
 
 import csv
+import json
 
 import meshio
 import numpy as np
@@ -131,3 +132,17 @@ def test_wrong_orders_are_named(order, message, tmp_path, capsys):
 def test_check_of_a_case_names_the_command_for_cases(finished, capsys):
     assert cli.main(["check", str(finished)]) == 2
     assert f"check a case by kohonen-adapt run {finished} --dry-run" in capsys.readouterr().err
+
+
+def test_around_an_axis_the_report_has_the_flux_function_inside_elements(tmp_path):
+    axis = CASE.replace("order = 5", "order = 4\naxisymmetric = true").replace("passes = 2", "passes = 0")
+    mesh = inset(8)
+    written(tmp_path, axis.replace("[potential]\nouter = 0.0", "[potential]\nrim = 0.0"))
+    rim = mesh.with_boundaries({"rim": lambda x: (x[0] > 1e-9) | (x[1] < 1e-9) | (x[1] > mesh.p[1].max() - 1e-9)})
+    ka.write_mesh(tmp_path / "mesh.msh", rim)
+    assert cli.main(["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "out")]) == 0
+    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    text = report[report.index('{"unit"') :]
+    fields = json.JSONDecoder().raw_decode(text)[0]["fields"]
+    assert [field["at"] for field in fields if field.get("lines")] == ["lattice", "lattice"]
+    assert fields[1]["label"] == "flux function r A (Wb)" and fields[0]["at"] == "lattice"

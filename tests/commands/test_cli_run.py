@@ -107,7 +107,7 @@ def test_quadratic_elements_are_written_and_drawn_with_the_field_inside_them(cas
             assert_allclose(found.mean(axis=1), values, atol=1e-9 * np.abs(wanted).max())
             assert np.ptp(found, axis=1).max() > 0.1 * np.abs(wanted).max()
     assert cells.data.shape == (mesh.t.shape[1], 6)
-    assert '"at":"corner"' in (out / "report.html").read_text(encoding="utf-8")
+    assert '"at":"lattice"' in (out / "report.html").read_text(encoding="utf-8")
 
 
 def test_the_adapted_mesh_takes_the_place_of_the_one_that_came_in(finished, tmp_path):

@@ -4,9 +4,12 @@ import base64
 import hashlib
 import json
 import re
+import shutil
+import subprocess
 import zlib
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +23,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import Status
+from kohonen_adapt.display import lattice
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.slicing import flat
 from kohonen_adapt.report import write_report
@@ -296,16 +300,66 @@ def test_settings_lose_their_folders(tmp_path):
     assert str(tmp_path.parent) not in path.read_text(encoding="utf-8")
 
 
+@pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
+@pytest.mark.parametrize("divisions", [1, 2, 5])
+def test_the_page_interpolates_on_the_lattice_of_every_element(divisions, tmp_path):
+    """`planesOf` of the page, by node: the values at all points of the lattice, and linear functions everywhere."""
+    mesh, rng = a_mesh(2), np.random.default_rng(0)
+    share = lattice(divisions)[0]
+    values = rng.random((share.shape[1], mesh.t.shape[1]))
+    x = np.einsum("iq,dik->dqk", share, mesh.p[:, mesh.t])
+    towards = x.mean(axis=1, keepdims=True)
+    middle = np.einsum("iq,dik->dqk", lattice(7)[0], mesh.p[:, mesh.t])
+    asked = {
+        "x": mesh.p[0].tolist(),
+        "y": mesh.p[1].tolist(),
+        "nodes": mesh.t.ravel().tolist(),
+        "count": mesh.t.shape[1],
+    }
+    cases = [(values, x + 1e-9 * (towards - x)), (2.0 * x[0] - 3.0 * x[1] + 1.0, middle)]
+    (tmp_path / "cases.json").write_text(json.dumps([asked, [[v.ravel().tolist(), p.tolist()] for v, p in cases]]))
+    script = (Path(ka.__file__).parent / "report" / "meshes.js").read_text(encoding="utf-8")
+    (tmp_path / "run.js").write_text(
+        f"""{script}
+        const [mesh, cases] = JSON.parse(require("fs").readFileSync("cases.json"));
+        console.log(JSON.stringify(cases.map(([values, [x, y]]) => {{
+          const {{planes, planeAt}} = planesOf(mesh, values, "lattice");
+          return x.map((row, q) => row.map((px, e) => {{
+            const k = planeAt(e, px, y[q][e]);
+            return planes[k] + planes[k + 1] * px + planes[k + 2] * y[q][e];
+          }}));
+        }})));"""
+    )
+    printed = subprocess.run(["node", "run.js"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
+    found = json.loads(printed)
+    assert_allclose(found[0], values, atol=1e-7)
+    assert_allclose(found[1], 2.0 * middle[0] - 3.0 * middle[1] + 1.0, atol=1e-12)
+
+
+def test_lattices_of_any_orders_are_packed_and_marked(tmp_path):
+    before, _ = before_and_after()
+    t = before.mesh.t
+    values = {"inside (m)": lambda solution: np.einsum("iq,ik->qk", lattice(4)[0], solution[t])}
+    data = Page(hostile_report(tmp_path, cell_data=values, point_data=values)).data
+    about = [field for field in data["fields"] if field["label"] == "inside (m)"]
+    assert [field["at"] for field in about] == ["lattice", "lattice"] and [f.get("lines") for f in about] == [
+        None,
+        True,
+    ]
+    packed_values = unpacked(data["meshes"][0]["values"][0])
+    assert_allclose(packed_values.reshape(15, -1), values["inside (m)"](before.solution), rtol=2.0**-16, atol=1e-9)
+
+
 def test_a_field_that_is_linear_in_every_element_is_shown_by_its_corners(tmp_path):
     before, after = before_and_after()
     t = before.mesh.t
     values = {"inside (m)": lambda solution: solution[t] + np.arange(t.shape[1])}
     data = Page(hostile_report(tmp_path, cell_data=values)).data
-    assert data["fields"][0]["at"] == "corner" and data["fields"][0]["high"] > 100.0
+    assert data["fields"][0]["at"] == "lattice" and data["fields"][0]["high"] > 100.0
     for mesh, result in zip(data["meshes"], (before, after), strict=True):
         wanted = result.mesh.p[0][t] + np.arange(t.shape[1])
         assert_allclose(unpacked(mesh["values"][0]).reshape(3, -1), wanted, rtol=2.0**-16)
-    with pytest.raises(ValueError, match=r"^b must have shape \(3, nelements\) = \(3, 128\); got \(2, 128\)\.$"):
+    with pytest.raises(ValueError, match=r"^b must have shape \(k, nelements\) = \(k, 128\) .*; got \(2, 128\)\.$"):
         hostile_report(tmp_path, cell_data={"b": lambda solution: np.ones((2, 128))})
 
 
