@@ -7,7 +7,7 @@ from typing import Any
 
 from skfem import Mesh
 
-from kohonen_adapt.checks import with_nearest_names
+from kohonen_adapt.checks import is_count, with_nearest_names
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.plane.missing_layers import with_layers
 from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules, check_for, with_pinned
@@ -15,20 +15,20 @@ from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.dimension import method_of
-from kohonen_adapt.loop.final_order import at_final_order
-from kohonen_adapt.loop.growth import Growth
-from kohonen_adapt.loop.history import History
+from kohonen_adapt.loop.final_order import GradingTolerance, run_to_order
+from kohonen_adapt.loop.growth import MAX_NODES, Growth, GrowthByTolerance, NodeCounts
+from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.settings import PASSES, Settings
+from kohonen_adapt.loop.settings import PASSES, PASSES_TO_TOLERANCE, Settings
 from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.step_timer import Steps
 from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.evaluation import Output, check_outputs, curves_of
-from kohonen_adapt.problem.orders import at_order_of_passes, has_final_order
+from kohonen_adapt.problem.orders import at_order_of_passes, final_orders
 from kohonen_adapt.problem.protocol import Problem, check_problem, is_curved, nodes_of_problem, order_of, pairs_of
 from kohonen_adapt.som.schedule import Schedule
 
@@ -52,7 +52,7 @@ def adapt(
     mesh: Mesh,
     problem: Problem,
     *,
-    passes: int = PASSES,
+    passes: int | None = None,
     rtol: float | None = None,
     target_nodes: int | None = None,
     pinned: Pinned = (),
@@ -72,8 +72,9 @@ def adapt(
     progress: Callable[[int, str], Any] | None = None,
     interim: Callable[[AdaptResult], Any] | None = None,
     checkpoint: str | PathLike[str] | None = None,
+    max_nodes: int | None = None,
 ) -> AdaptResult:
-    """Adapt a mesh to a problem at a given number of nodes.
+    """Adapt a mesh to a problem until the error is within a tolerance.
 
     A pass solves the problem, estimates the error of every element, relocates the nodes by a Kohonen map towards equal
     errors of all elements, and polishes: nodes move, and are recycled, to lower the energy of the solution interpolated
@@ -96,16 +97,20 @@ def adapt(
         Object with the methods ``solve(mesh) -> solution`` and ``indicators(mesh, solution) -> (nelements,)``,
         unsquared error indicators in the energy norm. The optional methods and attributes are listed in `Problem`.
     passes
-        Maximum number of relocations. With 0 the input is solved and estimated only.
+        Maximum number of relocations, by default 12 with a tolerance and 4 without. With 0 the input is solved and
+        estimated only.
     rtol
         Relative tolerance. The loop stops if the estimate is at most ``atol + rtol * energy norm``. The problem needs
-        the method ``energy_norm``.
+        the method ``energy_norm``. Without `target_nodes` the number of nodes follows the tolerance, up and down by at
+        most a factor of 3 per pass: with equal indicators of degree p in d dimensions ``(sum eta^(2d / (d + 2p)))^((d +
+        2p) / 2p) / tolerance^(d / p)`` elements suffice. A problem with `orders` whose order is "auto", the default of
+        `Magnetostatics`, gets layers at corners and a higher order where these take less time.
     target_nodes
-        Number of nodes to grow to, by splitting edges in every pass. None keeps the number of nodes. Usually the last
-        of several passes adds no nodes, so that the estimate that places its nodes has as many. With a polish at order
-        1 on triangles, which corrects misplaced nodes, the last pass adds up to two thirds of the nodes, and none below
-        500 nodes. If the quality rule forbids further splits, the mesh stays smaller and the message gives the reason.
-        Splits flip triangle edges nearby even with ``topology="fixed"``, but swap no tetrahedra.
+        Number of nodes to grow to, by splitting edges in every pass. None without a tolerance keeps the number. Usually
+        the last of several passes adds no nodes, so that the estimate that places its nodes has as many. With a polish
+        at order 1 on triangles, which corrects misplaced nodes, the last pass adds up to two thirds of the nodes, and
+        none below 500 nodes. If the quality rule forbids further splits, the mesh stays smaller and the message gives
+        the reason. Splits flip triangle edges nearby even with ``topology="fixed"``, but swap no tetrahedra.
     pinned
         Nodes that stay where they are, as node numbers and names of boundaries and subdomains, see `Rules`.
     curves
@@ -152,10 +157,13 @@ def adapt(
     checkpoint
         Folder, created if missing, for a file per finished pass. If the folder has passes of this run, the loop resumes
         after the last of them. Mesh and arguments must be the same, except those that end the loop; `passes` may differ
-        without `target_nodes`. The callback is called again for every stored pass. The mesh of the last pass, and of
-        the best one if different, is solved again; if the latter fails, the last pass is the result. For a linear
+        without `target_nodes`, and so may a tolerance. The callback is called again for every stored pass. The mesh of
+        the last pass, and of the best one if different, is solved again; if the latter fails, the last pass is the
+        result. For a linear
         problem history and result are identical, bit for bit, to those of an uninterrupted run, for a nonlinear problem
         up to the accuracy of the solver.
+    max_nodes
+        Largest number of nodes that a tolerance leads to, by default 200 000.
 
     Returns
     -------
@@ -189,42 +197,47 @@ def adapt(
     >>> result.mesh.p.shape == mesh.p.shape, list(result.mesh.boundaries), result.status.value
     (True, ['outer'], 'max_passes')
     """
-    stop, steps = StopTest(passes, rtol, atol, output_rtol, callback), Steps(progress)
+    has_tolerance, steps = rtol is not None or atol is not None, Steps(progress)
+    follows = has_tolerance and target_nodes is None
+    passes = (PASSES_TO_TOLERANCE if follows else PASSES) if passes is None else passes
+    stop = StopTest(passes, rtol, atol, output_rtol, callback, checked_max_nodes(mesh, max_nodes, follows))
     check_problem(problem, rtol)
-    raises_order, of_passes = has_final_order(problem), at_order_of_passes(problem)
+    orders = final_orders(problem, follows)
+    of_passes, grading = at_order_of_passes(problem) if orders else problem, GradingTolerance(stop, orders)
+    stop_of_passes = replace(stop, of_passes=grading) if orders else stop
     check_mesh(mesh, curved=True, inverted=True, space=True)
     method = method_of(mesh)
     all_curves, pairs = curves_of(problem, mesh, curves), pairs_of(problem) if periodic is None else periodic
     rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, all_curves, pairs, layers, surfaces)
     check_for(rules, method.dim)
     rules = with_pinned(rules.guarded(), nodes_of_problem(problem, mesh))
-    growth = Growth.of(int(mesh.nvertices), target_nodes, passes, polish and method.corrects(of_passes))
+    growth: NodeCounts = Growth.of(int(mesh.nvertices), target_nodes, passes, polish and method.corrects(of_passes))
+    if follows:
+        removes, most = rules.topology == "recycle", stop.max_nodes or MAX_NODES
+        growth = GrowthByTolerance(
+            growth.start, most, grading.aim if orders else stop.tolerance, order_of(of_passes), method.dim, removes
+        )
     settings = Settings(rules, schedule, seed, polish, growth, check_outputs(outputs, output_rtol), rtol)
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)
     movable = method.open(mesh, rules, is_curved(of_passes))
     passes_on_disk = Checkpoint.at(checkpoint, mesh, problem, settings)
     expect_kernels(method, of_passes, settings)
     adaptation = Adaptation(of_passes, method, movable, settings, steps, order_of(of_passes))
-    stop_of_passes = replace(stop, rtol=None, atol=None) if raises_order else stop
-    result = run_loop(adaptation, History(adaptation, stop_of_passes, passes_on_disk, interim))
-    return at_final_order(result, problem, adaptation, stop) if raises_order else result
+    history = History(adaptation, stop_of_passes, passes_on_disk, interim)
+    if orders:
+        return run_to_order(adaptation, history, problem, stop, grading, orders)
+    return run_loop(adaptation, history)
+
+
+def checked_max_nodes(mesh: Mesh, max_nodes: int | None, follows: bool) -> int | None:
+    if max_nodes is not None and not follows:
+        raise ValueError("max_nodes needs a tolerance (rtol or atol) and no target_nodes, which fixes the number.")
+    if max_nodes is not None and (not is_count(max_nodes) or max_nodes < mesh.nvertices):
+        raise ValueError(f"max_nodes must be at least the nodes of the mesh, {mesh.nvertices}; got {max_nodes!r}.")
+    return max_nodes or (MAX_NODES if follows else None)
 
 
 def expect_kernels(method: Method, problem: Problem, settings: Settings) -> None:
     expect(*method.moving_kernels(settings.rules.topology, settings.schedule))
     if settings.polish:
         expect(*method.polish_kernels(problem), *method.transfer_kernels)
-
-
-def run_loop(adaptation: Adaptation, history: History) -> AdaptResult:
-    movable = adaptation.movable
-    with history.catching_failures():
-        solved = history.resumed() or history.add(adaptation.assess())
-        while history.running:
-            moved = adaptation.relocate(solved)
-            moved, gain = adaptation.polish(solved, moved)
-            if moved.changed(movable) or history.growing:
-                solved = history.add(adaptation.assess(solved, moved, gain))
-            else:
-                history.end_unmoved(moved.work(movable, gain))
-    return history.result()

@@ -89,13 +89,14 @@ class PlaneMethod(Method):
         estimate: float,
         settings: Settings,
         number: int,
+        nodes: int,
         recycles: bool,
     ) -> Moved[MovableMesh]:
         longest = None
         if functional is not None and functional.dual is None:  # the effect of arcs on a goal is unknown
             longest = longest_on_arcs(functional.ritz, movable, estimate)
-        topology, nodes = settings.rules.topology, settings.growth.nodes(number, functional is not None)
-        return move(movable, density, settings.schedule, topology, settings.rng(number), nodes, recycles, longest)
+        topology, rng = settings.rules.topology, settings.rng(number)
+        return move(movable, density, settings.schedule, topology, rng, nodes, recycles, longest)
 
     def functional(self, ritz: Ritz, movable: MovableMesh, mesh: Mesh) -> Functional:
         return Functional.of_solution(ritz, movable, mesh)
@@ -175,13 +176,14 @@ class SpaceMethod(Method):
         estimate: float,
         settings: Settings,
         number: int,
+        nodes: int,
         recycles: bool,
     ) -> Moved[MovableSolid]:
         if not recycles:  # the map would shorten the long elements that lower the energy
             why = why_still(movable, settings.schedule)
             return Moved(movable.copy(), unchanged(movable.tetrahedralization), (), why)
-        nodes, rng = settings.growth.nodes(number), settings.rng(number)
-        return move_in_space(movable, density, settings.schedule, settings.rules.topology, rng, nodes)
+        topology, rng = settings.rules.topology, settings.rng(number)
+        return move_in_space(movable, density, settings.schedule, topology, rng, nodes)
 
     def functional(self, ritz: Ritz, movable: MovableSolid, mesh: Mesh) -> SolidFunctional:
         return SolidFunctional.of_solution(ritz, movable, mesh)

@@ -1,16 +1,36 @@
 """Node counts of the passes of an adaptive loop."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, inf
+from typing import Protocol
+
+import numpy as np
 
 from kohonen_adapt.checks import is_count
+from kohonen_adapt.loop.passes import Pass
 
-__all__ = ["Growth"]
+__all__ = ["MAX_NODES", "Growth", "GrowthByTolerance", "NodeCounts"]
+
+MAX_NODES = 200_000  # largest mesh of a run with a tolerance, unless another is given
+AIM = 0.9  # of the tolerance, because the error of adapted meshes is up to 1.15 times the estimate
+MAX_FACTOR = 3.0  # of the number of nodes per pass: the prediction from an ungraded mesh is coarse
+MISSED = 1.1  # least factor of the number of nodes after a pass that the prediction called large enough
 
 # Least number of nodes for the estimate of the last pass, and largest factor of the last pass. With fewer nodes or a
 # larger factor the polish does not always correct misplaced nodes. Cost of another pass: `python -m benchmarks growth`.
 MIN_PLACING_NODES = 500
 MAX_LAST_FACTOR = 3
+
+
+class NodeCounts(Protocol):
+    @property
+    def start(self) -> int: ...
+    @property
+    def target(self) -> int: ...
+    def nodes(self, number: int, polished: bool, last: Pass) -> int: ...
+    def grows_after(self, number: int) -> bool: ...
+    def shortfall_message(self, nodes: int) -> str: ...
 
 
 @dataclass(frozen=True)
@@ -52,8 +72,8 @@ class Growth:
         evenly = round(target * (start / target) ** (1 / max(1, passes)))
         return cls(start, min(target, max(MIN_PLACING_NODES, ceil(target / MAX_LAST_FACTOR), evenly)), target, passes)
 
-    def nodes(self, number: int, polished: bool = True) -> int:
-        """Return the number of nodes of pass `number`.
+    def nodes(self, number: int, polished: bool = True, last: Pass | None = None) -> int:
+        """Return the number of nodes of pass `number`, whatever the pass before.
 
         Without a polish the last pass adds no nodes, because nothing would correct their positions.
         """
@@ -73,3 +93,59 @@ class Growth:
             f"The mesh has {nodes} of {self.target} nodes, because further splits would break the quality rule or the "
             "passes ended too early. Decrease `min_quality`, improve the input mesh or increase `passes`."
         )
+
+
+@dataclass(frozen=True)
+class GrowthByTolerance:
+    """Number of nodes for a tolerance, predicted from the indicators.
+
+    Attributes
+    ----------
+    start, target
+        Number of nodes of the input, and the largest number.
+    tolerance
+        Allowed estimate for a pass.
+    order, dim
+        Degree of the elements and dimension of the mesh.
+    removes
+        True if passes may have fewer nodes than the mesh before.
+    """
+
+    start: int
+    target: int
+    tolerance: Callable[[Pass], float | None]
+    order: int
+    dim: int
+    removes: bool
+
+    def nodes(self, number: int, polished: bool, last: Pass) -> int:
+        now, aim = int(last.mesh.nvertices), AIM * (self.tolerance(last) or 0.0)
+        wanted = predicted_nodes(last, aim, self.order, self.dim)
+        if wanted < MISSED * now and last.estimate > 0.0 and last.number > 0:
+            missing = (last.estimate / aim) ** (self.dim / self.order) if aim > 0.0 else inf
+            wanted = now * max(MISSED, missing)
+        least = now / MAX_FACTOR if self.removes else now
+        return min(self.target, round(min(MAX_FACTOR * now, max(least, wanted))))
+
+    def grows_after(self, number: int) -> bool:
+        return True
+
+    def shortfall_message(self, nodes: int) -> str:
+        return ""
+
+
+def predicted_nodes(last: Pass, tolerance: float, order: int, dim: int) -> float:
+    """Return the number of nodes of a graded mesh whose estimate is `tolerance`.
+
+    An indicator of degree p in d dimensions falls like ``h^(p + d/2)``. If all are equal, ``N = (sum eta^(2d / (d +
+    2p)))^((d + 2p) / 2p) / tolerance^(d / p)`` elements suffice (equidistribution); nodes have the ratio of the mesh.
+    """
+    if tolerance <= 0.0:
+        return inf
+    power = 2.0 * dim / (dim + 2.0 * order)
+    largest = float(last.indicators.max())
+    if largest == 0.0:
+        return 0.0
+    total = float(np.sum((last.indicators / largest) ** power)) ** (2.0 * dim / (order * power) / 2.0)
+    elements = total * (largest / tolerance) ** (dim / order)
+    return elements * last.mesh.nvertices / len(last.indicators)

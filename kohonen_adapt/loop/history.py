@@ -24,7 +24,7 @@ from kohonen_adapt.loop.stopping import (
 )
 from kohonen_adapt.problem.evaluation import solve_again
 
-__all__ = ["History"]
+__all__ = ["History", "run_loop"]
 
 
 @dataclass(frozen=True)
@@ -153,6 +153,11 @@ class History:
         stalled = self._adaptation.method.stalls(passes)
         self._ending = self._stop(passes, self._passes.best.record, self.growing, stalled)
 
+    def reopened(self) -> Solved | None:
+        """Return the last pass of a loop that ended, so that passes can go on."""
+        self._ending = None
+        return self._passes.last
+
     def end_unmoved(self, work: Work) -> None:
         self._ending = unmoved_ending(work, self._passes.best.record)
 
@@ -221,3 +226,18 @@ class History:
             nodes=best.record.nodes,
             error=ending.error,
         )
+
+
+def run_loop(adaptation: Adaptation, history: History, solved: Solved | None = None) -> AdaptResult:
+    """Run passes from the input, a checkpoint, or the pass `solved`."""
+    movable = adaptation.movable
+    with history.catching_failures():
+        solved = solved or history.resumed() or history.add(adaptation.assess())
+        while history.running:
+            moved = adaptation.relocate(solved)
+            moved, gain = adaptation.polish(solved, moved)
+            if moved.changed(movable) or history.growing:
+                solved = history.add(adaptation.assess(solved, moved, gain))
+            else:
+                history.end_unmoved(moved.work(movable, gain))
+    return history.result()

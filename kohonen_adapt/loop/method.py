@@ -79,9 +79,10 @@ class Method(ABC):
         estimate: float,
         settings: Settings,
         number: int,
+        nodes: int,
         recycles: bool,
     ) -> Moved[Any]:
-        """Relocate the nodes to a density (nelements,) in pass `number`.
+        """Relocate to a density (nelements,) in pass `number`, with `nodes` nodes.
 
         Nodes are exchanged only if the pass `recycles`.
         """

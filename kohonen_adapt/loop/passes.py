@@ -16,7 +16,8 @@ class Status(StrEnum):
 
     ``CONVERGED``: the tolerance is met, or every indicator is zero. ``MAX_PASSES``: all requested passes are done.
     ``STALLED``: the last passes improved nothing. ``NOT_MOVED``: no node could move. ``STOPPED``: the callback returned
-    True, the user pressed Ctrl-C, or the result is interim. ``FAILED``: an exception was raised after the input mesh
+    True, the user pressed Ctrl-C, or the result is interim. ``MAX_NODES``: the mesh has the largest number of nodes and
+    the tolerance is not met. ``FAILED``: an exception was raised after the input mesh
     was estimated, see ``AdaptResult.error``.
     """
 
@@ -25,6 +26,7 @@ class Status(StrEnum):
     STALLED = auto()
     NOT_MOVED = auto()
     STOPPED = auto()
+    MAX_NODES = auto()
     FAILED = auto()
 
 
@@ -45,8 +47,7 @@ class Pass(Work):
     nodes
         Index in the input mesh of every node, -1 for a new node, shape (nnodes,).
     order
-        Order of the elements. The last pass has another one than the passes before if the order of the problem is above
-        3.
+        Degree of the elements. With an order above 3 only the last pass has it.
     unknowns
         Number of unknowns, Dirichlet values included. At order 1 the number of nodes.
     estimate

@@ -12,15 +12,15 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.loop.growth import Growth
+from kohonen_adapt.loop.growth import Growth, GrowthByTolerance, NodeCounts
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.protocol import Problem, is_curved, norm_of, order_of
 from kohonen_adapt.som.schedule import Schedule, check_training
 
-__all__ = ["DIGEST", "ONLY_ENDS", "PASSES", "Settings", "fingerprint"]
+__all__ = ["DIGEST", "ONLY_ENDS", "PASSES", "PASSES_TO_TOLERANCE", "Settings", "fingerprint"]
 
 DIGEST = "sha256 "
-PASSES = 4
+PASSES, PASSES_TO_TOLERANCE = 4, 12
 
 ONLY_ENDS = {"only ends": True}  # metadata of a setting that ends the loop, and changes no pass
 
@@ -33,7 +33,7 @@ class Settings:
     schedule: Schedule | None
     seed: int
     polish: bool
-    growth: Growth = field(metadata={"argument": "target_nodes"})
+    growth: NodeCounts = field(metadata={"argument": "target_nodes"})
     outputs: Mapping[str, Output]
     rtol: float | None = field(default=None, metadata=ONLY_ENDS)
 
@@ -68,6 +68,8 @@ def fingerprint(mesh: Mesh, problem: Problem, settings: Settings) -> dict[str, s
 
 def _text(value: Any, mesh: Mesh) -> str:
     if value is None:
+        return "none"
+    if isinstance(value, GrowthByTolerance):  # the passes so far serve any tolerance
         return "none"
     if isinstance(value, Growth):
         return f"{value.target} in {value.passes} passes" if value.target > value.start else "none"

@@ -147,9 +147,10 @@ class Adaptation:
             estimate, functional = record.estimate, solved.functional
             steers = functional is not None and not functional.ritz.shapes_only
             by_energy = steers and number > self.method.passes_by_density
-            recycles = not by_energy or settings.growth.nodes(number, functional is not None) != self.movable.nnodes
+            nodes = settings.growth.nodes(number, functional is not None, record)
+            recycles = not by_energy or nodes != self.movable.nnodes
             held = None if functional is None else self.method.held_in_polish(self.movable, functional)
-            moved = self.method.move(self.movable, density, functional, estimate, settings, number, recycles)
+            moved = self.method.move(self.movable, density, functional, estimate, settings, number, nodes, recycles)
             return moved if held is None else replace(moved, held_in_polish=int(held.sum()))
 
     def polish(self, solved: Solved, moved: Moved[Any]) -> tuple[Moved[Any], float]:

@@ -50,9 +50,11 @@ DISAGREEMENT = 3.0
 # the estimate, and for 6 of the remaining 528; after two and three passes falsely for 1 of 542 and for 1 of 548.
 UNRESOLVED = 2.0
 
+FULL = 0.98  # fraction of the largest number of nodes from which a mesh is full
+
 CONTINUE = "Adapt the result to continue."
 
-UNINTERRUPTED = (Status.MAX_PASSES, Status.STALLED, Status.NOT_MOVED)
+UNINTERRUPTED = (Status.MAX_PASSES, Status.MAX_NODES, Status.STALLED, Status.NOT_MOVED)
 
 Passes = tuple[Pass, ...]
 
@@ -73,6 +75,8 @@ class StopTest:
     atol: float | None
     output_rtol: float | None
     callback: Callable[[Pass], Any] | None
+    max_nodes: int | None = None
+    of_passes: Callable[[Pass], float | None] | None = None  # looser tolerance of passes before a higher order
 
     def __post_init__(self) -> None:
         check_count("passes", self.passes)
@@ -96,6 +100,8 @@ class StopTest:
             return Ending(Status.STOPPED, f"Stopped by the callback after {_count(last)}. {result} {CONTINUE}")
         if last.number > 0 and last.moved == 0 and not growing:
             return unmoved_ending(last, best)
+        if self.max_nodes is not None and last.mesh.nvertices >= FULL * self.max_nodes:
+            return self._largest(last, result)
         if stalled and not growing:
             stall = f"Stalled: the last {STALL_PASSES} passes improved the result by less than {_percent(STALL_GAIN)}."
             return Ending(Status.STALLED, f"{stall} {result} Use more nodes (`target_nodes`) for a smaller error.")
@@ -105,32 +111,47 @@ class StopTest:
         if last.number == 0:
             text = "Stopped after 0 passes: the input was only solved and estimated. Increase `passes` to adapt it."
         else:
-            text = f"Stopped after {_count(last)}{self._missed_text(last)}. {result} Increase `passes` to continue."
+            text = f"Stopped after {_count(last)}{self.missed_text(last)}. {result} Increase `passes` to continue."
         return Ending(Status.MAX_PASSES, text)
 
+    def _largest(self, last: Pass, result: str) -> Ending:
+        tolerance = self.tolerance(last)
+        text = f"Stopped at {last.mesh.nvertices} nodes (`max_nodes` {self.max_nodes}) after {_count(last)}"
+        text += f"{self.missed_text(last)}. {result}"
+        if tolerance:
+            text += (
+                f" The tolerance takes an estimate {last.estimate / tolerance:.2g} times smaller: increase `max_nodes`."
+            )
+        return Ending(Status.MAX_NODES, text)
+
     def _is_met(self, passes: Passes) -> bool:
-        tolerance = self._tolerance(passes[-1])
-        if tolerance is not None and passes[-1].estimate > tolerance:
+        tolerance, last = self.tolerance(passes[-1]), passes[-1]
+        if tolerance is not None and last.estimate > tolerance:
             return False
+        if self.of_passes is not None and last.number == 0 and last.estimate > (self._of_result(last) or 0.0):
+            return False  # the first pass grades the mesh, and removes nodes
         if self.output_rtol is None:
             return tolerance is not None
         return len(passes) > 1 and have_settled(passes[-2].outputs, passes[-1].outputs, self.output_rtol)
 
-    def _tolerance(self, last: Pass) -> float | None:
+    def tolerance(self, last: Pass) -> float | None:
+        return self._of_result(last) if self.of_passes is None else self.of_passes(last)
+
+    def _of_result(self, last: Pass) -> float | None:
         if self.rtol is None and self.atol is None:
             return None
         return (self.atol or 0.0) + (self.rtol or 0.0) * (last.energy_norm or 0.0)
 
     def _reached_text(self, last: Pass) -> str:
-        reached, tolerance = [], self._tolerance(last)
+        reached, tolerance = [], self.tolerance(last)
         if tolerance is not None:
             reached.append(f"estimate {last.estimate_text} within the tolerance {_tolerance_text(tolerance, last)}")
         if self.output_rtol is not None:
             reached.append(f"no output changed by more than {_percent(self.output_rtol)}")
         return " and ".join(reached)
 
-    def _missed_text(self, last: Pass) -> str:
-        missed, tolerance = [], self._tolerance(last)
+    def missed_text(self, last: Pass) -> str:
+        missed, tolerance = [], self.tolerance(last)
         if tolerance is not None:
             missed.append(f"tolerance {_tolerance_text(tolerance, last)} (estimate {last.estimate_text})")
         if self.output_rtol is not None:

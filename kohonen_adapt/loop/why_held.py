@@ -14,7 +14,7 @@ from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.step import functional_of
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.problem.evaluation import curves_of, solve
-from kohonen_adapt.problem.orders import at_order_of_passes, has_final_order
+from kohonen_adapt.problem.orders import at_order_of_passes, final_orders
 from kohonen_adapt.problem.protocol import (
     Problem,
     check_names,
@@ -86,7 +86,8 @@ def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | 
 
 
 def reasons_at(mesh: Mesh, problem: Problem | None, rules: Rules, solution: Any = None) -> NDArray[np.str_]:
-    if problem is not None and has_final_order(problem):  # the solution is not of the order of the passes
+    orders = range(0) if problem is None else final_orders(problem, False)
+    if problem is not None and orders:  # the solution is not of the order of the passes
         problem, solution = at_order_of_passes(problem), None
     if problem is not None:
         curves, pairs = curves_of(problem, mesh, rules.curves), rules.periodic or pairs_of(problem)

@@ -18,6 +18,7 @@ from kohonen_adapt.magnetostatics.quantities.goals import Goal, Torque, check_go
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
+from kohonen_adapt.problem.orders import AutoOrder
 
 __all__ = ["Arguments", "check_plane_mesh", "checked_order"]
 
@@ -25,7 +26,7 @@ ORDERS = range(1, 9)
 ESTIMATORS = ("residual", "recovery", "equilibrated")  # see `estimation.estimated`
 
 
-class DefaultOrder(int):
+class DefaultOrder(AutoOrder):
     """Default order of the elements, chosen by the estimator.
 
     `dataclasses.replace` with another estimator chooses again.
@@ -58,7 +59,7 @@ class Arguments:
     def __post_init__(self) -> None:
         self._check_kinds()
         self._check_fixed()
-        if isinstance(self.order, DefaultOrder):
+        if isinstance(self.order, DefaultOrder) or str(self.order) == "auto":
             object.__setattr__(self, "order", self._default_order())
         self._check_order()
         self._check_depth()
@@ -212,7 +213,7 @@ class Arguments:
 
 def checked_order(order: int) -> int:
     if order not in ORDERS or isinstance(order, bool):
-        raise ValueError(f"order of the elements must be a whole number from 1 to 8; got {order!r}.")
+        raise ValueError(f"order of the elements must be a whole number from 1 to 8, or 'auto'; got {order!r}.")
     return order
 
 

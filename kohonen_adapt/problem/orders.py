@@ -1,6 +1,7 @@
 """A problem with elements of several orders, at one of them."""
 
 from functools import partial
+from inspect import signature
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -8,7 +9,7 @@ from skfem import Mesh
 
 from kohonen_adapt.problem.protocol import Problem, order_of, orders_of
 
-__all__ = ["AtOrder", "at_order_of_passes", "has_final_order"]
+__all__ = ["AtOrder", "AutoOrder", "at_order_of_passes", "final_orders"]
 
 OF_PASSES = 2  # order of the passes before a higher order; the polish of order 2 takes the least time to an error
 HIGHEST_POLISHED = 3
@@ -34,10 +35,19 @@ class AtOrder:
         return partial(value, order=self.order) if name == "solve_from" else value
 
 
-def has_final_order(problem: Problem) -> bool:
-    """Return True if the passes of `adapt` have a lower order than the result."""
-    return orders_of(problem) is not None and order_of(problem) > HIGHEST_POLISHED
+class AutoOrder(int):
+    """Order that follows the tolerance of `adapt`, or else its value."""
+
+
+def final_orders(problem: Problem, has_tolerance: bool) -> range:
+    if orders_of(problem) is None or "order" not in signature(problem.solve).parameters:  # overridden by a subclass
+        return range(0)
+    highest, order = (orders_of(problem) or (1, 1))[1], order_of(problem)
+    if isinstance(order, AutoOrder) and order >= OF_PASSES:
+        return range(HIGHEST_POLISHED + 1, highest + 1) if has_tolerance else range(0)
+    return range(order, order + 1) if order > HIGHEST_POLISHED else range(0)
 
 
 def at_order_of_passes(problem: Problem) -> Problem:
-    return AtOrder(problem, OF_PASSES) if has_final_order(problem) else problem
+    """Return the problem at the order of the passes, if it may have a higher one."""
+    return AtOrder(problem, OF_PASSES) if final_orders(problem, has_tolerance=True) else problem

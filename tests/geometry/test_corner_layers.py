@@ -26,7 +26,7 @@ def length(mesh, rows):
 @given(st.sets(st.integers(0, 24)), st.integers(1, 3), st.floats(0.05, 0.9))
 def test_areas_names_and_nodes_stay(nodes, layers, factor):
     mesh = named_square()
-    finer = ka.refined_at(mesh, sorted(nodes), layers, factor)
+    finer = ka.refined_at(mesh, sorted(nodes), layers=layers, factor=factor)
     assert finer.is_valid()
     np.testing.assert_array_equal(finer.p[:, : mesh.nvertices], mesh.p)
     for name, rows in mesh.subdomains.items():

@@ -659,6 +659,7 @@ def test_status_is_a_word():
         "stalled",
         "not_moved",
         "stopped",
+        "max_nodes",
         "failed",
     ]
 

@@ -106,7 +106,7 @@ def test_saturated_iron_matches_the_exact_tube(order):
 def test_estimates_are_near_the_error_of_singular_fields(order, layers):
     mesh = rectangle_mesh(1)
     corners = np.flatnonzero(np.all(np.isclose(np.abs(mesh.p.T), HALF), axis=1))
-    mesh = ka.refined_at(mesh, corners, layers) if layers else mesh
+    mesh = ka.refined_at(mesh, corners, layers=layers) if layers else mesh
     problem = Magnetostatics(RECTANGLE.materials, RECTANGLE.potential, order=order)
     field = problem.solve(mesh)
     told = np.linalg.norm(problem.indicators(mesh, field))
@@ -115,7 +115,7 @@ def test_estimates_are_near_the_error_of_singular_fields(order, layers):
 
 def error_at_corners(field, corners):
     """The error in the energy norm, by a rule that is fine at the corners."""
-    basis = Basis(ka.refined_at(field.mesh, corners, 6), ElementTriP1(), intorder=12)
+    basis = Basis(ka.refined_at(field.mesh, corners, layers=6), ElementTriP1(), intorder=12)
     x = np.asarray(basis.global_coordinates())
     difference = field.flux_density_at(x.reshape(2, -1)) - sheet_field(x.reshape(2, -1))
     return np.sqrt(np.sum(np.sum(difference**2, axis=0).reshape(x.shape[1:]) * basis.dx) / MU0)

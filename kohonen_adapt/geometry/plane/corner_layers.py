@@ -47,6 +47,7 @@ Corner = tuple[Ints, Floats]  # (r,) nodes and (r, 3) barycentric coordinates in
 def refined_at(
     mesh: MeshTri,
     nodes: ArrayLike,
+    *,
     layers: int = 2,
     factor: float = 0.15,
     periodic: Sequence[Pair] = (),

@@ -1,0 +1,108 @@
+"""`adapt` told the error: the number of nodes and the order follow the tolerance."""
+
+import numpy as np
+import pytest
+from helpers.devices import two_magnets
+from helpers.exact_fields import RECTANGLE, rectangle_mesh
+from helpers.meshes import l_shape, square
+from helpers.scalar_problems import Corner
+from hypothesis import given
+from hypothesis import strategies as st
+
+import kohonen_adapt as ka
+from kohonen_adapt.loop.growth import predicted_nodes
+from kohonen_adapt.magnetostatics import Magnetostatics
+
+
+def magnet(**more):
+    return Magnetostatics(RECTANGLE.materials, RECTANGLE.potential, **more)
+
+
+@pytest.mark.parametrize(("order", "rtol"), [(1, 0.05), (2, 0.01), ("auto", 3e-3), ("auto", 3e-4)])
+def test_a_tolerance_is_met_and_told(order, rtol):
+    mesh, problem = two_magnets(1)
+    problem = Magnetostatics(problem.materials, problem.potential, order=order)
+    result = ka.adapt(mesh, problem, rtol=rtol)
+    assert result.status is ka.Status.CONVERGED
+    assert result.estimate <= rtol * result.best.energy_norm
+    exact = Magnetostatics(problem.materials, problem.potential, order=8).solve(
+        ka.refined_at(result.mesh, problem.singular_nodes(result.mesh, result.solution), layers=4)
+    )
+    x = np.random.default_rng(0).uniform([[-0.02], [-0.015]], [[0.02], [0.015]], (2, 4000))
+    difference = result.solution.flux_density_at(x) - exact.flux_density_at(x)
+    assert np.linalg.norm(difference) < 1.5 * rtol * np.linalg.norm(exact.flux_density_at(x))
+
+
+def test_a_fine_mesh_gives_nodes_away():
+    mesh = rectangle_mesh(6)
+    result = ka.adapt(mesh, magnet(order=2), rtol=0.01)
+    assert result.status is ka.Status.CONVERGED
+    assert ka.adapt(mesh, magnet(order=2), passes=0).estimate > result.best.energy_norm * 0.01
+    assert result.mesh.nvertices < 0.5 * mesh.nvertices
+
+
+def test_an_input_within_the_tolerance_is_given_back():
+    mesh = rectangle_mesh(1)
+    result = ka.adapt(mesh, magnet(order=1), rtol=0.9)
+    assert len(result.history) == 1 and np.array_equal(result.mesh.p, mesh.p)
+
+
+@pytest.mark.parametrize("topology", ["flip", "fixed"])
+def test_without_recycling_the_mesh_only_grows(topology):
+    result = ka.adapt(l_shape(4), Corner(), rtol=0.08, topology=topology)
+    nodes = [step.mesh.nvertices for step in result.history]
+    assert nodes == sorted(nodes) and nodes[-1] > nodes[0]
+
+
+def test_the_largest_number_of_nodes_ends_the_run():
+    result = ka.adapt(l_shape(4), Corner(), rtol=1e-4, max_nodes=300)
+    assert result.status is ka.Status.MAX_NODES
+    assert result.mesh.nvertices <= 300
+    assert "(`max_nodes` 300)" in result.message and "times smaller: increase `max_nodes`" in result.message
+
+
+def test_a_resumed_run_is_the_same(tmp_path):
+    whole = ka.adapt(l_shape(4), Corner(), rtol=0.05)
+    ka.adapt(l_shape(4), Corner(), rtol=0.05, checkpoint=tmp_path, callback=lambda step: step.number == 1)
+    resumed = ka.adapt(l_shape(4), Corner(), rtol=0.05, checkpoint=tmp_path)
+    assert np.array_equal(resumed.mesh.p, whole.mesh.p)
+
+
+def test_a_tolerance_beside_a_number_of_nodes_only_stops():
+    result = ka.adapt(l_shape(4), Corner(), rtol=1e-6, target_nodes=200, passes=2)
+    assert result.status is ka.Status.MAX_PASSES and result.mesh.nvertices == 200
+
+
+@given(st.integers(1, 4), st.floats(0.01, 1.0), st.floats(1.0, 20.0))
+def test_the_prediction_is_exact_for_equal_indicators(order, tolerance, excess):
+    """Equal indicators of a graded mesh of N nodes fall like N^(-p / d)."""
+    mesh = square(4)
+    indicators = np.full(mesh.nelements, excess * tolerance / np.sqrt(mesh.nelements))
+    step = ka.adapt(mesh, Constant(indicators), passes=0).best
+    wanted = mesh.nvertices * excess ** (2.0 / order)
+    assert predicted_nodes(step, tolerance, order, 2) == pytest.approx(wanted, rel=1e-9)
+
+
+class Constant:
+    def __init__(self, values):
+        self.values = values
+
+    def solve(self, mesh):
+        return None
+
+    def indicators(self, mesh, solution):
+        return self.values
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"max_nodes": 500}, "max_nodes needs a tolerance"),
+        ({"max_nodes": 500, "rtol": 0.1, "target_nodes": 400}, "max_nodes needs a tolerance"),
+        ({"max_nodes": 3, "rtol": 0.1}, "max_nodes must be at least the nodes of the mesh, 65; got 3"),
+        ({"max_nodes": 1e6, "rtol": 0.1}, "max_nodes must be at least the nodes of the mesh, 65; got 1000000.0"),
+    ],
+)
+def test_bad_input_is_named(options, message):
+    with pytest.raises(ValueError, match=message):
+        ka.adapt(l_shape(4), Corner(), **options)
