@@ -49,5 +49,4 @@ def final_orders(problem: Problem, has_tolerance: bool) -> range:
 
 
 def at_order_of_passes(problem: Problem) -> Problem:
-    """Return the problem at the order of the passes, if it may have a higher one."""
     return AtOrder(problem, OF_PASSES) if final_orders(problem, has_tolerance=True) else problem

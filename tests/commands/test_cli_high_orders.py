@@ -117,7 +117,7 @@ def test_a_sweep_over_orders_has_the_results_of_each(finished, tmp_path):
 @pytest.mark.parametrize(
     ("order", "message"),
     [
-        ("9", "order of the elements must be a whole number from 1 to 8; got 9."),
+        ("9", "order of the elements must be a whole number from 1 to 8, or 'auto'; got 9."),
         ("5.0", "order must be an integer up to 2147483647; got 5.0."),
         ('"5"', "order must be an integer up to 2147483647; got '5'."),
         ('5\nestimator = "recovery"', "elements of order 5 have the estimator 'residual' only; got 'recovery'."),

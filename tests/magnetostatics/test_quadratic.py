@@ -179,11 +179,11 @@ def test_a_goal_has_order_2_unless_it_is_told_another():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"order": 9}, r"order of the elements must be a whole number from 1 to 8; got 9\."),
-        ({"order": 0}, r"order of the elements must be a whole number from 1 to 8; got 0\."),
-        ({"order": 2.5}, r"order of the elements must be a whole number from 1 to 8; got 2\.5\."),
-        ({"order": "4"}, r"order of the elements must be a whole number from 1 to 8; got '4'\."),
-        ({"order": True}, r"order of the elements must be a whole number from 1 to 8; got True\."),
+        ({"order": 9}, r"order of the elements must be a whole number from 1 to 8, or 'auto'; got 9\."),
+        ({"order": 0}, r"order of the elements must be a whole number from 1 to 8, or 'auto'; got 0\."),
+        ({"order": 2.5}, r"order of the elements must be a whole number from 1 to 8, or 'auto'; got 2\.5\."),
+        ({"order": "4"}, r"order of the elements must be a whole number from 1 to 8, or 'auto'; got '4'\."),
+        ({"order": True}, r"order of the elements must be a whole number from 1 to 8, or 'auto'; got True\."),
         (
             {"order": 2, "estimator": "recovery"},
             r"elements of order 2 have the estimator 'residual' only; got 'recovery'",
