@@ -167,7 +167,7 @@ def _write_inside(field: Any, path: Path) -> None:
     data = {"A (Wb per m)": field.potential_at_each(share)}
     for name, unit, vector in (("B", "T", at.flux_density), ("H", "A per m", at.field_strength)):
         data |= {f"{name}_{axis} ({unit})": part.reshape(-1, count) for axis, part in zip("xy", vector, strict=True)}
-    write_mesh(path, field.mesh, point_data=data)
+    write_mesh(path, field.mesh, point_data=data, positions=at.x)
 
 
 def _write_history(history: tuple[Pass, ...], folder: Path) -> None:

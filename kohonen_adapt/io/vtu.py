@@ -55,7 +55,13 @@ NEWER = re.compile(rb"(<VTKFile\b[^>]*\bversion\s*=\s*[\"'])2\.[0-9]+")
 
 
 def write_vtu(
-    path: Path, mesh: Mesh, subdomains: Sets, boundaries: Sets, point_data: Fields, cell_data: Fields
+    path: Path,
+    mesh: Mesh,
+    subdomains: Sets,
+    boundaries: Sets,
+    point_data: Fields,
+    cell_data: Fields,
+    positions: Floats | None = None,
 ) -> None:
     """Write a mesh and fields for ParaView.
 
@@ -80,9 +86,9 @@ def write_vtu(
     # meshio does not escape names in the XML.
     cells = {escape(name, quote=False): [_components(values)] for name, values in (names | cell_data).items()}
     order = max((divisions_of(len(values)) for values in point_data.values() if values.ndim == 2), default=0)
-    nodes, p = (
-        (_lagrange_nodes(mesh, order), _lagrange_points(mesh, order)) if order else (nodes_of_elements(mesh), mesh.p)
-    )
+    nodes, p = nodes_of_elements(mesh), mesh.p
+    if order:
+        nodes, p = _lagrange_nodes(mesh, order), _lagrange_points(mesh, order) if positions is None else positions
     kind = LAGRANGE if order > 1 else KINDS[nodes.shape[1]]
     nodal = {
         escape(name, quote=False): _at_points(mesh, values, order) if order else values

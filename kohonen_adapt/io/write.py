@@ -42,6 +42,7 @@ def write_mesh(
     point_data: Mapping[str, ArrayLike] | None = None,
     cell_data: Mapping[str, ArrayLike] | None = None,
     groups: Groups | None = None,
+    positions: ArrayLike | None = None,
 ) -> None:
     """Write a mesh with its names and fields for Gmsh, ParaView or Elmer.
 
@@ -76,6 +77,9 @@ def write_mesh(
         the version of MSH that was read, for programs that read one version only. Without `groups`, ``region_7`` and
         ``boundary_7`` are groups of that number and no name, and other names get new numbers. VTU files have no
         numbers.
+    positions
+        Positions (2, k * nelements) of values inside elements, if sides follow curves that `mesh` does not define, in
+        the order of ``field.at_each(share).x``.
 
     Raises
     ------
@@ -104,6 +108,7 @@ def write_mesh(
     nodal = {name: values for name, values in (point_data or {}).items() if name not in inside}
     points = _checked_fields(with_midside_means(mesh, nodal), mesh.p.shape[1], "point_data") | inside
     cells = _checked_fields(cell_data, mesh.t.shape[1], "cell_data", len(mesh.p))
+    place = _checked_positions(positions, inside)
     groups = groups or Groups()
     if for_elmer:
         if points or cells:
@@ -117,7 +122,7 @@ def write_mesh(
         return
     with whole_file(path) as draft:
         if suffix == ".vtu":
-            write_vtu(draft, mesh, subdomains, boundaries, points, cells)
+            write_vtu(draft, mesh, subdomains, boundaries, points, cells, place)
         else:
             version = groups.version if suffix == ".msh" and groups.version else MSH_VERSION[suffix]
             write_msh(draft, mesh, subdomains, boundaries, points, cells, version=version, groups=groups)
@@ -178,6 +183,15 @@ def _checked_inside(mesh: Mesh, fields: Mapping[str, ArrayLike] | None, suffix: 
             f"{' and '.join(map(str, sorted(shapes)))}."
         )
     return found
+
+
+def _checked_positions(positions: ArrayLike | None, inside: dict[str, Floats]) -> Floats | None:
+    if positions is None:
+        return None
+    if not inside:
+        raise ValueError("positions are of values inside elements, but point_data has none of shape (k, nelements).")
+    count = next(iter(inside.values())).size
+    return finite_reals("positions", positions, {"2": 2, "k * nelements": count}, "point")
 
 
 def _checked_fields(

@@ -93,6 +93,17 @@ def test_sides_are_on_the_arcs_above_order_3(order, tmp_path):
         assert farthest < 1e-12
 
 
+def test_positions_of_a_field_are_written_as_given(tmp_path):
+    mesh, zeros = crooked(), np.zeros((10, 8))
+    place = points_of(mesh, 3).reshape(2, -1) + 0.25
+    ka.write_mesh(tmp_path / "f.vtu", mesh, point_data={"u": zeros}, positions=place)
+    assert_allclose(meshio.read(tmp_path / "f.vtu").points[:, :2].T, place)
+    with pytest.raises(ValueError, match=r"positions must have shape \(2, k \* nelements\) = \(2, 80\)"):
+        ka.write_mesh(tmp_path / "f.vtu", mesh, point_data={"u": zeros}, positions=mesh.p)
+    with pytest.raises(ValueError, match="positions are of values inside elements, but point_data has none"):
+        ka.write_mesh(tmp_path / "f.vtu", mesh, point_data={"u": mesh.p[0]}, positions=place)
+
+
 def test_values_for_linear_elements_jump_between_them(tmp_path):
     mesh = crooked()
     values = np.arange(3.0 * mesh.t.shape[1]).reshape(3, -1)
