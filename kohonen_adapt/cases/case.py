@@ -14,6 +14,7 @@ from kohonen_adapt.geometry.plane.curves import Arc, Line
 from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.io import Groups, read_groups, read_mesh
 from kohonen_adapt.io.read import curves_in_file
+from kohonen_adapt.loop.settings import PASSES, PASSES_TO_TOLERANCE
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
@@ -129,6 +130,12 @@ class Case:
         _check_turn(mesh, self.turn)
         mesh = corners_of(mesh) if self.turn or self.base_problem.order == 1 else mesh
         return _with_rim(mesh, self.rim) if self.rim else mesh
+
+    @property
+    def most_passes(self) -> int:
+        """Maximum number of passes."""
+        follows = self.adapt.keys() & {"rtol", "atol"} and "target_nodes" not in self.adapt
+        return self.adapt.get("passes", PASSES_TO_TOLERANCE if follows else PASSES)
 
     @property
     def labelled_outputs(self) -> dict[str, Quantity]:

@@ -30,7 +30,6 @@ from kohonen_adapt.io import read_groups, read_mesh
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.loop.passes import Status
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.settings import PASSES
 from kohonen_adapt.loop.table import energy_norm_error, estimate_word, goal_sentence
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.curved import corners_of
@@ -95,7 +94,7 @@ def _demo(arguments: argparse.Namespace, terminal: Terminal) -> int:
     mesh_file, fields, picture, report = (folder / f"{name}.{kind}" for kind in ("msh", "vtu", "png", "html"))
     remove_drafts(folder)
     case = read_case(_example(f"{name}.toml"))
-    mesh, passes = fitting_mesh(case), _Passes(terminal, case.adapt.get("passes", PASSES))
+    mesh, passes = fitting_mesh(case), _Passes(terminal, case.most_passes)
     after = adapt(
         mesh, case.problem, outputs=case.labelled_outputs, interim=passes.report, progress=passes.show, **case.adapt
     )
@@ -121,7 +120,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
         terminal.say(f"{arguments.case}: {found}; '{case.mesh}' has {mesh.nvertices} nodes.")
         return DONE
     folder = writable_folder(arguments.out) if arguments.resume is None else arguments.resume
-    passes = _Passes(terminal, case.adapt.get("passes", PASSES))
+    passes = _Passes(terminal, case.most_passes)
     run = CaseRun(case, mesh, folder, progress=passes.show, report=passes.report)
     if finished := run.begin(resume=arguments.resume is not None, force=arguments.force):
         terminal.say(f"Continuing after pass {finished - 1}, the last finished pass in {folder}.")
@@ -150,7 +149,7 @@ class _Passes:
     before: AdaptResult | None = None
 
     def show(self, number: int, step: str) -> None:
-        place = f"pass {number} of {self.passes}" if number <= self.passes else f"pass {number}, the last"
+        place = f"pass {number} of {self.passes}" if number <= self.passes else f"pass {number}"
         self.terminal.show(f"{place}: {step}{self.known and f', {self.known}'}")
 
     def report(self, result: AdaptResult) -> None:

@@ -18,7 +18,6 @@ from kohonen_adapt.files import save_figure
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.geometry.space.surfaces import Plane
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.settings import PASSES
 from kohonen_adapt.loop.why_held import reasons_at
 from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
@@ -170,7 +169,7 @@ def _asked(case: Case, before: AdaptResult) -> str:
     target = f" and grow it to {options['target_nodes']} nodes" if "target_nodes" in options else ""
     limits = [f"{key} = {options[key]:g}" for key in ("rtol", "atol", "output_rtol") if key in options]
     until = f", until {' or '.join(limits)}" if limits else ""
-    passes = options.get("passes", PASSES)
+    passes = case.most_passes
     outputs = f" Outputs: {', '.join(case.labelled_outputs)}." if case.outputs else ""
     by = f"by the {problem.estimator}" if case.goal is None else f"for the goal {case.goal}, by the dual-weighted"
     return (

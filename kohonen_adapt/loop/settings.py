@@ -14,6 +14,7 @@ from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.loop.growth import Growth, GrowthByTolerance, NodeCounts
 from kohonen_adapt.problem.evaluation import Output
+from kohonen_adapt.problem.orders import at_order_of_passes
 from kohonen_adapt.problem.protocol import Problem, is_curved, norm_of, order_of
 from kohonen_adapt.som.schedule import Schedule, check_training
 
@@ -54,9 +55,10 @@ def fingerprint(mesh: Mesh, problem: Problem, settings: Settings) -> dict[str, s
     The results of the problem and of the outputs are not included, nor the settings that only end the loop.
     """
     sides = {None: "", True: " on curved elements", False: " on straight elements"}[is_curved(problem)]
+    order = order_of(at_order_of_passes(problem))
     texts = {
         "mesh": digest(mesh.p, mesh.t, *_set_arrays(mesh.boundaries), *_set_arrays(mesh.subdomains)),
-        "problem": f"{type(problem).__name__} of order {order_of(problem)} in the {norm_of(problem)} norm{sides}",
+        "problem": f"{type(problem).__name__} of order {order} in the {norm_of(problem)} norm{sides}",
     }
     for group in (settings.rules, settings):
         for entry in fields(group):

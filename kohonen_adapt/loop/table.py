@@ -153,7 +153,9 @@ def _solution_columns(history: tuple[Pass, ...]) -> Columns:
         ("change %", _changes([step.shown_estimate for step in history], ".1f")),
     ]
     if any(step.calibrated and step.energy_norm is not None for step in history):
-        columns.append(("Energy-norm error %", _cells(energy_norm_error, 2, history)))
+        errors = [error for error in map(energy_norm_error, history) if error]
+        decimals = _decimals(errors) if min(errors, default=1.0) < 0.01 else 2
+        columns.append(("Energy-norm error %", _cells(energy_norm_error, decimals, history)))
         columns.append(("Energy error %", _cells(energy_error, _decimals(map(energy_error, history)), history)))
     if any(energy is not None for energy in map(_energy, history)):
         columns.append(("Delta Energy %", _changes([_energy(step) for step in history], ".2f")))

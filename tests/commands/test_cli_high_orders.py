@@ -97,6 +97,28 @@ def test_a_resumed_run_ends_with_the_same_figures(finished, tmp_path):
         assert {name: one[name] for name in same} == {name: other[name] for name in same}
 
 
+def test_passes_serve_any_higher_order(finished, tmp_path):
+    case, out = written(tmp_path, CASE.replace("order = 5", "order = 6")), tmp_path / "out"
+    assert cli.main(["run", str(case), "--out", str(out), "--quiet"]) == 0
+    case.write_text(CASE)
+    assert cli.main(["run", str(case), "--resume", str(out), "--quiet"]) == 0
+    assert history_of(out)[-1]["estimate"] == history_of(finished.parent / "out")[-1]["estimate"]
+
+
+def test_an_order_that_follows_the_tolerance(tmp_path, capsys):
+    case, out = (
+        written(tmp_path, CASE.replace("order = 5\n", "").replace("passes = 2", "rtol = 1e-3")),
+        tmp_path / "out",
+    )
+    assert cli.main(["run", str(case), "--out", str(out)]) == 0
+    rows = history_of(out)
+    assert rows[0]["order"] == "2" and int(rows[-1]["order"]) > 3
+    assert float(rows[-1]["estimate"]) < 1e-3 * float(rows[-1]["energy_norm"])
+    assert "in at most 12 passes, until rtol = 0.001" in (out / "report.html").read_text(encoding="utf-8")
+    (cells,) = meshio.read(out / "inside.vtu").cells
+    assert cells.data.shape[1] == (int(rows[-1]["order"]) + 1) * (int(rows[-1]["order"]) + 2) // 2
+
+
 def test_a_resumed_run_shows_the_input_at_the_order_of_the_passes(finished, capsys):
     (mesh_before,) = {row["nodes"] for row in history_of(finished.parent / "out")[:1]}
     assert cli.main(["run", str(finished), "--resume", str(finished.parent / "out")]) == 0

@@ -197,3 +197,10 @@ def test_a_field_of_rules_or_settings_is_in_the_fingerprint():
     assert taken(ka.Rules(), MoreSettings) == {**plain_run, "momentum": "0.5"}
     assert taken(ka.Rules(), MoreSettings, momentum=0.25, patience=3)["momentum"] == "0.25"
     assert taken(ka.Rules(), MoreSettings, patience=3) == taken(ka.Rules(), MoreSettings)
+
+
+def test_small_errors_have_two_digits():
+    result = plain(adapt(MESH, Script([4.0, 0.002]), passes=1, topology="flip"))
+    assert [line.split()[4] for line in str(result).splitlines()[1:3]] == ["40.00", "0.02"]
+    smaller = str(plain(adapt(MESH, Script([4.0, 0.00012345]), passes=1, topology="flip"))).splitlines()
+    assert [line.split()[4] for line in smaller[1:3]] == ["40.0000", "0.0012"]
