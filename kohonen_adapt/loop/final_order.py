@@ -19,7 +19,7 @@ from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.step import Adaptation, root_of_squares
 from kohonen_adapt.loop.step_timer import StepFailed
-from kohonen_adapt.loop.stopping import Ending, StopTest, failed_ending, interrupted_ending
+from kohonen_adapt.loop.stopping import Ending, StopTest, best_pass_text, failed_ending, interrupted_ending
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.mesh.polynomials import count_unknowns
@@ -143,7 +143,8 @@ def at_order(result: AdaptResult, problem: Problem, adaptation: Adaptation, stop
     ending = stop((*result.history, record), record, False, False)
     made = f"Solved with order {order} on {layers} layers at {nodes.size} corners, {record.unknowns} unknowns."
     if ending is None or ending.status is not Status.CONVERGED:
-        ending = Ending(result.status, result.message)
+        text = result.message.replace(best_pass_text(result.best), best_pass_text(record))
+        ending = Ending(result.status, text)
         if stop.tolerance(record) is not None:
             ending = Ending(Status.MAX_PASSES, f"Stopped{stop.missed_text(record)}.")
     return replace(
