@@ -28,7 +28,8 @@ class Case:
 def report(seeds: Sequence[int], quick: bool) -> str:
     """Medians over the seeds of the goal's error in %, adapted for the energy and for the goal, and of what is told."""
     ka.warmup()
-    header = ["goals by order", "order", "N", "unknowns", "uniform %", "for the energy", "for the goal", "goal_error / error", "s"]
+    header = ["goals by order", "order", "N", "unknowns", "uniform %", "for the energy", "for the goal"]
+    header += ["goal_error / error", "s"]
     pairs = [(1, 2), (2, 1)] if quick else [(1, 2), (1, 4), (2, 1), (2, 2), (3, 1)]
     rows = [_row(case, order, seeds) for order, fineness in pairs for case in cases(fineness)]
     return aligned(header, sorted(rows, key=lambda row: str(row[0])))
