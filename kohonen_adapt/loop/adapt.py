@@ -21,13 +21,13 @@ from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.settings import PASSES, PASSES_TO_TOLERANCE, Settings
+from kohonen_adapt.loop.settings import PASSES, PASSES_TO_TOLERANCE, ErrorsWanted, Settings
 from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.step_timer import Steps
 from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
-from kohonen_adapt.problem.evaluation import Output, check_outputs, curves_of
+from kohonen_adapt.problem.evaluation import Output, check_outputs, curves_of, has_goal
 from kohonen_adapt.problem.orders import at_order_of_passes, final_orders
 from kohonen_adapt.problem.protocol import Problem, check_problem, is_curved, nodes_of_problem, order_of, pairs_of
 from kohonen_adapt.som.schedule import Schedule
@@ -59,7 +59,7 @@ def adapt(
     curves: Mapping[str, Curve] | None = None,
     outputs: Mapping[str, Output] | None = None,
     atol: float | None = None,
-    output_rtol: float | None = None,
+    output_rtol: float | Mapping[str, float] | None = None,
     polish: bool = True,
     surfaces: Mapping[str, Surface] | None = None,
     periodic: Sequence[Pair] | None = None,
@@ -73,6 +73,7 @@ def adapt(
     interim: Callable[[AdaptResult], Any] | None = None,
     checkpoint: str | PathLike[str] | None = None,
     max_nodes: int | None = None,
+    goal_rtol: float | None = None,
 ) -> AdaptResult:
     """Adapt a mesh to a problem until the error is within a tolerance.
 
@@ -122,9 +123,11 @@ def adapt(
     atol
         Absolute tolerance, added to that of `rtol`.
     output_rtol
-        Relative tolerance of the outputs. The loop stops if no output changes by more than this fraction in a pass.
-        With `rtol` or `atol` both criteria must be met. An output that is zero except for rounding errors, such as a
-        force across a symmetry, never meets the criterion and has to be left out.
+        Relative tolerance of the outputs, one fraction or a mapping from name to fraction. The loop stops if the
+        estimated errors of the outputs are at most these fractions of their values. The method ``improved`` of the
+        problem estimates them, or else the difference from a pass with half the unknowns. With several tolerances all
+        must be met. An output that is zero except for rounding errors, such as a force across a symmetry, never meets
+        its tolerance and has to be left out.
     polish
         True to lower the energy after the map (energy descent). Without ``ritz``, with ``norm = "L2"``, with
         coefficients that vary inside a region, or on tetrahedra with an order above 1, there is no polish, and the
@@ -162,6 +165,9 @@ def adapt(
         result. For a linear
         problem history and result are identical, bit for bit, to those of an uninterrupted run, for a nonlinear problem
         up to the accuracy of the solver.
+    goal_rtol
+        Relative tolerance of the goal of the problem. The loop stops if its ``goal_error`` is at most this fraction of
+        its value.
     max_nodes
         Largest number of nodes that a tolerance leads to, by default 200 000.
 
@@ -197,11 +203,15 @@ def adapt(
     >>> result.mesh.p.shape == mesh.p.shape, list(result.mesh.boundaries), result.status.value
     (True, ['outer'], 'max_passes')
     """
-    has_tolerance, steps = rtol is not None or atol is not None, Steps(progress)
-    follows = has_tolerance and target_nodes is None
+    tolerances, steps = (rtol, atol, output_rtol, goal_rtol), Steps(progress)
+    follows = target_nodes is None and any(tolerance is not None for tolerance in tolerances)
     passes = (PASSES_TO_TOLERANCE if follows else PASSES) if passes is None else passes
-    stop = StopTest(passes, rtol, atol, output_rtol, callback, checked_max_nodes(mesh, max_nodes, follows))
+    stop = StopTest(passes, rtol, atol, output_rtol, callback, goal_rtol, checked_max_nodes(mesh, max_nodes, follows))
     check_problem(problem, rtol)
+    if goal_rtol is not None and not has_goal(problem):
+        raise ValueError(
+            "goal_rtol requires a problem with a goal and its goal_error; use rtol or output_rtol instead."
+        )
     orders = final_orders(problem, follows)
     of_passes, grading = at_order_of_passes(problem) if orders else problem, GradingTolerance(stop, orders)
     stop_of_passes = replace(stop, of_passes=grading) if orders else stop
@@ -217,7 +227,8 @@ def adapt(
         growth = GrowthByTolerance(
             growth.start, most, grading.aim if orders else stop.tolerance, order_of(of_passes), method.dim, removes
         )
-    settings = Settings(rules, schedule, seed, polish, growth, check_outputs(outputs, output_rtol), rtol)
+    errors = ErrorsWanted(goal_rtol is not None, output_rtol is not None)
+    settings = Settings(rules, schedule, seed, polish, growth, check_outputs(outputs, output_rtol), rtol, errors)
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)
     movable = method.open(mesh, rules, is_curved(of_passes))
     passes_on_disk = Checkpoint.at(checkpoint, mesh, problem, settings)

@@ -25,7 +25,8 @@ __all__ = ["Checkpoint"]
 FORMAT = 3  # version of the file format
 
 # Fields that files of earlier releases may lack.
-ADDED = {"order": 1, "unmoved": 0, "refused_by_quality": 0, "refused_by_reach": 0, "held_in_polish": 0}
+ADDED: dict[str, Any] = dict.fromkeys(["unmoved", "refused_by_quality", "refused_by_reach", "held_in_polish"], 0)
+ADDED |= {"order": 1, "output_errors": {}}
 
 STATE = "state "  # prefix of the names of mesh arrays
 

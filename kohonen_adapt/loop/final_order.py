@@ -177,6 +177,8 @@ def assessed(result: AdaptResult, problem: Problem, adaptation: Adaptation, mesh
         norm = energy_norm(problem, mesh, solution, adaptation.settings.rtol)
         goal = goal_of(problem, solution)
         error = None if goal is None else goal_error_of(problem, solution)
+        outputs, unknowns = adaptation.outputs(solution), count_unknowns(mesh, order_of(problem))
+        errors = replace(adaptation, problem=problem).output_errors(mesh, solution, outputs, unknowns, best)
     qualities, total = quality(mesh), root_of_squares(indicators)
     return replace(
         best,
@@ -186,7 +188,7 @@ def assessed(result: AdaptResult, problem: Problem, adaptation: Adaptation, mesh
         indicators=indicators,
         nodes=np.append(best.nodes, np.full(mesh.nvertices - best.nodes.size, -1)),
         order=int(order_of(problem)),
-        unknowns=count_unknowns(mesh, order_of(problem)),
+        unknowns=unknowns,
         estimate=total,
         worth=total,
         energy_norm=norm,
@@ -197,5 +199,6 @@ def assessed(result: AdaptResult, problem: Problem, adaptation: Adaptation, mesh
         unpolished="",
         goal=goal,
         goal_error=error,
-        outputs=adaptation.outputs(solution),
+        outputs=outputs,
+        output_errors=errors,
     )

@@ -80,6 +80,8 @@ class Pass(Work):
         Largest distance between curves and their facets in mesh units, 0 for curved sides.
     outputs
         Values of the requested outputs by name.
+    output_errors
+        Estimated signed errors of the outputs by name, if they have a tolerance and the errors are known.
     quantization_errors
         Mean distance of the training points to their winners in mesh units, for each epoch of the relocation. Empty for
         the input.
@@ -123,6 +125,7 @@ class Pass(Work):
     goal_unit: str = ""
     sagitta: float = 0.0
     outputs: dict[str, float] = field(default_factory=dict)
+    output_errors: dict[str, float] = field(default_factory=dict)
 
     @property
     def shown_estimate(self) -> float:

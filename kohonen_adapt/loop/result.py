@@ -13,6 +13,27 @@ from kohonen_adapt.loop.table import html_table, table_lines
 __all__ = ["AdaptResult"]
 
 
+@dataclass(frozen=True)
+class OutputValue:
+    """Value of an output or goal with its estimated error.
+
+    Attributes
+    ----------
+    value
+        Value on the best mesh.
+    error
+        Estimated error with its sign, None if unknown.
+    """
+
+    value: float
+    error: float | None
+
+    @property
+    def corrected(self) -> float | None:
+        """Sum of value and error, None if the error is unknown."""
+        return None if self.error is None else self.value + self.error
+
+
 @dataclass(frozen=True, eq=False)
 class AdaptResult:
     """Best pass of an adaptive loop, with the history of all passes.
@@ -55,6 +76,13 @@ class AdaptResult:
     def best(self) -> Pass:
         """Pass that is the result."""
         return next(step for step in self.history if step.mesh is self.mesh)
+
+    @property
+    def outputs(self) -> dict[str, OutputValue]:
+        """Outputs of the best pass by name, and the goal under "goal"."""
+        best = self.best
+        found = {name: OutputValue(value, best.output_errors.get(name)) for name, value in best.outputs.items()}
+        return found if best.goal is None else found | {"goal": OutputValue(best.goal, best.goal_error)}
 
     def __str__(self) -> str:
         marks = ["  <- best" if step is self.best else "" for step in self.history]

@@ -18,12 +18,20 @@ from kohonen_adapt.problem.orders import at_order_of_passes
 from kohonen_adapt.problem.protocol import Problem, is_curved, norm_of, order_of
 from kohonen_adapt.som.schedule import Schedule, check_training
 
-__all__ = ["DIGEST", "ONLY_ENDS", "PASSES", "PASSES_TO_TOLERANCE", "Settings", "fingerprint"]
+__all__ = ["DIGEST", "ONLY_ENDS", "PASSES", "PASSES_TO_TOLERANCE", "ErrorsWanted", "Settings", "fingerprint"]
 
 DIGEST = "sha256 "
 PASSES, PASSES_TO_TOLERANCE = 4, 12
 
 ONLY_ENDS = {"only ends": True}  # metadata of a setting that ends the loop, and changes no pass
+
+
+@dataclass(frozen=True)
+class ErrorsWanted:
+    """Errors estimated after every pass, of the goal and of the outputs."""
+
+    goal: bool = False
+    outputs: bool = False
 
 
 @dataclass(frozen=True)
@@ -37,6 +45,7 @@ class Settings:
     growth: NodeCounts = field(metadata={"argument": "target_nodes"})
     outputs: Mapping[str, Output]
     rtol: float | None = field(default=None, metadata=ONLY_ENDS)
+    estimated: ErrorsWanted = field(default=ErrorsWanted(), metadata=ONLY_ENDS)
 
     def __post_init__(self) -> None:
         check_training(self.schedule, self.seed)

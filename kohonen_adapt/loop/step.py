@@ -1,5 +1,6 @@
 """Steps of a pass, which solve, estimate, relocate and polish."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -37,6 +38,8 @@ from kohonen_adapt.som.relocation_record import Moved
 __all__ = ["UNSOLVED", "Adaptation", "Solved", "functional_of", "root_of_squares"]
 
 GROWING_ENTRIES = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
+
+TWICE = 1.8  # factor of the unknowns from which the difference of two passes bounds the error of an output
 
 UNSOLVED = object()  # replaces the solution of a pass of an earlier process
 
@@ -104,7 +107,9 @@ class Adaptation:
             share = before.functional.share if before and before.functional else None
             functional, value, unpolished = self._functional(mesh, solution, share)
             goal = goal_of(self.problem, solution)
+            error = goal_error_of(self.problem, solution) if self.settings.estimated.goal else None
         qualities, weight = quality(mesh), 1.0 if norm_of(self.problem) == "energy" else np.sqrt(area(mesh))
+        outputs, unknowns = self.outputs(solution), count_unknowns(mesh, self.order)
         record = Pass(
             **vars(moved.work(self.movable, polish_gain) if moved else Work()),
             number=before.record.number + 1 if before else 0,
@@ -112,7 +117,7 @@ class Adaptation:
             indicators=indicators,
             nodes=indices_in_input(before, moved, self.movable.nnodes, self.settings.growth.start),
             order=int(self.order),
-            unknowns=count_unknowns(mesh, self.order),
+            unknowns=unknowns,
             estimate=root_of_squares(indicators),
             worth=root_of_squares(weight * indicators),
             energy_norm=norm,
@@ -124,9 +129,11 @@ class Adaptation:
             share=functional.share if functional else None,
             unpolished=unpolished,
             goal=goal,
+            goal_error=error,
             goal_unit="" if goal is None else goal_unit_of(self.problem),
             sagitta=self.movable.sagitta(),
-            outputs=self.outputs(solution),
+            outputs=outputs,
+            output_errors=self.output_errors(mesh, solution, outputs, unknowns, before.record if before else None),
             seconds=self.steps.seconds,  # last, because outputs add their time
         )
         return Solved(record, solution, functional)
@@ -162,6 +169,20 @@ class Adaptation:
             trial = self.method.carry(functional, moved.before, self.movable, moved.recycled.start_element)
             recycled, gain = self.method.polish(self.movable, functional, trial, moved.recycled, self.plan(functional))
             return replace(moved, recycled=recycled), gain
+
+    def output_errors(
+        self, mesh: Mesh, solution: Any, outputs: Mapping[str, float], unknowns: int, before: Pass | None
+    ) -> dict[str, float]:
+        """Return estimated errors of outputs, none if unknown.
+
+        They are the differences from better values, or else from a pass with half the unknowns.
+        """
+        if not self.settings.estimated.outputs:
+            return {}
+        better = self.better_outputs(mesh, solution)
+        if not better and before is not None and unknowns >= TWICE * before.unknowns:
+            return {name: value - before.outputs[name] for name, value in outputs.items()}
+        return {name: better[name] - value for name, value in outputs.items() if name in better}
 
     def better_outputs(self, mesh: Mesh, solution: Any) -> dict[str, float]:
         outputs = self.settings.outputs

@@ -12,7 +12,6 @@ from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.step_timer import StepFailed
 from kohonen_adapt.loop.table import energy_norm_error
-from kohonen_adapt.problem.evaluation import have_settled
 
 __all__ = [
     "STALL_GAIN",
@@ -50,6 +49,8 @@ DISAGREEMENT = 3.0
 # the estimate, and for 6 of the remaining 528; after two and three passes falsely for 1 of 542 and for 1 of 548.
 UNRESOLVED = 2.0
 
+CHANCE = 0.05  # least error of a goal, relative to the sum of the magnitudes of its parts: less is chance
+UNKNOWN = 0.5  # factor of the estimate for outputs of unknown error, which makes at least twice the unknowns
 FULL = 0.98  # fraction of the largest number of nodes from which a mesh is full
 
 CONTINUE = "Adapt the result to continue."
@@ -73,8 +74,9 @@ class StopTest:
     passes: int
     rtol: float | None
     atol: float | None
-    output_rtol: float | None
+    output_rtol: float | Mapping[str, float] | None
     callback: Callable[[Pass], Any] | None
+    goal_rtol: float | None = None
     max_nodes: int | None = None
     of_passes: Callable[[Pass], float | None] | None = None  # looser tolerance of passes before a higher order
 
@@ -83,6 +85,7 @@ class StopTest:
         check_hook("callback", self.callback, "the pass")
         check_tolerance("rtol", self.rtol)
         check_tolerance("atol", self.atol)
+        check_tolerance("goal_rtol", self.goal_rtol)
 
     def __call__(self, passes: Passes, best: Pass, growing: bool, stalled: bool) -> Ending | None:
         """Return the ending after the last pass, or None to continue.
@@ -128,35 +131,67 @@ class StopTest:
         tolerance, last = self.tolerance(passes[-1]), passes[-1]
         if tolerance is not None and last.estimate > tolerance:
             return False
-        if self.of_passes is not None and last.number == 0 and last.estimate > (self._of_result(last) or 0.0):
-            return False  # the first pass grades the mesh, and removes nodes
-        if self.output_rtol is None:
-            return tolerance is not None
-        return len(passes) > 1 and have_settled(passes[-2].outputs, passes[-1].outputs, self.output_rtol)
+        if self.of_passes is None:
+            return tolerance is not None and self._errors_known(last)
+        # the first pass grades the mesh, and removes nodes
+        return tolerance is not None and (last.number > 0 or last.estimate <= (self._of_result(last) or 0.0))
+
+    def _errors_known(self, last: Pass) -> bool:
+        return self.output_rtol is None or self._output_tolerances(last).keys() <= last.output_errors.keys()
 
     def tolerance(self, last: Pass) -> float | None:
+        """Return the allowed estimate of a pass, None without a tolerance.
+
+        The error of goals and outputs falls like the square of the estimate, so that their tolerances are stated as
+        estimates, too. An output of unknown error takes twice the unknowns.
+        """
         return self._of_result(last) if self.of_passes is None else self.of_passes(last)
 
     def _of_result(self, last: Pass) -> float | None:
-        if self.rtol is None and self.atol is None:
-            return None
-        return (self.atol or 0.0) + (self.rtol or 0.0) * (last.energy_norm or 0.0)
+        allowed = list[float]()
+        if self.rtol is not None or self.atol is not None:
+            allowed.append((self.atol or 0.0) + (self.rtol or 0.0) * (last.energy_norm or 0.0))
+        if self.goal_rtol is not None and last.goal is not None and last.goal_error is not None:
+            error = max(abs(last.goal_error), CHANCE * last.estimate**2)
+            allowed.append(last.estimate * np.sqrt(self.goal_rtol * abs(last.goal) / error) if error else np.inf)
+        for name, tolerance in self._output_tolerances(last).items():
+            value, error = abs(last.outputs[name]), abs(last.output_errors.get(name, np.inf))
+            ratio = tolerance * value / error if error > 0.0 else np.inf
+            allowed.append(last.estimate * (np.sqrt(ratio) if name in last.output_errors else UNKNOWN))
+        return float(min(allowed)) if allowed else None
+
+    def _output_tolerances(self, last: Pass) -> dict[str, float]:
+        if isinstance(self.output_rtol, Mapping):
+            return dict(self.output_rtol)
+        return {} if self.output_rtol is None else dict.fromkeys(last.outputs, self.output_rtol)
 
     def _reached_text(self, last: Pass) -> str:
-        reached, tolerance = [], self.tolerance(last)
-        if tolerance is not None:
-            reached.append(f"estimate {last.estimate_text} within the tolerance {_tolerance_text(tolerance, last)}")
-        if self.output_rtol is not None:
-            reached.append(f"no output changed by more than {_percent(self.output_rtol)}")
-        return " and ".join(reached)
+        reached = [f"estimate {last.estimate_text} within the tolerance {text}" for text in self._of_estimate(last)]
+        return " and ".join([*reached, *self._errors_text(last)])
+
+    def _of_estimate(self, last: Pass) -> list[str]:
+        if self.rtol is None and self.atol is None:
+            return []
+        tolerance = replace(self, goal_rtol=None, output_rtol=None).tolerance(last)
+        return [] if tolerance is None else [_tolerance_text(tolerance, last)]
+
+    def _errors_text(self, last: Pass) -> list[str]:
+        texts, goal, error = [], last.goal, last.goal_error
+        if self.goal_rtol is not None and goal is not None and error is not None:
+            text = f"{_percent(abs(error / goal))} " if goal else f"{abs(error):.3g} "
+            texts.append(f"goal {goal:.6g} {last.goal_unit}, estimated error {text}(asked {_percent(self.goal_rtol)})")
+        for name, tolerance in self._output_tolerances(last).items():
+            value, error = last.outputs[name], last.output_errors.get(name)
+            text = "error unknown" if error is None else f"estimated error {abs(error):.3g}"
+            if error is not None and value:
+                text = f"estimated error {_percent(abs(error / value))}"
+            texts.append(f"{name} {value:.6g}, {text} (asked {_percent(tolerance)})")
+        return texts
 
     def missed_text(self, last: Pass) -> str:
-        missed, tolerance = [], self.tolerance(last)
-        if tolerance is not None:
-            missed.append(f"tolerance {_tolerance_text(tolerance, last)} (estimate {last.estimate_text})")
-        if self.output_rtol is not None:
-            missed.append(f"output tolerance {_percent(self.output_rtol)}")
-        return f" without reaching the {' and the '.join(missed)}" if missed else ""
+        missed = [f"the tolerance {text} (estimate {last.estimate_text})" for text in self._of_estimate(last)]
+        missed += [f"the tolerance of {text}" for text in self._errors_text(last)]
+        return f" without reaching {' and '.join(missed)}" if missed else ""
 
 
 def with_remarks(ending: Ending, passes: Passes, best: Pass, settings: Settings) -> Ending:

@@ -24,7 +24,6 @@ from kohonen_adapt.magnetostatics.solution import linkage_slope, solution_of
 from kohonen_adapt.mesh.blended import exact_area
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.problem.evaluation import Output
-from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.singular_nodes import singular_nodes
 
@@ -273,28 +272,23 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         return error_of_goal(field, self.goal, self.boundaries, self.method, self.solve_from)
 
     def improved(self, mesh: MeshTri, field: Field, outputs: Mapping[str, Output]) -> dict[str, float]:
-        """Return better values of outputs by quadratic elements and rounder arcs.
+        """Return better values of outputs by one order more and rounder arcs.
 
         Parameters
         ----------
         mesh, field
             As in `indicators`.
         outputs
-            Name to a function of a field, which must accept a `QuadraticField`.
+            Name to a function of a field, which must accept a field of one order more.
 
         Returns
         -------
         dict
             Name to value.
 
-        Raises
-        ------
-        NotOffered
-            If there is a goal, or the order is above 1.
         """
-        if self.goal is not None or self.order > 1:
-            raise NotOffered("the problem has a goal or elements of order 2 or 3")
-        return better_values(field, outputs, self.boundaries, self.method, self.solve_from)
+        solve_from = partial(self.solve_from, order=field.order)
+        return better_values(field, outputs, self.boundaries, self.method, solve_from)
 
     def ritz(self, mesh: MeshTri, field: Field) -> Ritz:
         """Return the energy functional and its minimiser, the potential.

@@ -7,7 +7,7 @@ import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Mask
-from kohonen_adapt.checks import as_reals, check_tolerance
+from kohonen_adapt.checks import as_reals, check_tolerance, listed
 from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.problem.protocol import (
     NotOffered,
@@ -27,7 +27,7 @@ __all__ = [
     "estimate",
     "goal_error_of",
     "goal_of",
-    "have_settled",
+    "has_goal",
     "improved",
     "output_value",
     "ritz_of",
@@ -131,8 +131,12 @@ def curves_of(problem: Problem, mesh: Mesh, given: Mapping[str, Any] | None) -> 
     return {**found, **(given or {})} if found else given
 
 
+def has_goal(problem: Problem) -> bool:
+    return has_method(problem, "goal") and has_method(problem, "goal_error")
+
+
 def goal_of(problem: Problem, solution: Any) -> float | None:
-    if not (has_method(problem, "goal") and has_method(problem, "goal_error")):
+    if not has_goal(problem):
         return None
     return float(problem.goal(solution))  # type: ignore[attr-defined]
 
@@ -153,9 +157,15 @@ def check_outputs(outputs: Any, output_rtol: Any) -> dict[str, Output]:
             raise ValueError(f"the names of outputs must be strings; got {name!r}.")
         if not callable(function):
             raise ValueError(f"outputs[{name!r}] must be a function of the solution; got {function!r}.")
-    check_tolerance("output_rtol", output_rtol)
+    if not isinstance(output_rtol, Mapping):
+        check_tolerance("output_rtol", output_rtol)
     if output_rtol is not None and not outputs:
         raise ValueError("output_rtol requires outputs; add outputs={name: function}.")
+    if isinstance(output_rtol, Mapping):
+        for name, tolerance in output_rtol.items():
+            if name not in (outputs or {}):
+                raise ValueError(f"output_rtol has {name!r}, which is no output; outputs are {listed(outputs or {})}.")
+            check_tolerance(f"output_rtol[{name!r}]", tolerance)
     return dict(outputs or {})
 
 
@@ -171,7 +181,3 @@ def output_value(name: str, function: Output, solution: Any) -> float:
     if not np.isfinite(value):
         raise ValueError(f"outputs[{name!r}] must return a finite number; got {value}.")
     return float(value)
-
-
-def have_settled(before: Mapping[str, float], after: Mapping[str, float], tolerance: float) -> bool:
-    return all(abs(after[name] - value) <= tolerance * abs(value) for name, value in before.items())

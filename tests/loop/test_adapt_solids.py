@@ -172,8 +172,9 @@ def test_the_map_is_trained_where_a_schedule_has_stages():
 
 def test_outputs_settle_and_targets_are_met():
     greatest = {"greatest": lambda solution: float(np.max(solution))}
-    result = ka.adapt(fichera(), Poisson(FICHERA), passes=6, outputs=greatest, output_rtol=0.01)
-    assert result.status is ka.Status.CONVERGED and len(result.history) == 3
+    result = ka.adapt(fichera(), Poisson(FICHERA), passes=6, outputs=greatest, output_rtol=0.05)
+    assert result.status is ka.Status.CONVERGED
+    assert abs(result.outputs["greatest"].error) <= 0.05 * result.outputs["greatest"].value
     assert "greatest" in str(result)
     result = ka.adapt(fichera(), Poisson(FICHERA), passes=6, rtol=1.4)
     assert result.status is ka.Status.CONVERGED and len(result.history) == 2

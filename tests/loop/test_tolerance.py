@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import kohonen_adapt as ka
 from kohonen_adapt.loop.growth import predicted_nodes
-from kohonen_adapt.magnetostatics import Magnetostatics
+from kohonen_adapt.magnetostatics import Force, Magnetostatics
 
 
 def magnet(**more):
@@ -73,6 +73,32 @@ def test_a_tolerance_beside_a_number_of_nodes_only_stops():
     assert result.status is ka.Status.MAX_PASSES and result.mesh.nvertices == 200
 
 
+FORCE = -129.20757  # N/m, by orders 7 and 8 on different meshes
+
+
+@pytest.mark.parametrize(("order", "tolerance"), [(2, 2e-3), ("auto", 1e-3), ("auto", 1e-6)])
+def test_the_error_of_an_output_is_told(order, tolerance):
+    mesh, problem = two_magnets(1)
+    problem = Magnetostatics(problem.materials, problem.potential, order=order)
+    outputs = {"force": lambda field: float(field.force("a")[0]), "calm": lambda field: 1.0}
+    result = ka.adapt(mesh, problem, outputs=outputs, output_rtol={"force": tolerance})
+    assert result.status is ka.Status.CONVERGED
+    force = result.outputs["force"]
+    assert abs(force.value - FORCE) <= 1.25 * tolerance * abs(FORCE)
+    assert abs(force.corrected - FORCE) < 0.5 * tolerance * abs(FORCE)
+    assert result.outputs["calm"].value == 1.0
+    assert f"force {force.value:.6g}, estimated error" in result.message and "(asked" in result.message
+
+
+def test_the_error_of_a_goal_is_told():
+    mesh, problem = two_magnets(1)
+    problem = Magnetostatics(problem.materials, problem.potential, goal=Force("a", (1, 0)), order="auto")
+    result = ka.adapt(mesh, problem, goal_rtol=1e-4)
+    assert result.status is ka.Status.CONVERGED
+    assert abs(result.outputs["goal"].value - FORCE) <= 1e-4 * abs(FORCE)
+    assert "goal -129." in result.message and "(asked 0.01 %)" in result.message
+
+
 @given(st.integers(1, 4), st.floats(0.01, 1.0), st.floats(1.0, 20.0))
 def test_the_prediction_is_exact_for_equal_indicators(order, tolerance, excess):
     """Equal indicators of a graded mesh of N nodes fall like N^(-p / d)."""
@@ -100,6 +126,12 @@ class Constant:
         ({"max_nodes": 500}, "max_nodes needs a tolerance"),
         ({"max_nodes": 500, "rtol": 0.1, "target_nodes": 400}, "max_nodes needs a tolerance"),
         ({"max_nodes": 3, "rtol": 0.1}, "max_nodes must be at least the nodes of the mesh, 65; got 3"),
+        ({"goal_rtol": 0.1}, "goal_rtol requires a problem with a goal and its goal_error"),
+        (
+            {"outputs": {"a": abs}, "output_rtol": {"b": 0.1}},
+            "output_rtol has 'b', which is no output",
+        ),
+        ({"outputs": {"a": abs}, "output_rtol": {"a": -0.1}}, r"output_rtol\['a'\] must be a finite number >= 0"),
         ({"max_nodes": 1e6, "rtol": 0.1}, "max_nodes must be at least the nodes of the mesh, 65; got 1000000.0"),
     ],
 )
