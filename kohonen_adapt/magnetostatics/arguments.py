@@ -153,7 +153,7 @@ class Arguments:
         return DefaultOrder(2 if self.estimator == "residual" else 1)
 
     def _check_order(self) -> None:
-        checked_order(self.order)
+        checked_order(self.order, ", or 'auto'")
         if not isinstance(self.curved, bool):
             raise ValueError(f"curved must be True or False; got {self.curved!r}.")
         if self.order > 1 and self.estimator != "residual":
@@ -211,9 +211,9 @@ class Arguments:
             check_goal(self.goal, 2, self.estimator)
 
 
-def checked_order(order: int) -> int:
+def checked_order(order: int, alternative: str = "") -> int:
     if order not in ORDERS or isinstance(order, bool):
-        raise ValueError(f"order of the elements must be a whole number from 1 to 8, or 'auto'; got {order!r}.")
+        raise ValueError(f"order of the elements must be a whole number from 1 to 8{alternative}; got {order!r}.")
     return order
 
 
