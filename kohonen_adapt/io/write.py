@@ -104,7 +104,7 @@ def write_mesh(
     mesh = of_positive_volume(mesh)
     subdomains = _checked_sets(mesh.subdomains, "subdomain")
     boundaries = _checked_sets(mesh.boundaries, "boundary")
-    inside = _checked_inside(mesh, point_data, suffix)
+    inside = _checked_inside(mesh, point_data, path)
     nodal = {name: values for name, values in (point_data or {}).items() if name not in inside}
     points = _checked_fields(with_midside_means(mesh, nodal), mesh.p.shape[1], "point_data") | inside
     cells = _checked_fields(cell_data, mesh.t.shape[1], "cell_data", len(mesh.p))
@@ -157,7 +157,7 @@ def _checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]
     return checked
 
 
-def _checked_inside(mesh: Mesh, fields: Mapping[str, ArrayLike] | None, suffix: str) -> dict[str, Floats]:
+def _checked_inside(mesh: Mesh, fields: Mapping[str, ArrayLike] | None, path: Path) -> dict[str, Floats]:
     found: dict[str, Floats] = {}
     shapes: set[tuple[int, ...]] = set()
     for name, values in (fields or {}).items() if len(mesh.p) == 2 else ():
@@ -170,10 +170,10 @@ def _checked_inside(mesh: Mesh, fields: Mapping[str, ArrayLike] | None, suffix: 
                 f"point_data '{name}' must have shape ({mesh.p.shape[1]},), or (k, {count}) with k = (p + 1) (p + 2) / "
                 f"2 points in every element for the order p; got {shape}."
             )
-        if suffix != ".vtu":
+        if path.suffix.lower() != ".vtu":
             raise ValueError(
-                f"point_data '{name}' has values inside elements, for .vtu only; got a name that ends in "
-                f"'{suffix}'. Write the field at nodes, or a second file."
+                f"point_data '{name}' has values inside elements, for .vtu only; got '{path.name}'. Write the field at "
+                "nodes, or a second file."
             )
         found[name] = finite_reals(f"point_data '{name}'", values, {"k": shape[0], "nelements": count}, "element")
         shapes.add(shape)

@@ -118,7 +118,8 @@ def test_values_for_linear_elements_jump_between_them(tmp_path):
         (".vtu", {"u": (7, 8)}, r"'u' must have shape \(9,\), or \(k, 8\) with k = .* for the order p; got \(7, 8\)"),
         (".vtu", {"u": (8, 6)}, r"'u' must have shape \(9,\), or \(k, 8\)"),
         (".vtu", {"u": (6, 8), "v": (10, 8)}, r"must have one shape, that of one order; got \(6, 8\) and \(10, 8\)"),
-        (".msh", {"u": (6, 8)}, "'u' has values inside elements, for .vtu only; got a name that ends in '.msh'"),
+        (".msh", {"u": (6, 8)}, r"'u' has values inside elements, for .vtu only; got 'f\.msh'"),
+        ("", {"u": (6, 8)}, "'u' has values inside elements, for .vtu only; got 'f'. Write"),
     ],
 )
 def test_careless_fields_inside_elements(suffix, fields, message, tmp_path):
