@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -17,6 +18,7 @@ __all__ = [
     "divisions_of",
     "in_unit",
     "lattice",
+    "lattice_shape",
     "level_of_share",
     "outlined_facets",
     "plural",
@@ -113,6 +115,16 @@ def divisions_of(points: int) -> int:
     """Return the divisions of the lattice with a number of points, or 0."""
     n = round((np.sqrt(8.0 * points + 1.0) - 3.0) / 2.0)
     return n if n > 0 and (n + 1) * (n + 2) == 2 * points else 0
+
+
+def lattice_shape(name: str, values: ArrayLike, nelements: int) -> dict[str, int]:
+    points = len(np.asarray(values))
+    if not divisions_of(points):
+        raise ValueError(
+            f"{name} must have shape (k, nelements) = (k, {nelements}) with k = (n + 1) (n + 2) / 2 points of a "
+            f"lattice in every element, 3 for the corners; got {np.shape(values)}."
+        )
+    return {"k": points, "nelements": nelements}
 
 
 def divided(mesh: MeshTri, divisions: int) -> MeshTri:

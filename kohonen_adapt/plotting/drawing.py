@@ -18,6 +18,7 @@ from kohonen_adapt.display import (
     divisions_of,
     in_unit,
     lattice,
+    lattice_shape,
     level_of_share,
     outlined_facets,
     straight_and_curved,
@@ -211,10 +212,8 @@ def _on_finer_lattice(mesh: MeshTri, values: Floats) -> Floats:
 
 
 def _values(name: str, given: ArrayLike, mesh: Mesh, shape: dict[str, int]) -> Floats:
-    array = np.asarray(given)
-    if array.ndim == 2 and divisions_of(len(array)):
-        return as_reals(name, array, {"k": len(array), "nelements": mesh.t.shape[1]})
-    return as_reals(name, array, shape)
+    inside = np.ndim(given) == len(mesh.p) == 2
+    return as_reals(name, given, lattice_shape(name, given, mesh.t.shape[1]) if inside else shape)
 
 
 def indicator_scale(*indicators: ArrayLike) -> Normalize:

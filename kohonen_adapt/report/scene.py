@@ -15,8 +15,8 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import as_reals
 from kohonen_adapt.display import (
     decades_of,
-    divisions_of,
     in_unit,
+    lattice_shape,
     level_of_share,
     outlined_facets,
     straight_and_curved,
@@ -163,16 +163,7 @@ def _by_node(label: str, values: ArrayLike, mesh: Mesh) -> Floats:
 
 
 def _shape_inside(label: str, values: ArrayLike, mesh: Mesh) -> dict[str, int]:
-    # of values at the points of a lattice in every element
-    if np.ndim(values) != 2 or len(mesh.p) != 2:
-        return {}
-    points, count = len(np.asarray(values)), mesh.t.shape[1]
-    if not divisions_of(points):
-        raise ValueError(
-            f"{label} must have shape (k, nelements) = (k, {count}) with k = (n + 1) (n + 2) / 2 points of a lattice "
-            f"in every element, 3 for the corners; got {np.shape(values)}."
-        )
-    return {"k": points, "nelements": count}
+    return lattice_shape(label, values, mesh.t.shape[1]) if np.ndim(values) == len(mesh.p) == 2 else {}
 
 
 def _nodal(label: str, results: Results, function: FieldOf) -> Shown:
