@@ -134,7 +134,8 @@ class Case:
     @property
     def most_passes(self) -> int:
         """Maximum number of passes."""
-        follows = self.adapt.keys() & {"rtol", "atol"} and "target_nodes" not in self.adapt
+        tolerances = {"rtol", "atol", "output_rtol", "goal_rtol"}
+        follows = self.adapt.keys() & tolerances and "target_nodes" not in self.adapt
         return self.adapt.get("passes", PASSES_TO_TOLERANCE if follows else PASSES)
 
     @property

@@ -220,7 +220,7 @@ def fitting_mesh(case: Case) -> MeshTri:
         if case.adapt.get("rtol") is not None:
             raise ValueError(
                 "adapt.rtol is relative to the energy norm, which does not measure a goal; leave it out, or give "
-                "atol, the square root of the allowed error, or output_rtol."
+                "goal_rtol, atol (the square root of the allowed error) or output_rtol."
             )
         with locate_errors("goal"):
             case.goal.derivative(blank)

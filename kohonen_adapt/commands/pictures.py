@@ -167,7 +167,7 @@ def _why_held(case: Case, before: AdaptResult, result: AdaptResult) -> NDArray[n
 def _asked(case: Case, before: AdaptResult) -> str:
     options, problem = case.adapt, case.problem
     target = f" and grow it to {options['target_nodes']} nodes" if "target_nodes" in options else ""
-    limits = [f"{key} = {options[key]:g}" for key in ("rtol", "atol", "output_rtol") if key in options]
+    limits = [f"{key} = {options[key]:g}" for key in ("rtol", "atol", "output_rtol", "goal_rtol") if key in options]
     until = f", until {' or '.join(limits)}" if limits else ""
     passes = case.most_passes
     outputs = f" Outputs: {', '.join(case.labelled_outputs)}." if case.outputs else ""
@@ -196,7 +196,7 @@ def _potential(field: Any, flux: bool = False) -> Floats:
 
 
 def _magnitude(field: Any) -> Floats:
-    """Return |B| in T, (nelements,), or above order 1 (k, nelements) on a lattice."""
+    # in T, (nelements,), or above order 1 (k, nelements) on a lattice
     order = field.elements.order
     if order == 1:
         return magnitude(field.flux_density)

@@ -160,11 +160,10 @@ def adapt(
     checkpoint
         Folder, created if missing, for a file per finished pass. If the folder has passes of this run, the loop resumes
         after the last of them. Mesh and arguments must be the same, except those that end the loop; `passes` may differ
-        without `target_nodes`, and so may a tolerance. The callback is called again for every stored pass. The mesh of
-        the last pass, and of the best one if different, is solved again; if the latter fails, the last pass is the
-        result. For a linear
-        problem history and result are identical, bit for bit, to those of an uninterrupted run, for a nonlinear problem
-        up to the accuracy of the solver.
+        without `target_nodes`, and so may a tolerance, or an order above 3. The callback is called again for every
+        stored pass. The mesh of the last pass, and of the best one if different, is solved again; if the latter fails,
+        the last pass is the result. For a linear problem history and result are identical, bit for bit, to those of an
+        uninterrupted run, for a nonlinear problem up to the accuracy of the solver.
     goal_rtol
         Relative tolerance of the goal of the problem. The loop stops if its ``goal_error`` is at most this fraction of
         its value.

@@ -342,8 +342,18 @@ def test_every_example_that_init_writes_is_a_case(name, tmp_path):
         assert case_of(given, tmp_path).base_problem is not None, example
 
 
-# A square has no thin part and no circle, and nothing in it turns; an output is another key.
-ELSEWHERE = ("open_boundary", "applied_field", "periodic", "curves", "layers", "# [turn]", "output_rtol")
+# A square has no thin part and no circle, and nothing in it turns; outputs, goals and tolerances are other keys.
+ELSEWHERE = (
+    "open_boundary",
+    "applied_field",
+    "periodic",
+    "curves",
+    "layers",
+    "# [turn]",
+    "output_rtol",
+    "goal_rtol",
+    "max_nodes",
+)
 
 
 def test_examples_are_about_the_names_and_places_of_the_mesh(tmp_path):

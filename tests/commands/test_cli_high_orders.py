@@ -169,3 +169,11 @@ def test_around_an_axis_the_report_has_the_flux_function_inside_elements(tmp_pat
     fields = json.JSONDecoder().raw_decode(text)[0]["fields"]
     assert [field["at"] for field in fields if field.get("lines")] == ["lattice", "lattice"]
     assert fields[1]["label"] == "flux function r A (Wb)" and fields[0]["at"] == "lattice"
+
+
+@pytest.mark.parametrize(
+    ("options", "passes"),
+    [("goal_rtol = 0.01", 12), ("output_rtol = 0.01", 12), ("rtol = 0.01\ntarget_nodes = 200", 4), ("passes = 3", 3)],
+)
+def test_the_number_of_passes_follows_the_tolerances(options, passes, tmp_path):
+    assert read_case(written(tmp_path, CASE.replace("passes = 2", options))).most_passes == passes
