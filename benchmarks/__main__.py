@@ -11,6 +11,7 @@ from benchmarks.checks import (
     effectivity,
     effectivity_in_space,
     engineer,
+    error,
     files,
     fingerprints,
     force,
@@ -49,6 +50,7 @@ from benchmarks.problems.cases import PROBLEMS, cases
 CHECKS = {
     "peers": peers_report.report,
     "time": time_to_error.report,
+    "error": error.report,
     "speed": speed.report,
     "warmup": warmup.report,
     "drift": drift.report,

@@ -141,12 +141,13 @@ def at_order(result: AdaptResult, problem: Problem, adaptation: Adaptation, stop
         solution = solve(problem, mesh, result.mesh, result.solution)
     record = replace(assessed(result, problem, adaptation, mesh, solution), seconds=steps.seconds)
     ending = stop((*result.history, record), record, False, False)
-    made = f"Solved with order {order} on {layers} layers at {nodes.size} corners, {record.unknowns} unknowns."
+    on_layers = f" on {layers} layers at {nodes.size} corners" if nodes.size else ""
+    made = f"Solved with order {order}{on_layers}, {record.unknowns} unknowns."
     if ending is None or ending.status is not Status.CONVERGED:
-        text = result.message.replace(best_pass_text(result.best), best_pass_text(record))
-        ending = Ending(result.status, text)
-        if stop.tolerance(record) is not None:
-            ending = Ending(Status.MAX_PASSES, f"Stopped{stop.missed_text(record)}.")
+        status = result.status if stop.tolerance(record) is None else Status.MAX_PASSES
+        passes = record.number - 1
+        text = f"Stopped after {passes} pass{'' if passes == 1 else 'es'} and a solve of order {order}"
+        ending = Ending(status, f"{text}{stop.missed_text(record)}. {best_pass_text(record)}")
     return replace(
         result,
         mesh=mesh,

@@ -52,7 +52,7 @@ def test_smooth_fields_get_no_layers():
     mesh = square(4).with_subdomains({"air": lambda x: x[0] > -1})
     mesh = mesh.with_boundaries({"rim": lambda x: x[0] > -1}, boundaries_only=True)
     result = ka.adapt(mesh, Magnetostatics({"air": Material()}, {"rim": smooth_potential}, order=6), passes=1)
-    assert result.best is result.history[-1] and "layers at 0 corners" in result.message
+    assert result.best is result.history[-1] and "layers at" not in result.message
     assert true_error(result.solution, smooth_field) < 1e-5 * np.sqrt(result.solution.squared_norm)
 
 

@@ -1,0 +1,105 @@
+"""Compare errors with the tolerances that `adapt` was given, and the time with that of refinement by bisection."""
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from benchmarks.checks.goal_orders import Case
+from benchmarks.checks.goal_orders import cases as goal_cases
+from benchmarks.peers.bisection import Bisection, mark_bulk
+from benchmarks.peers.orders_to_error import models
+from benchmarks.table import Cell, aligned
+from kohonen_adapt.magnetostatics import Field, Magnetostatics
+
+TOLERANCES = (1e-2, 3e-3, 1e-3, 3e-4)
+GOAL_TOLERANCES = (1e-2, 1e-3, 1e-4)
+OWN_ORDERS = (1e-2, 3e-3, 1e-3)  # tolerances for order 2 alone and for refinement
+THETA = 0.25  # of the squared estimate, in the marking of refinement
+LAYERS, HIGHEST = 4, 8  # of the reference, on the mesh of each result
+
+
+@dataclass(frozen=True)
+class Run:
+    seconds: float
+    unknowns: int
+    order: int
+    field: Field
+    mesh: MeshTri
+    estimate: float  # relative
+
+
+def report(seeds: Sequence[int], quick: bool) -> str:
+    """Error over tolerance, estimated and true, of the energy norm and of goals, and time over refinement."""
+    ka.warmup()
+    tolerances, chosen = (TOLERANCES[:1], models()[:1]) if quick else (TOLERANCES, models())
+    header = ["by tolerance", "rtol", "run", "s", "unknowns", "order", "estimate / tol", "error / tol"]
+    rows = [row for model in chosen for row in _rows(model.name, model.start(), model.problem, tolerances)]
+    goals = [row for case in goal_cases(1) for row in _goal_rows(case, GOAL_TOLERANCES[: 1 if quick else None])]
+    ratios = np.array([float(row[-1]) for row in [*rows, *goals] if row[2] == "auto" and row[-1] is not None])
+    summary = (
+        f"error / tolerance of {ratios.size} runs: median {np.median(ratios):.2f}, 95 % at most "
+        f"{np.quantile(ratios, 0.95):.2f}, largest {ratios.max():.2f}"
+    )
+    return "\n\n".join([aligned(header, rows), aligned(header, goals), summary])
+
+
+def _rows(name: str, start: MeshTri, problem: Magnetostatics, tolerances: Sequence[float]) -> Iterator[list[Cell]]:
+    second = replace(problem, order=2)
+    for rtol in tolerances:
+        runs = [("auto", adapted, replace(problem, order="auto"))]
+        if rtol in OWN_ORDERS:
+            runs += [("order 2", adapted, second), ("refined", refined, second)]
+        for label, run, stated in runs:
+            found = run(start, stated, rtol)
+            error = true_error(found, second) / rtol
+            yield [name, rtol, label, found.seconds, found.unknowns, found.order, found.estimate / rtol, error]
+
+
+def _goal_rows(case: Case, tolerances: Sequence[float]) -> Iterator[list[Cell]]:
+    problem = replace(case.problem, order="auto")
+    for rtol in tolerances:
+        began = time.process_time()
+        result = ka.adapt(case.mesh, problem, goal_rtol=rtol)
+        seconds, best = time.process_time() - began, result.best
+        estimated = abs(best.goal_error / best.goal) / rtol
+        error = abs(best.goal / case.exact - 1.0) / rtol
+        yield [case.name, rtol, "auto", seconds, best.unknowns, best.order, estimated, error]
+
+
+def adapted(start: MeshTri, problem: Magnetostatics, rtol: float) -> Run:
+    began = time.process_time()
+    result = ka.adapt(start, problem, rtol=rtol)
+    seconds, best = time.process_time() - began, result.best
+    return Run(seconds, best.unknowns, best.order, result.solution, result.mesh, best.estimate / best.energy_norm)
+
+
+def refined(mesh: MeshTri, problem: Magnetostatics, rtol: float) -> Run:
+    """Bisect the elements that hold a fraction of the squared estimate, until it is within the tolerance."""
+    began, state = time.process_time(), Bisection.of(mesh)
+    while True:
+        mesh = state.mesh()
+        field = problem.solve(mesh)
+        indicators = problem.indicators(mesh, field)
+        estimate = float(np.linalg.norm(indicators)) / problem.energy_norm(mesh, field)
+        if estimate <= rtol:
+            seconds = time.process_time() - began
+            return Run(seconds, field.elements.doflocs.shape[1], field.order, field, mesh, estimate)
+        state = state.refined(mark_bulk(indicators, THETA))
+
+
+def true_error(run: Run, problem: Magnetostatics) -> float | None:
+    """Return the relative error in the energy norm, by functionals, of problems whose prescribed values are zero."""
+    field, mesh = run.field, run.mesh
+    corners = problem.singular_nodes(mesh, field)
+    fine = ka.refined_at(mesh, corners, layers=LAYERS) if corners.size else mesh
+    best = problem.solve(fine, order=HIGHEST)
+    squared = 2.0 * (functional(field) - functional(best))
+    return float(np.sqrt(max(squared, 0.0) / best.squared_norm))
+
+
+def functional(field: Field) -> float:
+    return field.newton[-1].functional if field.newton else -0.5 * field.squared_norm
