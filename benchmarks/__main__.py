@@ -43,7 +43,7 @@ from benchmarks.checks import (
     warmup,
 )
 from benchmarks.checks import round as one_round
-from benchmarks.peers import hexahedra, ngsolve_oracle, peers_in_space, peers_report, time_to_error
+from benchmarks.peers import hexahedra, hp, ngsolve_oracle, peers_in_space, peers_report, time_to_error
 from benchmarks.peers.report import comparison
 from benchmarks.problems.cases import PROBLEMS, cases
 
@@ -94,12 +94,13 @@ CHECKS = {
 
 def main() -> None:
     """Print the comparisons and checks that are asked for, by default the comparisons of all problems."""
-    names = [*PROBLEMS, *CHECKS, "budget"]
+    names = [*PROBLEMS, *CHECKS, "hp", "budget"]
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("what", nargs="*", metavar="NAME", help=f"any of {' '.join(names)}")
     parser.add_argument("--seeds", type=int, default=5, help="medians over seeds 0 to SEEDS - 1 (default 5)")
     parser.add_argument("--quick", action="store_true", help="small meshes only")
     parser.add_argument("--three-d", action="store_true", help="peers: on tetrahedra")
+    parser.add_argument("--loops", action="store_true", help="hp: NGSolve's adaptive loop, too (slow)")
     parser.add_argument("--suite", type=Path, metavar="FILE", help="budget: what pytest printed of the last run")
     parser.add_argument("--warmup", action="store_true", help="budget: compile every kernel to see how long it takes")
     options = parser.parse_args()
@@ -111,6 +112,9 @@ def main() -> None:
                 print(comparison(case, range(options.seeds)) + "\n", flush=True)
         elif name == "peers" and options.three_d:
             print(peers_in_space.report(range(options.seeds), options.quick) + "\n", flush=True)
+        elif name == "hp":
+            for part in hp.parts(options.quick, options.loops):
+                print(part + "\n", flush=True)
         elif name in CHECKS:
             print(CHECKS[name](range(options.seeds), options.quick) + "\n", flush=True)
         elif name == "budget":

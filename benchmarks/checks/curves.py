@@ -2,7 +2,7 @@
 
 import runpy
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -86,17 +86,27 @@ def machine(seeds: Sequence[int]) -> str:
 
 def motor_mesh(size: float) -> MeshTri:
     """The drawing of examples/motor.geo in metres, with elements so many times as large as in motor.msh."""
+    return example_mesh("motor", size=size)
+
+
+def example_mesh(name: str, edits: Mapping[str, str] | None = None, **numbers: float) -> MeshTri:
+    """A drawing of the examples in metres, with numbers by the names that it defines, and other text for some of it."""
     import gmsh
 
-    gmsh.initialize(["", "-setnumber", "size", str(size)], interruptible=False)
+    given = [text for key, number in numbers.items() for text in ("-setnumber", key, str(number))]
+    drawing = (EXAMPLES / f"{name}.geo").read_text(encoding="utf-8")
+    for before, after in (edits or {}).items():
+        drawing = drawing.replace(before, after)
+    gmsh.initialize(["", *given], interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("General.NumThreads", 1)
-        gmsh.open(str(EXAMPLES / "motor.geo"))
-        gmsh.model.mesh.generate(2)
-        gmsh.model.mesh.setOrder(2)  # so that arcs of few facets are told
         with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "motor.msh"
+            source, path = Path(folder) / "drawing.geo", Path(folder) / "drawing.msh"
+            source.write_text(drawing, encoding="utf-8")
+            gmsh.open(str(source))
+            gmsh.model.mesh.generate(2)
+            gmsh.model.mesh.setOrder(2)  # so that arcs of few facets are told
             gmsh.write(str(path))
             return ka.read_mesh(path, scale=1e-3)
     finally:

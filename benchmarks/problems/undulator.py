@@ -31,13 +31,13 @@ class Undulator:
     settings = (0.0,)
     goal = Force(UPPER, (0.0, 1.0))
 
-    def __init__(self, order: int) -> None:
-        self.order = order
+    def __init__(self, order: int, air: float = AIR) -> None:
+        self.order, self.air = order, air
         self.title = f"Halbach undulator, order={order}"
 
     def start(self, setting: float) -> MeshTri:
         """Squares of 2.5 mm, cut in two."""
-        top, size = GAP / 2 + HEIGHT + AIR, 2.5e-3
+        top, size = GAP / 2 + HEIGHT + self.air, 2.5e-3
         lines = (np.linspace(0.0, length, round(length / size) + 1) for length in (PERIOD, 2 * top))
         mesh = MeshTri.init_tensor(*lines).translated((0.0, -top)).with_defaults()
         return mesh.with_subdomains(_subdomains(mesh))
