@@ -25,6 +25,7 @@ from kohonen_adapt.loop.settings import PASSES, PASSES_TO_TOLERANCE, ErrorsWante
 from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.step_timer import Steps
 from kohonen_adapt.loop.stopping import StopTest
+from kohonen_adapt.loop.tolerance import Tolerance
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.evaluation import Output, check_outputs, curves_of, has_goal
@@ -202,16 +203,11 @@ def adapt(
     >>> result.mesh.p.shape == mesh.p.shape, list(result.mesh.boundaries), result.status.value
     (True, ['outer'], 'max_passes')
     """
-    tolerances, steps = (rtol, atol, output_rtol, goal_rtol), Steps(progress)
-    follows = target_nodes is None and any(tolerance is not None for tolerance in tolerances)
-    passes = (PASSES_TO_TOLERANCE if follows else PASSES) if passes is None else passes
-    stop = StopTest(passes, rtol, atol, output_rtol, callback, goal_rtol, checked_max_nodes(mesh, max_nodes, follows))
+    tolerance, steps = Tolerance(rtol, atol, output_rtol, goal_rtol), Steps(progress)
+    stop = stop_test(mesh, passes, tolerance, target_nodes, callback, max_nodes)
     check_problem(problem, rtol)
-    if goal_rtol is not None and not has_goal(problem):
-        raise ValueError(
-            "goal_rtol requires a problem with a goal and its goal_error; use rtol or output_rtol instead."
-        )
-    orders = final_orders(problem, follows)
+    check_goal(problem, goal_rtol)
+    orders = final_orders(problem, stop.max_nodes is not None)
     of_passes, grading = at_order_of_passes(problem) if orders else problem, GradingTolerance(stop, orders)
     stop_of_passes = replace(stop, of_passes=grading) if orders else stop
     check_mesh(mesh, curved=True, inverted=True, space=True)
@@ -220,12 +216,13 @@ def adapt(
     rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, all_curves, pairs, layers, surfaces)
     check_for(rules, method.dim)
     rules = with_pinned(rules.guarded(), nodes_of_problem(problem, mesh))
-    growth: NodeCounts = Growth.of(int(mesh.nvertices), target_nodes, passes, polish and method.corrects(of_passes))
-    if follows:
-        removes, most = rules.topology == "recycle", stop.max_nodes or MAX_NODES
-        growth = GrowthByTolerance(
-            growth.start, most, grading.aim if orders else stop.tolerance, order_of(of_passes), method.dim, removes
-        )
+    growth: NodeCounts = Growth.of(
+        int(mesh.nvertices), target_nodes, stop.passes, polish and method.corrects(of_passes)
+    )
+    if stop.max_nodes is not None:
+        allowed = grading.aim if orders else stop.tolerance
+        order, removes = order_of(of_passes), rules.topology == "recycle"
+        growth = GrowthByTolerance(growth.start, stop.max_nodes, allowed, order, method.dim, removes)
     errors = ErrorsWanted(goal_rtol is not None, output_rtol is not None)
     settings = Settings(rules, schedule, seed, polish, growth, check_outputs(outputs, output_rtol), rtol, errors)
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)
@@ -239,12 +236,29 @@ def adapt(
     return run_loop(adaptation, history)
 
 
-def checked_max_nodes(mesh: Mesh, max_nodes: int | None, follows: bool) -> int | None:
+def stop_test(
+    mesh: Mesh,
+    passes: int | None,
+    tolerance: Tolerance,
+    target_nodes: int | None,
+    callback: Callable[[Pass], Any] | None,
+    max_nodes: int | None,
+) -> StopTest:
+    """Return the stop test, with a largest number of nodes if it follows the tolerance."""
+    follows = bool(tolerance) and target_nodes is None
     if max_nodes is not None and not follows:
         raise ValueError("max_nodes needs a tolerance (rtol or atol) and no target_nodes, which fixes the number.")
     if max_nodes is not None and (not is_count(max_nodes) or max_nodes < mesh.nvertices):
         raise ValueError(f"max_nodes must be at least the nodes of the mesh, {mesh.nvertices}; got {max_nodes!r}.")
-    return max_nodes or (MAX_NODES if follows else None)
+    most_passes = (PASSES_TO_TOLERANCE if follows else PASSES) if passes is None else passes
+    return StopTest(most_passes, tolerance, callback, (max_nodes or MAX_NODES) if follows else None)
+
+
+def check_goal(problem: Problem, goal_rtol: float | None) -> None:
+    if goal_rtol is not None and not has_goal(problem):
+        raise ValueError(
+            "goal_rtol requires a problem with a goal and its goal_error; use rtol or output_rtol instead."
+        )
 
 
 def expect_kernels(method: Method, problem: Problem, settings: Settings) -> None:

@@ -14,12 +14,14 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.geometry.plane.corner_layers import refined_at
 from kohonen_adapt.geometry.plane.movable import Work
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.step import Adaptation, root_of_squares
 from kohonen_adapt.loop.step_timer import StepFailed
 from kohonen_adapt.loop.stopping import Ending, StopTest, best_pass_text, failed_ending, interrupted_ending
+from kohonen_adapt.mesh.curved import corners_of, facet_midside_offsets
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.mesh.polynomials import count_unknowns
@@ -129,10 +131,7 @@ def at_order(result: AdaptResult, problem: Problem, adaptation: Adaptation, stop
     steps, rules, layers = adaptation.steps, adaptation.settings.rules, order // 2
     steps.next_pass(len(result.history))
     with steps("relocate"):
-        nodes = corners_of_field(result, adaptation.problem)
-        mesh = replace(result.mesh)  # a pass is known by its mesh
-        if nodes.size:
-            mesh = refined_at(mesh, nodes, layers=layers, periodic=rules.periodic, curves=rules.curves)
+        mesh, nodes = with_layers(result.mesh, corners_of_field(result, adaptation.problem), layers, rules)
         number_facets(mesh)
     with steps("solve"):
         if has_method(problem, "on_curves"):
@@ -147,7 +146,7 @@ def at_order(result: AdaptResult, problem: Problem, adaptation: Adaptation, stop
         status = result.status if stop.tolerance(record) is None else Status.MAX_PASSES
         passes = record.number - 1
         text = f"Stopped after {passes} pass{'' if passes == 1 else 'es'} and a solve of order {order}"
-        ending = Ending(status, f"{text}{stop.missed_text(record)}. {best_pass_text(record)}")
+        ending = Ending(status, f"{text}{stop.of_result.missed_text(record)}. {best_pass_text(record)}")
     return replace(
         result,
         mesh=mesh,
@@ -159,6 +158,24 @@ def at_order(result: AdaptResult, problem: Problem, adaptation: Adaptation, stop
         message=f"{ending.message} {made}",
         nodes=record.nodes,
     )
+
+
+def with_layers(mesh: Mesh, nodes: Ints, layers: int, rules: Rules) -> tuple[Mesh, Ints]:
+    """Return a new mesh with layers, and the nodes that have them.
+
+    Nodes at curves get none if their layers would invert elements.
+    """
+    on_curves = corners_of(mesh).facets[:, facet_midside_offsets(mesh).any(axis=0)]
+    for chosen in (nodes, np.setdiff1d(nodes, on_curves)):
+        if not chosen.size:
+            break
+        try:
+            found = refined_at(mesh, chosen, layers=layers, periodic=rules.periodic, curves=rules.curves)
+        except ValueError as error:
+            logger.info("fewer corners have layers: %s", error)
+        else:
+            return found, chosen
+    return replace(mesh), nodes[:0]  # a pass is known by its mesh
 
 
 def corners_of_field(result: AdaptResult, problem: Problem) -> Ints:

@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from kohonen_adapt.checks import check_count, check_hook, check_tolerance
+from kohonen_adapt.checks import check_count, check_hook
 from kohonen_adapt.geometry.plane.movable import Work
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.step_timer import StepFailed
 from kohonen_adapt.loop.table import energy_norm_error
+from kohonen_adapt.loop.tolerance import Tolerance, percent
 
 __all__ = [
     "STALL_GAIN",
@@ -49,8 +50,6 @@ DISAGREEMENT = 3.0
 # the estimate, and for 6 of the remaining 528; after two and three passes falsely for 1 of 542 and for 1 of 548.
 UNRESOLVED = 2.0
 
-CHANCE = 0.05  # least error of a goal, relative to the sum of the magnitudes of its parts: less is chance
-UNKNOWN = 0.5  # factor of the estimate for outputs of unknown error, which makes at least twice the unknowns
 FULL = 0.98  # fraction of the largest number of nodes from which a mesh is full
 
 CONTINUE = "Adapt the result to continue."
@@ -72,20 +71,14 @@ class Ending:
 @dataclass(frozen=True)
 class StopTest:
     passes: int
-    rtol: float | None
-    atol: float | None
-    output_rtol: float | Mapping[str, float] | None
+    of_result: Tolerance
     callback: Callable[[Pass], Any] | None
-    goal_rtol: float | None = None
     max_nodes: int | None = None
     of_passes: Callable[[Pass], float | None] | None = None  # looser tolerance of passes before a higher order
 
     def __post_init__(self) -> None:
         check_count("passes", self.passes)
         check_hook("callback", self.callback, "the pass")
-        check_tolerance("rtol", self.rtol)
-        check_tolerance("atol", self.atol)
-        check_tolerance("goal_rtol", self.goal_rtol)
 
     def __call__(self, passes: Passes, best: Pass, growing: bool, stalled: bool) -> Ending | None:
         """Return the ending after the last pass, or None to continue.
@@ -97,7 +90,9 @@ class StopTest:
         if last.estimate == 0.0:
             return Ending(Status.CONVERGED, f"Converged after {_count(last)}: all indicators are zero.")
         if self._is_met(passes):
-            return Ending(Status.CONVERGED, f"Converged after {_count(last)}: {self._reached_text(last)}. {result}")
+            return Ending(
+                Status.CONVERGED, f"Converged after {_count(last)}: {self.of_result.reached_text(last)}. {result}"
+            )
         # Only True stops the loop, because many callbacks return a path or a list by accident.
         if isinstance(returned, bool | np.bool_) and returned:
             return Ending(Status.STOPPED, f"Stopped by the callback after {_count(last)}. {result} {CONTINUE}")
@@ -106,7 +101,7 @@ class StopTest:
         if self.max_nodes is not None and last.mesh.nvertices >= FULL * self.max_nodes:
             return self._largest(last, result)
         if stalled and not growing:
-            stall = f"Stalled: the last {STALL_PASSES} passes improved the result by less than {_percent(STALL_GAIN)}."
+            stall = f"Stalled: the last {STALL_PASSES} passes improved the result by less than {percent(STALL_GAIN)}."
             return Ending(Status.STALLED, f"{stall} {result} Use more nodes (`target_nodes`) for a smaller error.")
         return self._all_passes(last, result) if last.number == self.passes else None
 
@@ -114,13 +109,14 @@ class StopTest:
         if last.number == 0:
             text = "Stopped after 0 passes: the input was only solved and estimated. Increase `passes` to adapt it."
         else:
-            text = f"Stopped after {_count(last)}{self.missed_text(last)}. {result} Increase `passes` to continue."
+            missed = self.of_result.missed_text(last)
+            text = f"Stopped after {_count(last)}{missed}. {result} Increase `passes` to continue."
         return Ending(Status.MAX_PASSES, text)
 
     def _largest(self, last: Pass, result: str) -> Ending:
         tolerance = self.tolerance(last)
         text = f"Stopped at {last.mesh.nvertices} nodes (`max_nodes` {self.max_nodes}) after {_count(last)}"
-        text += f"{self.missed_text(last)}. {result}"
+        text += f"{self.of_result.missed_text(last)}. {result}"
         if tolerance:
             text += (
                 f" The tolerance takes an estimate {last.estimate / tolerance:.2g} times smaller: increase `max_nodes`."
@@ -132,66 +128,12 @@ class StopTest:
         if tolerance is not None and last.estimate > tolerance:
             return False
         if self.of_passes is None:
-            return tolerance is not None and self._errors_known(last)
+            return tolerance is not None and self.of_result.knows_errors(last)
         # the first pass grades the mesh, and removes nodes
-        return tolerance is not None and (last.number > 0 or last.estimate <= (self._of_result(last) or 0.0))
-
-    def _errors_known(self, last: Pass) -> bool:
-        return self.output_rtol is None or self._output_tolerances(last).keys() <= last.output_errors.keys()
+        return tolerance is not None and (last.number > 0 or last.estimate <= (self.of_result.estimate(last) or 0.0))
 
     def tolerance(self, last: Pass) -> float | None:
-        """Return the allowed estimate of a pass, None without a tolerance.
-
-        The error of goals and outputs falls like the square of the estimate, so that their tolerances are stated as
-        estimates, too. An output of unknown error takes twice the unknowns.
-        """
-        return self._of_result(last) if self.of_passes is None else self.of_passes(last)
-
-    def _of_result(self, last: Pass) -> float | None:
-        allowed = list[float]()
-        if self.rtol is not None or self.atol is not None:
-            allowed.append((self.atol or 0.0) + (self.rtol or 0.0) * (last.energy_norm or 0.0))
-        if self.goal_rtol is not None and last.goal is not None and last.goal_error is not None:
-            error = max(abs(last.goal_error), CHANCE * last.estimate**2)
-            allowed.append(last.estimate * np.sqrt(self.goal_rtol * abs(last.goal) / error) if error else np.inf)
-        for name, tolerance in self._output_tolerances(last).items():
-            value, error = abs(last.outputs[name]), abs(last.output_errors.get(name, np.inf))
-            ratio = tolerance * value / error if error > 0.0 else np.inf
-            allowed.append(last.estimate * (np.sqrt(ratio) if name in last.output_errors else UNKNOWN))
-        return float(min(allowed)) if allowed else None
-
-    def _output_tolerances(self, last: Pass) -> dict[str, float]:
-        if isinstance(self.output_rtol, Mapping):
-            return dict(self.output_rtol)
-        return {} if self.output_rtol is None else dict.fromkeys(last.outputs, self.output_rtol)
-
-    def _reached_text(self, last: Pass) -> str:
-        reached = [f"estimate {last.estimate_text} within the tolerance {text}" for text in self._of_estimate(last)]
-        return " and ".join([*reached, *self._errors_text(last)])
-
-    def _of_estimate(self, last: Pass) -> list[str]:
-        if self.rtol is None and self.atol is None:
-            return []
-        tolerance = replace(self, goal_rtol=None, output_rtol=None).tolerance(last)
-        return [] if tolerance is None else [_tolerance_text(tolerance, last)]
-
-    def _errors_text(self, last: Pass) -> list[str]:
-        texts, goal, error = [], last.goal, last.goal_error
-        if self.goal_rtol is not None and goal is not None and error is not None:
-            text = f"{_percent(abs(error / goal))} " if goal else f"{abs(error):.3g} "
-            texts.append(f"goal {goal:.6g} {last.goal_unit}, estimated error {text}(asked {_percent(self.goal_rtol)})")
-        for name, tolerance in self._output_tolerances(last).items():
-            value, error = last.outputs[name], last.output_errors.get(name)
-            text = "error unknown" if error is None else f"estimated error {abs(error):.3g}"
-            if error is not None and value:
-                text = f"estimated error {_percent(abs(error / value))}"
-            texts.append(f"{name} {value:.6g}, {text} (asked {_percent(tolerance)})")
-        return texts
-
-    def missed_text(self, last: Pass) -> str:
-        missed = [f"the tolerance {text} (estimate {last.estimate_text})" for text in self._of_estimate(last)]
-        missed += [f"the tolerance of {text}" for text in self._errors_text(last)]
-        return f" without reaching {' and '.join(missed)}" if missed else ""
+        return self.of_result.estimate(last) if self.of_passes is None else self.of_passes(last)
 
 
 def with_remarks(ending: Ending, passes: Passes, best: Pass, settings: Settings) -> Ending:
@@ -322,11 +264,3 @@ def stalls_by_functional(passes: Passes) -> bool:
         return False
     now = min(levels[-STALL_PASSES:])
     return min(levels[:-STALL_PASSES]) - now <= STALL_GAIN * (levels[0] - now)
-
-
-def _tolerance_text(tolerance: float, last: Pass) -> str:
-    return f"{tolerance:.4g}" if last.goal is None else f"{tolerance**2:.4g} {last.goal_unit} (atol squared)"
-
-
-def _percent(fraction: float) -> str:
-    return f"{100.0 * fraction:.4g} %"

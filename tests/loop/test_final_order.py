@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.curved_meshes import curved_annulus
 from helpers.devices import two_magnets
 from helpers.exact_fields import RECTANGLE, rectangle_mesh, sheet_field, smooth_field, smooth_potential, true_error
 from helpers.meshes import square
@@ -105,3 +106,12 @@ def test_wrong_orders_are_named(orders):
     problem.orders = orders
     with pytest.raises(ValueError, match="orders of the problem must be the lowest and the highest degree"):
         ka.adapt(rectangle_mesh(1), problem)
+
+
+def test_corners_at_coarse_curves_lose_their_layers_and_not_the_order():
+    mesh = curved_annulus(9)
+    spoke = mesh.boundaries["spoke"]
+    materials = {"core": Material(1000.0, remanence=(0.3, 0.0)), "shell": Material()}
+    problem = Magnetostatics(materials, {"outer": 0.0}, order=5)
+    result = ka.adapt(mesh, problem, passes=1)
+    assert spoke.size and result.solution.order == 5, result.message

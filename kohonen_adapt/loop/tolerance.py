@@ -1,0 +1,92 @@
+"""Tolerances of the estimate, of the goal and of the outputs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kohonen_adapt.checks import check_tolerance
+from kohonen_adapt.loop.passes import Pass
+
+__all__ = ["Tolerance", "percent"]
+
+CHANCE = 0.05  # least error of a goal, relative to the sum of the magnitudes of its parts: less is chance
+UNKNOWN = 0.5  # factor of the estimate for outputs of unknown error, which makes at least twice the unknowns
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    rtol: float | None = None
+    atol: float | None = None
+    output_rtol: float | Mapping[str, float] | None = None
+    goal_rtol: float | None = None
+
+    def __post_init__(self) -> None:
+        check_tolerance("rtol", self.rtol)
+        check_tolerance("atol", self.atol)
+        check_tolerance("goal_rtol", self.goal_rtol)
+
+    def __bool__(self) -> bool:
+        return any(each is not None for each in (self.rtol, self.atol, self.output_rtol, self.goal_rtol))
+
+    def knows_errors(self, last: Pass) -> bool:
+        return self.output_rtol is None or self._output_tolerances(last).keys() <= last.output_errors.keys()
+
+    def estimate(self, last: Pass) -> float | None:
+        """Return the allowed estimate of a pass, None without a tolerance.
+
+        The error of goals and outputs falls like the square of the estimate, so that their tolerances are stated as
+        estimates, too. An output of unknown error takes twice the unknowns.
+        """
+        allowed = list[float]()
+        if self.rtol is not None or self.atol is not None:
+            allowed.append((self.atol or 0.0) + (self.rtol or 0.0) * (last.energy_norm or 0.0))
+        if self.goal_rtol is not None and last.goal is not None and last.goal_error is not None:
+            error = max(abs(last.goal_error), CHANCE * last.estimate**2)
+            allowed.append(last.estimate * np.sqrt(self.goal_rtol * abs(last.goal) / error) if error else np.inf)
+        for name, tolerance in self._output_tolerances(last).items():
+            value, error = abs(last.outputs[name]), abs(last.output_errors.get(name, np.inf))
+            ratio = tolerance * value / error if error > 0.0 else np.inf
+            allowed.append(last.estimate * (np.sqrt(ratio) if name in last.output_errors else UNKNOWN))
+        return float(min(allowed)) if allowed else None
+
+    def _output_tolerances(self, last: Pass) -> dict[str, float]:
+        if isinstance(self.output_rtol, Mapping):
+            return dict(self.output_rtol)
+        return {} if self.output_rtol is None else dict.fromkeys(last.outputs, self.output_rtol)
+
+    def reached_text(self, last: Pass) -> str:
+        reached = [f"estimate {last.estimate_text} within the tolerance {text}" for text in self._of_estimate(last)]
+        return " and ".join([*reached, *self._errors_text(last)])
+
+    def _of_estimate(self, last: Pass) -> list[str]:
+        if self.rtol is None and self.atol is None:
+            return []
+        tolerance = replace(self, goal_rtol=None, output_rtol=None).estimate(last)
+        return [] if tolerance is None else [_tolerance_text(tolerance, last)]
+
+    def _errors_text(self, last: Pass) -> list[str]:
+        texts, goal, error = [], last.goal, last.goal_error
+        if self.goal_rtol is not None and goal is not None and error is not None:
+            text = f"{percent(abs(error / goal))} " if goal else f"{abs(error):.3g} "
+            texts.append(f"goal {goal:.6g} {last.goal_unit}, estimated error {text}(asked {percent(self.goal_rtol)})")
+        for name, tolerance in self._output_tolerances(last).items():
+            value, error = last.outputs[name], last.output_errors.get(name)
+            text = "error unknown" if error is None else f"estimated error {abs(error):.3g}"
+            if error is not None and value:
+                text = f"estimated error {percent(abs(error / value))}"
+            texts.append(f"{name} {value:.6g}, {text} (asked {percent(tolerance)})")
+        return texts
+
+    def missed_text(self, last: Pass) -> str:
+        missed = [f"the tolerance {text} (estimate {last.estimate_text})" for text in self._of_estimate(last)]
+        missed += [f"the tolerance of {text}" for text in self._errors_text(last)]
+        return f" without reaching {' and '.join(missed)}" if missed else ""
+
+
+def _tolerance_text(tolerance: float, last: Pass) -> str:
+    return f"{tolerance:.4g}" if last.goal is None else f"{tolerance**2:.4g} {last.goal_unit} (atol squared)"
+
+
+def percent(fraction: float) -> str:
+    return f"{100.0 * fraction:.4g} %"
