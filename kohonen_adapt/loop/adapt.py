@@ -244,7 +244,7 @@ def stop_test(
     callback: Callable[[Pass], Any] | None,
     max_nodes: int | None,
 ) -> StopTest:
-    """Return the stop test, with a largest number of nodes if it follows the tolerance."""
+    """Return the stop test, with `max_nodes` if nodes follow the tolerance."""
     follows = bool(tolerance) and target_nodes is None
     if max_nodes is not None and not follows:
         raise ValueError("max_nodes needs a tolerance (rtol or atol) and no target_nodes, which fixes the number.")
