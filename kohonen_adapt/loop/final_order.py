@@ -12,16 +12,17 @@ import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Ints
-from kohonen_adapt.geometry.plane.corner_layers import refined_at
-from kohonen_adapt.geometry.plane.movable import Work
+from kohonen_adapt.geometry.plane.corner_layers import FoldedLayers, refined_at
+from kohonen_adapt.geometry.plane.movable import MovableMesh, Work
 from kohonen_adapt.geometry.rules import Rules
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.step import Adaptation, root_of_squares
 from kohonen_adapt.loop.step_timer import StepFailed
 from kohonen_adapt.loop.stopping import Ending, StopTest, best_pass_text, failed_ending, interrupted_ending
-from kohonen_adapt.mesh.curved import corners_of, facet_midside_offsets
+from kohonen_adapt.mesh.blended import is_folded
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.mesh.polynomials import count_unknowns
@@ -41,6 +42,15 @@ OF_GOAL = 10.0  # tolerance of passes for goals, as a multiple of the tolerance 
 GAINS = {4: 8.0, 5: 17.0, 6: 34.0, 7: 60.0, 8: 100.0}
 SMOOTH = 2.0  # least gain of a raised order; below, the solution is not smooth and the passes go on alone
 SAFE = 0.8  # of the tolerance of passes before a higher order
+LEAST_JACOBIANS = (
+    0.003,
+    0.01,
+    0.03,
+    0.05,
+    0.07,
+    0.1,
+)  # of elements, relative to straight ones; the first unfolded counts
+FLAT = 1e-6  # distance of a flattened side from its curve, relative to the mesh, from which a remark is made
 FINER = 0.7  # of the tolerance of the passes after a raised order that did not suffice, at most
 
 
@@ -131,7 +141,9 @@ def at_order(result: AdaptResult, problem: Problem, adaptation: Adaptation, stop
     steps, rules, layers = adaptation.steps, adaptation.settings.rules, order // 2
     steps.next_pass(len(result.history))
     with steps("relocate"):
-        mesh, nodes = with_layers(result.mesh, corners_of_field(result, adaptation.problem), layers, rules)
+        corners = corners_of_field(result, adaptation.problem)
+        whole, remark = on_whole_curves(result, adaptation.movable)
+        mesh, nodes = with_layers(whole, corners, layers, rules)
         number_facets(mesh)
     with steps("solve"):
         if has_method(problem, "on_curves"):
@@ -155,9 +167,21 @@ def at_order(result: AdaptResult, problem: Problem, adaptation: Adaptation, stop
         estimate=record.estimate,
         history=(*result.history, record),
         status=ending.status,
-        message=f"{ending.message} {made}",
+        message=f"{ending.message} {made}{remark}",
         nodes=record.nodes,
     )
+
+
+def on_whole_curves(result: AdaptResult, movable: MovableMesh | MovableSolid) -> tuple[Mesh, str]:
+    # The polish needs elements that are far from folded, and flattens sides on curves for this. Higher orders need the
+    # curves, because their error is smaller than what is between curve and side.
+    if not isinstance(movable, MovableMesh) or not movable.curved or result.best is not result.history[-1]:
+        return result.mesh, ""
+    mesh = next((mesh for mesh in map(movable.mesh, LEAST_JACOBIANS) if not is_folded(mesh)), result.mesh)
+    distance = np.hypot(*(movable.mesh(-np.inf).doflocs - mesh.doflocs)).max()
+    if distance <= FLAT * np.ptp(mesh.doflocs, axis=1).max():
+        return mesh, ""
+    return mesh, f" Sides are up to {distance:.2g} off their curves, which no estimate includes; use more nodes there."
 
 
 def with_layers(mesh: Mesh, nodes: Ints, layers: int, rules: Rules) -> tuple[Mesh, Ints]:
@@ -165,17 +189,14 @@ def with_layers(mesh: Mesh, nodes: Ints, layers: int, rules: Rules) -> tuple[Mes
 
     Nodes at curves get none if their layers would invert elements.
     """
-    on_curves = corners_of(mesh).facets[:, facet_midside_offsets(mesh).any(axis=0)]
-    for chosen in (nodes, np.setdiff1d(nodes, on_curves)):
-        if not chosen.size:
-            break
+    while nodes.size:
         try:
-            found = refined_at(mesh, chosen, layers=layers, periodic=rules.periodic, curves=rules.curves)
-        except ValueError as error:
-            logger.info("fewer corners have layers: %s", error)
-        else:
-            return found, chosen
-    return replace(mesh), nodes[:0]  # a pass is known by its mesh
+            return refined_at(mesh, nodes, layers=layers, periodic=rules.periodic, curves=rules.curves), nodes
+        except FoldedLayers as error:
+            kept = np.setdiff1d(nodes, error.nodes)
+            logger.info("%d corners at curves get no layers", nodes.size - kept.size)
+            nodes = kept if kept.size < nodes.size else nodes[:0]
+    return replace(mesh), nodes  # a pass is known by its mesh
 
 
 def corners_of_field(result: AdaptResult, problem: Problem) -> Ints:

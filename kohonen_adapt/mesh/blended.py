@@ -19,7 +19,7 @@ from kohonen_adapt.mesh.lagrange import triangle_rule
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.names import named
 
-__all__ = ["Blended", "Projections", "exact_area"]
+__all__ = ["Blended", "Projections", "exact_area", "is_folded"]
 
 Projections = Mapping[str, Callable[[Floats], Floats]]  # boundary name to the projection onto its curve
 
@@ -118,12 +118,20 @@ def fitted_series(start: Floats, end: Floats, offset: Floats, project: Callable[
 def exact_area(mesh: MeshTri, sides: Projections | None = None) -> Floats:
     """Return the areas of elements with arcs as sides, (nelements,)."""
     size, shape = area(mesh), Blended(mesh, sides)
-    rows, (barycentric, weight) = np.flatnonzero(shape.curved), triangle_rule(DEGREE)
-    element, share = np.repeat(rows, weight.size), np.tile(barycentric.T, rows.size)
-    hats = shape.hat_gradients(element, share)
-    determinant = 1.0 / np.abs(hats[0, 1] * hats[1, 2] - hats[1, 1] * hats[0, 2])
-    size[rows] = 0.5 * determinant.reshape(-1, weight.size) @ weight
+    size[shape.curved] = 0.5 * np.abs(determinants(shape)) @ triangle_rule(DEGREE)[1]
     return size
+
+
+def determinants(shape: Blended) -> Floats:
+    """Return Jacobian determinants of the curved elements at points, (k, q)."""
+    rows, (barycentric, weight) = np.flatnonzero(shape.curved), triangle_rule(DEGREE)
+    hats = shape.hat_gradients(np.repeat(rows, weight.size), np.tile(barycentric.T, rows.size))
+    return (1.0 / (hats[0, 1] * hats[1, 2] - hats[1, 1] * hats[0, 2])).reshape(-1, weight.size)
+
+
+def is_folded(mesh: MeshTri) -> bool:
+    found = np.sign(determinants(Blended(mesh)))
+    return bool(np.any(found != found[:, :1]))
 
 
 def _polynomial(series: Floats, t: Floats) -> tuple[Floats, Floats]:

@@ -27,6 +27,7 @@ __all__ = [
     "facet_midside_offsets",
     "is_second_order",
     "jacobian_coefficients",
+    "least_determinants",
     "midside_offsets",
     "nodes_of_elements",
     "refined",

@@ -13,13 +13,30 @@ from kohonen_adapt.checks import is_count, is_number
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.plane.pairs import image_nodes
 from kohonen_adapt.mesh.blended import Blended
-from kohonen_adapt.mesh.curved import AFTER, BEFORE, check_curved_sides, with_midside_offsets
+from kohonen_adapt.mesh.curved import AFTER, BEFORE, least_determinants, with_midside_offsets
 from kohonen_adapt.mesh.host import facets_opposite, set_boundaries
 from kohonen_adapt.mesh.joining import sides_of
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["refined_at"]
+__all__ = ["FoldedLayers", "refined_at"]
+
+
+class FoldedLayers(ValueError):
+    """Layers would invert elements at a curve.
+
+    Attributes
+    ----------
+    nodes
+        Corners of these elements in the mesh without layers.
+    """
+
+    def __init__(self, nodes: Ints) -> None:
+        self.nodes = nodes
+        super().__init__(
+            "layers at the nodes would invert elements at a curve, because its facets turn too far. Refine the mesh "
+            "along the curve first, or leave out the nodes at its ends."
+        )
 
 
 class Pieces(NamedTuple):
@@ -188,13 +205,9 @@ def mesh_of(pieces: Pieces, mesh: MeshTri, shape: Blended) -> MeshTri:
     offset = np.zeros((2, made.facets.shape[1]))
     offset[:, facet[e, k]] = midside - made.p[:, made.facets[:, facet[e, k]]].mean(axis=1)
     curved = with_midside_offsets(made, offset)
-    try:
-        check_curved_sides(curved)
-    except ValueError:
-        raise ValueError(
-            "layers at the nodes would invert elements at a curve, because its facets turn too far. Refine the mesh "
-            "along the curve first, or leave out the nodes at its ends."
-        ) from None
+    inverted = np.flatnonzero(~(least_determinants(curved) > 0.0))
+    if inverted.size:
+        raise FoldedLayers(np.unique(shape.t[:, pieces.parent[inverted]]))
     return curved
 
 

@@ -15,12 +15,12 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 __all__ = ["MIN_JACOBIAN", "offsets_on_curves"]
 
 
-def offsets_on_curves(triangulation: Triangulation, constraints: Constraints) -> Floats:
+def offsets_on_curves(triangulation: Triangulation, constraints: Constraints, least: float = MIN_JACOBIAN) -> Floats:
     """Return the midside offsets of all element sides, shape (m, 3, 2).
 
     The midside node of a curved boundary or interface has the mean parameter of the two ends. If an element would
-    keep less than `MIN_JACOBIAN` of its determinant somewhere, the offsets of its sides are reduced until the element
-    keeps as much.
+    keep less than the fraction `least` of its determinant somewhere, the offsets of its sides are reduced until the
+    element keeps as much.
     """
     elements = triangulation.elements
     offsets = np.zeros((*elements.node.shape, 2))
@@ -30,7 +30,7 @@ def offsets_on_curves(triangulation: Triangulation, constraints: Constraints) ->
     there, side = across(triangulation, e, k)
     offsets[there, side] = offsets[e, k][elements.neighbour[e, k] >= 0]
     rows = np.flatnonzero(curved.any(axis=1))
-    offsets[rows] *= limit_factors(triangulation, constraints, rows, offsets[rows])[:, :, None]
+    offsets[rows] *= limit_factors(triangulation, constraints, rows, offsets[rows], least)[:, :, None]
     return offsets
 
 
@@ -51,24 +51,26 @@ def offsets_from_chords(triangulation: Triangulation, constraints: Constraints, 
     return points_on(constraints, chain, middle - round_ * length) - 0.5 * (position[ends[0]] + position[ends[1]])
 
 
-def limit_factors(triangulation: Triangulation, constraints: Constraints, rows: Ints, offsets: Floats) -> Floats:
+def limit_factors(
+    triangulation: Triangulation, constraints: Constraints, rows: Ints, offsets: Floats, fraction: float
+) -> Floats:
     corners = triangulation.position[triangulation.elements.node[rows]]
     doubled = jacobian_coefficients(corners, np.zeros_like(offsets))[:, 0]
-    if not np.any(jacobian_coefficients(corners, offsets).min(axis=1) < MIN_JACOBIAN * doubled):
+    if not np.any(jacobian_coefficients(corners, offsets).min(axis=1) < fraction * doubled):
         return np.ones(offsets.shape[:2])
     side = np.unique(side_indices(triangulation, constraints, rows), return_inverse=True)[1].reshape(-1, 3)
     factor, limited = np.ones(side.max(initial=0) + 1), np.zeros(len(rows), dtype=bool)
-    enough = sufficient_factors(corners, offsets, doubled)
+    enough = sufficient_factors(corners, offsets, doubled, fraction)
     while True:
         least = jacobian_coefficients(corners, factor[side][:, :, None] * offsets).min(axis=1)
-        too_small = (least < MIN_JACOBIAN * doubled) & ~limited
+        too_small = (least < fraction * doubled) & ~limited
         if not too_small.any():
             return factor[side]
         limited |= too_small
         np.minimum.at(factor, side[too_small], np.repeat(enough[too_small, None], 3, axis=1))
 
 
-def sufficient_factors(corners: Floats, offsets: Floats, doubled: Floats) -> Floats:
+def sufficient_factors(corners: Floats, offsets: Floats, doubled: Floats, fraction: float) -> Floats:
     """Return factors (q,) of the offsets that keep the determinant large enough.
 
     With factors t of the sides, the Bernstein coefficients of the determinant are
@@ -82,7 +84,7 @@ def sufficient_factors(corners: Floats, offsets: Floats, doubled: Floats) -> Flo
     for j, k in ((0, 1), (1, 2), (2, 0)):
         both = jacobian_coefficients(corners, offsets * (sides[j] + sides[k])) - doubled[:, None]
         quadratic_sum += np.minimum(both - linear[j] - linear[k], 0.0)
-    available = (1.0 - MIN_JACOBIAN) * doubled[:, None]
+    available = (1.0 - fraction) * doubled[:, None]
     with np.errstate(divide="ignore"):
         found = 2.0 * available / (-linear_sum + np.sqrt(linear_sum**2 - 4.0 * quadratic_sum * available))
     return np.minimum(1.0, found.min(axis=1))

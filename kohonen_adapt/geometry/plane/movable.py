@@ -12,7 +12,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.geometry.movable import Movable, arrays_of
 from kohonen_adapt.geometry.plane.layers import set_levels
-from kohonen_adapt.geometry.plane.midsides import offsets_on_curves
+from kohonen_adapt.geometry.plane.midsides import MIN_JACOBIAN, offsets_on_curves
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.geometry.rules import Rules, check_for, floor_of
 from kohonen_adapt.kernels.arrays import KernelMesh
@@ -112,22 +112,23 @@ class MovableMesh(Movable):
         tri = self.triangulation
         return KernelMesh(tri.position, tri.elements, tri.star, self.constraints)
 
-    def mesh(self) -> MeshTri:
+    def mesh(self, least: float = MIN_JACOBIAN) -> MeshTri:
+        """Return the mesh, with elements that keep the fraction `least` of their determinants."""
         mesh = self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)
         if not self.curved:
             return mesh
         facet, offset = facets_opposite(mesh, self.triangulation.elements.node), np.zeros((2, mesh.facets.shape[1]))
-        offset[:, facet] = np.moveaxis(self.midside_offsets(), 2, 0)
+        offset[:, facet] = np.moveaxis(self.midside_offsets(least), 2, 0)
         return with_midside_offsets(mesh, offset)
 
     def start(self) -> MeshTri:
         return self.mesh() if self.curved else self.input_mesh
 
-    def midside_offsets(self) -> Floats:
+    def midside_offsets(self, least: float = MIN_JACOBIAN) -> Floats:
         """Return the midside offsets of all sides, (m, 3, 2), 0 unless `curved`."""
         if not self.curved:
             return np.zeros((*self.triangulation.elements.node.shape, 2))
-        return offsets_on_curves(self.triangulation, self.constraints)
+        return offsets_on_curves(self.triangulation, self.constraints, least)
 
     def copy(self) -> "MovableMesh":
         return replace(self, triangulation=self.triangulation.copy(), outline=self.outline.copy())
