@@ -42,14 +42,7 @@ OF_GOAL = 10.0  # tolerance of passes for goals, as a multiple of the tolerance 
 GAINS = {4: 8.0, 5: 17.0, 6: 34.0, 7: 60.0, 8: 100.0}
 SMOOTH = 2.0  # least gain of a raised order; below, the solution is not smooth and the passes go on alone
 SAFE = 0.8  # of the tolerance of passes before a higher order
-LEAST_JACOBIANS = (
-    0.003,
-    0.01,
-    0.03,
-    0.05,
-    0.07,
-    0.1,
-)  # of elements, relative to straight ones; the first unfolded counts
+LEAST_JACOBIANS = 0.003, 0.01, 0.03, 0.05, 0.07, 0.1  # of elements, relative to straight ones, in order of trial
 FLAT = 1e-6  # distance of a flattened side from its curve, relative to the mesh, from which a remark is made
 FINER = 0.7  # of the tolerance of the passes after a raised order that did not suffice, at most
 
@@ -173,8 +166,8 @@ def at_order(result: AdaptResult, problem: Problem, adaptation: Adaptation, stop
 
 
 def on_whole_curves(result: AdaptResult, movable: MovableMesh | MovableSolid) -> tuple[Mesh, str]:
-    # The polish needs elements that are far from folded, and flattens sides on curves for this. Higher orders need the
-    # curves, because their error is smaller than what is between curve and side.
+    # The polish needs elements that are far from folded, and flattens sides on curves for this. Higher orders have
+    # smaller errors than these sides.
     if not isinstance(movable, MovableMesh) or not movable.curved or result.best is not result.history[-1]:
         return result.mesh, ""
     mesh = next((mesh for mesh in map(movable.mesh, LEAST_JACOBIANS) if not is_folded(mesh)), result.mesh)
