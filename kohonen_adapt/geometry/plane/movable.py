@@ -113,7 +113,6 @@ class MovableMesh(Movable):
         return KernelMesh(tri.position, tri.elements, tri.star, self.constraints)
 
     def mesh(self, least: float = MIN_JACOBIAN) -> MeshTri:
-        """Return the mesh, with elements that keep the fraction `least` of their determinants."""
         mesh = self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)
         if not self.curved:
             return mesh
