@@ -24,6 +24,8 @@ from kohonen_adapt.mesh.curved import corners_of, is_second_order
 
 __all__ = ["Case"]
 
+TOLERANCES = ("rtol", "atol", "output_rtol", "goal_rtol")
+
 
 @dataclass(frozen=True)
 class Case:
@@ -132,11 +134,13 @@ class Case:
         return _with_rim(mesh, self.rim) if self.rim else mesh
 
     @property
+    def follows_tolerance(self) -> bool:
+        return bool(self.adapt.keys() & set(TOLERANCES)) and "target_nodes" not in self.adapt
+
+    @property
     def most_passes(self) -> int:
         """Maximum number of passes."""
-        tolerances = {"rtol", "atol", "output_rtol", "goal_rtol"}
-        follows = self.adapt.keys() & tolerances and "target_nodes" not in self.adapt
-        return self.adapt.get("passes", PASSES_TO_TOLERANCE if follows else PASSES)
+        return self.adapt.get("passes", PASSES_TO_TOLERANCE if self.follows_tolerance else PASSES)
 
     @property
     def labelled_outputs(self) -> dict[str, Quantity]:
@@ -198,8 +202,12 @@ class Case:
         dict
             Arguments by name.
         """
+        given = {**self.adapt, "pinned": self.pins(mesh)}
+        if isinstance(self.adapt.get("output_rtol"), dict):
+            labels = dict(zip(self.outputs, self.labelled_outputs, strict=True))
+            given["output_rtol"] = {labels[name]: value for name, value in self.adapt["output_rtol"].items()}
         if not isinstance(self.problem, Magnetostatics):
-            return {**self.adapt, "pinned": self.pins(mesh)}
+            return given
         curves = dict(self.adapt.get("curves") or {})
         taken = np.concatenate([[], *(np.asarray((mesh.boundaries or {}).get(name, [])) for name in curves)])
         bore_curves = dict[str, Arc | Line | Spline]()
@@ -211,7 +219,7 @@ class Case:
             facets = np.asarray(mesh.boundaries[name])
             if name not in paired and not np.isin(facets, taken).any():
                 curves[name], taken = curve, np.append(taken, facets)
-        return {**self.adapt, "pinned": self.pins(mesh)} | ({"curves": curves} if curves else {})
+        return given | ({"curves": curves} if curves else {})
 
 
 def _check_turn(mesh: Mesh, turn: dict[str, float]) -> None:

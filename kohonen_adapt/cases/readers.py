@@ -12,6 +12,7 @@ from kohonen_adapt.checks import nearest_name
 
 __all__ = [
     "NUMBER",
+    "ORDER",
     "POINT",
     "POINTS",
     "TEXT",
@@ -90,6 +91,7 @@ NUMBER = Kind(
     lambda given, location: float(given),
 )
 TEXT = Kind((str,), "text in quotes", bool)
+ORDER = Kind((int, str), 'a whole number from 1 to 8, or "auto"', lambda given: given in ("auto", *range(1, 9)))
 SCALARS = {bool: FLAG, int: INTEGER, float: NUMBER, str: TEXT}
 
 

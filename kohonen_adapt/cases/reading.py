@@ -15,6 +15,7 @@ from kohonen_adapt.cases.case import Case
 from kohonen_adapt.cases.potentials import POTENTIAL, TabulatedPotential
 from kohonen_adapt.cases.readers import (
     NUMBER,
+    ORDER,
     TEXT,
     VECTOR,
     Reader,
@@ -26,7 +27,7 @@ from kohonen_adapt.cases.readers import (
 )
 from kohonen_adapt.cases.tables import PAIRS, goal, material_in, quantity, schedule, shape
 from kohonen_adapt.cases.turning import turned_mesh
-from kohonen_adapt.checks import nearest_name
+from kohonen_adapt.checks import listed, nearest_name
 from kohonen_adapt.io import HEADER, MSH_VERSION, check_names_written
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
@@ -41,12 +42,12 @@ from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.names import named_sets
 
-__all__ = ["ADAPT", "PROBLEM", "case_of", "fitting_mesh", "read_case"]
+__all__ = ["ADAPT", "PROBLEM", "case_of", "fitting_mesh", "read_case", "with_options"]
 
 PROBLEM = kinds_of(
     Magnetostatics, {"potential": table_of(POTENTIAL), "periodic": PAIRS, "antiperiodic": PAIRS, "goal": goal}
 )
-PROBLEM["applied_field"] = VECTOR
+PROBLEM["applied_field"], PROBLEM["order"] = VECTOR, ORDER
 """Keys of a case that are arguments of `Magnetostatics`, besides ``materials``."""
 
 SPACE = kinds_of(MagneticScalarPotential, {"potential": table_of(POTENTIAL), "applied_field": VECTOR, "goal": goal})
@@ -59,13 +60,15 @@ del ADAPT["checkpoint"]
 LARGEST = 10**6  # bytes, because the parser is slow and needs much more memory than the file
 
 
-def read_case(path: Path) -> Case:
+def read_case(path: Path, options: Mapping[str, Any] | None = None) -> Case:
     """Read a case from a TOML file.
 
     Parameters
     ----------
     path
         The file; paths in it are relative to its folder.
+    options
+        Keys of ``adapt`` that replace those of the file.
 
     Returns
     -------
@@ -91,7 +94,12 @@ def read_case(path: Path) -> Case:
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: is not TOML: {error}. {_remedy(path)}") from None
     with locate_errors(path):
-        return replace(case_of(given, path.parent), file=path.name, text=text)
+        return replace(case_of(with_options(given, options or {}), path.parent), file=path.name, text=text)
+
+
+def with_options(given: Mapping[str, Any], options: Mapping[str, Any]) -> Mapping[str, Any]:
+    before = given.get("adapt", {})
+    return {**given, "adapt": {**before, **options}} if options and isinstance(before, Mapping) else given
 
 
 def _remedy(path: Path) -> str:
@@ -137,9 +145,21 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
         raise ValueError(f"{error}{_table_hint(error.key, readers)}") from None
     problem = _problem(values)
     options, outputs, turn = (values.get(key, {}) for key in ("adapt", "outputs", "turn"))
+    _check_outputs(options.get("output_rtol"), outputs, problem)
     return Case(
         folder / values["mesh"], values.get("scale", 1.0), problem, options, outputs, turn, values.get("rim", "")
     )
+
+
+def _check_outputs(output_rtol: Any, outputs: Mapping[str, Any], problem: Any) -> None:
+    for name in output_rtol if isinstance(output_rtol, Mapping) else ():
+        if name not in outputs:
+            raise ValueError(
+                f"adapt.output_rtol.{name}: the case has no such output; outputs are {listed(outputs)}."
+                f"{nearest_name(name, outputs)}"
+            )
+    if problem.goal is not None and "goal" in outputs:
+        raise ValueError("outputs.goal: the goal of the case is shown under this name; rename the output.")
 
 
 def _problem(values: Mapping[str, Any]) -> Magnetostatics | MagneticScalarPotential:
@@ -219,8 +239,8 @@ def fitting_mesh(case: Case) -> MeshTri:
     if case.goal is not None:
         if case.adapt.get("rtol") is not None:
             raise ValueError(
-                "adapt.rtol is relative to the energy norm, which does not measure a goal; leave it out, or give "
-                "goal_rtol, atol (the square root of the allowed error) or output_rtol."
+                "adapt.rtol is relative to the energy norm, which does not measure a goal; give goal_rtol, the allowed "
+                "error of the goal as a fraction of its value, instead."
             )
         with locate_errors("goal"):
             case.goal.derivative(blank)
@@ -228,7 +248,7 @@ def fitting_mesh(case: Case) -> MeshTri:
         with locate_errors(f"outputs.{name}"):
             each(blank)
     with locate_errors("adapt"), suppress(_ChecksDone):
-        adapt(mesh, _CheckOnly(case.problem), outputs=case.outputs, **case.options(mesh))
+        adapt(mesh, _CheckOnly(case.problem), outputs=case.labelled_outputs, **case.options(mesh))
     return mesh
 
 

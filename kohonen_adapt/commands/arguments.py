@@ -12,7 +12,14 @@ from kohonen_adapt.cases.tables import surface
 from kohonen_adapt.geometry.rules import TOPOLOGIES, LeastQuality, Rules
 from kohonen_adapt.geometry.space.surfaces import Surface
 
-__all__ = ["command_parser", "writable_folder"]
+__all__ = ["command_parser", "options_of", "options_text", "refuse_link", "writable_folder"]
+
+TOLERANCES = {
+    "rtol": "the estimated error, as a fraction of the energy norm",
+    "output_rtol": "the estimated error of every output, as a fraction of its value",
+    "goal_rtol": "the estimated error of the goal, as a fraction of its value",
+}
+"""Options of `run` and `sweep` that replace keys of ``adapt`` in the case, with what a tolerance limits."""
 
 EPILOG = "Help on a command: kohonen-adapt COMMAND --help. To begin: kohonen-adapt init MESH."
 MESHES = "mesh file (.msh, .msh2, .vtu, .vtk, .inp, .mesh, .su2, .med, .xdmf, .ans) or folder of Elmer"
@@ -160,6 +167,7 @@ def _add_run(commands: Any) -> None:
     )
     run.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries and options")
     _add_folder_or_resume(run, "folder of an interrupted run, to continue after its last finished pass")
+    _add_tolerances(run)
     run.add_argument("--force", action="store_true", help="overwrite the result of a run in the folder")
     run.add_argument("--dry-run", action="store_true", help="check the case and its mesh without solving or writing")
     run.add_argument("--quiet", action="store_true", help="print warnings and errors only")
@@ -182,11 +190,43 @@ def _add_sweep(commands: Any) -> None:
         required=True,
         help="key of the case, such as materials.coil.current_density, and COUNT evenly spaced values; may be repeated",
     )
+    _add_tolerances(sweep)
     who = sweep.add_mutually_exclusive_group()
     who.add_argument("--jobs", metavar="N", type=int, help="number of processes (default: one per core)")
     who.add_argument("--scheduler", metavar="ADDRESS", help="address of a Dask cluster for the computation")
     _add_folder_or_resume(sweep, "folder of an interrupted sweep, to compute the rest")
     sweep.add_argument("--quiet", action="store_true", help="print warnings and errors only")
+
+
+def _add_tolerances(command: argparse.ArgumentParser) -> None:
+    for key, limited in TOLERANCES.items():
+        text = f"adapt until {limited}, is at most T; replaces {key} of the case"
+        command.add_argument(_option(key), metavar="T", type=tolerance, help=text)
+    text = "largest number of nodes that a tolerance leads to; replaces max_nodes of the case"
+    command.add_argument("--max-nodes", metavar="N", type=int, help=text)
+
+
+def _option(key: str) -> str:
+    return f"--{key.replace('_', '-')}"
+
+
+def options_of(arguments: argparse.Namespace) -> dict[str, Any]:
+    given = {key: getattr(arguments, key) for key in (*TOLERANCES, "max_nodes")}
+    return {key: value for key, value in given.items() if value is not None}
+
+
+def options_text(options: Mapping[str, Any]) -> list[str]:
+    return [f"{_option(key)}={value}" for key, value in options.items()]
+
+
+def tolerance(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value <= 1.0:
+        raise argparse.ArgumentTypeError(f"expected a fraction from 0 to 1, such as 1e-3 for 0.1 %; got {text!r}")
+    return value
 
 
 def least_quality(text: str) -> LeastQuality:

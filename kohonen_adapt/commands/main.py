@@ -16,10 +16,11 @@ from kohonen_adapt import __doc__ as description
 from kohonen_adapt.cases.readers import locate_errors
 from kohonen_adapt.cases.reading import fitting_mesh, read_case
 from kohonen_adapt.cases.template import case_text
-from kohonen_adapt.commands.arguments import command_parser, writable_folder
+from kohonen_adapt.commands.arguments import command_parser, options_of, options_text, writable_folder
 from kohonen_adapt.commands.check import described, faults, held_described, moving, points_described
 from kohonen_adapt.commands.doubts import case_doubts, unit_doubts
 from kohonen_adapt.commands.pictures import write_overview, write_pictures
+from kohonen_adapt.commands.plan import plan_sentence
 from kohonen_adapt.commands.relocate import relocate_file
 from kohonen_adapt.commands.run import CaseRun, curve_sentence, results_of, write_fields
 from kohonen_adapt.commands.sweep import sweep_case
@@ -107,7 +108,8 @@ def _demo(arguments: argparse.Namespace, terminal: Terminal) -> int:
 
 
 def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
-    case = read_case(arguments.case)
+    options = options_of(arguments)
+    case = read_case(arguments.case, options)
     if arguments.out is None and arguments.resume is None and not arguments.dry_run:
         raise ValueError("run expected --out DIR (folder for the results), --resume DIR or --dry-run.")
     terminal.show("read")
@@ -118,20 +120,22 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     if arguments.dry_run:
         found = f"{counted(len(terminal.warnings), 'warning')}, see above" if terminal.warnings else "no faults found"
         terminal.say(f"{arguments.case}: {found}; '{case.mesh}' has {mesh.nvertices} nodes.")
+        terminal.say(plan_sentence(case, mesh))
         return DONE
     folder = writable_folder(arguments.out) if arguments.resume is None else arguments.resume
     passes = _Passes(terminal, case.most_passes)
     run = CaseRun(case, mesh, folder, progress=passes.show, report=passes.report)
     if finished := run.begin(resume=arguments.resume is not None, force=arguments.force):
         terminal.say(f"Continuing after pass {finished - 1}, the last finished pass in {folder}.")
-    command = shlex.join(["kohonen-adapt", "run", str(arguments.case), "--resume", str(folder)])
-    terminal.say(f"The best pass so far is always in {folder}. To continue after an interruption: {command}")
+    resume = ["kohonen-adapt", "run", str(arguments.case), *options_text(options), "--resume", str(folder)]
+    terminal.say(f"The best pass so far is always in {folder}. To continue after an interruption: {shlex.join(resume)}")
+    terminal.say(plan_sentence(case, mesh))
     result = run.result()
     terminal.say(result)
     # a resumed run has only the meshes
     before = passes.before or adapt(mesh, at_order_of_passes(case.problem), passes=0)
-    pictures = drawn(terminal, folder, lambda: write_pictures(case, before, result, folder))
-    terminal.say(f"Files in {folder}: {', '.join([*results_of(case), *(pictures or [])])}.")
+    pictures = drawn(terminal, folder, lambda: write_pictures(case, before, result, folder, options_text(options)))
+    terminal.say(f"Files in {folder}: {', '.join([*results_of(result), *(pictures or [])])}.")
     for sentence in (goal_sentence(result.best), curve_sentence(case, result)):
         if sentence:
             terminal.say(sentence)
@@ -159,7 +163,12 @@ class _Passes:
         error = energy_norm_error(step)
         share = "" if error is None else f" ({error:.2f} %)"
         self.known = f"{step.mesh.nvertices} nodes, {estimate_word([step])} {step.estimate_text}{share}"
-        self.terminal.say(f"pass {step.number}: {self.known}, {sum(step.seconds.values()):.2f} s")
+        errors = "".join(
+            f", error of {name} {100.0 * abs(error / step.outputs[name]):.2g} %"
+            for name, error in step.output_errors.items()
+            if step.outputs[name]
+        )
+        self.terminal.say(f"pass {step.number}: {self.known}{errors}, {sum(step.seconds.values()):.2f} s")
 
 
 def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:

@@ -4,7 +4,7 @@ An OSError names the file that could not be written. A ModuleNotFoundError is ra
 """
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.cases.case import Case
+from kohonen_adapt.commands.plan import allowed_errors
 from kohonen_adapt.display import lattice
 from kohonen_adapt.files import save_figure
 from kohonen_adapt.geometry.rules import Rules
@@ -49,12 +50,14 @@ BY_CORNERS = 3  # highest order shown by its values at corners in the view of a 
 MILLIMETRES = 1.0  # m: smaller meshes are drawn in millimetres
 
 
-def write_pictures(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
+def write_pictures(
+    case: Case, before: AdaptResult, after: AdaptResult, folder: Path, options: Sequence[str] = ()
+) -> list[str]:
     """Draw the pictures, write the report and return the names of the files.
 
-    Without matplotlib a report without pictures is written before the error.
+    Without matplotlib a report without pictures is written before the error. `options` are those of the command.
     """
-    command = shlex.join(["kohonen-adapt", "run", case.file or "CASE.toml", "--out", folder.name or "."])
+    command = shlex.join(["kohonen-adapt", "run", case.file or "CASE.toml", *options, "--out", folder.name or "."])
     try:
         names = _draw(case, before, after, folder)
     except ModuleNotFoundError:
@@ -167,8 +170,8 @@ def _why_held(case: Case, before: AdaptResult, result: AdaptResult) -> NDArray[n
 def _asked(case: Case, before: AdaptResult) -> str:
     options, problem = case.adapt, case.problem
     target = f" and grow it to {options['target_nodes']} nodes" if "target_nodes" in options else ""
-    limits = [f"{key} = {options[key]:g}" for key in ("rtol", "atol", "output_rtol", "goal_rtol") if key in options]
-    until = f", until {' or '.join(limits)}" if limits else ""
+    allowed = allowed_errors(case)
+    until = f", until {allowed}" if allowed else ""
     passes = case.most_passes
     outputs = f" Outputs: {', '.join(case.labelled_outputs)}." if case.outputs else ""
     by = f"by the {problem.estimator}" if case.goal is None else f"for the goal {case.goal}, by the dual-weighted"

@@ -126,7 +126,7 @@ class CaseRun:
             return
         with whole_files(self.folder) as draft:
             write_fields(self.case, result, draft / MESH, draft / FIELDS)
-            if self.case.problem.order > 1:
+            if result.solution.elements.order > 1:
                 _write_inside(result.solution, draft / INSIDE)
             _write_history(result.history, draft)
         self._written = result.mesh
@@ -156,8 +156,8 @@ def curve_sentence(case: Case, result: AdaptResult) -> str:
     return f"Largest distance of curves from {sides}: {now:.3g}, before {before:.3g}, in the unit of {case.mesh.name}."
 
 
-def results_of(case: Case) -> list[str]:
-    return [MESH, FIELDS, *([INSIDE] if case.problem.order > 1 else []), HISTORY]
+def results_of(result: AdaptResult) -> list[str]:
+    return [MESH, FIELDS, *([INSIDE] if result.solution.elements.order > 1 else []), HISTORY]
 
 
 def _write_inside(field: Any, path: Path) -> None:
@@ -177,6 +177,7 @@ def _write_history(history: tuple[Pass, ...], folder: Path) -> None:
         shape = {"pass": figures.pop("number"), "nodes": step.mesh.nvertices, "elements": step.mesh.t.shape[1]}
         rows.append(shape | figures)
     with whole_file(folder / HISTORY) as draft, draft.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]))
+        titles = list(dict.fromkeys(title for row in rows for title in row))  # errors may be unknown in the first row
+        writer = csv.DictWriter(stream, titles)
         writer.writeheader()
         writer.writerows(rows)

@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from hashlib import blake2b
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,8 @@ import numpy as np
 
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.cases.readers import locate_errors
-from kohonen_adapt.cases.reading import case_of, fitting_mesh, read_case
-from kohonen_adapt.commands.arguments import refuse_link, writable_folder
+from kohonen_adapt.cases.reading import case_of, fitting_mesh, read_case, with_options
+from kohonen_adapt.commands.arguments import options_of, options_text, refuse_link, writable_folder
 from kohonen_adapt.commands.terminal import Terminal, drawn
 from kohonen_adapt.files import remove_drafts, save_figure
 from kohonen_adapt.loop.adapt import adapt
@@ -29,6 +29,7 @@ from kohonen_adapt.sweeps.sweep import sweep
 __all__ = ["sweep_case"]
 
 TABLE, PICTURE = "sweep.csv", "sweep.png"
+ERROR = "error of "  # before the names of outputs
 CASES = "cases"  # subfolder of the finished cases
 
 OVER = re.compile(r"(.+)=([^=:]+):([^=:]+):([^=:]+)")
@@ -46,20 +47,23 @@ class CaseOutputs:
         Text of the case.
     mesh
         Digest of its mesh file, because a sweep of another mesh is another sweep.
+    options
+        Keys of ``adapt`` that replace those of the case.
     """
 
     file: Path
     text: str
     mesh: str
+    options: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, path: Path) -> "CaseOutputs":
-        case = read_case(path)
+    def of(cls, path: Path, options: dict[str, Any] | None = None) -> "CaseOutputs":
+        case = read_case(path, options)
         if not case.outputs:
             raise ValueError(f"{path}: sweep expected [outputs], the quantities to tabulate; the case has none.")
         files = [case.mesh, *sorted(case.mesh.glob("mesh.*"))]  # several in a folder of Elmer
         content = b"".join(file.read_bytes() for file in files if file.is_file())
-        return cls(path.resolve(), case.text, blake2b(content, digest_size=16).hexdigest())
+        return cls(path.resolve(), case.text, blake2b(content, digest_size=16).hexdigest(), options or {})
 
     def __call__(self, **values: float) -> dict[str, float]:
         case = self.case(values)
@@ -67,10 +71,11 @@ class CaseOutputs:
         result = adapt(mesh, case.problem, outputs=case.labelled_outputs, **case.options(mesh))
         if result.error:
             raise result.error
-        return result.best.outputs
+        best = result.best
+        return best.outputs | {f"{ERROR}{name}": error for name, error in best.output_errors.items()}
 
     def case(self, values: Mapping[str, float]) -> Case:
-        given = tomllib.loads(self.text)
+        given = with_options(tomllib.loads(self.text), self.options)
         for name, value in values.items():
             given = _changed(given, _path(name), value)
         return case_of(given, self.file.parent)
@@ -79,12 +84,14 @@ class CaseOutputs:
 def sweep_case(arguments: argparse.Namespace, terminal: Terminal) -> int:
     if arguments.out is None and arguments.resume is None:
         raise ValueError("sweep expected --out DIR (folder for the results) or --resume DIR.")
-    outputs, grid = CaseOutputs.of(arguments.case), dict(map(_values, arguments.over))
+    options = options_of(arguments)
+    outputs, grid = CaseOutputs.of(arguments.case, options), dict(map(_values, arguments.over))
     terminal.show("read")
     with locate_errors(arguments.case):
         fitting_mesh(outputs.case({name: values[0] for name, values in grid.items()}))
     folder = _begun(arguments)
-    command = ["kohonen-adapt", "sweep", str(arguments.case), *(f"--over={each}" for each in arguments.over)]
+    over = [f"--over={each}" for each in arguments.over]
+    command = ["kohonen-adapt", "sweep", str(arguments.case), *over, *options_text(options)]
     terminal.say(f"To continue after an interruption: {shlex.join([*command, '--resume', str(folder)])}")
 
     def show_progress(done: int, count: int) -> None:
@@ -105,9 +112,10 @@ def sweep_case(arguments: argparse.Namespace, terminal: Terminal) -> int:
 def _draw(result: SweepResult, folder: Path) -> list[str]:
     from kohonen_adapt.plotting import sweep_figure  # needs matplotlib
 
-    if not result.outputs:
+    drawn_outputs = tuple(name for name in result.outputs if not name.startswith(ERROR))
+    if not drawn_outputs:
         return []
-    save_figure(folder / PICTURE, sweep_figure(result))
+    save_figure(folder / PICTURE, sweep_figure(replace(result, outputs=drawn_outputs)))
     return [PICTURE]
 
 

@@ -206,7 +206,7 @@ def adapt(
     tolerance, steps = Tolerance(rtol, atol, output_rtol, goal_rtol), Steps(progress)
     stop = stop_test(mesh, passes, tolerance, target_nodes, callback, max_nodes)
     check_problem(problem, rtol)
-    check_goal(problem, goal_rtol)
+    check_goal(problem, goal_rtol, outputs)
     orders = final_orders(problem, stop.max_nodes is not None)
     of_passes, grading = at_order_of_passes(problem) if orders else problem, GradingTolerance(stop, orders)
     stop_of_passes = replace(stop, of_passes=grading) if orders else stop
@@ -254,11 +254,13 @@ def stop_test(
     return StopTest(most_passes, tolerance, callback, (max_nodes or MAX_NODES) if follows else None)
 
 
-def check_goal(problem: Problem, goal_rtol: float | None) -> None:
+def check_goal(problem: Problem, goal_rtol: float | None, outputs: Mapping[str, Output] | None) -> None:
     if goal_rtol is not None and not has_goal(problem):
         raise ValueError(
             "goal_rtol requires a problem with a goal and its goal_error; use rtol or output_rtol instead."
         )
+    if "goal" in (outputs or {}) and has_goal(problem):
+        raise ValueError("outputs must not have the name 'goal' beside a goal of the problem; rename the output.")
 
 
 def expect_kernels(method: Method, problem: Problem, settings: Settings) -> None:

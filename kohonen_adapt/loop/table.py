@@ -14,6 +14,7 @@ from kohonen_adapt.loop.passes import Pass
 __all__ = [
     "DASH",
     "GOAL_DIGITS",
+    "OUTPUT_DIGITS",
     "Columns",
     "change_of_output",
     "changes_sign",
@@ -35,6 +36,7 @@ GAP = "  "
 DASH = "-"
 SIGN_CHANGE = "sign"
 GOAL_DIGITS = (8, 2, 8, 4)  # of the value, its error, their sum and the estimate
+OUTPUT_DIGITS = 5  # of outputs of unknown error
 GOAL_FIELDS = ("goal", "goal_error", "goal_unit")  # replaced by `goal_figures`
 
 Columns = list[tuple[str, list[str]]]
@@ -42,14 +44,21 @@ Columns = list[tuple[str, list[str]]]
 
 def pass_figures(step: Pass) -> dict[str, Any]:
     figures: dict[str, Any] = {}
-    for name in (entry.name for entry in fields(step) if entry.name not in GOAL_FIELDS):
+    for name in (entry.name for entry in fields(step) if entry.name not in (*GOAL_FIELDS, "output_errors")):
         value = getattr(step, name)
         if isinstance(value, dict):
             singular = name.removesuffix("s") if name == "outputs" else name
             figures |= {f"{singular} {key}": number for key, number in value.items()}
         elif value is None or isinstance(value, int | float | str):
             figures[name] = value
-    return figures | goal_figures(step)
+    return figures | output_error_figures(step) | goal_figures(step)
+
+
+def output_error_figures(step: Pass) -> dict[str, float]:
+    figures = dict[str, float]()
+    for name, error in step.output_errors.items():
+        figures |= {f"error of output {name}": error, f"corrected output {name}": step.outputs[name] + error}
+    return figures
 
 
 def goal_figures(step: Pass) -> dict[str, float | None]:
@@ -175,13 +184,23 @@ def _rounded(title: str, digits: int, rows: Sequence[dict[str, float | None]]) -
 
 
 def _output_columns(history: tuple[Pass, ...]) -> list[Columns]:
+    return [_columns_of_output(name, history) for name in history[0].outputs]
+
+
+def _columns_of_output(name: str, history: tuple[Pass, ...]) -> Columns:
+    values, errors = [step.outputs[name] for step in history], [step.output_errors.get(name) for step in history]
+    changes = ("Delta %", [DASH, *map(_output_change, values, values[1:])])
+    if all(error is None for error in errors):
+        return [(name, [significant(value, OUTPUT_DIGITS) for value in values]), changes]
+    digits, of_error, of_sum, _ = GOAL_DIGITS
+    pairs = list(zip(values, errors, strict=True))
+    relative = [None if error is None or not value else 100.0 * error / abs(value) for value, error in pairs]
+    corrected = [None if error is None else value + error for value, error in pairs]
     return [
-        [
-            (name, [significant(value, 5) for value in values]),
-            ("Delta %", [DASH, *map(_output_change, values, values[1:])]),
-        ]
-        for name in history[0].outputs
-        for values in [[step.outputs[name] for step in history]]
+        (name, [significant(value, digits) for value in values]),
+        changes,
+        ("error %", [DASH if error is None else significant(error, of_error) for error in relative]),
+        ("corrected", [DASH if value is None else significant(value, of_sum) for value in corrected]),
     ]
 
 

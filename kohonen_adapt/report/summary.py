@@ -10,6 +10,7 @@ from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.table import (
     GOAL_DIGITS,
+    OUTPUT_DIGITS,
     change_of_output,
     changes_sign,
     energy_error,
@@ -28,6 +29,7 @@ ENDINGS = {
     Status.STALLED: "no further improvement",
     Status.NOT_MOVED: "no node could move",
     Status.STOPPED: "stopped early",
+    Status.MAX_NODES: "maximum number of nodes",
     Status.FAILED: "error in a pass",
 }
 
@@ -48,7 +50,7 @@ def key_figures(result: AdaptResult) -> list[tuple[str, str]]:
         *energy,
         ("nodes", _from_to(*(step.mesh.nvertices for step in (first, last)))),
         ("worst quality", f"{last.min_quality:.2f}"),
-        *((name, significant(value, 5)) for name, value in last.outputs.items()),
+        *(figure for name in last.outputs for figure in _figures_of_output(name, last)),
         ("ending", ENDINGS[result.status]),
     ]
 
@@ -62,9 +64,21 @@ def _of_goal(step: Pass) -> list[tuple[str, str]]:
     ]
 
 
+def _figures_of_output(name: str, step: Pass) -> list[tuple[str, str]]:
+    value, error = step.outputs[name], step.output_errors.get(name)
+    if error is None:
+        return [(name, significant(value, OUTPUT_DIGITS))]
+    digits, of_error, of_sum, _ = GOAL_DIGITS
+    return [
+        (name, significant(value, digits)),
+        (f"error of {name}", significant(error, of_error)),
+        (f"corrected {name}", significant(value + error, of_sum)),
+    ]
+
+
 def sentences(result: AdaptResult) -> list[str]:
     first, last = result.history[0], result.best
-    relocations = len(result.history) - 1
+    relocations = sum(step.order == first.order for step in result.history[1:])  # not for a higher order at the end
     text = [
         f"{counted(relocations, 'relocation')} {'was' if relocations == 1 else 'were'} made. {result.message}",
         f"The error estimate went from {_error(first, last)} to {_error(last, first)}"
@@ -96,13 +110,23 @@ def _from_to(first: int, last: int) -> str:
 def _of_output(name: str, first: Pass, last: Pass) -> str:
     before, after = first.outputs[name], last.outputs[name]
     if last is first:
-        return f"{name} is {after:.5g}."
+        return f"{name} is {after:.5g}.{_error_of_output(name, last)}"
     change, text = change_of_output(before, after), ""
     if changes_sign(before, after):
         text = ", so it changed its sign"
     elif change is not None:
         text = f", by {change:+.3g}\u00a0%{' in magnitude' if before < 0.0 else ''}"
-    return f"{name} went from {before:.5g} to {after:.5g}{text}."
+    return f"{name} went from {before:.5g} to {after:.5g}{text}.{_error_of_output(name, last)}"
+
+
+def _error_of_output(name: str, step: Pass) -> str:
+    value, error = step.outputs[name], step.output_errors.get(name)
+    if error is None:
+        return ""
+    _, of_error, of_sum, _ = GOAL_DIGITS
+    percent = f" ({100.0 * abs(error / value):.2g}\u00a0%)" if value else ""
+    corrected = significant(value + error, of_sum)
+    return f" Its estimated error is {significant(error, of_error)}{percent}: the exact value is near {corrected}."
 
 
 def versions() -> dict[str, str]:

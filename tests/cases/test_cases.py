@@ -235,10 +235,8 @@ def wrong(old, new, *said):
         wrong("scale = 1e-3", "scale = 1" + 400 * "0", "scale must be a finite number; got 1000"),
         wrong("scale = 1e-3", "scal = 1e-3", "'scal' is not a key of a case. Did you mean 'scale'? Known: mesh, scale"),
         wrong("scale = 1e-3", "axisymmetric = 1", "axisymmetric must be true or false; got 1."),
-        wrong(
-            "scale = 1e-3", "order = 9", "order of the elements must be a whole number from 1 to 8, or 'auto'; got 9."
-        ),
-        wrong("scale = 1e-3", "order = true", "order must be an integer up to 2147483647; got True."),
+        wrong("scale = 1e-3", "order = 9", 'order must be a whole number from 1 to 8, or "auto"; got 9.'),
+        wrong("scale = 1e-3", "order = true", 'order must be a whole number from 1 to 8, or "auto"; got True.'),
         wrong(
             "scale = 1e-3",
             'estimator = "residul"',

@@ -341,7 +341,7 @@ def test_resume_says_where_it_goes_on(case, tmp_path, capsys):
     assert cli.main(["run", str(case), "--resume", str(tmp_path / "out")]) == 0
     said = capsys.readouterr().out.splitlines()
     assert said[0] == f"Continuing after pass 2, the last finished pass in {tmp_path / 'out'}."
-    assert said[2].startswith("pass 3: 81 nodes")
+    assert said[3].startswith("pass 3: 81 nodes")
     assert [row["pass"] for row in history(tmp_path / "out")] == ["0", "1", "2", "3"]
 
 

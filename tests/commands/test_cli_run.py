@@ -289,8 +289,9 @@ def test_the_report_says_what_was_asked_for(case, tmp_path, monkeypatch):
     assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert (
-        "and grow it to 900 nodes in at most 1 pass, until rtol = 0.5 or output_rtol = 0.1, by the residual estimate "
-        "of the magnetic field in iron, magnet, air. Outputs: stored (J/m)." in report
+        "and grow it to 900 nodes in at most 1 pass, until the estimated error is at most 50 % of the energy norm and "
+        "that of every output is at most 10 %, by the residual estimate of the magnetic field in iron, magnet, air. "
+        "Outputs: stored (J/m)." in report
     )
     assert "<h3>Seed</h3>\n<pre>7</pre>" in report
 

@@ -204,3 +204,16 @@ def test_small_errors_have_two_digits():
     assert [line.split()[4] for line in str(result).splitlines()[1:3]] == ["40.00", "0.02"]
     smaller = str(plain(adapt(MESH, Script([4.0, 0.00012345]), passes=1, topology="flip"))).splitlines()
     assert [line.split()[4] for line in smaller[1:3]] == ["40.0000", "0.0012"]
+
+
+def test_outputs_of_known_error_have_their_errors_and_corrected_values():
+    outputs = {"force": script_of(2.0, 4.0), "zero": script_of(0.0, 0.0)}
+    before, after = adapt(MESH, Script([4.0, 2.0]), passes=1, outputs=outputs).history
+    known = replace(after, output_errors={"force": -0.01, "zero": 0.5})
+    force, zero = table_columns((before, known))[-3:-1]
+    assert force[0] == ("force", ["2.0000000", "4.0000000"])
+    assert force[2:] == [("error %", ["-", "-0.25"]), ("corrected", ["-", "3.9900000"])]
+    assert zero[2:] == [("error %", ["-", "-"]), ("corrected", ["-", "0.50000000"])]
+    figures = pass_figures(known)
+    assert (figures["error of output force"], figures["corrected output force"]) == (-0.01, 3.99)
+    assert "corrected output force" not in pass_figures(before)

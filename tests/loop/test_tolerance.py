@@ -99,6 +99,14 @@ def test_the_error_of_a_goal_is_told():
     assert "goal -129." in result.message and "(asked 0.01 %)" in result.message
 
 
+def test_an_output_beside_a_goal_has_another_name():
+    mesh, problem = two_magnets(1)
+    problem = Magnetostatics(problem.materials, problem.potential, goal=Force("a", (1, 0)))
+    with pytest.raises(ValueError, match="outputs must not have the name 'goal' beside a goal of the problem"):
+        ka.adapt(mesh, problem, outputs={"goal": problem.goal}, passes=0)
+    assert "goal" in ka.adapt(mesh, problem, outputs={"force": problem.goal}, passes=0).outputs
+
+
 @given(st.integers(1, 4), st.floats(0.01, 1.0), st.floats(1.0, 20.0))
 def test_the_prediction_is_exact_for_equal_indicators(order, tolerance, excess):
     """Equal indicators of a graded mesh of N nodes fall like N^(-p / d)."""
