@@ -11,6 +11,7 @@ from kohonen_adapt.loop.passes import Pass
 __all__ = ["Tolerance", "percent"]
 
 CHANCE = 0.05  # least error of a goal, relative to the sum of the magnitudes of its parts: less is chance
+GRADED = 3  # passes after which the errors of a goal are less than its value, unless that is zero
 UNKNOWN = 0.5  # factor of the estimate for outputs of unknown error, which makes at least twice the unknowns
 
 
@@ -28,6 +29,12 @@ class Tolerance:
 
     def __bool__(self) -> bool:
         return any(each is not None for each in (self.rtol, self.atol, self.output_rtol, self.goal_rtol))
+
+    def goal_vanishes(self, last: Pass) -> bool:
+        """Return True if the value of the goal is no more than error after some passes."""
+        if self.goal_rtol is None or last.goal is None or last.number < GRADED:
+            return False
+        return abs(last.goal) < last.estimate**2
 
     def knows_errors(self, last: Pass) -> bool:
         return self.output_rtol is None or self._output_tolerances(last).keys() <= last.output_errors.keys()

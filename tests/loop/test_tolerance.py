@@ -107,6 +107,13 @@ def test_an_output_beside_a_goal_has_another_name():
     assert "goal" in ka.adapt(mesh, problem, outputs={"force": problem.goal}, passes=0).outputs
 
 
+def test_a_goal_that_is_zero_by_symmetry_asks_for_atol():
+    problem = magnet(goal=Force("magnet", (1, 0)), order=1)
+    result = ka.adapt(rectangle_mesh(1), problem, goal_rtol=1e-3)
+    assert result.status is ka.Status.STALLED
+    assert "Give atol instead, the root of the allowed error." in result.message
+
+
 @given(st.integers(1, 4), st.floats(0.01, 1.0), st.floats(1.0, 20.0))
 def test_the_prediction_is_exact_for_equal_indicators(order, tolerance, excess):
     """Equal indicators of a graded mesh of N nodes fall like N^(-p / d)."""
