@@ -73,7 +73,7 @@ ka.adapt(mesh, Own(), passes=1)
 
 WRONG = {
     "ka.relocate(mesh, density, min_quality='good')": """expected "float | Literal['auto']\"""",
-    "ka.adapt(mesh, problem, passes=1.5)": '"float"; expected "int"',
+    "ka.adapt(mesh, problem, passes=1.5)": '"float"; expected "int | None"',
     "ka.adapt(mesh, object())": 'expected "Problem"',
     "Material(permeability='iron')": '"str"; expected "float"',
     "ka.Stage('wide', 3, 0.3)": '"str"; expected "int"',
