@@ -246,6 +246,8 @@ def stop_test(
 ) -> StopTest:
     """Return the stop test, with `max_nodes` if nodes follow the tolerance."""
     follows = bool(tolerance) and target_nodes is None
+    if follows and not any((tolerance.rtol, tolerance.atol, tolerance.output_rtol, tolerance.goal_rtol)):
+        raise ValueError("a tolerance of 0 is never met; give one above 0, for instance rtol=1e-3, or target_nodes.")
     if max_nodes is not None and not follows:
         raise ValueError("max_nodes needs a tolerance (rtol or atol) and no target_nodes, which fixes the number.")
     if max_nodes is not None and (not is_count(max_nodes) or max_nodes < mesh.nvertices):

@@ -424,8 +424,10 @@ def test_a_tolerance_that_is_missed():
     )
 
 
-def test_a_tolerance_of_zero_is_a_tolerance():
-    assert adapt(MESH, Script([4.0, 3.0]), passes=1, atol=0.0).status is Status.MAX_PASSES
+def test_a_tolerance_of_zero_is_never_met():
+    assert adapt(MESH, Script([4.0, 3.0]), passes=1, atol=0.0, target_nodes=25).status is Status.MAX_PASSES
+    with pytest.raises(ValueError, match="a tolerance of 0 is never met; give one above 0"):
+        adapt(MESH, Script([4.0, 3.0]), passes=1, atol=0.0)
 
 
 @pytest.mark.parametrize("number", [0, 1])
@@ -686,7 +688,7 @@ def test_without_outputs_a_pass_carries_none():
     ("values", "tolerance", "number", "told"),
     [
         ([1.0, 1.1, 1.1054], 0.005, 2, "force 1.1054, estimated error 0.4885 % (asked 0.5 %)"),
-        ([-2.0, -2.0], 0.0, 1, "force -2, estimated error 0 % (asked 0 %)"),
+        ([-2.0, -2.0], 0.001, 1, "force -2, estimated error 0 % (asked 0.1 %)"),
         ([1.0, 2.0, 1.6], 0.25, 2, "force 1.6, estimated error 25 % (asked 25 %)"),
         ([0.0, 0.0], 0.01, 1, "force 0, estimated error 0 (asked 1 %)"),
     ],
