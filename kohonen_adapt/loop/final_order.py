@@ -47,6 +47,10 @@ FLAT = 1e-6  # distance of a flattened side from its curve, relative to the mesh
 FINER = 0.7  # of the tolerance of the passes after a raised order that did not suffice, at most
 
 
+def gain_of(order: int) -> float:
+    return GAINS[min(order, max(GAINS))]
+
+
 @dataclass
 class GradingTolerance:
     """Tolerance of the passes at order 2, lowered if higher orders do not suffice.
@@ -72,7 +76,7 @@ class GradingTolerance:
         if last.energy_norm is None:
             return max(1.0, OF_GOAL if self.relative is None else self.relative) * tolerance
         graded = (GRADED if self.relative is None else self.relative) * last.energy_norm
-        return tolerance if tolerance > DIRECT * graded else min(graded, GAINS[self.orders[-1]] * tolerance)
+        return tolerance if tolerance > DIRECT * graded else min(graded, gain_of(self.orders[-1]) * tolerance)
 
     def aim(self, last: Pass) -> float | None:
         """Return the estimate that passes aim at, to meet the tolerance at once."""
@@ -92,11 +96,10 @@ def run_to_order(
     while result.status not in (Status.STOPPED, Status.FAILED) and not (len(orders) > 1 and is_met(result, stop)):
         try:
             raised = at_orders(result, problem, adaptation, stop, orders)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, StepFailed) as cause:
             ending = interrupted_ending(result.history, result.best)
-            return replace(result, status=ending.status, message=ending.message, error=ending.error)
-        except StepFailed as failure:
-            ending = failed_ending(failure, result.best)
+            if isinstance(cause, StepFailed):
+                ending = failed_ending(cause, result.best)
             return replace(result, status=ending.status, message=ending.message, error=ending.error)
         tolerance = stop.tolerance(raised.best)
         more = result.history[-1].number < stop.passes and result.status is Status.CONVERGED
@@ -120,7 +123,7 @@ def at_orders(
 ) -> AdaptResult:
     tolerance = stop.tolerance(result.best)
     wanted = result.estimate / tolerance if tolerance else np.inf
-    order = next((order for order in orders if GAINS[order] > wanted), orders[-1])
+    order = next((order for order in orders if gain_of(order) > wanted), orders[-1])
     while True:
         raised = at_order(result, problem, adaptation, stop, order)
         if raised.status is Status.CONVERGED or order >= orders[-1] or not tolerance:

@@ -17,6 +17,7 @@ from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.solution import Dual, at_points, tangent_solution
+from kohonen_adapt.problem.orders import HIGHEST_POLISHED
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz
 from kohonen_adapt.problem.singular_nodes import Materials, fixed_parts
@@ -25,7 +26,6 @@ from kohonen_adapt.problem.tables import EnergyLaw
 __all__ = ["functional_for", "materials_of"]
 
 TOLERANCE = 1e-9  # tolerance of equality, relative to the largest derivative or to the sum of the terms of the goal
-HIGHEST_ORDER = 3  # order with a polish
 
 
 def functional_for(
@@ -39,7 +39,7 @@ def functional_for(
         For elements of order 4 and above. With a goal, for nonlinear material, around an axis, or if its derivative
         varies within a region.
     """
-    if field.order > HIGHEST_ORDER:
+    if field.order > HIGHEST_POLISHED:
         raise NotOffered(f"elements of order {field.order} are not polished, only elements of order 1 to 3")
     ritz = functional_of(field, boundaries, materials)
     if goal is None:

@@ -12,7 +12,7 @@ from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.magnetostatics.arguments import Arguments, check_plane_mesh, checked_order
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
-from kohonen_adapt.magnetostatics.equations.high_orders import elements_on
+from kohonen_adapt.magnetostatics.equations.high_orders import BY_LAGRANGE, elements_on
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.estimation import better_values, energy_indicators, error_of_goal, goal_indicators
@@ -28,8 +28,6 @@ from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.singular_nodes import singular_nodes
 
 __all__ = ["Magnetostatics"]
-
-BY_PARABOLAS = 3  # highest order with parabolas as curved sides
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +183,7 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         check_plane_mesh(mesh, curved=order > 1)
         symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
         sides = {name: curve.project for name, curve in (self.sides or {}).items()}
-        size = partial(exact_area, sides=sides) if order > BY_PARABOLAS else area
+        size = partial(exact_area, sides=sides) if order > BY_LAGRANGE else area
         material = coefficients(mesh, self.materials, self.ampere_turns, size)
         elements = elements_on(mesh, order, symmetry, material.nonlinear, sides)
         return EnergyFunctional(elements, symmetry, material, conditions_of(elements, self.boundaries, symmetry))

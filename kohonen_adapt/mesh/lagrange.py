@@ -13,9 +13,9 @@ from scipy.special import roots_jacobi
 from skfem import ElementTriP1
 from skfem.quadrature import get_quadrature
 
-from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
-from kohonen_adapt.mesh.quadrature import ON_AXIS, factor_at
+from kohonen_adapt.mesh.quadrature import ON_AXIS, factor_at, falling
 
 __all__ = ["functions_and_slopes", "lobatto", "nodes", "rule_about", "trace_functions", "triangle_rule"]
 
@@ -111,22 +111,11 @@ def _hierarchical(barycentric: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 @cache
-def _falling(order: int) -> Mask:
-    """Return a mask of the hierarchical functions with the factor, (7, k).
-
-    The mask is that of `quadrature.falling`.
-    """
-    inner = (order - 1) * (order - 2) // 2
-    rows = np.hstack([np.ones((3, 3)), *[1.0 - np.eye(3)] * (order - 1), np.zeros((3, inner))])
-    return np.vstack([np.zeros_like(rows[:1]), rows, np.ones_like(rows)]) > 0.0
-
-
-@cache
 def _coefficients_of_values(order: int, kind: int) -> Floats:
     # The factor is 0 on the axis, where values are taken of the functions without the factor.
     at = nodes(order)
     plain, _ = _hierarchical(at, order)
-    falls, factor = _falling(order)[kind][:, None], factor_at(np.array(kind), at)
+    falls, factor = falling(order)[kind][:, None], factor_at(np.array(kind), at)
     return np.linalg.inv(np.where(falls & (factor > 1e-9), plain * factor, plain).T)
 
 
@@ -137,7 +126,7 @@ def functions_and_slopes(barycentric: Floats, order: int, kind: int = 0) -> tupl
     """
     values, slopes = _hierarchical(barycentric, order)
     if kind:
-        falls, factor = _falling(order)[kind], factor_at(np.array(kind), barycentric)
+        falls, factor = falling(order)[kind], factor_at(np.array(kind), barycentric)
         of_factor = -(ON_AXIS[kind] @ SLOPES)
         falling_slopes = factor * slopes + values[:, None] * of_factor[:, None]
         slopes = np.where(falls[:, None, None], falling_slopes, slopes)

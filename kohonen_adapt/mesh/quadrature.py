@@ -64,8 +64,8 @@ def falling(order: int) -> Mask:
     the sides at this corner have the factor, to be continuous with the adjacent element. The remaining functions decay
     like x^2 without the factor, and with the factor functions of order 2 would not contain a uniform field.
     """
-    one = [np.ones((3, 3)), *[1.0 - np.eye(3)] * (order - 1), np.zeros((3, 1))]
-    rows = np.hstack(one)[:, : (3, 6, 10)[order - 1]]
+    inner = (order - 1) * (order - 2) // 2
+    rows = np.hstack([np.ones((3, 3)), *[1.0 - np.eye(3)] * (order - 1), np.zeros((3, inner))])
     return np.vstack([np.zeros_like(rows[:1]), rows, np.ones_like(rows)]) > 0.0
 
 

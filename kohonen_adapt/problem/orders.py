@@ -9,7 +9,7 @@ from skfem import Mesh
 
 from kohonen_adapt.problem.protocol import Problem, order_of, orders_of
 
-__all__ = ["AtOrder", "AutoOrder", "at_order_of_passes", "final_orders"]
+__all__ = ["HIGHEST_POLISHED", "AtOrder", "AutoOrder", "at_order_of_passes", "final_orders"]
 
 OF_PASSES = 2  # order of the passes before a higher order; the polish of order 2 takes the least time to an error
 HIGHEST_POLISHED = 3

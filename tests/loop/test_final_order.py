@@ -8,6 +8,7 @@ from helpers.curved_meshes import curved_annulus
 from helpers.devices import two_magnets
 from helpers.exact_fields import RECTANGLE, rectangle_mesh, sheet_field, smooth_field, smooth_potential, true_error
 from helpers.meshes import square
+from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Force, Magnetostatics, Material
@@ -92,12 +93,21 @@ class Poisson:
 
 
 def test_a_problem_of_ones_own_with_orders():
-    from skfem import MeshTri
-
     result = ka.adapt(MeshTri.init_lshaped().refined(3), Poisson(4), passes=1)
     basis, u, matrix = result.solution
     assert basis.elem.maxdeg == 4 and "2 layers at 1 corners" in result.message
     assert u @ matrix @ u == pytest.approx(0.2140758, abs=2e-5)
+
+
+def test_a_problem_may_have_orders_above_those_of_the_package():
+    class Spectral(Poisson):
+        orders = (1, 12)
+
+        def solve(self, mesh, order=None):
+            return super().solve(mesh, min(order or self.order, 4))
+
+    result = ka.adapt(MeshTri.init_lshaped().refined(2), Spectral(9), passes=1)
+    assert result.best.order == 9 and "Solved with order 9 on 4 layers at 1 corners" in result.message
 
 
 @pytest.mark.parametrize("orders", [(4, 1), (0, 2), 4, (1, 2.5)])

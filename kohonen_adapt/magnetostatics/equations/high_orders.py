@@ -19,12 +19,12 @@ from kohonen_adapt.mesh.blended import Blended, Projections
 from kohonen_adapt.mesh.lagrange import functions_and_slopes, lobatto, nodes, rule_about, trace_functions, triangle_rule
 from kohonen_adapt.mesh.measures import hat_gradients
 
-__all__ = ["HighOrder", "elements_on", "high_order_elements"]
+__all__ = ["BY_LAGRANGE", "HighOrder", "elements_on", "high_order_elements"]
 
 # Degree of quadrature above 2 p. Straight elements of linear material in the plane need 2 p - 2, and forces 2 p. On
 # arcs, around an axis and for laws integrands are no polynomials.
 CURVED, AXIS, LAW = 6, 4, 8
-BY_LAGRANGE = 3  # highest order with the elements of scikit-fem, which the polish shares
+BY_LAGRANGE = 3  # highest order with scikit-fem's elements and parabolas, which the polish shares
 FACET = 12  # points along facets above the order
 
 
