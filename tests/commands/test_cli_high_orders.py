@@ -6,6 +6,7 @@ import json
 import meshio
 import numpy as np
 import pytest
+from helpers.cases import INSET
 from helpers.meshes import inset
 from numpy.testing import assert_allclose
 
@@ -13,21 +14,7 @@ import kohonen_adapt as ka
 from kohonen_adapt.cases import fitting_mesh, read_case
 from kohonen_adapt.commands import main as cli
 
-CASE = """
-mesh = "mesh.msh"
-scale = 1e-3
-order = 5
-[materials.core]
-permeability = 1000.0
-remanence = [0.0, 1.2]
-[materials.air]
-[potential]
-outer = 0.0
-[adapt]
-passes = 2
-[outputs.stored]
-quantity = "energy"
-"""
+CASE = INSET.replace("scale = 1e-3\n", "scale = 1e-3\norder = 5\n")
 
 
 def written(folder, text=CASE):

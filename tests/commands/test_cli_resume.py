@@ -14,6 +14,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from helpers.cases import INSET
 from helpers.meshes import inset
 from helpers.worlds import without_matplotlib
 
@@ -24,20 +25,7 @@ from kohonen_adapt.magnetostatics import Magnetostatics
 
 ROOT = Path(__file__).parents[2]
 
-CASE = """
-mesh = "mesh.msh"
-scale = 1e-3
-[materials.core]
-permeability = 1000.0
-remanence = [0.0, 1.2]
-[materials.air]
-[potential]
-outer = 0.0
-[adapt]
-passes = 2
-[outputs.stored]
-quantity = "energy"
-"""
+CASE = INSET
 
 COMMAND = "import sys; from kohonen_adapt.commands.main import main; sys.exit(main())"
 # Pictures would take most of the time.
