@@ -135,7 +135,10 @@ def _begun(arguments: argparse.Namespace) -> Path:
                 f"'{folder}' has cases of an unfinished sweep: continue with --resume {folder}, or delete '{cases}' to "
                 "start anew."
             )
-        for file in [*sorted(cases.glob("*.json")), folder / TABLE]:  # the table last: it marks a finished sweep
+        for file in [
+            *sorted(cases.glob("*.json")),
+            folder / TABLE,
+        ]:  # the table last, because a folder with a table is a finished sweep
             file.unlink()
     return folder
 

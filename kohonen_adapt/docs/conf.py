@@ -33,12 +33,12 @@ myst_heading_anchors = 3
 
 autodoc_default_options = {"members": True}
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"  # docstrings say shapes and units; unions of unions of arrays would hide them
+autodoc_typehints = "none"  # nested unions of arrays are longer than the shapes and units in docstrings
 autodoc_preserve_defaults = True
 napoleon_google_docstring = False
 napoleon_attr_annotations = False
-napoleon_use_ivar = True  # an attribute that is a property is told once
-default_role = "py:obj"  # a name between single backticks is a link where it is a public one
+napoleon_use_ivar = True  # no second entry for attributes that are properties
+default_role = "py:obj"  # names between single backticks are links
 
 html_theme = "furo"
 html_title = f"kohonen-adapt {__version__}"

@@ -84,7 +84,7 @@ def trace_rays(
 
 RAYS = (8, 2_000)  # minimum number of rays from a curve segment, and approximate number of all rays together
 FAR = 3.0  # maximum distance of opposite segments, relative to the median
-UNSURE = 0.5  # weight of segments that contradict the sides, relative to the sides, above which there are no sides
+UNSURE = 0.5  # largest weight of contradicting segments, relative to the sides
 
 
 class Hits(NamedTuple):
