@@ -135,10 +135,8 @@ def _begun(arguments: argparse.Namespace) -> Path:
                 f"'{folder}' has cases of an unfinished sweep: continue with --resume {folder}, or delete '{cases}' to "
                 "start anew."
             )
-        for file in [
-            *sorted(cases.glob("*.json")),
-            folder / TABLE,
-        ]:  # the table last, because a folder with a table is a finished sweep
+        # the table last, because a folder with a table is a finished sweep
+        for file in [*sorted(cases.glob("*.json")), folder / TABLE]:
             file.unlink()
     return folder
 
