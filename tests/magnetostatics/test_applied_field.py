@@ -202,3 +202,14 @@ def test_functionals(solved):
     bent = MagneticScalarPotential({"ball": magnet, "air": AIR}, {"outer": 0.0})
     with pytest.raises(ka.NotOffered, match="nonlinear magnets have no functional to minimise"):
         bent.ritz(mesh, bent.solve(mesh))
+
+
+def test_layers_across_a_field():
+    """Between surfaces of phi = 0, B is the same in both layers, and the potential is linear in each."""
+    t = np.linspace(-1.0, 1.0, 5)
+    mesh = blocks([t, t, t], {"magnet": ((-1.0, -1.0, -1.0), (1.0, 1.0, 0.0))})
+    ends = {"z-": 0.0, "z+": 0.0}
+    field = MagneticScalarPotential({"magnet": Material(1.5), "air": AIR}, ends, applied_field=(0.0, 0.0, 1e3))
+    density = field.solve(mesh).flux_density
+    np.testing.assert_allclose(density[2], MU0 * 2e3 / (1.0 + 1.0 / 1.5), rtol=1e-8)
+    assert np.abs(density[:2]).max() < 1e-8 * density[2].max()

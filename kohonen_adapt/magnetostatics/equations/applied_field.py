@@ -19,7 +19,6 @@ from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, ma
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.host import number_facets
-from kohonen_adapt.mesh.measures import inner_points
 
 __all__ = ["AppliedField", "Drive", "checked_field", "drive_on", "field_at"]
 
@@ -44,14 +43,13 @@ class Drive:
     chi``. In elements that touch iron ``T = Hs + grad chi`` with chi falling to 0 at the next nodes, so that ``u -
     chi`` is the reduced potential phi everywhere.
 
-    Because ``mu0 Hs`` has no divergence, ``int mu0 Hs . grad v`` over elements as permeable as vacuum is an integral
-    over their surface, so that no quadrature point lies on a wire inside them.
+    Because ``mu Hs`` has no divergence where mu is constant, ``int mu Hs . grad v`` is an integral over facets at which
+    mu changes, so that no quadrature point lies on a wire inside a region.
     """
 
     elements: Tetrahedra
     function: AppliedField | None
     iron: Mask  # (nelements,)
-    vacuum: Mask  # (nelements,): elements of the permeability of vacuum
     potential: Floats  # chi at the nodes, (nnodes,) in A; 0 away from iron
     load: Floats  # the surface integral for every hat function v, (nnodes,) in Wb
 
@@ -88,13 +86,8 @@ class Drive:
 
     @cached_property
     def inside(self) -> Floats:
-        """Part of T that `load` does not cover, element means, (3, nelements) in A/m."""
-        rows = np.flatnonzero(~(self.iron | self.vacuum))
-        mean = np.where(self.iron, 0.0, self._offset)
-        if rows.size and self.function is not None:
-            x = inner_points(self.elements.mesh.p[:, self.elements.mesh.t[:, rows]])
-            mean[:, rows] += field_at(self.function, x.reshape(3, -1)).reshape(x.shape).mean(axis=1)
-        return mean
+        """Part of T that `load` does not cover, (3, nelements) in A/m."""
+        return np.where(self.iron, 0.0, self._offset)
 
 
 def checked_field(value: Any) -> AppliedField | None:
@@ -135,32 +128,30 @@ def drive_on(mesh: MeshTet, coefficients: Coefficients, function: AppliedField |
     iron = coefficients.reluctivity * VACUUM_PERMEABILITY < 1.0 / PERMEABLE
     for material in coefficients.nonlinear_materials:
         iron[material.elements] = True
-    vacuum = np.abs(coefficients.reluctivity * VACUUM_PERMEABILITY - 1.0) < TOLERANCE
-    vacuum &= ~iron
     if function is None:
-        return Drive(elements, None, np.zeros_like(iron), vacuum, zeros, zeros)
-    load = _flux_out(mesh, vacuum, function, closed)
-    return Drive(elements, function, iron, vacuum, total_potential(mesh, iron, function), load)
+        return Drive(elements, None, np.zeros_like(iron), zeros, zeros)
+    load = _flux_out(mesh, np.where(iron, 0.0, 1.0 / coefficients.reluctivity), function, closed)
+    return Drive(elements, function, iron, total_potential(mesh, iron, function), load)
 
 
-def _flux_out(mesh: MeshTet, inside: Mask, function: AppliedField, closed: Ints) -> Floats:
-    """Return ``int mu0 Hs . n v`` over a surface, shape (nnodes,) in Wb.
+def _flux_out(mesh: MeshTet, permeability: Floats, function: AppliedField, closed: Ints) -> Floats:
+    """Return the sum of ``int mu Hs . n v`` over surfaces of elements, shape (nnodes,) in Wb.
 
-    The surface is that of the elements `inside` without the facets `closed`; v are the hat functions.
+    Facets `closed` are left out; v are the hat functions.
     """
     number_facets(mesh)
     first, second = mesh.f2t
-    first_inside, second_inside = inside[first], inside[second] & (second >= 0)
-    surface = np.setdiff1d(np.flatnonzero(first_inside != second_inside), closed)
+    jump = permeability[first] - np.where(second >= 0, permeability[second], 0.0)
+    surface = np.setdiff1d(np.flatnonzero(np.abs(jump) > TOLERANCE * VACUUM_PERMEABILITY), closed)
     normal = 0.5 * normals(mesh.p.T, mesh.facets[:, surface].T).T
     corners = mesh.p[:, mesh.facets[:, surface]]
     outward = corners[:, 0] - mesh.p[:, mesh.t[:, first[surface]]].mean(axis=1)
-    normal *= np.sign(np.sum(normal * outward, axis=0)) * np.where(first_inside[surface], 1.0, -1.0)
+    normal *= np.sign(np.sum(normal * outward, axis=0)) * jump[surface]
     load, (points, weights) = np.zeros(mesh.p.shape[1]), get_quadrature(RefTri, DEGREE)
     for (s, t), weight in zip(points.T, weights, strict=True):
         barycentric = np.array([1.0 - s - t, s, t])
         normal_flux = np.sum(normal * field_at(function, np.einsum("i,cin->cn", barycentric, corners)), axis=0)
-        terms = 2.0 * weight * VACUUM_PERMEABILITY * barycentric[:, None] * normal_flux
+        terms = 2.0 * weight * barycentric[:, None] * normal_flux
         load += np.bincount(mesh.facets[:, surface].ravel(), terms.ravel(), load.size)
     return load
 
