@@ -31,6 +31,7 @@ __all__ = [
     "Rows",
     "as_value_error",
     "check_finite",
+    "check_flat",
     "content_of_sets",
     "indices_in",
     "nodes_per_element",
@@ -48,6 +49,15 @@ EXACT_INTEGERS = 2.0**53  # smaller integers are exact as floats, to which text 
 MAX_EXPANSION = 200  # largest ratio of unpacked data to the size of a file,
 ALLOWED_BYTES = 2**26  # and bytes allowed in addition
 MAX_REASON = 160  # characters of a reason, which may quote the file
+
+ROTATE = {
+    0: "The drawing is in the yz-plane; rotate it (Gmsh: Rotate {{0, 1, 0}, {0, 0, 0}, Pi/2} {Surface{:};}).",
+    1: "The drawing is in the xz-plane; rotate it (Gmsh: Rotate {{1, 0, 0}, {0, 0, 0}, -Pi/2} {Surface{:};}).",
+}
+"""Index of the constant coordinate of a plane drawing to the remedy."""
+
+FLAT = 1e-9
+"""Tolerance for a plane z = constant, relative to the size of the mesh."""
 
 POINT, LINE, TRIANGLE, TETRAHEDRON = "point", "line", "triangle", "tetrahedron"
 CORNERS = {POINT: 1, LINE: 2, TRIANGLE: 3, TETRAHEDRON: 4}
@@ -238,6 +248,19 @@ def check_finite(points: Floats, path: Path, caller: str, what: str) -> None:
         raise ValueError(
             f"{caller} expected finite coordinates; '{path}' has a {what} at {points[first]}, number {first + 1} of "
             f"{len(points)} in the file. Mesh again."
+        )
+
+
+def check_flat(points: Floats, path: Path, what: str = "node") -> None:
+    check_finite(points, path, "read_mesh", what)
+    extent = np.ptp(points, axis=0)
+    if extent[2] > FLAT * extent.max():
+        low, high = points[:, 2].min(), points[:, 2].max()
+        flat = np.flatnonzero(extent <= FLAT * extent.max())
+        remedy = ROTATE.get(int(flat[0])) if len(flat) == 1 else None
+        raise ValueError(
+            f"read_mesh expected a drawing in the xy-plane; z runs from {low:g} to {high:g} in '{path}'. "
+            f"{remedy or 'For a solid, mesh the volume: gmsh -3.'}"
         )
 
 

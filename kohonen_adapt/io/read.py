@@ -9,8 +9,9 @@ from pathlib import Path
 from skfem import MeshTet, MeshTri
 
 from kohonen_adapt.geometry.plane.spline import Spline
-from kohonen_adapt.io.assembly import order_of_sides, to_curves, to_mesh
+from kohonen_adapt.io.assembly import to_mesh
 from kohonen_adapt.io.content import MSH_VERSION, Content, suffix_of
+from kohonen_adapt.io.curved_sides import order_of_sides, to_curves
 from kohonen_adapt.io.elmer import HEADER, read_elmer
 from kohonen_adapt.io.femm import read_ans
 from kohonen_adapt.io.gmsh_reader import read_msh

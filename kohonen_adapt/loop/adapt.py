@@ -216,13 +216,8 @@ def adapt(
     rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, all_curves, pairs, layers, surfaces)
     check_for(rules, method.dim)
     rules = with_pinned(rules.guarded(), nodes_of_problem(problem, mesh))
-    growth: NodeCounts = Growth.of(
-        int(mesh.nvertices), target_nodes, stop.passes, polish and method.corrects(of_passes)
-    )
-    if stop.max_nodes is not None:
-        allowed = grading.aim if orders else stop.tolerance
-        order, removes = order_of(of_passes), rules.topology == "recycle"
-        growth = GrowthByTolerance(growth.start, stop.max_nodes, allowed, order, method.dim, removes)
+    allowed = grading.aim if orders else stop.tolerance
+    growth = node_counts(of_passes, method, mesh, rules, target_nodes, stop, allowed)
     errors = ErrorsWanted(goal_rtol is not None, output_rtol is not None)
     settings = Settings(rules, schedule, seed, polish, growth, check_outputs(outputs, output_rtol), rtol, errors)
     mesh = with_layers(mesh, rules, grows=growth.target > growth.start)
@@ -254,6 +249,21 @@ def stop_test(
         raise ValueError(f"max_nodes must be at least the nodes of the mesh, {mesh.nvertices}; got {max_nodes!r}.")
     most_passes = (PASSES_TO_TOLERANCE if follows else PASSES) if passes is None else passes
     return StopTest(most_passes, tolerance, callback, (max_nodes or MAX_NODES) if follows else None)
+
+
+def node_counts(
+    problem: Problem,
+    method: Method,
+    mesh: Mesh,
+    rules: Rules,
+    target_nodes: int | None,
+    stop: StopTest,
+    allowed: Callable[[Pass], float | None],
+) -> NodeCounts:
+    start, removes = int(mesh.nvertices), rules.topology == "recycle"
+    if stop.max_nodes is not None:
+        return GrowthByTolerance(start, stop.max_nodes, allowed, order_of(problem), method.dim, removes)
+    return Growth.of(start, target_nodes, stop.passes, method.corrects(problem))
 
 
 def check_goal(problem: Problem, goal_rtol: float | None, outputs: Mapping[str, Output] | None) -> None:

@@ -22,6 +22,7 @@ from kohonen_adapt.loop.why_held import without_turns
 from kohonen_adapt.mesh.slicing import CutBy
 from kohonen_adapt.report.scene import FieldOf, HeldBy, view_data
 from kohonen_adapt.report.summary import key_figures, sentences, versions, without_folders
+from kohonen_adapt.version import __version__
 
 __all__ = ["filled_page", "write_report"]
 
@@ -121,7 +122,6 @@ def write_report(
         held=counts_by_reason(why),
         pictures={caption: _content(picture) for caption, picture in (pictures or {}).items()},
         settings={name: without_folders(text) for name, text in (settings or {}).items()},
-        versions=versions(),
         data=data,
     )
     with whole_file(Path(path)) as draft:
@@ -147,7 +147,6 @@ def filled_page(
     held: Sequence[tuple[str, ...]],
     pictures: Mapping[str, bytes],
     settings: Mapping[str, str],
-    versions: Mapping[str, str],
     data: Mapping[str, Any],
 ) -> bytes:
     """Return the page of a report.
@@ -158,8 +157,8 @@ def filled_page(
         Reason, and the number of nodes before and after.
     pictures
         Caption to the bytes of a PNG or GIF file.
-    settings, versions
-        Texts of any length, and short texts, by name.
+    settings
+        Texts of any length by name.
     data
         Data of the view, ready for JSON.
 
@@ -173,7 +172,7 @@ def filled_page(
     filled = Template(_part("page.html")).substitute(
         policy=_policy(style, script),
         title=escape(title),
-        generator=escape(f"kohonen_adapt {versions.get('kohonen_adapt', '')}"),
+        generator=escape(f"kohonen_adapt {__version__}"),
         style=style,
         summary=_each("<p>{}</p>", ((sentence,) for sentence in summary)),
         figures=_each("<div><dt>{}</dt><dd>{}</dd></div>", figures),
@@ -183,7 +182,7 @@ def filled_page(
         pictures=_each('<figure><img src="{1}" alt="{0}"><figcaption>{0}</figcaption></figure>', sources),
         without_pictures="" if pictures else " hidden",
         settings=_each("<h3>{}</h3>\n<pre>{}</pre>", settings.items()),
-        versions=_each("<dt>{}</dt><dd>{}</dd>", versions.items()),
+        versions=_each("<dt>{}</dt><dd>{}</dd>", versions().items()),
         data=_json(data),
         script=script,
     )

@@ -144,7 +144,7 @@ def html_with(text, result):
     return filled_page(
         title=text, summary=[text], figures=[(text, text)], result=result, pictures={text: PNG},
         held=[(text, "1", "2")],
-        settings={text: text}, versions={"kohonen_adapt": text}, data={"name": text},
+        settings={text: text}, data={"name": text},
     ).decode()  # fmt: skip
 
 

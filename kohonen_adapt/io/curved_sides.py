@@ -1,0 +1,153 @@
+"""Curved sides of triangles of order 2 to 5 in mesh files."""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.geometry.plane.polylines import polylines_of
+from kohonen_adapt.geometry.plane.spline import Spline
+from kohonen_adapt.io.content import TRIANGLE, Content, check_finite, check_flat, rows_in, shape_of
+from kohonen_adapt.mesh.blended import Blended
+from kohonen_adapt.mesh.curved import corners_of, with_midsides
+from kohonen_adapt.mesh.names import named_sets
+
+__all__ = ["ORDERS", "order_of_sides", "to_curves", "with_curved_sides"]
+
+logger = logging.getLogger("kohonen_adapt")
+
+ORDERS = {9: 2, 20: 3, 21: 3, 22: 4, 23: 4, 24: 5, 25: 5}
+"""Gmsh's numbers for triangles to their order p; p - 1 nodes of each of `SIDES` follow the corners."""
+
+SIDES = ([0, 1], [1, 2], [2, 0])
+MIDDLE = {
+    2: np.array([0.0, 1.0, 0.0]),
+    3: np.array([-1.0, 9.0, 9.0, -1.0]) / 16.0,
+    4: np.array([0.0, 0.0, 1.0, 0.0, 0.0]),
+    5: np.array([3.0, -25.0, 150.0, 150.0, -25.0, 3.0]) / 256.0,
+}
+"""Order of a side to the weights of its nodes in the middle of its polynomial."""
+SAME = 1e-12
+"""Tolerance for equal node positions, relative to the size of the mesh."""
+
+STRAIGHT = 1e-9
+"""Tolerance for the midside node of a straight facet, relative to the length of the facet."""
+
+LOST = 1e-6
+"""Distance of the nodes of sides from the curves read above which a warning is given, relative to the side."""
+
+DIGITS = 1e-14
+"""Rounding error of positions, relative to the largest coordinate."""
+
+
+def with_curved_sides(mesh: MeshTri, content: Content, used: Ints, path: Path, scale: float) -> MeshTri:
+    segments = _side_nodes(content, used[mesh.facets.T], path)
+    check_flat(content.points[np.unique(segments)], path, "midside node")
+    position = scale * content.points[:, :2].T
+    if not _is_curved(segments, position).any():
+        return mesh
+    order = segments.shape[1] - 1
+    curved = with_midsides(mesh, np.ascontiguousarray(position[:, segments] @ MIDDLE[order]))
+    if order > 2:
+        _report_loss(curved, position[:, segments[:, 1:-1]], path)
+    return curved
+
+
+def _report_loss(mesh: MeshTri, inner: Floats, path: Path) -> None:
+    order, size = inner.shape[2] + 1, np.hypot(*np.diff(mesh.p[:, mesh.facets], axis=1)[:, 0])
+    x, tangent = Blended(mesh).facet_points(np.arange(size.size), np.arange(1, order) / order)
+    across, up = inner - x
+    off = np.abs(tangent[0] * up - tangent[1] * across).T / np.hypot(*tangent).T
+    worst = int(np.argmax(off.max(axis=0) / size))
+    logger.log(
+        logging.WARNING if off[:, worst].max() > LOST * size[worst] else logging.INFO,
+        "sides of order %d of '%s' become arcs or parabolas through their ends and middles, and the nodes inside "
+        "triangles are left out: a node of a side is off by %.2g of its length, near (%.6g, %.6g).",
+        *(order, path, off[:, worst].max() / size[worst], *x[:, worst].mean(axis=1)),
+    )
+
+
+def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict[str, Spline]:
+    """Return a spline for every named boundary that is curved in the file.
+
+    Raises
+    ------
+    ValueError
+        If the file, `path`, does not hold triangles of one order from 2 to 5, or `mesh` has other nodes than the file.
+    """
+    _check_order(content, path)
+    mesh = corners_of(mesh)
+    used = np.unique(content.of_shape(TRIANGLE).nodes)
+    _check_same(mesh.p, scale * content.points[used, :2].T, path)
+    named = {name: np.unique(rows) for name, rows in named_sets(mesh.boundaries).items()}
+    facets = np.unique(np.concatenate([np.empty(0, np.int64), *named.values()]))
+    segments = _side_nodes(content, used[mesh.facets[:, facets].T], path)
+    position = scale * content.points[:, :2].T
+    check_finite(position[:, np.unique(segments)].T, path, "read_curves", "midside node")
+    curved = _is_curved(segments, position)
+    curves = {}
+    for name, members in named.items():
+        which = np.searchsorted(facets, members)
+        if curved[which].any():
+            polylines = polylines_of(segments[which], position)
+            curves[name] = Spline.of_pieces([(position[:, line.nodes], line.closed) for line in polylines])
+    logger.info("curved boundaries of '%s': %s.", path, curves or "none")
+    return curves
+
+
+def order_of_sides(content: Content) -> int:
+    # 0 for straight sides, and for triangles of several orders
+    kinds = [kind for kind in content.rows if shape_of(kind) == TRIANGLE]
+    return ORDERS.get(kinds[0], 0) if len(kinds) == 1 else 0
+
+
+def _check_order(content: Content, path: Path) -> None:
+    if not order_of_sides(content):
+        found = "other elements, too" if content.rows.keys() & ORDERS.keys() else "none"
+        raise ValueError(
+            f"read_curves expected triangles of one order from 2 to 5, for the nodes of sides; '{path}' has {found}. "
+            "Mesh with Mesh.ElementOrder = 2, or use the nodes of the mesh: Spline.through(mesh, name)."
+        )
+
+
+def _check_same(p: Floats, own: Floats, path: Path) -> None:
+    if p.shape != own.shape:
+        raise _of_another_mesh(path, f", with {own.shape[1]} nodes; got one with {p.shape[1]}")
+    off = np.max(np.abs(p - own))
+    size = np.ptp(own, axis=1).max()
+    if off > SAME * size + DIGITS * np.abs(own).max():
+        raise _of_another_mesh(path, f" at this scale; a node is off by {off / size:.3g} times the size of the mesh")
+
+
+def _of_another_mesh(path: Path, why: str) -> ValueError:
+    expected = f"read_curves expected the mesh that read_mesh('{path}') returns"
+    return ValueError(f"{expected}{why}. Read the curves before the mesh is changed.")
+
+
+def _side_nodes(content: Content, ends: Ints, path: Path) -> Ints:
+    """Return the nodes (f, order + 1) from end to end of the facets `ends` (f, 2)."""
+    order, triangles = (
+        order_of_sides(content),
+        next(content.rows[kind] for kind in ORDERS if kind in content.rows).nodes,
+    )
+    inner = np.full((len(ends), order - 1), -1)
+    for k, side in enumerate(SIDES):
+        facet, first = rows_in(ends, triangles[:, side]), 3 + k * (order - 1)
+        own, facet = triangles[facet >= 0], facet[facet >= 0]
+        forth = ends[facet, 0] == own[:, side[0]]
+        between = own[:, first : first + order - 1]
+        inner[facet] = np.where(forth[:, None], between, between[:, ::-1])
+    if np.any(inner < 0):
+        count = np.sum(inner[:, 0] < 0)
+        raise _of_another_mesh(path, f"; {count} facets of its boundaries are not sides of triangles in the file")
+    return np.column_stack([ends[:, 0], inner, ends[:, 1]])
+
+
+def _is_curved(segments: Ints, position: Floats) -> Mask:
+    start, end = position[:, segments[:, 0]], position[:, segments[:, -1]]
+    chord, off = (end - start)[..., None], position[:, segments[:, 1:-1]] - start[..., None]
+    length = np.sqrt(np.sum(chord[..., 0] ** 2, axis=0))
+    distance = np.abs(chord[0] * off[1] - chord[1] * off[0]).max(axis=1) / length
+    return distance > STRAIGHT * length + DIGITS * np.abs(position[:, segments]).max(initial=0.0)
