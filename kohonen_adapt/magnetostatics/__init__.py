@@ -1,5 +1,6 @@
 """Magnetostatic problems, materials, fields and goals in the plane and in space."""
 
+from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep, NotConverged
 from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
 from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
@@ -16,6 +17,7 @@ from kohonen_adapt.magnetostatics.solution import CubicField, HighOrderField, Qu
 __all__ = [
     "Arctan",
     "Brauer",
+    "Coil",
     "CubicField",
     "Field",
     "FluxLinkage",

@@ -3,7 +3,7 @@
 from numba.types import boolean, float64, int8, int32, int64
 
 from kohonen_adapt.kernels import arrays as shared
-from kohonen_adapt.kernels import nonlinear, ordering
+from kohonen_adapt.kernels import coils, nonlinear, ordering
 from kohonen_adapt.kernels.numba.compilation import record_type
 from kohonen_adapt.kernels.numba.entry import (
     B1,
@@ -51,6 +51,8 @@ LAWS = record_type(nonlinear.Laws, (I1, int64, R3))
 TRIAL = record_type(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, R2))
 OFFERS = record_type(arrays.Offers, (R2, R1, B1, B1, B1, B1))
 KERNEL_MESH = record_type(shared.KernelMesh, (R2, TETRAHEDRA, STAR, CONSTRAINTS))
+BARS = record_type(coils.Bars, (R2, I2, R1, R3, I2, R2, R2, R2))
+ARCS = record_type(coils.Arcs, (R2, R3, R1, R2, R1, R1, R1))
 
 # Groups "space ..." are compiled by a warm-up on request only.
 SPACE: dict[str, tuple[Entry, ...]] = {
@@ -93,5 +95,9 @@ SPACE: dict[str, tuple[Entry, ...]] = {
         Entry(locate.count_in_cells, R2, I2, GRID),
         Entry(locate.fill_cells, R2, I2, GRID),
         Entry(locate.find, R2, TETRAHEDRA, R2, GRID, I1),
+    ),
+    "space coils": (
+        Entry(coils.add_bars, BARS, R2, int64, int64, R2, R2),
+        Entry(coils.add_arcs, ARCS, R2, int64, int64, R2),
     ),
 }

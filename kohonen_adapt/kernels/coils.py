@@ -1,0 +1,190 @@
+"""Magnetic field strength of windings with uniform current densities.
+
+A straight bar is a polyhedron with one current density J. Because ``grad' (1/r)`` integrates to the surface,
+
+    H(x) = 1/(4 pi) sum over faces (J x n) I,    I = int dS / |x - x'| = sum over edges d L - h Omega,
+
+with L = ln((s + l) / (s - l)) of an edge of length l with distances s = r_a + r_b of its ends from x, the distance d of
+its line in the plane of the face, the distance h of the plane, and the solid angle Omega of the face (Wilton et al.,
+IEEE Trans. Antennas Propag. 32, 1984). Faces at an edge have L in common, and their d are linear in x, so that an edge
+contributes ``M (c - x) L`` with a matrix M.
+
+An arc has a rectangular section and an azimuthal current density of constant magnitude. Integrals over the section are
+closed forms (Urankar, IEEE Trans. Magn. 18, 1982), and the integral over the angle is a quadrature whose points
+cluster where the arc is nearest to x.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel, record
+
+__all__ = ["Arcs", "Bars", "add_arcs", "add_bars"]
+
+TINY = 1e-14  # of s - l relative to s, below which x is on an edge, whose term is 0
+
+
+@record
+class Bars(NamedTuple):
+    """Polyhedra of k corners, e edges and f faces, with uniform current densities."""
+
+    corner: np.ndarray  # (k, 3)
+    end: np.ndarray  # (e, 2) int32: corners at the ends of an edge
+    length: np.ndarray  # (e,)
+    matrix: np.ndarray  # (e, 3, 3): M / (4 pi)
+    face: np.ndarray  # (f, 4) int32: corners, counter-clockwise around the normal
+    normal: np.ndarray  # (f, 3)
+    weight: np.ndarray  # (f, 3): J x n / (4 pi)
+    area: np.ndarray  # (f, 2): twice the areas of both triangles of a face
+
+
+@record
+class Arcs(NamedTuple):
+    """Arcs of rectangular section, and a quadrature rule for their angles."""
+
+    centre: np.ndarray  # (a, 3)
+    frame: np.ndarray  # (a, 3, 3): unit vectors as rows: to the middle of the arc, across, and the axis
+    half_angle: np.ndarray  # (a,)
+    bounds: np.ndarray  # (a, 4): inner and outer radius, lowest and highest z
+    density: np.ndarray  # (a,): current density / (4 pi), positive around the axis
+    fraction: np.ndarray  # (q,): points on [0, 1], which cluster at 0
+    weight: np.ndarray  # (q,)
+
+
+@kernel
+def add_bars(bars, x, first, last, scratch, field):
+    """Add H of bars at the points `x` from `first` to `last`.
+
+    `x` and `field` have shape (n, 3), and `scratch` has shape (k, 4).
+    """
+    for p in range(first, last):
+        for k in range(bars.corner.shape[0]):
+            ax, ay, az = bars.corner[k, 0] - x[p, 0], bars.corner[k, 1] - x[p, 1], bars.corner[k, 2] - x[p, 2]
+            scratch[k, 0], scratch[k, 1], scratch[k, 2] = ax, ay, az
+            scratch[k, 3] = math.sqrt(ax * ax + ay * ay + az * az)
+        hx, hy, hz = edge_terms(bars, scratch)
+        gx, gy, gz = face_terms(bars, scratch)
+        field[p, 0] += hx - gx
+        field[p, 1] += hy - gy
+        field[p, 2] += hz - gz
+
+
+@inner_kernel
+def edge_terms(bars, scratch):
+    hx = hy = hz = 0.0
+    for e in range(bars.end.shape[0]):
+        a, b, length = bars.end[e, 0], bars.end[e, 1], bars.length[e]
+        total = scratch[a, 3] + scratch[b, 3]
+        if total - length > TINY * total:
+            value = math.log((total + length) / (total - length))
+            ax, ay, az = value * scratch[a, 0], value * scratch[a, 1], value * scratch[a, 2]
+            hx += bars.matrix[e, 0, 0] * ax + bars.matrix[e, 0, 1] * ay + bars.matrix[e, 0, 2] * az
+            hy += bars.matrix[e, 1, 0] * ax + bars.matrix[e, 1, 1] * ay + bars.matrix[e, 1, 2] * az
+            hz += bars.matrix[e, 2, 0] * ax + bars.matrix[e, 2, 1] * ay + bars.matrix[e, 2, 2] * az
+    return hx, hy, hz
+
+
+@inner_kernel
+def face_terms(bars, scratch):
+    """Return the sum of ``weight h Omega``.
+
+    The solid angles of both triangles of a face are the arguments of complex numbers (Van Oosterom and Strackee, IEEE
+    Trans. Biomed. Eng. 30, 1983), so that the face has the argument of their product.
+    """
+    gx = gy = gz = 0.0
+    for f in range(bars.face.shape[0]):
+        a, b, c, d = bars.face[f, 0], bars.face[f, 1], bars.face[f, 2], bars.face[f, 3]
+        height = (
+            scratch[a, 0] * bars.normal[f, 0] + scratch[a, 1] * bars.normal[f, 1] + scratch[a, 2] * bars.normal[f, 2]
+        )
+        diagonal = dot(scratch, a, c)
+        ra, rb, rc, rd = scratch[a, 3], scratch[b, 3], scratch[c, 3], scratch[d, 3]
+        one = ra * rb * rc + dot(scratch, a, b) * rc + diagonal * rb + dot(scratch, b, c) * ra
+        other = ra * rc * rd + diagonal * rd + dot(scratch, a, d) * rc + dot(scratch, c, d) * ra
+        p, q = height * bars.area[f, 0], height * bars.area[f, 1]
+        term = 2.0 * height * math.atan2(one * q + other * p, one * other - p * q)
+        gx += term * bars.weight[f, 0]
+        gy += term * bars.weight[f, 1]
+        gz += term * bars.weight[f, 2]
+    return gx, gy, gz
+
+
+@inner_kernel
+def dot(vectors, a, b):
+    return vectors[a, 0] * vectors[b, 0] + vectors[a, 1] * vectors[b, 1] + vectors[a, 2] * vectors[b, 2]
+
+
+@kernel
+def add_arcs(arcs, x, first, last, field):
+    """Add H of arcs as `add_bars` does."""
+    for p in range(first, last):
+        for a in range(arcs.centre.shape[0]):
+            dx, dy, dz = x[p, 0] - arcs.centre[a, 0], x[p, 1] - arcs.centre[a, 1], x[p, 2] - arcs.centre[a, 2]
+            u = arcs.frame[a, 0, 0] * dx + arcs.frame[a, 0, 1] * dy + arcs.frame[a, 0, 2] * dz
+            v = arcs.frame[a, 1, 0] * dx + arcs.frame[a, 1, 1] * dy + arcs.frame[a, 1, 2] * dz
+            z = arcs.frame[a, 2, 0] * dx + arcs.frame[a, 2, 1] * dy + arcs.frame[a, 2, 2] * dz
+            radius, angle = math.sqrt(u * u + v * v), math.atan2(v, u)
+            outward, around, axial = arc_field(arcs, a, radius, angle, z)
+            cosine, sine = math.cos(angle), math.sin(angle)
+            u, v = outward * cosine - around * sine, outward * sine + around * cosine
+            for i in range(3):
+                field[p, i] += u * arcs.frame[a, 0, i] + v * arcs.frame[a, 1, i] + axial * arcs.frame[a, 2, i]
+
+
+@inner_kernel
+def arc_field(arcs, a, radius, angle, z):
+    """Return H of an arc at a point, radial, azimuthal and axial."""
+    half = arcs.half_angle[a]
+    if half >= math.pi:
+        outward, _, axial = stretch_field(arcs, a, radius, z, 0.0, math.pi)
+        return 2.0 * outward, 0.0, 2.0 * axial
+    if abs(angle) < half:
+        p, q, r = stretch_field(arcs, a, radius, z, 0.0, half - angle)
+        s, t, u = stretch_field(arcs, a, radius, z, 0.0, -half - angle)
+        return p - s, q - t, r - u
+    near, far = (half - angle, -half - angle) if angle > 0.0 else (-half - angle, half - angle)
+    p, q, r = stretch_field(arcs, a, radius, z, near, far)
+    return (-p, -q, -r) if angle > 0.0 else (p, q, r)
+
+
+@inner_kernel
+def stretch_field(arcs, a, radius, z, start, end):
+    outward = around = axial = 0.0
+    for i in range(arcs.fraction.shape[0]):
+        psi = start + (end - start) * arcs.fraction[i]
+        across, along = section_field(arcs, a, radius, z, math.cos(psi), math.sin(psi))
+        outward += arcs.weight[i] * across * math.cos(psi)
+        around += arcs.weight[i] * across * math.sin(psi)
+        axial += arcs.weight[i] * along
+    size = arcs.density[a] * (end - start)
+    return size * outward, size * around, size * axial
+
+
+@inner_kernel
+def section_field(arcs, a, radius, z, cosine, sine):
+    """Return the integrals over the section at one angle, across and along the axis.
+
+    The integrands are ``r (z - z') / D^3`` and ``r (r - radius cosine) / D^3``.
+    D is the distance from the point (r, z') of the section.
+    """
+    shift, b = radius * cosine, radius * abs(sine)
+    across = along = 0.0
+    for i in range(2):
+        u = arcs.bounds[a, i] - shift
+        squared = u * u + b * b
+        for j in range(2, 4):
+            h = z - arcs.bounds[a, j]
+            distance = math.sqrt(squared + h * h)
+            sign = 1.0 if i + 2 == j else -1.0
+            if u >= 0.0:
+                logarithm = math.log(u + distance) if distance > 0.0 else 0.0
+            else:
+                logarithm = math.log((b * b + h * h) / (distance - u)) if b * b + h * h > 0.0 else 0.0
+            across += sign * (distance + shift * logarithm)
+            along -= sign * h * logarithm
+            if squared > 0.0:
+                along += sign * shift * math.copysign(math.log((distance + abs(h)) / math.sqrt(squared)), h)
+                along += sign * b * math.atan2(u * h, b * distance)
+    return across, along

@@ -1,0 +1,1 @@
+"""Coils in space with closed forms of their fields."""

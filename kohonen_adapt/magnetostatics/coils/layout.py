@@ -1,0 +1,117 @@
+"""Layout of a winding along a closed path."""
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats
+from kohonen_adapt.checks import point_text
+from kohonen_adapt.magnetostatics.coils.polygon import Sides, crossing_sides, sides_of
+from kohonen_adapt.magnetostatics.coils.winding import Arc, Bar, Winding
+
+__all__ = ["laid_out"]
+
+ROUNDING = 1e-9  # tolerance relative to the extent of the path
+FLAT = 1e-6  # tolerance of a plane path
+SHARPEST = np.deg2rad(179.0)  # largest turn of a path
+
+
+def laid_out(path: Floats, width: float, height: float, radius: float) -> Winding:
+    size = np.ptp(path, axis=1).max()
+    step = np.linalg.norm(np.roll(path, -1, axis=1) - path, axis=0)
+    if step.min() <= ROUNDING * size:
+        point = point_text(path[:, np.argmin(step)])
+        raise ValueError(f"path has the point {point} twice in succession; the coil closes its path by itself.")
+    origin = path.mean(axis=1)
+    frame = _frame(path, origin, size)
+    y = (frame[:2] @ (path - origin[:, None])).T
+    sides = sides_of(y)
+    sharp, crossing = np.flatnonzero(np.abs(sides.turn) > SHARPEST), crossing_sides(y)
+    if sharp.size:
+        raise ValueError(f"path turns back at the point {point_text(path[:, sharp[0]])}; remove the point.")
+    if crossing is not None:
+        point = point_text(path[:, crossing[0]])
+        raise ValueError(f"path crosses itself on the side from {point}; give a path without crossings.")
+    pieces = _rounded(y, sides, width, radius, size) if radius > 0.0 else _mitred(y, sides, width)
+    winding = Winding(origin, frame, pieces, width, height)
+    for depth in (0.5 * width, -0.5 * width):
+        if crossing_sides(winding.offset_path(depth)) is not None:
+            raise ValueError(f"a winding of width {width:g} m overlaps itself along this path; give a smaller width.")
+    return winding
+
+
+def _frame(path: Floats, origin: Floats, size: float) -> Floats:
+    arm = path - origin[:, None]
+    area = 0.5 * np.cross(arm, np.roll(arm, -1, axis=1), axis=0).sum(axis=1)
+    if np.linalg.norm(area) <= FLAT * size**2:
+        raise ValueError("path encloses no area; give the corners in succession, without crossings.")
+    normal = area / np.linalg.norm(area)
+    height = np.abs(normal @ arm).max()
+    if height > FLAT * size:
+        raise ValueError(
+            f"path must be plane, because width is in its plane and height across; its points are up to {height:.3g} m "
+            "off a plane. Give the field of another coil as applied_field."
+        )
+    first = path[:, 1] - path[:, 0]
+    first = first - normal * (normal @ first)
+    first = first / np.linalg.norm(first)
+    return np.stack((first, np.cross(normal, first), normal))
+
+
+def _mitred(y: Floats, sides: Sides, width: float) -> tuple[Bar, ...]:
+    slope = np.tan(0.5 * sides.turn)
+    shift = 0.5 * width * (sides.left + slope[:, None] * sides.along)
+    loss = 0.5 * width * (slope + np.roll(slope, -1))
+    short = np.flatnonzero(np.abs(loss) >= sides.length)
+    if short.size:
+        raise ValueError(
+            f"a winding of width {width:g} m is wider than its bore at a side of {sides.length[short[0]]:.6g} m; give "
+            "a smaller width or a larger path."
+        )
+    inner, outer = y + shift, y - shift
+    return tuple(
+        Bar(np.array([inner[k], inner[k - len(y) + 1], outer[k - len(y) + 1], outer[k]]), sides.along[k])
+        for k in range(len(y))
+    )
+
+
+def _rounded(y: Floats, sides: Sides, width: float, radius: float, size: float) -> tuple[Bar | Arc, ...]:
+    if radius < 0.5 * width * (1.0 - ROUNDING):
+        raise ValueError(
+            f"the radius, {radius:g} m, must be at least half the width of the winding, {0.5 * width:g} m, or 0 for "
+            "mitred corners; give a larger radius or a smaller width."
+        )
+    cut = radius * np.abs(np.tan(0.5 * sides.turn))
+    straight = sides.length - cut - np.roll(cut, -1)
+    k = int(np.argmin(straight))
+    if straight[k] < -ROUNDING * size:
+        raise ValueError(
+            f"corners with a radius of {radius:g} m need {sides.length[k] - straight[k]:.6g} m of a side that has "
+            f"{sides.length[k]:.6g} m; give a smaller radius."
+        )
+    pieces, shift = list[Bar | Arc](), 0.5 * width * sides.left
+    for k in range(len(y)):
+        turn = np.sign(sides.turn[k])
+        if abs(sides.turn[k]) > ROUNDING:
+            centre = y[k] + cut[k] * sides.along[k] + turn * radius * sides.left[k]
+            outward = -turn * sides.left[k - 1]
+            _append(pieces, Arc(centre, radius, np.arctan2(outward[1], outward[0]), sides.turn[k]))
+        if straight[k] > ROUNDING * size:
+            start, end = y[k] + cut[k] * sides.along[k], y[k] + (cut[k] + straight[k]) * sides.along[k]
+            corner = np.array([start + shift[k], end + shift[k], end - shift[k], start - shift[k]])
+            pieces.append(Bar(corner, sides.along[k]))
+    return _closed(pieces)
+
+
+def _append(pieces: list[Bar | Arc], arc: Arc) -> None:
+    last = pieces[-1] if pieces else None
+    if isinstance(last, Arc) and last.turn == arc.turn:
+        pieces[-1] = last._replace(extent=last.extent + arc.extent)
+    else:
+        pieces.append(arc)
+
+
+def _closed(pieces: list[Bar | Arc]) -> tuple[Bar | Arc, ...]:
+    first = pieces[0]
+    if len(pieces) > 1 and isinstance(first, Arc) and isinstance(pieces[-1], Arc) and first.turn == pieces[-1].turn:
+        _append(pieces, first)
+        pieces = pieces[1:]
+    return tuple(pieces)

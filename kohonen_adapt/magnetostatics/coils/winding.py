@@ -1,0 +1,127 @@
+"""Bars and arcs of a plane winding."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.magnetostatics.coils.polygon import is_inside
+
+__all__ = ["Arc", "Bar", "Winding", "in_bar", "in_sector"]
+
+CHORD = np.deg2rad(6.0)  # angle of a chord of an arc in outlines
+EDGE = 1e-12  # tolerance of points on surfaces, relative to the width
+
+
+class Bar(NamedTuple):
+    corner: Floats  # (4, 2): inner start, inner end, outer end, outer start
+    along: Floats  # (2,), unit vector
+
+    @property
+    def left(self) -> Floats:
+        return np.array([-self.along[1], self.along[0]])
+
+    @property
+    def middle(self) -> Floats:
+        return self.corner.mean(axis=0)
+
+
+class Arc(NamedTuple):
+    centre: Floats  # (2,)
+    radius: float
+    start: float  # angle of the first point
+    extent: float  # angle, negative where the path turns to the right
+
+    @property
+    def turn(self) -> float:
+        return float(np.sign(self.extent))
+
+
+@dataclass(frozen=True, eq=False)
+class Winding:
+    """Plane winding as bars and arcs, in the order of the path.
+
+    The frame consists of the plane of the path, in which the path is counter-clockwise, and of the axis. Bars end at
+    mitres if there are no arcs.
+    """
+
+    origin: Floats  # (3,)
+    frame: Floats  # (3, 3): unit vectors as rows, the last along the axis
+    pieces: tuple[Bar | Arc, ...]
+    width: float
+    height: float
+
+    @property
+    def bars(self) -> list[Bar]:
+        return [piece for piece in self.pieces if isinstance(piece, Bar)]
+
+    @property
+    def arcs(self) -> list[Arc]:
+        return [piece for piece in self.pieces if isinstance(piece, Arc)]
+
+    def local(self, x: Floats) -> Floats:
+        return self.frame @ (x - self.origin[:, None])
+
+    def in_space(self, y: Floats, z: float) -> Floats:
+        return self.origin[:, None] + self.frame[:2].T @ y.T + z * self.frame[2][:, None]
+
+    @cached_property
+    def _core(self) -> Floats:
+        # The polygon between the bars. Sectors of arcs are added or removed by `turns`.
+        return np.concatenate(
+            [piece.corner[:2] if isinstance(piece, Bar) else piece.centre[None] for piece in self.pieces]
+        )
+
+    def turns(self, y: Floats) -> tuple[Floats, Floats]:
+        """Return the fraction of turns around points, and the direction of current.
+
+        `y` and the direction have shape (2, n). The fraction is 1 in the bore, 0 outside, and
+        linear across the winding. The direction is 0 outside the winding.
+        """
+        fraction, direction = is_inside(self._core, y).astype(float), np.zeros_like(y)
+        for arc in self.arcs:
+            distance, sector = in_sector(arc, y)
+            fraction[sector & (distance < arc.radius)] = 0.5 + 0.5 * arc.turn
+            rows = np.flatnonzero(sector & (np.abs(distance - arc.radius) <= (0.5 + EDGE) * self.width))
+            fraction[rows] = 0.5 + arc.turn * (arc.radius - distance[rows]) / self.width
+            outward = (y[:, rows] - arc.centre[:, None]) / np.maximum(distance[rows], np.finfo(float).tiny)
+            direction[:, rows] = arc.turn * np.stack((-outward[1], outward[0]))
+        for bar in self.bars:
+            rows = np.flatnonzero(in_bar(bar, y, EDGE * self.width))
+            fraction[rows] = 0.5 + bar.left @ (y[:, rows] - bar.middle[:, None]) / self.width
+            direction[:, rows] = bar.along[:, None]
+        return np.clip(fraction, 0.0, 1.0), direction
+
+    def offset_path(self, depth: float) -> Floats:
+        """Return a closed polygon (m, 2) parallel to the path, at a depth to the left."""
+        points = []
+        for piece in self.pieces:
+            if isinstance(piece, Bar):
+                inner, outer = piece.corner[:2], piece.corner[[3, 2]]
+                points.append(0.5 * (inner + outer) + depth / self.width * (inner - outer))
+            else:
+                count = max(2, round(abs(piece.extent) / CHORD))
+                angle = piece.start + piece.extent * np.linspace(0.0, 1.0, count + 1)
+                radius = piece.radius - piece.turn * depth
+                points.append(piece.centre + radius * np.stack((np.cos(angle), np.sin(angle)), axis=1))
+        line = np.concatenate(points)
+        step = np.abs(line - np.roll(line, 1, axis=0)).max(axis=1)
+        return line[step > EDGE * self.width] if np.any(step > EDGE * self.width) else line[:1]
+
+
+def in_bar(bar: Bar, y: Floats, tolerance: float = 0.0) -> Mask:
+    inside = np.ones(y.shape[1], dtype=bool)
+    for start, end in zip(bar.corner, np.roll(bar.corner, -1, axis=0), strict=True):
+        edge = end - start
+        outward = edge[0] * (y[1] - start[1]) - edge[1] * (y[0] - start[0])  # corners run clockwise
+        inside &= outward <= tolerance * np.hypot(*edge)
+    return inside
+
+
+def in_sector(arc: Arc, y: Floats) -> tuple[Floats, Mask]:
+    # Distances from the centre, and True within the angle of the arc.
+    across = y - arc.centre[:, None]
+    angle = np.arctan2(across[1], across[0]) - (arc.start + 0.5 * arc.extent)
+    return np.hypot(*across), np.abs(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi) <= 0.5 * abs(arc.extent) + EDGE

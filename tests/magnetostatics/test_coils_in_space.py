@@ -1,0 +1,197 @@
+"""Coils of rectangular section: their field against closed forms, filaments, Ampere's law and curl H = J."""
+
+import numpy as np
+import pytest
+
+from kohonen_adapt.kernels.coils import add_arcs, add_bars
+from kohonen_adapt.kernels.numba.compilation import interpreted
+from kohonen_adapt.magnetostatics import Coil
+from kohonen_adapt.magnetostatics.coils.source import source_of
+
+AXIS = (0.0, 0.0, 1.0)
+CORNERS = 0.01 * np.array([[0, 3, 3, 2, 2, 0], [0, 0, 1, 1, 3, 3], [0] * 6])  # an L
+COILS = {
+    "circular": Coil.circular((0.0, 0.0, 0.01), AXIS, 0.02, (0.02, 0.04), 1000.0),
+    "tilted": Coil.racetrack((0.01, 0.02, 0.0), (1.0, 1.0, 2.0), 0.06, 0.04, 0.012, (0.018, 0.03), 1000.0),
+    "limb": Coil.straight_limb((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.03, 0.02), (0.01, 0.05), -500.0),
+    "mitred": Coil(CORNERS, 0.004, 0.01, 1000.0),
+    "rounded": Coil(CORNERS, 0.004, 0.01, 1000.0, 0.004),
+}
+
+
+def points_near(coil, count, seed=0):
+    """Points in and around a winding, none within a hundredth of its width of a surface."""
+    rng, middle = np.random.default_rng(seed), coil.path.mean(axis=1, keepdims=True)
+    x = middle + rng.uniform(-0.04, 0.04, (3, 400 + 40 * count))
+    step = 1e-2 * coil.width * np.concatenate((np.eye(3), -np.eye(3)))
+    same = np.all([coil.contains(x + each[:, None]) == coil.contains(x) for each in step], axis=0)
+    inside = np.flatnonzero(same & coil.contains(x))[: count // 2]
+    return x[:, np.concatenate((inside, np.flatnonzero(same & ~coil.contains(x))[: count // 2]))]
+
+
+@pytest.mark.parametrize("name", COILS)
+def test_the_curl_is_the_current_density_and_there_is_no_divergence(name):
+    coil, step = COILS[name], 1e-6
+    x = points_near(coil, 400)
+    slope = np.array(
+        [
+            (coil.field_strength(x + step * e[:, None]) - coil.field_strength(x - step * e[:, None])) / (2.0 * step)
+            for e in np.eye(3)
+        ]
+    )
+    curl = np.array([slope[1, 2] - slope[2, 1], slope[2, 0] - slope[0, 2], slope[0, 1] - slope[1, 0]])
+    density = coil.current_density(x)
+    scale = abs(coil.ampere_turns) / (coil.width * coil.height)
+    size = np.linalg.norm(density, axis=0)
+    np.testing.assert_allclose(size, np.where(coil.contains(x), scale, 0.0), rtol=1e-9)
+    assert np.abs(curl - density).max() < 2e-3 * scale and np.median(np.abs(curl - density)) < 1e-6 * scale
+    assert np.abs(np.trace(slope)).max() < 1e-4 * scale
+
+
+@pytest.mark.parametrize("name", COILS)
+def test_circulations_are_ampere_turns(name):
+    """Around the section; around a part of the section its part of the current; around the bore nothing."""
+    coil = COILS[name]
+    half, winding = np.array([coil.width, coil.height]) / 2.0, coil.winding
+    bar_or_arc = winding.offset_path(0.0)
+    start, end = bar_or_arc[:2] if winding.bars else bar_or_arc[:1].repeat(2, axis=0)
+    point = 0.5 * (start + end)
+    inward = np.array([-(end - start)[1], (end - start)[0]]) if winding.bars else -point
+    inward = inward / np.linalg.norm(inward)
+    gauss, weight = np.polynomial.legendre.leggauss(40)
+
+    def circulation(low, high):
+        total, corners = 0.0, [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
+        for (s, z), (t, w) in zip(corners, corners[1:] + corners[:1], strict=True):
+            ends = winding.in_space(np.array([point + s * inward, point + t * inward]), 0.0)
+            ends = ends + np.outer(winding.frame[2], (z, w))
+            edge = ends[:, 1] - ends[:, 0]
+            x = ends[:, :1] + 0.5 * (1.0 + gauss) * edge[:, None]
+            total += 0.5 * weight @ (edge @ coil.field_strength(x))
+        return total
+
+    assert circulation(-1.3 * half, 1.3 * half) == pytest.approx(coil.ampere_turns, rel=3e-4)
+    assert circulation(-0.5 * half, 0.5 * half) == pytest.approx(coil.ampere_turns / 4.0, rel=3e-4)
+    assert circulation(1.2 * half, 1.6 * half) == pytest.approx(0.0, abs=3e-4 * abs(coil.ampere_turns))
+
+
+def test_on_the_axis_of_a_thick_solenoid():
+    """Closed form of a winding with uniform current density, Montgomery, Solenoid Magnet Design (1969)."""
+    coil, inner, outer, length = COILS["circular"], 0.01, 0.03, 0.04
+    z = np.linspace(-0.1, 0.1, 41)
+    field = coil.field_strength(np.stack((0.0 * z, 0.0 * z, z)))
+    ends = [z - 0.01 + s * length / 2.0 for s in (1.0, -1.0)]
+    above, below = (t * np.log((outer + np.hypot(outer, t)) / (inner + np.hypot(inner, t))) for t in ends)
+    exact = 1000.0 / (2.0 * length * (outer - inner)) * (above - below)
+    np.testing.assert_allclose(field[2], exact, rtol=1e-9)
+    assert np.abs(field[:2]).max() < 1e-9 * exact.max()
+
+
+@pytest.mark.parametrize("name", COILS)
+def test_filaments_of_magpylib(name):
+    """A bundle of 4 x 12 thin wires at a distance of half the width and more."""
+    magpylib = pytest.importorskip("magpylib")
+    coil, x = COILS[name], points_near(COILS[name], 200, seed=1)
+    far = [~coil.contains(x + 0.5 * coil.width * u[:, None]) for u in np.random.default_rng(2).normal(size=(300, 3))
+           for u in [u / np.linalg.norm(u)]]  # fmt: skip
+    x, found = x[:, np.all(far, axis=0)], 0.0
+    assert x.shape[1] > 20
+    gauss, weight = np.polynomial.legendre.leggauss(4)
+    heights, height_weight = np.polynomial.legendre.leggauss(12)
+    for s, share in zip(gauss, weight, strict=True):
+        line = coil.winding.offset_path(0.5 * s * coil.width)
+        for z, part in zip(heights, height_weight, strict=True):
+            wire = coil.winding.in_space(line, 0.5 * z * coil.height).T
+            wire = magpylib.current.Polyline(
+                current=coil.ampere_turns * share * part / 4.0, vertices=np.vstack((wire, wire[:1]))
+            )
+            found = found + wire.getH(x.T).T
+    exact = coil.field_strength(x)
+    # Chords of 6 degrees lose 5e-4 of the area of an arc.
+    tolerance = 5e-4 if not coil.winding.arcs else 3e-3
+    assert np.abs(found - exact).max() < tolerance * np.abs(exact).max()
+
+
+def test_a_polygon_of_many_sides_is_a_circle():
+    angle = 2.0 * np.pi * np.arange(240) / 240
+    circle = COILS["circular"]
+    # Of the same area.
+    radius = 0.02 / np.sqrt(np.sin(2.0 * np.pi / 240) / (2.0 * np.pi / 240))
+    polygon = Coil(np.stack((radius * np.cos(angle), radius * np.sin(angle), 0.01 + 0.0 * angle)), 0.02, 0.04, 1000.0)
+    x = points_near(circle, 200)
+    exact = circle.field_strength(x)
+    assert np.abs(polygon.field_strength(x) - exact).max() < 3e-4 * np.abs(exact).max()
+
+
+def test_a_field_is_finite_on_the_winding():
+    for coil in COILS.values():
+        lines = [coil.winding.in_space(coil.winding.offset_path(s * coil.width), z * coil.height)
+                 for s in (-0.5, 0.0, 0.5) for z in (-0.5, 0.0, 0.5)]  # fmt: skip
+        on, step = np.concatenate(lines, axis=1), 1e-7 * coil.width
+        field, beside = coil.field_strength(on), coil.field_strength(on + step * np.array([[0.6], [0.64], [0.48]]))
+        assert np.abs(field - beside).max() < 1e-4 * np.abs(field).max()
+
+
+def test_pieces_of_arcs_are_one_arc():
+    """Two coils of the same shape with corners in other places."""
+    one = COILS["circular"]
+    hexagon = np.pi / 3.0 * np.arange(6)
+    path = 0.02 / np.cos(np.pi / 6.0) * np.stack((np.cos(hexagon), np.sin(hexagon), 0.0 * hexagon))
+    other = Coil(path + [[0.0], [0.0], [0.01]], 0.02, 0.04, 1000.0, 0.02)
+    x = points_near(one, 100)
+    np.testing.assert_allclose(other.field_strength(x), one.field_strength(x), rtol=1e-12, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", COILS)
+def test_kernels_and_their_twins(name):
+    coil = COILS[name]
+    source = source_of(coil.winding, coil.ampere_turns / (coil.width * coil.height))
+    x = points_near(coil, 20)
+    points, field = np.ascontiguousarray(x.T), np.zeros((20, 3))
+    interpreted(add_bars)(source[0], points, 0, 20, np.empty((len(source[0].corner), 4)), field)
+    interpreted(add_arcs)(source[1], points, 0, 20, field)
+    np.testing.assert_allclose(coil.field_strength(x), field.T, rtol=1e-9, atol=1e-7)
+    many = np.tile(x, 300)
+    assert np.array_equal(coil.field_strength(many), np.tile(coil.field_strength(x), 300))
+
+
+SQUARE = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0], [0.0] * 4])
+FORK = np.array([[0, 3, 3, 2, 2, 1, 1, 0], [0, 0, 3, 3, 1, 1, 3, 3], [0] * 8])
+BAD = {
+    r"^path must be three or more points of shape \(3, k\), .*; got shape \(3, 2\)": lambda: (SQUARE[:, :2], 0.1, 0.1),
+    r"^path has the point \(1, 0, 0\) twice in succession": lambda: (SQUARE[:, [0, 1, 1, 2]], 0.1, 0.1),
+    r"^path encloses no area; give the corners in succession": lambda: (SQUARE[:, [0, 2, 1, 3]], 0.1, 0.1),
+    r"^path crosses itself on the side from": lambda: (np.array([[0, 1, 0.2, 0.5], [0, 0, 1, 1], [0] * 4]), 0.01, 0.1),
+    r"^path turns back at": lambda: (np.array([[0, 2, 1, 1, 0], [0, 0, 0, 1, 1], [0] * 5]), 0.01, 0.1),
+    r"^path must be plane, .* up to 0.0249 m off a plane\. Give": lambda: (
+        SQUARE + np.diag([0.0, 0.0, 0.1]) @ np.eye(3, 4, 1),
+        0.1,
+        0.1,
+    ),
+    r"^width of a coil, in m, must be a positive number; got -0.1": lambda: (SQUARE, -0.1, 0.1),
+    r"^height of a coil, in m, must be a positive number; got 0": lambda: (SQUARE, 0.1, 0),
+    r"^a winding of width 1.1 m is wider than its bore at a side of 1 m": lambda: (SQUARE, 1.1, 0.1),
+    r"^a winding of width 1.2 m is wider than its bore": lambda: (FORK, 1.2, 0.1),
+    r"^ampere_turns of a coil must be a finite number in A; got nan": lambda: (SQUARE, 0.3, 0.1, np.nan),
+    r"^the radius, 0.1 m, must be at least half the width of the winding, 0.15 m": lambda: (SQUARE, 0.3, 0.1, 1.0, 0.1),
+    r"^corners with a radius of 0.6 m need 1.2 m of a side that has 1 m": lambda: (SQUARE, 0.3, 0.1, 1.0, 0.6),
+}
+
+
+@pytest.mark.parametrize("message", BAD)
+def test_bad_paths_and_sections(message):
+    arguments = BAD[message]()
+    arguments = arguments if len(arguments) > 3 else (*arguments, 1.0)
+    with pytest.raises(ValueError, match=message):
+        Coil(*arguments)
+
+
+def test_bad_shapes():
+    with pytest.raises(ValueError, match=r"section of a coil must be two positive numbers, width and height in m; got"):
+        Coil.circular((0.0, 0.0, 0.0), AXIS, 0.1, (0.1, -0.1), 1.0)
+    with pytest.raises(ValueError, match=r"axis and along of a coil must be directions that differ"):
+        Coil.racetrack((0.0, 0.0, 0.0), AXIS, 1.0, 0.5, 0.2, (0.1, 0.1), 1.0, along=(0.0, 0.0, 3.0))
+    with pytest.raises(ValueError, match=r"bore of a coil must be two positive numbers"):
+        Coil.straight_limb((0.0, 0.0, 0.0), AXIS, 0.1, (0.1, 0.1), 1.0)
+    with pytest.raises(ValueError, match=r"radius of a circular coil, in m, must be a positive number"):
+        Coil.circular((0.0, 0.0, 0.0), AXIS, 0.0, (0.1, 0.1), 1.0)
