@@ -29,12 +29,12 @@ from kohonen_adapt.problem.ritz import Flux, Ritz
 
 __all__ = ["MagneticScalarPotential"]
 
-ESTIMATORS = ("residual", "recovery")
+ESTIMATORS, ORDERS = ("residual", "recovery"), (1, 2)
 
 
 @dataclass(frozen=True, eq=False)
 class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
-    """Magnets and iron in space, by a magnetic scalar potential of order 1.
+    """Magnets and iron in space, by a magnetic scalar potential of order 1 or 2.
 
     The equations are ``div B = 0`` with ``B = mu (H + Hc)`` and ``H = Hs - grad phi``, in metres, teslas and amperes.
     Fields have shape (3, n), and results are totals of the meshed part. Currents are not meshed: Hs is their field
@@ -66,6 +66,9 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         Quantity to adapt the mesh for in place of the energy: `Force`, `Torque`, `StoredEnergy`, or a user-defined
         `Goal`. `indicators` are then those of `ka.estimators.goal_oriented`, and there is no `energy_norm`. At equal
         nodes the error of a force is 0.5 to 1.1 times that of a mesh adapted for the energy (`benchmarks magnets`).
+    order
+        Degree of the elements, 1 or 2. At order 2 B is linear in every element, with the unknowns of
+        `skfem.ElementTetP2`, and there is no `ritz`.
 
     Raises
     ------
@@ -92,10 +95,12 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
     symmetry: Mapping[str, str] | None = None
     estimator: str = "residual"
     goal: Goal | None = None
-    order: ClassVar[int] = 1
+    order: int = 1
     method: ClassVar[Newton] = Newton(solver=IN_SPACE)  # subclasses may override
 
     def __post_init__(self) -> None:
+        if isinstance(self.order, bool) or self.order not in ORDERS:
+            raise ValueError(f"order of MagneticScalarPotential must be 1 or 2; got {self.order!r}.")
         if self.estimator not in ESTIMATORS:
             raise ValueError(f"estimator must be 'residual' or 'recovery'; got {self.estimator!r}.")
         check_materials(self.materials, 3)
@@ -166,9 +171,9 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         material, planes = coefficients(mesh, self.materials), mirrors_of(mesh, self.symmetry or {})
         parallel = [plane.facets for plane in planes.values() if plane.kind == "parallel"]
         closed, function = np.concatenate([np.zeros(0, dtype=np.int64), *parallel]), checked_field(self.applied_field)
-        drive = drive_on(mesh, material, function, closed)
+        drive = drive_on(mesh, material, function, closed, self.order)
         conditions = conditions_in_space(drive, self.potential or {}, planes)
-        energy = CoenergyFunctional(drive.elements, material, conditions, drive.inside, drive.load)
+        energy = CoenergyFunctional.of(drive, material, conditions)
         field = SolidField(mesh, conditions.values, material, drive, planes)
         if isinstance(self.goal, Force | Torque):
             self.goal.check_body(field)  # before the solve
@@ -211,8 +216,10 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         Raises
         ------
         NotOffered
-            For nonlinear material with a remanence, or in an applied field.
+            For elements of order 2, and for nonlinear material with a remanence or in an applied field.
         """
+        if self.order > 1:
+            raise NotOffered("tetrahedra of order 2 are not polished")
         coefficients_of_mesh, function = field.coefficients, field.drive.function
         present, first, region = coefficients_of_mesh.present(self.materials)
         if coefficients_of_mesh.nonlinear_materials and function is not None:

@@ -56,7 +56,7 @@ def primal_and_dual(
 def _dual(field: LocalSolid, load: Floats, conditions: Conditions, newton: Newton) -> Floats:
     drive, elements = field.drive, field.elements
     terms = elements.assemble_vector(elements.against_gradients(load))
-    energy = CoenergyFunctional(elements, field.coefficients, conditions, drive.inside, drive.load)
+    energy = CoenergyFunctional.of(drive, field.coefficients, conditions)
     return newton.full_step(energy, field.unknown, -terms[conditions.free])
 
 

@@ -14,6 +14,7 @@ __all__ = [
     "facets_opposite",
     "is_own_name",
     "keys_of",
+    "number_edges",
     "number_facets",
     "of_kind",
     "remade",
@@ -65,6 +66,17 @@ def number_facets(mesh: Mesh) -> None:
     mesh._facets = np.take(rows.reshape(len(rows), -1), one, axis=1)
     mesh._t2f = side.reshape(rows.shape[1:])
     mesh._f2t = elements_of(mesh._t2f, key.size)
+
+
+def number_edges(mesh: Mesh) -> None:
+    # `edges` and `t2e` of tetrahedra, for the reason of `number_facets`
+    if hasattr(mesh, "_edges"):
+        return
+    start, end = ascending(*mesh.t[np.transpose(mesh.elem.refdom.edges)])
+    nnodes = mesh.p.shape[1]
+    key, index = np.unique(keys_of(np.stack([start, end]), nnodes), return_inverse=True)
+    mesh._edges = np.stack([key // nnodes, key % nnodes]).astype(mesh.t.dtype)
+    mesh._t2e = index.reshape(start.shape)
 
 
 def facets_opposite(mesh: Mesh, node: NDArray[np.int32]) -> NDArray[np.int32]:

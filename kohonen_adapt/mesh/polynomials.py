@@ -16,7 +16,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.triangle.arrays import Modes, Points, Reference
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
-from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.host import number_edges, number_facets
 from kohonen_adapt.mesh.quadrature import LAW_DEGREE, ON_AXIS, factor_at, falling, points_near_axis
 
 __all__ = [
@@ -91,6 +91,8 @@ def count_unknowns(mesh: Mesh, order: int) -> int:
     if order == 1:
         return nodes
     number_facets(mesh)
+    if cell_of(mesh) is not TRIANGLE:
+        number_edges(mesh)
     parts = (mesh.facets, mesh.t) if cell_of(mesh) is TRIANGLE else (mesh.edges, mesh.facets, mesh.t)
     return nodes + sum(comb(order - 1, k) * part.shape[1] for k, part in enumerate(parts, start=1))
 

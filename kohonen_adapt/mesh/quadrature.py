@@ -17,12 +17,14 @@ from kohonen_adapt.kernels.arrays import NEAR_AXIS
 __all__ = [
     "LAW_DEGREE",
     "LAW_DEGREE_BY_POINTS",
+    "LAW_DEGREE_IN_SPACE",
     "ON_AXIS",
     "factor_at",
     "falling",
     "kinds_at_axis",
     "on_axis",
     "points_near_axis",
+    "tetrahedron_rule",
 ]
 
 # By order of the elements, in the equations, the functional and its descent alike. The functional of random problems on
@@ -31,6 +33,7 @@ __all__ = [
 # points flatter, below the exact functional.
 LAW_DEGREE = {1: 0, 2: 10, 3: 14}  # straight sides, constant gradients at order 1
 LAW_DEGREE_BY_POINTS = {1: 8, 2: 14, 3: 14}  # curved sides, and around an axis
+LAW_DEGREE_IN_SPACE = 9  # tetrahedra of order 2
 # Corners on the axis for the 7 kinds of elements: none (0), corner k (1 + k), the side opposite to corner k (4 + k).
 ON_AXIS = np.vstack([np.zeros((1, 3)), np.eye(3), 1.0 - np.eye(3)]) > 0.0
 DEGREE = {1: 6, 2: 8, 3: 10}  # by order, of symmetric rules with 12, 16 and 25 points, without a law
@@ -89,3 +92,18 @@ def points_near_axis(order: int, law: bool = False) -> tuple[Floats, Floats]:
     barycentrics = [barycentric, *(np.roll(ray, k, axis=1) for k in range(3)), *[barycentric] * 3]
     weights = [2.0 * weight, *[np.outer(of_layer, across).ravel() / 4.0] * 3, *[2.0 * weight] * 3]
     return np.stack(barycentrics), np.stack(weights)
+
+
+@cache
+def tetrahedron_rule(degree: int) -> tuple[Floats, Floats]:
+    """Return barycentric coordinates (n, 4) and positive weights (n,) with sum 1.
+
+    All points are inside, where a magnetisation of one region has a unique value. scikit-fem's rules have points on
+    edges or negative weights.
+    """
+    count = degree // 2 + 1
+    (a, of_a), (b, of_b), (c, of_c) = (roots_jacobi(count, 0, power) for power in (2, 1, 0))
+    far, across, along = (0.5 + 0.5 * part for part in np.meshgrid(a, b, c, indexing="ij"))
+    barycentric = np.stack([1.0 - far, far * (1.0 - across), far * across * (1.0 - along), far * across * along])
+    weights = of_a[:, None, None] * of_b[:, None] * of_c
+    return barycentric.reshape(4, -1).T, weights.ravel() / weights.sum()

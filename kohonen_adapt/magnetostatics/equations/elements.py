@@ -6,18 +6,15 @@ from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
-from skfem import Mesh, MeshTet, MeshTri
+from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.system import Reduced
 from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
-from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved import Isoparametric
-from kohonen_adapt.mesh.measures import area, gradient, hat_gradients, inner_points
+from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
 
-__all__ = ["TETRAHEDRON_EDGES", "FiniteElements", "Linear", "Polynomials", "Tetrahedra"]
-
-TETRAHEDRON_EDGES = np.transpose(TETRAHEDRON.edges)  # shape (2, 6)
+__all__ = ["FiniteElements", "Linear", "LinearFunctions", "Polynomials"]
 
 
 class FiniteElements(ABC):
@@ -167,31 +164,3 @@ class Linear(LinearFunctions, Polynomials):
         `source` has shape (nelements,), `flux` is at the quadrature points.
         """
         return self.assemble_vector(self.weights * (source / 3.0 + np.einsum("ck,cik->ik", flux, self.hats)))
-
-
-class Tetrahedra(LinearFunctions):
-    """P1 elements on tetrahedra, with nodal unknowns and constant gradients.
-
-    Arrays at quadrature points have shape (..., npoints): one point per element, or four if a field varies inside.
-    """
-
-    order, edges = 1, tuple(TETRAHEDRON_EDGES)
-
-    def __init__(self, mesh: MeshTet, varies: bool = False) -> None:
-        self.mesh = self.corners = mesh
-        self.unknowns, self.doflocs = mesh.t, mesh.p
-        count = mesh.t.shape[1]
-        corners = mesh.p[:, mesh.t]
-        inside = inner_points(corners) if varies else corners.mean(axis=1, keepdims=True)
-        self.points: Floats = inside.reshape(3, -1)  # (3, npoints)
-        self.element = np.tile(np.arange(count), inside.shape[1])  # (npoints,)
-
-    @property
-    def weights(self) -> Floats:
-        return (self.volumes * (self.volumes.size / self.element.size))[self.element]
-
-    def mean(self, values: Floats) -> Floats:
-        return values.reshape(*values.shape[:-1], -1, self.volumes.size).mean(axis=-2)
-
-    def slope_of_corners(self, values: Floats) -> Floats:
-        return self.gradient(values)[:, self.element]

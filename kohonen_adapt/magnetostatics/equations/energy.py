@@ -7,11 +7,12 @@ from typing import Self
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.magnetostatics.equations.applied_field import Drive
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.magnetostatics.equations.elements import Tetrahedra
 from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.equations.system import Reduced
+from kohonen_adapt.magnetostatics.equations.tetrahedra import Tetrahedra
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
 
 __all__ = ["CoenergyFunctional", "EnergyFunctional", "Scalar", "scalar_problem"]
@@ -111,17 +112,24 @@ class CoenergyFunctional:
     """
 
     elements: Tetrahedra
-    coefficients: Coefficients
+    coefficients: Coefficients  # at the columns of `Tetrahedra.gradient`
     conditions: Conditions
-    drive: Floats  # T without the part in the load, mean of every element, (3, nelements) in A/m
-    load: Floats  # (nnodes,) in Wb
+    drive: Floats  # T without the part in the load, there, (3, n) in A/m
+    load: Floats  # (nunknowns,) in Wb
+
+    @classmethod
+    def of(cls, drive: Drive, coefficients: Coefficients, conditions: Conditions) -> "CoenergyFunctional":
+        elements = drive.elements
+        if elements.order > 1:
+            coefficients = coefficients.at_points(elements.element, elements.points)
+        return cls(elements, coefficients, conditions, drive.inside, drive.load)
 
     def at_zero_field(self) -> Self:
         return replace(self, coefficients=replace(self.coefficients, nonlinear_materials=()))
 
     def value(self, u: Floats) -> tuple[float, float]:
         driven = magnitude(self._strength(u) + self.coefficients.coercivity)
-        stored = float(np.sum(self.elements.volumes * self.coefficients.law_coenergy(driven[None])))
+        stored = float(np.sum(self.elements.gradient_weights * self.coefficients.law_coenergy(driven[None])))
         work = self.load * u
         return stored - float(np.sum(work)), np.finfo(float).eps * (stored + float(np.sum(np.abs(work))))
 

@@ -89,9 +89,10 @@ def conditions_in_space(drive: Drive, potential: Mapping[str, Value], mirrors: M
     for name, mirror in mirrors.items():
         _check_field(drive, name, mirror)
         if mirror.kind == "normal":
-            nodes = np.unique(mesh.facets[:, mirror.facets])
-            fixed[nodes], values[nodes] = True, 0.0
-    held = fixed | _first_of_floating(mesh, fixed)
+            rows = np.unique(elements.on_facets(mirror.facets))
+            fixed[rows], values[rows] = True, 0.0
+    held, nnodes = fixed.copy(), mesh.p.shape[1]
+    held[:nnodes] |= _first_of_floating(mesh, fixed[:nnodes])
     return Conditions(fixed, np.where(held, values + drive.potential, 0.0), np.flatnonzero(~held))
 
 

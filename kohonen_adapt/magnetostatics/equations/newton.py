@@ -97,7 +97,7 @@ class Newton:
         if conditions.free.size:
             hessian = energy.hessian(u)
             matrix, right = conditions.reduced(hessian.matrix, hessian.eliminated(-gradient))
-            outer = conditions.from_classes(self.solver.solve(matrix, right))
+            outer = conditions.from_classes(self.solver.solve(matrix, right, hessian.prolongation))
             step[conditions.free] = hessian.completed(outer, -gradient)
         if not np.all(np.isfinite(step)):
             raise np.linalg.LinAlgError(

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 
 import numpy as np
-from scipy.sparse import csc_array, csr_matrix
+from scipy.sparse import csc_array, csr_array, csr_matrix
 from scipy.sparse.linalg import SuperLU, splu
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -30,6 +30,7 @@ class Reduced:
 
     matrix: csc_array
     interiors: Interiors | None = None
+    prolongation: csr_array | None = None  # (nfree, ncoarse): functions of order 1 in elements of order 2
 
     def eliminated(self, right: Floats) -> Floats:
         """Return the right-hand side of the reduced equations, 0 for eliminated unknowns."""
@@ -70,7 +71,7 @@ class Solver:
     large: int = 300_000
     most_iterations: int = 200
 
-    def solve(self, matrix: csc_array, right: Floats) -> Floats:
+    def solve(self, matrix: csc_array, right: Floats, prolongation: csr_array | None = None) -> Floats:
         solution = self.by_multigrid(matrix, right) if right.size > self.large else None
         return factorised(matrix).solve(right) if solution is None else solution
 

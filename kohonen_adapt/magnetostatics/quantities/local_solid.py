@@ -10,9 +10,9 @@ from skfem import MeshTet
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators.explicit import corner_averages
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive
-from kohonen_adapt.magnetostatics.equations.elements import Tetrahedra
 from kohonen_adapt.magnetostatics.equations.mirrors import Mirror
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
+from kohonen_adapt.magnetostatics.equations.tetrahedra import Tetrahedra
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField, PointValues, tangent_product
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
@@ -60,9 +60,10 @@ class LocalSolid(MagneticField):
 
     @property
     def potential(self) -> Floats:
-        """Reduced potential phi at the nodes, shape (nnodes,) in A.
+        """Reduced potential phi at the unknowns, shape (nunknowns,) in A.
 
-        Without an applied field this is the total potential.
+        The unknowns are those of `skfem.ElementTetP1`, the nodes, or of `skfem.ElementTetP2`, the nodes and then the
+        edges in the order of ``mesh.edges``. Without an applied field this is the total potential.
         """
         return self.unknown - self.drive.potential
 
@@ -71,17 +72,22 @@ class LocalSolid(MagneticField):
         return self.drive.elements
 
     @property
+    def order(self) -> int:
+        """Order of the elements."""
+        return self.elements.order
+
+    @property
     def mirrors(self) -> tuple[Mirror, ...]:
         return tuple(self.planes.values())
 
     def at(self, x: Floats, element: Ints) -> Strength:
-        slope = self.elements.gradient(self.unknown)[:, element]
+        slope = self.elements.gradient_at(self.unknown, element, self.elements.barycentric(x, element))
         return Strength(x, self.drive.at(x, element) - slope, self.coefficients.at_points(element, x))
 
     @cached_property
     def at_quadrature(self) -> Strength:
         elements = self.elements
-        strength = self.drive.at_points - elements.slope_of_corners(self.unknown)
+        strength = self.drive.at_points - elements.gradient_at_points(self.unknown)
         return Strength(elements.points, strength, self.coefficients.at_quadrature(elements.element, elements.points))
 
     @property

@@ -11,7 +11,7 @@ from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.magnetostatics.quantities.bodies import Names
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 from kohonen_adapt.magnetostatics.quantities.solid_forces import eggshell, flux_through
-from kohonen_adapt.mesh.locate import find_elements, interpolate
+from kohonen_adapt.mesh.locate import find_elements
 
 __all__ = ["SolidField"]
 
@@ -21,14 +21,14 @@ class SolidField(LocalSolid):
     """Solved field in space, as returned by `MagneticScalarPotential.solve`.
 
     ``H = Hs - grad phi`` with the applied field Hs, and ``B = mu (|H + Hc|) (H + Hc)``. Without an applied field both
-    are constant in every element. Arrays of shape (nelements,) hold means over elements. Results refer to the meshed
-    part: half a model has half the energy.
+    are constant in every element at order 1, and H is linear at order 2. Arrays of shape (nelements,) hold means over
+    elements. Results refer to the meshed part: half a model has half the energy.
 
     Parameters
     ----------
     mesh
         The mesh of the solution, in metres.
-    unknown : (nnodes,)
+    unknown : (nunknowns,)
         Solution in A: the reduced potential, in iron with an applied field the total potential.
     coefficients
         Material coefficients of every element.
@@ -43,14 +43,14 @@ class SolidField(LocalSolid):
     def __repr__(self) -> str:
         largest = np.max(magnitude(self.flux_density))
         return (
-            f"<{type(self).__name__} on {self.unknown.size} nodes: |B| up to {largest:.4g} T, "
+            f"<{type(self).__name__} on {self.mesh.nvertices} nodes: |B| up to {largest:.4g} T, "
             f"energy {self.energy:.4g} J>"
         )
 
     def flux_density_at(self, x: ArrayLike, *, recovered: bool = False) -> Floats:
         """Return the flux density at points.
 
-        B is constant in every element unless a field is applied.
+        At order 1 B is constant in every element unless a field is applied.
 
         Parameters
         ----------
@@ -83,8 +83,7 @@ class SolidField(LocalSolid):
         inside, values = element >= 0, np.full(points.shape, np.nan)
         points, element = points[:, inside], element[inside]
         if recovered:
-            middle = self.mesh.p[:, self.mesh.t[:, element]].mean(axis=1)
-            barycentric = 0.25 + np.einsum("cin,cn->in", self.elements.hats[:, :, element], points - middle)
+            barycentric = self.elements.barycentric(points, element)
             values[:, inside] = np.einsum("cin,in->cn", self.corner_flux_density[:, :, element], barycentric)
         else:
             values[:, inside] = self.at(points, element).flux_density
@@ -103,7 +102,12 @@ class SolidField(LocalSolid):
         ndarray (n,)
             In A; nan outside the mesh.
         """
-        return interpolate(self.mesh, self.potential, checked_points(x, "x", 3))
+        points = checked_points(x, "x", 3)
+        element = find_elements(self.mesh, points)
+        inside, values = element >= 0, np.full(len(element), np.nan)
+        points, element = points[:, inside], element[inside]
+        values[inside] = self.elements.at(self.potential, element, self.elements.barycentric(points, element))
+        return values
 
     def flux(self, surface: str) -> float:
         """Return the magnetic flux through a named surface, ``int B . n``.

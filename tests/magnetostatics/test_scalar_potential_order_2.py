@@ -1,0 +1,178 @@
+"""Magnets and iron in space at order 2: scikit-fem's assembly, exact polynomials, rates, and what is refused."""
+
+import numpy as np
+import pytest
+from helpers.magnet_solids import blocks
+from helpers.sheets import MU0
+from skfem import Basis, BilinearForm, ElementTetP2, LinearForm, MeshTet, condense, solve
+from skfem.helpers import dot, grad
+
+from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Material
+from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
+
+AIR = Material()
+AXIS = np.linspace(-1.0, 1.0, 5)
+PARTS = {"magnet": ((-0.5, -0.5, -0.5), (0.5, 0.5, 0.0)), "iron": ((-0.5, -0.5, 0.5), (0.5, 0.5, 1.0))}
+RIM = {"outer": 0.0}
+
+
+def bent(strength=0.06):
+    """Blocks whose inner nodes are displaced, so that no two elements are alike."""
+    mesh = blocks([AXIS] * 3, PARTS)
+    inner = mesh.interior_nodes()
+    p = mesh.p.copy()
+    p[:, inner] += np.random.default_rng(0).uniform(-strength, strength, (3, inner.size))
+    return MeshTet(p, mesh.t).with_subdomains(mesh.subdomains).with_boundaries(mesh.boundaries)
+
+
+def turning(x):
+    return np.stack((x[1], 1.0 + x[0], x[2] * x[0]))
+
+
+def harmonic(x):
+    return x[0] ** 2 + 2.0 * x[1] * x[2] - x[2] ** 2 + 3.0 * x[1]
+
+
+def field_of_harmonic(x):
+    return -np.stack((2.0 * x[0], 2.0 * x[2] + 3.0, 2.0 * x[1] - 2.0 * x[2]))
+
+
+# --- scikit-fem's own elements -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("remanence", [(0.3, 0.0, 1.2), turning])
+def test_the_solution_of_scikit_fem(remanence):
+    mesh = bent()
+    materials = {"magnet": Material(1.05, remanence=remanence), "iron": Material(100.0), "air": AIR}
+    rim = {"outer": lambda x: 1e5 * np.sin(x[0] + 2.0 * x[1])}
+    field = MagneticScalarPotential(materials, rim, order=2).solve(mesh)
+    basis = Basis(mesh, ElementTetP2(), intorder=6)
+    mu = MU0 * np.ones(mesh.nelements)
+    for name, material in materials.items():
+        mu[mesh.subdomains[name]] *= material.permeability
+    inside = np.isin(np.arange(mesh.nelements), mesh.subdomains["magnet"])[:, None]
+
+    @BilinearForm
+    def stiffness(u, v, w):
+        return mu[:, None] * dot(grad(u), grad(v))
+
+    @LinearForm
+    def magnet(v, w):
+        x = np.asarray(w.x)
+        flux = remanence(x) if callable(remanence) else np.reshape(remanence, (3, 1, 1)) * np.ones_like(x)
+        return inside * dot(flux, grad(v))
+
+    given = basis.get_dofs("outer")
+    values = np.zeros(basis.N)
+    values[given] = rim["outer"](basis.doflocs[:, given])
+    wanted = solve(*condense(stiffness.assemble(basis), magnet.assemble(basis), x=values, D=given))
+    np.testing.assert_allclose(field.elements.doflocs, basis.doflocs, atol=1e-15)
+    assert np.array_equal(field.elements.unknowns, basis.element_dofs)
+    np.testing.assert_allclose(field.potential, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
+    x = np.random.default_rng(1).uniform(-1.0, 1.0, (3, 50))
+    np.testing.assert_allclose(field.potential_at(x), basis.interpolator(wanted)(x), rtol=1e-9)
+    assert field.order == 2
+
+
+def test_derivatives_of_the_co_energy_in_steel_are_those_of_its_value():
+    mesh = bent()
+    materials = {"magnet": Material(remanence=(0.3, 0.0, 1.2)), "iron": Material(bh=Froehlich(500.0, 1.6)), "air": AIR}
+    energy, _ = MagneticScalarPotential(materials, RIM, order=2).functional_on(mesh)
+    random, free = np.random.default_rng(0), energy.conditions.free
+    u, step = (size * random.normal(size=energy.conditions.values.size) for size in (3e3, 1.0))
+    u, step = energy.conditions.admissible(u), np.where(energy.conditions.fixed, 0.0, step)
+    gradient, matrix = energy.residual(u)[0], energy.hessian(u).matrix
+    ends = [energy.value(u + sign * step)[0] for sign in (1.0, -1.0)]
+    assert gradient @ step[free] == pytest.approx(0.5 * (ends[0] - ends[1]), rel=1e-6)
+    change = energy.residual(u + 1e-2 * step)[0] - energy.residual(u - 1e-2 * step)[0]
+    np.testing.assert_allclose(matrix @ step[free], 50.0 * change, rtol=0, atol=1e-5 * np.abs(change).max() * 50.0)
+    assert abs(matrix - matrix.T).max() < 1e-15 * abs(matrix).max()
+
+
+# --- exact cases ---------------------------------------------------------------------------------------------------
+
+
+def test_a_quadratic_potential_is_exact():
+    mesh = bent()
+    problem = MagneticScalarPotential(dict.fromkeys(("magnet", "iron", "air"), AIR), {"outer": harmonic}, order=2)
+    field = problem.solve(mesh)
+    x = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 100))
+    np.testing.assert_allclose(field.potential_at(x), harmonic(x), atol=1e-9)
+    np.testing.assert_allclose(field.flux_density_at(x), MU0 * field_of_harmonic(x), atol=1e-9 * MU0)
+    # int |grad u|^2 over the cube of edge 2
+    np.testing.assert_allclose(field.energy, 0.5 * MU0 * 8.0 * (4.0 / 3.0 + 4.0 / 3.0 + 9.0 + 8.0 / 3.0), rtol=1e-9)
+    assert field.coenergy == pytest.approx(field.energy)
+
+
+def test_the_fall_of_the_functional_under_refinement_in_steel():
+    """Spaces are nested, so the quadrature of the law must not raise the co-energy of a refined mesh."""
+    coarse = blocks([np.linspace(-1.0, 1.0, 3)] * 3, {"iron": ((-1.0, -1.0, -1.0), (0.0, 1.0, 1.0))})
+    materials = {"iron": Material(bh=Froehlich(2000.0, 0.8)), "air": AIR}
+    problem = MagneticScalarPotential(materials, {"outer": lambda x: 2e5 * np.sin(2.0 * x[2] + x[0])}, order=2)
+    fine = MeshTet(coarse.p, coarse.t).refined(1)
+    inside = fine.p[0, fine.t].mean(axis=0) < 0.0
+    fine = fine.with_subdomains({"iron": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
+    fine = fine.with_boundaries({"outer": lambda x: np.full(x.shape[1], True)})
+    values = []
+    for mesh in (coarse, fine):
+        energy, _ = problem.functional_on(mesh)
+        values.append(energy.value(problem.solve(mesh).unknown)[0])
+    assert isinstance(energy, CoenergyFunctional) and values[1] < values[0]
+
+
+# --- applied fields and planes of symmetry -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("iron", [Material(50.0), Material(bh=Froehlich(500.0, 1.6))])
+def test_an_applied_field_is_a_given_potential(iron):
+    """A field of quadratic potential, applied or given at the boundary, is one solution."""
+    mesh, size = bent(), 1e4
+    materials = {"magnet": Material(1.05), "iron": iron, "air": AIR}
+    applied = MagneticScalarPotential(
+        materials, RIM, applied_field=lambda x: size * field_of_harmonic(x), order=2
+    ).solve(mesh)
+    given = MagneticScalarPotential(materials, {"outer": lambda x: size * harmonic(x)}, order=2).solve(mesh)
+    scale = np.abs(given.flux_density).max()
+    np.testing.assert_allclose(applied.flux_density, given.flux_density, atol=2e-6 * scale)
+    total = applied.potential + size * harmonic(applied.elements.doflocs)
+    np.testing.assert_allclose(total, given.potential, atol=2e-6 * np.abs(total).max())
+    assert applied.energy == pytest.approx(given.energy, rel=1e-5)
+
+
+@pytest.mark.parametrize(("kind", "sign"), [("parallel", 1.0), ("normal", -1.0)])
+def test_half_a_model_by_a_plane_of_symmetry(kind, sign):
+    half = blocks([np.linspace(0.0, 1.0, 4), AXIS, AXIS], {"magnet": ((0.0, -0.5, -0.5), (2.0 / 3.0, 0.5, 0.0))})
+    mirrored = half.p * np.array([[-1.0], [1.0], [1.0]])
+    whole = MeshTet(np.hstack((half.p, mirrored)), np.hstack((half.t, half.t + half.p.shape[1])))
+    whole = MeshTet(*_joined(whole))
+    middle = np.abs(whole.p[:, whole.t].mean(axis=1))
+    inside = (middle[0] < 2.0 / 3.0) & (middle[1] < 0.5) & (whole.p[2, whole.t].mean(axis=0) < 0.0)
+    inside &= middle[2] < 0.5
+    whole = whole.with_subdomains({"magnet": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
+    whole = whole.with_boundaries({"outer": lambda x: np.full(x.shape[1], True)})
+    remanence = (0.0, 0.3, 1.2)
+    sides = {name: 0.0 for name in half.boundaries if name not in ("outer", "x-")}
+    part = MagneticScalarPotential(
+        {"magnet": Material(remanence=remanence), "air": AIR}, sides, symmetry={"x-": kind}, order=2
+    ).solve(half)
+
+    def of_both(x):
+        return np.where(x[0] < 0.0, sign, 1.0) * np.reshape(remanence, (3, 1)) * np.ones_like(x)
+
+    both = MagneticScalarPotential({"magnet": Material(remanence=of_both), "air": AIR}, RIM, order=2).solve(whole)
+    assert 2.0 * part.energy == pytest.approx(both.energy, rel=1e-9)
+
+
+def _joined(mesh):
+    key = np.round(1e6 * mesh.p).astype(int)
+    _, first, index = np.unique(key, axis=1, return_index=True, return_inverse=True)
+    return mesh.p[:, first], index.ravel()[mesh.t]
+
+
+# --- refused -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", [0, 3, True, "2"])
+def test_orders_other_than_1_and_2_are_refused(order):
+    with pytest.raises(ValueError, match=r"^order of MagneticScalarPotential must be 1 or 2; got "):
+        MagneticScalarPotential({"air": AIR}, order=order)
