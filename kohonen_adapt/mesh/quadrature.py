@@ -33,7 +33,9 @@ __all__ = [
 # points flatter, below the exact functional.
 LAW_DEGREE = {1: 0, 2: 10, 3: 14}  # straight sides, constant gradients at order 1
 LAW_DEGREE_BY_POINTS = {1: 8, 2: 14, 3: 14}  # curved sides, and around an axis
-LAW_DEGREE_IN_SPACE = 9  # tetrahedra of order 2
+# Tetrahedra of order 2. Points of degree 7 change the functional by 4 to 5 % of its fall under refinement, points of
+# degree 9 by less than 0.1 % (iron at its knee in half a cube).
+LAW_DEGREE_IN_SPACE = 9
 # Corners on the axis for the 7 kinds of elements: none (0), corner k (1 + k), the side opposite to corner k (4 + k).
 ON_AXIS = np.vstack([np.zeros((1, 3)), np.eye(3), 1.0 - np.eye(3)]) > 0.0
 DEGREE = {1: 6, 2: 8, 3: 10}  # by order, of symmetric rules with 12, 16 and 25 points, without a law
@@ -96,11 +98,8 @@ def points_near_axis(order: int, law: bool = False) -> tuple[Floats, Floats]:
 
 @cache
 def tetrahedron_rule(degree: int) -> tuple[Floats, Floats]:
-    """Return barycentric coordinates (n, 4) and positive weights (n,) with sum 1.
-
-    All points are inside, where a magnetisation of one region has a unique value. scikit-fem's rules have points on
-    edges or negative weights.
-    """
+    # Barycentric coordinates (n, 4) and positive weights (n,) with sum 1. All points are inside, where a magnetisation
+    # of one region has a unique value; scikit-fem's rules have points on edges, or negative weights.
     count = degree // 2 + 1
     (a, of_a), (b, of_b), (c, of_c) = (roots_jacobi(count, 0, power) for power in (2, 1, 0))
     far, across, along = (0.5 + 0.5 * part for part in np.meshgrid(a, b, c, indexing="ij"))

@@ -14,7 +14,7 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.magnetostatics.equations.elements import TETRAHEDRON_EDGES, Tetrahedra
+from kohonen_adapt.magnetostatics.equations.tetrahedra import EDGES, Tetrahedra, tetrahedra_on
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude, subdomains_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.cells import normals
@@ -30,7 +30,7 @@ PERMEABLE = 2.0
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)  # along an edge: error 3e-5 at half its length from a wire
 LINKED = 0.01  # allowed circulation along closed paths, relative to the range of the potential in a piece of iron
 FACE_EDGES = ((0, 1), (1, 2), (0, 2))  # the last in reverse orientation
-DEGREE = 4  # of the quadrature rule of facets
+DEGREE = {1: 4, 2: 7}  # of the quadrature rule of facets, by order
 TOLERANCE = 1e-9  # tolerance of equality, relative to the permeability of vacuum
 NO_CURRENT = 0.002  # allowed circulation around a face without current, relative to the integral of |Hs|
 
@@ -50,19 +50,16 @@ class Drive:
     elements: Tetrahedra
     function: AppliedField | None
     iron: Mask  # (nelements,)
-    potential: Floats  # chi at the nodes, (nnodes,) in A; 0 away from iron
-    load: Floats  # the surface integral for every hat function v, (nnodes,) in Wb
-
-    @cached_property
-    def _offset(self) -> Floats:
-        return self.elements.gradient(self.potential)
+    potential: Floats  # chi at the unknowns, (nunknowns,) in A; 0 away from iron
+    load: Floats  # the surface integral for every function v, (nunknowns,) in Wb
 
     def at(self, x: Floats, element: Ints) -> Floats:
         if self.function is None:
             return np.zeros_like(x)
         outside = np.flatnonzero(~self.iron[element])
-        values = np.zeros_like(x)
-        values[:, outside] = field_at(self.function, x[:, outside]) + self._offset[:, element[outside]]
+        values, x, element = np.zeros_like(x), x[:, outside], element[outside]
+        offset = self.elements.gradient_at(self.potential, element, self.elements.barycentric(x, element))
+        values[:, outside] = field_at(self.function, x) + offset
         return values
 
     @cached_property
@@ -86,8 +83,9 @@ class Drive:
 
     @cached_property
     def inside(self) -> Floats:
-        """Part of T that `load` does not cover, (3, nelements) in A/m."""
-        return np.where(self.iron, 0.0, self._offset)
+        """Part of T that `load` does not cover, as `Tetrahedra.gradient` in A/m."""
+        offset, elements = self.elements.gradient(self.potential), self.elements
+        return np.where(self.iron if elements.order == 1 else self.iron[elements.element], 0.0, offset)
 
 
 def checked_field(value: Any) -> AppliedField | None:
@@ -123,37 +121,54 @@ def field_at(function: AppliedField, x: Floats) -> Floats:
     return values
 
 
-def drive_on(mesh: MeshTet, coefficients: Coefficients, function: AppliedField | None, closed: Ints) -> Drive:
-    elements, zeros = Tetrahedra(mesh, varies=function is not None), np.zeros(mesh.p.shape[1])
+def drive_on(
+    mesh: MeshTet, coefficients: Coefficients, function: AppliedField | None, closed: Ints, order: int
+) -> Drive:
+    elements = tetrahedra_on(mesh, order, function is not None, coefficients.nonlinear)
+    zeros = np.zeros(elements.doflocs.shape[1])
     iron = coefficients.reluctivity * VACUUM_PERMEABILITY < 1.0 / PERMEABLE
     for material in coefficients.nonlinear_materials:
         iron[material.elements] = True
     if function is None:
         return Drive(elements, None, np.zeros_like(iron), zeros, zeros)
-    load = _flux_out(mesh, np.where(iron, 0.0, 1.0 / coefficients.reluctivity), function, closed)
-    return Drive(elements, function, iron, total_potential(mesh, iron, function), load)
+    load = _flux_out(elements, np.where(iron, 0.0, 1.0 / coefficients.reluctivity), function, closed)
+    chi = _at_unknowns(elements, total_potential(mesh, iron, function), iron, function)
+    return Drive(elements, function, iron, chi, load)
 
 
-def _flux_out(mesh: MeshTet, permeability: Floats, function: AppliedField, closed: Ints) -> Floats:
-    """Return the sum of ``int mu Hs . n v`` over surfaces of elements, shape (nnodes,) in Wb.
+def _flux_out(elements: Tetrahedra, permeability: Floats, function: AppliedField, closed: Ints) -> Floats:
+    """Return ``int mu Hs . n v`` over surfaces of elements, (nunknowns,) in Wb.
 
-    Facets `closed` are left out; v are the hat functions.
+    Facets `closed` are left out; v are the functions of the elements.
     """
+    mesh = elements.mesh
     number_facets(mesh)
     first, second = mesh.f2t
     jump = permeability[first] - np.where(second >= 0, permeability[second], 0.0)
     surface = np.setdiff1d(np.flatnonzero(np.abs(jump) > TOLERANCE * VACUUM_PERMEABILITY), closed)
     normal = 0.5 * normals(mesh.p.T, mesh.facets[:, surface].T).T
-    corners = mesh.p[:, mesh.facets[:, surface]]
+    corners, unknowns = mesh.p[:, mesh.facets[:, surface]], elements.on_facets(surface)
     outward = corners[:, 0] - mesh.p[:, mesh.t[:, first[surface]]].mean(axis=1)
     normal *= np.sign(np.sum(normal * outward, axis=0)) * jump[surface]
-    load, (points, weights) = np.zeros(mesh.p.shape[1]), get_quadrature(RefTri, DEGREE)
+    load, (points, weights) = np.zeros(elements.doflocs.shape[1]), get_quadrature(RefTri, DEGREE[elements.order])
     for (s, t), weight in zip(points.T, weights, strict=True):
         barycentric = np.array([1.0 - s - t, s, t])
         normal_flux = np.sum(normal * field_at(function, np.einsum("i,cin->cn", barycentric, corners)), axis=0)
-        terms = 2.0 * weight * barycentric[:, None] * normal_flux
-        load += np.bincount(mesh.facets[:, surface].ravel(), terms.ravel(), load.size)
+        terms = 2.0 * weight * elements.functions(barycentric[:, None]) * normal_flux
+        load += np.bincount(unknowns.ravel(), terms.ravel(), load.size)
     return load
+
+
+def _at_unknowns(elements: Tetrahedra, chi: Floats, iron: Mask, function: AppliedField) -> Floats:
+    if elements.order == 1:
+        return chi
+    mesh, nnodes = elements.mesh, chi.size
+    edge = np.unique(mesh.t2e[:, iron])
+    start, end = mesh.edges[:, edge]
+    middle, values = elements.doflocs[:, nnodes + edge], np.zeros(elements.doflocs.shape[1])
+    halves = [chi[node] - _circulation(mesh.p[:, node], middle, function)[0] for node in (start, end)]
+    values[:nnodes], values[nnodes + edge] = chi, 0.5 * (halves[0] + halves[1])
+    return values
 
 
 def total_potential(mesh: MeshTet, iron: Mask, function: AppliedField) -> Floats:
@@ -182,7 +197,7 @@ def total_potential(mesh: MeshTet, iron: Mask, function: AppliedField) -> Floats
 
 
 def _edges(t: Ints) -> tuple[Ints, Ints]:
-    ends = np.sort(t[TETRAHEDRON_EDGES].reshape(2, -1), axis=0).astype(np.int64)
+    ends = np.sort(t[EDGES].reshape(2, -1), axis=0).astype(np.int64)
     count = int(ends.max(initial=0)) + 1
     key = np.unique(ends[0] * count + ends[1])
     return key // count, key % count

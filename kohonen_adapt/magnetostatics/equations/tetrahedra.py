@@ -81,8 +81,7 @@ class Tetrahedra(FiniteElements):
 
 
 class LinearTetrahedra(LinearFunctions, Tetrahedra):
-    """P1 elements, with one quadrature point, or four if a field varies inside."""
-
+    # one quadrature point, or four if a field varies inside
     order, edges = 1, tuple(EDGES)
 
     def __init__(self, mesh: MeshTet, varies: bool = False) -> None:
@@ -116,10 +115,8 @@ class LinearTetrahedra(LinearFunctions, Tetrahedra):
 
 @dataclass(frozen=True)
 class Group:
-    """Elements with one quadrature rule, whose points have shape (q, m)."""
-
-    rows: Ints  # (m,)
-    columns: slice  # of the quadrature points
+    rows: Ints  # (m,): elements with one quadrature rule
+    columns: slice  # of the quadrature points, which have shape (q, m)
     barycentric: Floats  # (q, 4)
     weights: Floats  # (q,), with sum 1
     has_law: bool
@@ -145,11 +142,7 @@ class Group:
 
 
 class QuadraticTetrahedra(Tetrahedra):
-    """P2 elements with the unknowns of `skfem.ElementTetP2`, nodes before edges.
-
-    Elements with a B-H law, the mask `nonlinear` (nelements,), have more quadrature points than others.
-    """
-
+    # the unknowns of `skfem.ElementTetP2`, nodes before edges
     order = 2
 
     def __init__(self, mesh: MeshTet, nonlinear: Mask) -> None:
