@@ -78,3 +78,21 @@ class Pool(NamedTuple):
     free_nodes: np.ndarray  # (n,) int32: a stack
     free_elements: np.ndarray  # (m,) int32: a stack
     height: np.ndarray  # (2,) int64: of both stacks
+
+
+@record
+class Modes(NamedTuple):
+    """Coefficients of functions of order 2 or 3, except the values at the nodes.
+
+    Every side of a triangle has coefficients in both its elements, for the functions of `Reference`. The odd function
+    of a side runs counter-clockwise around the element, so the coefficients in both elements have opposite signs.
+    Every edge of a tetrahedron has its coefficient in all of its elements, in the order of `EDGES`.
+    """
+
+    side: np.ndarray  # (m, 3, order - 1): coefficients of the side opposite to corner k: even, at order 3 also odd, or
+    # (m, 6, 1): coefficients of the edges of tetrahedra
+    bubble: np.ndarray  # (m,): coefficients of the bubbles at order 3
+    dirichlet: np.ndarray  # (m, 3) bool: Dirichlet values on the side, or (m, 6) on the edge
+
+    def rows(self, rows: np.ndarray) -> "Modes":
+        return Modes(self.side[rows], self.bubble[rows], self.dirichlet[rows])

@@ -58,7 +58,7 @@ def polish(
         A `skfem.MeshTri`, `skfem.MeshTri2` or `skfem.MeshTet`, which is not modified. The problem is solved once.
     problem
         An object with ``solve(mesh) -> solution`` and ``ritz(mesh, solution) -> kohonen_adapt.Ritz``, of order 1
-        to 3, on tetrahedra of order 1.
+        to 3, on tetrahedra of order 1 or 2.
     sweeps
         Number of sweeps.
     topology
@@ -94,10 +94,10 @@ def polish(
     Energies of nonlinear material are tabulated with a relative error of 1e-10.
 
     Nodes of tetrahedra are held where Dirichlet values are not linear on a face or along an edge of the body.
-    Nodes slide on spheres, cylinders and cones. Slivers between faces and these surfaces are counted twice where
-    they increase the functional, which is an upper bound for both domains and any material. The next solution
-    does not include the slivers. Nodes are held on surfaces that are defined by projections only, where a source
-    ends at the surface, and where a surface inside the mesh or around a hole has Dirichlet values.
+    At order 1 nodes slide on spheres, cylinders and cones. Slivers between faces and these surfaces are counted
+    twice where they increase the functional, which is an upper bound for both domains and any material. The next
+    solution does not include the slivers. Nodes are held on surfaces that are defined by projections only, where a
+    source ends at the surface, and where a surface inside the mesh or around a hole has Dirichlet values.
 
     Descent of nodal positions by the energy: P. Thoutireddy and M. Ortiz, "A variational r-adaption and
     shape-optimization method for finite-deformation elasticity", Int. J. Numer. Meth. Engng 61 (2004).

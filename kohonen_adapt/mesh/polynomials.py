@@ -13,7 +13,8 @@ from skfem import ElementTriP1, ElementTriP2, ElementTriP3, ElementTriP4, Mesh, 
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.triangle.arrays import Modes, Points, Reference
+from kohonen_adapt.kernels.arrays import Modes
+from kohonen_adapt.kernels.triangle.arrays import Points, Reference
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.host import number_edges, number_facets

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.geometry.plane.outline import Outline
+from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.triangle.arrays import (
     CENTRE_X,
     CONSTANTS,
@@ -15,7 +16,6 @@ from kohonen_adapt.kernels.triangle.arrays import (
     RATES_X,
     RATES_Y,
     VARYING,
-    Modes,
     Points,
     Shapes,
 )

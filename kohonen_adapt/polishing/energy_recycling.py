@@ -9,8 +9,9 @@ from kohonen_adapt.arrays import Ints, Mask, padded, sorted_below
 from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import Surgery
+from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.threads import even_cuts, shared
-from kohonen_adapt.kernels.triangle.arrays import HELD, Modes, Offers, OpenMesh, SurgeryScratch
+from kohonen_adapt.kernels.triangle.arrays import HELD, Offers, OpenMesh, SurgeryScratch
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.loops import Linear

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Ints, Mask
-from kohonen_adapt.kernels.arrays import KernelMesh
-from kohonen_adapt.kernels.triangle.arrays import Modes, Offers, OpenMesh, Points, Reference, Shapes, Trials
+from kohonen_adapt.kernels.arrays import KernelMesh, Modes
+from kohonen_adapt.kernels.triangle.arrays import Offers, OpenMesh, Points, Reference, Shapes, Trials
 from kohonen_adapt.kernels.triangle.polish.descend import descend_nodes
 from kohonen_adapt.kernels.triangle.polish.descend_higher import Descents
 from kohonen_adapt.kernels.triangle.polish.energy_recycle import exchange, weigh_collapses, weigh_splits

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.pairs import sliding_pairs
-from kohonen_adapt.kernels.arrays import KernelMesh
+from kohonen_adapt.kernels.arrays import KernelMesh, Modes
 from kohonen_adapt.kernels.triangle.arrays import (
     CENTRE_X,
     CONSTANTS,
@@ -24,7 +24,6 @@ from kohonen_adapt.kernels.triangle.arrays import (
     SIXTH_SOURCE,
     SOURCE_TERMS,
     X_BY_X,
-    Modes,
     Shapes,
     Star,
     Trial,

@@ -15,8 +15,9 @@ from kohonen_adapt.geometry.plane.pairs import sliding_pairs
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.polynomials import TrialFunction, facets_of_sides, local_coefficients, trace_columns
+from kohonen_adapt.mesh.quadratic_in_space import edges_of_elements, quadratic_coefficients
 from kohonen_adapt.polishing.boundary import BoundaryTerms, sides_on
-from kohonen_adapt.problem.derivatives import Derivatives, derivatives_in_space, derivatives_on
+from kohonen_adapt.problem.derivatives import Derivatives, derivatives_in_space, derivatives_on, quadratic_derivatives
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.robin import facet_terms
 
@@ -72,8 +73,15 @@ def check_in_plane(
 
 
 def check_in_space(ritz: Ritz, mesh: MeshTet, values: Floats, fixed: Mask) -> None:
-    parts = derivatives_in_space(mesh.p[:, mesh.t], values[mesh.t], numbers_of(ritz, mesh.t.shape[1]), ritz)
-    check_residual(*sums(parts, mesh.t.T, len(values)), ~fixed, mesh.p.T, mesh)
+    corners, number = mesh.p[:, mesh.t], numbers_of(ritz, mesh.t.shape[1])
+    if ritz.order == 1:
+        parts = derivatives_in_space(corners, values[mesh.t], number, ritz)
+        check_residual(*sums(parts, mesh.t.T, len(values)), ~fixed, mesh.p.T, mesh)
+        return
+    parts = quadratic_derivatives(corners, quadratic_coefficients(mesh, values), number, ritz)
+    index = np.hstack([mesh.t.T, mesh.nvertices + edges_of_elements(mesh, mesh.t.T)])
+    place = np.vstack([mesh.p.T, mesh.p[:, mesh.edges].mean(axis=1).T])
+    check_residual(*sums(parts, index, len(values)), ~fixed, place, mesh)
 
 
 def numbers_of(ritz: Ritz, count: int) -> Ints:

@@ -5,7 +5,8 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING, Modes
+from kohonen_adapt.kernels.arrays import Modes
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING
 from kohonen_adapt.kernels.triangle.locate import barycentric
 from kohonen_adapt.mesh.adjacency import parts_of_regions
 from kohonen_adapt.mesh.curved import AFTER, BEFORE, CurvedElements

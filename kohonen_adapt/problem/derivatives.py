@@ -8,12 +8,14 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.triangle.arrays import Points
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.polynomials import HAT_SLOPES, by_points, exact_reference, functions_at, law_reference
+from kohonen_adapt.mesh.quadratic_in_space import function_slopes
 from kohonen_adapt.mesh.quadrature import kinds_at_axis
 from kohonen_adapt.problem.functional_value import elements_by_rule, flux_on, loads_in_space, source_on, source_points
+from kohonen_adapt.problem.quadratic_in_space import MEANS, fluxes, points_of_slopes, quadratic_loads
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_table, source_at, value_by_region
 
-__all__ = ["Derivatives", "derivatives_in_space", "derivatives_on"]
+__all__ = ["Derivatives", "derivatives_in_space", "derivatives_on", "quadratic_derivatives"]
 
 ROWS = 20_000  # elements per block, to limit the memory
 MARGIN = 3.0  # factor of the difference between the mean of a flux and its value at the centre
@@ -144,5 +146,26 @@ def derivatives_in_space(corners: Floats, values: Floats, region: Ints, ritz: Ri
     else:
         source = value_by_region(np.asarray(ritz.source), region)
         source_term = np.broadcast_to(source * volume / 4.0, energy_term.shape)
+    size = np.abs(energy_term) + np.abs(flux_term) + np.abs(source_term)
+    return Derivatives((energy_term - flux_term - source_term).T, size.T, uncertainty.T)
+
+
+def quadratic_derivatives(corners: Floats, coefficients: Floats, region: Ints, ritz: Ritz) -> Derivatives:
+    """Return the element residuals of functions of order 2 on tetrahedra, (m, 10).
+
+    `corners` has shape (3, 4, m), and `coefficients` has shape (10, m).
+    """
+    six = np.abs(TETRAHEDRON.determinant(corners))
+    coefficient, flux = value_by_region(np.asarray(ritz.coefficient), region), fluxes(region, ritz)
+    energy_term, flux_term, uncertainty = np.zeros((3, *coefficients.shape))
+    for barycentric, weight in points_of_slopes():
+        slopes = function_slopes(corners, barycentric)
+        slope = np.einsum("dkm,km->dm", slopes, coefficients)
+        energy_term += np.einsum("dkm,dm->km", slopes, weight * six * coefficient * slope)
+        flux_term += np.einsum("dkm,dm->km", slopes, weight * six * flux)
+    source_term = quadratic_loads(corners, region, ritz)
+    if callable(ritz.source):
+        centre = source_at(corners.mean(axis=1)[:, None], region, ritz.source)[0]
+        uncertainty = np.abs(source_term - MEANS[:, None] * centre * six / 6.0)
     size = np.abs(energy_term) + np.abs(flux_term) + np.abs(source_term)
     return Derivatives((energy_term - flux_term - source_term).T, size.T, uncertainty.T)

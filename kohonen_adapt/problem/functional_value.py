@@ -24,7 +24,9 @@ from kohonen_adapt.mesh.polynomials import (
     local_coefficients,
     modes_of,
 )
+from kohonen_adapt.mesh.quadratic_in_space import quadratic_coefficients
 from kohonen_adapt.mesh.quadrature import kinds_at_axis
+from kohonen_adapt.problem.quadratic_in_space import quadratic_value
 from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of, plane_only_term
 from kohonen_adapt.problem.robin import robin_value, sides_of_boundary
 from kohonen_adapt.problem.tables import flux_at, flux_table, source_at, value_by_region
@@ -71,6 +73,9 @@ def functional_value(mesh: Mesh, ritz: Ritz) -> float:
             raise ValueError(f"Ritz cannot be evaluated on tetrahedra: {plane_only_term(ritz)}.")
         check_matches(ritz, mesh)
         region = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
+        if ritz.order == 2:
+            coefficients = quadratic_coefficients(mesh, np.asarray(ritz.values))
+            return quadratic_value(mesh.p[:, mesh.t], coefficients, region, ritz)
         return value_in_space(mesh.p[:, mesh.t], np.asarray(ritz.values)[mesh.t], region, ritz)
     return sum(_value_of_part(mesh, part) for part in parts_of(ritz))
 

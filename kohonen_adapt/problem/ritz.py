@@ -69,13 +69,14 @@ class Ritz:
     multiplied if only a corner is on the axis, because they decrease like x^2 already. The integrals are finite and u
     is admissible, so the functional is an upper bound of the exact one.
 
-    On tetrahedra the order is 1, without axis, Robin conditions, dual and signs.
+    On tetrahedra the order is 1, or 2 without laws. Axis, Robin conditions, dual and signs are for triangles only.
 
     Parameters
     ----------
     values
         Values of the solution, shape (nunknowns,), in the order of scikit-fem's `ElementTriP1`, `ElementTriP2` or
-        `ElementTriP3` on the mesh. At order 1 these are the values at the nodes, shape (nnodes,).
+        `ElementTriP3` on the mesh, or of `ElementTetP1` or `ElementTetP2`. At order 1 these are the values at the
+        nodes, shape (nnodes,).
     fixed
         Mask of the Dirichlet values, shape (nunknowns,).
     coefficient
@@ -285,7 +286,8 @@ def check_matches(ritz: Ritz, mesh: Mesh) -> None:
 
 def plane_only_term(ritz: Ritz) -> str:
     has = {
-        f"order {ritz.order} of Ritz": ritz.order > 1,
+        f"order {ritz.order} of Ritz": ritz.order > 2,
+        "a law at order 2 of Ritz": ritz.order == 2 and any(ritz.laws),
         "axisymmetric of Ritz": ritz.axisymmetric,
         "robin of Ritz": bool(ritz.robin),
         "dual of Ritz": ritz.dual is not None,

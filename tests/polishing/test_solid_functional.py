@@ -95,7 +95,7 @@ def test_constants_must_not_change_inside_a_region():
 MESH = box(2)
 REST = {"values": MESH.p[0], "fixed": np.zeros(MESH.nvertices, dtype=bool), "coefficient": 1.0}
 PLANE_ONLY = {
-    "order 2 of Ritz": {"order": 2},
+    "order 3 of Ritz": {"order": 3},
     "axisymmetric of Ritz": {"axisymmetric": True},
     "robin of Ritz": {"robin": {"left": (1.0, 0.0)}},
     "dual of Ritz": {"dual": Ritz(**REST)},

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import Pool
+from kohonen_adapt.kernels.arrays import Modes, Pool
 from kohonen_adapt.kernels.nonlinear import Laws
 from kohonen_adapt.kernels.numba.compilation import record
 
@@ -20,6 +20,7 @@ HELD, ON_RIDGE, ON_PATCH, INSIDE = range(4)  # `Freedom.number`: dimension of th
 
 MOST = 1024  # maximum number of elements around a node for surgery
 RIDGE_PATCHES = 4  # maximum number of patches at a ridge
+UNKNOWNS = 256  # maximum number of unknowns that change with a node, at order 2
 RING = 8  # maximum number of nodes in the ring of an edge for swaps
 FREE, WAITS, ELSEWHERE, WANTED = range(4)  # `Queue.waiting`; ELSEWHERE turns into WANTED if an element blocks a swap
 
@@ -180,6 +181,63 @@ class Trial(NamedTuple):
     counted: np.ndarray  # (p,) bool: curved patches whose slivers are counted
     follows: np.ndarray  # (p,) bool: patches whose Dirichlet values extend into slivers
     source: np.ndarray  # (n, regions): varying source / 24 around every node, otherwise (0, regions)
+
+
+@record
+class SolidBlock(NamedTuple):
+    """Scratch for elements of order 2 and the unknowns that change with a node or a cavity.
+
+    Rows of elements are those around a node, or of `Cavity.new`. Functions of an element are those of its corners, then
+    of its edges in the order of `EDGES`. Rows of edges are used by index or, for edges at one node, by far end.
+    """
+
+    unknowns: np.ndarray  # (1,) int64: number of unknowns
+    local: np.ndarray  # (2 MOST, 10): coefficients of elements, values relative to a common value
+    dof: np.ndarray  # (2 MOST, 10) int32: index of the unknown of each coefficient, -1 for none
+    given: np.ndarray  # (2 MOST, 6) bool: Dirichlet edges
+    end: np.ndarray  # (UNKNOWNS, 2) int32: nodes of edges, the lower first, or the far end
+    mode: np.ndarray  # (UNKNOWNS,): coefficients of edges
+    edge_dof: np.ndarray  # (UNKNOWNS,) int32: index of the unknown of each edge, -1 for none
+    edge_given: np.ndarray  # (UNKNOWNS,) bool: Dirichlet edges
+    slope: np.ndarray  # (4, 3): gradients of the barycentric coordinates of an element
+    field: np.ndarray  # (4, 3): sum of the gradients at all corners, plus that at each corner
+    product: np.ndarray  # (4, 4): products of `slope`
+    stiffness: np.ndarray  # (UNKNOWNS, UNKNOWNS): second derivatives, in the lower triangle; then the Cholesky factor
+    rest: np.ndarray  # (UNKNOWNS,): first derivatives; then the solution with the factor
+    mixed: np.ndarray  # (UNKNOWNS, 3): second derivatives by unknown and position; then the solution with the factor
+    correction: np.ndarray  # (UNKNOWNS,): change of the unknowns to the minimum
+
+    @classmethod
+    def of(cls) -> "SolidBlock":
+        rows, edges = 2 * MOST, UNKNOWNS
+        slope, field = np.empty((2, 4, 3))
+        return cls(
+            np.zeros(1, dtype=np.int64),
+            np.empty((rows, 10)),
+            np.empty((rows, 10), dtype=np.int32),
+            np.empty((rows, 6), dtype=np.bool_),
+            np.empty((edges, 2), dtype=np.int32),
+            np.empty(edges),
+            np.empty(edges, dtype=np.int32),
+            np.empty(edges, dtype=np.bool_),
+            slope,
+            field,
+            np.empty((4, 4)),
+            np.empty((edges, edges)),
+            np.empty(edges),
+            np.empty((edges, 3)),
+            np.empty(edges),
+        )
+
+
+@record
+class Quadratic(NamedTuple):
+    """P2 function and the Ritz functional, with scratch of a thread."""
+
+    trial: Trial  # values at the nodes, and the functional
+    modes: Modes
+    dirichlet: np.ndarray  # (p,) bool: patches with Dirichlet values
+    block: SolidBlock
 
 
 @record

@@ -32,7 +32,7 @@ from kohonen_adapt.kernels.tetrahedron import (
     swap,
     train,
 )
-from kohonen_adapt.kernels.tetrahedron.polish import descend, energy_recycle, swap_by_energy
+from kohonen_adapt.kernels.tetrahedron.polish import descend, descend_order2, energy_recycle, swap_by_energy
 
 __all__ = ["SPACE"]
 
@@ -49,6 +49,9 @@ OPEN_TETRAHEDRA = record_type(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, 
 QUEUE = record_type(arrays.Queue, (int8[::1], I1, L1))
 LAWS = record_type(nonlinear.Laws, (I1, int64, R3))
 TRIAL = record_type(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, R2))
+SOLID_BLOCK = record_type(arrays.SolidBlock, (L1, R2, I2, boolean[:, ::1], I2, R1, I1, B1, R2, R2, R2, R2, R1, R2, R1))
+MODES = record_type(shared.Modes, (R3, R1, boolean[:, ::1]))
+QUADRATIC = record_type(arrays.Quadratic, (TRIAL, MODES, B1, SOLID_BLOCK))
 OFFERS = record_type(arrays.Offers, (R2, R1, B1, B1, B1, B1))
 KERNEL_MESH = record_type(shared.KernelMesh, (R2, TETRAHEDRA, STAR, CONSTRAINTS))
 BARS = record_type(coils.Bars, (R2, I2, R1, R3, I2, R2, R2, R2))
@@ -87,6 +90,7 @@ SPACE: dict[str, tuple[Entry, ...]] = {
         Entry(energy_recycle.weigh_collapses, OPEN_TETRAHEDRA, TRIAL, OFFERS, float64, float64, int64, int64),
         Entry(energy_recycle.exchange, OPEN_TETRAHEDRA, TRIAL, QUEUE, OFFERS, I2, R1, L1, float64, float64),
     ),
+    "space polish of order 2": (Entry(descend_order2.descend_nodes_order2, KERNEL_MESH, QUADRATIC, I1, float64),),
     "space carrying": (
         Entry(locate.walk_each, R2, TETRAHEDRA, R2, I1, B1),
         Entry(locate.barycentric, R2, I2, R2, I1, R2),

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import Pool
+from kohonen_adapt.kernels.arrays import Modes, Pool
 from kohonen_adapt.kernels.nonlinear import Laws
 from kohonen_adapt.kernels.numba.compilation import record
 
@@ -219,22 +219,6 @@ class Trial(NamedTuple):
 class Trials(NamedTuple):
     primal: Trial
     dual: Trial  # the dual, of linear material, with the same fixed values; without values if missing
-
-
-@record
-class Modes(NamedTuple):
-    """Coefficients of functions of order 2 or 3, except the values at the nodes.
-
-    Every side has coefficients in both its elements, for the functions of `Reference`. The odd function of a side runs
-    counter-clockwise around the element, so the coefficients in both elements have opposite signs.
-    """
-
-    side: np.ndarray  # (m, 3, order - 1): coefficients of the side opposite to corner k: even, at order 3 also odd
-    bubble: np.ndarray  # (m,): coefficients of the bubbles at order 3
-    dirichlet: np.ndarray  # (m, 3) bool: Dirichlet values on the side
-
-    def rows(self, rows: np.ndarray) -> "Modes":
-        return Modes(self.side[rows], self.bubble[rows], self.dirichlet[rows])
 
 
 @record

@@ -1,23 +1,15 @@
 """Energy descent on tetrahedra, with recycling between the sweeps."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-import numpy as np
-
-from kohonen_adapt.arrays import Floats, padded
 from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.geometry.space.open_solid import OpenSolid
-from kohonen_adapt.geometry.space.thread_parts import Parts
-from kohonen_adapt.kernels.arrays import KernelMesh
-from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints, Freedom, Trial
-from kohonen_adapt.kernels.tetrahedron.polish.descend import descend_nodes
-from kohonen_adapt.kernels.threads import Nodes
 from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.polishing.space.descent import Descent
+from kohonen_adapt.polishing.space.descent_order2 import QuadraticDescent
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
-from kohonen_adapt.polishing.space.surgery_in_space import recycle_in_space, swap_in_space
-from kohonen_adapt.problem.protocol import Problem
+from kohonen_adapt.problem.protocol import Problem, order_of
 
 __all__ = ["PLAN_IN_SPACE", "descend_and_recycle_in_space", "descend_in_space", "loops_in_space"]
 
@@ -33,11 +25,12 @@ def descend_in_space(
     """Sweep nodes and swap elements, and return the decrease of the functional.
 
     Elements are swapped after the nodes of every sweep, with `swap_first` also before the first sweep. The numbering
-    of nodes does not change.
+    of nodes does not change. At order 1 the values of `trial` are those on the new mesh afterwards.
     """
-    descent, gain = Descent.of(movable, functional, trial).descend_checked(sweeps, swap_first)
+    descent, gain = descent_of(movable, functional, trial).descend_checked(sweeps, swap_first)
     descent.opened.write_back(movable)
-    trial.values[:] = descent.trial.value[: len(trial.values)]
+    if trial.affine:
+        trial.values[:] = descent.trial.value[: len(trial.values)]
     return gain
 
 
@@ -56,7 +49,7 @@ def descend_and_recycle_in_space(
     numbered along a space-filling curve.
     """
     swap_first = goes_on = len(plan) > 1
-    descent, pairs = Descent.of(movable, functional, trial), 0
+    descent, pairs = descent_of(movable, functional, trial), 0
     descent.set_origins(recycled)
     descent, gain = descent.descend_checked(plan[0], swap_first)
     for sweeps in plan[1:]:
@@ -77,100 +70,9 @@ def descend_and_recycle_in_space(
 
 
 def loops_in_space(problem: Problem) -> tuple[str, ...]:
-    return "space ground", "space moves", "space polish"
+    return "space ground", "space moves", "space polish of order 2" if order_of(problem) == 2 else "space polish"
 
 
-@dataclass(frozen=True)
-class Descent:
-    """Descent of a functional on an open mesh of tetrahedra.
-
-    Attributes
-    ----------
-    opened
-        Mesh with spare rows, which changes.
-    functional
-        Functional to minimise.
-    trial
-        Function and functional for the kernels.
-    floor
-        Minimum quality. Elements below may not get worse.
-    swaps
-        True if elements may be swapped.
-    seen
-        Volume and energy of elements at their last search for swaps, (rows, 2).
-    """
-
-    opened: OpenSolid
-    functional: SolidFunctional
-    trial: Trial
-    floor: float
-    swaps: bool
-    seen: Floats
-
-    @classmethod
-    def of(cls, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction) -> "Descent":
-        opened = OpenSolid.of(movable, np.ones(movable.nnodes))
-        rows = len(opened.mesh.position)
-        own = functional.trial(padded(trial.values, rows, 0.0), padded(trial.fixed, rows, False))
-        seen = np.zeros((len(opened.mesh.elements.node), 2))
-        return cls(opened, functional, own, movable.floor, movable.flips, seen)
-
-    def copy(self) -> "Descent":
-        trial = self.trial._replace(value=self.trial.value.copy(), fixed=self.trial.fixed.copy())
-        return replace(self, opened=self.opened.copy(), trial=trial, seen=self.seen.copy())
-
-    def set_origins(self, recycled: Recycled) -> None:
-        origins, n = self.opened.mesh.origins, len(recycled.old)
-        origins.old[:n], origins.start_element[:n] = recycled.old, recycled.start_element
-
-    def descend(self, sweeps: int, swap_first: bool) -> float:
-        freedom = self.functional.freedom(self.opened.mesh.freedom, self.trial.fixed)
-        parts = self.opened.parts()
-        gain = self.swap(parts) if swap_first else 0.0
-        for _ in range(sweeps):
-            gain += self.sweep(parts, freedom)
-            gain += self.swap(parts)
-        return gain
-
-    def descend_checked(self, sweeps: int, swap_first: bool) -> tuple["Descent", float]:
-        """Return the descent after some sweeps, and the decrease of the functional.
-
-        If the functional is approximate and has not decreased, the state before the sweeps is returned.
-        """
-        if not self.functional.is_approximate:
-            return self, self.descend(sweeps, swap_first)
-        if self.functional.has_varying_source and sweeps > 1:
-            descent, decrease = self.descend_checked(1, swap_first)
-            descent, more = descent.descend_checked(sweeps - 1, swap_first) if decrease > 0.0 else (descent, 0.0)
-            return descent, decrease + more
-        before = self.copy()
-        self.descend(sweeps, swap_first)
-        decrease = before.value() - self.value()
-        return (self, decrease) if decrease > 0.0 else (before, 0.0)
-
-    def value(self) -> float:
-        return self.functional.value_on(self.opened.mesh.position, self.opened.mesh.elements, self.trial.value)
-
-    def swap(self, parts: Parts) -> float:
-        if not self.swaps:
-            return 0.0
-        self.sample_source()
-        return swap_in_space(self.opened, parts, self.functional, self.trial, self.seen, self.floor)
-
-    def recycle(self) -> tuple[int, float]:
-        self.sample_source()
-        return recycle_in_space(self.opened, self.functional, self.trial, self.floor)
-
-    def sample_source(self) -> None:
-        self.functional.sample_source(self.opened.mesh.position, self.opened.mesh.elements, self.trial)
-
-    def sweep(self, parts: Parts, freedom: Freedom) -> float:
-        mesh, star = self.opened.mesh, self.opened.star()
-        self.sample_source()
-        constraints = Constraints(freedom, mesh.surfaces, freedom.number == INSIDE)
-        arrays = KernelMesh(mesh.position, mesh.elements, star, constraints)
-
-        def task(thread: int, nodes: Nodes) -> float:
-            return float(descend_nodes(arrays, self.trial, nodes, self.floor**3))
-
-        return parts.sweep(star, task)
+def descent_of(movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction) -> Descent:
+    kind = Descent if trial.affine else QuadraticDescent
+    return kind.of(movable, functional, trial)

@@ -8,6 +8,7 @@ from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.nonlinear import Laws
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,
@@ -22,6 +23,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.mesh.quadratic_in_space import edge_modes, edges_of_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import Tables, constants_of, laws_of_regions, numbers_of_regions
 from kohonen_adapt.polishing.space.curved_faces import CurvedFaces
@@ -29,6 +31,7 @@ from kohonen_adapt.polishing.space.surface_values import dirichlet_on
 from kohonen_adapt.polishing.stationarity import check_in_space
 from kohonen_adapt.problem.functional_value import loads_in_space, value_in_space
 from kohonen_adapt.problem.protocol import NotOffered
+from kohonen_adapt.problem.quadratic_in_space import quadratic_value
 from kohonen_adapt.problem.ritz import Ritz, check_matches, plane_only_term
 
 __all__ = ["SolidFunctional"]
@@ -110,21 +113,23 @@ class SolidFunctional:
             raise NotOffered(plane_only_term(ritz))
         check_matches(ritz, movable.mesh() if mesh is None else mesh)
         tet, surfaces = movable.tetrahedralization, movable.surfaces
-        values, fixed = np.asarray(ritz.values), np.asarray(ritz.fixed)
+        values = np.asarray(ritz.values)
         number = numbers_of_regions(ritz, tet.elements.region[tet.used])
         law, tables = laws_of_regions(ritz, number, steepest(tet, values) if any(ritz.laws) else 0.0)
-        on = dirichlet_on(tet, surfaces, movable.freedom, values, fixed)
+        solution = solution_on(ritz, tet, movable.mesh() if mesh is None else mesh)
+        on = dirichlet_on(tet, surfaces, movable.freedom, solution)
         patches, curved = len(surfaces.shape), surfaces.shape != PLANE
-        linear = (~on.unknown & (~on.dirichlet | on.linear))[:patches]
+        linear = (~on.unknown & (~on.dirichlet | on.linear))[:patches] & (ritz.order == 1)
         faces = CurvedFaces.of(tet, movable.patches, ritz, number, linear, on.dirichlet[:patches], on.rate[:patches])
         rims = (surfaces.ridge_shape != LINE) & ~np.append(curved, False)[surfaces.meets].any(axis=1)
         uncounted = np.append(curved & ~faces.counted, rims)
         held = uncounted | (on.dirichlet & ~on.linear) | on.unknown
         held[patches:] |= np.append(held[:patches], False)[surfaces.meets].any(axis=1)
         same_space = not (
-            uncounted.any() or np.any(on.dirichlet & ~on.linear) or np.any(fixed & (movable.freedom.number == INSIDE))
+            uncounted.any()
+            or np.any(on.dirichlet & ~on.linear)
+            or np.any(solution.fixed & (movable.freedom.number == INSIDE))
         )
-        solution = TrialFunction(values.copy(), fixed.copy(), None)
         data = constants_of(ritz, number, TETRAHEDRON.dim) / PARTS
         places = on.dirichlet, held, on.rate
         return cls(solution, ritz, number, data, patches, *places, ritz.comparable and same_space, law, tables, faces)
@@ -187,13 +192,26 @@ class SolidFunctional:
         return freedom._replace(number=np.where(held, HELD, number).astype(number.dtype))
 
     def value(self, tetrahedralization: Tetrahedralization, trial: TrialFunction) -> float:
-        return self.value_on(tetrahedralization.position, tetrahedralization.elements, trial.values)
+        return self.value_on(tetrahedralization.position, tetrahedralization.elements, trial.values, trial.modes)
 
-    def value_on(self, position: Floats, elements: Tetrahedra, values: Floats) -> float:
+    def value_on(self, position: Floats, elements: Tetrahedra, values: Floats, modes: Modes | None = None) -> float:
         used = elements.node[:, 0] >= 0
         node, number = elements.node[used].T, self.number[elements.region[used]]
+        if modes is not None:
+            coefficients = np.vstack([values[node], modes.side[used, :, 0].T])
+            return quadratic_value(position.T[:, node], coefficients, number, self.ritz)
         own = value_in_space(position.T[:, node], values[node], number, self.ritz)
         return own + self.faces.value(position, elements, values)
+
+
+def solution_on(ritz: Ritz, tet: Tetrahedralization, mesh: MeshTet) -> TrialFunction:
+    values, fixed, n, m = np.asarray(ritz.values), np.asarray(ritz.fixed), tet.nnodes, len(tet.elements.node)
+    if ritz.order == 1:
+        return TrialFunction(values.copy(), fixed.copy(), None)
+    node, modes = tet.elements.node[tet.used], Modes(np.zeros((m, 6, 1)), np.zeros(m), np.zeros((m, 6), dtype=np.bool_))
+    own = edge_modes(values, fixed, node, edges_of_elements(mesh, node), n)
+    modes.side[tet.used], modes.dirichlet[tet.used] = own.side, own.dirichlet
+    return TrialFunction(values[:n].copy(), fixed[:n].copy(), modes)
 
 
 def steepest(tet: Tetrahedralization, values: Floats) -> float:

@@ -5,12 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_PATCH, ON_RIDGE, Freedom, Surfaces
+from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES
 from kohonen_adapt.mesh.cells import FACES
+from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import LINEAR
 
-__all__ = ["DirichletValues", "dirichlet_on"]
+__all__ = ["EDGES_OF_FACES", "DirichletValues", "dirichlet_on"]
+
+# Edges of the face opposite to each corner, (4, 3).
+EDGES_OF_FACES = np.array([np.flatnonzero((EDGES[:, :2] != k).all(axis=1)) for k in range(4)])
 
 
 @dataclass(frozen=True)
@@ -37,8 +43,9 @@ class DirichletValues:
 
 
 def dirichlet_on(
-    tet: Tetrahedralization, surfaces: Surfaces, freedom: Freedom, values: Floats, fixed: Mask
+    tet: Tetrahedralization, surfaces: Surfaces, freedom: Freedom, solution: TrialFunction
 ) -> DirichletValues:
+    values, fixed, modes, _ = solution
     patches = len(surfaces.shape)
     count = patches + len(surfaces.ridge_shape)
     patch, node = nodes_of_patches(tet)
@@ -52,6 +59,12 @@ def dirichlet_on(
     near = np.append(touched, False)[surfaces.meets].any(axis=1)
     unknown = bare & np.append(whole[:patches], near)
     rate, deviation = linear_fits(place, tet.position[node], values[node], whole & ~bare)
+    if modes is not None:
+        patch, mode, given = edges_on_patches(tet, modes)
+        whole[:patches] &= np.bincount(patch, weights=~given, minlength=patches) == 0
+        np.maximum.at(deviation, patch, np.abs(mode))
+        lone = np.append(whole[:patches], False)[surfaces.meets].any(axis=1)  # edges of other ridges are not known
+        whole[patches:] &= lone
     linear = whole & ~bare & (deviation <= LINEAR * np.ptp(values))
     return DirichletValues((whole & ~bare) | partly, linear, unknown, rate)
 
@@ -63,6 +76,13 @@ def nodes_of_patches(tet: Tetrahedralization) -> tuple[Ints, Ints]:
     code = np.unique(elements.patch[e, k][:, None].astype(np.int64) * tet.nnodes + node)
     patch, nodes = np.divmod(code, tet.nnodes)
     return patch, nodes
+
+
+def edges_on_patches(tet: Tetrahedralization, modes: Modes) -> tuple[Ints, Floats, Mask]:
+    e, k = np.nonzero((tet.elements.patch >= 0) & (tet.elements.node[:, :1] >= 0))
+    edge = EDGES_OF_FACES[k]
+    patch = np.repeat(tet.elements.patch[e, k], 3)
+    return patch, modes.side[e[:, None], edge, 0].ravel(), modes.dirichlet[e[:, None], edge].ravel()
 
 
 def ends_of_ridges(tet: Tetrahedralization, surfaces: Surfaces, freedom: Freedom) -> Ints:

@@ -5,13 +5,17 @@ from scipy.spatial import cKDTree
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE
 from kohonen_adapt.kernels.tetrahedron.locate import barycentric
 from kohonen_adapt.mesh.adjacency import parts_of_regions
+from kohonen_adapt.mesh.host import ascending, keys_of
 from kohonen_adapt.mesh.locate import walk_to_elements
 from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.mesh.quadratic_in_space import FIRST, SECOND
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
+from kohonen_adapt.polishing.space.surface_values import EDGES_OF_FACES
 
 __all__ = ["transferred_in_space"]
 
@@ -30,7 +34,7 @@ def transferred_in_space(
     position = movable.tetrahedralization.position
     found, weights = located(old, position, start_element)
     corners = old.elements.node[found]
-    values = np.sum(weights * solution.values[corners], axis=1)
+    values = quadratic_values(solution, corners, found, weights)
     inside = solution.fixed & (before.freedom.number == INSIDE)
     fixed = np.all(solution.fixed[corners], axis=1) & np.any(inside[corners], axis=1)
     nearest = corners[np.arange(len(corners)), np.argmax(weights, axis=1)]
@@ -47,7 +51,49 @@ def transferred_in_space(
         rows, place, start = rows[linear], place[linear], corners[rows[linear], np.argmax(weight[linear], axis=1)]
         step = position[rows] - old.position[start]
         values[rows] = solution.values[start] + np.sum(functional.rate[place] * step, axis=1)
-    return TrialFunction(values, fixed, None)
+    modes = solution.modes and carried_modes(functional, before, movable, values, start_element)
+    return TrialFunction(values, fixed, modes)
+
+
+def carried_modes(
+    functional: SolidFunctional, before: MovableSolid, movable: MovableSolid, values: Floats, start_element: Ints
+) -> Modes:
+    """Return the coefficients of the edges, with the Dirichlet edges of patches.
+
+    `values` (n,) are those at the nodes. On patches with linear Dirichlet values the coefficients are 0.
+    """
+    tet, old, solution = movable.tetrahedralization, before.tetrahedralization, functional.solution
+    used, n = tet.used, tet.nnodes
+    node, patch = tet.elements.node[used], tet.elements.patch[used]
+    code, row, edge = np.unique(
+        keys_of(ascending(node[:, FIRST], node[:, SECOND]), n), return_index=True, return_inverse=True
+    )
+    edge, ends = edge.reshape(-1, 6), np.stack(np.divmod(code, n), axis=1)
+    # a start in the region of the edge, if its ends have one
+    start, region = start_element[ends], tet.elements.region[used][row // 6]
+    start = np.where(old.elements.region[start[:, 0]] == region, start[:, 0], start[:, 1])
+    found, weights = located(old, tet.position[ends].mean(axis=1), start)
+    mode = quadratic_values(solution, old.elements.node[found], found, weights) - values[ends].mean(axis=1)
+    dirichlet = np.all(solution.modes.dirichlet[found], axis=1) if solution.modes else np.zeros(len(code), dtype=bool)
+    for linear in (False, True):
+        some = functional.dirichlet[: functional.patches] & (linear != functional.held[: functional.patches])
+        e, k = np.nonzero((patch >= 0) & np.append(some, False)[patch])
+        on = edge[e[:, None], EDGES_OF_FACES[k]]
+        dirichlet[on] = True
+        if linear:
+            mode[on] = 0.0
+    m = len(tet.elements.node)
+    modes = Modes(np.zeros((m, 6, 1)), np.zeros(m), np.zeros((m, 6), dtype=np.bool_))
+    modes.side[used, :, 0], modes.dirichlet[used] = mode[edge], dirichlet[edge]
+    return modes
+
+
+def quadratic_values(function: TrialFunction, corners: Ints, element: Ints, weights: Floats) -> Floats:
+    values = np.sum(weights * function.values[corners], axis=1)
+    if function.modes is not None:
+        edges = function.modes.side[element, :, 0]
+        values += 4.0 * np.sum(weights[:, FIRST] * weights[:, SECOND] * edges, axis=1)
+    return values
 
 
 def averages(weight: Floats, values: Floats, otherwise: Floats) -> Floats:

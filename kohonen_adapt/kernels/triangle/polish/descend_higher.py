@@ -15,13 +15,13 @@ block is lower. A primal and a dual function have a block each. The blocks coupl
 functionals are added after elimination.
 """
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import KernelMesh
+from kohonen_adapt.kernels.arrays import KernelMesh, Modes
+from kohonen_adapt.kernels.elimination import eliminate, substitute_back
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, record
 from kohonen_adapt.kernels.triangle.arrays import (
     CONSTANTS,
@@ -32,7 +32,6 @@ from kohonen_adapt.kernels.triangle.arrays import (
     VALUE,
     Block,
     Descent,
-    Modes,
     Points,
     Reference,
     Shapes,
@@ -279,45 +278,16 @@ def stays_valid(descent, v, x, y):
 
 @inner_kernel
 def factorise(block, first):
-    """Replace the stiffness from row `first` on by its Cholesky factor L.
-
-    `rest` and `mixed` are multiplied by L^-1. Return True if the stiffness is positive definite, and the squared norm
-    of the new `rest`.
-    """
-    stiffness, rest, mixed, square = block.stiffness, block.rest, block.mixed, 0.0
-    for i in range(first, block.unknowns[0]):
-        for j in range(first, i):
-            product = stiffness[i, j]
-            for k in range(first, j):
-                product -= stiffness[i, k] * stiffness[j, k]
-            product /= stiffness[j, j]
-            stiffness[i, j] = product
-            rest[i] -= product * rest[j]
-            mixed[i, 0] -= product * mixed[j, 0]
-            mixed[i, 1] -= product * mixed[j, 1]
-        diagonal = stiffness[i, i]
-        for k in range(first, i):
-            diagonal -= stiffness[i, k] * stiffness[i, k]
-        if not diagonal > 0.0:
-            return False, 0.0
-        diagonal = math.sqrt(diagonal)
-        stiffness[i, i] = diagonal
-        rest[i] /= diagonal
-        mixed[i, 0] /= diagonal
-        mixed[i, 1] /= diagonal
-        square += rest[i] * rest[i]
-    return True, square
+    return eliminate(block.stiffness, block.rest, block.mixed, 2, first, block.unknowns[0])
 
 
 @inner_kernel
 def solve_upper(block, first, step_x, step_y):
-    stiffness, count = block.stiffness, block.unknowns[0]
-    for i in range(count - 1, first - 1, -1):
-        correction, response = -block.rest[i], -step_x * block.mixed[i, 0] - step_y * block.mixed[i, 1]
-        for k in range(i + 1, count):
-            correction -= stiffness[k, i] * block.correction[k]
-            response -= stiffness[k, i] * block.response[k]
-        block.correction[i], block.response[i] = correction / stiffness[i, i], response / stiffness[i, i]
+    mixed, count = block.mixed, block.unknowns[0]
+    for i in range(first, count):
+        block.correction[i], block.response[i] = -block.rest[i], -step_x * mixed[i, 0] - step_y * mixed[i, 1]
+    substitute_back(block.stiffness, block.correction, first, count)
+    substitute_back(block.stiffness, block.response, first, count)
 
 
 @inner_kernel

@@ -1,0 +1,202 @@
+"""Descent of the Ritz functional of a P2 function by moves of nodes.
+
+The unknowns that change with a node are its value and the coefficients of its edges. They are eliminated, so a node
+moves to where the minimum over these unknowns is lower.
+"""
+
+import numpy as np
+
+from kohonen_adapt.kernels.arrays import HALVINGS
+from kohonen_adapt.kernels.elimination import eliminate, substitute_back
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, UNKNOWNS
+from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of
+from kohonen_adapt.kernels.tetrahedron.geometry import allowed, star_quality
+from kohonen_adapt.kernels.tetrahedron.polish.descend import newton_step, rates_row, tangential
+from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, source_around
+from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import BLOCK, POSITION, add_element, clear
+from kohonen_adapt.kernels.tetrahedron.surfaces import slid
+
+
+def edges_from_corners():
+    number = np.zeros((4, 4), dtype=np.int64)
+    number[EDGES[:, 0], EDGES[:, 1]] = number[EDGES[:, 1], EDGES[:, 0]] = np.arange(6)
+    corners = np.column_stack([np.arange(4), OPPOSITE])
+    return number[corners[:, EDGES[:, 0]], corners[:, EDGES[:, 1]]]
+
+
+EDGES_FROM = edges_from_corners()
+
+
+@kernel
+def descend_nodes_order2(mesh, quadratic, order, floor):
+    """Move nodes in order, and return the decrease of the functional.
+
+    The unknowns that change with a node are eliminated. `floor` is the cube of a quality.
+    """
+    fall = 0.0
+    for node in order:
+        fall += move_node(mesh, quadratic, np.int64(node), floor)
+    return fall
+
+
+@inner_kernel
+def number_star(mesh, quadratic, v):
+    star, block, modes, value = mesh.star, quadratic.block, quadratic.modes, quadratic.trial.value
+    begin, own, count = star.start[v], value[v], 1
+    if star.start[v + 1] - begin > block.local.shape[0]:
+        return False
+    for row in range(begin, star.start[v + 1]):
+        j, e = row - begin, np.int64(star.element[row])
+        k = corner_of(mesh.elements.node, e, v)
+        for i in range(10):
+            block.dof[j, i] = -1
+        block.local[j, 0], block.dof[j, 0] = 0.0, 0
+        for i in range(6):
+            block.local[j, 4 + i] = modes.side[e, EDGES_FROM[k, i], 0]
+        for i in range(3):
+            other = star.link[row, i]
+            block.local[j, 1 + i] = value[other] - own
+            if modes.dirichlet[e, EDGES_FROM[k, i]]:
+                continue
+            s = 1
+            while s < count and block.end[s, 0] != other:
+                s += 1
+            if s == count:
+                if count == UNKNOWNS:
+                    return False
+                block.end[s, 0] = other
+                count += 1
+            block.dof[j, 4 + i] = s
+    block.unknowns[0] = count
+    return True
+
+
+@inner_kernel
+def derivatives(mesh, quadratic, v, wanted):
+    star, trial, block = mesh.star, quadratic.trial, quadratic.block
+    magnitude = total = by_x = by_y = by_z = xx = xy = xz = yy = yz = zz = 0.0
+    clear(block, block.unknowns[0])
+    begin = star.start[v]
+    for row in range(begin, star.start[v + 1]):
+        region = mesh.elements.region[star.element[row]]
+        corners = v, np.int64(star.link[row, 0]), np.int64(star.link[row, 1]), np.int64(star.link[row, 2])
+        load = source_around(trial, region, v)
+        part = add_element(mesh.position, trial, block, row - begin, region, load, corners, wanted)
+        magnitude, total, (x, y, z), h = magnitude + part[0], total + part[1], part[2], part[3]
+        by_x, by_y, by_z = by_x + x, by_y + y, by_z + z
+        xx, xy, xz, yy, yz, zz = xx + h[0], xy + h[1], xz + h[2], yy + h[3], yz + h[4], zz + h[5]
+    return magnitude, total, (by_x, by_y, by_z), (xx, xy, xz, yy, yz, zz)
+
+
+@inner_kernel
+def follow_dirichlet(block, rate, gradient, hessian):
+    (gx, gy, gz), (xx, xy, xz, yy, yz, zz), (x, y, z) = gradient, hessian, rate
+    rest, mixed, ww = block.rest[0], block.mixed, block.stiffness[0, 0]
+    px, py, pz = mixed[0, 0] + 0.5 * ww * x, mixed[0, 1] + 0.5 * ww * y, mixed[0, 2] + 0.5 * ww * z
+    for i in range(1, block.unknowns[0]):
+        for d in range(3):
+            mixed[i, d] += block.stiffness[i, 0] * rate[d]
+    return (gx + rest * x, gy + rest * y, gz + rest * z), (
+        xx + 2.0 * px * x,
+        xy + px * y + py * x,
+        xz + px * z + pz * x,
+        yy + 2.0 * py * y,
+        yz + py * z + pz * y,
+        zz + 2.0 * pz * z,
+    )
+
+
+@inner_kernel
+def eliminated(block, first, gradient, hessian):
+    count, rest, mixed = block.unknowns[0], block.rest, block.mixed
+    solved, square = eliminate(block.stiffness, rest, mixed, 3, first, count)
+    (gx, gy, gz), (xx, xy, xz, yy, yz, zz) = gradient, hessian
+    for i in range(first, count):
+        x, y, z = mixed[i, 0], mixed[i, 1], mixed[i, 2]
+        gx, gy, gz = gx - x * rest[i], gy - y * rest[i], gz - z * rest[i]
+        xx, xy, xz, yy, yz, zz = xx - x * x, xy - x * y, xz - x * z, yy - y * y, yz - y * z, zz - z * z
+    return solved, 0.5 * square, (gx, gy, gz), (xx, xy, xz, yy, yz, zz)
+
+
+@inner_kernel
+def move_node(mesh, quadratic, v, floor):
+    freedom, trial, block = mesh.constraints.freedom, quadratic.trial, quadratic.block
+    given, held = trial.fixed[v], freedom.number[v] == HELD
+    first = 1 if given else 0
+    if not number_star(mesh, quadratic, v):
+        return 0.0
+    magnitude, total, gradient, hessian = derivatives(mesh, quadratic, v, BLOCK if held else POSITION)
+    rate = 0.0, 0.0, 0.0
+    if given and not held:
+        row = rates_row(mesh.constraints, v)
+        rate = trial.rate[row, 0], trial.rate[row, 1], trial.rate[row, 2]
+        gradient, hessian = follow_dirichlet(block, rate, gradient, hessian)
+    solved, gain, gradient, hessian = eliminated(block, first, gradient, hessian)
+    if not solved:
+        return 0.0
+    take_correction(block, first)
+    if not held:
+        if freedom.number[v] != INSIDE:
+            gradient, hessian = tangential(mesh, v, gradient, hessian)
+        step = newton_step(gradient, hessian)
+        if -(step[0] * gradient[0] + step[1] * gradient[1] + step[2] * gradient[2]) > ROUNDING * magnitude:
+            further = search(mesh, quadratic, v, step, rate, (total - gain, ROUNDING * magnitude), floor)
+            gain += further
+    change_star(mesh, quadratic, v, first)
+    return gain
+
+
+@inner_kernel
+def search(mesh, quadratic, v, step, rate, now, floor):
+    # `now` is the functional with eliminated unknowns, and its rounding error. The result is the decrease by a move,
+    # 0 if v stays. After a move `correction` belongs to the new position, and a Dirichlet value has followed.
+    position, star, trial, block = mesh.position, mesh.star, quadratic.trial, quadratic.block
+    px, py, pz, own = position[v, 0], position[v, 1], position[v, 2], trial.value[v]
+    first, (dx, dy, dz) = 1 if trial.fixed[v] else 0, step
+    before = star_quality(position, star, v, px, py, pz, -np.inf)
+    for _ in range(HALVINGS + 1):
+        x, y, z = slid(position, mesh.constraints, v, dx, dy, dz)
+        if allowed(star_quality(position, star, v, x, y, z, min(floor, before)), before, floor):
+            position[v, 0], position[v, 1], position[v, 2] = x, y, z
+            w = rate[0] * (x - px) + rate[1] * (y - py) + rate[2] * (z - pz)
+            set_own(mesh, block, v, w)
+            _, total, _, _ = derivatives(mesh, quadratic, v, BLOCK)
+            solved, square = eliminate(block.stiffness, block.rest, block.mixed, 0, first, block.unknowns[0])
+            gain = now[0] - (total - 0.5 * square)
+            if solved and gain > now[1]:
+                take_correction(block, first)
+                trial.value[v] = own + w
+                return gain
+            position[v, 0], position[v, 1], position[v, 2] = px, py, pz
+            set_own(mesh, block, v, 0.0)
+        dx, dy, dz = 0.5 * dx, 0.5 * dy, 0.5 * dz
+    return 0.0
+
+
+@inner_kernel
+def set_own(mesh, block, v, w):
+    for row in range(mesh.star.start[v + 1] - mesh.star.start[v]):
+        block.local[row, 0] = w
+
+
+@inner_kernel
+def take_correction(block, first):
+    count = block.unknowns[0]
+    for i in range(first, count):
+        block.correction[i] = -block.rest[i]
+    substitute_back(block.stiffness, block.correction, first, count)
+
+
+@inner_kernel
+def change_star(mesh, quadratic, v, first):
+    star, block, modes = mesh.star, quadratic.block, quadratic.modes
+    begin = star.start[v]
+    if first == 0:
+        quadratic.trial.value[v] += block.correction[0]
+    for row in range(begin, star.start[v + 1]):
+        e = np.int64(star.element[row])
+        k = corner_of(mesh.elements.node, e, v)
+        for i in range(3):
+            if block.dof[row - begin, 4 + i] >= 0:
+                modes.side[e, EDGES_FROM[k, i], 0] += block.correction[block.dof[row - begin, 4 + i]]

@@ -1,0 +1,135 @@
+"""Energy descent of tetrahedra at order 2: derivatives by differences, sweeps against the functional."""
+
+import numpy as np
+import pytest
+from helpers.boxes import jittered, opened, qualities
+from helpers.examples import examples
+from helpers.functions_in_space import plain
+from helpers.quadratic_solids import PAIRS, functional
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kohonen_adapt.kernels.arrays import KernelMesh, Modes
+from kohonen_adapt.kernels.nonlinear import Laws
+from kohonen_adapt.kernels.numba.compilation import interpreted
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, Constraints, Quadratic, SolidBlock, Star, Trial
+from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star
+from kohonen_adapt.kernels.tetrahedron.polish.descend_order2 import derivatives, descend_nodes_order2, number_star
+from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import POSITION
+
+number_star, derivatives = (interpreted(loop) for loop in (number_star, derivatives))
+
+FLOOR, STEP = 0.2, 1e-3
+SLOPE = np.array([0.0, 1.5, -0.5])  # of the values along the face x = 0
+
+
+class Setting:
+    """A box of two regions with a random function and functional of each, and the arrays of the kernels."""
+
+    def __init__(self, seed, cells=(4, 3, 2), load=1.0):
+        rng = np.random.default_rng(seed)
+        position, self.node = jittered(cells, 0.3, seed)
+        region = (position[self.node, 0].mean(axis=1) > 0.5).astype(np.int32)
+        self.mesh, self.nodes = opened(position, self.node, region), len(position)
+        rows, room, m = len(self.mesh.position), len(self.mesh.elements.node), len(self.node)
+        constants = np.column_stack([10.0 ** rng.uniform(-1, 1, 2), load * rng.normal(size=(2, 4))])
+        self.constants = constants[region]
+        self.pairs = np.sort(self.node[:, PAIRS], axis=2)
+        edges, self.edge = np.unique(self.pairs.reshape(-1, 2), axis=0, return_inverse=True)
+        self.edge, value, fixed = self.edge.reshape(m, 6), rng.normal(size=rows), np.zeros(rows, dtype=bool)
+        fixed[: self.nodes] = position[:, 0] == 0.0
+        value[fixed] = (self.mesh.position @ SLOPE)[fixed]
+        dirichlet = fixed[edges].all(axis=1)
+        side, on = np.zeros((room, 6, 1)), np.zeros((room, 6), dtype=bool)
+        side[:m, :, 0] = np.where(dirichlet, 0.0, rng.normal(size=len(edges)))[self.edge]
+        on[:m] = dirichlet[self.edge]
+        surfaces = self.mesh.surfaces
+        rate = np.tile(SLOPE, (len(surfaces.shape) + len(surfaces.ridge_shape), 1))
+        laws = Laws(np.full(2, -1, dtype=np.int32), 0, np.zeros((0, 1, 2)))
+        data = constants / np.array([12.0, 24.0, 6.0, 6.0, 6.0])
+        trial = Trial(value, fixed, data, laws, rate, *plain(self.mesh), np.zeros((0, 2)))
+        given = np.zeros(len(surfaces.shape), dtype=bool)
+        self.quadratic = Quadratic(trial, Modes(side, np.zeros(room), on), given, SolidBlock.of())
+        star, number = Star.of(rows, room), self.mesh.freedom.number
+        fill_star(self.mesh.elements.node, star)
+        constraints = Constraints(self.mesh.freedom, surfaces, number == INSIDE)
+        self.arrays = KernelMesh(self.mesh.position, self.mesh.elements, star, constraints)
+
+    @property
+    def modes(self):
+        return self.quadratic.modes.side[: len(self.node), :, 0]
+
+    def value(self, rows=slice(None)):
+        local = np.hstack([self.quadratic.trial.value[self.node], self.modes])
+        return functional(self.mesh.position, self.node[rows], local[rows], self.constants[rows])
+
+    def star_value(self, v, ends, d):
+        """The functional of the star of v, moved by d[:3], its value and its edges to `ends` changed by the rest."""
+        position, value, modes = (a.copy() for a in (self.mesh.position, self.quadratic.trial.value, self.modes))
+        self.mesh.position[v] += d[:3]
+        self.quadratic.trial.value[v] += d[3]
+        for end, change in zip(ends, d[4:], strict=True):
+            self.modes[np.all(self.pairs == np.sort([v, end]), axis=2)] += change
+        total = self.value(np.flatnonzero((self.node == v).any(axis=1)))
+        self.mesh.position[:], self.quadratic.trial.value[:], self.modes[:] = position, value, modes
+        return total
+
+    def sweep(self):
+        return descend_nodes_order2(self.arrays, self.quadratic, np.arange(self.nodes, dtype=np.int32), FLOOR**3)
+
+
+@pytest.mark.parametrize("row", [0, 1])
+def test_the_block_of_a_node_equals_differences(row):
+    at = Setting(0)
+    v = np.flatnonzero(at.mesh.freedom.number == INSIDE)[row]
+    assert number_star(at.arrays, at.quadratic, v)
+    _, _, slope, (xx, xy, xz, yy, yz, zz) = derivatives(at.arrays, at.quadratic, v, POSITION)
+    block, n = at.quadratic.block, at.quadratic.block.unknowns[0]
+    gradient, lower = np.append(slope, block.rest[:n]), np.tril(block.stiffness[:n, :n])
+    ends, unit = block.end[1:n, 0].copy(), STEP * np.eye(3 + n)
+    hessian = np.block(
+        [
+            [np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), block.mixed[:n].T],
+            [block.mixed[:n], lower + np.tril(lower, -1).T],
+        ]
+    )
+    value = {(i, s): at.star_value(v, ends, s * unit[i]) for i in range(3 + n) for s in (-2, -1, 1, 2)}
+    by = [(8 * (value[i, 1] - value[i, -1]) - value[i, 2] + value[i, -2]) / (12 * STEP) for i in range(3 + n)]
+    np.testing.assert_allclose(gradient, by, atol=1e-7 * np.abs(gradient).max())
+    for i in range(3 + n):
+        for j in range(i + 1):
+            signs = [(1, 1), (1, -1), (-1, 1), (-1, -1)]
+            four = [s * t * at.star_value(v, ends, s * unit[i] + t * unit[j]) for s, t in signs]
+            assert hessian[i, j] == pytest.approx(sum(four) / (4 * STEP**2), abs=2e-4 * np.abs(hessian).max())
+
+
+@given(st.integers(0, 10_000), st.sampled_from([0.0, 1.0, 30.0]))
+@examples(15)
+def test_a_sweep_returns_the_fall_of_the_functional(seed, load):
+    at = Setting(seed, load=load)
+    before, start, worst = at.value(), at.mesh.position.copy(), qualities(at.mesh.position, at.node).min()
+    fall = at.sweep() + at.sweep()
+    assert fall >= 0.0 and before - at.value() == pytest.approx(fall, rel=1e-10)
+    assert qualities(at.mesh.position, at.node).min() >= min(FLOOR, worst) - 1e-12
+    held, trial = at.mesh.freedom.number == HELD, at.quadratic.trial
+    np.testing.assert_array_equal(at.mesh.position[held], start[held])
+    np.testing.assert_allclose(trial.value[trial.fixed], (at.mesh.position @ SLOPE)[trial.fixed], atol=1e-12)
+    assert np.all(at.mesh.position[trial.fixed, 0] == 0.0)
+    given_edges = at.quadratic.modes.dirichlet[: len(at.node)]
+    assert np.all(at.modes[given_edges] == 0.0)
+    spread = [np.ptp(at.modes[at.edge == edge]) for edge in range(at.edge.max() + 1)]
+    assert max(spread) == 0.0  # an edge has one coefficient in all of its elements
+
+
+def test_sweeps_end_at_the_solution_if_all_nodes_are_held():
+    at = Setting(5)
+    at.mesh.freedom.number[:] = HELD
+    for _ in range(400):
+        fall = at.sweep()
+    assert fall < 1e-12 * abs(at.value())
+    size = np.abs(at.quadratic.trial.value).max()
+    for v in range(at.nodes):
+        number_star(at.arrays, at.quadratic, v)
+        derivatives(at.arrays, at.quadratic, v, POSITION)
+        block, first = at.quadratic.block, int(at.quadratic.trial.fixed[v])
+        assert np.abs(block.rest[first : block.unknowns[0]]).max(initial=0.0) < 1e-5 * size

@@ -1,0 +1,141 @@
+"""Polish of tetrahedra at order 2: the functional, its certificate, and what a polish keeps."""
+
+import numpy as np
+import pytest
+from helpers.poisson_solids import fichera
+from helpers.quadratic_solids import QuadraticDiffusion
+from helpers.solids import boundary_facts, box, volumes
+from skfem import MeshTet
+
+import kohonen_adapt as ka
+from kohonen_adapt import NotOffered, Ritz, Rules
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.polishing.space.polish_in_space import descend_in_space
+from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
+from kohonen_adapt.problem.functional_value import functional_value
+
+FLOOR = 0.2
+
+
+def cube(cells=(3, 3, 2), seed=None):
+    """The unit cube in two halves, its sides named, its nodes inside moved at random."""
+    mesh = box(*cells)
+    if seed is not None:
+        rng, p = np.random.default_rng(seed), mesh.p.copy()
+        shift = 0.15 * rng.uniform(-1, 1, p.shape) / np.array(cells)[:, None]
+        p += np.where((p > 0) & (p < 1) & (p != 0.5), shift, 0.0)
+        mesh = MeshTet(p, mesh.t)
+    sides = {f"side{2 * d + k}": lambda x, d=d, k=k: x[d] == float(k) for d in range(3) for k in range(2)}
+    return mesh.with_boundaries(sides).with_subdomains({"left": lambda x: x[2] < 0.5, "right": lambda x: x[2] > 0.5})
+
+
+def least(mesh, problem):
+    return functional_value(mesh, problem.ritz(mesh, problem.solve(mesh)))
+
+
+def test_the_value_is_that_of_scikit_fem():
+    mesh, problem, rng = cube(seed=0), QuadraticDiffusion.random(1), np.random.default_rng(0)
+    stiffness, load = problem.system(mesh)
+    u = rng.normal(size=len(load))
+    ritz = problem.ritz(mesh, u)
+    expected = 0.5 * u @ (stiffness @ u) - load @ u
+    assert functional_value(mesh, ritz) == pytest.approx(expected, rel=1e-12)
+    movable = MovableSolid.of(mesh, Rules())
+    functional = SolidFunctional.of(ritz, movable, mesh)
+    own = functional.value(movable.tetrahedralization, functional.solution)
+    assert own == pytest.approx(expected, rel=1e-12)
+    fixed = np.zeros(len(u), dtype=bool)
+    values = problem.basis(mesh).doflocs[0] ** 2
+    varying = Ritz(values, fixed, 1.0, source=lambda x, number: x[0] ** 4, order=2)
+    assert functional_value(mesh, varying) == pytest.approx(2.0 / 3.0 - 1.0 / 7.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("tens", range(5))
+def test_a_solution_is_stationary_and_others_are_refused(tens):
+    for seed in range(10 * tens, 10 * tens + 10):
+        mesh, problem = cube(seed=seed), QuadraticDiffusion.random(seed)
+        solution, movable = problem.solve(mesh), MovableSolid.of(mesh, Rules())
+        SolidFunctional.of_solution(problem.ritz(mesh, solution), movable, mesh)
+        free = np.flatnonzero(~problem.ends(mesh)[1])
+        for row in (free[0], free[-1]):  # a node, and an edge
+            wrong = solution.copy()
+            wrong[row] += 0.5 * np.ptp(solution) + 1.0
+            with pytest.raises(ValueError, match=r"not stationary for its Ritz: at \("):
+                SolidFunctional.of_solution(problem.ritz(mesh, wrong), movable, mesh)
+
+
+@pytest.mark.parametrize("tens", range(3))
+def test_after_the_next_solve_the_functional_has_fallen_as_much(tens):
+    for seed in range(10 * tens, 10 * tens + 10):
+        mesh, problem = cube(seed=seed), QuadraticDiffusion.random(seed)
+        ritz = problem.ritz(mesh, problem.solve(mesh))
+        movable = MovableSolid.of(mesh, Rules())
+        functional = SolidFunctional.of(ritz, movable, mesh)
+        before = functional_value(mesh, ritz)
+        gain = descend_in_space(movable, functional, functional.solution.copy(), 3)
+        near = 1e-11 * (np.abs(ritz.values).max() * np.abs(before) + 1.0)
+        after = movable.mesh()
+        assert functional.comparable and gain >= 0.0
+        assert least(after, problem) <= before - gain + near
+        assert np.abs(volumes(after)).sum() == pytest.approx(1.0, rel=1e-12)
+        assert ka.quality(after).min() >= min(FLOOR, ka.quality(mesh).min()) - 1e-12
+
+
+def corner_problem(source=1.0):
+    mesh = fichera(3).with_subdomains({"low": lambda x: x[2] < 0.0})
+    problem = QuadraticDiffusion([1.0, 1.0], [source] * 2, np.zeros((3, 2)), {"rim": lambda x: 0.0 * x[0]})
+    return mesh.with_boundaries({"rim": mesh.boundary_facets()}), problem
+
+
+def test_polish_lowers_the_error_and_keeps_shapes_and_names():
+    mesh, problem = corner_problem()
+    after, exact = ka.polish(mesh, problem), -0.1989845
+    errors = [np.sqrt(2.0 * (least(each, problem) - exact)) for each in (mesh, after)]
+    assert errors[1] < 0.7 * errors[0]
+    assert ka.quality(after).min() >= FLOOR - 1e-12
+    assert np.abs(volumes(after)).sum() == pytest.approx(7.0, rel=1e-12)
+    assert np.abs(volumes(after))[after.subdomains["low"]].sum() == pytest.approx(4.0, rel=1e-12)
+    assert boundary_facts(after).keys() == boundary_facts(mesh).keys()
+    assert after.nvertices == mesh.nvertices
+    fixed = ka.polish(mesh, problem, topology="fixed")
+    np.testing.assert_array_equal(fixed.t, mesh.t)
+    assert least(after, problem) <= least(fixed, problem) < least(mesh, problem)
+
+
+def test_nodes_with_linear_given_values_slide_and_others_stay():
+    mesh = cube((4, 4, 4))
+    on, moved = mesh.p[0] == 0.0, []
+    for value in (lambda x: x[1] - 2.0 * x[2], lambda x: x[1] * x[2]):
+        problem = QuadraticDiffusion([1.0, 5.0], [3.0, -2.0], np.zeros((3, 2)), {"side0": value})
+        moved.append(np.any(ka.polish(mesh, problem, topology="fixed").p != mesh.p, axis=0))
+    assert moved[0][on].sum() >= 9 and not moved[1][on].any() and moved[1].any()
+
+
+def test_a_source_that_varies_lowers_the_functional():
+    mesh, problem = corner_problem()
+
+    class Varying(QuadraticDiffusion):
+        def ritz(self, mesh, solution):
+            return Ritz(solution, self.ends(mesh)[1], 1.0, source=lambda x, number: np.ones(x.shape[1]), order=2)
+
+    varying = Varying(problem.coefficient, problem.source, problem.flux, problem.given)
+    assert least(ka.polish(mesh, varying, sweeps=2), problem) < least(mesh, problem)
+
+
+def test_what_order_2_refuses_on_tetrahedra():
+    mesh, problem = corner_problem()
+    u = problem.solve(mesh)
+    fixed = problem.ends(mesh)[1]
+    with pytest.raises(ValueError, match=r"values of Ritz must have shape \(nunknowns of order 2,\)"):
+        functional_value(mesh, Ritz(u[:-1], fixed[:-1], 1.0, order=2))
+    for stated, reason in (({"order": 3}, "order 3 of Ritz"), ({"laws": (Law(),), "order": 2}, "a law at order 2")):
+        with pytest.raises(NotOffered, match=f"{reason}.* is for triangles only"):
+            SolidFunctional.of(Ritz(u, fixed, 1.0, **stated), MovableSolid.of(mesh, Rules()))
+
+
+class Law:
+    def field_strength(self, b):
+        return b
+
+    def energy(self, b):
+        return 0.5 * b**2
