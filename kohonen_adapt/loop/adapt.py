@@ -130,9 +130,9 @@ def adapt(
         must be met. An output that is zero except for rounding errors, such as a force across a symmetry, never meets
         its tolerance and has to be left out.
     polish
-        True to lower the energy after the map (energy descent). Without ``ritz``, with ``norm = "L2"``, with
-        coefficients that vary inside a region, or on tetrahedra with an order above 1, there is no polish, and the
-        message gives the reason.
+        True to lower the energy after the map (energy descent). Without ``ritz``, with ``norm = "L2"`` unless the
+        indicators are ``calibrated``, with coefficients that vary inside a region, or on tetrahedra with an order above
+        1, there is no polish, and the message gives the reason.
     surfaces
         Surfaces of named boundaries of tetrahedra, see `Rules`.
     periodic

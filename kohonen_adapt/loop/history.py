@@ -23,6 +23,7 @@ from kohonen_adapt.loop.stopping import (
     with_remarks,
 )
 from kohonen_adapt.problem.evaluation import solve_again
+from kohonen_adapt.problem.protocol import norm_of
 
 __all__ = ["History", "run_loop"]
 
@@ -182,7 +183,9 @@ class History:
             self._solve_best()
         if self._ending is None:
             raise RuntimeError("the loop has not ended.")
-        ending = with_remarks(self._ending, self._passes.passes, self._passes.best.record, self._adaptation.settings)
+        adaptation, best = self._adaptation, self._passes.best.record
+        norm = norm_of(adaptation.problem)
+        ending = with_remarks(self._ending, self._passes.passes, best, adaptation.settings, norm)
         result = self._with_goal_error(self._result(ending))
         if result.status is not Status.STALLED:
             return result

@@ -142,8 +142,8 @@ class StopTest:
         return self.of_result.estimate(last) if self.of_passes is None else self.of_passes(last)
 
 
-def with_remarks(ending: Ending, passes: Passes, best: Pass, settings: Settings) -> Ending:
-    remarks = [_choice_remark(passes, best), _resolution_remark(passes, best), _polish_remark(passes, settings)]
+def with_remarks(ending: Ending, passes: Passes, best: Pass, settings: Settings, norm: str) -> Ending:
+    remarks = [_choice_remark(passes, best), _resolution_remark(passes, best), _polish_remark(passes, settings, norm)]
     if ending.status in UNINTERRUPTED:
         remarks.append(settings.growth.shortfall_message(passes[-1].mesh.nvertices))
     return replace(ending, message=" ".join([ending.message, *filter(None, remarks)]))
@@ -202,7 +202,7 @@ def _resolution_remark(passes: Passes, best: Pass) -> str:
     )
 
 
-def _polish_remark(passes: Passes, settings: Settings) -> str:
+def _polish_remark(passes: Passes, settings: Settings, norm: str) -> str:
     unpolished = next((step.unpolished for step in passes if step.unpolished), "")
     if not settings.polish or (all(step.comparable for step in passes) and not unpolished):
         return ""
@@ -210,6 +210,8 @@ def _polish_remark(passes: Passes, settings: Settings) -> str:
         return f"No polish: {unpolished}."
     if passes[0].functional is None:
         return "The polish only improved the shapes of elements, and passes were compared by the estimate."
+    if norm != "energy":
+        return f"The polish lowered the energy, and passes were compared by the estimate in the {norm} norm."
     return (
         "The polish skipped nodes on curved boundaries, and nodes with Dirichlet values that are inside or not linear "
         "along a boundary. Passes were compared by the estimate."

@@ -175,7 +175,7 @@ def test_the_message_says_where_the_polish_ends(problem, remark):
     ("attribute", "value", "remark"),
     [
         ("order", 2, "No polish: the order of Ritz is 1, the order of the problem is 2"),
-        ("norm", "L2", "No polish: the norm 'L2' has no energy functional"),
+        ("norm", "L2", "No polish: the norm 'L2' requires `calibrated` indicators"),
     ],
 )
 def test_no_polish_for_other_elements_and_norms(attribute, value, remark):

@@ -1,0 +1,82 @@
+"""The loop with the polish for an error in the L2 norm."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+from skfem import Basis, ElementTriP1, Functional, LinearForm, MeshTri, condense, solve
+from skfem.models.poisson import laplace
+
+import kohonen_adapt as ka
+
+
+class Wave:
+    """-div grad u = f for u = cos(a x) cos(b y), with u given on the whole boundary."""
+
+    norm = "L2"
+    calibrated = True
+
+    def __init__(self, a, b):
+        self.a, self.b = a * np.pi, b * np.pi
+
+    def exact(self, x):
+        return np.cos(self.a * x[0]) * np.cos(self.b * x[1])
+
+    def source(self, x, region=None):
+        return (self.a**2 + self.b**2) * self.exact(x)
+
+    def solve(self, mesh):
+        basis = Basis(mesh, ElementTriP1(), intorder=6)
+        load = LinearForm(lambda v, w: self.source(w.x) * v).assemble(basis)
+        return solve(*condense(laplace.assemble(basis), load, x=self.exact(mesh.p), D=mesh.boundary_nodes()))
+
+    def indicators(self, mesh, solution):
+        return ka.estimators.recovery(mesh, solution, np.ones(mesh.nelements))
+
+    def ritz(self, mesh, solution):
+        return ka.Ritz(solution, np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes()), 1.0, self.source)
+
+    def error(self, step):
+        basis = Basis(step.mesh, ElementTriP1(), intorder=8)
+        solution = basis.interpolate(self.solve(step.mesh))
+        return np.sqrt(Functional(lambda w: (w["u"] - self.exact(w.x)) ** 2).assemble(basis, u=solution))
+
+
+class Uncalibrated(Wave):
+    calibrated = False
+
+
+def squares(n):
+    return MeshTri.init_tensor(*2 * [np.linspace(0.0, 1.0, n + 1)])
+
+
+@pytest.mark.parametrize(
+    ("wave", "topology", "most"),
+    [
+        (Wave(0, 2), "recycle", 0.4),  # a field that varies along an axis only
+        (Wave(0, 2), "flip", 0.45),
+        (Wave(2, 2), "recycle", 0.55),
+        (Wave(4, 2), "fixed", 0.65),
+    ],
+)
+def test_the_error_in_l2_is_lower_than_without_a_polish(wave, topology, most):
+    result = ka.adapt(squares(14), wave, topology=topology)
+    plain = ka.adapt(squares(14), wave, topology=topology, polish=False)
+    assert wave.error(result.best) < most * wave.error(result.history[0])
+    assert wave.error(result.best) < 0.9 * wave.error(plain.best)
+
+
+@pytest.mark.parametrize("topology", ["recycle", "flip", "fixed"])
+def test_the_best_pass_has_the_least_estimate_in_l2(topology):
+    result = ka.adapt(squares(10), Wave(2, 2), topology=topology, pinned=squares(10).boundary_nodes())
+    assert result.best.worth == min(step.worth for step in result.history)
+    assert all(step.polish_gain > 0.0 and not step.comparable for step in result.history[1:])
+    assert result.message.endswith(
+        " The polish lowered the energy, and passes were compared by the estimate in the L2 norm."
+    )
+
+
+def test_indicators_that_may_overrate_stretched_elements_allow_no_polish():
+    result = ka.adapt(squares(10), Uncalibrated(0, 2), passes=2)
+    plain = ka.adapt(squares(10), Wave(0, 2), passes=2, polish=False)
+    assert_array_equal(result.mesh.p, plain.mesh.p)
+    assert result.message.endswith(" No polish: the norm 'L2' requires `calibrated` indicators.")
