@@ -10,7 +10,16 @@ from skfem.mesh import MeshTet1
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators import goal_error, goal_oriented
-from kohonen_adapt.magnetostatics.equations.applied_field import checked_field, drive_on, field_at
+from kohonen_adapt.magnetostatics.coils.coil import Coil
+from kohonen_adapt.magnetostatics.coils.placement import check_placement, checked_coils
+from kohonen_adapt.magnetostatics.equations.applied_field import (
+    AppliedField,
+    checked_field,
+    drive_on,
+    field_at,
+    permeable,
+    total_of,
+)
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions, Value
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
 from kohonen_adapt.magnetostatics.equations.mirrors import checked_symmetry, conditions_in_space, mirrors_of
@@ -69,13 +78,17 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
     order
         Degree of the elements, 1 or 2. At order 2 B is linear in every element, with the unknowns of
         `skfem.ElementTetP2`, and there is no `ritz`.
+    coils
+        Name to `Coil`. Windings lie in air, and need no elements of their own. Planes of symmetry cut whole coils. The
+        fields of coils and `applied_field` are added.
 
     Raises
     ------
     ValueError
         For invalid arguments. `solve` and `indicators` raise it for names that the mesh lacks, elements with no or two
         materials, surfaces that are no planes of symmetry, an applied field that is not finite or contradicts the
-        symmetry, and iron that links a current.
+        symmetry, iron that links a current, and coils that meet iron or a magnet, leave the mesh or do not have the
+        symmetry.
 
     Examples
     --------
@@ -96,6 +109,7 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
     estimator: str = "residual"
     goal: Goal | None = None
     order: int = 1
+    coils: Mapping[str, Coil] | None = None
     method: ClassVar[Newton] = Newton(solver=IN_SPACE)  # subclasses may override
 
     def __post_init__(self) -> None:
@@ -119,6 +133,7 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         object.__setattr__(self, "materials", dict(self.materials))
         object.__setattr__(self, "potential", dict(self.potential or {}))
         object.__setattr__(self, "symmetry", checked_symmetry(self.symmetry))
+        object.__setattr__(self, "coils", checked_coils(self.coils))
 
     @property
     def goal_unit(self) -> str:
@@ -170,14 +185,23 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         check_mesh(mesh, space=True)
         material, planes = coefficients(mesh, self.materials), mirrors_of(mesh, self.symmetry or {})
         parallel = [plane.facets for plane in planes.values() if plane.kind == "parallel"]
-        closed, function = np.concatenate([np.zeros(0, dtype=np.int64), *parallel]), checked_field(self.applied_field)
-        drive = drive_on(mesh, material, function, closed, self.order)
+        closed = np.concatenate([np.zeros(0, dtype=np.int64), *parallel])
+        if self.coils:
+            solid = permeable(material) | material.coercivity.any(axis=0)
+            check_placement(mesh, solid, self.coils, planes)
+        drive = drive_on(mesh, material, self._free_field, closed, self.order)
         conditions = conditions_in_space(drive, self.potential or {}, planes)
         energy = CoenergyFunctional.of(drive, material, conditions)
         field = SolidField(mesh, conditions.values, material, drive, planes)
         if isinstance(self.goal, Force | Torque):
             self.goal.check_body(field)  # before the solve
         return energy, field
+
+    @property
+    def _free_field(self) -> AppliedField | None:
+        applied = checked_field(self.applied_field)
+        fields = [coil.field_strength for coil in (self.coils or {}).values()]
+        return total_of([*fields, *([] if applied is None else [applied])])
 
     def indicators(self, mesh: MeshTet, field: SolidField) -> Floats:
         if self.goal is None:

@@ -12,6 +12,7 @@ from kohonen_adapt.magnetostatics.coils.polygon import is_inside
 __all__ = ["Arc", "Bar", "Winding", "in_bar", "in_sector"]
 
 CHORD = np.deg2rad(6.0)  # angle of a chord of an arc in outlines
+SAMPLES = (np.arange(61) + 0.317) / 61  # fractions of a closed line, uneven so that none is in a plane of symmetry
 EDGE = 1e-12  # tolerance of points on surfaces, relative to the width
 
 
@@ -93,6 +94,18 @@ class Winding:
             fraction[rows] = 0.5 + bar.left @ (y[:, rows] - bar.middle[:, None]) / self.width
             direction[:, rows] = bar.along[:, None]
         return np.clip(fraction, 0.0, 1.0), direction
+
+    @cached_property
+    def samples(self) -> Floats:
+        """Points (3, n) in the winding and on its surface, none in a plane of symmetry."""
+        levels, points = np.array([-0.5, -1.0 / 6.0, 1.0 / 6.0, 0.5]), []
+        for depth in self.width * levels:
+            line = self.offset_path(depth)
+            line = np.concatenate((line, line[:1]))
+            length = np.r_[0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T))]
+            points.append(np.stack([np.interp(SAMPLES * length[-1], length, part) for part in line.T], axis=1))
+        plane = np.concatenate(points)
+        return np.concatenate([self.in_space(plane, z) for z in self.height * levels], axis=1)
 
     def offset_path(self, depth: float) -> Floats:
         """Return a closed polygon (m, 2) parallel to the path, at a depth to the left."""

@@ -1,6 +1,6 @@
 """Applied field of currents in a problem with a scalar potential."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,7 +20,7 @@ from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.host import number_facets
 
-__all__ = ["AppliedField", "Drive", "checked_field", "drive_on", "field_at"]
+__all__ = ["AppliedField", "Drive", "checked_field", "drive_on", "field_at", "permeable", "total_of"]
 
 AppliedField = Callable[[Floats], ArrayLike]
 
@@ -121,14 +121,22 @@ def field_at(function: AppliedField, x: Floats) -> Floats:
     return values
 
 
+def total_of(fields: Sequence[AppliedField]) -> AppliedField | None:
+    if len(fields) < 2:
+        return fields[0] if fields else None
+    return lambda x: np.sum([field_at(field, x) for field in fields], axis=0)
+
+
+def permeable(coefficients: Coefficients) -> Mask:
+    return (coefficients.reluctivity * VACUUM_PERMEABILITY < 1.0 / PERMEABLE) | coefficients.nonlinear
+
+
 def drive_on(
     mesh: MeshTet, coefficients: Coefficients, function: AppliedField | None, closed: Ints, order: int
 ) -> Drive:
     elements = tetrahedra_on(mesh, order, function is not None, coefficients.nonlinear)
     zeros = np.zeros(elements.doflocs.shape[1])
-    iron = coefficients.reluctivity * VACUUM_PERMEABILITY < 1.0 / PERMEABLE
-    for material in coefficients.nonlinear_materials:
-        iron[material.elements] = True
+    iron = permeable(coefficients)
     if function is None:
         return Drive(elements, None, np.zeros_like(iron), zeros, zeros)
     load = _flux_out(elements, np.where(iron, 0.0, 1.0 / coefficients.reluctivity), function, closed)

@@ -1,0 +1,113 @@
+"""Checks of coils against a mesh, its materials and its planes of symmetry."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from skfem import MeshTet
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.checks import point_text
+from kohonen_adapt.magnetostatics.coils.coil import Coil
+from kohonen_adapt.magnetostatics.equations.mirrors import Mirror
+from kohonen_adapt.magnetostatics.equations.tetrahedra import EDGES
+from kohonen_adapt.magnetostatics.materials.coefficients import magnitude, subdomains_at
+from kohonen_adapt.mesh.locate import find_elements
+
+__all__ = ["check_placement", "checked_coils"]
+
+INSET = 1e-3  # of the section, by which samples are off the surface of a winding
+TOUCHING = 1e-6  # of the section, by which a body may reach into a winding
+ALONG_EDGE = np.linspace(0.0, 1.0, 9)[1:-1]
+ASYMMETRY = 1e-3  # allowed asymmetric part of the current density
+
+
+def checked_coils(value: Any) -> dict[str, Coil]:
+    if not isinstance(value, Mapping | None) or not all(isinstance(coil, Coil) for coil in (value or {}).values()):
+        raise ValueError(f"coils must map names to magnetostatics.Coil; got {value!r}.")
+    return dict(value or {})
+
+
+def check_placement(mesh: MeshTet, solid: Mask, coils: Mapping[str, Coil], mirrors: Mapping[str, Mirror]) -> None:
+    """Raise ValueError for a coil that the mesh contradicts.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    solid : (nelements,)
+        True in iron and in magnets.
+    coils, mirrors
+        Coils and planes of symmetry by name.
+    """
+    for name, coil in coils.items():
+        samples = _inset(coil, INSET).winding.samples
+        for plane, mirror in mirrors.items():
+            _check_symmetry(mesh, name, samples, coils.values(), plane, mirror)
+        inside = _folded(mesh, samples, mirrors.values())
+        element = find_elements(mesh, inside).astype(np.int64)
+        if np.any(element < 0):
+            raise ValueError(
+                f"the coil {name!r} leaves the mesh at {point_text(inside[:, np.argmax(element < 0)])}, where the far "
+                "boundary would be near; extend the air around the coil, or give its field as applied_field."
+            )
+        met: Ints = element[solid[element]]
+        if not met.size:
+            met = _met_elements(mesh, np.flatnonzero(solid), _inset(coil, TOUCHING))
+        if met.size:
+            raise ValueError(
+                f"the coil {name!r} meets {subdomains_at(mesh, met[:1])}, which is iron or a magnet, at "
+                f"{point_text(mesh.p[:, mesh.t[:, met[0]]].mean(axis=1))}; wind the coil through air."
+            )
+
+
+def _inset(coil: Coil, fraction: float) -> Coil:
+    return replace(coil, width=(1.0 - fraction) * coil.width, height=(1.0 - fraction) * coil.height)
+
+
+def _met_elements(mesh: MeshTet, rows: Ints, coil: Coil) -> Ints:
+    # elements with a node, the centroid or points of edges in the winding
+    t = mesh.t[:, rows]
+    nodes = np.unique(t)
+    in_winding = np.zeros(mesh.p.shape[1], dtype=bool)
+    in_winding[nodes] = coil.contains(mesh.p[:, nodes])
+    met = in_winding[t].any(axis=0) | coil.contains(mesh.p[:, t].mean(axis=1))
+    start, end = np.unique(np.sort(t[EDGES].reshape(2, -1), axis=0), axis=1) if rows.size else (t[0], t[1])
+    size = np.linalg.norm(coil.path.max(axis=1) - coil.path.min(axis=1)) + coil.width + coil.height
+    near = magnitude(mesh.p[:, start] - coil.path.mean(axis=1)[:, None]) < size + magnitude(
+        mesh.p[:, end] - mesh.p[:, start]
+    )
+    crossing = np.zeros(mesh.p.shape[1], dtype=bool)
+    start, end = start[near], end[near]
+    for fraction in ALONG_EDGE:
+        inside = coil.contains((1.0 - fraction) * mesh.p[:, start] + fraction * mesh.p[:, end])
+        crossing[start[inside]] = crossing[end[inside]] = True
+    return rows[met | (crossing[t].sum(axis=0) > 1)]
+
+
+def _folded(mesh: MeshTet, x: Floats, mirrors: Iterable[Mirror]) -> Floats:
+    """Return the images of points on the side of the mesh."""
+    x = x.copy()
+    for _ in range(2):  # for planes that are not at right angles
+        for mirror in mirrors:
+            height = mirror.normal @ x - mirror.normal @ mesh.p[:, mesh.facets[0, mirror.facets[0]]]
+            x -= 2.0 * np.outer(mirror.normal, np.maximum(height, 0.0))
+    return x
+
+
+def _check_symmetry(
+    mesh: MeshTet, name: str, samples: Floats, coils: Iterable[Coil], plane: str, mirror: Mirror
+) -> None:
+    height = mirror.normal @ samples - mirror.normal @ mesh.p[:, mesh.facets[0, mirror.facets[0]]]
+    here, image = (
+        np.sum([coil.current_density(x) for coil in coils], axis=0)
+        for x in (samples, samples - 2.0 * np.outer(mirror.normal, height))
+    )
+    reflected = here - 2.0 * np.outer(mirror.normal, mirror.normal @ here)
+    wanted = -reflected if mirror.kind == "parallel" else reflected
+    if magnitude(image - wanted).max() > ASYMMETRY * magnitude(here).max():
+        raise ValueError(
+            f"the coil {name!r} is not symmetric about the plane {plane!r}, to which the flux is {mirror.kind}; give "
+            "the whole coil, which crosses the plane at right angles, or the coil and its image."
+        )

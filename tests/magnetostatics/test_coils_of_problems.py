@@ -1,0 +1,134 @@
+"""Coils of a problem with a scalar potential: their field, what they may not meet, and planes of symmetry."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.magnet_solids import blocks
+
+from kohonen_adapt.magnetostatics import Coil, MagneticScalarPotential, Material
+
+AIR, IRON = Material(), Material(1000.0)
+AXIS = (0.0, 0.0, 1.0)
+HALF = np.array([0.0, 0.25, 0.5, 0.75, 1.1, 1.5, 2.0])
+T = np.r_[-HALF[:0:-1], HALF]
+COIL = Coil.racetrack((0.0, 0.0, 0.0), AXIS, 2.0, 1.6, 0.4, (0.2, 0.8), 1000.0)
+PARTS = {"limb": ((-0.5, -0.5, -0.75), (0.5, 0.5, 0.75))}
+
+
+def box(x=T, y=T, z=T, parts=None):
+    return blocks([x, y, z], PARTS if parts is None else parts)
+
+
+def problem(coils=None, **arguments):
+    arguments = {"potential": {"outer": 0.0}} | arguments
+    coils = {"winding": COIL} if coils is None else coils
+    return MagneticScalarPotential({"limb": IRON, "air": AIR}, coils=coils, **arguments)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return problem().solve(box())
+
+
+def test_a_coil_is_the_field_of_its_current(whole):
+    mesh = box()
+    same = problem({}, applied_field=COIL.field_strength).solve(mesh)
+    np.testing.assert_allclose(whole.unknown, same.unknown, atol=1e-9 * np.abs(same.unknown).max())
+    x = np.random.default_rng(0).uniform(-1.9, 1.9, (3, 50))
+    np.testing.assert_allclose(whole.flux_density_at(x), same.flux_density_at(x), atol=1e-12)
+
+
+def test_coils_and_an_applied_field_add_up(whole):
+    mesh, uniform = box(), (0.0, 100.0, 50.0)
+    half = replace(COIL, ampere_turns=0.5 * COIL.ampere_turns)
+    both = problem({"one": half, "two": half}, applied_field=uniform).solve(mesh)
+    other = problem({}, applied_field=uniform).solve(mesh)
+    total = whole.flux_density + other.flux_density
+    np.testing.assert_allclose(both.flux_density, total, atol=1e-9 * np.abs(total).max())
+
+
+def test_planes_of_symmetry_cut_the_whole_coil(whole):
+    """An eighth: the flux is parallel to both planes along the axis, and normal to the plane across."""
+    side = HALF
+    mesh = box(side, side, side)
+    planes = {"x-": "parallel", "y-": "parallel", "z-": "normal"}
+    sides = dict.fromkeys(("x+", "y+", "z+"), 0.0)
+    eighth = problem(symmetry=planes, potential=sides).solve(mesh)
+    assert 8.0 * eighth.energy == pytest.approx(whole.energy, rel=0.02)
+    x = np.random.default_rng(1).uniform(0.1, 1.9, (3, 200))
+    difference = eighth.flux_density_at(x) - whole.flux_density_at(x)
+    assert np.linalg.norm(difference) < 0.1 * np.linalg.norm(whole.flux_density_at(x))
+
+
+def test_an_image_is_a_coil_of_its_own():
+    """Two coils to both sides of a plane, of the same or of opposite sense."""
+    side = HALF
+    mesh = box(x=side, parts={"limb": ((0.0, -0.25, -0.75), (0.5, 0.25, 0.75))})
+    coils = {name: Coil.circular((x, 0.0, 0.0), AXIS, 0.3, (0.1, 0.2), current) for name, x, current in
+             (("one", 1.2, 50.0), ("image", -1.2, 50.0))}  # fmt: skip
+    problem(coils, symmetry={"x-": "parallel"}).check(mesh)
+    with pytest.raises(
+        ValueError, match=r"^the coil 'one' is not symmetric about the plane 'x-', to which the flux is n"
+    ):
+        problem(coils, symmetry={"x-": "normal"}).check(mesh)
+    coils["image"] = replace(coils["image"], ampere_turns=-50.0)
+    problem(coils, symmetry={"x-": "normal"}).check(mesh)
+    with pytest.raises(
+        ValueError, match=r"^the coil 'one' is not symmetric .*; give the whole coil, .*, or the coil and"
+    ):
+        problem({"one": coils["one"]}, symmetry={"x-": "parallel"}).check(mesh)
+
+
+def test_a_coil_across_a_plane_askew():
+    side = HALF
+    mesh = box(x=side, parts={"limb": ((0.0, -0.25, -0.75), (0.1, 0.25, 0.75))})
+    askew = {"askew": Coil.circular((0.0, 0.0, 0.0), (0.3, 0.0, 1.0), 1.0, (0.2, 0.2), 50.0)}
+    with pytest.raises(
+        ValueError, match=r"^the coil 'askew' is not symmetric about the plane 'x-', to which .*parallel;"
+    ):
+        problem(askew, symmetry={"x-": "parallel"}).check(mesh)
+    beside = {"beside": Coil.circular((0.2, 0.0, 0.0), AXIS, 1.0, (0.2, 0.2), 50.0)}
+    with pytest.raises(ValueError, match=r"^the coil 'beside' is not symmetric about the plane 'x-'"):
+        problem(beside, symmetry={"x-": "parallel"}).check(mesh)
+
+
+@pytest.mark.parametrize("shift", [(0.2, 0.0, 0.0), (0.0, -0.35, 0.0)])
+def test_a_coil_that_meets_iron(shift):
+    moved = replace(COIL, path=COIL.path + np.array(shift)[:, None])
+    wide = {"limb": ((-0.75, -0.5, -0.75), (0.75, 0.5, 0.75))}
+    with pytest.raises(ValueError, match=r"^the coil 'winding' meets 'limb', which is iron or a magnet, at \("):
+        problem({"winding": moved}).solve(box(parts=wide))
+
+
+def test_a_thin_plate_and_a_thin_winding():
+    """Neither has a node inside the other; a coil that touches a limb may stay, and so may one beside a magnet."""
+    plate = {"limb": ((-0.5, -0.5, 0.0), (0.5, 0.5, 0.25))}
+    thin = Coil.circular((0.0, 0.0, 0.125), AXIS, 0.43, (0.01, 0.01), 10.0)
+    with pytest.raises(ValueError, match=r"^the coil 'winding' meets 'limb'"):
+        problem({"winding": thin}).check(box(parts=plate))
+    thick = Coil.circular((0.0, 0.0, 0.0), AXIS, 1.0, (0.5, 1.9), 10.0)
+    sheet = np.unique(np.r_[T, -0.01, 0.01])
+    with pytest.raises(ValueError, match=r"^the coil 'winding' meets 'limb'"):
+        problem({"winding": thick}).check(box(z=sheet, parts={"limb": ((-0.75, -0.75, -0.01), (0.75, 0.75, 0.01))}))
+    close = Coil.straight_limb((0.0, 0.0, 0.0), AXIS, (1.0, 1.0), (0.2, 0.5), 10.0)
+    problem({"winding": close}).check(box())
+    magnet = MagneticScalarPotential(
+        {"limb": Material(remanence=(0.0, 0.0, 1.0)), "air": AIR}, {"outer": 0.0}, coils={"winding": thin}
+    )
+    with pytest.raises(ValueError, match=r"^the coil 'winding' meets 'limb', which is iron or a magnet"):
+        magnet.check(box(parts=plate))
+
+
+def test_a_coil_that_leaves_the_mesh():
+    wide = Coil.circular((0.0, 0.0, 0.0), AXIS, 1.95, (0.2, 0.4), 10.0)
+    with pytest.raises(
+        ValueError, match=r"^the coil 'winding' leaves the mesh at \(.*\), where the far boundary would"
+    ):
+        problem({"winding": wide}).check(box())
+
+
+def test_coils_have_names():
+    for given in ([COIL], {"winding": 3.0}):
+        with pytest.raises(ValueError, match=r"^coils must map names to magnetostatics.Coil; got "):
+            problem(given)
