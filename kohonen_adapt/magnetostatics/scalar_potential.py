@@ -70,7 +70,7 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         magnets that the plane mirrors; needed for forces on a body that the plane cuts) or "normal" (of magnets whose
         mirror image has the opposite magnetisation; phi is 0 there).
     estimator
-        "residual", scaled by 1 / 3.6 to equal the error approximately, or "recovery".
+        "residual", scaled to equal the error approximately, or at order 1 "recovery".
     goal
         Quantity to adapt the mesh for in place of the energy: `Force`, `Torque`, `StoredEnergy`, or a user-defined
         `Goal`. `indicators` are then those of `ka.estimators.goal_oriented`, and there is no `energy_norm`. At equal
@@ -117,6 +117,11 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
             raise ValueError(f"order of MagneticScalarPotential must be 1 or 2; got {self.order!r}.")
         if self.estimator not in ESTIMATORS:
             raise ValueError(f"estimator must be 'residual' or 'recovery'; got {self.estimator!r}.")
+        if self.order > 1 and self.estimator != "residual":
+            raise ValueError(
+                f"elements of order {self.order} have the estimator 'residual' only; got {self.estimator!r}. "
+                "Set order=1 for 'recovery'."
+            )
         check_materials(self.materials, 3)
         for name, material in self.materials.items():
             if material.current_density != 0.0:

@@ -7,8 +7,10 @@ from helpers.sheets import MU0
 from skfem import Basis, BilinearForm, ElementTetP2, LinearForm, MeshTet, condense, solve
 from skfem.helpers import dot, grad
 
+import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Material
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
+from kohonen_adapt.report import write_report
 
 AIR = Material()
 AXIS = np.linspace(-1.0, 1.0, 5)
@@ -169,6 +171,76 @@ def _joined(mesh):
     return mesh.p[:, first], index.ravel()[mesh.t]
 
 
+# --- estimates and adapted meshes ----------------------------------------------------------------------------------
+
+
+def wave(x):
+    return np.sin(2.0 * x[0] + x[1]) * np.cos(1.5 * x[2])
+
+
+def slope_of_wave(x):
+    along = np.cos(2.0 * x[0] + x[1]) * np.cos(1.5 * x[2])
+    return np.stack((2.0 * along, along, -1.5 * np.sin(2.0 * x[0] + x[1]) * np.sin(1.5 * x[2])))
+
+
+def harmonic_wave(x):
+    return np.sin(1.5 * x[0]) * np.sin(2.0 * x[1]) * np.exp(2.5 * x[2])
+
+
+def slope_of_harmonic_wave(x):
+    return np.stack((
+        1.5 * np.cos(1.5 * x[0]) * np.sin(2.0 * x[1]),
+        2.0 * np.sin(1.5 * x[0]) * np.cos(2.0 * x[1]),
+        2.5 * np.sin(1.5 * x[0]) * np.sin(2.0 * x[1]),
+    )) * np.exp(2.5 * x[2])  # fmt: skip
+
+
+def strength_error(field, exact):
+    """``sqrt(int mu |H - H_h|^2)``, with the exact H as a function of x."""
+    at = field.at_quadrature
+    difference = np.sum((at.field_strength - exact(at.x)) ** 2, axis=0)
+    return float(np.sqrt(np.sum(field.point_volumes * at.permeabilities[0] * difference)))
+
+
+@pytest.mark.parametrize(
+    ("potential", "slope", "remanence"),
+    [(harmonic_wave, slope_of_harmonic_wave, (0.0, 0.0, 0.0)), (wave, slope_of_wave, lambda x: MU0 * slope_of_wave(x))],
+    ids=["air", "a magnet without flux"],
+)
+def test_smooth_fields_converge_by_the_square_and_the_estimate_is_the_error(potential, slope, remanence):
+    errors, problem = [], MagneticScalarPotential({"all": Material(remanence=remanence)}, {"outer": potential}, order=2)
+    for cells in (3, 6):
+        axis = np.linspace(-1.0, 1.0, cells + 1)
+        mesh = blocks([axis] * 3, {"all": ((-1.0,) * 3, (1.0,) * 3)})
+        field = problem.solve(mesh)
+        errors.append(strength_error(field, lambda x: -slope(x)))
+        assert 0.85 < np.linalg.norm(problem.indicators(mesh, field)) / errors[-1] < 1.2
+    assert np.log2(errors[0] / errors[1]) > 1.8
+
+
+def test_the_estimate_of_a_solution_without_error_is_0():
+    mesh = bent()
+    problem = MagneticScalarPotential(dict.fromkeys(("magnet", "iron", "air"), AIR), {"outer": harmonic}, order=2)
+    field = problem.solve(mesh)
+    assert problem.indicators(mesh, field).max() < 1e-9 * problem.energy_norm(mesh, field)
+
+
+def test_the_loop_grades_meshes_of_order_2(tmp_path):
+    """Growth, a tolerance, a checkpoint that goes on, and a report."""
+    materials = {"magnet": Material(remanence=(0.0, 0.3, 1.2)), "iron": Material(1000.0), "air": AIR}
+    mesh, problem = blocks([AXIS] * 3, PARTS), MagneticScalarPotential(materials, RIM, order=2)
+    grown = ka.adapt(mesh, problem, passes=2, target_nodes=400, checkpoint=tmp_path / "passes")
+    again = ka.adapt(mesh, problem, passes=3, target_nodes=None, rtol=0.15)
+    assert grown.mesh.nvertices == 400 and grown.solution.unknown.size == grown.best.unknowns
+    assert "tetrahedra of order 2 are not polished" in grown.message and grown.best.order == 2
+    assert again.status.value == "converged" and again.estimate < 0.15 * again.best.energy_norm
+    resumed = ka.adapt(mesh, problem, passes=2, target_nodes=400, checkpoint=tmp_path / "passes")
+    assert np.array_equal(resumed.mesh.p, grown.mesh.p) and np.array_equal(resumed.indicators, grown.indicators)
+    plane = ka.Plane((0.0, 0.0, 0.1), (0.0, 0.0, 1.0))
+    write_report(tmp_path / "report.html", grown, before=ka.adapt(mesh, problem, passes=0), plane=plane)
+    assert (tmp_path / "report.html").stat().st_size > 1000
+
+
 # --- refused -------------------------------------------------------------------------------------------------------
 
 
@@ -176,3 +248,15 @@ def _joined(mesh):
 def test_orders_other_than_1_and_2_are_refused(order):
     with pytest.raises(ValueError, match=r"^order of MagneticScalarPotential must be 1 or 2; got "):
         MagneticScalarPotential({"air": AIR}, order=order)
+
+
+def test_recovery_is_refused():
+    with pytest.raises(ValueError, match=r"^elements of order 2 have the estimator 'residual' only; got 'recovery'\."):
+        MagneticScalarPotential({"air": AIR}, estimator="recovery", order=2)
+
+
+def test_there_is_no_polish():
+    mesh = bent()
+    problem = MagneticScalarPotential(dict.fromkeys(("magnet", "iron", "air"), AIR), RIM, order=2)
+    with pytest.raises(ka.NotOffered, match="tetrahedra of order 2 are not polished"):
+        problem.ritz(mesh, problem.solve(mesh))
