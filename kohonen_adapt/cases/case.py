@@ -3,11 +3,15 @@
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
+from shutil import rmtree
+from tempfile import mkdtemp
 from typing import Any
+from weakref import finalize
 
 import numpy as np
 from skfem import Mesh, MeshTri
 
+from kohonen_adapt.cases.drawing import Drawing
 from kohonen_adapt.cases.tables import Quantity
 from kohonen_adapt.cases.turning import turned_materials
 from kohonen_adapt.geometry.plane.curves import Arc, Line
@@ -34,7 +38,7 @@ class Case:
     Attributes
     ----------
     mesh
-        The mesh file.
+        The mesh file, or a drawing of the mesh.
     scale
         Metres per unit of the mesh file.
     base_problem
@@ -51,7 +55,7 @@ class Case:
         Name and text of the TOML file; empty for a case without a file.
     """
 
-    mesh: Path
+    mesh: Path | Drawing
     scale: float
     base_problem: Magnetostatics | MagneticScalarPotential
     adapt: dict[str, Any]
@@ -60,6 +64,23 @@ class Case:
     rim: str = ""
     file: str = ""
     text: str = ""
+
+    @cached_property
+    def mesh_file(self) -> Path:
+        """Mesh file, temporary if the mesh is drawn.
+
+        Raises
+        ------
+        ValueError
+            If the mesh cannot be drawn.
+        """
+        if isinstance(self.mesh, Path):
+            return self.mesh
+        folder = Path(mkdtemp(prefix="kohonen-adapt-"))
+        finalize(self, rmtree, folder, ignore_errors=True)
+        file = folder / f"{self.mesh.file.stem}.msh"
+        self.mesh.write_mesh(file)
+        return file
 
     @cached_property
     def groups(self) -> Groups:
@@ -74,7 +95,7 @@ class Case:
         OSError
             If the file cannot be read.
         """
-        return read_groups(self.mesh)
+        return read_groups(self.mesh_file)
 
     @cached_property
     def problem(self) -> Magnetostatics | MagneticScalarPotential:
@@ -92,7 +113,7 @@ class Case:
         """
         if isinstance(self.base_problem, MagneticScalarPotential):
             return self.base_problem
-        if self.mesh.is_file() and type(self.drawn) is TETRAHEDRON.mesh:
+        if self.mesh_file.is_file() and type(self.drawn) is TETRAHEDRON.mesh:
             return as_scalar_potential(self.base_problem)
         return self._turned(self._with_points(self.base_problem))
 
@@ -104,7 +125,7 @@ class Case:
     def _with_points(self, problem: Magnetostatics) -> Magnetostatics:
         conditions = problem.boundaries
         wanted = conditions.potential.keys() - conditions.points.keys()
-        if not wanted or not self.mesh.is_file():
+        if not wanted or not self.mesh_file.is_file():
             return problem
         found = {name: self.scale * places for name, places in self.groups.places.items() if name in wanted}
         return replace(problem, points={**conditions.points, **found}) if found else problem
@@ -127,7 +148,7 @@ class Case:
         OSError
             If the file cannot be read.
         """
-        mesh = read_mesh(self.mesh, scale=self.scale)
+        mesh = read_mesh(self.mesh_file, scale=self.scale)
         check_kind(mesh, curved=True, space=True)
         _check_turn(mesh, self.turn)
         mesh = corners_of(mesh) if self.turn or self.base_problem.order == 1 else mesh
@@ -214,7 +235,7 @@ class Case:
         for each in self.outputs.values():
             bore_curves |= bores(mesh, each.bodies, each.centre) if each.centre is not None else {}
         paired = {name for pair in self.adapt.get("periodic", self.problem.pairs) for name in pair[:2]}
-        file_curves = {} if self.turn or is_second_order(mesh) else curves_in_file(self.mesh, mesh, self.scale)
+        file_curves = {} if self.turn or is_second_order(mesh) else curves_in_file(self.mesh_file, mesh, self.scale)
         for name, curve in (file_curves | bore_curves).items():
             facets = np.asarray(mesh.boundaries[name])
             if name not in paired and not np.isin(facets, taken).any():

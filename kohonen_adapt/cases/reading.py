@@ -12,6 +12,7 @@ import numpy as np
 from skfem import Mesh, MeshTri
 
 from kohonen_adapt.cases.case import Case
+from kohonen_adapt.cases.drawing import mesh_in
 from kohonen_adapt.cases.potentials import POTENTIAL, TabulatedPotential
 from kohonen_adapt.cases.readers import (
     NUMBER,
@@ -129,7 +130,7 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
         If a key is unknown, missing, or has a wrong value; the message names the key.
     """
     readers: dict[str, Reader] = {
-        "mesh": TEXT,
+        "mesh": mesh_in(folder),
         "scale": NUMBER,
         "materials": table_of(material_in(folder)),
         **PROBLEM,
@@ -146,9 +147,7 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
     problem = _problem(values)
     options, outputs, turn = (values.get(key, {}) for key in ("adapt", "outputs", "turn"))
     _check_outputs(options.get("output_rtol"), outputs, problem)
-    return Case(
-        folder / values["mesh"], values.get("scale", 1.0), problem, options, outputs, turn, values.get("rim", "")
-    )
+    return Case(values["mesh"], values.get("scale", 1.0), problem, options, outputs, turn, values.get("rim", ""))
 
 
 def _check_outputs(output_rtol: Any, outputs: Mapping[str, Any], problem: Any) -> None:
@@ -222,7 +221,7 @@ def fitting_mesh(case: Case) -> MeshTri:
     OSError
         If the file cannot be read.
     """
-    _check_file(case.mesh)
+    _check_file(case.mesh_file)
     with locate_errors("mesh"):
         drawn = case.drawn
         check_names_written(drawn)  # the results have the names of the mesh

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from kohonen_adapt.cases.case import Case
+from kohonen_adapt.cases.drawing import Drawing
 from kohonen_adapt.cases.readers import locate_errors
 from kohonen_adapt.cases.reading import case_of, fitting_mesh, read_case, with_options
 from kohonen_adapt.commands.arguments import options_of, options_text, refuse_link, writable_folder
@@ -46,7 +47,7 @@ class CaseOutputs:
     text
         Text of the case.
     mesh
-        Digest of its mesh file, because a sweep of another mesh is another sweep.
+        Digest of its mesh file and drawing, because a sweep of another mesh is another sweep.
     options
         Keys of ``adapt`` that replace those of the case.
     """
@@ -61,7 +62,9 @@ class CaseOutputs:
         case = read_case(path, options)
         if not case.outputs:
             raise ValueError(f"{path}: sweep expected [outputs], the quantities to tabulate; the case has none.")
-        files = [case.mesh, *sorted(case.mesh.glob("mesh.*"))]  # several in a folder of Elmer
+        with locate_errors(path):
+            files = [case.mesh_file, *sorted(case.mesh_file.glob("mesh.*"))]  # several in a folder of Elmer
+        files += [case.mesh.file] if isinstance(case.mesh, Drawing) else []
         content = b"".join(file.read_bytes() for file in files if file.is_file())
         return cls(path.resolve(), case.text, blake2b(content, digest_size=16).hexdigest(), options or {})
 

@@ -229,7 +229,7 @@ def wrong(old, new, *said):
     ("text", "said"),
     [
         wrong('mesh = "c_core.msh"', "", "mesh is missing"),
-        wrong('mesh = "c_core.msh"', "mesh = 3", "mesh must be text in quotes; got 3."),
+        wrong('mesh = "c_core.msh"', "mesh = 3", "mesh must be text in quotes, or {drawing = "),
         wrong("scale = 1e-3", "scale = nan", "scale must be a finite number; got nan."),
         wrong("scale = 1e-3", "scale = true", "scale must be a finite number; got True."),
         wrong("scale = 1e-3", "scale = 1" + 400 * "0", "scale must be a finite number; got 1000"),

@@ -40,7 +40,7 @@ GUESTS = {
     "pyamg": {"magnetostatics"},
     "distributed": {"commands"},
     "h5py": {"io"},
-    "gmsh": set(),
+    "gmsh": {"cases"},
     "sphinx": {"docs"},
 }
 

@@ -4,6 +4,7 @@ import ast
 import importlib
 import runpy
 import sys
+import tomllib
 from pathlib import Path
 
 import meshio
@@ -100,7 +101,20 @@ def test_a_case_is_what_its_script_is(request, name):
 
 
 def test_every_case_has_been_compared():
-    assert {path.stem for path in EXAMPLES.glob("*.toml")} == {"magnet", "actuator"}
+    assert {path.stem for path in EXAMPLES.glob("*.toml")} == {"magnet", "actuator", "plunger"}
+
+
+@needs_gmsh
+def test_the_drawn_case_is_the_actuator_of_its_gap():
+    """The same materials and sources as the case of 1 mm, on the mesh that the script reads."""
+    drawn_case, case = (read_case(EXAMPLES / f"{name}.toml") for name in ("plunger", "actuator"))
+    drawn_keys, keys = (tomllib.loads(each.text) for each in (drawn_case, case))
+    assert {**drawn_keys, "mesh": ..., "adapt": ...} == {**keys, "mesh": ..., "adapt": ...}
+    mesh = fitting_mesh(drawn_case)
+    nodes = {name: np.unique(mesh.t[:, mesh.subdomains[name]]) for name in ("plunger", "core")}
+    height = {name: mesh.p[1, each[mesh.p[0, each] < 1e-9]] for name, each in nodes.items()}  # on the axis
+    gap = 1e-3 * drawn_case.mesh.parameters["gap"]
+    assert height["plunger"].min() - height["core"].max() == pytest.approx(gap, rel=1e-9)
 
 
 def test_the_high_order_has_an_error_below_three_in_ten_thousand_and_states_it(tmp_path):

@@ -1,0 +1,111 @@
+"""Drawings of Gmsh with parameters, as the meshes of cases."""
+
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from kohonen_adapt.cases.readers import NUMBER, TEXT, Kind, Reader
+from kohonen_adapt.checks import nearest_name
+
+__all__ = ["Drawing", "mesh_in"]
+
+SCRIPT = Path(__file__).with_name("gmsh_script.py")
+SUFFIX = ".geo"
+TIME_LIMIT = 600  # s; Gmsh does not end with some sizes and distances of zero
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Drawing of Gmsh with values of its parameters.
+
+    Attributes
+    ----------
+    file
+        The drawing.
+    parameters
+        Constants of the drawing (``DefineConstant``) to the values that replace those of the drawing.
+    """
+
+    file: Path
+    parameters: Mapping[str, float]
+
+    @property
+    def name(self) -> str:
+        return f"{self.file.name}{self._values()}"
+
+    def __str__(self) -> str:
+        return f"{self.file}{self._values()}"
+
+    def _values(self) -> str:
+        values = ", ".join(f"{name} = {value:g}" for name, value in self.parameters.items())
+        return values and f" ({values})"
+
+    def write_mesh(self, path: Path) -> None:
+        """Draw and mesh in another process, and write the mesh to a Gmsh file.
+
+        The same drawing, parameters and version of Gmsh give the same file. The mesh is of tetrahedra if the drawing
+        has a volume.
+
+        Raises
+        ------
+        ValueError
+            If there is no drawing or no Gmsh, the drawing does not use a parameter, or Gmsh fails.
+        """
+        if not self.file.is_file():
+            beside = [file.name for file in self.file.parent.glob(f"*{SUFFIX}")]
+            raise ValueError(
+                f"mesh.drawing must be the path of a drawing, relative to the case; there is no file '{self.file}'."
+                f"{nearest_name(self.file.name, beside)}"
+            )
+        if find_spec("gmsh") is None:
+            raise ValueError('mesh.drawing needs Gmsh, which is not installed: pip install "kohonen-adapt[draw]".')
+        values = [text for name, value in self.parameters.items() for text in (name, repr(value))]
+        command = [sys.executable, "-P", str(SCRIPT), str(self.file.resolve()), str(path), *values]
+        if reason := _error_of(command, path):
+            raise ValueError(f"mesh.drawing '{self}': {reason}")
+
+
+def _error_of(command: list[str], path: Path) -> str:
+    """Run a command that writes a file, and return its error or an empty string."""
+    try:
+        done = subprocess.run(
+            command,
+            cwd=path.parent,  # for files that the drawing writes
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=TIME_LIMIT,
+        )
+    except subprocess.TimeoutExpired:
+        return f"Gmsh has not finished in {TIME_LIMIT} s; is a size or a distance zero?"
+    if done.returncode == 0 and path.is_file():
+        return ""
+    return [f"Gmsh wrote no mesh (exit code {done.returncode}).", *done.stderr.strip().splitlines()][-1]
+
+
+def mesh_in(folder: Path) -> Reader:
+    def read(given: Any, location: str) -> Path | Drawing:
+        if isinstance(given, dict):
+            return _drawing(given, location, folder)
+        if given.endswith(SUFFIX):
+            raise ValueError(f'{location} is a drawing, which needs a table: {location} = {{drawing = "{given}"}}.')
+        return folder / given
+
+    return Kind((str, dict), f'text in quotes, or {{drawing = "NAME{SUFFIX}", PARAMETER = ...}}', bool, read)
+
+
+def _drawing(given: dict[str, Any], location: str, folder: Path) -> Drawing:
+    if "drawing" not in given:
+        raise ValueError(f"{location}.drawing is missing; it is required.")
+    name = TEXT(given["drawing"], f"{location}.drawing")
+    if not name.endswith(SUFFIX):
+        raise ValueError(
+            f"{location}.drawing must be a drawing of Gmsh ({SUFFIX}); got {name!r}. A {SUFFIX} file may Merge others."
+        )
+    values = {key: NUMBER(value, f"{location}.{key}") for key, value in given.items() if key != "drawing"}
+    return Drawing(folder / name, values)
