@@ -48,7 +48,8 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
     The equations are ``div B = 0`` with ``B = mu (H + Hc)`` and ``H = Hs - grad phi``, in metres, teslas and amperes.
     Fields have shape (3, n), and results are totals of the meshed part. Currents are not meshed: Hs is their field
     without iron. In iron Hs and ``grad phi`` would cancel up to a thousandth, so the unknown there is a total
-    potential, ``H = -grad psi``, which exists if no closed path in iron links a current.
+    potential, ``H = -grad psi``. In a closed ring of iron around a current, psi has a jump across a layer of elements,
+    which is found automatically and is no part of the result.
 
     The natural condition on the outer boundary is ``B . n = 0``, which keeps the flux inside. `kohonen_adapt.adapt`
     takes a problem of this class.
@@ -87,7 +88,7 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
     ValueError
         For invalid arguments. `solve` and `indicators` raise it for names that the mesh lacks, elements with no or two
         materials, surfaces that are no planes of symmetry, an applied field that is not finite or contradicts the
-        symmetry, iron that links a current, and coils that meet iron or a magnet, leave the mesh or do not have the
+        symmetry, a current through iron, and coils that meet iron or a magnet, leave the mesh or do not have the
         symmetry.
 
     Examples

@@ -19,6 +19,7 @@ from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, ma
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.measures import hat_gradients
 
 __all__ = ["AppliedField", "Drive", "checked_field", "drive_on", "field_at", "permeable", "total_of"]
 
@@ -28,7 +29,7 @@ AppliedField = Callable[[Floats], ArrayLike]
 # field.
 PERMEABLE = 2.0
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)  # along an edge: error 3e-5 at half its length from a wire
-LINKED = 0.01  # allowed circulation along closed paths, relative to the range of the potential in a piece of iron
+LINKED = 0.01  # largest error of circulations along closed paths, relative to the range of the potential in iron
 FACE_EDGES = ((0, 1), (1, 2), (0, 2))  # the last in reverse orientation
 DEGREE = {1: 4, 2: 7}  # of the quadrature rule of facets, by order
 TOLERANCE = 1e-9  # tolerance of equality, relative to the permeability of vacuum
@@ -43,6 +44,9 @@ class Drive:
     chi``. In elements that touch iron ``T = Hs + grad chi`` with chi falling to 0 at the next nodes, so that ``u -
     chi`` is the reduced potential phi everywhere.
 
+    If iron links a current, chi has a jump across a layer of elements in iron, in which T is a constant whose integrals
+    along edges across the layer are the linked current.
+
     Because ``mu Hs`` has no divergence where mu is constant, ``int mu Hs . grad v`` is an integral over facets at which
     mu changes, so that no quadrature point lies on a wire inside a region.
     """
@@ -52,12 +56,13 @@ class Drive:
     iron: Mask  # (nelements,)
     potential: Floats  # chi at the unknowns, (nunknowns,) in A; 0 away from iron
     load: Floats  # the surface integral for every function v, (nunknowns,) in Wb
+    layer: Floats  # T in iron, (3, nelements) in A/m
 
     def at(self, x: Floats, element: Ints) -> Floats:
         if self.function is None:
             return np.zeros_like(x)
         outside = np.flatnonzero(~self.iron[element])
-        values, x, element = np.zeros_like(x), x[:, outside], element[outside]
+        values, x, element = self.layer[:, element], x[:, outside], element[outside]
         offset = self.elements.gradient_at(self.potential, element, self.elements.barycentric(x, element))
         values[:, outside] = field_at(self.function, x) + offset
         return values
@@ -85,7 +90,8 @@ class Drive:
     def inside(self) -> Floats:
         """Part of T that `load` does not cover, as `Tetrahedra.gradient` in A/m."""
         offset, elements = self.elements.gradient(self.potential), self.elements
-        return np.where(self.iron if elements.order == 1 else self.iron[elements.element], 0.0, offset)
+        element = np.arange(self.iron.size) if elements.order == 1 else elements.element
+        return np.where(self.iron[element], self.layer[:, element], offset)
 
 
 def checked_field(value: Any) -> AppliedField | None:
@@ -138,10 +144,11 @@ def drive_on(
     zeros = np.zeros(elements.doflocs.shape[1])
     iron = permeable(coefficients)
     if function is None:
-        return Drive(elements, None, np.zeros_like(iron), zeros, zeros)
+        return Drive(elements, None, np.zeros_like(iron), zeros, zeros, np.zeros((3, iron.size)))
     load = _flux_out(elements, np.where(iron, 0.0, 1.0 / coefficients.reluctivity), function, closed)
-    chi = _at_unknowns(elements, total_potential(mesh, iron, function), iron, function)
-    return Drive(elements, function, iron, chi, load)
+    at_nodes, layer = total_potential(mesh, iron, function)
+    chi = _at_unknowns(elements, at_nodes, iron, function)
+    return Drive(elements, function, iron, chi, load, layer)
 
 
 def _flux_out(elements: Tetrahedra, permeability: Floats, function: AppliedField, closed: Ints) -> Floats:
@@ -179,16 +186,17 @@ def _at_unknowns(elements: Tetrahedra, chi: Floats, iron: Mask, function: Applie
     return values
 
 
-def total_potential(mesh: MeshTet, iron: Mask, function: AppliedField) -> Floats:
-    """Return chi with ``Hs = -grad chi`` in iron and 0 elsewhere, shape (nnodes,).
+def total_potential(mesh: MeshTet, iron: Mask, function: AppliedField) -> tuple[Floats, Floats]:
+    """Return chi with ``Hs = -grad chi + T`` in iron and 0 elsewhere, and T.
 
-    chi is integrated along a tree that spans the edges of every piece of iron, from 0 at its first node. Edges outside
-    the tree close paths. A circulation of Hs along an edge of this kind means that the path links a current.
+    chi, shape (nnodes,), is integrated along a tree that spans the edges of every piece of iron, from 0 at its first
+    node. Edges outside the tree close paths. A circulation of Hs along an edge of this kind means that the path links a
+    current. T, shape (3, nelements), has these circulations.
     """
     lower, upper = _edges(mesh.t[:, iron])
     chi, nnodes = np.zeros(mesh.p.shape[1]), mesh.p.shape[1]
     if not lower.size:
-        return chi
+        return chi, np.zeros((3, iron.size))
     along, _ = _circulation(mesh.p[:, lower], mesh.p[:, upper], function)
     graph = coo_array((np.ones(lower.size, dtype=np.int8), (lower, upper)), shape=(nnodes, nnodes)).tocsr()
     _, component = connected_components(graph, directed=False)
@@ -200,8 +208,8 @@ def total_potential(mesh: MeshTet, iron: Mask, function: AppliedField) -> Floats
         drop = np.where(start < end, along[row], -along[row])
         for node, previous, difference in zip(end.tolist(), start.tolist(), drop.tolist(), strict=True):
             chi[node] = chi[previous] - difference
-    _check_unlinked(mesh, iron, component, lower, along - (chi[lower] - chi[upper]), chi)
-    return chi
+    linked = _linked_currents(component[lower], along - (chi[lower] - chi[upper]), chi, component)
+    return chi, _layer(mesh, np.flatnonzero(iron), key, linked)
 
 
 def _edges(t: Ints) -> tuple[Ints, Ints]:
@@ -221,20 +229,37 @@ def _circulation(start: Floats, end: Floats, function: AppliedField) -> tuple[Fl
     return circulation, absolute
 
 
-def _check_unlinked(mesh: MeshTet, iron: Mask, component: Ints, node: Ints, circulation: Floats, chi: Floats) -> None:
-    edge_component = component[node]
-    highest, lowest = np.full(component.max() + 1, -np.inf), np.full(component.max() + 1, np.inf)
-    np.maximum.at(highest, component, chi)
-    np.minimum.at(lowest, component, chi)
-    linked = np.flatnonzero(np.abs(circulation) > LINKED * (highest - lowest)[edge_component])
-    if not linked.size:
-        return
-    worst = linked[np.argmax(np.abs(circulation[linked]))]
-    elements = np.flatnonzero(iron & (component[mesh.t[0]] == edge_component[worst]))
-    names = subdomains_at(mesh, elements)
-    raise ValueError(
-        f"iron links a current: along a closed path in {names} the applied_field has a circulation of "
-        f"{abs(circulation[worst]):.4g} A. There is no total potential there, and a reduced one would cancel. Leave a "
-        "gap in the ring, cut it by a plane of symmetry that the flux crosses (symmetry={...: 'normal'}), and keep "
-        "currents out of iron; a closed ring in one plane or around an axis is a case for Magnetostatics."
-    )
+def _linked_currents(component: Ints, circulation: Floats, chi: Floats, component_of_node: Ints) -> Floats:
+    # The circulations without their quadrature error, (nedges,): equal ones exactly equal, small ones 0.
+    highest, lowest = np.full(component_of_node.max() + 1, -np.inf), np.full(component_of_node.max() + 1, np.inf)
+    np.maximum.at(highest, component_of_node, chi)
+    np.minimum.at(lowest, component_of_node, chi)
+    rows = np.flatnonzero(np.abs(circulation) > LINKED * (highest - lowest)[component])
+    rows = rows[np.argsort(np.abs(circulation[rows]), kind="stable")]
+    size, linked = np.abs(circulation[rows]), np.zeros_like(circulation)
+    group = np.cumsum(np.diff(size, prepend=0.0) > LINKED * size)
+    mean = np.bincount(group, size) / np.maximum(np.bincount(group), 1)
+    linked[rows] = np.sign(circulation[rows]) * mean[group]
+    return linked
+
+
+def _layer(mesh: MeshTet, rows: Ints, key: Ints, circulation: Floats) -> Floats:
+    layer = np.zeros((3, mesh.t.shape[1]))
+    if not circulation.any():
+        return layer
+    t = mesh.t[:, rows].astype(np.int64)
+    (start, end), nnodes = EDGES, mesh.p.shape[1]
+    at = np.searchsorted(key, np.minimum(t[start], t[end]) * nnodes + np.maximum(t[start], t[end]))
+    along = np.where(t[start] < t[end], circulation[at], -circulation[at])
+    rise = np.zeros(t.shape)
+    for first, second, values in zip(start, end, along, strict=True):
+        rise[second] = np.where(first == 0, values, rise[second])
+    through = np.abs(along - (rise[end] - rise[start])).max(axis=0)
+    worst = int(np.argmax(through))
+    if through[worst] > LINKED * np.abs(circulation).max():
+        raise ValueError(
+            f"a current of {through[worst]:.4g} A of the applied_field passes through iron, in an element of "
+            f"{subdomains_at(mesh, rows[[worst]])}; keep currents out of iron."
+        )
+    layer[:, rows] = np.einsum("ik,cik->ck", rise, hat_gradients(mesh)[:, :, rows])
+    return layer
