@@ -15,6 +15,7 @@ from kohonen_adapt.arrays import Floats
 __all__ = [
     "as_reals",
     "check_count",
+    "check_fraction",
     "check_hook",
     "check_state",
     "check_tolerance",
@@ -57,6 +58,12 @@ def check_count(name: str, value: object) -> None:
 def check_tolerance(name: str, value: object) -> None:
     if value is not None and not (is_number(value) and 0.0 <= value < np.inf):  # type: ignore[operator]
         raise ValueError(f"{name} must be a finite number >= 0, or None; got {value!r}.")
+
+
+def check_fraction(name: str, value: object) -> None:
+    check_tolerance(name, value)
+    if value is not None and value > 1.0:  # type: ignore[operator]
+        raise ValueError(f"{name} must be a fraction, at most 1; got {value!r}. Write 0.01 for 1 %.")
 
 
 def check_hook(name: str, hook: object, expected: str) -> None:

@@ -117,9 +117,9 @@ def _add_limits(move: argparse.ArgumentParser) -> None:
 def _add_check(commands: Any) -> None:
     check = commands.add_parser(
         "check",
-        help="describe a mesh and report its faults",
-        description="Describe a mesh and report its faults. The exit status is 0 without faults, 1 with faults, and 2 "
-        "if the file cannot be read as a mesh. Hints are not faults.",
+        help="describe a mesh and report its faults, or check a case",
+        description="Describe a mesh and report its faults, or check a case (.toml) and print the plan of its run. The "
+        "exit status is 0 without faults, 1 with faults, and 2 if the file cannot be read. Hints are not faults.",
     )
     _add_mesh(check)
     check.add_argument("--nodes", action="store_true", help="count the nodes that are held, by reason")

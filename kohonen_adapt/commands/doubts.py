@@ -25,7 +25,6 @@ MOST_REMANENCE = 3.0  # T: magnets have at most 1.5
 MOST_MILLITESLA = 3000.0  # larger values are in gauss
 LEAST_CURRENT_DENSITY = 100.0  # A/m^2: windings have about 10^6, which is 1 A/mm^2
 LONG = 20.0  # m
-LARGEST_TOLERANCE = 1.0  # fraction of a value
 SAME = 1e-9  # tolerance for equal positions, relative to the size of the mesh or a facet
 
 
@@ -65,21 +64,9 @@ def case_doubts(case: Case, mesh: Mesh) -> Iterator[str]:
                 f"current_density of '{name}' is {material.current_density:g} A/m^2: that looks like A/mm^2. If so, "
                 f"write {material.current_density:g}e6."
             )
-    yield from tolerance_doubts(case)
     depth = problem.depth if isinstance(problem, Magnetostatics) else None
     if depth is not None and depth > LONG:
         yield f"depth is {depth:g} m: that looks like millimetres. If so, write {depth / 1e3:g}."
-
-
-def tolerance_doubts(case: Case) -> Iterator[str]:
-    given = {key: case.adapt.get(key, {}) for key in ("rtol", "output_rtol", "goal_rtol")}
-    for key, value in given.items():
-        for name, number in (value if isinstance(value, dict) else {"": value}).items():
-            if number > LARGEST_TOLERANCE:
-                yield (
-                    f"adapt.{key}{name and f'.{name}'} is {number:g} times the value: that looks like per cent. If so, "
-                    f"write {number / 100.0:g}."
-                )
 
 
 def permeability_doubt(name: str, permeability: float) -> str:

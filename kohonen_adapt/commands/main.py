@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from skfem import Mesh
 
 from kohonen_adapt import __doc__ as description
+from kohonen_adapt.cases.case import Case
 from kohonen_adapt.cases.readers import locate_errors
 from kohonen_adapt.cases.reading import fitting_mesh, read_case
 from kohonen_adapt.cases.template import case_text
@@ -112,16 +114,9 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     case = read_case(arguments.case, options)
     if arguments.out is None and arguments.resume is None and not arguments.dry_run:
         raise ValueError("run expected --out DIR (folder for the results), --resume DIR or --dry-run.")
-    terminal.show("read")
-    with locate_errors(arguments.case):
-        mesh = fitting_mesh(case)
-    for doubt in case_doubts(case, mesh):
-        terminal.warn(doubt)
+    mesh = _read_mesh(case, arguments.case, terminal)
     if arguments.dry_run:
-        found = f"{counted(len(terminal.warnings), 'warning')}, see above" if terminal.warnings else "no faults found"
-        terminal.say(f"{arguments.case}: {found}; '{case.mesh}' has {mesh.nvertices} nodes.")
-        terminal.say(plan_sentence(case, mesh))
-        return DONE
+        return _say_plan(case, mesh, arguments.case, terminal)
     folder = writable_folder(arguments.out) if arguments.resume is None else arguments.resume
     passes = _Passes(terminal, case.most_passes)
     run = CaseRun(case, mesh, folder, progress=passes.show, report=passes.report)
@@ -143,6 +138,22 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
         terminal.complain(result.message)
     terminal.repeat_warnings()
     return FAILED if result.status is Status.FAILED else DONE
+
+
+def _read_mesh(case: Case, path: Path, terminal: Terminal) -> Mesh:
+    terminal.show("read")
+    with locate_errors(path):
+        mesh = fitting_mesh(case)
+    for doubt in case_doubts(case, mesh):
+        terminal.warn(doubt)
+    return mesh
+
+
+def _say_plan(case: Case, mesh: Mesh, path: Path, terminal: Terminal) -> int:
+    found = f"{counted(len(terminal.warnings), 'warning')}, see above" if terminal.warnings else "no faults found"
+    terminal.say(f"{path}: {found}; '{case.mesh}' has {mesh.nvertices} nodes.")
+    terminal.say(plan_sentence(case, mesh))
+    return DONE
 
 
 @dataclass
@@ -188,7 +199,10 @@ def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
 
 def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     if arguments.mesh.suffix.lower() == ".toml":
-        raise ValueError(f"check expected a mesh file; check a case by kohonen-adapt run {arguments.mesh} --dry-run")
+        if arguments.nodes or arguments.surfaces or arguments.scale != 1.0:
+            raise ValueError("--nodes, --surfaces and --scale are for meshes; a case has its own scale and surfaces.")
+        case = read_case(arguments.mesh)
+        return _say_plan(case, _read_mesh(case, arguments.mesh, terminal), arguments.mesh, terminal)
     mesh = read_mesh(arguments.mesh, scale=arguments.scale)
     check_mesh(mesh, curved=True, inverted=True, space=True)
     corners = corners_of(mesh)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kohonen_adapt.checks import check_tolerance
+from kohonen_adapt.checks import check_fraction, check_tolerance
 from kohonen_adapt.loop.passes import Pass
 
 __all__ = ["Tolerance", "percent"]
@@ -23,9 +23,9 @@ class Tolerance:
     goal_rtol: float | None = None
 
     def __post_init__(self) -> None:
-        check_tolerance("rtol", self.rtol)
+        check_fraction("rtol", self.rtol)
         check_tolerance("atol", self.atol)
-        check_tolerance("goal_rtol", self.goal_rtol)
+        check_fraction("goal_rtol", self.goal_rtol)
 
     def __bool__(self) -> bool:
         return any(each is not None for each in (self.rtol, self.atol, self.output_rtol, self.goal_rtol))

@@ -7,7 +7,7 @@ import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Mask
-from kohonen_adapt.checks import as_reals, check_tolerance, listed
+from kohonen_adapt.checks import as_reals, check_fraction, listed
 from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.problem.protocol import (
     NotOffered,
@@ -158,14 +158,14 @@ def check_outputs(outputs: Any, output_rtol: Any) -> dict[str, Output]:
         if not callable(function):
             raise ValueError(f"outputs[{name!r}] must be a function of the solution; got {function!r}.")
     if not isinstance(output_rtol, Mapping):
-        check_tolerance("output_rtol", output_rtol)
+        check_fraction("output_rtol", output_rtol)
     if output_rtol is not None and not outputs:
         raise ValueError("output_rtol requires outputs; add outputs={name: function}.")
     if isinstance(output_rtol, Mapping):
         for name, tolerance in output_rtol.items():
             if name not in (outputs or {}):
                 raise ValueError(f"output_rtol has {name!r}, which is no output; outputs are {listed(outputs or {})}.")
-            check_tolerance(f"output_rtol[{name!r}]", tolerance)
+            check_fraction(f"output_rtol[{name!r}]", tolerance)
     return dict(outputs or {})
 
 

@@ -151,7 +151,7 @@ def test_the_status_is_in_the_help(capsys):
     with pytest.raises(SystemExit):
         cli.main(["check", "--help"])
     said = " ".join(capsys.readouterr().out.split())
-    assert "The exit status is 0 without faults, 1 with faults, and 2 if the file cannot be read as a mesh" in said
+    assert "The exit status is 0 without faults, 1 with faults, and 2 if the file cannot be read." in said
 
 
 def test_no_mesh(tmp_path, capsys):

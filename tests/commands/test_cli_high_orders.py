@@ -141,11 +141,6 @@ def test_wrong_orders_are_named(order, message, tmp_path, capsys):
     assert message in capsys.readouterr().err
 
 
-def test_check_of_a_case_names_the_command_for_cases(finished, capsys):
-    assert cli.main(["check", str(finished)]) == 2
-    assert f"check a case by kohonen-adapt run {finished} --dry-run" in capsys.readouterr().err
-
-
 def test_around_an_axis_the_report_has_the_flux_function_inside_elements(tmp_path):
     axis = CASE.replace("order = 5", "order = 4\naxisymmetric = true").replace("passes = 2", "passes = 0")
     mesh = inset(8)

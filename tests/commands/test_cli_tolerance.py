@@ -100,6 +100,13 @@ def test_a_dry_run_says_what_a_run_does(text, options, plan, run):
     assert status == 0 and said.endswith(f"nodes.\nPlan: {plan}\n")
 
 
+def test_check_says_of_a_case_what_a_dry_run_says(run):
+    assert run(adapting("rtol = 0.01"), command="check") == run(adapting("rtol = 0.01"), "--dry-run")
+    for options in (["--nodes"], ["--scale", "1e-3"]):
+        status, said = run(CASE, *options, command="check")
+        assert status == 2 and "--nodes, --surfaces and --scale are for meshes; a case has its own" in said
+
+
 def test_tolerances_of_the_command_replace_those_of_the_case(run, tmp_path):
     case, out = adapting("rtol = 0.5\noutput_rtol = {stored = 0.5}\nseed = 1"), tmp_path / "out"
     status, said = run(case, "--rtol", "2e-3", "--output-rtol", "1e-4", "--out", out)
@@ -224,12 +231,13 @@ def test_without_outputs_there_is_nothing_to_tolerate(run):
 
 
 @pytest.mark.parametrize(
-    ("keys", "doubt"),
+    ("keys", "said"),
     [
-        ("rtol = 2", "adapt.rtol is 2 times the value: that looks like per cent. If so, write 0.02."),
-        ("output_rtol = {stored = 5}", "adapt.output_rtol.stored is 5 times the value: that looks like per cent."),
+        ("rtol = 2", "adapt: rtol must be a fraction, at most 1; got 2.0. Write 0.01 for 1 %."),
+        ("output_rtol = 5", "adapt: output_rtol must be a fraction, at most 1; got 5.0."),
+        ("output_rtol = {stored = 5}", "must be a fraction, at most 1; got 5.0."),
     ],
 )
-def test_per_cent_are_doubted(keys, doubt, run):
-    status, said = run(adapting(keys), "--dry-run")
-    assert status == 0 and f"warning: {doubt}" in said
+def test_per_cent_are_refused(keys, said, run):
+    status, printed = run(adapting(keys), "--dry-run")
+    assert status == 2 and sum(said in line for line in printed.splitlines()) == 1
