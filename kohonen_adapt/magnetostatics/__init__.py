@@ -6,6 +6,7 @@ from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
 from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
 from kohonen_adapt.magnetostatics.materials.material import Material, halbach, radial
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
+from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.forces import arkkio_torque, lorentz_force, lorentz_torque
 from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Goal, StoredEnergy, Torque
@@ -13,12 +14,14 @@ from kohonen_adapt.magnetostatics.quantities.linkage import apparent_inductance,
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
 from kohonen_adapt.magnetostatics.solution import CubicField, HighOrderField, QuadraticField
+from kohonen_adapt.magnetostatics.vector_potential import MagneticVectorPotential
 
 __all__ = [
     "Arctan",
     "Brauer",
     "Coil",
     "CubicField",
+    "EdgeField",
     "Field",
     "FluxLinkage",
     "Force",
@@ -27,6 +30,7 @@ __all__ = [
     "HighOrderField",
     "Law",
     "MagneticScalarPotential",
+    "MagneticVectorPotential",
     "Magnetostatics",
     "Material",
     "NewtonStep",

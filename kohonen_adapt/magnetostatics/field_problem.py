@@ -29,7 +29,8 @@ class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
     def solve(self, mesh: MeshKind) -> FieldKind:
         """Solve on a mesh by a sparse direct method, with Newton's method if nonlinear.
 
-        Above 300 000 unknowns, in space 8000, by algebraic multigrid, to a residual of 1e-10, if pyamg is installed.
+        Above 300 000 unknowns, in space 8000, by algebraic multigrid, to a residual of 1e-10, if pyamg is installed. A
+        vector potential in space is solved by conjugate gradients, to a residual of 1e-7.
 
         Parameters
         ----------

@@ -11,12 +11,14 @@ from kohonen_adapt.estimators.residual_in_space import residual_of_linear_flux
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import Newton
+from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
+from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.measures import inner_points
 
-__all__ = ["energy_indicators_in_space", "primal_and_dual"]
+__all__ = ["energy_indicators_in_space", "primal_and_dual", "tangential_jumps"]
 
 # By order. The unscaled estimate of order 1 is 3.5 to 3.8 times the error on balls (`benchmarks magnets`), of order 2
 # 4.3 to 5.0 times for smooth fields and 4.1 times at edges of magnets and iron (test_scalar_potential_order_2.py).
@@ -105,3 +107,24 @@ def _flux_for(field: LocalSolid, weight: Floats) -> Floats:
 def _equal_materials(field: LocalSolid, materials: Mapping[str, Material]) -> Ints:
     values = list(materials.values())
     return np.array([values.index(material) for material in values])[field.coefficients.material_index]
+
+
+def tangential_jumps(field: LocalSolid) -> Floats:
+    """Return residual indicators of a vector potential, (nelements,) in sqrt(J).
+
+    The square is ``h^2 mu |J|^2 |K|`` and, for every inner facet, half of ``h mu |n x [H]|^2 |F|`` (Beck, Hiptmair,
+    Hoppe and Wohlmuth, M2AN 34, 2000), scaled like the residual estimate of a scalar potential.
+    """
+    mesh, strength = field.mesh, field.field_strength
+    inner = np.flatnonzero(mesh.f2t[1] >= 0)
+    first, second = mesh.f2t[:, inner]
+    normal = 0.5 * normals(mesh.p.T, mesh.facets[:, inner].T).T
+    size = magnitude(normal)
+    jump = magnitude(np.cross(normal, strength[:, first] - strength[:, second], axis=0))  # times the area
+    permeability = 1.0 / field.reluctivity
+    mean = 2.0 / (1.0 / permeability[first] + 1.0 / permeability[second])
+    terms = 0.5 * mean * jump**2 / np.sqrt(size)
+    total = field.volume ** (5.0 / 3.0) * permeability * field.current_density**2
+    for side in (first, second):
+        total += np.bincount(side, terms, total.size)
+    return RESIDUAL_SCALES[1] * np.sqrt(total)

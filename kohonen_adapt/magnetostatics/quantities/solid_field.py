@@ -114,8 +114,10 @@ class SolidField(LocalSolid):
 
         On the outer boundary n points out of the mesh. For an oriented surface inside the mesh n points out of the
         elements on its side, as in `skfem.OrientedBoundary`; for other surfaces inside n points towards larger values
-        of the coordinate x, y or z to which the surface is most nearly normal. B inside the mesh is the mean of the
-        elements on both sides.
+        of the coordinate x, y or z to which the surface is most nearly normal.
+
+        B inside the mesh is the mean of the elements on both sides, and has a divergence: fluxes through iron can be
+        10 % off, and fluxes out of a closed surface do not sum to zero. `MagneticVectorPotential` has exact sums.
 
         Parameters
         ----------

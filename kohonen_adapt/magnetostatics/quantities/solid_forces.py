@@ -13,7 +13,7 @@ from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 from kohonen_adapt.magnetostatics.quantities.stress import Component, stress_force, weight_gradient
 from kohonen_adapt.mesh.cells import normals
 
-__all__ = ["eggshell", "flux_through", "force_component", "torque_component"]
+__all__ = ["eggshell", "flux_through", "force_component", "oriented_surface", "torque_component"]
 
 EDGEWISE = 0.1  # cosine between the normal of a facet and of its surface, below which the facet has no side
 
@@ -70,16 +70,27 @@ def _cuts(mesh: MeshTet, inside: Mask, mirrors: Iterable[Mirror]) -> list[Mirror
 
 
 def flux_through(mesh: MeshTet, name: str, flux_density: Floats) -> float:
+    facets, normal, sign = oriented_surface(mesh, name)
+    first, second = mesh.f2t[:, facets]
+    mean = 0.5 * (flux_density[:, first] + flux_density[:, np.where(second < 0, first, second)])
+    return float(np.sum(sign * np.sum(mean * normal, axis=0)))
+
+
+def oriented_surface(mesh: MeshTet, name: str) -> tuple[Ints, Floats, Floats]:
+    """Return the facets of a surface, their normals, and the sign of their flux.
+
+    The normals, (3, nfacets), point out of the first element and have the length of the area; the sign is 1 if the flux
+    counts along the normal, else -1.
+    """
     rows = surface(mesh, name, "flux")
     facets = np.asarray(rows)
     if not facets.size:
         raise ValueError(f"the surface {name!r} has no facets; name one that has.")
-    first, second = mesh.f2t[:, facets]
-    mean = 0.5 * (flux_density[:, first] + flux_density[:, np.where(second < 0, first, second)])
+    first = mesh.f2t[0, facets]
     normal = 0.5 * normals(mesh.p.T, mesh.facets[:, facets].T).T
     outward = mesh.p[:, mesh.facets[0, facets]] - mesh.p[:, mesh.t[:, first]].mean(axis=1)
     normal *= np.sign(np.sum(normal * outward, axis=0))
-    return float(np.sum(_flux_sign(mesh, name, facets, normal) * np.sum(mean * normal, axis=0)))
+    return facets, normal, _flux_sign(mesh, name, facets, normal)
 
 
 def _flux_sign(mesh: MeshTet, name: str, facets: Ints, normal: Floats) -> Floats:

@@ -1,0 +1,155 @@
+"""Solved field in space of a vector potential on edge elements."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.checks import checked_points
+from kohonen_adapt.magnetostatics.equations.edges import EdgeElements
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
+from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid, Strength
+from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
+from kohonen_adapt.magnetostatics.quantities.solid_forces import oriented_surface
+from kohonen_adapt.mesh.locate import find_elements
+
+__all__ = ["EdgeField"]
+
+
+@dataclass(frozen=True, eq=False)
+class Density(Strength):
+    """Field at points, from B, each with the material of its element."""
+
+    density: Floats  # (3, n) in T
+
+    @property
+    def flux_density(self) -> Floats:
+        return self.density
+
+    @cached_property
+    def permeabilities(self) -> tuple[Floats, Floats]:
+        secant, differential = self.coefficients.reluctivities(self.density)
+        return 1.0 / secant, 1.0 / differential
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LocalEdgeField(LocalSolid):
+    edges: EdgeElements | None = None
+
+    @cached_property
+    def _functions(self) -> EdgeElements:
+        return EdgeElements(self.mesh) if self.edges is None else self.edges
+
+    @cached_property
+    def flux_density(self) -> Floats:
+        return self._functions.curl(self.unknown)
+
+    def at(self, x: Floats, element: Ints) -> Density:
+        return self._density(x, element, self.coefficients.at_points(element, x))
+
+    def _density(self, x: Floats, element: Ints, coefficients: Coefficients) -> Density:
+        density = self.flux_density[:, element]
+        return Density(x, coefficients.field_strength(density), coefficients, density)
+
+    @cached_property
+    def at_quadrature(self) -> Density:
+        points, element = self.elements.points, self.elements.element
+        return self._density(points, element, self.coefficients.at_quadrature(element, points))
+
+    @cached_property
+    def permeabilities(self) -> tuple[Floats, Floats]:
+        secant, differential = self.coefficients.reluctivities(self.flux_density)
+        return 1.0 / secant, 1.0 / differential
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class EdgeField(LocalEdgeField, SolidField):
+    """Solved field in space, as returned by `MagneticVectorPotential.solve`.
+
+    ``B = curl A`` is constant in every element and free of divergence: fluxes through closed surfaces are zero to
+    rounding. ``H = nu(|B|) B - Hc`` is the whole field strength, with the part of the currents. All quantities of
+    `SolidField` are offered.
+
+    Parameters
+    ----------
+    mesh, coefficients, drive, planes, newton
+        As in `SolidField`.
+    unknown : (nedges,)
+        Circulations of A along the edges in Wb, from the lower to the higher node.
+    edges
+        The edge elements of the mesh.
+    """
+
+    def __repr__(self) -> str:
+        largest = np.max(magnitude(self.flux_density))
+        return (
+            f"<{type(self).__name__} on {self.unknown.size} edges: |B| up to {largest:.4g} T, "
+            f"energy {self.energy:.4g} J>"
+        )
+
+    @property
+    def potential(self) -> Floats:
+        """Circulations of A along the edges, shape (nedges,) in Wb."""
+        return self.unknown
+
+    def potential_at(self, x: ArrayLike) -> Floats:
+        """Return the vector potential A at points.
+
+        A has no gauge: a gradient may be added. Its circulation along a closed path is the flux through the path.
+
+        Parameters
+        ----------
+        x : (3, n)
+            Points in metres.
+
+        Returns
+        -------
+        ndarray (3, n)
+            In Wb/m; nan outside the mesh.
+
+        Raises
+        ------
+        ValueError
+            If `x` is not of shape (3, n), or not finite.
+        """
+        points = checked_points(x, "x", 3)
+        element = find_elements(self.mesh, points)
+        inside, values = element >= 0, np.full(points.shape, np.nan)
+        values[:, inside] = self._functions.at(self.unknown, points[:, inside], element[inside])
+        return values
+
+    def flux(self, surface: str) -> float:
+        """Return the magnetic flux through a named surface, ``int B . n``.
+
+        The flux through a facet is the circulation of A around the facet. It is the same from both sides, and fluxes
+        out of a closed surface sum to zero to rounding, in iron, too.
+
+        Parameters
+        ----------
+        surface
+            Name of a boundary of the mesh, with the direction of n as in `SolidField.flux`.
+
+        Returns
+        -------
+        float
+            In Wb.
+
+        Raises
+        ------
+        ValueError
+            As in `SolidField.flux`.
+
+        Examples
+        --------
+        >>> import skfem
+        >>> from kohonen_adapt.magnetostatics import MagneticVectorPotential, Material
+        >>> mesh = skfem.MeshTet().refined(2).with_defaults().with_subdomains({"iron": lambda x: x[0] > 0.0})
+        >>> field = MagneticVectorPotential({"iron": Material(1e4)}, {"left": 1.0, "right": 0.0}).solve(mesh)
+        >>> round(field.flux("right"), 6), round(field.flux("left"), 6)  # mu0 1e4 times 1 A/m times 1 m^2
+        (0.012566, -0.012566)
+        """
+        facets, _, sign = oriented_surface(self.mesh, surface)
+        outward = np.where(self._functions.turns_outward(facets), 1.0, -1.0)
+        return float(np.sum(sign * outward * self._functions.circulation(self.unknown, facets)))

@@ -1,0 +1,202 @@
+"""Magnetostatic problems in space by a vector potential on edge elements."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from skfem import MeshTet
+from skfem.mesh import MeshTet1
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.magnetostatics.coils.coil import Coil
+from kohonen_adapt.magnetostatics.coils.placement import check_placement, checked_coils
+from kohonen_adapt.magnetostatics.equations.applied_field import AppliedField, Drive, checked_field, permeable, total_of
+from kohonen_adapt.magnetostatics.equations.auxiliary import EdgeSolver
+from kohonen_adapt.magnetostatics.equations.conditions import Value
+from kohonen_adapt.magnetostatics.equations.edge_conditions import (
+    conditions_on_edges,
+    open_surfaces,
+    prescribed_flux_load,
+)
+from kohonen_adapt.magnetostatics.equations.edge_energy import CurlFunctional
+from kohonen_adapt.magnetostatics.equations.edges import EdgeElements
+from kohonen_adapt.magnetostatics.equations.mirrors import checked_symmetry, conditions_in_space, mirrors_of
+from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, NotConverged
+from kohonen_adapt.magnetostatics.equations.tetrahedra import LinearTetrahedra
+from kohonen_adapt.magnetostatics.field_problem import FieldProblem
+from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
+from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
+from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
+from kohonen_adapt.magnetostatics.quantities.goals import Goal
+from kohonen_adapt.magnetostatics.solid_estimation import tangential_jumps
+from kohonen_adapt.mesh.names import named
+from kohonen_adapt.mesh.validity import check_mesh
+
+__all__ = ["MagneticVectorPotential"]
+
+RTOL_OF_STEPS = 1e-3  # of the residual of a Newton step
+ROUNDING = 1e-12  # residual that is rounding error, relative to the load
+
+
+@dataclass(frozen=True, eq=False)
+class MagneticVectorPotential(FieldProblem[MeshTet, EdgeField]):
+    """Magnets and iron in space, by a vector potential on edge elements.
+
+    The equations are ``curl H = curl Hs`` with ``H = nu(|B|) B - Hc`` and ``B = curl A``, in metres, teslas and
+    amperes. B is free of divergence, so that fluxes are right in iron, also in thin saturated plates.
+
+    The arguments and the conditions on the boundary are those of `MagneticScalarPotential`, and both problems have the
+    same exact solution. Their energies bound the exact energy from both sides, see `bracket`. `kohonen_adapt.adapt`
+    takes a problem of this class, without a polish.
+
+    Parameters
+    ----------
+    materials
+        Subdomain name to `Material`, as in `MagneticScalarPotential`.
+    potential
+        Name of an outer boundary to phi in A, as in `MagneticScalarPotential`: ``n x (H - Hs) = -n x grad phi`` there.
+        0 on the boundary of a large volume of air.
+    applied_field
+        Hs as in `MagneticScalarPotential`.
+    symmetry
+        Name of a plane in which the mesh ends to the direction of the flux there, "parallel" or "normal".
+    coils
+        Name to `Coil`, as in `MagneticScalarPotential`.
+
+    Raises
+    ------
+    ValueError
+        For invalid arguments. `solve` raises it for names that the mesh lacks, elements with no or two materials,
+        surfaces that are no planes of symmetry, a potential inside the mesh, potentials on separate closed surfaces,
+        an applied field that is not finite or contradicts the symmetry, and coils that meet iron or a magnet, leave
+        the mesh or do not have the symmetry.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from kohonen_adapt.magnetostatics import MagneticVectorPotential, Material
+    >>> mesh = skfem.MeshTet.init_tensor(*[np.linspace(0.0, 1.0, 5)] * 3).with_defaults()
+    >>> mesh = mesh.with_subdomains({"magnet": lambda x: x[2] < 0.5, "air": lambda x: x[2] > 0.5})
+    >>> materials = {"magnet": Material(remanence=(0.0, 0.0, 1.2)), "air": Material()}
+    >>> field = MagneticVectorPotential(materials, potential={"front": 0.0, "back": 0.0}).solve(mesh)
+    >>> np.allclose(field.flux_density, [[0.0], [0.0], [0.6]], atol=1e-6)  # of a magnet between iron, over as much air
+    True
+    """
+
+    materials: Mapping[str, Material]
+    potential: Mapping[str, Value] | None = None
+    applied_field: Any = None
+    symmetry: Mapping[str, str] | None = None
+    coils: Mapping[str, Coil] | None = None
+    order: ClassVar[int] = 1
+    goal: Goal | None = field(default=None, init=False)
+    solver: ClassVar[EdgeSolver] = EdgeSolver()  # subclasses may override
+
+    def __post_init__(self) -> None:
+        check_materials(self.materials, 3)
+        for name, material in self.materials.items():
+            if material.current_density != 0.0:
+                raise ValueError(
+                    f"{name!r} has a current density, {material.current_density:g} A/m^2, which has no direction in "
+                    "space: give the field of the current as applied_field."
+                )
+        if not isinstance(self.potential, Mapping | None):
+            raise ValueError(f"potential must map names of boundaries to phi in A; got {self.potential!r}.")
+        checked_field(self.applied_field)
+        # Copies, so that later changes by the caller do not alter a solved problem.
+        object.__setattr__(self, "materials", dict(self.materials))
+        object.__setattr__(self, "potential", dict(self.potential or {}))
+        object.__setattr__(self, "symmetry", checked_symmetry(self.symmetry))
+        object.__setattr__(self, "coils", checked_coils(self.coils))
+
+    def solve(self, mesh: MeshTet) -> EdgeField:
+        energy, start = self.functional_on(mesh)
+        nonlinear, steps = bool(energy.coefficients.nonlinear_materials), tuple[NewtonStep, ...]()
+        solver = replace(
+            self.solver,
+            edges=energy.edges,
+            conditions=energy.conditions,
+            rtol=RTOL_OF_STEPS if nonlinear else self.solver.rtol,
+            floor=ROUNDING * float(np.linalg.norm(energy.load)),
+        )
+        method = Newton(solver=solver)
+        unknown = method.linear(energy)
+        if nonlinear:
+            unknown, steps = method.descend(energy, unknown)
+        result = replace(start, unknown=unknown, newton=steps)
+        if steps and not steps[-1].converged:
+            raise NotConverged(result)
+        return result
+
+    def check(self, mesh: MeshTet) -> None:
+        self.functional_on(mesh)
+
+    def functional_on(self, mesh: MeshTet) -> tuple[CurlFunctional, EdgeField]:
+        """Return the functional to minimise on a mesh, and the field before the solve.
+
+        Parameters
+        ----------
+        mesh
+            As in `solve`.
+
+        Returns
+        -------
+        CurlFunctional, EdgeField
+            The unknown of the field is 0.
+
+        Raises
+        ------
+        ValueError
+            As in `solve`.
+        """
+        if type(mesh) is not MeshTet1:
+            plane = " Plane meshes are for Magnetostatics." if len(getattr(mesh, "p", ())) == 2 else ""
+            raise ValueError(f"mesh must be a skfem.MeshTet; got {type(mesh).__name__}.{plane}")
+        check_mesh(mesh, space=True)
+        material, planes = coefficients(mesh, self.materials), mirrors_of(mesh, self.symmetry or {})
+        if self.coils:
+            check_placement(mesh, permeable(material) | material.coercivity.any(axis=0), self.coils, planes)
+        function, nothing = self._free_field, np.zeros(mesh.t.shape[1], dtype=bool)
+        elements, zeros = LinearTetrahedra(mesh, varies=function is not None), np.zeros(mesh.p.shape[1])
+        drive, edges = Drive(elements, function, nothing, zeros, zeros, np.zeros((3, nothing.size))), EdgeElements(mesh)
+        values = conditions_in_space(drive, self.potential or {}, planes).values
+        crossed = self._crossed(edges, [plane.facets for plane in planes.values() if plane.kind == "normal"])
+        conditions = conditions_on_edges(edges, np.setdiff1d(mesh.boundary_facets(), crossed))
+        load = edges.against_curls(elements.mean(drive.at_points) + material.coercivity)
+        load += prescribed_flux_load(edges, crossed, values)
+        zero = EdgeField(mesh, np.zeros(load.size), material, drive, planes, edges=edges)
+        return CurlFunctional(edges, material, conditions, load), zero
+
+    @property
+    def _free_field(self) -> AppliedField | None:
+        applied = checked_field(self.applied_field)
+        coils = [coil.field_strength for coil in (self.coils or {}).values()]
+        return total_of(coils if applied is None else [*coils, applied])
+
+    def _crossed(self, edges: EdgeElements, normal: list[Ints]) -> Ints:
+        # outer facets that the flux may cross
+        mesh = edges.mesh
+        for name in self.potential or {}:
+            facets = np.asarray(named(mesh.boundaries, name, "boundary"))
+            if np.any(mesh.f2t[1, facets] >= 0):
+                raise ValueError(
+                    f"the potential of {name!r} is inside the mesh, where a vector potential takes none; name an outer "
+                    "boundary, or use MagneticScalarPotential."
+                )
+            normal = [*normal, facets]
+        crossed = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *normal]))
+        if open_surfaces(edges, crossed) > 1:
+            raise ValueError(
+                "potentials are given on separate closed surfaces of the mesh, and flux from one to the other has no "
+                "vector potential; keep the potential of one surface, or use MagneticScalarPotential."
+            )
+        return crossed
+
+    def indicators(self, mesh: MeshTet, field: EdgeField) -> Floats:
+        return tangential_jumps(field)
+
+    def goal_error(self, field: EdgeField) -> float:
+        raise ValueError(
+            "goal_error needs a goal, which a vector potential does not take; use MagneticScalarPotential."
+        )

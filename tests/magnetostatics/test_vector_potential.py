@@ -1,0 +1,216 @@
+"""Edge elements against exact fields, against the scalar potential, and what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.magnet_solids import blocks, dipole, graded, nested_balls
+from helpers.sheets import MU0
+from helpers.solids import box, named
+from skfem import MeshTet
+from skfem.generic_utils import OrientedBoundary
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, MagneticVectorPotential, Material
+from kohonen_adapt.magnetostatics.equations.auxiliary import EdgeSolver
+
+AIR = Material()
+STEEL = Material(bh=Froehlich(1000.0, 2.0))
+MAGNET = Material(permeability=1.05, remanence=(0.0, 0.3, 1.2))
+MAGNETISATION = 1e6
+
+
+def lattice(mesh):
+    """The mesh with nodes inside moved off their planes."""
+    inner = np.ones(mesh.p.shape[1], dtype=bool)
+    inner[mesh.facets[:, mesh.boundary_facets()]] = False
+    p = mesh.p.copy()
+    p[:, inner] += np.random.default_rng(0).uniform(-0.04, 0.04, (3, inner.sum()))
+    return MeshTet(p, mesh.t).with_defaults().with_subdomains({"iron": lambda x: x[0] > -1.0})
+
+
+@pytest.fixture(scope="module")
+def magnets():
+    """A magnet on iron in air, on a mesh and on the same mesh refined."""
+    at = graded((0.2, 0.4, 0.6), 0.1, 0.4, 2)
+    parts = {"magnet": ((0.2, 0.2, 0.4), (0.4, 0.4, 0.6)), "iron": ((0.2, 0.2, 0.2), (0.6, 0.6, 0.4))}
+    mesh = blocks([at] * 3, parts)
+    finer = mesh.refined().with_boundaries({"outer": lambda x: np.full(x.shape[1], True)})
+    ends = {name: (lambda x, end=at[k]: np.abs(x[2] - end) < 1e-9) for name, k in (("z-", 0), ("z+", -1))}
+    return mesh, finer.with_boundaries(ends)
+
+
+@pytest.mark.parametrize("iron", [Material(permeability=500.0), STEEL])
+def test_a_uniform_field_between_two_poles_is_exact(iron):
+    mesh = lattice(box(4))
+    field = MagneticVectorPotential({"iron": iron}, {"left": 700.0, "right": 0.0}).solve(mesh)
+    expected = MagneticScalarPotential({"iron": iron}, {"left": 700.0, "right": 0.0}).solve(mesh)
+    assert np.allclose(field.field_strength, [[700.0], [0.0], [0.0]], atol=1e-3)
+    assert np.allclose(field.flux_density, expected.flux_density, rtol=1e-6, atol=1e-6)
+    assert np.isclose(field.flux("right"), expected.flux("right"), rtol=1e-6)
+    assert np.isclose(field.energy, expected.energy, rtol=1e-6)
+
+
+def test_an_applied_field_alone_is_exact():
+    mesh = lattice(box(4)).with_boundaries({"outer": lambda x: x[0] > -1.0})
+    field = MagneticVectorPotential({"iron": AIR}, {"outer": 0.0}, applied_field=(1e5, -2e5, 3e5)).solve(mesh)
+    assert np.allclose(field.flux_density / MU0, [[1e5], [-2e5], [3e5]], atol=1.0)
+    x = np.array([[0.3, 0.6], [0.4, 0.2], [0.5, 0.9]])
+    assert np.allclose(field.flux_density_at(x) / MU0, [[1e5] * 2, [-2e5] * 2, [3e5] * 2], atol=1.0)
+    ring = np.linspace(0.0, 2.0 * np.pi, 2001)
+    path = np.array([0.5 + 0.2 * np.cos(ring), 0.5 + 0.2 * np.sin(ring), np.full(2001, 0.45)])
+    along = field.potential_at(0.5 * (path[:, 1:] + path[:, :-1])) * np.diff(path)
+    assert np.isclose(np.sum(along), MU0 * 3e5 * np.pi * 0.2**2, rtol=1e-3)
+
+
+def test_rate_of_a_magnetised_ball():
+    errors = []
+    for cells in (2, 4):
+        mesh = nested_balls(cells)
+        magnet = Material(remanence=(0.0, 0.0, MU0 * MAGNETISATION))
+        outside = {"outer": lambda x: dipole(x, MAGNETISATION / 3.0)[0]}
+        problem = MagneticVectorPotential({"ball": magnet, "air": AIR}, outside)
+        field = problem.solve(mesh)
+        exact = dipole(mesh.p[:, mesh.t].mean(axis=1), MAGNETISATION / 3.0)[1]
+        exact[:, mesh.subdomains["ball"]] = [[0.0], [0.0], [-MAGNETISATION / 3.0]]
+        difference = np.sum((field.field_strength - exact) ** 2, axis=0)
+        errors.append(np.sqrt(np.sum(field.volume * MU0 * difference)))
+        assert 0.5 < np.linalg.norm(problem.indicators(mesh, field)) / errors[-1] < 2.0
+    assert np.log2(errors[0] / errors[1]) > 0.8
+
+
+@pytest.mark.parametrize(
+    ("iron", "outside"),
+    [(Material(permeability=500.0), {"outer": 0.0}), (STEEL, None), (STEEL, {"z+": 3e4, "z-": 0.0})],
+)
+def test_refinement_raises_the_lower_and_lowers_the_upper_bound(magnets, iron, outside):
+    bounds = []
+    for mesh in magnets:
+        arguments = {"magnet": MAGNET, "iron": iron, "air": AIR}, outside
+        upper = MagneticScalarPotential(*arguments).solve(mesh).coenergy
+        functional, start = MagneticVectorPotential(*arguments).functional_on(mesh)
+        field = MagneticVectorPotential(*arguments).solve(mesh)
+        at_rest = np.sum(
+            start.volume
+            * (start.coefficients.law_coenergy(np.linalg.norm(start.coefficients.coercivity, axis=0)[None]))
+        )
+        bounds += [-functional.value(field.unknown)[0] - at_rest, upper]
+        if outside is None:
+            assert np.isclose(-field.energy, bounds[-2], rtol=1e-9)  # int H . B = 0 for magnets alone
+    lower, upper, finer_lower, finer_upper = bounds
+    assert lower < finer_lower < finer_upper < upper
+
+
+def test_fluxes_out_of_closed_surfaces_sum_to_zero(magnets):
+    mesh = magnets[0]
+    around = mesh.facets_around("iron")
+    mesh = named(mesh, {**mesh.boundaries, "around": around, "half": OrientedBoundary(around[::2], around.ori[::2])})
+    materials = {"magnet": MAGNET, "iron": STEEL, "air": AIR}
+    field = MagneticVectorPotential(materials, {"outer": 0.0}).solve(mesh)
+    size = np.max(np.abs(field.flux_density)) * 0.2**2
+    assert abs(field.flux("around")) < 1e-14 * size
+    assert abs(field.flux("half")) > 1e-3 * size
+    assert abs(field.flux("outer")) < 1e-14 * size
+    scalar = MagneticScalarPotential(materials, {"outer": 0.0}).solve(mesh)
+    assert abs(scalar.flux("around")) > 1e-3 * size
+
+
+def test_forces_of_both_potentials_approach_each_other():
+    gaps, up = [], Material(remanence=(0.0, 0.0, 1.0))
+    parts = {"low": ((0.2, 0.2, 0.1), (0.4, 0.4, 0.3)), "high": ((0.2, 0.2, 0.4), (0.4, 0.4, 0.6))}
+    for step in (0.1, 0.05):
+        across, tall = graded((0.2, 0.4), step, 0.6, 4), graded((0.1, 0.3, 0.4, 0.6), step, 0.6, 4)
+        mesh, arguments = blocks([across, across, tall], parts), ({"low": up, "high": up, "air": AIR}, {"outer": 0.0})
+        scalar, vector = (kind(*arguments).solve(mesh) for kind in (MagneticScalarPotential, MagneticVectorPotential))
+        force = vector.force("high")
+        gaps.append(np.linalg.norm(force - scalar.force("high")))
+        turning = vector.torque("high", (0.0, 0.0, 0.0)) - vector.torque("high", (1.0, 0.0, 0.0))
+        assert np.allclose(turning, np.cross((1.0, 0.0, 0.0), force))
+    assert gaps[1] < 0.5 * gaps[0]
+
+
+def test_a_closed_ring_around_a_wire_takes_its_flux():
+    """In one material B is proportional to the permeability, whatever currents the ring links."""
+
+    def wire(x):
+        return np.stack((-x[1], x[0], 0.0 * x[0])) / (2.0 * np.pi * (x[0] ** 2 + x[1] ** 2))
+
+    gaps = []
+    for cells in (6, 12):
+        t = np.linspace(-1.0, 1.0, cells + 1)
+        cube = MeshTet.init_tensor(t, t, np.linspace(0.0, 0.5, cells // 2))
+        ring = cube.restrict(cube.elements_satisfying(lambda x: np.abs(x[:2]).max(axis=0) > 1 / 3))
+        ring = ring.with_subdomains({"iron": lambda x: x[0] > -2.0})
+        ring = named(ring, {"across": ring.facets_satisfying(lambda x: (np.abs(x[1]) < 1e-9) & (x[0] > 0.0))})
+        low, high = (
+            MagneticVectorPotential({"iron": Material(permeability=mu)}, applied_field=wire).solve(ring)
+            for mu in (1.0, 1000.0)
+        )
+        assert np.isclose(high.flux("across"), 1000.0 * low.flux("across"), rtol=1e-6)
+        reduced = MagneticScalarPotential({"iron": AIR}, applied_field=wire).solve(ring)
+        gaps.append(reduced.flux("across") - low.flux("across"))
+    assert 0.0 < gaps[1] < 0.5 * gaps[0]
+
+
+@pytest.mark.parametrize("kind", ["parallel", "normal"])
+def test_half_a_model_has_half_the_energy_of_its_mirrored_mesh(kind):
+    half = box(4)
+    p, n = half.p, half.p.shape[1]
+    on_plane = p[0] == 0.0
+    image = np.where(on_plane, np.arange(n), n + np.cumsum(~on_plane) - 1)
+    mirrored = p[:, ~on_plane] * np.array([[-1.0], [1.0], [1.0]])
+    both = MeshTet(np.hstack((p, mirrored)), np.hstack((half.t, image[half.t])))
+    along = (0.0, 0.0, 1.0) if kind == "parallel" else (1.0, 0.0, 0.0)
+    energies = []
+    for mesh, symmetry in ((half, {"x": kind}), (both, None)):
+        mesh = mesh.with_subdomains({"magnet": lambda x: np.all(np.abs(x - [[0.0], [0.5], [0.5]]) < 0.26, axis=0)})
+        mesh = mesh.with_subdomains({"air": np.setdiff1d(np.arange(mesh.nelements), mesh.subdomains["magnet"])})
+        mesh = mesh.with_boundaries({"x": lambda x: x[0] == 0.0, "top": lambda x: x[2] == 1.0})
+        materials = {"magnet": Material(remanence=along), "air": AIR}
+        energies.append(MagneticVectorPotential(materials, {"top": 0.0}, symmetry=symmetry).solve(mesh).energy)
+    assert np.isclose(2.0 * energies[0], energies[1], rtol=1e-9)
+
+
+def test_the_auxiliary_space_gives_the_same_field(magnets):
+    pytest.importorskip("pyamg")
+
+    class Auxiliary(MagneticVectorPotential):
+        solver = EdgeSolver(large=0, most_iterations=60)
+
+    for outside in ({"outer": 0.0}, {"z+": 3e4, "z-": 0.0}, None):
+        mesh = magnets[0]
+        problem = MagneticVectorPotential({"magnet": MAGNET, "iron": STEEL, "air": AIR}, outside)
+        field = problem.solve(mesh)
+        same = Auxiliary(problem.materials, outside).solve(mesh)
+        assert np.isclose(field.energy, same.energy, rtol=1e-9)
+        assert np.allclose(field.flux_density, same.flux_density, atol=1e-5)
+
+
+def test_adapt_takes_a_vector_potential(magnets):
+    problem = MagneticVectorPotential({"magnet": MAGNET, "iron": STEEL, "air": AIR}, {"outer": 0.0})
+    result = ka.adapt(magnets[0], problem, passes=1)
+    assert result.mesh.nvertices == magnets[0].nvertices
+    assert result.estimate <= result.history[0].estimate
+
+
+def test_bad_input(magnets):
+    mesh = magnets[0]
+    materials = {"magnet": MAGNET, "iron": STEEL, "air": AIR}
+    problem = MagneticVectorPotential(materials, {"outer": 0.0})
+    with pytest.raises(ValueError, match="have none"):
+        replace(problem, materials={"magnet": MAGNET, "air": AIR}).solve(mesh)
+    with pytest.raises(ValueError, match="give the field of the current as applied_field"):
+        replace(problem, materials={**materials, "air": Material(current_density=1.0)})
+    inside = mesh.with_boundaries({"inside": np.asarray(mesh.facets_around("iron"))})
+    with pytest.raises(ValueError, match="'inside' is inside the mesh, where a vector potential takes none"):
+        replace(problem, potential={"inside": 1.0}).check(inside)
+    with pytest.raises(ValueError, match="the flux is parallel to the plane of symmetry 'z-'"):
+        replace(problem, symmetry={"z-": "parallel"}, applied_field=(0.0, 0.0, 1.0)).check(mesh)
+    with pytest.raises(ValueError, match="goal_error needs a goal"):
+        problem.goal_error(problem.functional_on(mesh)[1])
+    hollow = box(3)
+    hollow = hollow.restrict(hollow.elements_satisfying(lambda x: np.abs(x - 0.5).max(axis=0) > 1 / 6))
+    hollow = hollow.with_subdomains({"air": lambda x: x[0] > -1.0})
+    hollow = hollow.with_boundaries({"inner": lambda x: np.abs(x - 0.5).max(axis=0) < 0.2, "x": lambda x: x[0] == 0.0})
+    with pytest.raises(ValueError, match="separate closed surfaces"):
+        MagneticVectorPotential({"air": AIR}, {"inner": 1.0, "x": 0.0}).check(hollow)
