@@ -190,7 +190,8 @@ class SpaceMethod(Method):
 
     def value(self, functional: SolidFunctional, ritz: Ritz, movable: MovableSolid, mesh: Mesh) -> float:
         tet = movable.tetrahedralization
-        curved_part = functional.faces.value(tet.position, tet.elements, functional.solution.values)
+        solution = functional.solution
+        curved_part = functional.faces.value(tet.position, tet.elements, solution.values, solution.surface)
         return functional_value(mesh, ritz) + curved_part
 
     def carry(

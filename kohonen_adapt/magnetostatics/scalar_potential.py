@@ -8,15 +8,15 @@ import numpy as np
 from skfem import MeshTet
 from skfem.mesh import MeshTet1
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators import goal_error, goal_oriented
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.placement import check_placement, checked_coils
 from kohonen_adapt.magnetostatics.equations.applied_field import (
     AppliedField,
+    aligned_potential,
     checked_field,
     drive_on,
-    field_at,
     permeable,
     total_of,
 )
@@ -35,10 +35,12 @@ from kohonen_adapt.magnetostatics.solid_estimation import energy_indicators_in_s
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz
+from kohonen_adapt.problem.surface_terms import SurfaceTerms
 
 __all__ = ["MagneticScalarPotential"]
 
 ESTIMATORS, ORDERS = ("residual", "recovery"), (1, 2)
+NO_LOAD = 1e-12  # largest rounding error of the load of a field parallel to a face, relative to the largest load
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,8 +231,12 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         """Return the co-energy functional and its minimiser, the potential.
 
         The functional is ``int mu |grad phi|^2 / 2 - (Br + mu Hs) . grad phi``. Nonlinear material has the co-energy
-        ``int_0^H B dH`` of ``H = |grad phi|`` in place of the first term. The value of a solution exceeds the exact
-        minimum by half the square of the error in `energy_norm`.
+        ``int_0^|H + Hc| B dh`` in place of the integrand. The value of a solution exceeds the exact minimum by half the
+        square of the error in `energy_norm`.
+
+        The applied field appears on surfaces only. In iron the unknown is the total potential ``u = phi + chi`` with
+        ``Hs = -grad chi``, and ``int mu Hs . grad phi`` outside iron is an integral of ``mu Hs . n phi`` over faces at
+        which mu changes, because ``mu Hs`` has no divergence.
 
         Parameters
         ----------
@@ -240,35 +246,58 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         Returns
         -------
         Ritz
-            In J, with one coefficient per material. Its flux is a function if a magnet varies within its region or a
-            field is applied. With a goal it shapes elements only.
+            In J, with one coefficient per material. Its flux is a function if a magnet varies within its region. With a
+            goal it shapes elements only.
 
         Raises
         ------
         NotOffered
-            For elements of order 2, and for nonlinear material with a remanence or in an applied field.
+            For elements of order 2, for nonlinear material with a remanence that varies in a region, and for iron that
+            links a current.
         """
         if self.order > 1:
             raise NotOffered("tetrahedra of order 2 are not polished")
-        coefficients_of_mesh, function = field.coefficients, field.drive.function
+        coefficients_of_mesh = field.coefficients
         present, first, region = coefficients_of_mesh.present(self.materials)
-        if coefficients_of_mesh.nonlinear_materials and function is not None:
-            raise NotOffered("nonlinear material in an applied field has no functional to minimise")
-        if any(
-            coefficients_of_mesh.coercivity[:, part.elements].any() for part in coefficients_of_mesh.nonlinear_materials
-        ):
-            raise NotOffered("nonlinear magnets have no functional to minimise")
-        mu = 1.0 / coefficients_of_mesh.reluctivity[first]
-        flux: Flux = mu * coefficients_of_mesh.coercivity[:, first]
-        if function is not None or any(material.turns for material in present.values()):
+        if any(material.turns and material.bh is not None for material in present.values()):
+            raise NotOffered("nonlinear magnets that vary in a region have no functional to minimise")
+        mu, coercivity = 1.0 / coefficients_of_mesh.reluctivity[first], coefficients_of_mesh.coercivity[:, first]
+        flux: Flux = np.where([material.bh is None for material in present.values()], mu * coercivity, 0.0)
+        if any(material.turns for material in present.values()):
 
             def flux(x: Floats, index: Ints) -> Floats:
-                applied = np.zeros_like(x) if function is None else field_at(function, x)
-                return mu[index] * (coercivity_at(present, x, index) + applied)
+                return mu[index] * coercivity_at(present, x, index)
 
         laws = tuple(None if material.bh is None else Inverse(material.bh) for material in present.values())
-        fixed = self._conditions(field).fixed
         ritz = Ritz(
-            field.potential, fixed, mu, 0.0, flux, region, laws if coefficients_of_mesh.nonlinear_materials else ()
+            field.unknown,
+            self._conditions(field).fixed,
+            mu,
+            0.0,
+            flux,
+            region,
+            laws if coefficients_of_mesh.nonlinear_materials else (),
+            shift=coercivity,
+            surface=self._surface_terms(field, ~field.drive.iron[first]),
         )
         return ritz if self.goal is None else replace(ritz, comparable=False, shapes_only=True)
+
+    def _surface_terms(self, field: SolidField, reduced: Mask) -> SurfaceTerms | None:
+        drive = field.drive
+        if drive.function is None:
+            return None
+        if np.any(drive.layer):
+            raise NotOffered("the potential in iron that links a current has a jump, which is not polished")
+
+        def on_mesh(mesh: MeshTet) -> Floats:
+            moved = self.functional_on(mesh)[1]
+            return self._nodal_terms(moved, aligned_potential(moved.drive, drive))
+
+        return SurfaceTerms(self._nodal_terms(field, drive.potential), reduced, on_mesh)
+
+    def _nodal_terms(self, field: SolidField, potential: Floats) -> Floats:
+        drive, conditions, outside = field.drive, self._conditions(field), np.zeros(potential.size, dtype=np.bool_)
+        outside[field.mesh.t[:, ~drive.iron]] = True
+        works = ~(conditions.fixed & (conditions.values == drive.potential))  # phi is not 0
+        works &= np.abs(drive.load) > NO_LOAD * np.abs(drive.load).max(initial=0.0)
+        return np.stack([np.where(outside, potential, 0.0), np.where(works, drive.load, 0.0)], axis=1)

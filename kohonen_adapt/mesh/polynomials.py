@@ -57,6 +57,9 @@ KINDS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}  # 
 HAT_SLOPES = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
 
 
+NO_SURFACE = np.zeros((0, 2))  # `TrialFunction.surface` of functions without offsets and loads
+
+
 class TrialFunction(NamedTuple):
     """Function on a mesh with the Dirichlet mask of its unknowns.
 
@@ -67,10 +70,11 @@ class TrialFunction(NamedTuple):
     fixed: Mask  # (nnodes,)
     modes: Modes | None
     dual: "TrialFunction | None" = None  # dual function of a goal
+    surface: Floats = NO_SURFACE  # in space, (nnodes, 2): offset in reduced regions and load
 
     def copy(self) -> "TrialFunction":
         modes = self.modes and Modes(*(array.copy() for array in self.modes))
-        return TrialFunction(self.values.copy(), self.fixed.copy(), modes, self.dual and self.dual.copy())
+        return TrialFunction(self.values.copy(), self.fixed.copy(), modes, self.dual and self.dual.copy(), self.surface)
 
     @property
     def affine(self) -> bool:

@@ -155,7 +155,7 @@ class Functional:
             raise VariesInside("flux of Ritz can be a function only at order 1, in the plane, with a constant source.")
         solution = solution_on(ritz, triangulation, mesh, general)
         hold_unpaired(solution, ritz, triangulation, outline)
-        values, fixed, modes, _ = solution
+        values, fixed, modes = solution.values, solution.fixed, solution.modes
         kind, count = outline.constraints.kind, len(outline.constraints.chains.length)
         chain, node = nodes_of_chains(triangulation)
         whole = np.bincount(chain, weights=~fixed[node], minlength=count) == 0

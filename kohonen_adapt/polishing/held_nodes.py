@@ -68,7 +68,8 @@ def case_of(functional: Functional) -> str:
 
 
 def held_by_polish_in_space(movable: MovableSolid, functional: SolidFunctional) -> Mask:
-    held = functional.freedom(movable.freedom, functional.solution.fixed).number == HELD
+    solution = functional.solution
+    held = functional.freedom(movable.freedom, solution.fixed, solution.surface).number == HELD
     return held & (movable.freedom.number != HELD)
 
 
@@ -84,7 +85,9 @@ def polish_reasons_in_space(movable: MovableSolid, functional: SolidFunctional) 
         place = ("edge" if on_edge else "face") + of_boundaries(movable, patches)
         row = freedom.place[v] + functional.patches * on_edge
         uncounted = (movable.surfaces.shape[patches] != PLANE) & ~functional.faces.counted[patches]
-        if uncounted.any():
+        if functional.solution.surface[v : v + 1].any():
+            found[v] = f"{place} on which an applied field drives the potential"
+        elif uncounted.any():
             found[v] = f"curved {place} on which the polish moves no node"
         elif functional.held[row] and not functional.dirichlet[row]:
             found[v] = f"{place} beside a face that holds its nodes"

@@ -12,6 +12,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.pairs import sliding_pairs
+from kohonen_adapt.kernels.tetrahedron.arrays import LOAD
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.polynomials import TrialFunction, facets_of_sides, local_coefficients, trace_columns
@@ -20,6 +21,7 @@ from kohonen_adapt.polishing.boundary import BoundaryTerms, sides_on
 from kohonen_adapt.problem.derivatives import Derivatives, derivatives_in_space, derivatives_on, quadratic_derivatives
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.robin import facet_terms
+from kohonen_adapt.problem.surface_terms import corner_values, nodal_terms, reduced_regions
 
 __all__ = ["check_in_plane", "check_in_space"]
 
@@ -75,8 +77,12 @@ def check_in_plane(
 def check_in_space(ritz: Ritz, mesh: MeshTet, values: Floats, fixed: Mask) -> None:
     corners, number = mesh.p[:, mesh.t], numbers_of(ritz, mesh.t.shape[1])
     if ritz.order == 1:
-        parts = derivatives_in_space(corners, values[mesh.t], number, ritz)
-        check_residual(*sums(parts, mesh.t.T, len(values)), ~fixed, mesh.p.T, mesh)
+        nodal = nodal_terms(ritz.surface)
+        on_corners = corner_values(values, nodal, mesh.t, reduced_regions(ritz.surface, number))
+        total, size, doubt = sums(derivatives_in_space(corners, on_corners, number, ritz), mesh.t.T, len(values))
+        if len(nodal):
+            total, size = total - nodal[:, LOAD], size + np.abs(nodal[:, LOAD])
+        check_residual(total, size, doubt, ~fixed, mesh.p.T, mesh)
         return
     parts = quadratic_derivatives(corners, quadratic_coefficients(mesh, values), number, ritz)
     index = np.hstack([mesh.t.T, mesh.nvertices + edges_of_elements(mesh, mesh.t.T)])

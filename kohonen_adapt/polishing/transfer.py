@@ -91,9 +91,9 @@ class InputSolution:
         return found, weights / weights.sum(axis=1, keepdims=True)
 
     def values(self, element: Ints, weights: Floats) -> Floats:
-        values, _, modes, _ = self.functional.solution
-        part = modes and modes.rows(element)
-        coefficients = local_coefficients(values[self.triangulation.elements.node[element]], part)
+        solution = self.functional.solution
+        part = solution.modes and solution.modes.rows(element)
+        coefficients = local_coefficients(solution.values[self.triangulation.elements.node[element]], part)
         return evaluated(coefficients, weights, None if self.kind is None else self.kind[element])
 
     def at(self, points: Floats, start_element: Ints) -> Floats:

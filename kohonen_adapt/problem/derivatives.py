@@ -10,7 +10,14 @@ from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.polynomials import HAT_SLOPES, by_points, exact_reference, functions_at, law_reference
 from kohonen_adapt.mesh.quadratic_in_space import function_slopes
 from kohonen_adapt.mesh.quadrature import kinds_at_axis
-from kohonen_adapt.problem.functional_value import elements_by_rule, flux_on, loads_in_space, source_on, source_points
+from kohonen_adapt.problem.functional_value import (
+    elements_by_rule,
+    flux_on,
+    loads_in_space,
+    shifted_slope,
+    source_on,
+    source_points,
+)
 from kohonen_adapt.problem.quadratic_in_space import MEANS, fluxes, points_of_slopes, quadratic_loads
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_table, source_at, value_by_region
@@ -134,6 +141,7 @@ def derivatives_in_space(corners: Floats, values: Floats, region: Ints, ritz: Ri
     """
     hats, volume = TETRAHEDRON.hat_gradients(corners), np.abs(TETRAHEDRON.determinant(corners)) / 6.0
     gradient = np.einsum("dkm,km->dm", hats, values)
+    gradient = shifted_slope(gradient, region, ritz)
     field = secants(gradient[:, None], np.ones(()), region, ritz)[0] * gradient
     table = flux_table(np.asarray(ritz.flux), 3)
     flux = np.stack([value_by_region(component, region) * np.ones_like(volume) for component in table])

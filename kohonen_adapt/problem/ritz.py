@@ -13,6 +13,7 @@ from kohonen_adapt.checks import is_number, with_nearest_names
 from kohonen_adapt.mesh.names import named
 from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.problem.robin import Robin, checked_conditions, sides_of_boundary
+from kohonen_adapt.problem.surface_terms import SurfaceTerms, checked_surface
 from kohonen_adapt.problem.tables import (
     EnergyLaw,
     check_axis,
@@ -70,6 +71,7 @@ class Ritz:
     is admissible, so the functional is an upper bound of the exact one.
 
     On tetrahedra the order is 1, or 2 without laws. Axis, Robin conditions, dual and signs are for triangles only.
+    Shifts of laws, ``W(|grad u - shift|)``, and discontinuities on surfaces are for tetrahedra of order 1 only.
 
     Parameters
     ----------
@@ -131,6 +133,13 @@ class Ritz:
         1 (periodic: equal values) or -1 (antiperiodic: opposite values) by pair of boundary names, see
         `Rules.periodic`. Fixed values are exempt. On pairs of the mesh without a sign here, values and nodes are
         unchanged.
+    shift
+        Vector subtracted from ``grad u`` in the laws, as the coercivity of a nonlinear magnet for a scalar potential.
+        0.0 for none, a constant, shape (3,), or one per region number, shape (3, nregions). Regions without a law
+        ignore it.
+    surface
+        None, or the offsets and loads of `kohonen_adapt.problem.surface_terms.SurfaceTerms`. The polish does not move
+        nodes of surfaces with offsets or loads.
 
     Notes
     -----
@@ -186,6 +195,8 @@ class Ritz:
     comparable: bool = True
     shapes_only: bool = False
     signs: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    shift: ArrayLike = 0.0
+    surface: SurfaceTerms | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.order, bool) or self.order not in (1, 2, 3):
@@ -206,11 +217,15 @@ class Ritz:
             raise ValueError(f"coefficient of Ritz must be > 0; got {coefficient.min()}.")
         source = self.source if callable(self.source) else checked_constants("source", self.source, (), region)
         flux = self.flux if callable(self.flux) else checked_flux(self.flux, region)
+        shift = checked_flux(self.shift, region, "shift")
         # Copies, so that later changes of the caller's arrays do not change the functional.
-        names = ("values", "fixed", "coefficient", "source", "flux", "region", "laws")
+        names = ("values", "fixed", "coefficient", "source", "flux", "region", "laws", "shift")
         laws = checked_laws(self.laws, region)
-        for name, own in zip(names, (values, fixed, coefficient, source, flux, region, laws), strict=True):
+        for name, own in zip(names, (values, fixed, coefficient, source, flux, region, laws, shift), strict=True):
             object.__setattr__(self, name, own)
+        checked_surface(self.surface, len(values), region)
+        if self.order > 1 and (np.any(shift) or self.surface is not None):
+            raise ValueError(f"shift and surface of Ritz are for order 1; got order {self.order}.")
         object.__setattr__(self, "robin", checked_conditions(self.robin))
         object.__setattr__(self, "signs", checked_signs(self.signs))
         _check_dual(self)
@@ -276,6 +291,8 @@ def check_matches(ritz: Ritz, mesh: Mesh) -> None:
         raise ValueError(f"region of Ritz must have shape (nelements,) = ({elements},); got {np.shape(ritz.region)}.")
     if not callable(ritz.flux):
         flux_table(np.asarray(ritz.flux), mesh.dim())
+    if mesh.dim() == 2 and (np.any(ritz.shift) or ritz.surface is not None):
+        raise ValueError("shift and surface of Ritz are for tetrahedra only.")
     if ritz.axisymmetric:
         check_axis(np.asarray(ritz.values), np.asarray(ritz.fixed), mesh)
     for name in ritz.robin:

@@ -85,14 +85,14 @@ def checked_constants(name: str, given: ArrayLike, shape: tuple[int, ...], regio
     return table
 
 
-def checked_flux(given: ArrayLike, region: NDArray[np.int64] | None) -> Floats:
-    table = checked_floats("flux", given)
+def checked_flux(given: ArrayLike, region: NDArray[np.int64] | None, name: str = "flux") -> Floats:
+    table = checked_floats(name, given)
     if table.ndim == 0 and table == 0.0:
         return table
     if table.shape[:1] in ((2,), (3,)):
-        return checked_constants("flux", table, table.shape[:1], region)
+        return checked_constants(name, table, table.shape[:1], region)
     raise ValueError(
-        f"flux of Ritz must have shape (2,) or (2, nregions), on tetrahedra (3,) or (3, nregions); got {table.shape}."
+        f"{name} of Ritz must have shape (2,) or (2, nregions), on tetrahedra (3,) or (3, nregions); got {table.shape}."
     )
 
 

@@ -99,16 +99,20 @@ class SlowSolidMap:
         return distance.min()
 
 
-def functional(position, node, data, values, laws=None):
-    """Coefficient, source and flux of elements (m, 5) make the Ritz functional; where there is a law, its energy."""
+def functional(position, node, data, values, laws=None, offset=None):
+    """Coefficient, source, flux and shift of elements (m, 9) make the Ritz functional, or laws do.
+
+    The last column is 1 where the function is the values minus an offset.
+    """
     edges = position[node[:, 1:]] - position[node[:, :1]]
-    sixfold, rise = np.linalg.det(edges), values[node[:, 1:]] - values[node[:, :1]]
+    values = values[node] if offset is None else values[node] - data[:, 8:] * offset[node]
+    sixfold, rise = np.linalg.det(edges), values[:, 1:] - values[:, :1]
     slope = np.linalg.solve(edges, rise[..., None])[..., 0]
     density = 0.5 * data[:, 0] * np.sum(slope**2, axis=1)
     for e, law in enumerate([] if laws is None else laws):
         if law is not None:
-            density[e] = law.energy(np.linalg.norm(slope[e]))
-    density -= data[:, 1] * values[node].mean(axis=1) + np.sum(data[:, 2:] * slope, axis=1)
+            density[e] = law.energy(np.linalg.norm(slope[e] - data[e, 5:8]))
+    density -= data[:, 1] * values.mean(axis=1) + np.sum(data[:, 2:5] * slope, axis=1)
     return float(np.sum(sixfold * density)) / 6.0
 
 
@@ -133,7 +137,7 @@ def star_parts(position, node, data, values, v):
         return np.append(n, a @ np.cross(b, c)), values[row].sum() + d[3]
 
     for e in np.flatnonzero((node == v).any(axis=1)):
-        (coefficient, source, *flux), row = data[e], even_with(node[e], v)
+        (coefficient, source, *flux), row = data[e, :5], even_with(node[e], v)
         (*n, doubled), total = parts(row, np.zeros(4))
         rates = np.array([parts(row, step)[0] - parts(row, np.zeros(4))[0] for step in np.eye(4)])
         of_n, of_d, of_sum, slope = rates[:, :3], rates[:, 3], np.array([0, 0, 0, 1.0]), np.array(n) / doubled

@@ -15,6 +15,8 @@ from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,
     INSIDE,
+    LOAD,
+    OFFSET,
     ON_PATCH,
     ON_RIDGE,
     SOURCE_24TH,
@@ -51,15 +53,18 @@ class Brauer:
 class Setting:
     """A box of two regions with a functional of each, and the arrays of the kernels; values are given by `given`.
 
-    `given` is True where values along the face x = 0 are given by a linear function.
+    `given` is True where values along the face x = 0 are given by a linear function. Laws have a shift. With `surface`
+    the second region has an offset, and held nodes have a load.
     """
 
-    def __init__(self, seed, cells=(4, 3, 3), laws=(None, None), given=True, load=1.0, steep=3.0):
+    def __init__(self, seed, cells=(4, 3, 3), laws=(None, None), given=True, load=1.0, steep=3.0, surface=False):
         rng = np.random.default_rng(seed)
         position, node = jittered(cells, 0.3, seed)
         region = (position[node, 0].mean(axis=1) > 0.5).astype(np.int32)
         self.mesh, self.node, self.nodes = opened(position, node, region), node, len(position)
         self.constants = np.column_stack([10.0 ** rng.uniform(-1, 1, 2), load * rng.normal(size=(2, 4))])
+        shift = np.random.default_rng(seed + 1).normal(size=(2, 3))
+        self.constants = np.hstack([self.constants, shift, [[0.0], [1.0]]])
         self.data, self.laws = self.constants[region], [laws[r] for r in region]
         self.slope, rows = np.array([0.0, 1.5, -0.5]), len(self.mesh.position)
         value, fixed = steep * rng.normal(size=rows), np.zeros(rows, dtype=bool)
@@ -71,9 +76,12 @@ class Setting:
         distinct = [law for law in laws if law is not None]
         tables = tabulated(distinct, 60.0)
         number = np.array([-1 if law is None else distinct.index(law) for law in laws], dtype=np.int32)
-        data = self.constants / np.array([12.0, 24.0, 6.0, 6.0, 6.0])
-        laws, no_source = Laws(number, tables.first, tables.energy), np.zeros((0, 2))
-        self.trial = Trial(value, fixed, data, laws, rate, *plain(self.mesh), no_source)
+        data = self.constants / np.array([12.0, 24.0, 6.0, 6.0, 6.0, 1.0, 1.0, 1.0, 1.0])
+        laws, no_source, nodal = Laws(number, tables.first, tables.energy), np.zeros((0, 2)), np.zeros((0, 2))
+        if surface:
+            nodal = steep * rng.normal(size=(rows, 2))
+            nodal[self.mesh.freedom.number != HELD, LOAD] = 0.0
+        self.trial = Trial(value, fixed, data, laws, rate, *plain(self.mesh), no_source, nodal)
         star = Star.of(rows, len(self.mesh.elements.node))
         fill_star(self.mesh.elements.node, star)
         freedom = self.mesh.freedom
@@ -84,8 +92,13 @@ class Setting:
     def arrays(self):
         return self.mesh.position, self.node, self.data, self.trial.value
 
+    @property
+    def offset(self):
+        return self.trial.surface[:, OFFSET] if len(self.trial.surface) else None
+
     def value(self):
-        return functional(*self.arrays, self.laws)
+        work = self.trial.surface[:, LOAD] @ self.trial.value if len(self.trial.surface) else 0.0
+        return functional(*self.arrays, self.laws, self.offset) - work
 
     def size(self):
         """The sum of magnitudes that the functional is made of."""
@@ -118,7 +131,8 @@ def star_value(at, v, d, laws=None):
     position[v] += d[:3]
     values[v] += d[3]
     star = (at.node == v).any(axis=1)
-    return functional(position, at.node[star], at.data[star], values, [at.laws[e] for e in np.flatnonzero(star)])
+    laws = [at.laws[e] for e in np.flatnonzero(star)]
+    return functional(position, at.node[star], at.data[star], values, laws, at.offset)
 
 
 def own_derivatives(at, v):
@@ -135,9 +149,10 @@ def inside(at):
     return np.flatnonzero(at.mesh.freedom.number[: at.nodes] == INSIDE)
 
 
+@pytest.mark.parametrize("surface", [False, True])
 @pytest.mark.parametrize("laws", [(None, None), (Brauer(), None)], ids=["linear", "nonlinear"])
-def test_derivatives_equal_differences(laws):
-    at, near = Setting(0, laws=laws, steep=0.2), 2e-7 if laws[0] is None else 2e-6
+def test_derivatives_equal_differences(laws, surface):
+    at, near = Setting(0, laws=laws, steep=0.2, surface=surface), 2e-7 if laws[0] is None else 2e-6
     for v in inside(at):
         gradient, hessian = own_derivatives(at, v)
         h = 1e-5
@@ -163,8 +178,9 @@ def test_derivatives_equal_the_twin():
             np.testing.assert_allclose(own, other, atol=1e-12 * np.abs(other).max())
 
 
-def test_a_star_is_told_for_every_place_and_value():
-    at = Setting(1, laws=(Brauer(), None))
+@pytest.mark.parametrize("surface", [False, True])
+def test_a_star_is_told_for_every_place_and_value(surface):
+    at = Setting(1, laws=(Brauer(), None), surface=surface)
     v, d = inside(at)[1], np.array([0.01, -0.02, 0.015, 0.3])
     moved, still = star_value(at, v, d), star_value(at, v, np.zeros(4))
     own = [parabola(at.neurons, at.trial, v, *(at.mesh.position[v] + f * d[:3]), f * d[3]) for f in (1.0, 0.0)]
@@ -191,10 +207,11 @@ def test_a_sweep_is_that_of_the_twin(seed):
     st.booleans(),
     st.sampled_from([(None, None), (Brauer(), None), (Brauer(), Brauer())]),
     st.sampled_from([0.0, 1.0, 30.0]),
+    st.booleans(),
 )
 @examples(20)
-def test_what_a_sweep_tells_is_what_the_functional_fell(seed, given_values, laws, load):
-    at = Setting(seed, laws=laws, given=given_values, load=load)
+def test_what_a_sweep_tells_is_what_the_functional_fell(seed, given_values, laws, load, surface):
+    at = Setting(seed, laws=laws, given=given_values, load=load, surface=surface)
     before, size, start = at.value(), at.size(), at.mesh.position.copy()
     worst = qualities(start, at.node).min()
     fall = at.sweep() + at.sweep()

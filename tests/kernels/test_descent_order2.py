@@ -47,7 +47,7 @@ class Setting:
         rate = np.tile(SLOPE, (len(surfaces.shape) + len(surfaces.ridge_shape), 1))
         laws = Laws(np.full(2, -1, dtype=np.int32), 0, np.zeros((0, 1, 2)))
         data = constants / np.array([12.0, 24.0, 6.0, 6.0, 6.0])
-        trial = Trial(value, fixed, data, laws, rate, *plain(self.mesh), np.zeros((0, 2)))
+        trial = Trial(value, fixed, data, laws, rate, *plain(self.mesh), np.zeros((0, 2)), np.zeros((0, 2)))
         given = np.zeros(len(surfaces.shape), dtype=bool)
         self.quadratic = Quadratic(trial, Modes(side, np.zeros(room), on), given, SolidBlock.of())
         star, number = Star.of(rows, room), self.mesh.freedom.number

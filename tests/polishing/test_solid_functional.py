@@ -13,6 +13,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_
 from kohonen_adapt.polishing.energy_tables import VariesInside
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.problem.functional_value import functional_value
+from kohonen_adapt.problem.surface_terms import SurfaceTerms
 
 
 class Cubic:
@@ -204,3 +205,16 @@ def test_nodes_stay_on_surfaces_without_a_formula_and_where_they_are_pinned():
 def test_a_law_whose_field_strength_falls_is_refused():
     with pytest.raises(ValueError, match=r"field strength that increases"):
         SolidFunctional.of(Ritz(**REST, laws=(Falls(),)), MovableSolid.of(MESH, Rules()))
+
+
+def test_shifts_and_offsets_are_for_tetrahedra():
+    plane = MeshTri().refined(1)
+    rest = {"values": plane.p[0], "fixed": np.zeros(plane.nvertices, dtype=bool), "coefficient": 1.0}
+    terms = SurfaceTerms(np.zeros((plane.nvertices, 2)), np.array([True]), lambda mesh: np.zeros((mesh.nvertices, 2)))
+    for given in ({"shift": (1.0, 0.0, 0.0)}, {"surface": terms}):
+        with pytest.raises(ValueError, match="shift and surface of Ritz are for tetrahedra only"):
+            functional_value(plane, Ritz(**rest, **given))
+    with pytest.raises(ValueError, match=r"surface of Ritz must be SurfaceTerms with nodal of shape \(27, 2\)"):
+        Ritz(**REST, surface=terms)
+    with pytest.raises(ValueError, match=r"shift of Ritz must have shape"):
+        Ritz(**REST, shift=np.ones(4))

@@ -288,7 +288,8 @@ def test_a_source_by_node_and_one_by_region_of_the_same_value_exchange_nodes_ali
     one, other = (Setting(two_regions(4), load=30.0) for _ in range(2))
     load = one.trial.data[:, SOURCE_24TH].copy()
     other.trial = other.trial._replace(
-        data=one.trial.data * np.array([1.0, 0.0, 1.0, 1.0, 1.0]), source=np.tile(load, (len(one.trial.value), 1))
+        data=one.trial.data * np.where(np.arange(9) == SOURCE_24TH, 0.0, 1.0),
+        source=np.tile(load, (len(one.trial.value), 1)),
     )
     pairs, decrease = one.recycle()
     assert pairs > 0 and (pairs, decrease) == other.recycle()

@@ -26,6 +26,9 @@ FREE, WAITS, ELSEWHERE, WANTED = range(4)  # `Queue.waiting`; ELSEWHERE turns in
 
 # Columns of `Trial.data`.
 TWELFTH_COEFFICIENT, SOURCE_24TH, SIXTH_FLUX_X, SIXTH_FLUX_Y, SIXTH_FLUX_Z = range(5)
+SHIFT_X, SHIFT_Y, SHIFT_Z, REDUCED = range(5, 9)
+
+OFFSET, LOAD = range(2)  # columns of `Trial.surface`
 
 
 @record
@@ -175,12 +178,13 @@ class Trial(NamedTuple):
 
     value: np.ndarray  # (n,)
     fixed: np.ndarray  # (n,) bool: Dirichlet value
-    data: np.ndarray  # (regions, 5): coefficient / 12, source / 24, flux / 6
+    data: np.ndarray  # (regions, 9): coefficient / 12, source / 24, flux / 6, shift, 1 if reduced, otherwise 0
     laws: Laws  # by region, in place of the coefficient
     rate: np.ndarray  # (p + r, 3): gradient of Dirichlet values along patches, then along ridges
     counted: np.ndarray  # (p,) bool: curved patches whose slivers are counted
     follows: np.ndarray  # (p,) bool: patches whose Dirichlet values extend into slivers
     source: np.ndarray  # (n, regions): varying source / 24 around every node, otherwise (0, regions)
+    surface: np.ndarray  # (n, 2): offset of the value in reduced regions and load of held nodes, (0, 2) for none
 
 
 @record

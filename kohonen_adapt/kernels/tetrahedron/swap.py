@@ -20,7 +20,7 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     element_volumes,
     triangle_vectors,
 )
-from kohonen_adapt.kernels.tetrahedron.polish.energy import energy_on, source_along, triangle_tilts
+from kohonen_adapt.kernels.tetrahedron.polish.energy import energy_on, source_along, triangle_tilts, value_at
 from kohonen_adapt.kernels.tetrahedron.surfaces import edge_sagitta, exceeds_sagitta
 from kohonen_adapt.kernels.tetrahedron.surgery import EQUAL, NOWHERE, replace
 
@@ -143,10 +143,11 @@ def merit_with(mesh, trial, side, i, j, k, a, b, least):
     if trial is None:
         value = min(value, worst)
         return value if value > least else RULED_OUT
-    region, tilts = mesh.elements.region[mesh.cavity.shell[side, 0]], triangle_tilts(trial, vectors, p, q, r)
-    load = source_along(trial, region, a, b)
-    above = energy_on(trial, region, load, vectors, tilts, to_b, trial.value[b], 1.0)
-    return before + after - above - energy_on(trial, region, load, vectors, tilts, to_a, trial.value[a], -1.0)
+    region = mesh.elements.region[mesh.cavity.shell[side, 0]]
+    load, tilts = source_along(trial, region, a, b), triangle_tilts(trial, region, vectors, p, q, r)
+    at_a, at_b = value_at(trial, region, a), value_at(trial, region, b)
+    above = energy_on(trial, region, load, vectors, tilts, to_b, at_b, 1.0)
+    return before + after - above - energy_on(trial, region, load, vectors, tilts, to_a, at_a, -1.0)
 
 
 @inner_kernel

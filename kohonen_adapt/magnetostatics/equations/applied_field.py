@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
+from scipy.spatial import cKDTree
 from skfem import MeshTet
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
@@ -21,7 +22,16 @@ from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import hat_gradients
 
-__all__ = ["AppliedField", "Drive", "checked_field", "drive_on", "field_at", "permeable", "total_of"]
+__all__ = [
+    "AppliedField",
+    "Drive",
+    "aligned_potential",
+    "checked_field",
+    "drive_on",
+    "field_at",
+    "permeable",
+    "total_of",
+]
 
 AppliedField = Callable[[Floats], ArrayLike]
 
@@ -210,6 +220,25 @@ def total_potential(mesh: MeshTet, iron: Mask, function: AppliedField) -> tuple[
             chi[node] = chi[previous] - difference
     linked = _linked_currents(component[lower], along - (chi[lower] - chi[upper]), chi, component)
     return chi, _layer(mesh, np.flatnonzero(iron), key, linked)
+
+
+def aligned_potential(drive: Drive, before: Drive) -> Floats:
+    # chi is known up to a constant in every piece of iron, and values that are carried to another mesh need the same.
+    mesh, old, chi = drive.elements.mesh, before.elements.mesh, drive.potential.copy()
+    nodes, corners = np.unique(old.t[:, before.iron]), np.unique(mesh.t[:, drive.iron])
+    if drive.function is None or not corners.size:
+        return chi
+    lower, upper = _edges(mesh.t[:, drive.iron])
+    graph = coo_array((np.ones(lower.size, dtype=np.int8), (lower, upper)), shape=(chi.size,) * 2)
+    component = connected_components(graph, directed=False)[1][corners]
+    distance, nearest = cKDTree(old.p[:, nodes].T).query(mesh.p[:, corners].T)
+    for piece in np.unique(component):
+        own = np.flatnonzero(component == piece)
+        first = own[np.argmin(distance[own])]
+        node, start = corners[first], nodes[nearest[first]]
+        drop, _ = _circulation(old.p[:, [start]], mesh.p[:, [node]], drive.function)
+        chi[corners[own]] += before.potential[start] - drop[0] - drive.potential[node]
+    return chi
 
 
 def _edges(t: Ints) -> tuple[Ints, Ints]:

@@ -15,9 +15,11 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.space.patches import Patches
 from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, SPHERE, Tetrahedra
 from kohonen_adapt.mesh.cells import FACES, TETRAHEDRON
+from kohonen_adapt.mesh.polynomials import NO_SURFACE
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.problem.functional_value import density_in_space
 from kohonen_adapt.problem.ritz import Ritz
+from kohonen_adapt.problem.surface_terms import corner_values, reduced_regions
 from kohonen_adapt.problem.tables import value_by_region
 
 __all__ = ["CurvedFaces"]
@@ -82,8 +84,11 @@ class CurvedFaces:
         counted[patch[np.where(dirichlet[patch], cannot_count, ends)]] = False
         return cls(patches, ritz, number, counted, counted & dirichlet, rate)
 
-    def value(self, position: Floats, elements: Tetrahedra, values: Floats) -> float:
-        """Return the sum of S + abs(S) over all slivers for nodal values of shape (n,)."""
+    def value(self, position: Floats, elements: Tetrahedra, values: Floats, surface: Floats = NO_SURFACE) -> float:
+        """Return the sum of S + abs(S) over all slivers for nodal values of shape (n,).
+
+        `surface` has the offsets of `Trial.surface`.
+        """
         e, k = np.nonzero(np.append(self.counted, False)[elements.patch] & (elements.node[:, :1] >= 0))
         outer, across = is_outside(position, elements, self.patches, e, k), elements.neighbour[e, k]
         has = outer | (across < 0)
@@ -91,7 +96,9 @@ class CurvedFaces:
         if not len(e):
             return 0.0
         corners, patch = position.T[:, elements.node[e].T], elements.patch[e, k]
-        slope = np.einsum("dkm,km->dm", TETRAHEDRON.hat_gradients(corners), values[elements.node[e]].T)
+        reduced = reduced_regions(self.ritz.surface, self.number[elements.region[e]])
+        on_corners = corner_values(values, surface, elements.node[e].T, reduced)
+        slope = np.einsum("dkm,km->dm", TETRAHEDRON.hat_gradients(corners), on_corners)
         slope = np.where(~outer & self.follows[patch], self.rate[patch].T, slope)
         volume = volumes(position, elements, self.patches, e, k)
         volume = np.where(outer, np.minimum(volume, TETRAHEDRON.determinant(corners) / 6.0), volume)

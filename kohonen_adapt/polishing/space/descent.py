@@ -54,7 +54,8 @@ class Descent:
     def of(cls, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction) -> "Descent":
         opened = OpenSolid.of(movable, np.ones(movable.nnodes))
         rows = len(opened.mesh.position)
-        own = functional.trial(padded(trial.values, rows, 0.0), padded(trial.fixed, rows, False))
+        surface = padded(trial.surface, rows, 0.0) if len(trial.surface) else trial.surface
+        own = functional.trial(padded(trial.values, rows, 0.0), padded(trial.fixed, rows, False), surface)
         seen = np.zeros((len(opened.mesh.elements.node), 2))
         return cls(opened, functional, own, movable.floor, movable.flips, seen)
 
@@ -67,7 +68,7 @@ class Descent:
         origins.old[:n], origins.start_element[:n] = recycled.old, recycled.start_element
 
     def descend(self, sweeps: int, swap_first: bool) -> float:
-        freedom = self.functional.freedom(self.opened.mesh.freedom, self.trial.fixed)
+        freedom = self.functional.freedom(self.opened.mesh.freedom, self.trial.fixed, self.trial.surface)
         parts = self.opened.parts()
         gain = self.swap(parts) if swap_first else 0.0
         for k in range(sweeps):
@@ -93,7 +94,8 @@ class Descent:
         return (self, decrease) if decrease > 0.0 else (before, 0.0)
 
     def value(self) -> float:
-        return self.functional.value_on(self.opened.mesh.position, self.opened.mesh.elements, self.trial.value)
+        function = TrialFunction(self.trial.value, self.trial.fixed, None, surface=self.trial.surface)
+        return self.functional.value_on(self.opened.mesh.position, self.opened.mesh.elements, function)
 
     def swap(self, parts: Parts) -> float:
         if not self.swaps:

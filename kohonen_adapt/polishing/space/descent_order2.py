@@ -52,7 +52,9 @@ class QuadraticDescent(Descent):
 
     def value(self) -> float:
         mesh = self.opened.mesh
-        return self.functional.value_on(mesh.position, mesh.elements, self.trial.value, self.modes)
+        return self.functional.value_on(
+            mesh.position, mesh.elements, TrialFunction(self.trial.value, self.trial.fixed, self.modes)
+        )
 
     def quadratic(self, thread: int) -> Quadratic:
         block = self.blocks.get(thread) or self.blocks.setdefault(thread, SolidBlock.of())

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.nonlinear import Laws
@@ -14,6 +14,8 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,
     INSIDE,
     LINE,
+    LOAD,
+    OFFSET,
     ON_PATCH,
     ON_RIDGE,
     PLANE,
@@ -22,22 +24,24 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Trial,
 )
 from kohonen_adapt.mesh.cells import TETRAHEDRON
-from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.mesh.polynomials import NO_SURFACE, TrialFunction
 from kohonen_adapt.mesh.quadratic_in_space import edge_modes, edges_of_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import Tables, constants_of, laws_of_regions, numbers_of_regions
 from kohonen_adapt.polishing.space.curved_faces import CurvedFaces
-from kohonen_adapt.polishing.space.surface_values import dirichlet_on
+from kohonen_adapt.polishing.space.surface_values import dirichlet_on, sides_of, with_loads
 from kohonen_adapt.polishing.stationarity import check_in_space
-from kohonen_adapt.problem.functional_value import loads_in_space, value_in_space
+from kohonen_adapt.problem.functional_value import loads_in_space, shifted_slope, value_in_space
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.quadratic_in_space import quadratic_value
 from kohonen_adapt.problem.ritz import Ritz, check_matches, plane_only_term
+from kohonen_adapt.problem.surface_terms import corner_values, nodal_terms, reduced_regions, surface_work
+from kohonen_adapt.problem.tables import flux_table
 
 __all__ = ["SolidFunctional"]
 
-# Divisors of coefficient, source and flux in `Trial.data`.
-PARTS = np.array([12.0, 24.0, 6.0, 6.0, 6.0])
+# Divisors of coefficient, source, flux, shift and the reduced regions in `Trial.data`.
+PARTS = np.array([12.0, 24.0, 6.0, 6.0, 6.0, 1.0, 1.0, 1.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -55,16 +59,16 @@ class SolidFunctional:
     number
         Index of every region in the tables of the functional, (nregions,).
     data
-        `Trial.data`, (nregions, 5).
+        `Trial.data`, (nregions, 9).
     patches
         Number of patches.
     dirichlet
         Patches and ridges with Dirichlet values, (p + r,) bool.
     held
-        Patches and ridges whose nodes do not slide and are not recycled, (p + r,) bool: curved patches whose
-        slivers are not counted, Dirichlet values that are not linear or not on all nodes, and patches without an
-        inner node whose nodes all have Dirichlet values, which may or may not be Dirichlet patches. Ridges of
-        held patches are held.
+        Patches and ridges whose nodes do not slide and are not recycled, (p + r,) bool: patches with offsets or loads,
+        curved patches whose slivers are not counted, Dirichlet values that are not linear or not on all nodes, and
+        patches without an inner node whose nodes all have Dirichlet values, which may or may not be Dirichlet patches.
+        Ridges of held patches are held.
     rate
         Gradient of the Dirichlet values along patches and ridges, (p + r, 3), valid where `dirichlet` and not `held`.
     comparable
@@ -113,24 +117,31 @@ class SolidFunctional:
             raise NotOffered(plane_only_term(ritz))
         check_matches(ritz, movable.mesh() if mesh is None else mesh)
         tet, surfaces = movable.tetrahedralization, movable.surfaces
-        values = np.asarray(ritz.values)
         number = numbers_of_regions(ritz, tet.elements.region[tet.used])
-        law, tables = laws_of_regions(ritz, number, steepest(tet, values) if any(ritz.laws) else 0.0)
+        nodal, reduced = nodal_terms(ritz.surface), reduced_regions(ritz.surface, number)
         solution = solution_on(ritz, tet, movable.mesh() if mesh is None else mesh)
-        on = dirichlet_on(tet, surfaces, movable.freedom, solution)
+        law, tables = laws_of_regions(ritz, number, steepest(tet, solution, ritz, number) if any(ritz.laws) else 0.0)
+        on_surface, of_reduced = sides_of(tet, surfaces, reduced)
+        on = dirichlet_on(tet, surfaces, movable.freedom, solution, of_reduced)
         patches, curved = len(surfaces.shape), surfaces.shape != PLANE
-        linear = (~on.unknown & (~on.dirichlet | on.linear))[:patches] & (ritz.order == 1)
+        if len(nodal):
+            on_surface |= with_loads(tet, movable.freedom, nodal, patches)
+        linear = (~on.unknown & (~on.dirichlet | on.linear))[:patches] & (ritz.order == 1) & ~on_surface
         faces = CurvedFaces.of(tet, movable.patches, ritz, number, linear, on.dirichlet[:patches], on.rate[:patches])
         rims = (surfaces.ridge_shape != LINE) & ~np.append(curved, False)[surfaces.meets].any(axis=1)
         uncounted = np.append(curved & ~faces.counted, rims)
         held = uncounted | (on.dirichlet & ~on.linear) | on.unknown
+        held[:patches] |= on_surface
         held[patches:] |= np.append(held[:patches], False)[surfaces.meets].any(axis=1)
         same_space = not (
             uncounted.any()
             or np.any(on.dirichlet & ~on.linear)
             or np.any(solution.fixed & (movable.freedom.number == INSIDE))
+            or np.any(nodal[:, OFFSET])
         )
-        data = constants_of(ritz, number, TETRAHEDRON.dim) / PARTS
+        shift = np.atleast_2d(flux_table(np.asarray(ritz.shift), TETRAHEDRON.dim).T)
+        shift = shift[number if len(shift) > 1 else np.zeros_like(number)]
+        data = np.hstack([constants_of(ritz, number, TETRAHEDRON.dim), shift, reduced[:, None]]) / PARTS
         places = on.dirichlet, held, on.rate
         return cls(solution, ritz, number, data, patches, *places, ritz.comparable and same_space, law, tables, faces)
 
@@ -158,14 +169,14 @@ class SolidFunctional:
     def has_varying_source(self) -> bool:
         return callable(self.ritz.source)
 
-    def trial(self, values: Floats, fixed: Mask) -> Trial:
+    def trial(self, values: Floats, fixed: Mask, surface: Floats = NO_SURFACE) -> Trial:
         """Return the function for the kernels, which change `values` (n,) in place.
 
-        A varying source is 0 until `sample_source`.
+        A varying source is 0 until `sample_source`. `surface` has offsets and loads, (n, 2), or no rows.
         """
         laws = Laws(self.law, self.tables.first, self.tables.energy)
         source = np.zeros((len(values) if self.has_varying_source else 0, len(self.number)))
-        return Trial(values, fixed, self.data, laws, self.rate, self.faces.counted, self.faces.follows, source)
+        return Trial(values, fixed, self.data, laws, self.rate, self.faces.counted, self.faces.follows, source, surface)
 
     def sample_source(self, position: Floats, elements: Tetrahedra, trial: Trial) -> None:
         """Set a varying source per node and region, weighted by the shape function.
@@ -182,9 +193,11 @@ class SolidFunctional:
         load, total = (np.bincount(row, part.ravel(), trial.source.size).reshape(shape) for part in (loads, six))
         trial.source[:] = np.divide(load, total, out=np.zeros(shape), where=total > 0.0)
 
-    def freedom(self, freedom: Freedom, fixed: Mask) -> Freedom:
+    def freedom(self, freedom: Freedom, fixed: Mask, surface: Floats = NO_SURFACE) -> Freedom:
         number = freedom.number
         held = freedom.pinned | ((number == INSIDE) & fixed)
+        if len(surface):
+            held |= surface[:, LOAD] != 0.0
         for kind, first in ((ON_PATCH, 0), (ON_RIDGE, self.patches)):
             rows = number == kind
             place = freedom.place[rows] + first
@@ -192,29 +205,32 @@ class SolidFunctional:
         return freedom._replace(number=np.where(held, HELD, number).astype(number.dtype))
 
     def value(self, tetrahedralization: Tetrahedralization, trial: TrialFunction) -> float:
-        return self.value_on(tetrahedralization.position, tetrahedralization.elements, trial.values, trial.modes)
+        return self.value_on(tetrahedralization.position, tetrahedralization.elements, trial)
 
-    def value_on(self, position: Floats, elements: Tetrahedra, values: Floats, modes: Modes | None = None) -> float:
-        used = elements.node[:, 0] >= 0
+    def value_on(self, position: Floats, elements: Tetrahedra, trial: TrialFunction) -> float:
+        used, values = elements.node[:, 0] >= 0, trial.values
         node, number = elements.node[used].T, self.number[elements.region[used]]
-        if modes is not None:
-            coefficients = np.vstack([values[node], modes.side[used, :, 0].T])
+        if trial.modes is not None:
+            coefficients = np.vstack([values[node], trial.modes.side[used, :, 0].T])
             return quadratic_value(position.T[:, node], coefficients, number, self.ritz)
-        own = value_in_space(position.T[:, node], values[node], number, self.ritz)
-        return own + self.faces.value(position, elements, values)
+        on_corners = corner_values(values, trial.surface, node, reduced_regions(self.ritz.surface, number))
+        own = value_in_space(position.T[:, node], on_corners, number, self.ritz) - surface_work(values, trial.surface)
+        return own + self.faces.value(position, elements, values, trial.surface)
 
 
 def solution_on(ritz: Ritz, tet: Tetrahedralization, mesh: MeshTet) -> TrialFunction:
     values, fixed, n, m = np.asarray(ritz.values), np.asarray(ritz.fixed), tet.nnodes, len(tet.elements.node)
     if ritz.order == 1:
-        return TrialFunction(values.copy(), fixed.copy(), None)
+        return TrialFunction(values.copy(), fixed.copy(), None, surface=nodal_terms(ritz.surface))
     node, modes = tet.elements.node[tet.used], Modes(np.zeros((m, 6, 1)), np.zeros(m), np.zeros((m, 6), dtype=np.bool_))
     own = edge_modes(values, fixed, node, edges_of_elements(mesh, node), n)
     modes.side[tet.used], modes.dirichlet[tet.used] = own.side, own.dirichlet
     return TrialFunction(values[:n].copy(), fixed[:n].copy(), modes)
 
 
-def steepest(tet: Tetrahedralization, values: Floats) -> float:
-    node = tet.elements.node[tet.used].T
-    slope = np.einsum("dkm,km->dm", TETRAHEDRON.hat_gradients(tet.position.T[:, node]), values[node])
+def steepest(tet: Tetrahedralization, function: TrialFunction, ritz: Ritz, number: Ints) -> float:
+    node, region = tet.elements.node[tet.used].T, number[tet.elements.region[tet.used]]
+    on_corners = corner_values(function.values, function.surface, node, reduced_regions(ritz.surface, region))
+    slope = np.einsum("dkm,km->dm", TETRAHEDRON.hat_gradients(tet.position.T[:, node]), on_corners)
+    slope = shifted_slope(slope, region, ritz)
     return float(np.sqrt(np.sum(slope**2, axis=0).max(initial=0.0)))

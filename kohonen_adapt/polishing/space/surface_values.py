@@ -6,14 +6,15 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Modes
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_PATCH, ON_RIDGE, Freedom, Surfaces
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, LOAD, ON_PATCH, ON_RIDGE, Freedom, Surfaces
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES
 from kohonen_adapt.mesh.cells import FACES
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import LINEAR
+from kohonen_adapt.problem.surface_terms import corner_values
 
-__all__ = ["EDGES_OF_FACES", "DirichletValues", "dirichlet_on"]
+__all__ = ["EDGES_OF_FACES", "DirichletValues", "dirichlet_on", "sides_of", "with_loads"]
 
 # Edges of the face opposite to each corner, (4, 3).
 EDGES_OF_FACES = np.array([np.flatnonzero((EDGES[:, :2] != k).all(axis=1)) for k in range(4)])
@@ -43,9 +44,9 @@ class DirichletValues:
 
 
 def dirichlet_on(
-    tet: Tetrahedralization, surfaces: Surfaces, freedom: Freedom, solution: TrialFunction
+    tet: Tetrahedralization, surfaces: Surfaces, freedom: Freedom, solution: TrialFunction, reduced: Mask
 ) -> DirichletValues:
-    values, fixed, modes, _ = solution
+    values, fixed, modes = solution.values, solution.fixed, solution.modes
     patches = len(surfaces.shape)
     count = patches + len(surfaces.ridge_shape)
     patch, node = nodes_of_patches(tet)
@@ -58,7 +59,8 @@ def dirichlet_on(
     whole = np.bincount(place, weights=~fixed[node], minlength=count) == 0
     near = np.append(touched, False)[surfaces.meets].any(axis=1)
     unknown = bare & np.append(whole[:patches], near)
-    rate, deviation = linear_fits(place, tet.position[node], values[node], whole & ~bare)
+    there = corner_values(values, solution.surface, node, reduced[place])
+    rate, deviation = linear_fits(place, tet.position[node], there, whole & ~bare)
     if modes is not None:
         patch, mode, given = edges_on_patches(tet, modes)
         whole[:patches] &= np.bincount(patch, weights=~given, minlength=patches) == 0
@@ -67,6 +69,27 @@ def dirichlet_on(
         whole[patches:] &= lone
     linear = whole & ~bare & (deviation <= LINEAR * np.ptp(values))
     return DirichletValues((whole & ~bare) | partly, linear, unknown, rate)
+
+
+def sides_of(tet: Tetrahedralization, surfaces: Surfaces, reduced: Mask) -> tuple[Mask, Mask]:
+    # Patches between reduced regions and the rest, (p,), and patches and ridges beside reduced regions alone, (p + r,)
+    patches, elements = len(surfaces.shape), tet.elements
+    e, k = np.nonzero(elements.patch >= 0)
+    count = [
+        np.bincount(elements.patch[e, k], weights=reduced[elements.region[e]] == side, minlength=patches) > 0
+        for side in (True, False)
+    ]
+    whole = count[0] & ~count[1]
+    return count[0] & count[1], np.append(whole, np.append(whole, True)[surfaces.meets].all(axis=1))
+
+
+def with_loads(tet: Tetrahedralization, freedom: Freedom, nodal: Floats, patches: int) -> Mask:
+    loaded, slides = nodal[:, LOAD] != 0.0, freedom.number == ON_PATCH
+    patch, node = nodes_of_patches(tet)
+    without = np.bincount(patch, weights=~loaded[node], minlength=patches)
+    sliding = np.bincount(freedom.place[slides], minlength=patches)
+    found = np.bincount(freedom.place[slides & loaded], minlength=patches)
+    return (found > 0) | ((sliding == 0) & (without == 0))
 
 
 def nodes_of_patches(tet: Tetrahedralization) -> tuple[Ints, Ints]:

@@ -66,7 +66,7 @@ def recycle_in_space(opened: OpenSolid, functional: SolidFunctional, trial: Tria
 
 def offers_of(mesh: OpenTetrahedra, functional: SolidFunctional, trial: Trial) -> Offers:
     patches, rows = slice(functional.patches), len(mesh.position)
-    removable = (functional.freedom(mesh.freedom, trial.fixed).number != HELD) & (mesh.pool.anchor >= 0)
+    removable = (functional.freedom(mesh.freedom, trial.fixed, trial.surface).number != HELD) & (mesh.pool.anchor >= 0)
     lone = trial.fixed & ~on_patches(mesh, functional.dirichlet[patches])
     is_open = ~(functional.held | functional.dirichlet)[patches]
     gain, cost = np.zeros((len(mesh.elements.node), 6)), np.full(rows, np.inf)

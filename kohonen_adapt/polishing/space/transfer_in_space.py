@@ -3,10 +3,10 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.arrays import Modes
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, OFFSET, ON_PATCH, ON_RIDGE
 from kohonen_adapt.kernels.tetrahedron.locate import barycentric
 from kohonen_adapt.mesh.adjacency import parts_of_regions
 from kohonen_adapt.mesh.host import ascending, keys_of
@@ -16,6 +16,7 @@ from kohonen_adapt.mesh.quadratic_in_space import FIRST, SECOND
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.space.surface_values import EDGES_OF_FACES
+from kohonen_adapt.problem.surface_terms import corner_values, reduced_regions
 
 __all__ = ["transferred_in_space"]
 
@@ -28,31 +29,61 @@ def transferred_in_space(
     Held nodes take the value of the old node at the same position, all others that of the old element around
     them. Nodes on patches and ridges with Dirichlet values take the linear function, or without one the mean of
     the surrounding Dirichlet values. Node numbers may differ. `before` is the unmoved mesh of the solution, and
-    `start_element` (n,) is an old element near every node, in a region that touches the node.
+    `start_element` (n,) is an old element near every node, in a region that touches the node. Offsets and loads are
+    evaluated on the moved mesh.
     """
     solution, freedom, old = functional.solution, movable.freedom, before.tetrahedralization
-    position = movable.tetrahedralization.position
+    position, surface = movable.tetrahedralization.position, surface_on(functional, before, movable)
+    reduced = reduced_regions(functional.ritz.surface, functional.number)
+    if len(surface):
+        start_element = starts_outside(reduced, old, movable.tetrahedralization, start_element)
     found, weights = located(old, position, start_element)
-    corners = old.elements.node[found]
-    values = quadratic_values(solution, corners, found, weights)
+    corners, in_reduced = old.elements.node[found], reduced[old.elements.region[found]]
+    on_corners = corner_values(solution.values, solution.surface, corners.T, in_reduced).T
+    values = quadratic_values(solution, on_corners, found, weights)
     inside = solution.fixed & (before.freedom.number == INSIDE)
     fixed = np.all(solution.fixed[corners], axis=1) & np.any(inside[corners], axis=1)
-    nearest = corners[np.arange(len(corners)), np.argmax(weights, axis=1)]
-    held = freedom.number == HELD
-    values[held], fixed[held] = solution.values[nearest[held]], solution.fixed[nearest[held]]
+    held = np.flatnonzero(freedom.number == HELD)
+    nearest = np.argmax(weights[held], axis=1)
+    values[held], fixed[held] = on_corners[held, nearest], solution.fixed[corners[held, nearest]]
     for kind, first in ((ON_PATCH, 0), (ON_RIDGE, functional.patches)):
         rows = np.flatnonzero(freedom.number == kind)
         place = freedom.place[rows] + first
         fixed[rows] = functional.dirichlet[place]
         rows, place = rows[functional.dirichlet[place]], place[functional.dirichlet[place]]
         weight = weights[rows] * solution.fixed[corners[rows]]
-        values[rows] = averages(weight, solution.values[corners[rows]], values[rows])
+        values[rows] = averages(weight, on_corners[rows], values[rows])
         linear = ~functional.held[place] & np.any(weight > 0.0, axis=1)
-        rows, place, start = rows[linear], place[linear], corners[rows[linear], np.argmax(weight[linear], axis=1)]
-        step = position[rows] - old.position[start]
-        values[rows] = solution.values[start] + np.sum(functional.rate[place] * step, axis=1)
+        rows, place = rows[linear], place[linear]
+        nearest = np.argmax(weight[linear], axis=1)
+        step = position[rows] - old.position[corners[rows, nearest]]
+        values[rows] = on_corners[rows, nearest] + np.sum(functional.rate[place] * step, axis=1)
+    if len(surface):
+        values += np.where(in_reduced, surface[:, OFFSET], 0.0)
     modes = solution.modes and carried_modes(functional, before, movable, values, start_element)
-    return TrialFunction(values, fixed, modes)
+    return TrialFunction(values, fixed, modes, surface=surface)
+
+
+def surface_on(functional: SolidFunctional, before: MovableSolid, movable: MovableSolid) -> Floats:
+    old, new, terms = before.tetrahedralization, movable.tetrahedralization, functional.ritz.surface
+    if terms is None or (
+        np.array_equal(old.position, new.position) and np.array_equal(old.elements.node, new.elements.node)
+    ):
+        return functional.solution.surface
+    return terms.on_mesh(movable.mesh())
+
+
+def starts_outside(reduced: Mask, old: Tetrahedralization, new: Tetrahedralization, start_element: Ints) -> Ints:
+    # In a reduced region the offset would cancel most of the value at a node of elements outside.
+    start, wanted = start_element.copy(), np.full(new.nnodes, -1)
+    node, region = new.elements.node[new.used], new.elements.region[new.used]
+    wanted[node[~reduced[region]]] = region[~reduced[region], None]
+    astray = (wanted >= 0) & reduced[old.elements.region[start]]
+    for number in np.unique(wanted[astray]):
+        rows, own = np.flatnonzero(astray & (wanted == number)), np.flatnonzero(old.elements.region == number)
+        centroids = old.position[old.elements.node[own]].mean(axis=1)
+        start[rows] = own[cKDTree(centroids).query(new.position[rows])[1]]
+    return start
 
 
 def carried_modes(
@@ -73,7 +104,8 @@ def carried_modes(
     start, region = start_element[ends], tet.elements.region[used][row // 6]
     start = np.where(old.elements.region[start[:, 0]] == region, start[:, 0], start[:, 1])
     found, weights = located(old, tet.position[ends].mean(axis=1), start)
-    mode = quadratic_values(solution, old.elements.node[found], found, weights) - values[ends].mean(axis=1)
+    on_corners = solution.values[old.elements.node[found]]
+    mode = quadratic_values(solution, on_corners, found, weights) - values[ends].mean(axis=1)
     dirichlet = np.all(solution.modes.dirichlet[found], axis=1) if solution.modes else np.zeros(len(code), dtype=bool)
     for linear in (False, True):
         some = functional.dirichlet[: functional.patches] & (linear != functional.held[: functional.patches])
@@ -88,8 +120,8 @@ def carried_modes(
     return modes
 
 
-def quadratic_values(function: TrialFunction, corners: Ints, element: Ints, weights: Floats) -> Floats:
-    values = np.sum(weights * function.values[corners], axis=1)
+def quadratic_values(function: TrialFunction, on_corners: Floats, element: Ints, weights: Floats) -> Floats:
+    values = np.sum(weights * on_corners, axis=1)
     if function.modes is not None:
         edges = function.modes.side[element, :, 0]
         values += 4.0 * np.sum(weights[:, FIRST] * weights[:, SECOND] * edges, axis=1)

@@ -10,7 +10,8 @@ By the position x and the value w of v
 with S and T independent of x and w. Since D and n are affine, |n|^2 / D is jointly convex. With the gradient
 g = n / D of u, the Hessian of c |n|^2 / (12 D) is c / (6 D) r_i . r_j, r = dn - g dD. Only the source can
 make a Hessian indefinite. Nonlinear material, D W(|g|^2) / 6, has W' / (3 D) instead of c / (6 D), and the
-additional term 2 W'' / (3 D) (g . r_i)(g . r_j). See Thoutireddy and Ortiz, Int. J. Numer. Meth. Engng 61
+additional term 2 W'' / (3 D) (g . r_i)(g . r_j). With a shift s the law and both factors g . r have g - s in place
+of g, but r has g. See Thoutireddy and Ortiz, Int. J. Numer. Meth. Engng 61
 (2004).
 """
 
@@ -24,14 +25,18 @@ from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,
     INSIDE,
+    LOAD,
     ON_PATCH,
+    SHIFT_X,
+    SHIFT_Y,
+    SHIFT_Z,
     SIXTH_FLUX_X,
     SIXTH_FLUX_Y,
     SIXTH_FLUX_Z,
     TWELFTH_COEFFICIENT,
 )
 from kohonen_adapt.kernels.tetrahedron.geometry import allowed, sum_of_squares
-from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, source_around
+from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, shifted, source_around, value_at
 from kohonen_adapt.kernels.tetrahedron.polish.slivers import has_slivers, sliver_gradient, slivers_around
 from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance, slid, tangent_of_ridge, within_reach
 
@@ -67,18 +72,20 @@ def derivatives(mesh, trial, v):
     and by ww. Values are relative to the value of v, which shifts the load by a constant, because moves do not
     change the volume of the star in any region.
     """
-    position, star, value, data = mesh.position, mesh.star, trial.value, trial.data
-    x, y, z, own = position[v, 0], position[v, 1], position[v, 2], value[v]
+    position, star, data = mesh.position, mesh.star, trial.data
+    x, y, z = position[v, 0], position[v, 1], position[v, 2]
     magnitude = total = by_x = by_y = by_z = by_w = 0.0
     xx = xy = xz = yy = yz = zz = xw = yw = zw = ww = 0.0
     worst, nonlinear = 2.0, False
     for j in range(star.start[v], star.start[v + 1]):
         a, b, c = star.link[j, 0], star.link[j, 1], star.link[j, 2]
         region = mesh.elements.region[star.element[j]]
+        own = value_at(trial, region, v)
         ax, ay, az = position[a, 0] - x, position[a, 1] - y, position[a, 2] - z
         bx, by, bz = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
         cx, cy, cz = position[c, 0] - x, position[c, 1] - y, position[c, 2] - z
-        alpha, beta, gamma = value[a] - own, value[b] - own, value[c] - own
+        alpha, beta, gamma = value_at(trial, region, a), value_at(trial, region, b), value_at(trial, region, c)
+        alpha, beta, gamma = alpha - own, beta - own, gamma - own
         px, py, pz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
         qx, qy, qz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax
         rx, ry, rz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
@@ -94,14 +101,16 @@ def derivatives(mesh, trial, v):
         tz = alpha * (bz - cz) + beta * (cz - az) + gamma * (az - bz)
         inverse = 1.0 / six
         gx, gy, gz = inverse * nx, inverse * ny, inverse * nz
-        square = gx * gx + gy * gy + gz * gz
         # r by x, y, z; r by w is -S
         x_x, x_y, x_z = gx * sx, gy * sx - tz, gz * sx + ty
         y_x, y_y, y_z = gx * sy + tz, gy * sy, gz * sy - tx
         z_x, z_y, z_z = gx * sz - ty, gy * sz + tx, gz * sz
+        law = trial.laws.number[region]
+        if law >= 0:
+            gx, gy, gz = gx - data[region, SHIFT_X], gy - data[region, SHIFT_Y], gz - data[region, SHIFT_Z]
+        square = gx * gx + gy * gy + gz * gz
         g_x, g_y, g_z = gx * x_x + gy * x_y + gz * x_z, gx * y_x + gy * y_y + gz * y_z, gx * z_x + gy * z_y + gz * z_z
         g_w = -(gx * sx + gy * sy + gz * sz)
-        law = trial.laws.number[region]
         if law >= 0:
             nonlinear = True
             density, rate, curve = energy_density(trial.laws, law, square)
@@ -153,17 +162,18 @@ def parabola(mesh, trial, v, x, y, z, w):
     Node v is at (x, y, z) with its value changed by w. Values are relative to the value of v as in `derivatives`.
     Without laws the functional is a parabola in w.
     """
-    position, star, value, data = mesh.position, mesh.star, trial.value, trial.data
-    own = value[v] + w
+    position, star, data = mesh.position, mesh.star, trial.data
     total = by_w = ww = 0.0
     worst = 2.0
     for j in range(star.start[v], star.start[v + 1]):
         a, b, c = star.link[j, 0], star.link[j, 1], star.link[j, 2]
         region = mesh.elements.region[star.element[j]]
+        own = value_at(trial, region, v) + w
         ax, ay, az = position[a, 0] - x, position[a, 1] - y, position[a, 2] - z
         bx, by, bz = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
         cx, cy, cz = position[c, 0] - x, position[c, 1] - y, position[c, 2] - z
-        alpha, beta, gamma = value[a] - own, value[b] - own, value[c] - own
+        alpha, beta, gamma = value_at(trial, region, a), value_at(trial, region, b), value_at(trial, region, c)
+        alpha, beta, gamma = alpha - own, beta - own, gamma - own
         px, py, pz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
         qx, qy, qz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax
         rx, ry, rz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
@@ -176,7 +186,8 @@ def parabola(mesh, trial, v, x, y, z, w):
         nx = alpha * px + beta * qx + gamma * rx
         ny = alpha * py + beta * qy + gamma * ry
         nz = alpha * pz + beta * qz + gamma * rz
-        square, along = nx * nx + ny * ny + nz * nz, nx * sx + ny * sy + nz * sz
+        mx, my, mz = shifted(trial, region, six, nx, ny, nz)
+        square, along = mx * mx + my * my + mz * mz, mx * sx + my * sy + mz * sz
         load, law = source_around(trial, region, v) * six, trial.laws.number[region]
         fx, fy, fz = data[region, SIXTH_FLUX_X], data[region, SIXTH_FLUX_Y], data[region, SIXTH_FLUX_Z]
         weight = 2.0 * data[region, TWELFTH_COEFFICIENT] / six
@@ -196,6 +207,8 @@ def parabola(mesh, trial, v, x, y, z, w):
 @inner_kernel
 def with_slivers(mesh, trial, v, x, y, z, w, curved):
     c, r, k, worst = parabola(mesh, trial, v, x, y, z, w)
+    if trial.surface.shape[0] > 0:
+        c, r = c - trial.surface[v, LOAD] * w, r - trial.surface[v, LOAD]
     if curved:
         more, by_w, ww = slivers_around(mesh, trial, v, x, y, z, w)
         c, r, k = c + more, r + by_w, k + ww

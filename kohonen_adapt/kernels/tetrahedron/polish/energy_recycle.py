@@ -26,7 +26,14 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     cubed_quality_at,
     element_quality,
 )
-from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, element_energy, source_along, source_around
+from kohonen_adapt.kernels.tetrahedron.polish.energy import (
+    ROUNDING,
+    element_energy,
+    shifted,
+    source_along,
+    source_around,
+    value_at,
+)
 from kohonen_adapt.kernels.tetrahedron.polish.slivers import UNMOVED, filled_by_split, sliver, slivers_of
 from kohonen_adapt.kernels.tetrahedron.polish.swap_by_energy import energy_of
 from kohonen_adapt.kernels.tetrahedron.recycle import enter_made, holds_edge
@@ -46,16 +53,17 @@ SHRUNK = 0.8  # smallest gain of a split, relative to its first evaluation
 def halves_parabola(position, trial, region, a, b, c, d, w):
     """Return the functional of an element with edge ab split at its midpoint.
 
-    The value at the midpoint is the mean plus w. With the gradient G and the gradients S_i / D of the shape
-    functions, the half at a has the gradient G + 2 w S_b / D, and the half at b has G + 2 w S_a / D. Returned are
-    (sum of magnitudes, value, first and second derivative by w).
+    The value at the midpoint is the mean in the region plus w. With the gradient G and the gradients S_i / D of the
+    shape functions, the half at a has the gradient G + 2 w S_b / D, and the half at b has G + 2 w S_a / D. Returned
+    are (sum of magnitudes, value, first and second derivative by w).
     """
-    value, data = trial.value, trial.data
+    data, at_a, at_b = trial.data, value_at(trial, region, a), value_at(trial, region, b)
+    at_c, at_d = value_at(trial, region, c), value_at(trial, region, d)
     ax, ay, az = position[a, 0], position[a, 1], position[a, 2]
     ux, uy, uz = position[b, 0] - ax, position[b, 1] - ay, position[b, 2] - az
     vx, vy, vz = position[c, 0] - ax, position[c, 1] - ay, position[c, 2] - az
     tx, ty, tz = position[d, 0] - ax, position[d, 1] - ay, position[d, 2] - az
-    alpha, beta, gamma = value[b] - value[a], value[c] - value[a], value[d] - value[a]
+    alpha, beta, gamma = at_b - at_a, at_c - at_a, at_d - at_a
     px, py, pz = vy * tz - vz * ty, vz * tx - vx * tz, vx * ty - vy * tx
     qx, qy, qz = ty * uz - tz * uy, tz * ux - tx * uz, tx * uy - ty * ux
     rx, ry, rz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
@@ -67,7 +75,8 @@ def halves_parabola(position, trial, region, a, b, c, d, w):
     )
     ox, oy, oz = px + qx + rx, py + qy + ry, pz + qz + rz  # o = -S_a, p = S_b
     step = 2.0 * w
-    square, on_p, on_o = nx * nx + ny * ny + nz * nz, nx * px + ny * py + nz * pz, nx * ox + ny * oy + nz * oz
+    mx, my, mz = shifted(trial, region, six, nx, ny, nz)
+    square, on_p, on_o = mx * mx + my * my + mz * mz, mx * px + my * py + mz * pz, mx * ox + my * oy + mz * oz
     p_p, o_o = px * px + py * py + pz * pz, ox * ox + oy * oy + oz * oz
     one = square + step * (2.0 * on_p + step * p_p)
     one, by_one, by_ww_one = half_energy(trial, region, six, one, on_p + step * p_p, p_p)
@@ -77,7 +86,7 @@ def halves_parabola(position, trial, region, a, b, c, d, w):
     lift = data[region, SIXTH_FLUX_X] * (px - ox) + data[region, SIXTH_FLUX_Y] * (py - oy)
     lift += data[region, SIXTH_FLUX_Z] * (pz - oz)
     push = data[region, SIXTH_FLUX_X] * nx + data[region, SIXTH_FLUX_Y] * ny + data[region, SIXTH_FLUX_Z] * nz
-    push, down = push + w * lift, pull * (value[a] + value[b] + value[c] + value[d] + w)
+    push, down = push + w * lift, pull * (at_a + at_b + at_c + at_d + w)
     energy = one + two
     return energy + abs(down) + abs(push), energy - down - push, by_one + by_two - pull - lift, by_ww_one + by_ww_two
 
@@ -132,7 +141,9 @@ def gain_of_split(mesh, trial, shell, count, a, b):
     if nonlinear:
         gain = before - split_parabola(mesh, trial, shell, count, a, b, w)[1]
     gain += filled_slivers(mesh, trial, shell, count, a, b)
-    return gain if gain > ROUNDING * magnitude else 0.0, 0.5 * (trial.value[a] + trial.value[b]) + w
+    region = mesh.elements.region[np.int64(shell[0])]  # the edge is not on a surface with offsets, which holds edges
+    middle = 0.5 * (value_at(trial, region, a) + value_at(trial, region, b))
+    return gain if gain > ROUNDING * magnitude else 0.0, middle + w
 
 
 @inner_kernel
@@ -251,7 +262,6 @@ def energy_merged(mesh, trial, v, w, count, least):
     The elements around v must be in `cavity.old`. Returned is inf if an element would be worse than `least`.
     """
     position, elements, node, total = mesh.position, mesh.elements, mesh.elements.node, 0.0
-    moved = v, position[w, 0], position[w, 1], position[w, 2], trial.value[w] - trial.value[v]
     for i in range(count):
         e = np.int64(mesh.cavity.old[i])
         k = corner_of(node, e, v)
@@ -265,6 +275,8 @@ def energy_merged(mesh, trial, v, w, count, least):
             return np.inf
         region = mesh.elements.region[e]
         total += element_energy(position, trial, region, source_around(trial, region, v), w, a, b, c)[0]
+        change = value_at(trial, region, w) - value_at(trial, region, v)
+        moved = v, position[w, 0], position[w, 1], position[w, 2], change
         total += slivers_of(position, elements, mesh.surfaces, trial, e, moved)[0]
     return total
 

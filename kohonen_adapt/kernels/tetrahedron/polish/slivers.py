@@ -13,12 +13,16 @@ import math
 from kohonen_adapt.kernels.nonlinear import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
+    SHIFT_X,
+    SHIFT_Y,
+    SHIFT_Z,
     SIXTH_FLUX_X,
     SIXTH_FLUX_Y,
     SIXTH_FLUX_Z,
     TWELFTH_COEFFICIENT,
 )
 from kohonen_adapt.kernels.tetrahedron.connectivity import OPPOSITE
+from kohonen_adapt.kernels.tetrahedron.polish.energy import value_at
 from kohonen_adapt.kernels.tetrahedron.surfaces import onto_patch, signed_distance
 
 SHORT = 1e-4  # step of central differences, relative to an edge
@@ -55,7 +59,10 @@ def density(trial, region, slope, hat):
     (gx, gy, gz), (hx, hy, hz) = slope, hat
     data, law = trial.data, trial.laws.number[region]
     qx, qy, qz = 6.0 * data[region, SIXTH_FLUX_X], 6.0 * data[region, SIXTH_FLUX_Y], 6.0 * data[region, SIXTH_FLUX_Z]
-    square, along = gx * gx + gy * gy + gz * gz, gx * hx + gy * hy + gz * hz
+    mx, my, mz = gx, gy, gz
+    if law >= 0:
+        mx, my, mz = gx - data[region, SHIFT_X], gy - data[region, SHIFT_Y], gz - data[region, SHIFT_Z]
+    square, along = mx * mx + my * my + mz * mz, mx * hx + my * hy + mz * hz
     rate, curve = 6.0 * data[region, TWELFTH_COEFFICIENT], 0.0
     held = rate * square
     if law >= 0:
@@ -71,7 +78,7 @@ def gradients(position, elements, trial, e, moved):
 
     The shape function is that of the node in `moved`.
     """
-    node, value = elements.node, trial.value
+    node, region = elements.node, elements.region[e]
     v, w = moved[0], moved[4]
     i, j, k, o = node[e, 0], node[e, 1], node[e, 2], node[e, 3]
     ox, oy, oz = position_of(position, o, moved)
@@ -84,7 +91,9 @@ def gradients(position, elements, trial, e, moved):
     qx, qy, qz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax
     rx, ry, rz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     six = ax * px + ay * py + az * pz
-    alpha, beta, gamma = value[i] - value[o], value[j] - value[o], value[k] - value[o]
+    at_o, alpha = value_at(trial, region, o), value_at(trial, region, i)
+    beta, gamma = value_at(trial, region, j), value_at(trial, region, k)
+    alpha, beta, gamma = alpha - at_o, beta - at_o, gamma - at_o
     one, two, three = (1.0 if i == v else 0.0), (1.0 if j == v else 0.0), (1.0 if k == v else 0.0)
     if o == v:
         one, two, three = -1.0, -1.0, -1.0
@@ -198,7 +207,12 @@ def energy_error(position, elements, trial, e, k):
         return 0.0
     rate, law = 6.0 * trial.data[own, TWELFTH_COEFFICIENT], trial.laws.number[own]
     if law >= 0:
-        rate = energy_density(trial.laws, law, there[0] ** 2 + there[1] ** 2 + there[2] ** 2)[1]
+        x, y, z = (
+            there[0] - trial.data[own, SHIFT_X],
+            there[1] - trial.data[own, SHIFT_Y],
+            there[2] - trial.data[own, SHIFT_Z],
+        )
+        rate = energy_density(trial.laws, law, x**2 + y**2 + z**2)[1]
     x, y, z = slope[0] - there[0], slope[1] - there[1], slope[2] - there[2]
     return rate * (x * x + y * y + z * z)
 
