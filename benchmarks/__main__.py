@@ -34,6 +34,7 @@ from benchmarks.checks import (
     slivers,
     space,
     space_map,
+    space_order_2,
     space_passes,
     space_polish,
     space_threads,
@@ -87,6 +88,7 @@ CHECKS = {
     "oracle": ngsolve_oracle.report,
     "references": hexahedra.report,
     "large": large.report,
+    "space-order-2": space_order_2.report,
     "files": files.report,
     "fingerprints": fingerprints.report,
 }

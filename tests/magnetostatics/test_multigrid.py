@@ -7,10 +7,11 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 import pytest
 from helpers.devices import actuator, machine, plunger
+from helpers.magnet_solids import blocks
 from helpers.tensor_meshes import box
 from scipy.sparse import csc_array
 
-from kohonen_adapt.magnetostatics import FluxLinkage, Magnetostatics, Material
+from kohonen_adapt.magnetostatics import FluxLinkage, Froehlich, MagneticScalarPotential, Magnetostatics, Material
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.system import Solver
 
@@ -32,8 +33,8 @@ class Watched(Solver):
     large: int = 0
     used: list = field(default_factory=list)
 
-    def by_multigrid(self, matrix, right):
-        solution = super().by_multigrid(matrix, right)
+    def by_multigrid(self, matrix, right, prolongation=None):
+        solution = super().by_multigrid(matrix, right, prolongation)
         self.used.append(solution is not None)
         return solution
 
@@ -41,7 +42,7 @@ class Watched(Solver):
 def solved_by(problem, solver):
     """The problem with another solver of its linear systems."""
 
-    class Other(Magnetostatics):
+    class Other(type(problem)):
         method = Newton(solver=solver)
 
     return Other(**{each.name: getattr(problem, each.name) for each in fields(problem)})
@@ -69,6 +70,18 @@ def test_multigrid_finds_the_solution_of_the_direct_solver(make):
     assert len(found.newton) == len(wanted.newton)
     np.testing.assert_allclose(found.potential, wanted.potential, rtol=0, atol=1e-8 * np.abs(wanted.potential).max())
     assert np.array_equal(problem.solve(mesh).potential, found.potential)
+
+
+@needs_pyamg
+@pytest.mark.parametrize("iron", [Material(1e4), Material(bh=Froehlich(500.0, 1.6))], ids=["iron", "steel"])
+def test_two_levels_in_space_find_the_solution_of_the_direct_solver(iron):
+    axes = [np.linspace(-1.0, 1.0, 7), np.linspace(-1.0, 1.0, 7), np.geomspace(1.0, 20.0, 7)]
+    mesh = blocks(axes, {"magnet": ((-0.5, -0.5, 2.0), (0.5, 0.5, 6.0)), "iron": ((-0.5, -0.5, 8.0), (0.5, 0.5, 12.0))})
+    materials = {"magnet": Material(1.05, remanence=(0.3, 0.0, 1.2)), "iron": iron, "air": Material()}
+    problem, solver = MagneticScalarPotential(materials, {"outer": 0.0}, order=2), Watched()
+    wanted, found = problem.solve(mesh), solved_by(problem, solver).solve(mesh)
+    assert solver.used and all(solver.used) and len(found.newton) == len(wanted.newton)
+    np.testing.assert_allclose(found.potential, wanted.potential, rtol=0, atol=1e-8 * np.abs(wanted.potential).max())
 
 
 @needs_pyamg
