@@ -29,6 +29,7 @@ from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
 from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector, halbach, radial
 from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.flux_density_at import FluxDensityAt
 from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Goal, StoredEnergy, Torque
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.mesh.motions import Motion, Pair, Reflection, Rotation, Translation
@@ -211,6 +212,7 @@ GOALS: dict[str, Callable[..., Goal]] = {
     "torque": Torque,
     "flux_linkage": FluxLinkage,
     "energy": StoredEnergy,
+    "flux_density": FluxDensityAt,
 }
 
 

@@ -8,6 +8,7 @@ from kohonen_adapt.magnetostatics.materials.material import Material, halbach, r
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
 from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.flux_density_at import FluxDensityAt
 from kohonen_adapt.magnetostatics.quantities.forces import arkkio_torque, lorentz_force, lorentz_torque
 from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Goal, StoredEnergy, Torque
 from kohonen_adapt.magnetostatics.quantities.linkage import apparent_inductance, circuit_current, energy_inductance
@@ -23,6 +24,7 @@ __all__ = [
     "CubicField",
     "EdgeField",
     "Field",
+    "FluxDensityAt",
     "FluxLinkage",
     "Force",
     "Froehlich",

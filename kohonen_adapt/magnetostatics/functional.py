@@ -67,8 +67,8 @@ def dual_functional(field: Field, ritz: Ritz, source: Floats, load: Floats) -> R
         # For forces and energies, with a flux averaged at the nodes, the descent of both functionals gave error bounds
         # of 1.02 to 1.09 and of 0.8 to 1.4 times the bounds of the map alone (two magnets, actuator).
         raise NotOffered(
-            "a goal whose derivative varies within regions (a force, a torque, the energy of a part) has no "
-            "functional to minimise"
+            "a goal whose derivative varies within regions (a force, a torque, B over a spot, the energy of a part) "
+            "has no functional to minimise"
         )
     robin = {name: (kappa, 0.0) for name, (kappa, _) in ritz.robin.items()}
     tables = np.asarray(ritz.coefficient)[primal_region[first]], source[first], load[:, point]

@@ -96,11 +96,12 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         curves`). `solve` curves no sides. From order 4 on, a side is the arc through its three nodes if the midside
         node lies on the perpendicular bisector, and otherwise a parabola, unless it has a curve in `sides`.
     goal
-        Quantity to adapt the mesh for in place of the energy: `Force`, `Torque`, `FluxLinkage`, `StoredEnergy`, or a
-        user-defined `Goal`. `indicators` are then those of `ka.estimators.goal_oriented`: the square of an `estimate`
-        is the sum of the magnitudes of what the elements add to the error of the goal, in its unit, and `atol` is the
-        root of the allowed error. There is no `energy_norm`, and `ritz` exists only if the derivative of the goal is
-        constant in regions of linear material, as for a `FluxLinkage`. `goal_error` estimates the error.
+        Quantity to adapt the mesh for in place of the energy: `Force`, `Torque`, `FluxLinkage`, `StoredEnergy`,
+        `FluxDensityAt`, or a user-defined `Goal`. `indicators` are then those of `ka.estimators.goal_oriented`: the
+        square of an `estimate` is the sum of the magnitudes of what the elements add to the error of the goal, in its
+        unit, and `atol` is the root of the allowed error. There is no `energy_norm`, and `ritz` exists only if the
+        derivative of the goal is constant in regions of linear material, as for a `FluxLinkage`. `goal_error` estimates
+        the error.
 
     sides
         Boundary name to a curve with a method ``project``, such as `kohonen_adapt.Spline`, which the curved sides of

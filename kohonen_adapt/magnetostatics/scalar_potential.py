@@ -29,7 +29,7 @@ from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients, coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import Inverse
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
-from kohonen_adapt.magnetostatics.quantities.goals import Force, Goal, Torque, check_goal, unit_of_goal
+from kohonen_adapt.magnetostatics.quantities.goals import Goal, VectorGoal, check_goal, unit_of_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.solid_estimation import energy_indicators_in_space, primal_and_dual
 from kohonen_adapt.mesh.validity import check_mesh
@@ -75,9 +75,10 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
     estimator
         "residual", scaled to equal the error approximately, or at order 1 "recovery".
     goal
-        Quantity to adapt the mesh for in place of the energy: `Force`, `Torque`, `StoredEnergy`, or a user-defined
-        `Goal`. `indicators` are then those of `ka.estimators.goal_oriented`, and there is no `energy_norm`. At equal
-        nodes the error of a force is 0.5 to 1.1 times that of a mesh adapted for the energy (`benchmarks magnets`).
+        Quantity to adapt the mesh for in place of the energy: `Force`, `Torque`, `StoredEnergy`, `FluxDensityAt`, or a
+        user-defined `Goal`. `indicators` are then those of `ka.estimators.goal_oriented`, and there is no
+        `energy_norm`. At equal nodes the error of a force is 0.5 to 1.1 times that of a mesh adapted for the energy
+        (`benchmarks magnets`).
     order
         Degree of the elements, 1 or 2. At order 2 B is linear in every element, with the unknowns of
         `skfem.ElementTetP2`, and there is no `ritz`.
@@ -201,8 +202,8 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         conditions = conditions_in_space(drive, self.potential or {}, planes)
         energy = CoenergyFunctional.of(drive, material, conditions)
         field = SolidField(mesh, conditions.values, material, drive, planes)
-        if isinstance(self.goal, Force | Torque):
-            self.goal.check_body(field)  # before the solve
+        if isinstance(self.goal, VectorGoal):
+            self.goal.check_on(field)  # before the solve
         return energy, field
 
     @property

@@ -24,6 +24,7 @@ from kohonen_adapt.cases.tables import GOALS, LAWS, MOTIONS, PATTERNS, QUANTITIE
 from kohonen_adapt.commands import main as cli
 from kohonen_adapt.commands.sweep import CaseOutputs
 from kohonen_adapt.magnetostatics import (
+    FluxDensityAt,
     FluxLinkage,
     Force,
     Goal,
@@ -79,6 +80,10 @@ CASES = {
     ),
     "goal flux linkage": Said(
         'goal = {quantity = "flux_linkage", circuit = {core = 10}}', {"goal": FluxLinkage({"core": 10})}
+    ),
+    "goal flux density": Said(
+        'goal = {quantity = "flux_density", x = [0.4, 0.5], direction = [0, 2], radius = 0.01}',
+        {"goal": FluxDensityAt((0.4, 0.5), (0.0, 1.0), 0.01)},
     ),
     "goal energy": Said('goal = {quantity = "energy", part = "core"}', {"goal": StoredEnergy("core")}),
     "radial": Said(

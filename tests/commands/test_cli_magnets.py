@@ -13,7 +13,15 @@ from helpers.magnet_solids import blocks
 import kohonen_adapt as ka
 from kohonen_adapt.cases import fitting_mesh, read_case
 from kohonen_adapt.commands import main as cli
-from kohonen_adapt.magnetostatics import Force, MagneticScalarPotential, Magnetostatics, Material, StoredEnergy, Torque
+from kohonen_adapt.magnetostatics import (
+    FluxDensityAt,
+    Force,
+    MagneticScalarPotential,
+    Magnetostatics,
+    Material,
+    StoredEnergy,
+    Torque,
+)
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PICTURES = ["adaptation.png", "cut.png", "density.png", "estimate.png", "passes.gif", "quality.png", "surface.png"]
@@ -138,6 +146,8 @@ def test_goals_by_their_keys(folder):
     goals = {
         'quantity = "torque", body = "magnet", centre = [0, 0, 0.01], axis = [0, 3, 4]': (
             Torque("magnet", (0.0, 0.0, 0.01), (0.0, 0.6, 0.8)), MagneticScalarPotential, "N m"),
+        'quantity = "flux_density", x = [0, 0, 0.1], direction = [0, 0, 5]': (
+            FluxDensityAt((0.0, 0.0, 0.1), (0.0, 0.0, 1.0)), MagneticScalarPotential, "T"),
         'quantity = "energy", part = "magnet"': (StoredEnergy("magnet"), Magnetostatics, "J"),
     }  # fmt: skip
     for keys, (goal, kind, unit) in goals.items():

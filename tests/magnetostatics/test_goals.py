@@ -30,7 +30,16 @@ from hypothesis import strategies as st
 
 import kohonen_adapt as ka
 from kohonen_adapt.estimators import equilibrated
-from kohonen_adapt.magnetostatics import FluxLinkage, Force, Goal, Magnetostatics, Material, StoredEnergy, Torque
+from kohonen_adapt.magnetostatics import (
+    FluxDensityAt,
+    FluxLinkage,
+    Force,
+    Goal,
+    Magnetostatics,
+    Material,
+    StoredEnergy,
+    Torque,
+)
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.solution import at_points, dual_of
 from kohonen_adapt.mesh.measures import area
@@ -41,6 +50,10 @@ CASES = {
     "torque": (actuator, Torque(["bar"], (0.01, 0.02))),
     "linkage": (actuator, FluxLinkage(CIRCUIT)),
     "energy": (actuator, StoredEnergy(("bar", "go"))),
+    "B in saturated steel": (actuator, FluxDensityAt((0.001, -0.004), (1.0, 2.0))),
+    "B on an axis": (plunger, FluxDensityAt((0.0, -0.004), (1.0, 2.0))),
+    "B around an axis": (plunger, FluxDensityAt((0.01, -0.001), (2.0, 1.0), 0.002)),
+    "B with an open boundary": (shielded, FluxDensityAt((0.001, 0.0), (0.0, 1.0))),
     "force along an axis": (plunger, Force("plunger", (0, 1))),
     "linkage around an axis": (plunger, FluxLinkage({"coil": 100})),
     "energy around an axis": (plunger, StoredEnergy("plunger")),
@@ -77,7 +90,7 @@ def shifted(field, change):
     return replace(field, potential=values[: field.potential.size], **({"values": values} if field.order > 1 else {}))
 
 
-OF_ORDER_2 = [(case, 2) for case in ("force", "torque", "linkage", "energy", "energy around an axis")]
+OF_ORDER_2 = [(case, 2) for case in ("force", "torque", "linkage", "energy", "energy around an axis", "B on an axis")]
 
 
 @pytest.mark.parametrize(("case", "order"), [*((case, 1) for case in CASES), *OF_ORDER_2])
@@ -267,8 +280,8 @@ def test_the_loop_with_a_goal_says_what_it_leaves_out():
     problem = replace(problem, goal=PULL)
     result = ka.adapt(mesh, problem, outputs={"pull": PULL}, passes=1)
     why = (
-        "a goal whose derivative varies within regions (a force, a torque, the energy of a part) has no functional to "
-        "minimise"
+        "a goal whose derivative varies within regions (a force, a torque, B over a spot, the energy of a part) has no "
+        "functional to minimise"
     )
     assert f"No polish: {why}" in result.message
     assert "Energy" not in str(result) and "pull" in str(result)
@@ -392,8 +405,8 @@ def test_goals_that_are_not_polished_say_why(case, reason):
         (lambda: FluxLinkage({"go": 0}), "turns of 'go' must be a finite number other than 0; got 0."),
         (
             lambda: actuator(goal="force"),
-            "goal must be a Force, Torque, FluxLinkage, StoredEnergy or another object with goal(field) and "
-            "goal.derivative(field), or None; got 'force'.",
+            "goal must be a Force, Torque, FluxLinkage, StoredEnergy, FluxDensityAt or another object with goal(field) "
+            "and goal.derivative(field), or None; got 'force'.",
         ),
         (
             lambda: actuator(goal=Torque("bar"), estimator="recovery"),

@@ -9,6 +9,7 @@ from helpers.magnet_solids import blocks, graded
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import (
+    FluxDensityAt,
     FluxLinkage,
     Force,
     Froehlich,
@@ -25,6 +26,7 @@ PLACES = {"a": ((-0.010, -0.010, -0.005), (0.010, 0.010, 0.005)), "b": ((-0.006,
 MARKS = ([-0.010, -0.006, 0.010, 0.014], [-0.010, 0.010], [-0.005, 0.005, 0.010, 0.020])
 POLES = {"a": Material(remanence=(0.0, 0.0, 1.2)), "b": Material(remanence=(0.0, 0.5, 1.0)), "air": AIR}
 PULL = np.array([-10.77767, 8.95397, -33.30058])  # N on the second of the cuboids, by magpylib 5.1
+BETWEEN = np.array([0.062891, -0.063559, 0.575481])  # T at (0.001, 0, 0.0075) m, by magpylib 6.3
 WHOLE = float(np.linalg.norm(PULL))
 AXIS = (0.6, 0.0, 0.8)
 
@@ -68,6 +70,7 @@ GOALS = {
     "force": Force("b", (1.0, -2.0, 3.0)),
     "torque": Torque("b", (0.004, 0.001, 0.015), AXIS),
     "energy": StoredEnergy("a"),
+    "B at a point": FluxDensityAt((0.001, 0.0, 0.0075), (1.0, -2.0, 3.0)),
 }
 CASES = {make.__name__: (make, make()[1].solve(make()[0])) for make in (magnets, under_iron, applied, halved)}
 every_goal = pytest.mark.parametrize("goal", GOALS.values(), ids=GOALS)
@@ -168,6 +171,16 @@ def test_a_force_converges_on_meshes_adapted_for_it_and_what_is_missing_is_told(
     assert errors[1] < 0.8 * abs(WHOLE - problem.goal(energy))
 
 
+def test_b_between_the_magnets_is_right_to_a_hundredth_and_its_error_is_told():
+    goal = FluxDensityAt((0.001, 0.0, 0.0075), tuple(BETWEEN))
+    problem = MagneticScalarPotential(POLES, {"outer": 0.0}, goal=goal)
+    mesh = cuboids(0.0033, far=0.15)
+    field = ka.adapt(mesh, problem, passes=2).solution
+    error = np.linalg.norm(BETWEEN) - goal(field)
+    assert abs(error) < 0.01 * np.linalg.norm(BETWEEN)
+    assert 0.5 < problem.goal_error(field) / error < 1.5
+
+
 def test_the_loop_with_a_goal_exchanges_nodes_by_its_indicators_alone():
     """In the third pass, too, where it is by energy if the mesh is for that; by which passes are not compared."""
     mesh, problem = magnets()
@@ -191,13 +204,13 @@ def test_the_loop_with_a_goal_exchanges_nodes_by_its_indicators_alone():
     [
         (
             "force",
-            "goal must be a Force, Torque, StoredEnergy or another object with goal(field) and "
+            "goal must be a Force, Torque, StoredEnergy, FluxDensityAt or another object with goal(field) and "
             "goal.derivative(field), or None; got 'force'.",
         ),
         (
             FluxLinkage({"a": 1}),
-            "a FluxLinkage is a goal in the plane, because no coils are meshed in space; use a Force, a Torque or a "
-            "StoredEnergy.",
+            "a FluxLinkage is a goal in the plane, because no coils are meshed in space; use a Force, a Torque, a "
+            "StoredEnergy or a FluxDensityAt.",
         ),
         (
             Force("b", (1.0, 0.0)),

@@ -11,6 +11,7 @@ from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.higher import ElementGroup, Higher
+from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC
 from kohonen_adapt.mesh.curved import Isoparametric
 from kohonen_adapt.mesh.measures import hat_gradients
 from kohonen_adapt.mesh.polynomials import KINDS, facet_functions, functions_at, functions_near_axis, slopes_near_axis
@@ -160,6 +161,11 @@ class AroundAxis(Higher):
         # On the axis B is the limit from inside the element.
         on_axis = factor_at(self.kind[element], barycentric.T) < INWARDS
         return np.where(on_axis, barycentric + INWARDS * (1.0 / 3.0 - barycentric), barycentric)
+
+    def _gradients(self, element: Ints, barycentric: Floats) -> Floats:
+        # Functions with values on the axis, where u is 0, have no finite energy.
+        off_axis = ~AXISYMMETRIC.on_axis(self.doflocs)[self.unknowns[:, element]]
+        return off_axis[:, None] * super()._gradients(element, barycentric)
 
     def _functions(self, element: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
         kind, points = self.kind[element], barycentric.T

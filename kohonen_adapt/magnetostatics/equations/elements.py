@@ -158,6 +158,10 @@ class Linear(LinearFunctions, Polynomials):
     def against_function(self, source: Floats, u: Floats) -> Floats:
         return self.against_functions(source) * np.sum(u[self.unknowns], axis=0)
 
+    def load_at(self, element: Ints, barycentric: Floats, vectors: Floats) -> Floats:
+        sums = np.stack([np.bincount(element, each, self.volumes.size) for each in vectors])
+        return sums / self.volumes
+
     def loads(self, source: Floats, flux: Floats) -> Floats:
         """Return ``int source phi + flux . grad phi`` of every unknown.
 

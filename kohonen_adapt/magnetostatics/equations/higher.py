@@ -20,6 +20,7 @@ from kohonen_adapt.mesh.quadrature import LAW_DEGREE, LAW_DEGREE_BY_POINTS
 
 __all__ = ["ElementGroup", "Elements", "Higher"]
 
+RANK = 1e-12  # relative size of the singular values of constants, which have no gradient
 CURVED = 2  # added to the degree of quadrature on curved elements, where gradients are not polynomials
 
 
@@ -247,6 +248,27 @@ class Higher(Polynomials):
     def gradient_at(self, u: Floats, element: Ints, barycentric: Floats) -> Floats:
         slope = np.einsum("icn,in->cn", self._functions(element, barycentric)[1], u[self.unknowns[:, element]])
         return np.einsum("in,cin->cn", slope, self._hats_at(element, barycentric)[:, 1:])
+
+    def load_at(self, element: Ints, barycentric: Floats, vectors: Floats) -> Floats:
+        # Integrals of ``load . grad phi`` equal sums of ``vectors . grad phi`` over points, for every function phi. The
+        # load at the quadrature points of an element is the gradient of a function.
+        order = np.argsort(element, kind="stable")
+        touched, first = np.unique(element[order], return_index=True)
+        sums = np.add.reduceat(self._against_vectors(element, barycentric, vectors)[:, order], first, axis=1)
+        (place, inside, weight), load = self.fine_rule, np.zeros((2, self.element.size))
+        for row, total in zip(touched, sums.T, strict=True):
+            points = np.flatnonzero(place == row)
+            slopes = self._gradients(place[points], inside[:, points])
+            products = np.einsum("icn,jcn,n->ij", slopes, slopes, weight[points], optimize=True)
+            load[:, points] = np.einsum("i,icn->cn", np.linalg.lstsq(products, total, rcond=RANK)[0], slopes)
+        return load
+
+    def _against_vectors(self, element: Ints, barycentric: Floats, vectors: Floats) -> Floats:
+        return np.einsum("icn,cn->in", self._gradients(element, barycentric), vectors)
+
+    def _gradients(self, element: Ints, barycentric: Floats) -> Floats:
+        slopes = self._functions(element, barycentric)[1]
+        return np.einsum("kin,cin->kcn", slopes, self._hats_at(element, barycentric)[:, 1:])
 
     def _functions(self, element: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
         """Return values (k, n), and slopes (k, 2, n) by the last two barycentrics."""

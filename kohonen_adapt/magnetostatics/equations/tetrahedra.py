@@ -76,6 +76,14 @@ class Tetrahedra(FiniteElements):
         middle = self.mesh.p[:, self.mesh.t[:, element]].mean(axis=1)
         return 0.25 + np.einsum("cin,cn->in", self.hats[:, :, element], x - middle)
 
+    def load_at(self, x: Floats, element: Ints, vectors: Floats) -> Floats:
+        # as `Higher.load_at`: the projection of the vectors onto linear functions, which gradients are
+        moments = self.barycentric(x, element)[:, None] * vectors
+        sums = np.stack([np.bincount(element, each, self.volumes.size) for each in moments.reshape(12, -1)])
+        sums = sums.reshape(4, 3, -1)
+        nodal = 20.0 / self.volumes * (sums - 0.2 * sums.sum(axis=0))
+        return np.einsum("in,icn->cn", self.barycentric(self.points, self.element), nodal[:, :, self.element])
+
     def slope_of_corners(self, values: Floats) -> Floats:
         return np.einsum("ik,cik->ck", values[self.mesh.t], self.hats)[:, self.element]
 

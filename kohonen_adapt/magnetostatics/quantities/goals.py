@@ -1,5 +1,6 @@
 """Goals of mesh adaptation, single numbers of a field with their derivatives."""
 
+from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, runtime_checkable
@@ -15,7 +16,19 @@ from kohonen_adapt.magnetostatics.quantities.forces import checked_point
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, coil_linkage, turn_length, turns_density
 from kohonen_adapt.magnetostatics.quantities.stress import Component, component_change, component_value
 
-__all__ = ["FluxLinkage", "Force", "Goal", "StoredEnergy", "Torque", "check_goal", "unit_of_goal"]
+__all__ = [
+    "POINT",
+    "SIZES",
+    "FluxLinkage",
+    "Force",
+    "Goal",
+    "StoredEnergy",
+    "Torque",
+    "VectorGoal",
+    "check_goal",
+    "unit_of_goal",
+    "unit_vector",
+]
 
 VECTOR, POINT = "vector (x, y), in space (x, y, z)", "point (x, y), in space (x, y, z), in m"
 SIZES = (2, 3)
@@ -53,15 +66,15 @@ def check_goal(goal: Any, dim: int, estimator: str) -> None:
     if isinstance(goal, type) or not isinstance(goal, Goal):
         linkage = "FluxLinkage, " if dim == 2 else ""
         raise ValueError(
-            f"goal must be a Force, Torque, {linkage}StoredEnergy or another object with goal(field) and "
-            f"goal.derivative(field), or None; got {goal!r}."
+            f"goal must be a Force, Torque, {linkage}StoredEnergy, FluxDensityAt or another object with goal(field) "
+            f"and goal.derivative(field), or None; got {goal!r}."
         )
     if dim == 3 and isinstance(goal, FluxLinkage):
         raise ValueError(
-            "a FluxLinkage is a goal in the plane, because no coils are meshed in space; use a Force, a Torque or a "
-            "StoredEnergy."
+            "a FluxLinkage is a goal in the plane, because no coils are meshed in space; use a Force, a Torque, a "
+            "StoredEnergy or a FluxDensityAt."
         )
-    if isinstance(goal, _ComponentGoal):
+    if isinstance(goal, VectorGoal):
         goal.check_dimension(dim)
 
 
@@ -70,9 +83,28 @@ def unit_of_goal(goal: Goal | None, per_metre: bool) -> str:
     return f"{unit}/m" if per_metre and isinstance(goal, Force | Torque | FluxLinkage | StoredEnergy) else unit
 
 
-class _ComponentGoal(Goal):
+class VectorGoal(Goal):
+    _vector: ClassVar[str]  # name of an attribute with as many components as the field has dimensions
+
+    @property
+    def dimension(self) -> int:
+        return len(getattr(self, self._vector))
+
+    def check_dimension(self, dim: int) -> None:
+        if self.dimension != dim:
+            kind = "(x, y, z) in space" if dim == 3 else "(x, y) in the plane"
+            raise ValueError(f"a {type(self).__name__} must have vectors {kind} as a goal; got {self}.")
+
+    def check_on(self, field: Any) -> None:
+        self.check_dimension(len(field.mesh.p))
+        self._check_place(field)
+
+    @abstractmethod
+    def _check_place(self, field: Any) -> None: ...
+
+
+class _ComponentGoal(VectorGoal):
     _component: Callable[[Any], Component]
-    _vector: ClassVar[str]  # name of the attribute with as many components as the field has dimensions
 
     def __call__(self, field: Any) -> float:
         """Return the component in N/m, of a torque in N m/m.
@@ -86,19 +118,8 @@ class _ComponentGoal(Goal):
         self.check_dimension(len(field.mesh.p))
         return _of_flux_density(field, component_change(field, self._component(field)))
 
-    def check_body(self, field: Any) -> None:
-        """Raise ValueError if the body is not surrounded by air."""
-        self.check_dimension(len(field.mesh.p))
+    def _check_place(self, field: Any) -> None:
         self._component(field)
-
-    @property
-    def dimension(self) -> int:
-        return len(getattr(self, self._vector))
-
-    def check_dimension(self, dim: int) -> None:
-        if self.dimension != dim:
-            kind = "(x, y, z) in space" if dim == 3 else "(x, y) in the plane"
-            raise ValueError(f"a {type(self).__name__} must have vectors {kind} as a goal; got {self}.")
 
 
 @dataclass(frozen=True)
@@ -139,7 +160,7 @@ class Force(_ComponentGoal):
     _vector: ClassVar[str] = "direction"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "direction", _unit("direction of Force", self.direction))
+        object.__setattr__(self, "direction", unit_vector("direction of Force", self.direction))
 
     def _component(self, field: Any) -> Component:
         build = forces.force_component if self.dimension == 2 else solid_forces.force_component
@@ -192,7 +213,7 @@ class Torque(_ComponentGoal):
                 f"the centre {self.centre} and the axis {self.axis!r}."
             )
         if self.axis is not None:
-            object.__setattr__(self, "axis", _unit("axis of Torque", self.axis))
+            object.__setattr__(self, "axis", unit_vector("axis of Torque", self.axis))
 
     def _component(self, field: Any) -> Component:
         if self.dimension == 2:
@@ -206,7 +227,7 @@ class Torque(_ComponentGoal):
         return component
 
 
-def _unit(name: str, value: tuple[float, ...]) -> tuple[float, ...]:
+def unit_vector(name: str, value: tuple[float, ...]) -> tuple[float, ...]:
     along = checked_point(name, value, VECTOR, SIZES)
     if not along.any():
         raise ValueError(f"{name} must not be zero; got {value!r}.")

@@ -13,6 +13,7 @@ from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField, PointValues, tangent_product
+from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.measures import area
 
 __all__ = ["LocalField", "PointField"]
@@ -106,6 +107,14 @@ class LocalField(MagneticField):
         the volume. Both arrays have shape (2, npoints), and the weight is in A/m.
         """
         return self.symmetry.flux(weight * (1.0 if self.depth is None else self.depth))
+
+    def load_at(self, x: Floats, weight: Floats) -> Floats:
+        # at quadrature points, with ``int load . grad w`` equal to the sum of ``weight . dB`` over points, (2, n)
+        elements = self.elements
+        element, barycentric = elements.shape.locate(x, find_elements(elements.corners, x))
+        limit = elements.limit_points(element, barycentric)
+        of_volume = self.symmetry.volume(elements.shape.points(element, limit), np.ones(element.size))
+        return elements.load_at(element, limit, self.symmetry.flux(weight) / of_volume)
 
     def at_shares(self, element: Ints, share: Floats) -> PointField:
         """Return the field at barycentric coordinates `share` (3, n) of elements (n,).

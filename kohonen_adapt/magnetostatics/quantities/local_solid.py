@@ -15,6 +15,7 @@ from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.equations.tetrahedra import Tetrahedra
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField, PointValues, tangent_product
+from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 
 __all__ = ["LocalSolid", "Strength"]
@@ -106,6 +107,11 @@ class LocalSolid(MagneticField):
         in A/m.
         """
         return -self.at_quadrature.change_of_flux_density(weight)
+
+    def load_at(self, x: Floats, weight: Floats) -> Floats:
+        element = find_elements(self.mesh, x)
+        change = self.at(x, element).change_of_flux_density(weight)
+        return -self.elements.load_at(x, element, change)
 
     @cached_property
     def at_corners(self) -> Strength:

@@ -1,0 +1,127 @@
+"""Flux density at a point or over a spot as a goal of mesh adaptation."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats
+from kohonen_adapt.checks import is_number, point_text
+from kohonen_adapt.magnetostatics.quantities.forces import checked_point
+from kohonen_adapt.magnetostatics.quantities.goals import POINT, SIZES, VectorGoal, unit_vector
+from kohonen_adapt.magnetostatics.quantities.spots import AXIAL, Spot, distance_to_jumps, is_harmonic, spot_rule
+from kohonen_adapt.mesh.locate import find_elements
+
+__all__ = ["FluxDensityAt"]
+
+# Radius for `radius=None`, relative to the distance to the nearest material or boundary.
+WHERE_HARMONIC, ELSEWHERE = 0.5, 0.1
+SMOOTH = 2  # exponent of the weight for `radius=None`, whose second derivatives are bounded
+ON_JUMP = 1e-9  # distance of a point on a boundary or interface, relative to the size of the mesh
+
+
+@dataclass(frozen=True)
+class FluxDensityAt(VectorGoal):
+    """Component of B at a point, or its mean over a spot about the point.
+
+    The value of B at a point of a finite element solution jumps between elements, and its derivative is no function of
+    finite energy. Therefore a goal at a point is a mean over a spot, a disc in the plane and a ball in space and around
+    an axis. Every mesh is evaluated at the same quadrature points of the spot, so that values of passes are comparable.
+
+    Parameters
+    ----------
+    x : (2,), in space (3,)
+        Point in m, inside the mesh and inside a material.
+    direction : (2,), in space (3,)
+        Vector of any nonzero length; around an axis (r, z).
+    radius
+        Radius of the spot in m: the goal is the mean over the spot. With None the goal is the value at `x`, by a mean
+        with the weight ``(1 - s^2)^2`` at the distance s times the radius from `x`. The radius is then half the
+        distance to the nearest boundary or change of material, and a tenth in nonlinear material, in magnets that vary,
+        and in coils around an axis. In linear material of constant remanence and current density, every Cartesian
+        component of B is harmonic and equal to such a mean (mean value theorem). Elsewhere the mean differs from the
+        value at `x` by about ``radius^2 / 16`` times the Laplacian of B.
+
+    Raises
+    ------
+    ValueError
+        For invalid arguments. At a field if `x` is outside the mesh, if the spot reaches beyond the mesh or into a
+        material where B jumps, and for a direction across the axis at a point of the axis.
+
+    Examples
+    --------
+    >>> import skfem
+    >>> from kohonen_adapt.magnetostatics import FluxDensityAt, Magnetostatics, Material
+    >>> mesh = skfem.MeshTri().refined(3).with_defaults().with_subdomains({"air": lambda x: x[0] > 0.0})
+    >>> goal = FluxDensityAt((0.4, 0.7), (0.0, 1.0))
+    >>> problem = Magnetostatics({"air": Material()}, potential={"left": 0.0, "right": 1.0}, goal=goal)
+    >>> round(goal(problem.solve(mesh)), 9)  # of A = x
+    -1.0
+    """
+
+    x: tuple[float, ...]
+    direction: tuple[float, ...]
+    radius: float | None = None
+    unit: ClassVar[str] = "T"
+    _vector: ClassVar[str] = "direction"
+
+    def __post_init__(self) -> None:
+        point = checked_point("x of FluxDensityAt", self.x, POINT, SIZES)
+        object.__setattr__(self, "x", tuple(point.tolist()))
+        object.__setattr__(self, "direction", unit_vector("direction of FluxDensityAt", self.direction))
+        if len(self.x) != len(self.direction):
+            raise ValueError(
+                "x and direction of FluxDensityAt must have equally many components; got "
+                f"{self.x} and {self.direction}."
+            )
+        valid = self.radius is None or (is_number(self.radius) and 0.0 < self.radius < np.inf)
+        if not valid:
+            raise ValueError(f"radius of FluxDensityAt must be a finite number > 0 in m, or None; got {self.radius!r}.")
+
+    def __call__(self, field: Any) -> float:
+        spot = self._spot(field)
+        return float(np.sum(spot.weight * field.flux_density_at(spot.x)))
+
+    def derivative(self, field: Any) -> tuple[Floats, Floats]:
+        return np.zeros(field.mesh.t.shape[1]), field.load_at(*self._spot(field))
+
+    def _check_place(self, field: Any) -> None:
+        self._spot(field)
+
+    def _spot(self, field: Any) -> Spot:
+        self.check_dimension(len(field.mesh.p))
+        x, around_axis = np.array(self.x), getattr(field, "axisymmetric", False)
+        element = find_elements(field.elements.corners, x[:, None])[0]
+        if element < 0:
+            low, high = (point_text(end(field.mesh.p, axis=1)) for end in (np.min, np.max))
+            raise ValueError(
+                f"x of FluxDensityAt must be a point of the mesh, which is from {low} to {high} m; "
+                f"{point_text(x)} is outside."
+            )
+        size = float(np.ptp(field.mesh.p, axis=1).max())
+        if around_axis and x[0] <= ON_JUMP * size and self.direction[AXIAL] == 0.0:
+            raise ValueError("B on an axis is along z; FluxDensityAt there must have a direction with a z component.")
+        radius, exponent = self._radius(field, element, size), SMOOTH if self.radius is None else 0
+        spot = spot_rule(x, np.array(self.direction), radius, exponent, around_axis)
+        if np.any(find_elements(field.elements.corners, spot.x) < 0):
+            raise ValueError(self._too_large("the boundary of the mesh cuts it"))
+        return spot
+
+    def _radius(self, field: Any, element: int, size: float) -> float:
+        reach = distance_to_jumps(field, np.array(self.x), include_current=self.radius is None)
+        if reach <= ON_JUMP * size:
+            raise ValueError(
+                f"x of FluxDensityAt must be inside a material; {point_text(np.array(self.x))} is on the boundary of "
+                "the mesh or between two materials. Move it into one of them."
+            )
+        if self.radius is None:
+            return reach * (WHERE_HARMONIC if is_harmonic(field, element) else ELSEWHERE)
+        if self.radius > reach:
+            raise ValueError(self._too_large(f"they are {reach:.6g} m from {point_text(np.array(self.x))}"))
+        return self.radius
+
+    def _too_large(self, why: str) -> str:
+        return (
+            "the spot of FluxDensityAt must not reach the boundary of the mesh or another material, where B jumps; "
+            f"{why}, and the radius is {self.radius}. Give a smaller radius."
+        )
