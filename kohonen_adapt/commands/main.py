@@ -173,7 +173,8 @@ class _Passes:
             self.before = result
         error = energy_norm_error(step)
         share = "" if error is None else f" ({error:.2f} %)"
-        self.known = f"{step.mesh.nvertices} nodes, {estimate_word([step])} {step.estimate_text}{share}"
+        order = f" of order {step.order}" if step.order != result.history[0].order else ""
+        self.known = f"{step.mesh.nvertices} nodes{order}, {estimate_word([step])} {step.estimate_text}{share}"
         errors = "".join(
             f", error of {name} {100.0 * abs(error / step.outputs[name]):.2g} %"
             for name, error in step.output_errors.items()

@@ -21,7 +21,7 @@ from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.step import Adaptation, root_of_squares
 from kohonen_adapt.loop.step_timer import StepFailed
-from kohonen_adapt.loop.stopping import Ending, StopTest, best_pass_text, failed_ending, interrupted_ending
+from kohonen_adapt.loop.stopping import Ending, StopTest, best_pass_text, count_text, failed_ending, interrupted_ending
 from kohonen_adapt.mesh.blended import is_folded
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import quality
@@ -104,6 +104,7 @@ def run_to_order(
         tolerance = stop.tolerance(raised.best)
         more = result.history[-1].number < stop.passes and result.status is Status.CONVERGED
         if raised.status is Status.CONVERGED or tolerance is None or not more:
+            history.report(raised)
             return raised
         missing = tolerance / raised.estimate
         smooth = result.estimate > SMOOTH * raised.estimate
@@ -147,21 +148,21 @@ def at_order(result: AdaptResult, problem: Problem, adaptation: Adaptation, stop
         problem = AtOrder(problem, order)
         solution = solve(problem, mesh, result.mesh, result.solution)
     record = replace(assessed(result, problem, adaptation, mesh, solution), seconds=steps.seconds)
-    ending = stop((*result.history, record), record, False, False)
+    history = (*result.history, record)
+    ending = stop(history, record, False, False)
     on_layers = f" on {layers} layers at {nodes.size} corners" if nodes.size else ""
     made = f"Solved with order {order}{on_layers}, {record.unknowns} unknowns."
     if ending is None or ending.status is not Status.CONVERGED:
         status = result.status if stop.tolerance(record) is None else Status.MAX_PASSES
-        passes = record.number - 1
-        text = f"Stopped after {passes} pass{'' if passes == 1 else 'es'} and a solve of order {order}"
-        ending = Ending(status, f"{text}{stop.of_result.missed_text(record)}. {best_pass_text(record)}")
+        text = f"Stopped after {count_text(history)}{stop.of_result.missed_text(record)}"
+        ending = Ending(status, f"{text}. {best_pass_text(record)}")
     return replace(
         result,
         mesh=mesh,
         solution=solution,
         indicators=record.indicators,
         estimate=record.estimate,
-        history=(*result.history, record),
+        history=history,
         status=ending.status,
         message=f"{ending.message} {made}{remark}",
         nodes=record.nodes,

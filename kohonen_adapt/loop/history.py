@@ -136,7 +136,7 @@ class History:
         self._steps.has_solved = True
         if self._interim:
             self._solve_best()
-            self._interim(self._result(interim_ending(self._passes.passes, self._passes.best.record)))
+            self.report(self._result(interim_ending(self._passes.passes, self._passes.best.record)))
         if self._checkpoint:
             number = solved.record.number
             with self._steps("checkpoint", f"checkpoint of pass {number}", number):
@@ -158,6 +158,10 @@ class History:
         """Return the last pass of a loop that ended, so that passes can go on."""
         self._ending = None
         return self._passes.last
+
+    def report(self, result: AdaptResult) -> None:
+        if self._interim:
+            self._interim(result)
 
     def end_unmoved(self, work: Work) -> None:
         self._ending = unmoved_ending(work, self._passes.best.record)

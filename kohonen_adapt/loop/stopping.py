@@ -19,6 +19,7 @@ __all__ = [
     "STALL_PASSES",
     "Ending",
     "StopTest",
+    "count_text",
     "failed_ending",
     "interim_ending",
     "interrupted_ending",
@@ -89,39 +90,37 @@ class StopTest:
 
         While the mesh is `growing`, unmoved nodes or a stall do not end the loop.
         """
-        last, result = passes[-1], best_pass_text(best)
+        last, count, result = passes[-1], count_text(passes), best_pass_text(best)
         returned = self.callback(last) if self.callback else None
         if last.estimate == 0.0:
-            return Ending(Status.CONVERGED, f"Converged after {_count(last)}: all indicators are zero.")
+            return Ending(Status.CONVERGED, f"Converged after {count}: all indicators are zero.")
         if self._is_met(passes):
-            return Ending(
-                Status.CONVERGED, f"Converged after {_count(last)}: {self.of_result.reached_text(last)}. {result}"
-            )
+            return Ending(Status.CONVERGED, f"Converged after {count}: {self.of_result.reached_text(last)}. {result}")
         # Only True stops the loop, because many callbacks return a path or a list by accident.
         if isinstance(returned, bool | np.bool_) and returned:
-            return Ending(Status.STOPPED, f"Stopped by the callback after {_count(last)}. {result} {CONTINUE}")
+            return Ending(Status.STOPPED, f"Stopped by the callback after {count}. {result} {CONTINUE}")
         if last.number > 0 and last.moved == 0 and not growing:
             return unmoved_ending(last, best)
         if self.of_result.goal_vanishes(last):
-            return Ending(Status.STALLED, f"Stopped after {_count(last)}: {ZERO_GOAL} {result}")
+            return Ending(Status.STALLED, f"Stopped after {count}: {ZERO_GOAL} {result}")
         if self.max_nodes is not None and last.mesh.nvertices >= FULL * self.max_nodes:
-            return self._largest(last, result)
+            return self._largest(last, count, result)
         if stalled and not growing:
             stall = f"Stalled: the last {STALL_PASSES} passes improved the result by less than {percent(STALL_GAIN)}."
             return Ending(Status.STALLED, f"{stall} {result} Use more nodes (`target_nodes`) for a smaller error.")
-        return self._all_passes(last, result) if last.number == self.passes else None
+        return self._all_passes(last, count, result) if last.number == self.passes else None
 
-    def _all_passes(self, last: Pass, result: str) -> Ending:
+    def _all_passes(self, last: Pass, count: str, result: str) -> Ending:
         if last.number == 0:
             text = "Stopped after 0 passes: the input was only solved and estimated. Increase `passes` to adapt it."
         else:
             missed = self.of_result.missed_text(last)
-            text = f"Stopped after {_count(last)}{missed}. {result} Increase `passes` to continue."
+            text = f"Stopped after {count}{missed}. {result} Increase `passes` to continue."
         return Ending(Status.MAX_PASSES, text)
 
-    def _largest(self, last: Pass, result: str) -> Ending:
+    def _largest(self, last: Pass, count: str, result: str) -> Ending:
         tolerance = self.tolerance(last)
-        text = f"Stopped at {last.mesh.nvertices} nodes (`max_nodes` {self.max_nodes}) after {_count(last)}"
+        text = f"Stopped at {last.mesh.nvertices} nodes (`max_nodes` {self.max_nodes}) after {count}"
         text += f"{self.of_result.missed_text(last)}. {result}"
         if tolerance:
             text += (
@@ -224,11 +223,11 @@ def unmoved_ending(work: Work, best: Pass) -> Ending:
 
 
 def interim_ending(passes: Passes, best: Pass) -> Ending:
-    return Ending(Status.STOPPED, f"Interim result after {_count(passes[-1])}. {best_pass_text(best)} {CONTINUE}")
+    return Ending(Status.STOPPED, f"Interim result after {count_text(passes)}. {best_pass_text(best)} {CONTINUE}")
 
 
 def interrupted_ending(passes: Passes, best: Pass) -> Ending:
-    return Ending(Status.STOPPED, f"Stopped by Ctrl-C after {_count(passes[-1])}. {best_pass_text(best)} {CONTINUE}")
+    return Ending(Status.STOPPED, f"Stopped by Ctrl-C after {count_text(passes)}. {best_pass_text(best)} {CONTINUE}")
 
 
 def failed_ending(failure: StepFailed, best: Pass) -> Ending:
@@ -244,8 +243,12 @@ def best_pass_text(best: Pass) -> str:
     return f"Best: {_named(best)}, {estimate}."
 
 
-def _count(last: Pass) -> str:
-    return f"{last.number} pass{'' if last.number == 1 else 'es'}"
+def count_text(passes: Passes) -> str:
+    last = passes[-1]
+    raised = last.order > passes[0].order  # the last entry then is a solve without a pass
+    count = last.number - raised
+    text = f"{count} pass{'' if count == 1 else 'es'}"
+    return f"{text} and a solve of order {last.order}" if raised else text
 
 
 def _named(step: Pass) -> str:

@@ -92,9 +92,13 @@ def test_a_script_says_what_it_shows_and_where_it_writes(name, monkeypatch, caps
 
 @pytest.mark.parametrize("name", ["magnet", "actuator"])
 def test_a_case_is_what_its_script_is(request, name):
-    """The same mesh, bit for bit."""
-    after = request.getfixturevalue(name)[2] if name == "magnet" else request.getfixturevalue(name)[1][0]
+    """The same mesh, bit for bit; the case of the magnet has a tolerance instead of passes."""
     case = read_case(EXAMPLES / f"{name}.toml")
+    if name == "magnet":
+        script = runpy.run_path(str(EXAMPLES / "magnet.py"))
+        after = ka.adapt(ka.read_mesh(script["MESH"], scale=1e-3), script["PROBLEM"], rtol=case.adapt["rtol"])
+    else:
+        after = request.getfixturevalue(name)[1][0]
     again = ka.adapt(fitting_mesh(case), case.problem, outputs=case.outputs, **case.adapt)
     np.testing.assert_array_equal(again.mesh.p, after.mesh.p)
     np.testing.assert_array_equal(again.mesh.t, after.mesh.t)
