@@ -175,8 +175,8 @@ def adapt(
     -------
     AdaptResult
         Best pass, with history, status and message. The best pass has the lowest Ritz functional if the polish makes
-        passes comparable, else the least estimate (with ``norm = "L2"`` the square root of the sum of ``|K|`` times the
-        squared indicators). It is never worse than the input. Printing the result shows a table.
+        passes comparable, else the least estimate (with ``norm = "L2"`` the square root of the sum of the squared
+        indicators times ``|K|^(2/d)``). It is never worse than the input. Printing the result shows a table.
 
     Raises
     ------

@@ -108,7 +108,7 @@ class Adaptation:
             functional, value, unpolished = self._functional(mesh, solution, share)
             goal = goal_of(self.problem, solution)
             error = goal_error_of(self.problem, solution) if self.settings.estimated.goal else None
-        qualities, weight = quality(mesh), 1.0 if norm_of(self.problem) == "energy" else np.sqrt(area(mesh))
+        qualities, length = quality(mesh), 1.0 if norm_of(self.problem) == "energy" else area(mesh) ** (1 / mesh.dim())
         outputs, unknowns = self.outputs(solution), count_unknowns(mesh, self.order)
         record = Pass(
             **vars(moved.work(self.movable, polish_gain) if moved else Work()),
@@ -119,7 +119,7 @@ class Adaptation:
             order=int(self.order),
             unknowns=unknowns,
             estimate=root_of_squares(indicators),
-            worth=root_of_squares(weight * indicators),
+            worth=root_of_squares(length * indicators),
             energy_norm=norm,
             calibrated=is_calibrated(self.problem),
             min_quality=float(qualities.min()),
