@@ -1,5 +1,6 @@
 """Magnetostatic problems, materials, fields and goals in the plane and in space."""
 
+from kohonen_adapt.magnetostatics.bracketing import Bracket, bracket
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep, NotConverged
 from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
@@ -19,6 +20,7 @@ from kohonen_adapt.magnetostatics.vector_potential import MagneticVectorPotentia
 
 __all__ = [
     "Arctan",
+    "Bracket",
     "Brauer",
     "Coil",
     "CubicField",
@@ -44,6 +46,7 @@ __all__ = [
     "Torque",
     "apparent_inductance",
     "arkkio_torque",
+    "bracket",
     "circuit_current",
     "energy_inductance",
     "halbach",

@@ -26,12 +26,14 @@ from kohonen_adapt.magnetostatics.equations.mirrors import checked_symmetry, con
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, NotConverged
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
+from kohonen_adapt.magnetostatics.hypercircle import gap_indicators
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients, coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import Inverse
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.goals import Goal, VectorGoal, check_goal, unit_of_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.solid_estimation import energy_indicators_in_space, primal_and_dual
+from kohonen_adapt.magnetostatics.vector_potential import MagneticVectorPotential
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz
@@ -39,7 +41,7 @@ from kohonen_adapt.problem.surface_terms import SurfaceTerms
 
 __all__ = ["MagneticScalarPotential"]
 
-ESTIMATORS, ORDERS = ("residual", "recovery"), (1, 2)
+ESTIMATORS, ORDERS = ("residual", "recovery", "bracket"), (1, 2)
 NO_LOAD = 1e-12  # largest rounding error of the load of a field parallel to a face, relative to the largest load
 
 
@@ -73,7 +75,8 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         magnets that the plane mirrors; needed for forces on a body that the plane cuts) or "normal" (of magnets whose
         mirror image has the opposite magnetisation; phi is 0 there).
     estimator
-        "residual", scaled to equal the error approximately, or at order 1 "recovery".
+        "residual", scaled to equal the error approximately, or at order 1 "recovery" or "bracket": the difference to
+        the field of `MagneticVectorPotential`, a guaranteed bound of the error (see `bracket`).
     goal
         Quantity to adapt the mesh for in place of the energy: `Force`, `Torque`, `StoredEnergy`, `FluxDensityAt`, or a
         user-defined `Goal`. `indicators` are then those of `ka.estimators.goal_oriented`, and there is no
@@ -120,7 +123,7 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         if isinstance(self.order, bool) or self.order not in ORDERS:
             raise ValueError(f"order of MagneticScalarPotential must be 1 or 2; got {self.order!r}.")
         if self.estimator not in ESTIMATORS:
-            raise ValueError(f"estimator must be 'residual' or 'recovery'; got {self.estimator!r}.")
+            raise ValueError(f"estimator must be 'residual', 'recovery' or 'bracket'; got {self.estimator!r}.")
         if self.order > 1 and self.estimator != "residual":
             raise ValueError(
                 f"elements of order {self.order} have the estimator 'residual' only; got {self.estimator!r}. "
@@ -151,6 +154,18 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         The values are totals.
         """
         return unit_of_goal(self.goal, per_metre=False)
+
+    @property
+    def calibrated(self) -> bool:
+        """True for the estimator "bracket", whose estimate is close to the error."""
+        return self.estimator == "bracket"
+
+    @property
+    def vector_potential(self) -> MagneticVectorPotential:
+        """The same problem for `MagneticVectorPotential`."""
+        return MagneticVectorPotential(
+            self.materials, self.potential, self.applied_field, self.symmetry, coils=self.coils
+        )
 
     def solve(self, mesh: MeshTet) -> SolidField:
         energy, field = self.functional_on(mesh)
@@ -198,7 +213,7 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         if self.coils:
             solid = permeable(material) | material.coercivity.any(axis=0)
             check_placement(mesh, solid, self.coils, planes)
-        drive = drive_on(mesh, material, self._free_field, closed, self.order)
+        drive = drive_on(mesh, material, self.free_field, closed, self.order)
         conditions = conditions_in_space(drive, self.potential or {}, planes)
         energy = CoenergyFunctional.of(drive, material, conditions)
         field = SolidField(mesh, conditions.values, material, drive, planes)
@@ -207,12 +222,14 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         return energy, field
 
     @property
-    def _free_field(self) -> AppliedField | None:
+    def free_field(self) -> AppliedField | None:
         applied = checked_field(self.applied_field)
         fields = [coil.field_strength for coil in (self.coils or {}).values()]
         return total_of([*fields, *([] if applied is None else [applied])])
 
     def indicators(self, mesh: MeshTet, field: SolidField) -> Floats:
+        if self.goal is None and self.estimator == "bracket":
+            return gap_indicators(field, self.vector_potential.solve(mesh))
         if self.goal is None:
             return energy_indicators_in_space(field, self.estimator, self.materials)
         return goal_oriented(mesh, **self._pair(field, self.goal))

@@ -157,7 +157,7 @@ class MagneticVectorPotential(FieldProblem[MeshTet, EdgeField]):
         material, planes = coefficients(mesh, self.materials), mirrors_of(mesh, self.symmetry or {})
         if self.coils:
             check_placement(mesh, permeable(material) | material.coercivity.any(axis=0), self.coils, planes)
-        function, nothing = self._free_field, np.zeros(mesh.t.shape[1], dtype=bool)
+        function, nothing = self.free_field, np.zeros(mesh.t.shape[1], dtype=bool)
         elements, zeros = LinearTetrahedra(mesh, varies=function is not None), np.zeros(mesh.p.shape[1])
         drive, edges = Drive(elements, function, nothing, zeros, zeros, np.zeros((3, nothing.size))), EdgeElements(mesh)
         values = conditions_in_space(drive, self.potential or {}, planes).values
@@ -169,7 +169,7 @@ class MagneticVectorPotential(FieldProblem[MeshTet, EdgeField]):
         return CurlFunctional(edges, material, conditions, load), zero
 
     @property
-    def _free_field(self) -> AppliedField | None:
+    def free_field(self) -> AppliedField | None:
         applied = checked_field(self.applied_field)
         coils = [coil.field_strength for coil in (self.coils or {}).values()]
         return total_of(coils if applied is None else [*coils, applied])

@@ -1,0 +1,168 @@
+"""Two-sided bounds of the energy in space by both potentials on one mesh."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from skfem import MeshTet
+
+from kohonen_adapt.arrays import Floats
+from kohonen_adapt.display import significant
+from kohonen_adapt.magnetostatics.coils.coil import Coil
+from kohonen_adapt.magnetostatics.equations.applied_field import field_at
+from kohonen_adapt.magnetostatics.equations.conditions import Value
+from kohonen_adapt.magnetostatics.hypercircle import gap_indicators
+from kohonen_adapt.magnetostatics.materials.material import Material
+from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
+from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
+from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
+
+__all__ = ["Bracket", "bracket", "bracket_of", "reasons_against_guarantee"]
+
+UNIFORM = 1e-9  # relative difference of values that are equal
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Bracket:
+    """Bounds of the exact co-energy, and of the errors of both potentials.
+
+    The scalar potential's H has the right curl, and the vector potential's B has no divergence. Therefore the co-energy
+    of the first is an upper bound, and the functional of the second is a lower bound, on every mesh and for every B-H
+    law. Half the root of the summed squares of `indicators` is the error of the mean of both fields, if all materials
+    are linear (Prager and Synge, Quart. Appl. Math. 5, 1947). The bounds are those of the meshed domain, with chords in
+    place of curves.
+
+    Attributes
+    ----------
+    lower, upper
+        Bounds of the co-energy, `SolidField.coenergy`, in J.
+    energy
+        Lower and upper bound of `SolidField.energy` in J: the co-energy of linear material without magnets, and the
+        negative co-energy of magnets without currents and given potentials other than 0. None in all other cases.
+    inductance
+        Lower and upper bound of ``2 W / (ampere turns)^2`` in H, the inductance of the meshed part for one turn, with
+        one coil in linear material without magnets. None in all other cases.
+    indicators : (nelements,)
+        Difference of both fields in every element in the energy norm, in sqrt(J). The root of their summed squares is
+        an upper bound of the error of either field in the energy norm, if all materials are linear.
+    scalar, vector
+        The fields of `MagneticScalarPotential` and `MagneticVectorPotential`.
+    reasons
+        Reasons for which the bounds are no guarantee, a tuple of strings: sources that vary within elements.
+    """
+
+    lower: float
+    upper: float
+    energy: tuple[float, float] | None
+    inductance: tuple[float, float] | None
+    indicators: Floats
+    scalar: SolidField
+    vector: EdgeField
+    reasons: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<Bracket: {self.summary}>"
+
+    @property
+    def guaranteed(self) -> bool:
+        """True if `reasons` is empty."""
+        return not self.reasons
+
+    @property
+    def width(self) -> float:
+        """Difference of the bounds, relative to the larger magnitude."""
+        largest = max(abs(self.lower), abs(self.upper))
+        return (self.upper - self.lower) / largest if largest else 0.0
+
+    @property
+    def summary(self) -> str:
+        """Sentence part with both bounds, their distance and their guarantee."""
+        bounds, name = (self.lower, self.upper), "co-energy"
+        if self.energy is not None:
+            bounds, name = self.energy, "energy"
+        first, last = (significant(value, 6) for value in bounds)
+        sure = "guaranteed" if self.guaranteed else f"no guarantee, because {' and '.join(self.reasons)}"
+        return f"{name} between {first} and {last} J, {100.0 * self.width:.2g} % apart; {sure}"
+
+
+def bracket(
+    mesh: MeshTet,
+    materials: Mapping[str, Material],
+    potential: Mapping[str, Value] | None = None,
+    *,
+    applied_field: Any = None,
+    symmetry: Mapping[str, str] | None = None,
+    coils: Mapping[str, Coil] | None = None,
+) -> Bracket:
+    """Solve for both potentials on one mesh, and bound the exact energy.
+
+    Parameters
+    ----------
+    mesh
+        A mesh of tetrahedra in metres, for instance from `kohonen_adapt.adapt`.
+    materials, potential, applied_field, symmetry, coils
+        As in `MagneticScalarPotential` and `MagneticVectorPotential`.
+
+    Returns
+    -------
+    Bracket
+        The bounds, with both fields.
+
+    Raises
+    ------
+    ValueError
+        As in `MagneticScalarPotential.solve` and `MagneticVectorPotential.solve`.
+
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from kohonen_adapt.magnetostatics import Material, bracket
+    >>> def inside(x):
+    ...     return np.all(np.abs(x - 0.5) < 0.26, axis=0)
+    >>> mesh = skfem.MeshTet().refined(3).with_boundaries({"far": lambda x: x[0] > -1.0})
+    >>> mesh = mesh.with_subdomains({"magnet": inside, "air": lambda x: ~inside(x)})
+    >>> bracket(mesh, {"magnet": Material(remanence=(0.0, 0.0, 1.2)), "air": Material()}, {"far": 0.0})
+    """
+    problem = MagneticScalarPotential(materials, potential, applied_field, symmetry, coils=coils)
+    return bracket_of(problem, problem.solve(mesh))
+
+
+def bracket_of(problem: MagneticScalarPotential, field: SolidField) -> Bracket:
+    vector = problem.vector_potential.solve(field.mesh)
+    indicators, upper = gap_indicators(field, vector), field.coenergy
+    lower = upper - 0.5 * float(np.sum(indicators**2))
+    coils, sign = tuple((problem.coils or {}).values()), sign_of_energy(problem)
+    energy = {1: (lower, upper), -1: (-upper, -lower)}.get(sign)
+    inductance = None
+    if len(coils) == 1 and problem.applied_field is None and sign == 1:
+        inductance = 2.0 * lower / coils[0].ampere_turns ** 2, 2.0 * upper / coils[0].ampere_turns ** 2
+    reasons = reasons_against_guarantee(problem, field.mesh)
+    return Bracket(lower, upper, energy, inductance, indicators, field, vector, reasons)
+
+
+def sign_of_energy(problem: MagneticScalarPotential) -> int:
+    """Return 1 or -1 if the energy is that fraction of the co-energy, else 0."""
+    materials, given = problem.materials.values(), (problem.potential or {}).values()
+    magnets = any(each.coercivity is not None or callable(each.remanence) or any(each.remanence) for each in materials)
+    if not magnets and all(each.bh is None for each in materials):
+        return 1
+    return -int(problem.free_field is None and all(not callable(value) and value == 0.0 for value in given))
+
+
+def reasons_against_guarantee(problem: MagneticScalarPotential, mesh: MeshTet) -> tuple[str, ...]:
+    found, applied = list[str](), problem.free_field
+    if applied is not None:
+        values = field_at(applied, mesh.p)
+        if np.ptp(values, axis=1).max() > UNIFORM * np.abs(values).max():
+            found.append("the field of currents varies within elements")
+    varying = [name for name, material in problem.materials.items() if material.turns]
+    if varying:
+        found.append(f"the magnetisation of {', '.join(varying)} varies within elements")
+    for name, value in (problem.potential or {}).items():
+        if callable(value):
+            corners = mesh.p[:, mesh.facets[:, mesh.boundaries[name]]]
+            mean = np.mean([np.asarray(value(corners[:, k])) for k in range(3)], axis=0)
+            if np.abs(value(corners.mean(axis=1)) - mean).max() > UNIFORM * np.abs(mean).max():
+                found.append(f"the potential of {name} is not linear in facets")
+    return tuple(found)

@@ -1,0 +1,101 @@
+"""Both potentials on one mesh bound the exact energy and the errors of their fields."""
+
+import numpy as np
+import pytest
+from helpers.magnet_solids import blocks, graded
+from helpers.solids import box
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Coil, Froehlich, MagneticScalarPotential, Material, bracket
+
+AIR, STEEL = Material(), Material(bh=Froehlich(1000.0, 2.0))
+UP = Material(permeability=1.05, remanence=(0.0, 0.3, 1.2))
+NONLINEAR = Material(bh=Froehlich(100.0, 1.2), coercivity=(0.0, 0.0, 5e5))
+CLOSED = {"outer": 0.0}
+
+
+def cube(cells=4):
+    mesh = box(cells).with_boundaries({"outer": lambda x: x[0] > -1.0})
+    return named(mesh)
+
+
+def named(mesh):
+    mesh = mesh.with_boundaries({"outer": lambda x: x[0] > -1.0})
+    inside = np.all(np.abs(mesh.p[:, mesh.t].mean(axis=1) - 0.5) < 0.25, axis=0)
+    return mesh.with_subdomains({"body": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
+
+
+@pytest.mark.parametrize(
+    ("body", "arguments"),
+    [
+        (UP, {"potential": CLOSED}),
+        (NONLINEAR, {"potential": CLOSED}),
+        (STEEL, {"potential": CLOSED, "applied_field": (0.0, 2e5, 1e5)}),
+        (NONLINEAR, {"applied_field": (0.0, 2e5, 1e5)}),
+        (STEEL, {"potential": {"outer": lambda x: 1e5 * x[1]}}),
+    ],
+)
+def test_the_bounds_are_the_values_of_both_functionals(body, arguments):
+    mesh, materials = cube(), {"body": body, "air": AIR}
+    found = bracket(mesh, materials, **arguments)
+    problem = MagneticScalarPotential(materials, **arguments)
+    functional, _ = problem.vector_potential.functional_on(mesh)
+    coercivity = np.linalg.norm(functional.coefficients.coercivity, axis=0)[None]
+    at_rest = float(np.sum(found.scalar.volume * functional.coefficients.law_coenergy(coercivity)))
+    size = abs(found.lower) + abs(found.upper) + at_rest
+    assert found.upper == found.scalar.coenergy
+    assert abs(-functional.value(found.vector.unknown)[0] - at_rest - found.lower) < 1e-9 * size
+    assert found.guaranteed
+    finer = bracket(named(mesh.refined()), materials, **arguments)
+    assert found.lower < finer.lower < finer.upper < found.upper
+    if found.energy is not None:
+        assert found.energy[0] < finer.vector.energy < found.energy[1]
+
+
+def test_half_the_gap_is_the_error_of_the_mean_field():
+    mesh = cube()
+    found = bracket(mesh, {"body": UP, "air": AIR}, CLOSED)
+    fine = named(mesh.refined(2))
+    exact = bracket(fine, {"body": UP, "air": AIR}, CLOSED)
+    parent = ka.find_elements(mesh, fine.p[:, fine.t].mean(axis=1))
+    mean, best = (0.5 * (each.scalar.flux_density + each.vector.flux_density) for each in (found, exact))
+    errors = [
+        np.sum(exact.scalar.volume * exact.scalar.reluctivity * np.sum((field[:, parent] - best) ** 2, axis=0))
+        for field in (mean, found.scalar.flux_density, found.vector.flux_density)
+    ]
+    gap = np.sum(found.indicators**2)
+    left = np.sum(exact.indicators**2)
+    assert abs(errors[0] - 0.25 * gap) < 0.25 * left + 0.02 * gap
+    assert abs(errors[1] + errors[2] - gap) < left + 0.02 * gap
+
+
+def test_a_tolerance_by_the_bracket_is_met():
+    at = graded((0.2, 0.4, 0.6), 0.1, 0.4, 2)
+    mesh = blocks([at] * 3, {"magnet": ((0.2, 0.2, 0.4), (0.4, 0.4, 0.6)), "iron": ((0.2, 0.2, 0.2), (0.6, 0.6, 0.4))})
+    materials = {"magnet": UP, "iron": STEEL, "air": AIR}
+    problem = MagneticScalarPotential(materials, CLOSED, estimator="bracket")
+    field = problem.solve(mesh)
+    estimate = np.linalg.norm(problem.indicators(mesh, field))
+    finer = mesh.refined().with_boundaries({"outer": lambda x: np.full(x.shape[1], True)})
+    true = 2.0 * (field.coenergy - problem.solve(finer).coenergy)
+    assert 0.2 * estimate**2 < true < estimate**2
+    rtol = 0.8 * estimate / problem.energy_norm(mesh, field)
+    result = ka.adapt(mesh, problem, rtol=rtol, passes=3)
+    assert result.status is ka.Status.CONVERGED
+    assert result.estimate < rtol * problem.energy_norm(result.mesh, result.solution)
+
+
+def test_inductance_of_a_coil_and_what_is_no_guarantee():
+    mesh, square = cube(), np.array([[0.12, 0.88, 0.88, 0.12], [0.12, 0.12, 0.88, 0.88], [0.5] * 4])
+    iron = {"body": Material(permeability=100.0), "air": AIR}
+    one, ten = (bracket(mesh, iron, CLOSED, coils={"coil": Coil(square, 0.1, 0.2, turns)}) for turns in (1.0, 10.0))
+    assert np.allclose(one.inductance, ten.inductance, rtol=1e-9)
+    assert np.allclose(one.inductance, 2.0 * np.array(one.energy))
+    assert one.reasons == ("the field of currents varies within elements",)
+    turning = bracket(cube(), {"body": Material(remanence=lambda x: 1.0 + x), "air": AIR}, CLOSED)
+    assert turning.reasons == ("the magnetisation of body varies within elements",)
+    assert "no guarantee, because the magnetisation" in repr(turning)
+    given = bracket(cube(), {"body": STEEL, "air": AIR}, {"outer": lambda x: 1e4 * x[0] ** 2})
+    assert given.reasons == ("the potential of outer is not linear in facets",)
+    assert given.energy is None
+    assert bracket(cube(), {"body": STEEL, "air": AIR}, {"outer": lambda x: 1e4 * x[0]}).guaranteed
