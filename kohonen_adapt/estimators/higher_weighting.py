@@ -15,7 +15,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import finite_reals
 from kohonen_adapt.estimators.equilibration import fixed_nodes
 from kohonen_adapt.estimators.explicit import checked_reluctivity
-from kohonen_adapt.estimators.residual_at_points import HIGHER_SCALES, LATTICE, divergences, residual_at_points
+from kohonen_adapt.estimators.residual_at_points import HIGHER_SCALES, LATTICE, Facets, divergences, residual_at_points
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import Isoparametric, with_midside_offsets
 from kohonen_adapt.mesh.measures import area
@@ -27,8 +27,7 @@ CURVED = 2  # additional degrees of the quadrature in elements with curved sides
 
 
 class Given(NamedTuple):
-    """Solution and data of one problem ``-div(nu grad u - flux) = source``."""
-
+    # one problem ``-div(nu grad u - flux) = source``
     values: Floats  # (nunknowns,)
     source: Floats  # (nelements,)
     flux: Floats  # (2, 3, nelements), at the corners and linear between them
@@ -69,15 +68,15 @@ class DualPair:
         return Given(nodal, load, np.take_along_axis(corners, self.turned, axis=1))
 
     def indicators(self, primal: Given, dual: Given) -> Floats:
-        return HIGHER_SCALES[self.order] * np.sqrt(self._residual(primal) * self._residual(dual))
+        return HIGHER_SCALES[self.order] * np.sqrt(self.residual(primal) * self.residual(dual))
 
-    def _residual(self, checked: Given) -> Floats:
+    def residual(self, checked: Given, joined: Facets | None = None) -> Floats:
         weights = np.full(len(LATTICE), 0.5 / len(LATTICE))
         basis = Basis(self.mesh, KINDS[self.order](), quadrature=(LATTICE.T[1:], weights))
         flux = np.moveaxis(self._strength(basis, checked), 2, 1)
         load = checked.source + divergences(flux, self.shape)
         around = np.ones(self.size.size), np.ones(self.mesh.facets.shape[1])
-        return residual_at_points(self.shape, self.size, flux, load, self.reluctivity, around)
+        return residual_at_points(self.shape, self.size, flux, load, self.reluctivity, around, joined)
 
     def _strength(self, basis: Basis, checked: Given) -> Floats:
         barycentric = np.vstack((1.0 - basis.X.sum(axis=0), basis.X))
