@@ -255,6 +255,5 @@ def cubed(floor: float) -> float:
 def report_sagitta(before: Movable, now: Movable) -> None:
     then, left_out = before.sagitta(), now.sagitta()
     if max(then, left_out) > 0.0:
-        text = "%s are up to %.3g away from their %s, that of %s, and were up to %.3g, in units of the mesh"
-        parts, facets = now.curved_parts
-        logger.info(text, parts, left_out, facets, now.farthest_part(), then)
+        text = "largest distance of %s from %s: %.3g (name: %s), before %.3g, in units of the mesh"
+        logger.info(text, *now.curved_parts, left_out, now.farthest_part(), then)

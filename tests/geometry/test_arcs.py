@@ -184,8 +184,8 @@ def test_how_far_facets_are_from_their_curves_is_in_the_log(caplog):
     turn = np.abs(np.angle(np.exp(1j * np.diff(ends, axis=0)))).max()
     sagitta, before = 1 - np.cos(turn / 2), 1 - np.cos(np.pi / 40)
     assert (
-        f"curves are up to {sagitta:.3g} away from their facets, that of boundary 'outer', and were up to "
-        f"{before:.3g}, in units of the mesh"
+        f"largest distance of curves from facets: {sagitta:.3g} (name: boundary 'outer'), before {before:.3g}, in "
+        "units of the mesh"
     ) in caplog.messages
 
 

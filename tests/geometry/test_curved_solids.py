@@ -197,7 +197,7 @@ def test_relocated_nodes_are_on_their_surfaces_and_names_where_they_were(topolog
     ends = np.unique(after.facets[:, np.setdiff1d(after.boundary_facets(), after.boundaries["side"])])
     assert np.all(np.isin(after.p[2, ends], [0.0, 2.0]))
     assert found(MovableSolid.of(after, Rules())) == {"planes": 2, "cylinders": 1, "circles": 2}
-    assert "away from their faces, that of boundary 'side', and were up to 0.00548" in caplog.text
+    assert " (name: boundary 'side'), before 0.00548, in units of the mesh" in caplog.text
 
 
 @dataclass
