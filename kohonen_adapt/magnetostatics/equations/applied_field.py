@@ -69,13 +69,23 @@ class Drive:
     layer: Floats  # T in iron, (3, nelements) in A/m
 
     def at(self, x: Floats, element: Ints) -> Floats:
+        return self._at(x, np.arange(x.shape[1]), element)
+
+    def _at(self, x: Floats, point: Ints, element: Ints) -> Floats:
+        # at the columns `point` of `x`, each evaluated once
         if self.function is None:
-            return np.zeros_like(x)
+            return np.zeros((3, point.size))
         outside = np.flatnonzero(~self.iron[element])
-        values, x, element = self.layer[:, element], x[:, outside], element[outside]
-        offset = self.elements.gradient_at(self.potential, element, self.elements.barycentric(x, element))
-        values[:, outside] = field_at(self.function, x) + offset
+        values, point, element = self.layer[:, element], point[outside], element[outside]
+        offset = self.elements.gradient_at(self.potential, element, self.elements.barycentric(x[:, point], element))
+        used, row = np.unique(point, return_inverse=True)
+        values[:, outside] = field_at(self.function, x[:, used])[:, row] + offset
         return values
+
+    @cached_property
+    def at_corners(self) -> Floats:
+        mesh = self.elements.mesh
+        return self._at(mesh.p, mesh.t.ravel(), np.tile(np.arange(self.iron.size), len(mesh.t)))
 
     @cached_property
     def at_points(self) -> Floats:

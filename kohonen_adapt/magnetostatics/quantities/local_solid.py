@@ -116,8 +116,10 @@ class LocalSolid(MagneticField):
     @cached_property
     def at_corners(self) -> Strength:
         """The field at the corners of the elements, in the order of ``mesh.t.ravel()``."""
-        corners = self.mesh.t
-        return self.at(self.mesh.p[:, corners.ravel()], np.tile(np.arange(corners.shape[1]), len(corners)))
+        corners, count = self.mesh.t, self.mesh.t.shape[1]
+        x, element = self.mesh.p[:, corners.ravel()], np.tile(np.arange(count), 4)
+        slope = self.elements.gradient_at(self.unknown, element, np.repeat(np.eye(4), count, axis=1))
+        return Strength(x, self.drive.at_corners - slope, self.coefficients.at_points(element, x))
 
     @cached_property
     def corner_flux_density(self) -> Floats:
@@ -146,7 +148,8 @@ class LocalSolid(MagneticField):
 
         Shape (nelements,) each.
         """
-        return self.coefficients.permeabilities(self.field_strength)
+        strength = self.drive.inside - self.elements.gradient(self.unknown)  # exact beside laws
+        return self.coefficients.permeabilities(strength if self.order == 1 else self.field_strength)
 
     @property
     def reluctivity(self) -> Floats:
