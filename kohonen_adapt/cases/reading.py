@@ -26,7 +26,7 @@ from kohonen_adapt.cases.readers import (
     read_table,
     table_of,
 )
-from kohonen_adapt.cases.tables import PAIRS, goal, material_in, quantity, schedule, shape
+from kohonen_adapt.cases.tables import PAIRS, coil, goal, material_in, quantity, schedule, shape
 from kohonen_adapt.cases.turning import turned_mesh
 from kohonen_adapt.checks import listed, nearest_name
 from kohonen_adapt.io import HEADER, MSH_VERSION, check_names_written
@@ -51,7 +51,10 @@ PROBLEM = kinds_of(
 PROBLEM["applied_field"], PROBLEM["order"] = VECTOR, ORDER
 """Keys of a case that are arguments of `Magnetostatics`, besides ``materials``."""
 
-SPACE = kinds_of(MagneticScalarPotential, {"potential": table_of(POTENTIAL), "applied_field": VECTOR, "goal": goal})
+SPACE = kinds_of(
+    MagneticScalarPotential,
+    {"potential": table_of(POTENTIAL), "applied_field": VECTOR, "goal": goal, "coils": table_of(coil)},
+)
 """Keys of a case that are arguments of `MagneticScalarPotential`."""
 
 ADAPT = kinds_of(adapt, {"curves": table_of(shape), "periodic": PAIRS, "schedule": schedule})
@@ -166,7 +169,7 @@ def _problem(values: Mapping[str, Any]) -> Magnetostatics | MagneticScalarPotent
 
     Cases that are valid in both dimensions are stated in the plane; `Case.problem` converts them for tetrahedra.
     """
-    solid = _keys_of_space(values["materials"], *(values.get(key) for key in ("applied_field", "goal", "symmetry")))
+    solid = _keys_of_space(values["materials"], values)
     if not solid:
         return Magnetostatics(values["materials"], **{key: values[key] for key in PROBLEM if key in values})
     flat = sorted(key for key in values if key in PROBLEM and key not in SPACE)
@@ -180,16 +183,16 @@ def _problem(values: Mapping[str, Any]) -> Magnetostatics | MagneticScalarPotent
     )
 
 
-def _keys_of_space(materials: Mapping[str, Material], applied_field: Any, goal: Any, symmetry: Any) -> list[str]:
+def _keys_of_space(materials: Mapping[str, Material], given: Mapping[str, Any]) -> list[str]:
     vectors = {
         f"materials.{name}.{kind}": getattr(material, kind)
         for name, material in materials.items()
         for kind in ("remanence", "coercivity")
     }
-    vectors["applied_field"] = applied_field
+    vectors["applied_field"] = given.get("applied_field")
     found = [key for key, each in vectors.items() if isinstance(each, tuple) and len(each) == 3]
-    found += ["goal"] if getattr(goal, "dimension", 2) == 3 else []
-    return [f"{key} of three components" for key in found] + ([] if symmetry is None else ["symmetry"])
+    found += ["goal"] if getattr(given.get("goal"), "dimension", 2) == 3 else []
+    return [f"{key} of three components" for key in found] + [key for key in ("symmetry", "coils") if key in given]
 
 
 def _table_hint(key: str, top: Mapping[str, Reader]) -> str:
@@ -261,7 +264,7 @@ def _check_file(path: Path) -> None:
 
 def _check_dimension(problem: Magnetostatics | MagneticScalarPotential, mesh: Mesh) -> None:
     if isinstance(problem, MagneticScalarPotential) and cell_of(mesh) is TRIANGLE:
-        keys = _keys_of_space(problem.materials, problem.applied_field, problem.goal, problem.symmetry or None)
+        keys = _keys_of_space(problem.materials, {key: value for key, value in vars(problem).items() if value})
         solid = ", ".join(keys) or "symmetry"
         raise ValueError(
             f"the mesh is one of triangles, but the case has {solid}, for tetrahedra. Vectors in the plane "

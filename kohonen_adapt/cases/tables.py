@@ -1,4 +1,4 @@
-"""Tables of a case for materials, goals, outputs, curves and schedules."""
+"""Tables of a case for materials, coils, goals, outputs, curves and schedules."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,6 +25,7 @@ from kohonen_adapt.checks import point_text
 from kohonen_adapt.geometry.plane.curves import Arc, Line
 from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.geometry.space.surfaces import Cone, Cylinder, Plane, Sphere
+from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
 from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector, halbach, radial
@@ -36,6 +37,7 @@ from kohonen_adapt.mesh.motions import Motion, Pair, Reflection, Rotation, Trans
 from kohonen_adapt.som.schedule import Schedule, Stage
 
 __all__ = [
+    "COILS",
     "GOALS",
     "LAWS",
     "MOTIONS",
@@ -45,6 +47,7 @@ __all__ = [
     "SHAPES",
     "SURFACES",
     "Quantity",
+    "coil",
     "goal",
     "material_in",
     "quantity",
@@ -56,6 +59,7 @@ __all__ = [
 Point = tuple[float, float]
 Position = tuple[float, ...]  # two or three coordinates
 Axis = Literal["x", "y", "z"]
+Triple = tuple[float, float, float]
 
 LAWS: dict[str, Callable[..., Law]] = {"brauer": Brauer, "froehlich": Froehlich, "arctan": Arctan}
 
@@ -110,6 +114,51 @@ def _read(path: Path, location: str) -> Table:
     except (OSError, ValueError) as error:
         raise ValueError(f"{location}: {error}") from None
     raise ValueError(f"{location} must name a file with a table of B and H; there is none at '{path}'.")
+
+
+def _along_path(path: list[Triple], width: float, height: float, ampere_turns: float, radius: float = 0.0) -> Coil:
+    return Coil(np.transpose(path), width, height, ampere_turns, radius)
+
+
+def _circular(centre: Triple, axis: Triple, radius: float, section: Point, ampere_turns: float) -> Coil:
+    return Coil.circular(centre, axis, radius, section, ampere_turns)
+
+
+def _racetrack(
+    centre: Triple,
+    axis: Triple,
+    length: float,
+    width: float,
+    radius: float,
+    section: Point,
+    ampere_turns: float,
+    along: Triple | None = None,
+) -> Coil:
+    return Coil.racetrack(centre, axis, length, width, radius, section, ampere_turns, along=along)
+
+
+def _straight_limb(
+    centre: Triple,
+    axis: Triple,
+    bore: Point,
+    section: Point,
+    ampere_turns: float,
+    radius: float = 0.0,
+    along: Triple | None = None,
+) -> Coil:
+    return Coil.straight_limb(centre, axis, bore, section, ampere_turns, radius=radius, along=along)
+
+
+COILS: dict[str, Callable[..., Coil]] = {
+    "path": _along_path,
+    "circular": _circular,
+    "racetrack": _racetrack,
+    "straight_limb": _straight_limb,
+}
+
+
+def coil(given: Any, location: str) -> Coil:
+    return make_named(COILS, "shape", given, location)
 
 
 @dataclass(frozen=True)

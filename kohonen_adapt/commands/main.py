@@ -22,7 +22,7 @@ from kohonen_adapt.commands.arguments import command_parser, options_of, options
 from kohonen_adapt.commands.check import described, faults, held_described, moving, points_described
 from kohonen_adapt.commands.doubts import case_doubts, unit_doubts
 from kohonen_adapt.commands.pictures import write_overview, write_pictures
-from kohonen_adapt.commands.plan import plan_sentence
+from kohonen_adapt.commands.plan import coil_sentences, plan_sentence
 from kohonen_adapt.commands.relocate import relocate_file
 from kohonen_adapt.commands.run import CaseRun, curve_sentence, results_of, write_fields
 from kohonen_adapt.commands.sweep import sweep_case
@@ -152,7 +152,8 @@ def _read_mesh(case: Case, path: Path, terminal: Terminal) -> Mesh:
 def _say_plan(case: Case, mesh: Mesh, path: Path, terminal: Terminal) -> int:
     found = f"{counted(len(terminal.warnings), 'warning')}, see above" if terminal.warnings else "no faults found"
     terminal.say(f"{path}: {found}; '{case.mesh}' has {mesh.nvertices} nodes.")
-    terminal.say(plan_sentence(case, mesh))
+    for sentence in (*coil_sentences(case), plan_sentence(case, mesh)):
+        terminal.say(sentence)
     return DONE
 
 

@@ -20,6 +20,7 @@ from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.geometry.space.surfaces import Plane
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.why_held import reasons_at
+from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.problem.orders import at_order_of_passes
@@ -100,8 +101,9 @@ def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> 
         ).figure
     else:
         size, label = _magnitude(after.solution), "flux density |B| (T)"
-        figures[SURFACE] = plotting.plot_surface(after.mesh, size, label=label, unit=unit).figure
-        figures[CUT] = plotting.plot_slice(after.mesh, plane, values=size, label=label, unit=unit).figure
+        look: Any = {"label": label, "unit": unit, "coils": _coils(case)}
+        figures[SURFACE] = plotting.plot_surface(after.mesh, size, **look).figure
+        figures[CUT] = plotting.plot_slice(after.mesh, plane, values=size, **look).figure
     for name, figure in figures.items():
         save_figure(folder / name, figure)
     plotting.animate_passes(folder / ANIMATION, after.history, plane=plane, unit=unit, axisymmetric=axis)
@@ -141,6 +143,7 @@ def _write_report(
         indicator_label=f"error indicator of an element (√({case.problem.goal_unit or case.energy_unit}))",
         held=lambda result: _why_held(case, before, result),
         plane=_plane_through(after),
+        coils=_coils(case),
         unit=_length_unit(after),
         axisymmetric=_is_axisymmetric(case),
         pictures=pictures,
@@ -216,6 +219,10 @@ def _lines_and_colours(field: Any) -> tuple[Floats, Floats]:
     if field.axisymmetric:
         lines = lines * at.x[0].reshape(lines.shape)
     return lines, np.hypot(*at.flux_density).reshape(lines.shape)
+
+
+def _coils(case: Case) -> list[Coil]:
+    return [] if isinstance(case.problem, Magnetostatics) else list((case.problem.coils or {}).values())
 
 
 def _is_axisymmetric(case: Case) -> bool:

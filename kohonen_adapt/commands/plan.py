@@ -1,16 +1,19 @@
-"""Sentence on the passes, nodes and orders of a run before its first solve."""
+"""Sentences on the coils and the plan of a run before the first solve."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
+import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.cases.case import Case
+from kohonen_adapt.checks import point_text
 from kohonen_adapt.loop.growth import MAX_NODES
 from kohonen_adapt.loop.tolerance import percent
+from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.problem.orders import at_order_of_passes, final_orders
 from kohonen_adapt.problem.protocol import order_of
 
-__all__ = ["allowed_errors", "plan_sentence"]
+__all__ = ["allowed_errors", "coil_sentences", "plan_sentence"]
 
 
 def plan_sentence(case: Case, mesh: Mesh) -> str:
@@ -19,6 +22,18 @@ def plan_sentence(case: Case, mesh: Mesh) -> str:
     allowed, count = allowed_errors(case), case.most_passes
     until = f", until {allowed}," if allowed else " without a tolerance (rtol),"
     return f"Plan: at most {count} pass{'es' * (count != 1)}{until} with {_nodes(case, mesh)} of {_orders(case)}."
+
+
+def coil_sentences(case: Case) -> Iterator[str]:
+    problem = case.problem
+    for name, coil in () if isinstance(problem, Magnetostatics) else (problem.coils or {}).items():
+        low, high = coil.winding.edges.min(axis=(0, 2)), coil.winding.edges.max(axis=(0, 2))
+        density = abs(coil.ampere_turns) / (coil.width * coil.height)
+        yield (
+            f"Coil '{name}': {coil.ampere_turns:g} A around {point_text(np.round(coil.axis, 6) + 0.0)}, from "
+            f"{point_text(low)} to {point_text(high)} m, section {coil.width:g} x {coil.height:g} m, "
+            f"{density:.4g} A/m^2."
+        )
 
 
 def allowed_errors(case: Case) -> str:

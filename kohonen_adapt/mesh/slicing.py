@@ -12,7 +12,7 @@ from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
 from kohonen_adapt.mesh.host import keys_of, number_facets
 from kohonen_adapt.mesh.names import named_sets
 
-__all__ = ["CutBy", "Flat", "flat"]
+__all__ = ["CutBy", "Flat", "cut_triangles", "flat"]
 
 SNAP = 1e-12  # distance below which a node is on the plane, relative to the size of the mesh
 ALONG = 1e-12  # size of the other components below which a unit vector is along an axis
@@ -129,6 +129,34 @@ def _cut(mesh: Mesh, point: Floats, normal: Floats) -> tuple[Ints, Ints, Ints, F
     below, above, element = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
     order = np.argsort(element, kind="stable")
     return below[:, order], above[:, order], element[order], height
+
+
+def cut_triangles(corners: Floats, plane: CutBy) -> Floats:
+    """Return the segments in which a plane cuts triangles.
+
+    Parameters
+    ----------
+    corners : (3, 3, n)
+        Coordinates of the three corners of every triangle.
+    plane
+        The plane.
+
+    Returns
+    -------
+    ndarray (2, 2, k)
+        Coordinates in the plane, as those of `flat`, of both ends of the segments.
+    """
+    normal = np.array(plane.normal, dtype=float) / np.linalg.norm(plane.normal)
+    height = np.einsum("c,cin->in", normal, corners - np.reshape(plane.point, (3, 1, 1)))
+    above = height >= 0.0
+    rows = np.flatnonzero(above.any(axis=0) & ~above.all(axis=0))
+    alone = np.argmax(above[:, rows] == (above[:, rows].sum(axis=0) == 1), axis=0)
+    ends = []
+    for step in (1, 2):
+        other = (alone + step) % 3
+        share = height[alone, rows] / (height[alone, rows] - height[other, rows])
+        ends.append(corners[:, alone, rows] + share * (corners[:, other, rows] - corners[:, alone, rows]))
+    return np.einsum("ac,eck->aek", _frame(normal)[0], np.array(ends))
 
 
 def _frame(normal: Floats) -> tuple[Floats, tuple[str, str]]:

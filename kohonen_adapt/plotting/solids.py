@@ -1,10 +1,12 @@
 """Meshes of tetrahedra drawn as cuts and from outside."""
 
+from collections.abc import Iterable
+
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import ListedColormap, Normalize, to_rgb
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
@@ -13,11 +15,12 @@ from skfem import MeshTet
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import as_reals
 from kohonen_adapt.display import in_unit
+from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import directed
 from kohonen_adapt.mesh.names import combinations, named_sets
-from kohonen_adapt.mesh.slicing import CutBy, flat
+from kohonen_adapt.mesh.slicing import CutBy, cut_triangles, flat
 from kohonen_adapt.plotting.charts import axes_of
 from kohonen_adapt.plotting.drawing import COLOURS, draw_edges, draw_elements, draw_outline
 
@@ -27,6 +30,7 @@ WHITE = 0.45  # fraction of white in the colour of a name, so that lines are vis
 NAMELESS = "#d9dde2"
 SHADE = 0.45  # fraction by which a face that turns away from the light is darker
 LIGHT = np.array([-0.3, 0.5, 1.0]) / np.linalg.norm([-0.3, 0.5, 1.0])  # in components right, up, towards the viewer
+COPPER = "#b4622d"
 ARROW = 0.09  # length of the arrows of the axes, as a fraction of the picture
 
 
@@ -37,6 +41,7 @@ def plot_slice(
     *,
     label: str = "",
     norm: Normalize | None = None,
+    coils: Iterable[Coil] = (),
     ax: Axes | None = None,
     unit: str = "m",
 ) -> Axes:
@@ -57,6 +62,8 @@ def plot_slice(
         Label of the colour bar, with a unit.
     norm
         Colour scale, to share between several pictures.
+    coils
+        Coils whose sections are drawn.
     ax
         Axes to draw on; None creates a figure, ``plot_slice(mesh, plane).figure``.
     unit
@@ -97,6 +104,9 @@ def plot_slice(
         axes.figure.colorbar(drawn, ax=axes, label=label)
     draw_edges(axes, shown, unit, "0.25", float(np.clip(15.0 / np.sqrt(shown.mesh.t.shape[1]), 0.08, 0.5)))
     draw_outline(axes, shown, unit, "black")
+    for coil in coils:
+        segments = in_unit(unit) * cut_triangles(coil.winding.surface, plane)
+        axes.add_collection(LineCollection(list(segments.T), colors=COPPER, linewidths=1.2), autolim=False)
     return axes
 
 
@@ -108,6 +118,7 @@ def plot_surface(
     view: tuple[float, float] = (-60.0, 25.0),
     label: str = "",
     norm: Normalize | None = None,
+    coils: Iterable[Coil] = (),
     ax: Axes | None = None,
     unit: str = "m",
 ) -> Axes:
@@ -130,6 +141,8 @@ def plot_surface(
         Label of the colour bar, with a unit.
     norm
         Colour scale, to share between several pictures.
+    coils
+        Coils whose edges are drawn, in front of the mesh.
     ax
         Axes to draw on; None creates a figure, ``plot_surface(mesh).figure``.
     unit
@@ -170,6 +183,9 @@ def plot_surface(
         axes.figure.colorbar(scale, ax=axes, label=label)
     faces.set_facecolor(painted[order] * (1.0 - SHADE * (1.0 - np.clip(brightness, 0.0, 1.0)))[:, None])
     axes.add_collection(faces)
+    for coil in coils:
+        edges = in_unit(unit) * np.einsum("kc,ecm->emk", camera[:2], coil.winding.edges)
+        axes.add_collection(PolyCollection(edges, facecolors="none", edgecolors=COPPER, linewidths=1.2))
     axes.autoscale_view()
     sizes = " x ".join(f"{size:.4g}" for size in in_unit(unit) * np.ptp(mesh.p, axis=1))
     axes.set(aspect="equal", xticks=[], yticks=[], xlabel=f"{sizes} {unit}".rstrip())

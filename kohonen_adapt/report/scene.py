@@ -3,7 +3,7 @@
 import base64
 import zlib
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,9 +22,10 @@ from kohonen_adapt.display import (
     straight_and_curved,
 )
 from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
-from kohonen_adapt.mesh.slicing import CutBy, Flat, flat
+from kohonen_adapt.mesh.slicing import CutBy, Flat, cut_triangles, flat
 
 __all__ = ["FieldOf", "HeldBy", "packed", "view_data"]
 
@@ -69,13 +70,14 @@ def view_data(
     indicator_label: str,
     why: Sequence[NDArray[np.str_]],
     plane: CutBy | None,
+    coils: Iterable[Coil],
     unit: str,
     axisymmetric: bool,
 ) -> dict[str, Any]:
     """Return the data of the view, ready for JSON.
 
     The keys of `results` are the labels on both sides of the divider. Meshes of tetrahedra are cut by `plane`. `why` is
-    the reason that holds each node, for every mesh, or empty.
+    the reason that holds each node, for every mesh, or empty. Sections of `coils` in the plane are drawn as outlines.
 
     Raises
     ------
@@ -83,6 +85,7 @@ def view_data(
         If a function returns an array of the wrong shape, the unit is unknown, or the plane does not fit a mesh.
     """
     each = [(result, flat(result.mesh, plane, axisymmetric)) for result in results.values()]
+    sections = [np.zeros((2, 2, 0)) if plane is None else cut_triangles(coil.winding.surface, plane) for coil in coils]
     shown = [
         *(_elementwise(label, each, function) for label, function in cell_data.items()),
         *(_nodal(label, each, function) for label, function in point_data.items()),
@@ -100,14 +103,14 @@ def view_data(
         "bounds": _bounds([shown.mesh for _, shown in each], unit),
         "fields": [field.about for field in shown],
         "meshes": [
-            {"name": word, **_mesh(each[k][1], unit), "values": [field.values[k] for field in shown]}
+            {"name": word, **_mesh(each[k][1], sections, unit), "values": [field.values[k] for field in shown]}
             | ({"held": _held(why[k], index)} if why else {})
             for k, word in enumerate(results)
         ],
     }
 
 
-def _mesh(shown: Flat, unit: str) -> dict[str, Any]:
+def _mesh(shown: Flat, sections: Sequence[Floats], unit: str) -> dict[str, Any]:
     """Return a mesh for the page, with coordinates relative to the centre.
 
     float32 is most accurate there. Points on curved sides are added for drawing. The sides of elements are listed for a
@@ -120,8 +123,10 @@ def _mesh(shown: Flat, unit: str) -> dict[str, Any]:
     centre = 0.5 * (mesh.p.min(axis=1) + mesh.p.max(axis=1))
     straight, curved = straight_and_curved(mesh, outlined_facets(mesh))
     along = mesh.nvertices + np.arange(curved[0].size).reshape(curved.shape[1:])
-    points = np.hstack([mesh.p[:, : mesh.nvertices], curved.reshape(2, -1)])
-    lines = np.vstack([mesh.facets[:, straight].T, np.stack([along[:-1].ravel(), along[1:].ravel()], axis=1)])
+    of_coils = np.concatenate([np.zeros((2, 2, 0)), *sections], axis=2)
+    points = np.hstack([mesh.p[:, : mesh.nvertices], curved.reshape(2, -1), of_coils.reshape(2, -1)])
+    ends = points.shape[1] - of_coils[0].size + np.arange(of_coils[0].size).reshape(2, -1)
+    lines = np.vstack([mesh.facets[:, straight].T, np.stack([along[:-1].ravel(), along[1:].ravel()], axis=1), ends.T])
     x, y = in_unit(unit) * (points - centre[:, None])
     return {
         "centre": (in_unit(unit) * centre).tolist(),

@@ -19,6 +19,7 @@ from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.table import html_table
 from kohonen_adapt.loop.why_held import without_turns
+from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.mesh.slicing import CutBy
 from kohonen_adapt.report.scene import FieldOf, HeldBy, view_data
 from kohonen_adapt.report.summary import key_figures, sentences, versions, without_folders
@@ -43,6 +44,7 @@ def write_report(
     indicator_label: str = "error indicator of an element",
     held: HeldBy | None = None,
     plane: CutBy | None = None,
+    coils: Iterable[Coil] = (),
     unit: str = "m",
     axisymmetric: bool = False,
     pictures: Mapping[str, Picture] | None = None,
@@ -78,6 +80,8 @@ def write_report(
         of triangles marks the nodes.
     plane
         Cut through meshes of tetrahedra for the view, a `kohonen_adapt.Plane`.
+    coils
+        Coils whose sections the view shows in the cut.
     unit
         Unit of lengths: "m" or "mm" for a mesh in metres, "" for a mesh without a unit.
     axisymmetric
@@ -111,6 +115,7 @@ def write_report(
         indicator_label=indicator_label,
         why=why if plane is None else [],
         plane=plane,
+        coils=coils,
         unit=unit,
         axisymmetric=axisymmetric,
     )

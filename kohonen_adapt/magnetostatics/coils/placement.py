@@ -87,7 +87,6 @@ def _met_elements(mesh: MeshTet, rows: Ints, coil: Coil) -> Ints:
 
 
 def _folded(mesh: MeshTet, x: Floats, mirrors: Iterable[Mirror]) -> Floats:
-    """Return the images of points on the side of the mesh."""
     x = x.copy()
     for _ in range(2):  # for planes that are not at right angles
         for mirror in mirrors:

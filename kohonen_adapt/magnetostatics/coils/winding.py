@@ -109,6 +109,27 @@ class Winding:
 
     def offset_path(self, depth: float) -> Floats:
         """Return a closed polygon (m, 2) parallel to the path, at a depth to the left."""
+        line = self._line(depth)
+        step = np.abs(line - np.roll(line, 1, axis=0)).max(axis=1)
+        return line[step > EDGE * self.width] if np.any(step > EDGE * self.width) else line[:1]
+
+    @cached_property
+    def edges(self) -> Floats:
+        # closed polygons (4, 3, m): inner low, outer low, outer high, inner high
+        inner, outer = self._line(0.5 * self.width), self._line(-0.5 * self.width)
+        low, high = -0.5 * self.height, 0.5 * self.height
+        lines = ((inner, low), (outer, low), (outer, high), (inner, high))
+        return np.stack([self.in_space(line, z) for line, z in lines])
+
+    @property
+    def surface(self) -> Floats:
+        # triangles: (3 coordinates, 3 corners, n)
+        here, after = self.edges, np.roll(self.edges, -1, axis=2)
+        quads = np.stack((here, after, np.roll(after, -1, axis=0), np.roll(here, -1, axis=0)))
+        triangles = np.concatenate((quads[[0, 1, 2]], quads[[0, 2, 3]]), axis=1)
+        return np.moveaxis(triangles, 2, 0).reshape(3, 3, -1)
+
+    def _line(self, depth: float) -> Floats:
         points = []
         for piece in self.pieces:
             if isinstance(piece, Bar):
@@ -119,9 +140,7 @@ class Winding:
                 angle = piece.start + piece.extent * np.linspace(0.0, 1.0, count + 1)
                 radius = piece.radius - piece.turn * depth
                 points.append(piece.centre + radius * np.stack((np.cos(angle), np.sin(angle)), axis=1))
-        line = np.concatenate(points)
-        step = np.abs(line - np.roll(line, 1, axis=0)).max(axis=1)
-        return line[step > EDGE * self.width] if np.any(step > EDGE * self.width) else line[:1]
+        return np.concatenate(points)
 
 
 def in_bar(bar: Bar, y: Floats, tolerance: float = 0.0) -> Mask:

@@ -1,0 +1,98 @@
+"""Coils in cases of the command line."""
+
+import numpy as np
+import pytest
+from helpers.magnet_solids import blocks
+
+import kohonen_adapt as ka
+from kohonen_adapt.cases import fitting_mesh, read_case
+from kohonen_adapt.commands import main as cli
+from kohonen_adapt.magnetostatics import Coil, MagneticScalarPotential
+
+CASE = """
+mesh = "box.msh"
+coils.winding = COIL
+[materials.limb]
+permeability = 1000.0
+[materials.air]
+[potential]
+outer = 0
+[adapt]
+passes = 1
+"""
+PLACE = "centre = [0.0, 0.0, 0.0], axis = [0.0, 0.0, 1.0], "
+SECTION = "section = [0.02, 0.08], ampere_turns = 1e3"
+SHAPES = {
+    f'{{shape = "circular", {PLACE}radius = 0.1, {SECTION}}}': Coil.circular(
+        (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.1, (0.02, 0.08), 1e3
+    ),
+    f'{{shape = "racetrack", {PLACE}length = 0.2, width = 0.16, radius = 0.04, along = [0, 1, 0], {SECTION}}}': (
+        Coil.racetrack((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.2, 0.16, 0.04, (0.02, 0.08), 1e3, along=(0.0, 1.0, 0.0))
+    ),
+    f'{{shape = "straight_limb", {PLACE}bore = [0.12, 0.14], radius = 0.005, {SECTION}}}': Coil.straight_limb(
+        (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.12, 0.14), (0.02, 0.08), 1e3, radius=0.005
+    ),
+    '{shape = "path", path = [[-0.1, -0.1, 0], [0.1, -0.1, 0], [0, 0.15, 0]], width = 0.02, height = 0.04, '
+    "ampere_turns = -5.0}": Coil([[-0.1, 0.1, 0.0], [-0.1, -0.1, 0.15], [0.0, 0.0, 0.0]], 0.02, 0.04, -5.0),
+}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    t = 0.1 * np.array([-2.0, -1.2, -0.5, 0.0, 0.5, 1.2, 2.0])
+    mesh = blocks([t, t, t], {"limb": ((-0.05, -0.05, -0.05), (0.05, 0.05, 0.05))})
+    ka.write_mesh(tmp_path / "box.msh", mesh.with_boundaries({"outer": lambda x: np.full(x.shape[1], True)}))
+    return tmp_path
+
+
+@pytest.mark.parametrize("text", SHAPES, ids=["circular", "racetrack", "straight_limb", "path"])
+def test_coils_by_their_shapes(text, folder):
+    (folder / "case.toml").write_text(CASE.replace("COIL", text))
+    problem, x = read_case(folder / "case.toml").problem, np.random.default_rng(0).uniform(-0.1, 0.1, (3, 20))
+    assert isinstance(problem, MagneticScalarPotential) and list(problem.coils) == ["winding"]
+    np.testing.assert_array_equal(problem.coils["winding"].field_strength(x), SHAPES[text].field_strength(x))
+
+
+def test_check_lists_coils(folder, capsys):
+    (folder / "case.toml").write_text(CASE.replace("COIL", next(iter(SHAPES))))
+    assert cli.main(["check", str(folder / "case.toml")]) == 0
+    said = capsys.readouterr()
+    assert (
+        "Coil 'winding': 1000 A around (0, 0, 1), from (-0.11, -0.11, -0.04) to (0.11, 0.11, 0.04) m, section "
+        "0.02 x 0.08 m, 6.25e+05 A/m^2."
+    ) in said.out + said.err
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('{shape = "spiral"}', "coils.winding.shape must be one of 'path', 'circular', 'racetrack', 'straight_limb'"),
+        (f'{{shape = "circular", {PLACE}{SECTION}}}', "coils.winding.radius is missing"),
+        (f'{{shape = "circular", {PLACE}radius = 0.005, {SECTION}}}', "coils.winding: the radius, 0.005 m, must be"),
+        (f'{{shape = "circular", {PLACE}radius = 0.04, {SECTION}}}', "the coil 'winding' meets 'limb', which is iron"),
+        (f'{{shape = "circular", {PLACE}radius = 0.2, {SECTION}}}', "the coil 'winding' leaves the mesh at"),
+        (
+            '{shape = "circular", centre = [0, 0], axis = [0, 0, 1], radius = 1, section = [1, 1], ampere_turns = 1}',
+            "coils.winding.centre must be [a finite number, a",
+        ),
+    ],
+)
+def test_bad_coils_are_refused_before_anything_is_solved(text, said, folder, capsys):
+    (folder / "case.toml").write_text(CASE.replace("COIL", text))
+    assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+
+
+def test_coils_are_for_tetrahedra(folder, capsys):
+    text = CASE.replace("COIL", next(iter(SHAPES))).replace("[materials.limb]", "depth = 2.0\n[materials.limb]")
+    (folder / "case.toml").write_text(text)
+    assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 2
+    assert "depth: for meshes of triangles only, but the case has coils, for tetrahedra" in capsys.readouterr().err
+
+
+def test_a_case_with_a_coil_is_solved(folder):
+    (folder / "case.toml").write_text(CASE.replace("COIL", next(iter(SHAPES))))
+    case = read_case(folder / "case.toml")
+    field = case.problem.solve(fitting_mesh(case))
+    assert field.energy > 0.0

@@ -1,0 +1,71 @@
+"""Coils in cuts, from outside and in the view of a report."""
+
+import base64
+import zlib
+
+import numpy as np
+import pytest
+from helpers.magnet_solids import blocks
+from matplotlib.collections import LineCollection, PolyCollection
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Coil, MagneticScalarPotential, Material
+from kohonen_adapt.mesh.slicing import cut_triangles
+from kohonen_adapt.plotting import plot_slice, plot_surface
+from kohonen_adapt.report.scene import view_data
+
+COIL = Coil.racetrack((0.0, 0.0, 0.1), (0.0, 0.0, 1.0), 1.6, 1.2, 0.3, (0.2, 0.5), 10.0)
+T = np.linspace(-2.0, 2.0, 6)
+
+
+def length_of(segments):
+    return np.hypot(*(segments[:, 1] - segments[:, 0])).sum()
+
+
+@pytest.mark.parametrize(("point", "normal"), [((0.0, 0.1, 0.0), (0.0, 1.0, 0.0)), ((0.1, 0.0, 0.0), (-3.0, 0.0, 0.0))])
+def test_a_cut_across_the_winding_is_two_rectangles(point, normal):
+    segments = cut_triangles(COIL.winding.surface, ka.Plane(point, normal))
+    assert length_of(segments) == pytest.approx(4.0 * (COIL.width + COIL.height))
+    low, high = segments.reshape(2, -1).min(axis=1), segments.reshape(2, -1).max(axis=1)
+    half = 0.9 if normal[1] else 0.7  # half of the outer length or width
+    np.testing.assert_allclose([low, high], [[-half, -0.15], [half, 0.35]])
+
+
+def test_a_cut_along_the_winding_is_its_outline():
+    segments = cut_triangles(COIL.winding.surface, ka.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)))
+    straight = 2.0 * (1.6 + 1.2 - 4.0 * 0.3)
+    assert length_of(segments) == pytest.approx(2.0 * (straight + 2.0 * np.pi * 0.3), rel=1e-3)
+    assert not cut_triangles(COIL.winding.surface, ka.Plane((0.0, 0.0, 2.0), (0.0, 0.0, 1.0))).size
+
+
+def test_pictures_have_coils():
+    mesh = blocks([T, T, T], {})
+    ax = plot_slice(mesh, ka.Plane((0.0, 0.1, 0.0), (0.0, 1.0, 0.0)), coils=[COIL, COIL], unit="mm")
+    lines = [each for each in ax.collections if isinstance(each, LineCollection)]
+    ends = np.array(lines[-1].get_segments())
+    np.testing.assert_allclose([ends.min(), ends.max()], [-900.0, 900.0])
+    plain = len(plot_surface(mesh).collections)
+    drawn = [each for each in plot_surface(mesh, coils=[COIL]).collections if isinstance(each, PolyCollection)]
+    assert len(drawn) == plain + 1 and len(drawn[-1].get_paths()) == 4
+
+
+def test_the_view_of_a_report_has_the_section():
+    mesh = blocks([T, T, T], {})
+    problem = MagneticScalarPotential({"air": Material()}, {"outer": 0.0}, coils={"winding": COIL})
+    result = ka.adapt(mesh, problem, passes=0)
+    common = {"point_data": {}, "cell_data": {}, "indicator_label": "", "why": [], "unit": "m", "axisymmetric": False}
+    plane = ka.Plane((0.0, 0.1, 0.0), (0.0, 1.0, 0.0))
+    with_coil, without = (
+        view_data({"before": result}, plane=plane, coils=coils, **common)["meshes"][0] for coils in ([COIL], [])
+    )
+
+    def unpacked(text, dtype):
+        raw = np.frombuffer(zlib.decompress(base64.b64decode(text["data"])), dtype=np.uint8)
+        return raw.reshape(4, -1).T.copy().view(dtype).ravel()
+
+    lines = unpacked(with_coil["outline"], np.uint32).reshape(-1, 2)[
+        len(unpacked(without["outline"], np.uint32)) // 2 :
+    ]
+    x, y = (unpacked(with_coil[name], np.float32) for name in "xy")
+    assert np.hypot(np.diff(x[lines]), np.diff(y[lines])).sum() == pytest.approx(2.8, rel=1e-5)
+    assert lines.max() == len(x) - 1
