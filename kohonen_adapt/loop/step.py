@@ -10,6 +10,7 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.movable import MovableMesh, Work
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
@@ -155,7 +156,8 @@ class Adaptation:
             steers = functional is not None and not functional.ritz.shapes_only
             by_energy = steers and number > self.method.passes_by_density
             nodes = settings.growth.nodes(number, functional is not None, record)
-            recycles = not by_energy or nodes != self.movable.nnodes
+            drift = drift_of_nodes(self.method.dim, self.order) * nodes
+            recycles = not by_energy or abs(nodes - self.movable.nnodes) > drift
             held = None if functional is None else self.method.held_in_polish(self.movable, functional)
             moved = self.method.move(self.movable, density, functional, estimate, settings, number, nodes, recycles)
             return moved if held is None else replace(moved, held_in_polish=int(held.sum()))

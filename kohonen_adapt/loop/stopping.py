@@ -8,6 +8,7 @@ import numpy as np
 
 from kohonen_adapt.checks import check_count, check_hook
 from kohonen_adapt.geometry.plane.movable import Work
+from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.step_timer import StepFailed
@@ -144,7 +145,8 @@ class StopTest:
 def with_remarks(ending: Ending, passes: Passes, best: Pass, settings: Settings, norm: str) -> Ending:
     remarks = [_choice_remark(passes, best), _resolution_remark(passes, best), _polish_remark(passes, settings, norm)]
     if ending.status in UNINTERRUPTED:
-        remarks.append(settings.growth.shortfall_message(passes[-1].mesh.nvertices))
+        drift = drift_of_nodes(passes[-1].mesh.dim(), passes[-1].order)
+        remarks.append(settings.growth.shortfall_message(passes[-1].mesh.nvertices, drift))
     return replace(ending, message=" ".join([ending.message, *filter(None, remarks)]))
 
 

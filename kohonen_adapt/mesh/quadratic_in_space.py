@@ -12,7 +12,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES
 from kohonen_adapt.mesh.cells import TETRAHEDRON
-from kohonen_adapt.mesh.host import ascending, keys_of
+from kohonen_adapt.mesh.host import ascending, keys_of, number_edges
 
 __all__ = [
     "FIRST",
@@ -28,6 +28,7 @@ FIRST, SECOND = EDGES[:, 0], EDGES[:, 1]  # corners of the six edges
 
 
 def edges_of_elements(mesh: MeshTet, node: Ints) -> Ints:
+    number_edges(mesh)
     count = int(mesh.nvertices)
     own = keys_of(ascending(node[:, FIRST], node[:, SECOND]), count)
     return np.searchsorted(keys_of(ascending(*mesh.edges), count), own)

@@ -189,10 +189,10 @@ class Trial(NamedTuple):
 
 @record
 class SolidBlock(NamedTuple):
-    """Scratch for elements of order 2 and the unknowns that change with a node or a cavity.
+    """Scratch for the unknowns of order 2 that change with a node or a cavity.
 
-    Rows of elements are those around a node, or of `Cavity.new`. Functions of an element are those of its corners, then
-    of its edges in the order of `EDGES`. Rows of edges are used by index or, for edges at one node, by far end.
+    Rows of elements are those around a node, or of `Cavity.new`. Functions of an element belong to the corners, then to
+    the edges in the order of `EDGES`. Rows of edges are used by index, or by far end for edges at a node.
     """
 
     unknowns: np.ndarray  # (1,) int64: number of unknowns

@@ -32,7 +32,14 @@ from kohonen_adapt.kernels.tetrahedron import (
     swap,
     train,
 )
-from kohonen_adapt.kernels.tetrahedron.polish import descend, descend_order2, energy_recycle, swap_by_energy
+from kohonen_adapt.kernels.tetrahedron.polish import (
+    descend,
+    descend_order2,
+    energy_recycle,
+    exchange_order2,
+    swap_by_energy,
+    swap_order2,
+)
 
 __all__ = ["SPACE"]
 
@@ -90,7 +97,15 @@ SPACE: dict[str, tuple[Entry, ...]] = {
         Entry(energy_recycle.weigh_collapses, OPEN_TETRAHEDRA, TRIAL, OFFERS, float64, float64, int64, int64),
         Entry(energy_recycle.exchange, OPEN_TETRAHEDRA, TRIAL, QUEUE, OFFERS, I2, R1, L1, float64, float64),
     ),
-    "space polish of order 2": (Entry(descend_order2.descend_nodes_order2, KERNEL_MESH, QUADRATIC, I1, float64),),
+    "space polish of order 2": (
+        Entry(descend_order2.descend_nodes_order2, KERNEL_MESH, QUADRATIC, I1, float64),
+        Entry(swap_order2.swap_downhill_order2, OPEN_TETRAHEDRA, QUADRATIC, QUEUE, B1, float64, float64, int64),
+        Entry(exchange_order2.weigh_splits_order2, OPEN_TETRAHEDRA, QUADRATIC, OFFERS, int64, float64, int64, int64),
+        Entry(
+            exchange_order2.weigh_collapses_order2, OPEN_TETRAHEDRA, QUADRATIC, OFFERS, float64, float64, int64, int64
+        ),
+        Entry(exchange_order2.exchange_order2, OPEN_TETRAHEDRA, QUADRATIC, OFFERS, I2, R1, L1, L1, float64, float64),
+    ),
     "space carrying": (
         Entry(locate.walk_each, R2, TETRAHEDRA, R2, I1, B1),
         Entry(locate.barycentric, R2, I2, R2, I1, R2),

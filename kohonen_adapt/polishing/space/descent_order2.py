@@ -1,23 +1,42 @@
 """Descent of a functional of order 2 on an open mesh of tetrahedra."""
 
 from dataclasses import dataclass, field, replace
+from threading import get_ident
 from typing import ClassVar, Self
 
 import numpy as np
 
-from kohonen_adapt.arrays import padded
+from kohonen_adapt.arrays import Floats, Ints, padded, sorted_below
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.geometry.space.thread_parts import Parts
 from kohonen_adapt.kernels.arrays import KernelMesh, Modes
-from kohonen_adapt.kernels.tetrahedron.arrays import Quadratic, SolidBlock
+from kohonen_adapt.kernels.tetrahedron.arrays import PLANE, Cavity, Offers, OpenTetrahedra, Quadratic, Queue, SolidBlock
+from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES
 from kohonen_adapt.kernels.tetrahedron.polish.descend_order2 import descend_nodes_order2
-from kohonen_adapt.kernels.threads import Nodes
+from kohonen_adapt.kernels.tetrahedron.polish.exchange_order2 import (
+    SCRATCH_ROWS,
+    exchange_order2,
+    weigh_collapses_order2,
+    weigh_splits_order2,
+)
+from kohonen_adapt.kernels.tetrahedron.polish.swap_order2 import swap_downhill_order2
+from kohonen_adapt.kernels.tetrahedron.swap import enter_worse
+from kohonen_adapt.kernels.threads import Nodes, even_cuts, shared
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.space.descent import Descent
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
+from kohonen_adapt.polishing.space.surgery_in_space import offers_of
 
 __all__ = ["QuadraticDescent"]
+
+ANY_QUALITY = 2.0  # above the quality of all elements
+LOOKS = 10_000  # elements per compiled call, because Ctrl-C is handled between calls only
+FEW, PART = 1_000, 5_000  # nodes per thread at least, and per compiled call
+SPLITS = 10_000  # edges per compiled call
+SPARE, MORE = 4, 2 * SCRATCH_ROWS  # spare rows per node (inverse), and further spare rows
+EXCHANGES = 3  # per recycling
+MARGIN = 1.2  # smallest gain of a split per unknown, relative to the cost of its collapses
 
 
 @dataclass(frozen=True)
@@ -28,12 +47,19 @@ class QuadraticDescent(Descent):
     ----------
     modes
         Coefficients of the edges of all elements.
+    size
+        Number of unknowns at the start, up to a constant.
     blocks
         Scratch by thread.
+    price
+        Functional per unknown at which gains of splits and costs of collapses are equal, (1,). nan before gains are
+        known.
     """
 
     modes: Modes
+    size: int
     blocks: dict[int, SolidBlock] = field(default_factory=dict)
+    price: Floats = field(default_factory=lambda: np.full(1, np.nan))
 
     sweeps_per_swap: ClassVar[int] = 2
 
@@ -41,14 +67,16 @@ class QuadraticDescent(Descent):
     def of(cls, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction) -> "QuadraticDescent":
         if trial.modes is None:
             raise TypeError("a descent of order 2 requires coefficients of edges")
-        opened = OpenSolid.of(movable, np.ones(movable.nnodes))
+        opened = OpenSolid.of(movable, np.ones(movable.nnodes), movable.nnodes + movable.nnodes // SPARE + MORE)
         nodes, elements = len(opened.mesh.position), len(opened.mesh.elements.node)
         own = functional.trial(padded(trial.values, nodes, 0.0), padded(trial.fixed, nodes, False))
         modes = Modes(*(padded(array, elements, 0) for array in trial.modes))
-        return cls(opened, functional, own, movable.floor, movable.flips, np.zeros((elements, 2)), modes)
+        return cls(
+            opened, functional, own, movable.floor, movable.flips, np.zeros((elements, 2)), modes, size_of(opened.mesh)
+        )
 
     def copy(self) -> Self:
-        return replace(super().copy(), modes=Modes(*(array.copy() for array in self.modes)), blocks={})
+        return replace(super().copy(), modes=Modes(*(array.copy() for array in self.modes)), price=self.price.copy())
 
     def value(self) -> float:
         mesh = self.opened.mesh
@@ -56,15 +84,82 @@ class QuadraticDescent(Descent):
             mesh.position, mesh.elements, TrialFunction(self.trial.value, self.trial.fixed, self.modes)
         )
 
-    def quadratic(self, thread: int) -> Quadratic:
+    def quadratic(self) -> Quadratic:
+        thread = get_ident()
         block = self.blocks.get(thread) or self.blocks.setdefault(thread, SolidBlock.of())
         return Quadratic(self.trial, self.modes, self.functional.dirichlet[: self.functional.patches], block)
 
     def descend_nodes(self, thread: int, mesh: KernelMesh, nodes: Nodes) -> float:
-        return float(descend_nodes_order2(mesh, self.quadratic(thread), nodes, self.floor**3))
+        return float(descend_nodes_order2(mesh, self.quadratic(), nodes, self.floor**3))
 
     def swap(self, parts: Parts) -> float:
-        return 0.0
+        if not self.swaps:
+            return 0.0
+        self.sample_source()
+        mesh, queue, charge = self.opened.mesh, self.opened.queue, self.charge()
+        free = (mesh.surfaces.shape == PLANE) & ~self.functional.held[: self.functional.patches]
+        enter_worse(mesh, queue, ANY_QUALITY)
+
+        def swap(part: OpenTetrahedra, own: Queue) -> float:
+            return float(swap_downhill_order2(part, self.quadratic(), own, free, charge, self.floor**3, LOOKS)[1])
+
+        return parts.work_off(queue, swap)
+
+    def charge(self) -> float:
+        if np.isnan(self.price[0]):
+            self.weigh()
+        return float(self.price[0])
+
+    def weigh(self) -> tuple[Offers, Ints, Ints]:
+        mesh, floor = self.opened.mesh, self.floor**3
+        offers = offers_of(mesh, self.functional, self.trial)._replace(
+            open=~self.functional.held[: self.functional.patches]
+        )
+        count = len(mesh.position)
+        cuts, rows = even_cuts(count, max(FEW, count // SCRATCH_ROWS)), (len(mesh.position), len(mesh.elements.node))
+        own = [mesh, *(mesh._replace(cavity=Cavity.of(*rows)) for _ in cuts[2:])]
+        spare = mesh.pool.free_nodes[mesh.pool.height[0] - len(cuts) : mesh.pool.height[0]]
+
+        def weigh_edges(thread: int, first: int, last: int) -> None:
+            for v in range(first, last, PART):
+                part = v, min(v + PART, last)
+                weigh_splits_order2(own[thread], self.quadratic(), offers, int(spare[thread]), floor, *part)
+
+        shared(weigh_edges, cuts)
+        most = float(offers.gain.max())
+
+        def weigh_nodes(thread: int, first: int, last: int) -> None:
+            for v in range(first, last, PART):
+                part = v, min(v + PART, last)
+                weigh_collapses_order2(own[thread], self.quadratic(), offers, most, floor, *part)
+
+        shared(weigh_nodes, cuts)
+        edges, nodes = sorted_below(-offers.gain.ravel(), 0.0), sorted_below(offers.cost, most)
+        gains, costs = np.append(offers.gain.ravel()[edges], 0.0), np.append(offers.cost[nodes], most)
+        count = min(len(gains), len(costs))
+        self.price[0] = gains[np.argmax(gains[:count] <= costs[:count])]
+        return offers, edges, nodes
+
+    def added(self) -> int:
+        return size_of(self.opened.mesh) - self.size
 
     def recycle(self) -> tuple[int, float]:
-        return 0, 0.0
+        self.sample_source()
+        mesh, total, decrease = self.opened.mesh, 0, 0.0
+        for _ in range(EXCHANGES):
+            offers, edges, nodes = self.weigh()
+            ends = mesh.elements.node[edges[:, None] // 6, EDGES[edges % 6, :2]]
+            gains, state = offers.gain.ravel()[edges], np.array([self.added(), 0])
+            for first in range(0, len(edges), SPLITS):
+                rows = slice(first, first + SPLITS)
+                lists = ends[rows], gains[rows], nodes, state
+                splits, _, fall = exchange_order2(mesh, self.quadratic(), offers, *lists, MARGIN, self.floor**3)
+                total, decrease = total + splits, decrease + fall
+        return total, decrease
+
+
+def size_of(mesh: OpenTetrahedra) -> int:
+    # By Euler's formula V - E + F - T is constant, and 2 F = 4 T + B with B outer faces, so V + E is 2 V + T + B / 2.
+    used = mesh.elements.node[:, 0] >= 0
+    outer = int(np.count_nonzero(mesh.elements.neighbour[used] < 0))
+    return 2 * int(np.count_nonzero(mesh.pool.anchor >= 0)) + int(np.count_nonzero(used)) + outer // 2

@@ -17,15 +17,10 @@ from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, source_aro
 from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import BLOCK, POSITION, add_element, clear
 from kohonen_adapt.kernels.tetrahedron.surfaces import slid
 
-
-def edges_from_corners():
-    number = np.zeros((4, 4), dtype=np.int64)
-    number[EDGES[:, 0], EDGES[:, 1]] = number[EDGES[:, 1], EDGES[:, 0]] = np.arange(6)
-    corners = np.column_stack([np.arange(4), OPPOSITE])
-    return number[corners[:, EDGES[:, 0]], corners[:, EDGES[:, 1]]]
-
-
-EDGES_FROM = edges_from_corners()
+EDGE_OF = np.full((4, 4), -1)  # edge between two corners
+EDGE_OF[EDGES[:, 0], EDGES[:, 1]] = EDGE_OF[EDGES[:, 1], EDGES[:, 0]] = np.arange(6)
+ORDERS = np.column_stack([np.arange(4), OPPOSITE])
+EDGES_FROM = EDGE_OF[ORDERS[:, EDGES[:, 0]], ORDERS[:, EDGES[:, 1]]]  # edges between the corners (k, *OPPOSITE[k])
 
 
 @kernel

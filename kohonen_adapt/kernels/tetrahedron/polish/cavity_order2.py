@@ -1,0 +1,132 @@
+"""P2 functions on the elements that surgery removes and inserts.
+
+Every element has the coefficients of its own edges. Edges of new elements are those of removed elements, or new. The
+coefficients of new edges are eliminated, with all other unknowns fixed, and stored when the elements are.
+"""
+
+import numpy as np
+
+from kohonen_adapt.kernels.elimination import eliminate, substitute_back
+from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.tetrahedron.arrays import UNKNOWNS
+from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, gather_edge
+from kohonen_adapt.kernels.tetrahedron.polish.energy import source_along
+from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import BLOCK, VALUE, add_element, clear
+
+
+@inner_kernel
+def corners_of(node, e):
+    return np.int64(node[e, 0]), np.int64(node[e, 1]), np.int64(node[e, 2]), np.int64(node[e, 3])
+
+
+@inner_kernel
+def energy_of_old(mesh, quadratic, count, a, b):
+    # Return magnitude and functional of the elements to remove, and its minimum by edge ab.
+    # The source is that along the edge.
+    trial, modes, block, node = quadratic.trial, quadratic.modes, quadratic.block, mesh.elements.node
+    own, magnitude, total = trial.value[a], 0.0, 0.0
+    clear(block, 1)
+    for i in range(count):
+        e = np.int64(mesh.cavity.old[i])
+        for k in range(4):
+            block.local[i, k], block.dof[i, k] = trial.value[node[e, k]] - own, -1
+        for k in range(6):
+            p, q = node[e, EDGES[k, 0]], node[e, EDGES[k, 1]]
+            is_removed = ((p == a and q == b) or (p == b and q == a)) and not modes.dirichlet[e, k]
+            block.local[i, 4 + k], block.dof[i, 4 + k] = modes.side[e, k, 0], 0 if is_removed else -1
+        region = mesh.elements.region[e]
+        load = source_along(trial, region, a, b)
+        part = add_element(mesh.position, trial, block, i, region, load, corners_of(node, e), BLOCK)
+        magnitude, total = magnitude + part[0], total + part[1]
+    gain = 0.5 * block.rest[0] * block.rest[0] / block.stiffness[0, 0] if block.stiffness[0, 0] > 0.0 else 0.0
+    return magnitude, total, total - gain
+
+
+@inner_kernel
+def least_energy(mesh, quadratic, count, unknowns, a, b):
+    # Return the functional of the elements to insert, and its minimum over the unknowns, inf if this fails.
+    trial, block, total = quadratic.trial, quadratic.block, 0.0
+    clear(block, unknowns)
+    for i in range(count):
+        region = mesh.cavity.region[i]
+        load, corners = source_along(trial, region, a, b), corners_of(mesh.cavity.new, i)
+        wanted = BLOCK if unknowns > 0 else VALUE
+        total += add_element(mesh.position, trial, block, i, region, load, corners, wanted)[1]
+    solved, square = eliminate(block.stiffness, block.rest, block.mixed, 0, 0, unknowns)
+    return total, (total - 0.5 * square if solved else np.inf)
+
+
+@inner_kernel
+def find_edge(block, edges, p, q):
+    low, high, row = min(p, q), max(p, q), 0
+    while row < edges and not (block.end[row, 0] == low and block.end[row, 1] == high):
+        row += 1
+    return row
+
+
+@inner_kernel
+def list_edges(mesh, quadratic, count):
+    # List the edges of the elements to remove, and return their number, -1 if too many.
+    block, modes, node, edges = quadratic.block, quadratic.modes, mesh.elements.node, 0
+    for i in range(count):
+        e = np.int64(mesh.cavity.old[i])
+        for k in range(6):
+            p, q = node[e, EDGES[k, 0]], node[e, EDGES[k, 1]]
+            if find_edge(block, edges, p, q) < edges:
+                continue
+            if edges == UNKNOWNS // 2:
+                return -1
+            block.end[edges, 0], block.end[edges, 1] = min(p, q), max(p, q)
+            block.mode[edges], block.edge_dof[edges] = modes.side[e, k, 0], -1
+            block.edge_given[edges] = modes.dirichlet[e, k]
+            edges += 1
+    return edges
+
+
+@inner_kernel
+def gather_new(mesh, quadratic, count, known, own, base):
+    # Gather the elements to insert, and return the numbers of edges and of unknowns.
+    # New edges follow the `known` edges, and have unknown coefficients. `base` is a new edge on a patch with linear
+    # Dirichlet values, (-1, -1) for none.
+    block, node, edges, unknowns = quadratic.block, mesh.cavity.new, known, 0
+    for i in range(count):
+        for k in range(4):
+            block.local[i, k], block.dof[i, k] = quadratic.trial.value[node[i, k]] - own, -1
+        for k in range(6):
+            p, q = node[i, EDGES[k, 0]], node[i, EDGES[k, 1]]
+            row = find_edge(block, edges, p, q)
+            if row == edges:
+                given = min(p, q) == min(base[0], base[1]) and max(p, q) == max(base[0], base[1])
+                block.end[row, 0], block.end[row, 1], block.mode[row] = min(p, q), max(p, q), 0.0
+                block.edge_given[row], block.edge_dof[row] = given, -1 if given else unknowns
+                edges, unknowns = edges + 1, unknowns + (0 if given else 1)
+            block.local[i, 4 + k], block.dof[i, 4 + k] = block.mode[row], block.edge_dof[row]
+            block.given[i, k] = block.edge_given[row]
+    return edges, unknowns
+
+
+@inner_kernel
+def are_new(mesh, block, known, edges):
+    for row in range(known, edges):
+        if gather_edge(mesh, np.int64(block.end[row, 0]), np.int64(block.end[row, 1]), mesh.cavity.around_other) != 0:
+            return False
+    return True
+
+
+@inner_kernel
+def solve_unknowns(block):
+    count = block.unknowns[0]
+    for i in range(count):
+        block.correction[i] = -block.rest[i]
+    substitute_back(block.stiffness, block.correction, 0, count)
+
+
+@inner_kernel
+def store_new(mesh, quadratic, count):
+    block, modes = quadratic.block, quadratic.modes
+    for i in range(count):
+        e = np.int64(mesh.cavity.made[i])
+        for k in range(6):
+            mode, dof = block.local[i, 4 + k], block.dof[i, 4 + k]
+            modes.side[e, k, 0] = mode + block.correction[dof] if dof >= 0 else mode
+            modes.dirichlet[e, k] = block.given[i, k]

@@ -1,0 +1,122 @@
+"""Swaps and exchanges of tetrahedra at order 2: gains are falls of the functional of a continuous function."""
+
+import numpy as np
+import pytest
+from helpers.quadratic_solids import PAIRS, QuadraticDiffusion
+from helpers.solids import box, volumes
+from numba import config
+from skfem import MeshTet
+
+import kohonen_adapt as ka
+from kohonen_adapt import Rules
+from kohonen_adapt.geometry.movable import unchanged
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.mesh.polynomials import count_unknowns
+from kohonen_adapt.polishing.space.polish_in_space import descend_and_recycle_in_space, descent_of
+from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
+from kohonen_adapt.problem.functional_value import functional_value
+
+FLOOR = 0.2
+
+
+def graded(seed, cells=(4, 4, 3)):
+    """The unit cube in two halves with named sides, refined towards a corner, and a problem on it."""
+    rng, mesh = np.random.default_rng(seed), box(*cells)
+    p = mesh.p.copy()
+    shift = 0.2 * rng.uniform(-1, 1, p.shape) / np.array(cells)[:, None]
+    p += np.where((p > 0) & (p < 1) & (p != 0.5), shift, 0.0)
+    p = p ** np.array([1.6, 1.3, 1.0])[:, None]
+    sides = {f"side{2 * d + k}": lambda x, d=d, k=k: x[d] == float(k) for d in range(3) for k in range(2)}
+    halves = {"left": lambda x: x[0] < 0.5**1.6, "right": lambda x: x[0] > 0.5**1.6}
+    return MeshTet(p, mesh.t).with_boundaries(sides).with_subdomains(halves), QuadraticDiffusion.random(seed)
+
+
+def start(seed):
+    mesh, problem = graded(seed)
+    solid = MovableSolid.of(mesh, Rules())
+    functional = SolidFunctional.of(problem.ritz(mesh, problem.solve(mesh)), solid, mesh)
+    return mesh, problem, solid, functional, descent_of(solid, functional, functional.solution.copy())
+
+
+def is_continuous(descent):
+    """Every edge has one coefficient and one Dirichlet mask in all of its elements."""
+    node = descent.opened.mesh.elements.node
+    rows = np.flatnonzero(node[:, 0] >= 0)
+    key = np.unique(np.sort(node[rows][:, PAIRS], axis=2).reshape(-1, 2), axis=0, return_inverse=True)[1].ravel()
+    pairs = descent.modes.side[rows, :, 0].ravel(), descent.modes.dirichlet[rows].ravel().astype(float)
+    for values in pairs:
+        low, high = np.full(key.max() + 1, np.inf), np.full(key.max() + 1, -np.inf)
+        np.minimum.at(low, key, values)
+        np.maximum.at(high, key, values)
+        if not np.array_equal(low, high):
+            return False
+    return True
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_gains_are_falls_of_the_functional(seed):
+    _, _, _, functional, descent = start(seed)
+    size, done = abs(descent.value()) + 1.0, []
+    steps = (
+        lambda: descent.swap(descent.opened.parts()),
+        lambda: descent.recycle()[1],
+        lambda: descent.sweep(descent.opened.parts(), freedom_of(functional, descent)),
+        lambda: descent.swap(descent.opened.parts()),
+    )
+    for step in steps:
+        before = descent.value()
+        done.append(step())
+        assert done[-1] >= 0.0 and before - descent.value() == pytest.approx(done[-1], abs=1e-11 * size)
+        assert is_continuous(descent)
+    assert done[0] > 0.0 or done[1] > 0.0
+
+
+def freedom_of(functional, descent):
+    return functional.freedom(descent.opened.mesh.freedom, descent.trial.fixed)
+
+
+def test_swaps_and_exchanges_happen():
+    swapped = exchanged = 0
+    for seed in range(6):
+        *_, descent = start(seed)
+        swapped += descent.swap(descent.opened.parts()) > 0.0
+        exchanged += descent.recycle()[0]
+    assert swapped > 3 and exchanged > 10
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_round_keeps_the_body_and_lowers_the_functional_of_the_next_solution(seed):
+    mesh, problem, solid, functional, _ = start(seed)
+    before, begin = functional_value(mesh, functional.ritz), unchanged(solid.tetrahedralization)
+    recycled, gain = descend_and_recycle_in_space(solid, functional, functional.solution.copy(), begin, (2, 2))
+    after, old = solid.mesh(), recycled.old
+    ritz = problem.ritz(after, problem.solve(after))
+    near = 1e-11 * (np.abs(ritz.values).max() * abs(before) + 1.0)
+    assert functional.comparable and functional_value(after, ritz) <= before - gain + near
+    assert len(old) == after.nvertices and len(np.unique(old[old >= 0])) == np.count_nonzero(old >= 0)
+    assert abs(count_unknowns(after, 2) - count_unknowns(mesh, 2)) < 0.03 * count_unknowns(mesh, 2)
+    assert ka.quality(after).min() >= min(FLOOR, ka.quality(mesh).min()) - 1e-12
+    for name in ("left", "right"):
+        own = [np.abs(volumes(each))[each.subdomains[name]].sum() for each in (mesh, after)]
+        assert own[1] == pytest.approx(own[0], rel=1e-11)
+    assert areas(after) == pytest.approx(areas(mesh), rel=1e-11)
+
+
+def areas(mesh):
+    corners = mesh.p[:, mesh.facets]
+    size = np.linalg.norm(np.cross(*(corners[:, k] - corners[:, 0] for k in (1, 2)), axis=0), axis=0) / 2.0
+    return {name: size[np.asarray(rows)].sum() for name, rows in mesh.boundaries.items()}
+
+
+def test_the_number_of_threads_changes_nothing(monkeypatch):
+    meshes = []
+    for threads in (1, 3):
+        monkeypatch.setattr(config, "NUMBA_NUM_THREADS", threads)
+        mesh, problem = graded(1, (12, 12, 12))
+        solid = MovableSolid.of(mesh, Rules())
+        functional = SolidFunctional.of(problem.ritz(mesh, np.zeros(count_unknowns(mesh, 2))), solid, mesh)
+        begin = unchanged(solid.tetrahedralization)
+        descend_and_recycle_in_space(solid, functional, functional.solution.copy(), begin, (2, 2))
+        meshes.append(solid.mesh())
+    np.testing.assert_array_equal(meshes[0].p, meshes[1].p)
+    np.testing.assert_array_equal(meshes[0].t, meshes[1].t)
