@@ -12,7 +12,7 @@ import kohonen_adapt as ka
 from benchmarks.checks import drift, spread, sweeps
 from benchmarks.checks.reference_round import reference_round
 from benchmarks.peers import compare, report
-from benchmarks.problems import c_core, c_core_reference, l_shape, ring
+from benchmarks.problems import c_core, c_core_reference, l_shape, published, ring
 from benchmarks.problems.c_core import CCore, c_core_mesh
 from benchmarks.problems.cases import cases
 from benchmarks.problems.helmholtz import square_mesh
@@ -41,6 +41,19 @@ def test_uniform_error_of_helmholtz():
     outcome = compare.uniform(case)
     assert outcome.mesh.p.shape[1] == 441
     assert outcome.figures["L2 error"] == pytest.approx(0.010234, abs=5e-7)
+
+
+@pytest.mark.parametrize("name", published.COSINES)
+def test_published_problems_converge_in_l2(name):
+    errors = [error(*published.cosines(name, squares)) for squares in (20, 40)]
+    assert 3.8 < errors[0] / errors[1] < 4.1
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_published_gaussians_converge_in_l2(number):
+    problem, mesh = published.gaussians(number)
+    errors = [error(problem, each) for each in (mesh, mesh.refined())]
+    assert 3.6 < errors[0] / errors[1] < 4.1
 
 
 def test_uniform_spread_of_the_ring():
