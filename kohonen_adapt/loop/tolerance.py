@@ -63,7 +63,10 @@ class Tolerance:
         return {} if self.output_rtol is None else dict.fromkeys(last.outputs, self.output_rtol)
 
     def reached_text(self, last: Pass) -> str:
-        reached = [f"estimate {last.estimate_text} within the tolerance {text}" for text in self._of_estimate(last)]
+        doubt = "" if last.calibrated or last.goal is not None else " (not calibrated)"
+        reached = [
+            f"estimate {last.estimate_text}{doubt} within the tolerance {text}" for text in self._of_estimate(last)
+        ]
         return " and ".join([*reached, *self._errors_text(last)])
 
     def _of_estimate(self, last: Pass) -> list[str]:

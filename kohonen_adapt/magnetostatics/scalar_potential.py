@@ -148,17 +148,17 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         object.__setattr__(self, "coils", checked_coils(self.coils))
 
     @property
+    def calibrated(self) -> bool:
+        """True if an estimate approximates the error in the energy norm, not with a goal."""
+        return self.goal is None
+
+    @property
     def goal_unit(self) -> str:
         """Unit of the values of the goal, an empty string without a goal.
 
         The values are totals.
         """
         return unit_of_goal(self.goal, per_metre=False)
-
-    @property
-    def calibrated(self) -> bool:
-        """True for the estimator "bracket", whose estimate is close to the error."""
-        return self.estimator == "bracket"
 
     @property
     def vector_potential(self) -> MagneticVectorPotential:

@@ -415,6 +415,11 @@ def test_converged_within_the_tolerance(tolerances, number, tolerance):
     )
 
 
+def test_an_estimate_that_is_not_calibrated_is_called_so():
+    result = adapt(MESH, Script([4.0, 1.0], calibrated=False), passes=2, atol=2.0)
+    assert "after 1 pass: estimate 1 (not calibrated) within the tolerance 2." in result.message
+
+
 def test_a_tolerance_that_is_missed():
     result = adapt(MESH, Script([4.0, 3.0]), passes=1, rtol=1e-3)
     assert result.status is Status.MAX_PASSES

@@ -20,6 +20,7 @@ from kohonen_adapt.magnetostatics import (
     Torque,
 )
 from kohonen_adapt.magnetostatics.solid_estimation import primal_and_dual
+from kohonen_adapt.problem.functional_value import functional_value
 
 AIR = Material()
 PLACES = {"a": ((-0.010, -0.010, -0.005), (0.010, 0.010, 0.005)), "b": ((-0.006, -0.010, 0.010), (0.014, 0.010, 0.020))}
@@ -152,6 +153,22 @@ def test_a_goal_of_ones_own():
     assert square.goal_error(field) == pytest.approx(factor * plain.goal_error(field), rel=1e-9)
     wanted = np.sqrt(abs(factor)) * plain.indicators(mesh, field)
     np.testing.assert_allclose(square.indicators(mesh, field), wanted, rtol=1e-6, atol=1e-9 * wanted.max())
+
+
+def test_estimates_are_calibrated_without_a_goal():
+    """The error of an adapted mesh is known from the functionals of finer meshes, by extrapolation."""
+    problem = magnets()[1]
+    assert problem.calibrated and not replace(problem, goal=GOALS["force"]).calibrated
+
+    def value(mesh, field):
+        return functional_value(mesh, problem.ritz(mesh, field))
+
+    coarse, middle, fine = (value(mesh, problem.solve(mesh)) for mesh in map(cuboids, (0.005, 0.0025, 0.00125)))
+    exact = fine - (middle - fine) ** 2 / (coarse - 2.0 * middle + fine)
+    result = ka.adapt(cuboids(0.0033), problem, passes=2)
+    error = np.sqrt(2.0 * (value(result.mesh, result.solution) - exact))
+    assert 0.7 < result.estimate / error < 1.3
+    assert "Energy-norm error %" in str(result)
 
 
 # --- adapted meshes ----------------------------------------------------------------------------------------------
