@@ -6,6 +6,7 @@ from pathlib import Path
 from benchmarks.checks import (
     axis,
     budget,
+    coils,
     curves,
     drift,
     effectivity,
@@ -98,13 +99,14 @@ CHECKS = {
 
 def main() -> None:
     """Print the comparisons and checks that are asked for, by default the comparisons of all problems."""
-    names = [*PROBLEMS, *CHECKS, "hp", "budget"]
+    names = [*PROBLEMS, *CHECKS, "hp", "budget", "coils"]
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("what", nargs="*", metavar="NAME", help=f"any of {' '.join(names)}")
     parser.add_argument("--seeds", type=int, default=5, help="medians over seeds 0 to SEEDS - 1 (default 5)")
     parser.add_argument("--quick", action="store_true", help="small meshes only")
     parser.add_argument("--three-d", action="store_true", help="peers: on tetrahedra")
     parser.add_argument("--loops", action="store_true", help="hp: NGSolve's adaptive loop, too (slow)")
+    parser.add_argument("--polish", action="store_true", help="coils: the polish beside coils only")
     parser.add_argument("--suite", type=Path, metavar="FILE", help="budget: what pytest printed of the last run")
     parser.add_argument("--warmup", action="store_true", help="budget: compile every kernel to see how long it takes")
     options = parser.parse_args()
@@ -121,6 +123,8 @@ def main() -> None:
                 print(part + "\n", flush=True)
         elif name in CHECKS:
             print(CHECKS[name](range(options.seeds), options.quick) + "\n", flush=True)
+        elif name == "coils":
+            print(coils.report(options.quick, ["polish"] if options.polish else []) + "\n", flush=True)
         elif name == "budget":
             print(budget.report(options.suite, options.warmup) + "\n", flush=True)
         else:

@@ -1,0 +1,81 @@
+"""Measure problems with coils in space."""
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+from skfem import MeshTet
+
+import kohonen_adapt as ka
+from benchmarks.problems.coil_devices import electromagnet, electromagnet_problem, random_blocks, random_problem
+from benchmarks.table import Cell, aligned
+from kohonen_adapt import Rules
+from kohonen_adapt.geometry.movable import unchanged
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.magnetostatics import MagneticScalarPotential
+from kohonen_adapt.polishing.space.polish_in_space import descend_and_recycle_in_space
+from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
+from kohonen_adapt.problem.functional_value import functional_value
+
+RANDOM = 60
+ROUNDING = 1e-8  # of a functional with tabulated laws, relative to its terms
+NODES, PASSES = 4000, 5
+
+
+def polish(quick: bool) -> str:
+    """Estimates with and without the polish at equal nodes, then the certificates of random problems."""
+    cases = {
+        "electromagnet, 1000 A": (electromagnet(1), electromagnet_problem(1000.0)),
+        "electromagnet, 5000 A": (electromagnet(1), electromagnet_problem(5000.0)),
+        "random blocks 2": (random_blocks(2), random_problem(2)),
+    }
+    nodes = 3000 if quick else NODES
+    rows = [[name, nodes, *compared(mesh, problem, nodes)] for name, (mesh, problem) in cases.items()]
+    header = ["polish beside coils", "nodes", "estimate", "polished", "ratio (target 0.8)", "seconds", "polished"]
+    return "\n\n".join([aligned(header, rows), certificates(10 if quick else RANDOM)])
+
+
+def compared(mesh: MeshTet, problem: MagneticScalarPotential, nodes: int) -> list[Cell]:
+    """Relative estimates without and with the polish, their ratio, and seconds of processor time."""
+    found, seconds = [], []
+    for polished in (False, True):
+        start = time.process_time()
+        result = ka.adapt(mesh, problem, passes=PASSES, target_nodes=nodes, polish=polished)
+        seconds.append(time.process_time() - start)
+        best = result.best
+        found.append(float(best.estimate / (best.energy_norm or np.nan)))
+    return [*found, found[1] / found[0], *seconds]
+
+
+def certificates(count: int) -> str:
+    """Random problems whose solutions are stationary before and after a polish that never raises the functional."""
+    stationary = risen = 0
+    falls, estimates = [], []
+    for seed in range(count):
+        mesh, problem = random_blocks(seed), random_problem(seed)
+        field, movable, functional, before = solved(mesh, problem)
+        start, size = unchanged(movable.tetrahedralization), abs(before) + field.energy
+        _, gain = descend_and_recycle_in_space(movable, functional, functional.solution.copy(), start)
+        after, _, _, least = solved(movable.mesh(), problem)
+        stationary += 2
+        risen += not (gain > 0.0 and least <= before - gain + ROUNDING * size)
+        falls.append(gain / size)
+        norms = [np.linalg.norm(problem.indicators(each.mesh, each)) for each in (field, after)]
+        estimates.append(norms[1] / norms[0])
+    header = ["random problems", "stationary solutions", "risen functionals (target 0)", "estimate, median", "worst"]
+    return aligned(header, [[f"{count}", stationary, risen, float(np.median(estimates)), float(max(estimates))]])
+
+
+def solved(mesh, problem):  # type: ignore[no-untyped-def]
+    """The field, the movable mesh, the functional and its value; ValueError if the field is not stationary."""
+    field, movable = problem.solve(mesh), MovableSolid.of(mesh, Rules("recycle"))
+    functional = SolidFunctional.of_solution(problem.ritz(mesh, field), movable, mesh)
+    return field, movable, functional, functional_value(mesh, functional.ritz)
+
+
+def report(quick: bool, parts: Sequence[str] = ()) -> str:
+    """All parts, or those with the given names."""
+    return "\n\n".join(PARTS[name](quick) for name in parts or PARTS)
+
+
+PARTS = {"polish": polish}
