@@ -155,6 +155,29 @@ def test_kernels_and_their_twins(name):
     assert np.array_equal(coil.field_strength(many), np.tile(coil.field_strength(x), 300))
 
 
+@pytest.mark.parametrize("section", [(0.3, 0.4), (1.8, 0.05), (0.02, 1.0), (0.02, 0.02), (0.005, 0.005)])
+def test_the_quadrature_of_arcs_is_as_good_as_said(section):
+    """On and beside the surfaces of thick and of thin windings, against 200 points."""
+    rng, (t, weight) = np.random.default_rng(0), np.polynomial.legendre.leggauss(200)
+    t, weight = 0.5 * (1.0 + t), 0.5 * weight
+    for coil in (
+        Coil.circular((0.0, 0.0, 0.0), AXIS, 1.0, section, 1.0),
+        Coil.racetrack((0.0, 0.0, 0.0), AXIS, 6.0, 4.0, 1.0, section, 1.0),
+    ):
+        _, arcs = source_of(coil.winding, coil.ampere_turns / (coil.width * coil.height))
+        x = rng.uniform(-2.0, 2.0, (3, 300))
+        for depth in (-0.5, -0.49, 0.0, 0.4999, 0.5, 0.51):
+            for height in (-0.5, -0.499, 0.3, 0.5, 0.52):
+                line = coil.winding.offset_path(depth * coil.width)[::5]
+                line = line + 1e-4 * coil.width * rng.normal(size=line.shape)
+                x = np.append(x, coil.winding.in_space(line, height * coil.height), axis=1)
+        found, exact, points = np.zeros(x.T.shape), np.zeros(x.T.shape), np.ascontiguousarray(x.T)
+        add_arcs(arcs, points, 0, len(points), found)
+        fine = arcs._replace(fraction=t**5, weight=5.0 * t**4 * weight)
+        add_arcs(fine, points, 0, len(points), exact)
+        assert np.abs(found - exact).max() < 1e-5 * np.abs(coil.field_strength(x)).max()
+
+
 SQUARE = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0], [0.0] * 4])
 FORK = np.array([[0, 3, 3, 2, 2, 1, 1, 0], [0, 0, 3, 3, 1, 1, 3, 3], [0] * 8])
 BAD = {

@@ -233,7 +233,7 @@ class Coil:
     def field_strength(self, x: ArrayLike) -> Floats:
         """Return H of the coil in free space.
 
-        H is finite everywhere, also in the winding. Straight bars are closed forms; arcs are integrated to 5e-6 of
+        H is finite everywhere, also in the winding. Straight bars are closed forms; arcs are integrated to 1e-5 of
         the largest value.
 
         Parameters
