@@ -32,7 +32,12 @@ from kohonen_adapt.magnetostatics.materials.laws import Inverse
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.goals import Goal, VectorGoal, check_goal, unit_of_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
-from kohonen_adapt.magnetostatics.solid_estimation import energy_indicators_in_space, primal_and_dual
+from kohonen_adapt.magnetostatics.solid_estimation import (
+    energy_indicators_in_space,
+    goal_indicators_by_surplus,
+    primal_and_dual,
+    with_surplus,
+)
 from kohonen_adapt.magnetostatics.vector_potential import MagneticVectorPotential
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.protocol import NotOffered
@@ -232,11 +237,15 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
             return gap_indicators(field, self.vector_potential.solve(mesh))
         if self.goal is None:
             return energy_indicators_in_space(field, self.estimator, self.materials)
+        if field.order > 1:
+            return goal_indicators_by_surplus(field, self.goal, self._conditions(field), self.method)
         return goal_oriented(mesh, **self._pair(field, self.goal))
 
     def goal_error(self, field: SolidField) -> float:
         if self.goal is None:
             raise ValueError("goal_error needs a goal; give one, for instance goal=Force('armature', (0.0, 0.0, 1.0)).")
+        if field.order > 1:
+            return self.goal(with_surplus(field, self._conditions(field), self.method)) - self.goal(field)
         return goal_error(field.mesh, **self._pair(field, self.goal))
 
     def _conditions(self, field: SolidField) -> Conditions:

@@ -1,5 +1,7 @@
 """Magnets and iron in space at order 2: scikit-fem's assembly, exact polynomials, rates, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.magnet_solids import blocks
@@ -8,7 +10,7 @@ from skfem import Basis, BilinearForm, ElementTetP2, LinearForm, MeshTet, conden
 from skfem.helpers import dot, grad
 
 import kohonen_adapt as ka
-from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Material
+from kohonen_adapt.magnetostatics import Force, Froehlich, MagneticScalarPotential, Material, StoredEnergy, Torque
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
 from kohonen_adapt.report import write_report
 
@@ -239,6 +241,116 @@ def test_the_loop_grades_meshes_of_order_2(tmp_path):
     plane = ka.Plane((0.0, 0.0, 0.1), (0.0, 0.0, 1.0))
     write_report(tmp_path / "report.html", grown, before=ka.adapt(mesh, problem, passes=0), plane=plane)
     assert (tmp_path / "report.html").stat().st_size > 1000
+
+
+# --- questions to a field ------------------------------------------------------------------------------------------
+
+
+def cube(cells):
+    """A cube of edge 2 with a block of the permeability of air inside."""
+    axis = np.linspace(-1.0, 1.0, cells + 1)
+    mesh = blocks([axis] * 3, {"body": ((-0.5, -0.5, -0.5), (0.5, 0.5, 0.0))})
+    return mesh.with_boundaries({"part": lambda x: (x[0] > 1.0 - 1e-9) & (x[1] > 0.0)})
+
+
+def solved_waves(cells=(4, 8), **arguments):
+    problem = MagneticScalarPotential({"body": AIR, "air": AIR}, {"outer": harmonic_wave}, order=2, **arguments)
+    return problem, [problem.solve(cube(count)) for count in cells]
+
+
+def exact_energy(ends):
+    """``int mu0 |H|^2 / 2`` of the harmonic wave over a box."""
+    at, weight = np.polynomial.legendre.leggauss(12)
+    axes = [0.5 * (b - a) * at + 0.5 * (a + b) for a, b in zip(*ends, strict=True)]
+    volume = np.prod([0.5 * (b - a) for a, b in zip(*ends, strict=True)])
+    x = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
+    weights = volume * np.einsum("i,j,k->ijk", weight, weight, weight).ravel()
+    return 0.5 * MU0 * float(np.sum(weights * np.sum(slope_of_harmonic_wave(x) ** 2, axis=0)))
+
+
+def rate(errors):
+    return float(np.log2(np.linalg.norm(errors[0]) / np.linalg.norm(errors[1])))
+
+
+def test_rates_of_quantities():
+    """B and fluxes by nearly the square of the size of elements; energies, forces and torques by the fourth power."""
+    _, fields = solved_waves()
+    x, whole = np.random.default_rng(0).uniform(-0.9, 0.9, (3, 400)), ((-1.0,) * 3, (1.0,) * 3)
+    assert rate([each.flux_density_at(x) + MU0 * slope_of_harmonic_wave(x) for each in fields]) > 1.7
+    assert rate([each.potential_at(x) - harmonic_wave(x) for each in fields]) > 2.7
+    assert rate([each.energy - exact_energy(whole) for each in fields]) > 3.5
+    assert rate([each.coenergy - exact_energy(whole) for each in fields]) > 3.5
+    assert rate([each.force("body") for each in fields]) > 3.0  # nothing pulls at air
+    assert rate([each.torque("body", (0.1, 0.2, 0.0)) for each in fields]) > 3.0
+    assert rate([each.flux("part") + MU0 * _flux_of_wave() for each in fields]) > 1.4
+
+
+def _flux_of_wave():
+    at, weight = np.polynomial.legendre.leggauss(12)
+    y, z = np.meshgrid(0.5 + 0.5 * at, at, indexing="ij")
+    return 0.5 * float(np.sum(np.outer(weight, weight) * slope_of_harmonic_wave(np.stack((np.ones_like(y), y, z)))[0]))
+
+
+def test_fluxes_and_recovered_values_of_a_quadratic_potential_are_exact():
+    mesh = bent()
+    mesh = mesh.with_boundaries({"inside": lambda x: np.abs(x[2]) < 1e-9}, boundaries_only=False)
+    problem = MagneticScalarPotential(dict.fromkeys(("magnet", "iron", "air"), AIR), {"outer": harmonic}, order=2)
+    field = problem.solve(mesh)
+    for name, exact in {"x+": -8.0, "z-": 8.0, "y+": -12.0}.items():  # int H . n over a face of area 4
+        assert field.flux(name) == pytest.approx(MU0 * exact, rel=1e-8)
+    x = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 50))
+    np.testing.assert_allclose(field.flux_density_at(x, recovered=True), MU0 * field_of_harmonic(x), atol=1e-9 * MU0)
+
+
+# --- goals ---------------------------------------------------------------------------------------------------------
+
+
+class MeanStrength:
+    """Mean of a component of H in the body, a linear goal."""
+
+    def __call__(self, field):
+        rows = field.mesh.subdomains["body"]
+        return float(field.field_strength[2, rows] @ field.volume[rows])
+
+    def derivative(self, field):
+        flux = np.zeros((3, field.mesh.nelements))
+        flux[2, field.mesh.subdomains["body"]] = -1.0
+        return np.zeros(field.mesh.nelements), flux
+
+
+def test_the_error_of_an_energy_is_told():
+    """Smooth fields: with the estimate most of the error is gone, and the parts of elements sum to more than it."""
+    goal, errors = StoredEnergy("body"), []
+    problem, fields = solved_waves(goal=goal)
+    for field in fields:
+        error = exact_energy(((-0.5, -0.5, -0.5), (0.5, 0.5, 0.0))) - goal(field)
+        assert 0.5 < problem.goal_error(field) / error < 1.5
+        assert np.sum(problem.indicators(field.mesh, field) ** 2) > 0.5 * abs(error)
+        errors.append(error)
+    assert rate(errors) > 3.0
+
+
+@pytest.mark.parametrize("goal", [Force("magnet", (0.0, 1.0, 2.0)), Torque("magnet", (0.1, 0.0, 0.0), (1.0, 0.0, 0.0))])
+def test_derivatives_of_goals_are_those_of_the_values(goal):
+    mesh = bent()
+    materials = {"magnet": Material(remanence=(0.3, 0.0, 1.2)), "iron": Material(bh=Froehlich(500.0, 1.6)), "air": AIR}
+    field = MagneticScalarPotential(materials, RIM, order=2, goal=goal).solve(mesh)
+    change = 1e-6 * np.random.default_rng(0).normal(size=field.unknown.size) * np.abs(field.unknown).max()
+    one, other = (goal(replace(field, unknown=field.unknown + sign * change)) for sign in (1.0, -1.0))
+    parts = np.sum(goal.derivative(field)[1] * field.elements.gradient(change), axis=0) * field.point_volumes
+    assert parts.sum() == pytest.approx(0.5 * (one - other), abs=1e-5 * np.abs(parts).sum())
+
+
+def test_a_goal_beside_magnets_and_steel():
+    """A linear goal at singular edges: the estimate has the sign of the error, and at least half of its size."""
+    materials = {"body": Material(remanence=(0.0, 0.3, 1.2)), "air": AIR}
+    goal = MeanStrength()
+    problem = MagneticScalarPotential(materials, RIM, order=2, goal=goal)
+    fields = [problem.solve(cube(cells)) for cells in (4, 8, 16)]
+    exact = goal(fields[2]) + (goal(fields[2]) - goal(fields[1])) / 3.0
+    assert 0.5 < problem.goal_error(fields[1]) / (exact - goal(fields[1])) < 1.1
+    adapted = ka.adapt(fields[0].mesh, problem, passes=2, target_nodes=300)
+    assert abs(exact - adapted.best.goal) < 0.5 * abs(exact - goal(fields[0]))
 
 
 # --- refused -------------------------------------------------------------------------------------------------------

@@ -144,7 +144,7 @@ class SolidField(LocalSolid):
         >>> round(field.flux("right"), 6), round(field.flux("left"), 6)  # mu0 1e4 times 1 A/m times 1 m^2
         (0.012566, -0.012566)
         """
-        return flux_through(self.mesh, surface, self.flux_density)
+        return flux_through(self, surface)
 
     def force(self, body: Names) -> Floats:
         """Return the magnetic force on a body.

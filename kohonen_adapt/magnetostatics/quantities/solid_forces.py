@@ -5,6 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 from skfem import MeshTet
 from skfem.generic_utils import OrientedBoundary
+from skfem.quadrature import get_quadrature
+from skfem.refdom import RefTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.mirrors import Mirror, surface
@@ -15,6 +17,7 @@ from kohonen_adapt.mesh.cells import normals
 
 __all__ = ["eggshell", "flux_through", "force_component", "oriented_surface", "torque_component"]
 
+DEGREE = 2  # of the quadrature of a flux
 EDGEWISE = 0.1  # cosine between the normal of a facet and of its surface, below which the facet has no side
 
 
@@ -69,11 +72,16 @@ def _cuts(mesh: MeshTet, inside: Mask, mirrors: Iterable[Mirror]) -> list[Mirror
     return cuts
 
 
-def flux_through(mesh: MeshTet, name: str, flux_density: Floats) -> float:
+def flux_through(field: LocalSolid, name: str) -> float:
+    mesh, (points, weights) = field.mesh, get_quadrature(RefTri, DEGREE)
     facets, normal, sign = oriented_surface(mesh, name)
+    x = np.einsum("iq,cin->cqn", np.stack([1.0 - points.sum(axis=0), *points]), mesh.p[:, mesh.facets[:, facets]])
     first, second = mesh.f2t[:, facets]
-    mean = 0.5 * (flux_density[:, first] + flux_density[:, np.where(second < 0, first, second)])
-    return float(np.sum(sign * np.sum(mean * normal, axis=0)))
+    both, total = (first, np.where(second < 0, first, second)), np.zeros_like(normal)
+    for element in both:
+        density = field.at(x.reshape(3, -1), np.tile(element, weights.size)).flux_density.reshape(x.shape)
+        total += np.einsum("cqn,q->cn", density, weights)  # the weights have the sum 1/2
+    return float(np.sum(sign * np.sum(total * normal, axis=0)))
 
 
 def oriented_surface(mesh: MeshTet, name: str) -> tuple[Ints, Floats, Floats]:
