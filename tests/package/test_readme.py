@@ -13,7 +13,7 @@ from kohonen_adapt import magnetostatics
 from kohonen_adapt.cases import case_of, fitting_mesh
 from kohonen_adapt.cases.readers import kinds_of
 from kohonen_adapt.cases.reading import ADAPT, PROBLEM
-from kohonen_adapt.cases.tables import GOALS, LAWS, MOTIONS, PATTERNS, QUANTITIES, SHAPES
+from kohonen_adapt.cases.tables import COILS, GOALS, LAWS, MOTIONS, PATTERNS, QUANTITIES, SHAPES
 
 ROOT = Path(__file__).parents[2]
 READMES = ("README.md", "examples/README.md", "benchmarks/README.md", "kohonen_adapt/README.md")
@@ -28,12 +28,12 @@ CASES = [(page, case) for page, text in PAGES.items() for case in re.findall(r"`
 def test_every_case_fits_its_mesh(page, case):
     given = tomllib.loads(case)
     mesh = fitting_mesh(case_of(given, (ROOT / page).parent))
-    assert mesh.p.shape[1] == {"c_core.msh": 899, "motor.msh": 4692}[Path(given["mesh"]).name]
+    assert mesh.p.shape[1] == {"c_core.msh": 899, "motor.msh": 4692, "gripper.msh": 1510}[Path(given["mesh"]).name]
 
 
 def test_every_key_of_a_case_is_explained():
     said = set(re.findall(r"\w+", PAGES["examples/README.md"].partition("## From the command line")[2]))
-    makers = [LAWS, PATTERNS, QUANTITIES, GOALS, SHAPES, MOTIONS]
+    makers = [LAWS, PATTERNS, COILS, QUANTITIES, GOALS, SHAPES, MOTIONS]
     named = {name for table in makers for name in table}
     arguments = {key for table in makers for make in table.values() for key in kinds_of(make)}
     assert {"mesh", "scale", "materials", *PROBLEM, *ADAPT, *named, *arguments} <= said
