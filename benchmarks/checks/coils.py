@@ -27,7 +27,7 @@ def polish(quick: bool) -> str:
     cases = {
         "electromagnet, 1000 A": (electromagnet(1), electromagnet_problem(1000.0)),
         "electromagnet, 5000 A": (electromagnet(1), electromagnet_problem(5000.0)),
-        "random blocks 2": (random_blocks(2), random_problem(2)),
+        "linear iron and a magnet in a box": (random_blocks(2), random_problem(2)),
     }
     nodes = 3000 if quick else NODES
     rows = [[name, nodes, *compared(mesh, problem, nodes)] for name, (mesh, problem) in cases.items()]
