@@ -2,8 +2,12 @@
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.quadratic_solids import PAIRS, QuadraticDiffusion
+from helpers.random_solids import flat_solids
 from helpers.solids import box, volumes
+from hypothesis import given
+from hypothesis import strategies as st
 from numba import config
 from skfem import MeshTet
 
@@ -12,6 +16,7 @@ from kohonen_adapt import Rules
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.mesh.polynomials import count_unknowns
+from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.space.polish_in_space import descend_and_recycle_in_space, descent_of
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.problem.functional_value import functional_value
@@ -120,3 +125,33 @@ def test_the_number_of_threads_changes_nothing(monkeypatch):
         meshes.append(solid.mesh())
     np.testing.assert_array_equal(meshes[0].p, meshes[1].p)
     np.testing.assert_array_equal(meshes[0].t, meshes[1].t)
+
+
+@examples(25)
+@given(flat_solids(), st.booleans())
+def test_random_bodies_keep_volumes_names_surfaces_and_quality(case, zero_outside):
+    mesh, _, _ = case
+    rng = np.random.default_rng(mesh.nelements)
+    unknowns = count_unknowns(mesh, 2)
+    outer = mesh.facets[:, mesh.boundary_facets()]
+    edges = {tuple(sorted(pair)) for k in range(3) for pair in outer[[k, k - 1]].T.tolist()}
+    on_edges = [tuple(sorted(pair)) in edges for pair in mesh.edges.T.tolist()]
+    fixed = np.append(np.isin(np.arange(mesh.nvertices), outer), on_edges) & zero_outside
+    values = np.where(fixed, 0.0, rng.normal(size=unknowns))
+    solid = MovableSolid.of(mesh, Rules())
+    functional = SolidFunctional.of(ka.Ritz(values, fixed, 1.0, source=1.0, order=2), solid, mesh)
+    begin = unchanged(solid.tetrahedralization)
+    gain = descend_and_recycle_in_space(solid, functional, functional.solution.copy(), begin, (2, 2))[1]
+    after = solid.mesh()
+    old, new = Tetrahedralization.of(mesh), Tetrahedralization.of(after)
+    assert gain >= 0.0 and new.volumes().min() > 0.0
+    size = np.abs(volumes(mesh)).sum()
+    by_region = [np.bincount(tet.elements.region[tet.used], tet.volumes()) for tet in (old, new)]
+    np.testing.assert_allclose(*map(np.sort, by_region), atol=1e-10 * size)
+    for name, rows in (mesh.subdomains or {}).items():
+        own = np.abs(volumes(after))[after.subdomains[name]].sum()
+        assert own == pytest.approx(np.abs(volumes(mesh))[rows].sum(), abs=1e-10 * size)
+    assert list(after.boundaries or {}) == list(mesh.boundaries or {})
+    if mesh.boundaries:
+        assert areas(after) == pytest.approx(areas(mesh), abs=1e-9 * size ** (2 / 3))
+    assert ka.quality(after).min() >= min(FLOOR, ka.quality(mesh).min()) * (1.0 - 1e-9)

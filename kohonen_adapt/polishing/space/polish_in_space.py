@@ -64,9 +64,11 @@ def descend_and_recycle_in_space(
         if decrease < 0.0:
             descent, more, decrease = before, 0, 0.0
         pairs, gain, goes_on = pairs + more, gain + decrease, more > SETTLED * movable.nnodes
-    rows, origins = descent.opened.write_back(movable, renumbered=pairs > 0), descent.opened.mesh.origins
+    nodes, origins = movable.nnodes, descent.opened.mesh.origins
+    rows = descent.opened.write_back(movable, renumbered=pairs > 0)
+    collapses = recycled.collapses + pairs + nodes - len(rows)  # at order 2 not as many as splits
     ancestry = {"old": origins.old[rows], "start_element": origins.start_element[rows]}
-    return replace(recycled, splits=recycled.splits + pairs, collapses=recycled.collapses + pairs, **ancestry), gain
+    return replace(recycled, splits=recycled.splits + pairs, collapses=collapses, **ancestry), gain
 
 
 def loops_in_space(problem: Problem) -> tuple[str, ...]:
