@@ -11,7 +11,7 @@ from benchmarks.problems.solids import CUBE, EDGE, FICHERA, MAGNET
 from benchmarks.table import aligned
 from kohonen_adapt.mesh.polynomials import count_unknowns
 
-CASES = ((EDGE, 8), (CUBE, 12), (FICHERA, 6), (MAGNET, 3))  # cells per unit
+CASES = ((EDGE, 8), (CUBE, 12), (FICHERA, 6), (MAGNET, 4))  # cells per unit
 QUICK = 2
 GRADING, ROUNDS, SWEEPS, PASSES = 4, 3, 4, 4
 RATE = 2.0 / 3.0  # of the error over unknowns
