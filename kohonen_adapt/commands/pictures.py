@@ -187,7 +187,7 @@ def _asked(case: Case, before: AdaptResult) -> str:
 
 def _potentials(case: Case) -> dict[str, FieldOf]:
     if not isinstance(case.problem, Magnetostatics):
-        return {"scalar potential (A)": lambda field: field.potential}
+        return {"scalar potential (A)": lambda field: field.potential[: field.mesh.nvertices]}
     flux: dict[str, FieldOf] = {"flux function r A (Wb)": lambda field: _potential(field, flux=True)}
     return {**(flux if case.problem.axisymmetric else {}), "vector potential A (Wb/m)": _potential}
 
@@ -204,7 +204,7 @@ def _potential(field: Any, flux: bool = False) -> Floats:
 def _magnitude(field: Any) -> Floats:
     # in T, (nelements,), or above order 1 (k, nelements) on a lattice
     order = field.elements.order
-    if order == 1:
+    if order == 1 or len(field.mesh.p) == 3:
         return magnitude(field.flux_density)
     share, _ = lattice(order - 1 if order > BY_CORNERS else 1)
     return np.hypot(*field.at_each(share).flux_density).reshape(share.shape[1], -1)
@@ -212,8 +212,10 @@ def _magnitude(field: Any) -> Floats:
 
 def _lines_and_colours(field: Any) -> tuple[Floats, Floats]:
     """Return a function whose contours are flux lines, and |B|."""
+    if len(field.mesh.p) == 3:
+        return field.potential[: field.mesh.nvertices], _magnitude(field)
     if field.elements.order == 1:
-        return field.potential if len(field.mesh.p) == 3 else field.unknown, _magnitude(field)
+        return field.unknown, _magnitude(field)
     share, _ = lattice(field.elements.order)
     at, lines = field.at_each(share), field.potential_at_each(share)
     if field.axisymmetric:

@@ -126,7 +126,7 @@ class CaseRun:
             return
         with whole_files(self.folder) as draft:
             write_fields(self.case, result, draft / MESH, draft / FIELDS)
-            if result.solution.elements.order > 1:
+            if _has_inside(result.solution):
                 _write_inside(result.solution, draft / INSIDE)
             _write_history(result.history, draft)
         self._written = result.mesh
@@ -157,7 +157,11 @@ def curve_sentence(case: Case, result: AdaptResult) -> str:
 
 
 def results_of(result: AdaptResult) -> list[str]:
-    return [MESH, FIELDS, *([INSIDE] if result.solution.elements.order > 1 else []), HISTORY]
+    return [MESH, FIELDS, *([INSIDE] if _has_inside(result.solution) else []), HISTORY]
+
+
+def _has_inside(field: Any) -> bool:
+    return len(field.mesh.p) == 2 and field.elements.order > 1
 
 
 def _write_inside(field: Any, path: Path) -> None:

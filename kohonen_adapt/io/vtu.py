@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 
 import meshio
 import numpy as np
-from skfem import Mesh
+from skfem import Mesh, MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
@@ -22,6 +22,7 @@ from kohonen_adapt.io.content import ALLOWED_BYTES, MAX_EXPANSION
 from kohonen_adapt.mesh.blended import Blended
 from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.curved import Isoparametric, nodes_of_elements
+from kohonen_adapt.mesh.host import number_edges
 from kohonen_adapt.mesh.lagrange import triangle_rule
 from kohonen_adapt.mesh.measures import is_in_front
 from kohonen_adapt.mesh.names import combinations
@@ -33,7 +34,7 @@ Fields = dict[str, Floats]
 
 REGION = "region"
 SUBDOMAIN, BOUNDARY = "skfem:s:", "skfem:b:"
-KINDS = {3: "triangle", 4: "tetra", 6: "triangle6"}
+KINDS = {3: "triangle", 4: "tetra", 6: "triangle6", 10: "tetra10"}
 """Nodes per element to the type in meshio (VTK's types 5, 10 and 22)."""
 
 LAGRANGE = "VTK_LAGRANGE_TRIANGLE"
@@ -87,6 +88,8 @@ def write_vtu(
     cells = {escape(name, quote=False): [_components(values)] for name, values in (names | cell_data).items()}
     order = max((divisions_of(len(values)) for values in point_data.values() if values.ndim == 2), default=0)
     nodes, p = nodes_of_elements(mesh), mesh.p
+    if any(values.size > p.shape[1] for values in point_data.values()) and not order:
+        nodes, p = _with_midsides(mesh)
     if order:
         nodes, p = _lagrange_nodes(mesh, order), _lagrange_points(mesh, order) if positions is None else positions
     kind = LAGRANGE if order > 1 else KINDS[nodes.shape[1]]
@@ -96,6 +99,13 @@ def write_vtu(
     }
     points = np.column_stack([p.T, np.zeros((p.shape[1], 3 - len(p)))])
     meshio.vtu.write(str(path), meshio.Mesh(points, [(kind, nodes)], point_data=nodal, cell_data=cells))
+
+
+def _with_midsides(mesh: MeshTet) -> tuple[Ints, Floats]:
+    # VTK and scikit-fem order the edges of tetrahedra alike.
+    number_edges(mesh)
+    nodes = np.vstack((mesh.t, mesh.p.shape[1] + mesh.t2e)).T
+    return nodes, np.hstack((mesh.p, mesh.p[:, mesh.edges].mean(axis=1)))
 
 
 def _lagrange_nodes(mesh: Mesh, order: int) -> Ints:

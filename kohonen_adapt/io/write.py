@@ -22,6 +22,7 @@ from kohonen_adapt.io.solids import of_positive_volume
 from kohonen_adapt.io.vtu import write_vtu
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.names import named_sets
+from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["WRITTEN", "check_names_written", "write_mesh"]
@@ -66,6 +67,9 @@ def write_mesh(
         Fields (nnodes,) by name. On a `MeshTri2` a field has a value for all nodes, in the order of ``mesh.p``, like a
         potential of order 2, or for the corners; midside nodes then get the mean of both ends.
 
+        On a `MeshTet` fields of order 2 have values (nunknowns,) at the nodes and then at the middles of
+        ``mesh.edges``, for ``.vtu`` only, whose cells are then quadratic tetrahedra (VTK's type 24).
+
         For fields of order p above 1, or fields that jump between elements, ``.vtu`` takes values (k, nelements) at the
         k = (p + 1) (p + 2) / 2 points of a `kohonen_adapt.display.lattice` in every element, like
         ``field.potential_at_each(lattice(p)[0])``. The elements are Lagrange cells of order p (VTK's type 69) without
@@ -106,7 +110,9 @@ def write_mesh(
     boundaries = _checked_sets(mesh.boundaries, "boundary")
     inside = _checked_inside(mesh, point_data, path)
     nodal = {name: values for name, values in (point_data or {}).items() if name not in inside}
-    points = _checked_fields(with_midside_means(mesh, nodal), mesh.p.shape[1], "point_data") | inside
+    on_edges = _edges_with_values(mesh, nodal, suffix)
+    points = _checked_fields(with_midside_means(mesh, nodal, on_edges), mesh.p.shape[1] + len(on_edges), "point_data")
+    points |= inside
     cells = _checked_fields(cell_data, mesh.t.shape[1], "cell_data", len(mesh.p))
     place = _checked_positions(positions, inside)
     groups = groups or Groups()
@@ -134,14 +140,31 @@ def check_names_written(mesh: Mesh) -> None:
             _check_name(name, kind)
 
 
-def with_midside_means(mesh: MeshTri | MeshTet, fields: Mapping[str, ArrayLike] | None) -> Mapping[str, ArrayLike]:
-    """Return fields at all nodes, with the mean of both ends at midside nodes."""
+def with_midside_means(
+    mesh: MeshTri | MeshTet, fields: Mapping[str, ArrayLike] | None, edges: Ints | None = None
+) -> Mapping[str, ArrayLike]:
+    """Return fields at all nodes, with the mean of both ends at midside nodes.
+
+    `edges` (n, 2) are those of tetrahedra with midside nodes.
+    """
     given = dict(fields or {})
-    for name, values in given.items() if is_second_order(mesh) else ():
+    ends = mesh.facets if is_second_order(mesh) else np.transpose(np.zeros((0, 2), int) if edges is None else edges)
+    for name, values in given.items() if ends.size else ():
         array = np.asarray(values)
         if array.shape == (mesh.nvertices,) and array.dtype.kind in "biuf":
-            given[name] = np.concatenate([array, array[mesh.facets].mean(axis=0)])
+            given[name] = np.concatenate([array, array[ends].mean(axis=0)])
     return given
+
+
+def _edges_with_values(mesh: MeshTri | MeshTet, fields: Mapping[str, ArrayLike], suffix: str) -> Ints:
+    count = count_unknowns(mesh, 2) if len(mesh.p) == 3 else 0
+    of_order_2 = [name for name, values in fields.items() if count and np.shape(values) == (count,)]
+    if of_order_2 and suffix != ".vtu":
+        raise ValueError(
+            f"point_data '{of_order_2[0]}' has values of order 2, for .vtu only. Write its first {mesh.nvertices} "
+            "values, at the nodes, or a second file."
+        )
+    return mesh.edges.T if of_order_2 else np.zeros((0, 2), dtype=np.int64)
 
 
 def _checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]:

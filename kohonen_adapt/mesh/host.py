@@ -11,6 +11,7 @@ from skfem import Mesh, MeshTri
 
 __all__ = [
     "ascending",
+    "edges_between",
     "facets_opposite",
     "is_own_name",
     "keys_of",
@@ -77,6 +78,12 @@ def number_edges(mesh: Mesh) -> None:
     key, index = np.unique(keys_of(np.stack([start, end]), nnodes), return_inverse=True)
     mesh._edges = np.stack([key // nnodes, key % nnodes]).astype(mesh.t.dtype)
     mesh._t2e = index.reshape(start.shape)
+
+
+def edges_between(mesh: Mesh, one: NDArray[np.integer], other: NDArray[np.integer]) -> NDArray[np.int64]:
+    number_edges(mesh)
+    nnodes = mesh.p.shape[1]
+    return np.searchsorted(keys_of(mesh.edges, nnodes), keys_of(ascending(one, other), nnodes))
 
 
 def facets_opposite(mesh: Mesh, node: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -17,10 +17,11 @@ from kohonen_adapt.checks import as_reals
 from kohonen_adapt.display import in_unit
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.mesh.cells import check_kind
-from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.host import edges_between, number_facets
 from kohonen_adapt.mesh.measures import directed
 from kohonen_adapt.mesh.names import combinations, named_sets
-from kohonen_adapt.mesh.slicing import CutBy, cut_triangles, flat
+from kohonen_adapt.mesh.polynomials import count_unknowns
+from kohonen_adapt.mesh.slicing import CutBy, Flat, cut_triangles, flat
 from kohonen_adapt.plotting.charts import axes_of
 from kohonen_adapt.plotting.drawing import COLOURS, draw_edges, draw_elements, draw_outline
 
@@ -57,7 +58,8 @@ def plot_slice(
         Cutting plane, a `kohonen_adapt.Plane`. If the plane runs along faces of elements, the elements on one of its
         sides are shown.
     values
-        Values (nelements,), constant in every element, or (nnodes,), linear between the nodes. None colours subdomains.
+        Values (nelements,), constant in every element, (nnodes,), linear between the nodes, or of order 2 (nunknowns,),
+        at the nodes and then at the middles of ``mesh.edges``. None colours subdomains.
     label
         Label of the colour bar, with a unit.
     norm
@@ -98,7 +100,7 @@ def plot_slice(
         if len(checked) == mesh.t.shape[1]:
             found = shown.of_elements(checked)
         else:
-            found = shown.of_nodes(checked)[shown.mesh.t]
+            found = _on_cut(mesh, shown, checked)[shown.mesh.t]
         norm = norm or Normalize(checked.min(), checked.max())
         drawn = draw_elements(axes, shown.mesh, found, unit, norm, colormaps["viridis"])
         axes.figure.colorbar(drawn, ax=axes, label=label)
@@ -132,7 +134,8 @@ def plot_surface(
     mesh
         The mesh.
     values
-        Values (nelements,), or (nnodes,) of which each face shows the mean over its corners. None colours names.
+        Values (nelements,), or (nnodes,) or of order 2 (nunknowns,) as in `plot_slice`, of which each face shows the
+        mean. None colours names.
     names
         The names to colour, "boundaries" or "subdomains".
     view
@@ -178,6 +181,8 @@ def plot_surface(
     else:
         checked = _values(mesh, values)
         at = mesh.f2t[0, rim] if len(checked) == mesh.t.shape[1] else mesh.facets[:, rim]
+        if len(checked) > mesh.p.shape[1] and at.ndim == 2:
+            at = mesh.p.shape[1] + edges_between(mesh, at, at[[1, 2, 0]])  # with the mean of the face
         scale = ScalarMappable(norm or Normalize(checked.min(), checked.max()), "viridis")
         painted = scale.to_rgba(np.atleast_2d(checked[at]).mean(axis=0))[:, :3]
         axes.figure.colorbar(scale, ax=axes, label=label)
@@ -215,8 +220,22 @@ def _check(mesh: MeshTet) -> None:
 
 
 def _values(mesh: MeshTet, values: ArrayLike) -> Floats:
-    shape = {"nnodes": mesh.p.shape[1]} if len(np.atleast_1d(values)) == mesh.p.shape[1] else {}
-    return as_reals("values", values, shape or {"nelements": mesh.t.shape[1]})
+    size, shape = len(np.atleast_1d(values)), {"nelements": mesh.t.shape[1]}
+    if size == mesh.p.shape[1]:
+        shape = {"nnodes": size}
+    elif size == count_unknowns(mesh, 2):
+        shape = {"nunknowns": size}
+    return as_reals("values", values, shape)
+
+
+def _on_cut(mesh: MeshTet, shown: Flat, values: Floats) -> Floats:
+    found = shown.of_nodes(values[: mesh.p.shape[1]])
+    if len(values) > mesh.p.shape[1] and shown.ends is not None and shown.share is not None:
+        rows = np.flatnonzero(shown.ends[0] != shown.ends[1])
+        ends, share = shown.ends[:, rows], shown.share[rows]
+        middle = values[mesh.p.shape[1] + edges_between(mesh, *ends)]
+        found[rows] += 4.0 * share * (1.0 - share) * (middle - values[ends].mean(axis=0))
+    return found
 
 
 def _named_colours(sets: dict[str, Ints], count: int) -> tuple[Ints, Floats, list[str]]:

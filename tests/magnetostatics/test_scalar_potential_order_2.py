@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import meshio
 import numpy as np
 import pytest
 from helpers.magnet_solids import blocks
@@ -12,6 +13,7 @@ from skfem.helpers import dot, grad
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Force, Froehlich, MagneticScalarPotential, Material, StoredEnergy, Torque
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
+from kohonen_adapt.plotting import plot_slice, plot_surface
 from kohonen_adapt.report import write_report
 
 AIR = Material()
@@ -300,6 +302,29 @@ def test_fluxes_and_recovered_values_of_a_quadratic_potential_are_exact():
         assert field.flux(name) == pytest.approx(MU0 * exact, rel=1e-8)
     x = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 50))
     np.testing.assert_allclose(field.flux_density_at(x, recovered=True), MU0 * field_of_harmonic(x), atol=1e-9 * MU0)
+
+
+def test_files_and_pictures_of_a_quadratic_potential(tmp_path):
+    """Cells of order 2 and cuts have the values of the potential, faces its mean."""
+    mesh = bent()
+    problem = MagneticScalarPotential(dict.fromkeys(("magnet", "iron", "air"), AIR), {"outer": harmonic}, order=2)
+    field = problem.solve(mesh)
+    ka.write_mesh(tmp_path / "field.vtu", mesh, point_data={"phi": field.potential, "x": mesh.p[0]})
+    found = meshio.read(tmp_path / "field.vtu")
+    ((kind, nodes),) = ((block.type, block.data) for block in found.cells)
+    assert kind == "tetra10"
+    np.testing.assert_allclose(found.point_data["phi"], harmonic(found.points.T), atol=1e-9)
+    np.testing.assert_allclose(found.point_data["x"], found.points[:, 0], atol=1e-12)
+    start, end = np.transpose([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])  # VTK's quadratic tetrahedron
+    middles = 0.5 * (found.points[nodes[:, start]] + found.points[nodes[:, end]])
+    np.testing.assert_allclose(found.points[nodes[:, 4:]], middles, atol=1e-12)
+    with pytest.raises(ValueError, match=r"^point_data 'phi' has values of order 2, for \.vtu only\."):
+        ka.write_mesh(tmp_path / "field.msh", mesh, point_data={"phi": field.potential})
+    axes = plot_slice(mesh, ka.Plane((0.0, 0.0, 0.1), (0.0, 0.0, 1.0)), field.potential)
+    corners = np.concatenate([path.vertices[:3] for path in axes.collections[0].get_paths()]).T
+    drawn = harmonic(np.vstack((corners, np.full(corners.shape[1], 0.1))))
+    np.testing.assert_allclose(np.sort(axes.collections[0].get_array()), np.sort(drawn), atol=1e-9)
+    plot_surface(mesh, field.potential).figure.savefig(tmp_path / "surface.png")
 
 
 # --- goals ---------------------------------------------------------------------------------------------------------

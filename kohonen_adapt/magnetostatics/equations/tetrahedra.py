@@ -15,7 +15,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.elements import FiniteElements, LinearFunctions
 from kohonen_adapt.magnetostatics.equations.system import Reduced
 from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
-from kohonen_adapt.mesh.host import number_edges
+from kohonen_adapt.mesh.host import edges_between, number_edges
 from kohonen_adapt.mesh.measures import area, inner_points
 from kohonen_adapt.mesh.quadrature import LAW_DEGREE_IN_SPACE, tetrahedron_rule
 
@@ -174,12 +174,9 @@ class QuadraticTetrahedra(Tetrahedra):
         return self.weights
 
     def on_facets(self, facets: Ints) -> Ints:
-        start, end = np.sort(self.mesh.facets[:, facets], axis=0).astype(np.int64)[FACE_EDGES]
-        nnodes = self.mesh.p.shape[1]
-        keys = self.mesh.edges[0].astype(np.int64) * nnodes + self.mesh.edges[1]
-        return np.vstack(
-            (np.sort(self.mesh.facets[:, facets], axis=0), nnodes + np.searchsorted(keys, start * nnodes + end))
-        )
+        corners = np.sort(self.mesh.facets[:, facets], axis=0)
+        edges = edges_between(self.mesh, *corners[FACE_EDGES])
+        return np.vstack((corners, self.mesh.p.shape[1] + edges))
 
     def gradient(self, u: Floats) -> Floats:
         local, found = u[self.unknowns], []
