@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators import recovery, residual
-from kohonen_adapt.estimators.hierarchical import Surplus, cubic_slopes
+from kohonen_adapt.estimators.hierarchical import Surplus
 from kohonen_adapt.estimators.residual_in_space import residual_of_linear_flux
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
@@ -16,6 +16,7 @@ from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.tetrahedra import Tetrahedra
 from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.magnetostatics.materials.material import Material
+from kohonen_adapt.magnetostatics.quantities.enriched_field import EnrichedField
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 from kohonen_adapt.mesh.cells import normals
@@ -28,8 +29,6 @@ __all__ = [
     "tangential_jumps",
     "with_surplus",
 ]
-
-FieldKind = TypeVar("FieldKind", bound=LocalSolid)
 
 # By order. The unscaled estimate of order 1 is 3.5 to 3.8 times the error on balls (`benchmarks magnets`), of order 2
 # 4.3 to 5.0 times for smooth fields and 4.1 times at edges of magnets and iron (test_scalar_potential_order_2.py).
@@ -131,17 +130,14 @@ def goal_indicators_by_surplus(field: LocalSolid, goal: Goal, conditions: Condit
     return np.asarray(np.sqrt(np.abs(np.sum(right * error, axis=0))))
 
 
-def with_surplus(field: FieldKind, conditions: Conditions, newton: Newton) -> FieldKind:
-    # The field at quadrature points with an estimate of its error added: cubic functions, and quadratic ones that bring
-    # the sum into balance. Without the latter a goal would miss as much as the cubic functions tell.
-    elements, at = field.elements, field.at_quadrature
-    slopes = cubic_slopes(elements.barycentric(at.x, elements.element))
-    along = np.einsum("in,ian->an", surplus_of(field, conditions)[1][:, elements.element], slopes)
-    cubic = np.einsum("an,can->cn", along, elements.hats[:, :, elements.element])
-    quadratic = elements.gradient(_dual(field, -at.change_of_flux_density(cubic), conditions, newton))
-    better = replace(field)
-    vars(better)["at_quadrature"] = replace(at, field_strength=at.field_strength - cubic - quadratic)
-    return better
+def with_surplus(field: LocalSolid, conditions: Conditions, newton: Newton) -> EnrichedField:
+    # The cubic functions alone are not in balance with the quadratic functions. For a linear goal the change by the sum
+    # is the residual of the dual, weighted by the cubic functions.
+    parts, at = (field.mesh, field.unknown, field.coefficients, field.drive, field.planes), field.at_quadrature
+    enriched = EnrichedField(*parts, cubic=surplus_of(field, conditions)[1])
+    slope = enriched.cubic_slope(at.x, field.elements.element)
+    change = _dual(field, -at.change_of_flux_density(slope), conditions, newton)
+    return replace(enriched, unknown=field.unknown + change)
 
 
 def linear_fit(elements: Tetrahedra, values: Floats) -> Floats:
