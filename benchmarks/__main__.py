@@ -109,6 +109,7 @@ def main() -> None:
     parser.add_argument("--three-d", action="store_true", help="peers: on tetrahedra")
     parser.add_argument("--loops", action="store_true", help="hp: NGSolve's adaptive loop, too (slow)")
     parser.add_argument("--polish", action="store_true", help="coils: the polish beside coils only")
+    parser.add_argument("--bracket", action="store_true", help="coils: bounds by both potentials, and fluxes, only")
     parser.add_argument("--suite", type=Path, metavar="FILE", help="budget: what pytest printed of the last run")
     parser.add_argument("--warmup", action="store_true", help="budget: compile every kernel to see how long it takes")
     options = parser.parse_args()
@@ -126,7 +127,8 @@ def main() -> None:
         elif name in CHECKS:
             print(CHECKS[name](range(options.seeds), options.quick) + "\n", flush=True)
         elif name == "coils":
-            print(coils.report(options.quick, ["polish"] if options.polish else []) + "\n", flush=True)
+            parts = [part for part in coils.PARTS if getattr(options, part, False)]
+            print(coils.report(options.quick, parts) + "\n", flush=True)
         elif name == "budget":
             print(budget.report(options.suite, options.warmup) + "\n", flush=True)
         else:
