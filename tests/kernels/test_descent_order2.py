@@ -12,12 +12,22 @@ from hypothesis import strategies as st
 from kohonen_adapt.kernels.arrays import KernelMesh, Modes
 from kohonen_adapt.kernels.nonlinear import Laws
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, Constraints, Quadratic, SolidBlock, Star, Trial
-from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star
+from kohonen_adapt.kernels.tetrahedron.arrays import (
+    HELD,
+    INSIDE,
+    Constraints,
+    Quadratic,
+    Queue,
+    SolidBlock,
+    Star,
+    Trial,
+)
+from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, fill_star
 from kohonen_adapt.kernels.tetrahedron.polish.descend_order2 import derivatives, descend_nodes_order2, number_star
 from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import POSITION
+from kohonen_adapt.kernels.tetrahedron.polish.swap_order2 import remove_edge
 
-number_star, derivatives = (interpreted(loop) for loop in (number_star, derivatives))
+number_star, derivatives, remove_edge = (interpreted(loop) for loop in (number_star, derivatives, remove_edge))
 
 FLOOR, STEP = 0.2, 1e-3
 SLOPE = np.array([0.0, 1.5, -0.5])  # of the values along the face x = 0
@@ -133,3 +143,83 @@ def test_sweeps_end_at_the_solution_if_all_nodes_are_held():
         derivatives(at.arrays, at.quadratic, v, POSITION)
         block, first = at.quadratic.block, int(at.quadratic.trial.fixed[v])
         assert np.abs(block.rest[first : block.unknowns[0]]).max(initial=0.0) < 1e-5 * size
+
+
+def triangulations(i, k):
+    """All of the polygon of nodes i to k, as lists of triangles."""
+    if k - i < 2:
+        return [[]]
+    parts = [(one, other, j) for j in range(i + 1, k) for one in triangulations(i, j) for other in triangulations(j, k)]
+    return [[*one, *other, (i, j, k)] for one, other, j in parts]
+
+
+def least(at, elements, constants, free):
+    """The functional of elements, with coefficients of edges `free` at their best; edges of the mesh have theirs."""
+    known = dict(zip(map(tuple, at.pairs.reshape(-1, 2).tolist()), at.modes.ravel(), strict=True))
+
+    def value(change):
+        modes = known | dict(zip(free, change, strict=True))
+        pairs = np.sort(elements[:, PAIRS], axis=2).tolist()
+        local = [
+            [*at.quadratic.trial.value[e], *(modes[tuple(p)] for p in own)]
+            for e, own in zip(elements, pairs, strict=True)
+        ]
+        return functional(at.mesh.position, elements, np.array(local), np.tile(constants, (len(elements), 1)))
+
+    unit, zero = np.eye(len(free)), value(np.zeros(len(free)))
+    if not free:
+        return zero
+    one = [value(e) for e in unit]
+    second = np.array([[value(e + f) - one[i] - one[j] + zero for j, f in enumerate(unit)] for i, e in enumerate(unit)])
+    slope = np.array(one) - zero - 0.5 * np.diag(second)
+    return zero - 0.5 * slope @ np.linalg.solve(second, slope)
+
+
+def removal_by_hand(at, e, edge, charge):
+    """Fall of the functional by the removal of an inner edge: 0 if it should stay, None if that is not asked here."""
+    a, b, first, _ = at.node[e, EDGES[edge]].tolist()
+    shell = np.flatnonzero((at.node == a).any(axis=1) & (at.node == b).any(axis=1))
+    ahead = {}
+    for row in at.node[shell].tolist():
+        k, j = row.index(a), row.index(b)
+        number = next(i for i, (p, q, *_) in enumerate(EDGES.tolist()) if {p, q} == {k, j})
+        p, q = (row[c] for c in EDGES[number, 2:])
+        ahead.update({p: q} if k < j else {q: p})
+    ring = [first]
+    while ahead.get(ring[-1], first) != first:
+        ring.append(ahead[ring[-1]])
+    if ahead.get(ring[-1]) != first or len(ring) > 5 or np.ptp(at.constants[shell], axis=0).any():
+        return None
+    now = least(at, at.node[shell], at.constants[e], [])
+    best = least(at, at.node[shell], at.constants[e], [tuple(sorted((a, b)))]) - 1e-12 * abs(now)
+    floor, fall = min(FLOOR, qualities(at.mesh.position, at.node[shell]).min()), 0.0
+    known = set(map(tuple, at.pairs.reshape(-1, 2).tolist()))
+    for triangles in triangulations(0, len(ring) - 1):
+        corners = [[ring[c] for c in triangle] for triangle in triangles]
+        new = np.array([row for i, j, k in corners for row in ((i, j, k, b), (i, k, j, a))])
+        if qualities(at.mesh.position, new).min() < floor:
+            continue
+        free = sorted({tuple(sorted(p)) for row in new[:, PAIRS].tolist() for p in row} - known)
+        energy = least(at, new, at.constants[e], free)
+        if energy + charge * (len(free) - 1) < best:
+            best, fall = energy + charge * (len(free) - 1), now - energy
+    return fall
+
+
+@pytest.mark.parametrize("seed, charge", [(0, 0.0), (1, 0.0), (2, 0.5), (3, 5.0)])
+def test_the_removal_of_an_edge_is_the_best_of_all_triangulations(seed, charge):
+    at, removed = Setting(seed, cells=(4, 2, 2)), 0
+    queue, closed = Queue.of(len(at.mesh.elements.node)), np.zeros(len(at.mesh.surfaces.shape), dtype=bool)
+    for e in range(len(at.node)):
+        for edge in range(6):
+            expected = removal_by_hand(at, e, edge, charge)
+            if expected is None:
+                continue
+            made, gain = remove_edge(at.mesh, at.quadratic, queue, closed, e, edge, FLOOR**3, charge)
+            assert (made > 0) == (expected != 0.0)
+            if made:
+                assert gain == pytest.approx(expected, rel=1e-8)
+                removed, at = removed + 1, Setting(seed, cells=(4, 2, 2))
+        if removed > 6:
+            break
+    assert removed > 3

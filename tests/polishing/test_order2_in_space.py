@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers.poisson_solids import fichera
 from helpers.quadratic_solids import QuadraticDiffusion
-from helpers.solids import boundary_facts, box, volumes
+from helpers.solids import ball, boundary_facts, box, volumes
 from skfem import MeshTet
 
 import kohonen_adapt as ka
@@ -139,3 +139,23 @@ class Law:
 
     def energy(self, b):
         return 0.5 * b**2
+
+
+def test_nodes_on_curved_surfaces_stay_and_others_move():
+    mesh = ball(4)
+    mesh = mesh.with_boundaries({"rim": mesh.boundary_facets()})
+    problem = QuadraticDiffusion([1.0], [1.0], np.zeros((3, 1)), {"rim": lambda x: 0.0 * x[0]})
+    after, rim = ka.polish(mesh, problem, topology="fixed"), mesh.boundary_nodes()
+    np.testing.assert_array_equal(after.p[:, rim], mesh.p[:, rim])
+    assert np.any(after.p != mesh.p) and least(after, problem) < least(mesh, problem)
+
+
+def test_adapt_polishes_order_2_and_keeps_the_number_of_unknowns():
+    mesh, problem = corner_problem()
+    result = ka.adapt(mesh, problem, passes=4)
+    exact, first, last = -0.1989845, result.history[0], result.best
+    assert all(step.unpolished == "" and step.comparable for step in result.history)
+    assert abs(last.unknowns - first.unknowns) < 0.1 * first.unknowns
+    errors = [np.sqrt(2.0 * (step.functional - exact)) for step in (first, last)]
+    assert errors[1] < 0.5 * errors[0]
+    assert "further splits" not in result.message
