@@ -51,6 +51,8 @@ class Case:
         Subdomain to the angle, in degrees, of its rotation about the origin.
     rim
         Name for the whole rim of the mesh; empty if the file has names for the rim.
+    bracket
+        True to bound the energy of the result by both potentials in space.
     file, text
         Name and text of the TOML file; empty for a case without a file.
     """
@@ -62,6 +64,7 @@ class Case:
     outputs: dict[str, Quantity]
     turn: dict[str, float] = field(default_factory=dict)
     rim: str = ""
+    bracket: bool = False
     file: str = ""
     text: str = ""
 

@@ -15,6 +15,7 @@ from kohonen_adapt.cases.case import Case
 from kohonen_adapt.cases.drawing import mesh_in
 from kohonen_adapt.cases.potentials import POTENTIAL, TabulatedPotential
 from kohonen_adapt.cases.readers import (
+    FLAG,
     NUMBER,
     ORDER,
     TEXT,
@@ -142,6 +143,7 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
         "outputs": table_of(quantity),
         "turn": table_of(NUMBER),
         "rim": TEXT,
+        "bracket": FLAG,
     }
     try:
         values = read_table(given, readers, "", required=("mesh", "materials"))
@@ -150,7 +152,16 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
     problem = _problem(values)
     options, outputs, turn = (values.get(key, {}) for key in ("adapt", "outputs", "turn"))
     _check_outputs(options.get("output_rtol"), outputs, problem)
-    return Case(values["mesh"], values.get("scale", 1.0), problem, options, outputs, turn, values.get("rim", ""))
+    return Case(
+        values["mesh"],
+        values.get("scale", 1.0),
+        problem,
+        options,
+        outputs,
+        turn,
+        values.get("rim", ""),
+        values.get("bracket", False),
+    )
 
 
 def _check_outputs(output_rtol: Any, outputs: Mapping[str, Any], problem: Any) -> None:
@@ -230,6 +241,8 @@ def fitting_mesh(case: Case) -> MeshTri:
         check_names_written(drawn)  # the results have the names of the mesh
         _ = case.groups  # read now, because the results need the groups after a long run
     _check_dimension(case.base_problem, drawn)
+    if case.bracket and cell_of(drawn) is TRIANGLE:
+        raise ValueError("bracket: for meshes of tetrahedra only, but the mesh is one of triangles. Remove the key.")
     mesh = turned_mesh(drawn, case.turn)
     if len(case.pins(mesh)) < len(case.pins(drawn)):
         raise ValueError("turn must not move groups of points; the mesh file has some in a turned subdomain.")

@@ -34,10 +34,13 @@ from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.loop.passes import Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.table import energy_norm_error, estimate_word, goal_sentence
+from kohonen_adapt.magnetostatics.bracketing import bracket_of
+from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.orders import at_order_of_passes
+from kohonen_adapt.report.summary import bracket_sentences
 from kohonen_adapt.version import __version__
 
 __all__ = ["main"]
@@ -129,9 +132,13 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     terminal.say(result)
     # a resumed run has only the meshes
     before = passes.before or adapt(mesh, at_order_of_passes(case.problem), passes=0)
-    pictures = drawn(terminal, folder, lambda: write_pictures(case, before, result, folder, options_text(options)))
+    bracket = None
+    if case.bracket and isinstance(case.problem, MagneticScalarPotential) and result.status is not Status.FAILED:
+        bracket = bracket_of(case.problem, result.solution)
+    text = options_text(options)
+    pictures = drawn(terminal, folder, lambda: write_pictures(case, before, result, folder, text, bracket))
     terminal.say(f"Files in {folder}: {', '.join([*results_of(result), *(pictures or [])])}.")
-    for sentence in (goal_sentence(result.best), curve_sentence(case, result)):
+    for sentence in (goal_sentence(result.best), *bracket_sentences(bracket), curve_sentence(case, result)):
         if sentence:
             terminal.say(sentence)
     if result.status is Status.FAILED:

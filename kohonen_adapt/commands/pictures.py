@@ -20,6 +20,7 @@ from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.geometry.space.surfaces import Plane
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.why_held import reasons_at
+from kohonen_adapt.magnetostatics.bracketing import Bracket
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
@@ -52,7 +53,12 @@ MILLIMETRES = 1.0  # m: smaller meshes are drawn in millimetres
 
 
 def write_pictures(
-    case: Case, before: AdaptResult, after: AdaptResult, folder: Path, options: Sequence[str] = ()
+    case: Case,
+    before: AdaptResult,
+    after: AdaptResult,
+    folder: Path,
+    options: Sequence[str] = (),
+    bracket: Bracket | None = None,
 ) -> list[str]:
     """Draw the pictures, write the report and return the names of the files.
 
@@ -62,10 +68,10 @@ def write_pictures(
     try:
         names = _draw(case, before, after, folder)
     except ModuleNotFoundError:
-        _write_report(folder / REPORT, case, before, after, {}, command)
+        _write_report(folder / REPORT, case, before, after, {}, command, bracket)
         raise
     pictures = {CAPTIONS[name]: folder / name for name in names}
-    _write_report(folder / REPORT, case, before, after, pictures, command)
+    _write_report(folder / REPORT, case, before, after, pictures, command, bracket)
     return [*names, REPORT]
 
 
@@ -130,7 +136,13 @@ def _overview(case: Case, before: AdaptResult, after: AdaptResult) -> Any:
 
 
 def _write_report(
-    path: Path, case: Case, before: AdaptResult, after: AdaptResult, pictures: Mapping[str, Path], command: str
+    path: Path,
+    case: Case,
+    before: AdaptResult,
+    after: AdaptResult,
+    pictures: Mapping[str, Path],
+    command: str,
+    bracket: Bracket | None = None,
 ) -> None:
     write_report(
         path,
@@ -148,6 +160,7 @@ def _write_report(
         axisymmetric=_is_axisymmetric(case),
         pictures=pictures,
         settings={"Command": command, "Case": case.text, "Seed": str(case.adapt.get("seed", 0))},
+        bracket=bracket,
     )
 
 

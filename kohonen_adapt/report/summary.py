@@ -19,9 +19,10 @@ from kohonen_adapt.loop.table import (
     goal_figures,
     goal_sentence,
 )
+from kohonen_adapt.magnetostatics.bracketing import Bracket
 from kohonen_adapt.version import __version__
 
-__all__ = ["key_figures", "sentences", "versions", "without_folders"]
+__all__ = ["bracket_figures", "bracket_sentences", "key_figures", "sentences", "versions", "without_folders"]
 
 ENDINGS = {
     Status.CONVERGED: "tolerance met",
@@ -53,6 +54,14 @@ def key_figures(result: AdaptResult) -> list[tuple[str, str]]:
         *(figure for name in last.outputs for figure in _figures_of_output(name, last)),
         ("ending", ENDINGS[result.status]),
     ]
+
+
+def bracket_figures(bracket: Bracket | None) -> list[tuple[str, str]]:
+    return [] if bracket is None else [("width of the bounds", f"{100.0 * bracket.width:.2g}\u00a0%")]
+
+
+def bracket_sentences(bracket: Bracket | None) -> list[str]:
+    return [] if bracket is None else [f"Bounds by both potentials on the last mesh: {bracket.summary}."]
 
 
 def _of_goal(step: Pass) -> list[tuple[str, str]]:

@@ -19,10 +19,18 @@ from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.table import html_table
 from kohonen_adapt.loop.why_held import without_turns
+from kohonen_adapt.magnetostatics.bracketing import Bracket
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.mesh.slicing import CutBy
 from kohonen_adapt.report.scene import FieldOf, HeldBy, view_data
-from kohonen_adapt.report.summary import key_figures, sentences, versions, without_folders
+from kohonen_adapt.report.summary import (
+    bracket_figures,
+    bracket_sentences,
+    key_figures,
+    sentences,
+    versions,
+    without_folders,
+)
 from kohonen_adapt.version import __version__
 
 __all__ = ["filled_page", "write_report"]
@@ -49,6 +57,7 @@ def write_report(
     axisymmetric: bool = False,
     pictures: Mapping[str, Picture] | None = None,
     settings: Mapping[str, str] | None = None,
+    bracket: Bracket | None = None,
 ) -> None:
     """Write a report with a view of the meshes, the passes, pictures and settings.
 
@@ -92,6 +101,9 @@ def write_report(
         Name to text for repeating the computation, such as ``{"Command": ...}``. Absolute paths in it are cut to file
         names.
 
+    bracket
+        Bounds of the energy of the result in space, a `kohonen_adapt.magnetostatics.Bracket`.
+
     Raises
     ------
     ValueError
@@ -121,8 +133,8 @@ def write_report(
     )
     content = filled_page(
         title=title,
-        summary=[*([asked] if asked else []), *sentences(result)],
-        figures=key_figures(result),
+        summary=[*([asked] if asked else []), *sentences(result), *bracket_sentences(bracket)],
+        figures=[*key_figures(result), *bracket_figures(bracket)],
         result=result,
         held=counts_by_reason(why),
         pictures={caption: _content(picture) for caption, picture in (pictures or {}).items()},

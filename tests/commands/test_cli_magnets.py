@@ -9,6 +9,7 @@ import meshio
 import numpy as np
 import pytest
 from helpers.magnet_solids import blocks
+from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.cases import fitting_mesh, read_case
@@ -21,6 +22,7 @@ from kohonen_adapt.magnetostatics import (
     Material,
     StoredEnergy,
     Torque,
+    bracket,
 )
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -172,3 +174,28 @@ def test_keys_of_space_and_of_the_plane_are_told_apart(folder, capsys):
         (folder / "plane.toml").write_text(text)
         assert cli.main(["run", str(folder / "plane.toml"), "--dry-run"]) == (2 if key == "z" else 0)
     assert "component must be one that the field has" in capsys.readouterr().err
+
+
+def test_a_case_asks_for_bounds_by_both_potentials(folder, tmp_path, capsys):
+    text = CASE.replace("scale = 1e-3", "scale = 1e-3\nbracket = true").replace("passes = 1", "passes = 0")
+    (folder / "case.toml").write_text(text)
+    assert cli.main(["run", str(folder / "case.toml"), "--out", str(tmp_path / "out")]) == 0
+    case = read_case(folder / "case.toml")
+    found = bracket(fitting_mesh(case), case.problem.materials, case.problem.potential, symmetry={"z-": "normal"})
+    assert found.guaranteed
+    sentence = f"Bounds by both potentials on the last mesh: {found.summary}."
+    assert sentence in capsys.readouterr().out
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert sentence in page and "width of the bounds" in page
+
+
+def test_bounds_by_both_potentials_are_for_tetrahedra(tmp_path, capsys):
+    ka.write_mesh(tmp_path / "flat.msh", box_of_triangles())
+    text = 'mesh = "flat.msh"\nbracket = true\n[materials.air]\n[potential]\nleft = 0.0\n'
+    (tmp_path / "flat.toml").write_text(text)
+    assert cli.main(["run", str(tmp_path / "flat.toml"), "--dry-run"]) != 0
+    assert "bracket: for meshes of tetrahedra only" in capsys.readouterr().err
+
+
+def box_of_triangles():
+    return MeshTri().refined(2).with_defaults().with_subdomains({"air": lambda x: x[0] > -1.0})
