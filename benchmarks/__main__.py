@@ -47,7 +47,7 @@ from benchmarks.checks import (
     warmup,
 )
 from benchmarks.checks import round as one_round
-from benchmarks.peers import hexahedra, hp, ngsolve_oracle, peers_in_space, peers_report, time_to_error
+from benchmarks.peers import case_oracle, hexahedra, hp, ngsolve_oracle, peers_in_space, peers_report, time_to_error
 from benchmarks.peers.report import comparison
 from benchmarks.problems.cases import PROBLEMS, cases
 
@@ -99,6 +99,22 @@ CHECKS = {
 }
 
 
+def print_oracle(parser: argparse.ArgumentParser, options: argparse.Namespace, files: list[Path]) -> None:
+    """Print a comparison of every case with a reference solution."""
+    others = [name for name in options.what if not name.endswith(".toml")]
+    if others != ["oracle"]:
+        parser.error(
+            f"cases are for the oracle: python -m benchmarks oracle CASE.toml; got {' '.join(others) or 'none'}"
+        )
+    if options.fine < 0:
+        parser.error(f"--fine must be at least 0, how often the elements are halved; got {options.fine}")
+    for file in files:
+        try:
+            print(case_oracle.report(file, options.fine, options.values) + "\n", flush=True)
+        except (ImportError, OSError, ValueError) as error:
+            parser.exit(2, f"oracle: {error}\n")
+
+
 def main() -> None:
     """Print the comparisons and checks that are asked for, by default the comparisons of all problems."""
     names = [*PROBLEMS, *CHECKS, "hp", "budget", "coils"]
@@ -110,11 +126,17 @@ def main() -> None:
     parser.add_argument("--loops", action="store_true", help="hp: NGSolve's adaptive loop, too (slow)")
     parser.add_argument("--polish", action="store_true", help="coils: the polish beside coils only")
     parser.add_argument("--bracket", action="store_true", help="coils: bounds by both potentials, and fluxes, only")
+    parser.add_argument("--fine", type=int, default=0, metavar="N", help="oracle CASE.toml: halve the elements N times")
+    parser.add_argument("--values", type=Path, metavar="FILE", help="oracle CASE.toml: of another program, by output")
     parser.add_argument("--suite", type=Path, metavar="FILE", help="budget: what pytest printed of the last run")
     parser.add_argument("--warmup", action="store_true", help="budget: compile every kernel to see how long it takes")
     options = parser.parse_args()
     if options.seeds < 1:
         parser.error(f"--seeds must be at least 1, how many there are; got {options.seeds}")
+    files = [Path(name) for name in options.what if name.endswith(".toml")]
+    if files:
+        print_oracle(parser, options, files)
+        return
     for name in options.what or PROBLEMS:
         if name in PROBLEMS:
             for case in cases(name, options.quick):

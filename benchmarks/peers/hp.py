@@ -11,7 +11,7 @@ import kohonen_adapt as ka
 from benchmarks.checks import hp_curves, hp_lines, hp_steel
 from benchmarks.peers import ngsolve_hp, wheels
 from benchmarks.peers.contest import Call, Run, best_of, fewest_unknowns, quickest
-from benchmarks.peers.ngsolve_oracle import netgen_mesh
+from benchmarks.peers.ngsolve_mesh import netgen_mesh
 from benchmarks.problems.corner_models import VACUUM_PERMEABILITY, CornerModel, c_core, magnet_over_iron
 from benchmarks.table import Cell, markdown
 
