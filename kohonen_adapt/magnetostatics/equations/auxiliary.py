@@ -70,7 +70,7 @@ class EdgeSolver(Solver):
         half = 0.5 * edges.directions[:, conditions.free].T  # circulation of a vector at one end of an edge
         nodal = _nodal_matrix(matrix, averages, half, conditions)
         levels = pyamg.smoothed_aggregation_solver(
-            nodal, symmetry="symmetric", strength=("symmetric", {"theta": 0.0}), max_coarse=200
+            nodal, symmetry="symmetric", strength=("symmetric", {"theta": 0.1}), max_coarse=200
         ).levels
         lowest, back = np.linalg.pinv(levels[-1].A.toarray(), hermitian=True), csr_matrix(averages.T)
 
