@@ -56,7 +56,9 @@ def files_of_the_package():
 def test_a_wheel_is_the_package_as_it_stands(wheel):
     wanted = {str(path.relative_to(ROOT)): path.read_bytes() for path in files_of_the_package()}
     brought = {
-        name: held for name, held in wheel.items() if not re.match(r"kohonen_adapt(/data/|-[^/]*dist-info/)", name)
+        name: held
+        for name, held in wheel.items()
+        if not re.match(r"kohonen_adapt(/data/|/CITATION|-[^/]*dist-info/)", name)
     }
     assert brought.keys() == wanted.keys()
     assert brought == wanted
@@ -66,6 +68,10 @@ def test_the_examples_of_a_wheel_are_those_of_an_editable_install(wheel):
     brought = examples_it_brings(wheel)
     assert brought == {name: (ROOT / "examples" / name).read_bytes() for name in brought}
     assert brought.keys() == {"magnet.toml", "c_core.msh"}
+
+
+def test_a_wheel_says_how_to_cite_it(wheel):
+    assert wheel["kohonen_adapt/CITATION.cff"] == (ROOT / "CITATION.cff").read_bytes()
 
 
 def test_the_case_of_a_wheel_finds_its_mesh(built, tmp_path):
