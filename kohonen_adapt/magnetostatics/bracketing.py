@@ -123,6 +123,7 @@ def bracket(
     >>> mesh = skfem.MeshTet().refined(3).with_boundaries({"far": lambda x: x[0] > -1.0})
     >>> mesh = mesh.with_subdomains({"magnet": inside, "air": lambda x: ~inside(x)})
     >>> bracket(mesh, {"magnet": Material(remanence=(0.0, 0.0, 1.2)), "air": Material()}, {"far": 0.0})
+    <Bracket: energy between 13200.5 and 20974.8 J, 37 % apart; guaranteed>
     """
     problem = MagneticScalarPotential(materials, potential, applied_field, symmetry, coils=coils)
     return bracket_of(problem, problem.solve(mesh))
