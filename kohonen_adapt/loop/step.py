@@ -22,6 +22,7 @@ from kohonen_adapt.polishing.energy_tables import VariesInside
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.sweeps import SWEEPS
 from kohonen_adapt.problem.evaluation import (
+    check_signs,
     energy_norm,
     estimate,
     goal_error_of,
@@ -142,9 +143,10 @@ class Adaptation:
     def assess_again(self, record: Pass) -> Solved:
         """Solve the mesh of a pass of an earlier process.
 
-        Raises ValueError if the indicators differ from the stored ones, which means another problem.
+        Raises ValueError if indicators or signs of outputs differ from the stored values, which means another problem.
         """
         solution = solve_again(self.problem, record.mesh, record.indicators)
+        check_signs(record.outputs, self.outputs(solution))
         return Solved(record, solution, self._functional(record.mesh, solution, record.share)[0])
 
     def relocate(self, solved: Solved) -> Moved[Any]:

@@ -22,6 +22,7 @@ from kohonen_adapt.problem.ritz import VECTORS, Ritz
 __all__ = [
     "Output",
     "check_outputs",
+    "check_signs",
     "curves_of",
     "energy_norm",
     "estimate",
@@ -81,6 +82,19 @@ def solve_again(problem: Problem, mesh: Mesh, indicators: Floats) -> Any:
             f"{difference:.3g}. Use the same problem, or another folder."
         )
     return solution
+
+
+def check_signs(before: Mapping[str, float], now: Mapping[str, float]) -> None:
+    """Raise ValueError if an output has changed its sign only.
+
+    Linear problems whose sources have changed their signs have the same indicators.
+    """
+    for name, value in before.items():
+        if value and abs(now[name] + value) <= RESTART_TOLERANCE * abs(value):
+            raise ValueError(
+                f"the problem differs from the problem of the checkpoint: output {name!r} was {value:.6g}, now "
+                f"{now[name]:.6g}. Use the same problem, or another folder."
+            )
 
 
 def energy_norm(problem: Problem, mesh: Mesh, solution: Any, rtol: float | None = None) -> float | None:
