@@ -25,6 +25,7 @@ from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
 from kohonen_adapt.mesh.cells import TETRAHEDRON, check_kind
 from kohonen_adapt.mesh.curved import corners_of, is_second_order
+from kohonen_adapt.problem.orders import AutoOrder
 
 __all__ = ["Case"]
 
@@ -264,16 +265,17 @@ def as_scalar_potential(problem: Magnetostatics) -> MagneticScalarPotential:
     plane_only = [
         each.name
         for each in fields(problem)
-        if each.name not in shared and not _is_default(each.name, problem, default)
+        if each.name not in (*shared, "order") and not _is_default(each.name, problem, default)
     ]
     if plane_only:
         raise ValueError(f"{', '.join(plane_only)}: for meshes of triangles only, but the mesh is one of tetrahedra.")
-    return MagneticScalarPotential(**{name: getattr(problem, name) for name in shared})
+    order = 1 if isinstance(problem.order, AutoOrder) else problem.order
+    return MagneticScalarPotential(**{name: getattr(problem, name) for name in shared}, order=order)
 
 
 def _is_default(name: str, problem: Magnetostatics, default: Magnetostatics) -> bool:
     value, expected = getattr(problem, name), getattr(default, name)
-    return bool(value == expected and type(value) is type(expected)) or (name == "order" and value == 1)
+    return bool(value == expected and type(value) is type(expected))
 
 
 def _with_rim(mesh: MeshTri, name: str) -> MeshTri:

@@ -186,8 +186,8 @@ def _problem(values: Mapping[str, Any]) -> Magnetostatics | MagneticScalarPotent
     flat = sorted(key for key in values if key in PROBLEM and key not in SPACE)
     if flat:
         raise ValueError(
-            f"{', '.join(flat)}: for meshes of triangles only, but the case has {', '.join(solid)}, for tetrahedra. "
-            "Vectors in the plane have two components, [x, y]."
+            f"{', '.join(flat)}: for meshes of triangles only, but the case has {', '.join(solid)}, for tetrahedra."
+            f"{_remedy_in_plane(solid)}"
         )
     return MagneticScalarPotential(
         values["materials"], **{key: values[key] for key in SPACE if key in values and key != "materials"}
@@ -203,7 +203,18 @@ def _keys_of_space(materials: Mapping[str, Material], given: Mapping[str, Any]) 
     vectors["applied_field"] = given.get("applied_field")
     found = [key for key, each in vectors.items() if isinstance(each, tuple) and len(each) == 3]
     found += ["goal"] if getattr(given.get("goal"), "dimension", 2) == 3 else []
-    return [f"{key} of three components" for key in found] + [key for key in ("symmetry", "coils") if key in given]
+    found = [f"{key} of three components" for key in found]
+    found += ["the estimator 'bracket'"] if given.get("estimator") == "bracket" else []
+    return found + [key for key in ("symmetry", "coils") if key in given]
+
+
+def _remedy_in_plane(keys: list[str]) -> str:
+    if "coils" in keys:
+        return (
+            " A coil in the plane is a subdomain with ampere_turns; in space ampere_turns is a key of [coils.NAME], "
+            "and the coil has no subdomain."
+        )
+    return " Vectors in the plane have two components, [x, y]."
 
 
 def _table_hint(key: str, top: Mapping[str, Reader]) -> str:
@@ -278,10 +289,9 @@ def _check_file(path: Path) -> None:
 def _check_dimension(problem: Magnetostatics | MagneticScalarPotential, mesh: Mesh) -> None:
     if isinstance(problem, MagneticScalarPotential) and cell_of(mesh) is TRIANGLE:
         keys = _keys_of_space(problem.materials, {key: value for key, value in vars(problem).items() if value})
-        solid = ", ".join(keys) or "symmetry"
         raise ValueError(
-            f"the mesh is one of triangles, but the case has {solid}, for tetrahedra. Vectors in the plane "
-            "have two components, [x, y]."
+            f"the mesh is one of triangles, but the case has {', '.join(keys) or 'symmetry'}, for tetrahedra."
+            f"{_remedy_in_plane(keys)}"
         )
 
 

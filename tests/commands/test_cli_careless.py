@@ -151,6 +151,7 @@ def test_check_counts_what_it_found(tmp_path, capsys):
 
 
 MAGNET_IN_SPACE = CASE.replace("1000.0", "1.05\nremanence = [0.0, 1.2, 0.0]")
+PLACE = "centre = [0, 0, 0], axis = [0, 0, 1], radius = 1, section = [1, 1], ampere_turns = 1"
 NAMES = {
     "remanence in space": (
         MAGNET_IN_SPACE,
@@ -158,8 +159,12 @@ NAMES = {
         "Vectors in the plane have two components, [x, y].",
     ),
     "remanence in space beside a key of the plane": (
-        "order = 2\n" + MAGNET_IN_SPACE,
-        "order: for meshes of triangles only, but the case has materials.iron.remanence of three components, for tet",
+        "depth = 2.0\n" + MAGNET_IN_SPACE,
+        "depth: for meshes of triangles only, but the case has materials.iron.remanence of three components, for tet",
+    ),
+    "coil in space": (
+        f"coils.w = {{shape = 'circular', {PLACE}}}\n" + CASE,
+        "the mesh is one of triangles, but the case has coils, for tetrahedra. A coil in the plane is a subdomain",
     ),
     "symmetry": ('symmetry = {outer = "normal"}\n' + CASE, "the mesh is one of triangles, but the case has symmetry"),
     "material": (CASE.replace("materials.iron", "materials.irn"), "it has 'air', 'iron'. Did you mean 'iron'?"),

@@ -161,13 +161,32 @@ def test_goals_by_their_keys(folder):
 
 def test_keys_of_space_and_of_the_plane_are_told_apart(folder, capsys):
     """What could be a case of the plane is one of tetrahedra if the mesh is; what is of the plane alone is refused."""
-    plain = CASE.replace('symmetry = {"z-" = "normal"}', "order = 2").replace("remanence = [0.0, 0.0, 1.2]", "")
+    plain = CASE.replace('symmetry = {"z-" = "normal"}', "depth = 2.0").replace("remanence = [0.0, 0.0, 1.2]", "")
     (folder / "case.toml").write_text(plain)
     assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 2
-    assert "order: for meshes of triangles only" in capsys.readouterr().err
-    (folder / "case.toml").write_text(plain.replace("order = 2", ""))
+    assert "depth: for meshes of triangles only" in capsys.readouterr().err
+    (folder / "case.toml").write_text(plain.replace("depth = 2.0", ""))
     case = read_case(folder / "case.toml")
     assert isinstance(case.base_problem, Magnetostatics) and isinstance(case.problem, MagneticScalarPotential)
+
+
+@pytest.mark.parametrize(
+    ("key", "order", "estimator"),
+    [("", 1, "residual"), ("order = 1", 1, "residual"), ("order = 2", 2, "residual"),
+     ('estimator = "bracket"', 1, "bracket")],
+)  # fmt: skip
+def test_order_and_estimator_of_tetrahedra_without_other_keys_of_space(key, order, estimator, folder):
+    plain = CASE.replace('symmetry = {"z-" = "normal"}', key).replace("remanence = [0.0, 0.0, 1.2]", "")
+    (folder / "case.toml").write_text(plain)
+    problem = read_case(folder / "case.toml").problem
+    assert isinstance(problem, MagneticScalarPotential) and (problem.order, problem.estimator) == (order, estimator)
+
+
+def test_an_order_that_tetrahedra_do_not_have(folder, capsys):
+    plain = CASE.replace('symmetry = {"z-" = "normal"}', "order = 3").replace("remanence = [0.0, 0.0, 1.2]", "")
+    (folder / "case.toml").write_text(plain)
+    assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 2
+    assert "order of MagneticScalarPotential must be 1 or 2; got 3." in capsys.readouterr().err
     for key in ("z", "x"):
         text = (EXAMPLES / "magnet.toml").read_text().replace('"c_core.msh"', repr(str(EXAMPLES / "c_core.msh")))
         text += f'\n[outputs.pull]\nquantity = "flux_density"\nat = [0.05, 0.04]\ncomponent = "{key}"\n'
