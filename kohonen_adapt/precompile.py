@@ -18,7 +18,7 @@ from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend_and_recycle
 from kohonen_adapt.polishing.transfer import transferred
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.som.relocate import move, report_sagitta
+from kohonen_adapt.som.relocate import move
 from kohonen_adapt.som.schedule import Schedule, Stage
 
 __all__ = ["compile_missing", "warmup"]
@@ -88,8 +88,8 @@ def compile_missing() -> None:
 
 def _relocate(mesh: MeshTri, density: Any, schedule: Schedule | None, **rules: Any) -> None:
     movable = MovableMesh.of(mesh, Rules(**rules))
-    moved = move(movable, density, schedule, rules.get("topology", "flip"), np.random.default_rng(0))
-    report_sagitta(moved.before, movable)
+    move(movable, density, schedule, rules.get("topology", "flip"), np.random.default_rng(0))
+    movable.sagitta()
     movable.mesh()
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from helpers.copied_kernels import fast_compiler_only, make_package
 
+import kohonen_adapt as ka
+
 CALLEE = "from .numba.compilation import inner_kernel\n\n@inner_kernel\ndef scale(x):\n    return {factor} * x\n"
 CALLER = (
     "from .numba.compilation import kernel\nfrom .callee import scale\n\n@kernel\ndef scaled(x):\n    return scale(x)\n"
@@ -141,6 +143,12 @@ with event.install_recorder("numba:compile") as recorder:
         main(["--help"])
 print(len(recorder.buffer))
 """
+
+
+def test_the_warm_up_says_nothing_of_its_own_meshes(caplog):
+    with caplog.at_level("INFO", logger="kohonen_adapt"):
+        ka.warmup()
+    assert "largest distance" not in caplog.text
 
 
 def test_what_moves_no_node_compiles_nothing(tmp_path):
