@@ -214,8 +214,8 @@ def _polish_remark(passes: Passes, settings: Settings, norm: str) -> str:
     if norm != "energy":
         return f"The polish lowered the energy, and passes were compared by the estimate in the {norm} norm."
     return (
-        "The polish skipped nodes on curved boundaries, and nodes with Dirichlet values that are inside or not linear "
-        "along a boundary. Passes were compared by the estimate."
+        "The polish skipped nodes on curved boundaries, on iron in an applied field, or with Dirichlet values that are "
+        "inside or not linear along a boundary. Passes were compared by the estimate."
     )
 
 

@@ -160,8 +160,8 @@ def test_magnetostatics_is_polished_and_keeps_its_materials():
         (Striped(), "No polish: coefficients vary inside a region of the mesh"),
         (
             Saddle(),
-            "The polish skipped nodes on curved boundaries, and nodes with Dirichlet values that are inside or not "
-            "linear along a boundary. Passes were compared by the estimate",
+            "The polish skipped nodes on curved boundaries, on iron in an applied field, or with Dirichlet values that "
+            "are inside or not linear along a boundary. Passes were compared by the estimate",
         ),
     ],
 )
