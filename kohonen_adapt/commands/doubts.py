@@ -24,6 +24,7 @@ LEAST_PERMEABILITY = 0.999  # diamagnetic metals have more
 MOST_REMANENCE = 3.0  # T: magnets have at most 1.5
 MOST_MILLITESLA = 3000.0  # larger values are in gauss
 LEAST_CURRENT_DENSITY = 100.0  # A/m^2: windings have about 10^6, which is 1 A/mm^2
+MOST_CURRENT_DENSITY = 1e10  # A/m^2: superconductors have 10^9
 LONG = 20.0  # m
 SAME = 1e-9  # tolerance for equal positions, relative to the size of the mesh or a facet
 
@@ -63,6 +64,14 @@ def case_doubts(case: Case, mesh: Mesh) -> Iterator[str]:
             yield (
                 f"current_density of '{name}' is {material.current_density:g} A/m^2: that looks like A/mm^2. If so, "
                 f"write {material.current_density:g}e6."
+            )
+    coils = {} if isinstance(problem, Magnetostatics) else problem.coils or {}
+    for name, coil in coils.items():
+        density = abs(coil.ampere_turns) / (coil.width * coil.height)
+        if density > MOST_CURRENT_DENSITY:
+            yield (
+                f"coil '{name}' has {density:.4g} A/m^2, and windings have about 10^6: check its ampere_turns, in A, "
+                "and its section, in m."
             )
     depth = problem.depth if isinstance(problem, Magnetostatics) else None
     if depth is not None and depth > LONG:

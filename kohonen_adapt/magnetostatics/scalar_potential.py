@@ -132,14 +132,14 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         if self.order > 1 and self.estimator != "residual":
             raise ValueError(
                 f"elements of order {self.order} have the estimator 'residual' only; got {self.estimator!r}. "
-                "Set order=1 for 'recovery'."
+                "Set order=1 for other estimators."
             )
         check_materials(self.materials, 3)
         for name, material in self.materials.items():
             if material.current_density != 0.0:
                 raise ValueError(
                     f"{name!r} has a current density, {material.current_density:g} A/m^2, which a scalar potential "
-                    "cannot represent: give the field of the current as applied_field."
+                    "cannot represent: give the current as a Coil in coils, or its field as applied_field."
                 )
         if not isinstance(self.potential, Mapping | None):
             raise ValueError(f"potential must map names of boundaries to phi in A; got {self.potential!r}.")

@@ -99,7 +99,7 @@ class MagneticVectorPotential(FieldProblem[MeshTet, EdgeField]):
             if material.current_density != 0.0:
                 raise ValueError(
                     f"{name!r} has a current density, {material.current_density:g} A/m^2, which has no direction in "
-                    "space: give the field of the current as applied_field."
+                    "space: give the current as a Coil in coils, or its field as applied_field."
                 )
         if not isinstance(self.potential, Mapping | None):
             raise ValueError(f"potential must map names of boundaries to phi in A; got {self.potential!r}.")

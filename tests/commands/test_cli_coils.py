@@ -96,3 +96,27 @@ def test_a_case_with_a_coil_is_solved(folder):
     case = read_case(folder / "case.toml")
     field = case.problem.solve(fitting_mesh(case))
     assert field.energy > 0.0
+
+
+@pytest.mark.parametrize(("current", "count"), [("1e3", 0), ("1e9", 1)])
+def test_a_current_that_no_winding_has(current, count, folder, capsys):
+    text = CASE.replace("COIL", next(iter(SHAPES))).replace("ampere_turns = 1e3", f"ampere_turns = {current}")
+    (folder / "case.toml").write_text(text)
+    assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 0
+    said = capsys.readouterr()
+    assert (said.out + said.err).count("coil 'winding' has 6.25e+11 A/m^2, and windings have about 10^6") == count
+
+
+def test_a_reversed_current_is_another_problem(folder, capsys):
+    """Its indicators are the same, the signs of its outputs are not."""
+    case, out = folder / "case.toml", str(folder / "out")
+    output = '[outputs.b]\nquantity = "flux_density"\nat = [0.0, 0.0, 0.07]\ncomponent = "z"\n'
+    case.write_text(
+        CASE.replace("COIL", next(iter(SHAPES))).replace("passes = 1", "passes = 0\npolish = false") + output
+    )
+    assert cli.main(["run", str(case), "--out", out]) == 0
+    changed = case.read_text().replace("ampere_turns = 1e3", "ampere_turns = -1e3").replace("passes = 0", "passes = 1")
+    case.write_text(changed)
+    capsys.readouterr()
+    assert cli.main(["run", str(case), "--resume", out]) == 2
+    assert "the problem differs from the problem of the checkpoint: output 'b (T)' was " in capsys.readouterr().err

@@ -181,6 +181,7 @@ def test_the_quadrature_of_arcs_is_as_good_as_said(section):
 SQUARE = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0], [0.0] * 4])
 FORK = np.array([[0, 3, 3, 2, 2, 1, 1, 0], [0, 0, 3, 3, 1, 1, 3, 3], [0] * 8])
 BAD = {
+    r"; got shape \(4, 3\)\. Transpose it: the rows are x, y and z\.$": lambda: (SQUARE.T, 0.1, 0.1),
     r"^path must be three or more points of shape \(3, k\), .*; got shape \(3, 2\)": lambda: (SQUARE[:, :2], 0.1, 0.1),
     r"^path has the point \(1, 0, 0\) twice in succession": lambda: (SQUARE[:, [0, 1, 1, 2]], 0.1, 0.1),
     r"^path encloses no area; give the corners in succession": lambda: (SQUARE[:, [0, 2, 1, 3]], 0.1, 0.1),

@@ -123,15 +123,16 @@ def test_a_thin_plate_and_a_thin_winding():
 def test_a_coil_that_leaves_the_mesh():
     wide = Coil.circular((0.0, 0.0, 0.0), AXIS, 1.95, (0.2, 0.4), 10.0)
     with pytest.raises(
-        ValueError, match=r"^the coil 'winding' leaves the mesh at \(.*\), where the far boundary would"
+        ValueError, match=r"^the coil 'winding' leaves the mesh at \(.*\), where .*; the mesh is from \(-2, -2, -2\) to"
     ):
         problem({"winding": wide}).check(box())
 
 
 def test_coils_have_names():
-    for given in ([COIL], {"winding": 3.0}):
-        with pytest.raises(ValueError, match=r"^coils must map names to magnetostatics.Coil; got "):
+    for given in ([COIL], {"winding": 3.0}, COIL):
+        with pytest.raises(ValueError, match=r"^coils must map names to magnetostatics.Coil, as .*; got .*$"):
             problem(given)
+    assert repr(COIL) == "<Coil: 1000 A around (0, 0, 1), section 0.2 x 0.8 m>"
 
 
 @pytest.mark.parametrize("order", [1, 2])

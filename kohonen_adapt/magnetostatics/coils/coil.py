@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Mask
-from kohonen_adapt.checks import checked_points, finite_triple, is_number, positive_number
+from kohonen_adapt.checks import checked_points, finite_triple, is_number, point_text, positive_number
 from kohonen_adapt.magnetostatics.coils.layout import laid_out
 from kohonen_adapt.magnetostatics.coils.source import Source, field_of, source_of
 from kohonen_adapt.magnetostatics.coils.winding import Winding
@@ -18,7 +18,7 @@ __all__ = ["Coil"]
 PARALLEL = 1e-6  # sine of the angle between directions, below which they do not differ
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Coil:
     """Winding of rectangular section along a plane closed path.
 
@@ -60,8 +60,10 @@ class Coil:
     def __post_init__(self) -> None:
         path = np.array(self.path, dtype=float) if np.ndim(self.path) == 2 else np.zeros((0, 0))
         if path.shape[0] != 3 or path.shape[1] < 3 or not np.all(np.isfinite(path)):
+            remedy = " Transpose it: the rows are x, y and z." if path.shape[1:] == (3,) else ""
             raise ValueError(
                 f"path must be three or more points of shape (3, k), finite, in m; got shape {np.shape(self.path)}."
+                f"{remedy}"
             )
         path.setflags(write=False)
         for name in ("width", "height"):
@@ -73,6 +75,10 @@ class Coil:
             object.__setattr__(self, name, float(value))
         object.__setattr__(self, "path", path)
         _ = self.winding
+
+    def __repr__(self) -> str:
+        section = f"section {self.width:g} x {self.height:g} m"
+        return f"<Coil: {self.ampere_turns:g} A around {point_text(np.round(self.axis, 6) + 0.0)}, {section}>"
 
     @classmethod
     def circular(
@@ -303,6 +309,8 @@ class Coil:
 def _rectangle(centre: ArrayLike, axis: ArrayLike, length: float, width: float, along: ArrayLike | None) -> Floats:
     middle = np.array(finite_triple(centre, "centre of a coil"))
     normal = np.array(finite_triple(axis, "axis of a coil"))
+    if not normal.any():
+        raise ValueError(f"axis of a coil must not be zero; got {axis!r}.")
     if along is None:
         first = np.eye(3)[np.argmin(np.abs(normal))]
     else:

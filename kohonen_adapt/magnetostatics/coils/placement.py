@@ -25,7 +25,7 @@ ASYMMETRY = 1e-3  # allowed asymmetric part of the current density
 
 def checked_coils(value: Any) -> dict[str, Coil]:
     if not isinstance(value, Mapping | None) or not all(isinstance(coil, Coil) for coil in (value or {}).values()):
-        raise ValueError(f"coils must map names to magnetostatics.Coil; got {value!r}.")
+        raise ValueError(f"coils must map names to magnetostatics.Coil, as {{'winding': coil}}; got {value!r}.")
     return dict(value or {})
 
 
@@ -48,9 +48,11 @@ def check_placement(mesh: MeshTet, solid: Mask, coils: Mapping[str, Coil], mirro
         inside = _folded(mesh, samples, mirrors.values())
         element = find_elements(mesh, inside).astype(np.int64)
         if np.any(element < 0):
+            low, high = (point_text(end(mesh.p, axis=1)) for end in (np.min, np.max))
             raise ValueError(
                 f"the coil {name!r} leaves the mesh at {point_text(inside[:, np.argmax(element < 0)])}, where the far "
-                "boundary would be near; extend the air around the coil, or give its field as applied_field."
+                f"boundary would be near; the mesh is from {low} to {high} m. Extend the air around the coil, or give "
+                "its field as applied_field."
             )
         met: Ints = element[solid[element]]
         if not met.size:
