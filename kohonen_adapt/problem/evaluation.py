@@ -85,10 +85,7 @@ def solve_again(problem: Problem, mesh: Mesh, indicators: Floats) -> Any:
 
 
 def check_signs(before: Mapping[str, float], now: Mapping[str, float]) -> None:
-    """Raise ValueError if an output has changed its sign only.
-
-    Linear problems whose sources have changed their signs have the same indicators.
-    """
+    # A linear problem has the same indicators after a change of the signs of its sources.
     for name, value in before.items():
         if value and abs(now[name] + value) <= RESTART_TOLERANCE * abs(value):
             raise ValueError(
