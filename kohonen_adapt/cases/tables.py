@@ -199,7 +199,11 @@ def _torque(body: str | list[str], centre: Position = (), component: Axis = "z")
 
 def _flux_linkage(coil: str | list[str], turns: float = 1.0) -> Quantity:
     names = _names(coil)
-    return Quantity(lambda field: _method_of(field, "flux_linkage")(names, turns), "Wb", names)
+    return Quantity(lambda field: field.flux_linkage(names, turns), "Wb", names)
+
+
+def _inductance(coil: str, turns: float = 1.0) -> Quantity:
+    return Quantity(lambda field: _method_of(field, "inductance")(coil, turns), "H")
 
 
 def _flux(surface: str) -> Quantity:
@@ -208,7 +212,7 @@ def _flux(surface: str) -> Quantity:
 
 def _method_of(field: Field | SolidField, name: str) -> Callable[..., float]:
     if not hasattr(field, name):
-        raise ValueError("quantity flux_linkage is for triangles only, quantity flux for tetrahedra only.")
+        raise ValueError(f"quantity {name} is for tetrahedra only.")
     return getattr(field, name)
 
 
@@ -244,6 +248,7 @@ QUANTITIES: dict[str, Callable[..., Quantity]] = {
     "force": _force,
     "torque": _torque,
     "flux_linkage": _flux_linkage,
+    "inductance": _inductance,
     "flux": _flux,
     "flux_density": _flux_density,
     "potential": _potential,

@@ -18,7 +18,7 @@ from kohonen_adapt.magnetostatics.equations.applied_field import (
     checked_field,
     drive_on,
     permeable,
-    total_of,
+    sources_of,
 )
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions, Value
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
@@ -30,7 +30,8 @@ from kohonen_adapt.magnetostatics.hypercircle import gap_indicators
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients, coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import Inverse
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
-from kohonen_adapt.magnetostatics.quantities.goals import Goal, VectorGoal, check_goal, unit_of_goal
+from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
+from kohonen_adapt.magnetostatics.quantities.goals import Goal, check_goal, check_goal_on, unit_of_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.solid_estimation import (
     energy_indicators_in_space,
@@ -83,10 +84,10 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         "residual", scaled to equal the error approximately, or at order 1 "recovery" or "bracket": the difference to
         the field of `MagneticVectorPotential`, a guaranteed bound of the error (see `bracket`).
     goal
-        Quantity to adapt the mesh for in place of the energy: `Force`, `Torque`, `StoredEnergy`, `FluxDensityAt`, or a
-        user-defined `Goal`. `indicators` are then those of `ka.estimators.goal_oriented`, and there is no
-        `energy_norm`. At equal nodes the error of a force is 0.5 to 1.1 times that of a mesh adapted for the energy
-        (`benchmarks magnets`).
+        Quantity to adapt the mesh for in place of the energy: `Force`, `Torque`, `FluxLinkage`, `StoredEnergy`,
+        `FluxDensityAt`, or a user-defined `Goal`. `indicators` are then those of `ka.estimators.goal_oriented`, and
+        there is no `energy_norm`. At equal nodes the error of a force is 0.5 to 1.1 times that of a mesh adapted for
+        the energy (`benchmarks magnets`).
     order
         Degree of the elements, 1 or 2. At order 2 B is linear in every element, with the unknowns of
         `skfem.ElementTetP2`.
@@ -221,16 +222,15 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         drive = drive_on(mesh, material, self.free_field, closed, self.order)
         conditions = conditions_in_space(drive, self.potential or {}, planes)
         energy = CoenergyFunctional.of(drive, material, conditions)
-        field = SolidField(mesh, conditions.values, material, drive, planes)
-        if isinstance(self.goal, VectorGoal):
-            self.goal.check_on(field)  # before the solve
+        field = SolidField(
+            mesh, conditions.values, material, drive, planes, far=ends_far(drive, conditions, planes.values())
+        )
+        check_goal_on(self.goal, field)
         return energy, field
 
     @property
     def free_field(self) -> AppliedField | None:
-        applied = checked_field(self.applied_field)
-        fields = [coil.field_strength for coil in (self.coils or {}).values()]
-        return total_of([*fields, *([] if applied is None else [applied])])
+        return sources_of(self.coils, self.applied_field)
 
     def indicators(self, mesh: MeshTet, field: SolidField) -> Floats:
         if self.goal is None and self.estimator == "bracket":

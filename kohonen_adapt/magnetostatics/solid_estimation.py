@@ -134,7 +134,7 @@ def with_surplus(field: LocalSolid, conditions: Conditions, newton: Newton) -> E
     # The cubic functions alone are not in balance with the quadratic functions. For a linear goal the change by the sum
     # is the residual of the dual, weighted by the cubic functions.
     parts, at = (field.mesh, field.unknown, field.coefficients, field.drive, field.planes), field.at_quadrature
-    enriched = EnrichedField(*parts, cubic=surplus_of(field, conditions)[1])
+    enriched = EnrichedField(*parts, far=field.far, cubic=surplus_of(field, conditions)[1])
     slope = enriched.cubic_slope(at.x, field.elements.element)
     change = _dual(field, -at.change_of_flux_density(slope), conditions, newton)
     return replace(enriched, unknown=field.unknown + change)

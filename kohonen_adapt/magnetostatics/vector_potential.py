@@ -11,7 +11,13 @@ from skfem.mesh import MeshTet1
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.placement import check_placement, checked_coils
-from kohonen_adapt.magnetostatics.equations.applied_field import AppliedField, Drive, checked_field, permeable, total_of
+from kohonen_adapt.magnetostatics.equations.applied_field import (
+    AppliedField,
+    Drive,
+    checked_field,
+    permeable,
+    sources_of,
+)
 from kohonen_adapt.magnetostatics.equations.auxiliary import EdgeSolver
 from kohonen_adapt.magnetostatics.equations.conditions import Value
 from kohonen_adapt.magnetostatics.equations.edge_conditions import (
@@ -27,6 +33,7 @@ from kohonen_adapt.magnetostatics.equations.tetrahedra import LinearTetrahedra
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
+from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
 from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.solid_estimation import tangential_jumps
@@ -160,19 +167,18 @@ class MagneticVectorPotential(FieldProblem[MeshTet, EdgeField]):
         function, nothing = self.free_field, np.zeros(mesh.t.shape[1], dtype=bool)
         elements, zeros = LinearTetrahedra(mesh, varies=function is not None), np.zeros(mesh.p.shape[1])
         drive, edges = Drive(elements, function, nothing, zeros, zeros, np.zeros((3, nothing.size))), EdgeElements(mesh)
-        values = conditions_in_space(drive, self.potential or {}, planes).values
+        prescribed = conditions_in_space(drive, self.potential or {}, planes)
+        far = ends_far(drive, prescribed, planes.values())
         crossed = self._crossed(edges, [plane.facets for plane in planes.values() if plane.kind == "normal"])
         conditions = conditions_on_edges(edges, np.setdiff1d(mesh.boundary_facets(), crossed))
         load = edges.against_curls(elements.mean(drive.at_points) + material.coercivity)
-        load += prescribed_flux_load(edges, crossed, values)
-        zero = EdgeField(mesh, np.zeros(load.size), material, drive, planes, edges=edges)
+        load += prescribed_flux_load(edges, crossed, prescribed.values)
+        zero = EdgeField(mesh, np.zeros(load.size), material, drive, planes, far=far, edges=edges)
         return CurlFunctional(edges, material, conditions, load), zero
 
     @property
     def free_field(self) -> AppliedField | None:
-        applied = checked_field(self.applied_field)
-        coils = [coil.field_strength for coil in (self.coils or {}).values()]
-        return total_of(coils if applied is None else [*coils, applied])
+        return sources_of(self.coils, self.applied_field)
 
     def _crossed(self, edges: EdgeElements, normal: list[Ints]) -> Ints:
         # outer facets that the flux may cross

@@ -81,7 +81,8 @@ def test_force_beside_a_wire(solved):
 
 TOUCHES = (
     r"^subdomain 'ball' touches 'air' where the current of the applied_field runs, and the force is computed from the "
-    r"field in air without current: mesh the coil as a volume of air of its own, with air between it and the body\.$"
+    r"field in air without current: give the coil in coils, or mesh the coil as a volume of air of its own, with air "
+    r"between it and the body\.$"
 )
 NEAR = {"applied_field": loop((0.0, 0.0, 0.03), 1.05)}
 

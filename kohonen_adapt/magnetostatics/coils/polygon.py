@@ -30,6 +30,8 @@ def crossing_sides(points: Floats) -> tuple[int, int] | None:
     """Return the indices of two crossing sides, or None."""
     distinct = np.hypot(*(np.roll(points, -1, axis=0) - points).T) > 1e-12 * np.ptp(points, axis=0).max()
     rows = np.flatnonzero(distinct)
+    if not rows.size:
+        return None
     start, end = points[rows], points[rows][np.r_[1 : rows.size, 0]]
     first, second = np.triu_indices(rows.size, 2)
     apart = (first > 0) | (second < rows.size - 1)

@@ -1,6 +1,6 @@
 """Applied field of currents in a problem with a scalar potential."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,6 +15,7 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.equations.tetrahedra import EDGES, Tetrahedra, tetrahedra_on
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude, subdomains_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
@@ -25,12 +26,13 @@ from kohonen_adapt.mesh.measures import hat_gradients
 __all__ = [
     "AppliedField",
     "Drive",
+    "Sources",
     "aligned_potential",
     "checked_field",
     "drive_on",
     "field_at",
     "permeable",
-    "total_of",
+    "sources_of",
 ]
 
 AppliedField = Callable[[Floats], ArrayLike]
@@ -93,18 +95,17 @@ class Drive:
 
     @cached_property
     def current_density(self) -> Floats:
-        """Largest ``|curl Hs . n|`` on the faces of elements, (nelements,) in A/m^2."""
-        mesh, zero = self.elements.mesh, np.zeros(self.iron.size)
-        if self.function is None:
-            return zero
-        start, end = _edges(mesh.t)
-        key, corners = start * mesh.p.shape[1] + end, np.sort(mesh.facets, axis=0).astype(np.int64)
-        circulation, absolute = _circulation(mesh.p[:, start], mesh.p[:, end], self.function)
-        sides = [np.searchsorted(key, corners[i] * mesh.p.shape[1] + corners[j]) for i, j in FACE_EDGES]
-        total = np.abs(circulation[sides[0]] + circulation[sides[1]] - circulation[sides[2]])
-        total[total <= NO_CURRENT * absolute[sides].sum(axis=0)] = 0.0
-        size = 0.5 * np.linalg.norm(normals(mesh.p.T, mesh.facets.T), axis=1)
-        return np.max((total / size)[mesh.t2f], axis=0)
+        # Largest ``|curl Hs . n|`` on the faces of elements, (nelements,) in A/m^2.
+        return _current_density(self.elements.mesh, self.function)
+
+    @property
+    def sources(self) -> "Sources":
+        return self.function if isinstance(self.function, Sources) else Sources({}, self.function)
+
+    @cached_property
+    def current_density_without_coils(self) -> Floats:
+        coils, applied = self.sources.coils, self.sources.applied
+        return _current_density(self.elements.mesh, applied) if coils else self.current_density
 
     @cached_property
     def inside(self) -> Floats:
@@ -147,10 +148,23 @@ def field_at(function: AppliedField, x: Floats) -> Floats:
     return values
 
 
-def total_of(fields: Sequence[AppliedField]) -> AppliedField | None:
-    if len(fields) < 2:
-        return fields[0] if fields else None
-    return lambda x: np.sum([field_at(field, x) for field in fields], axis=0)
+@dataclass(frozen=True, eq=False)
+class Sources:
+    coils: Mapping[str, Coil]
+    applied: AppliedField | None
+
+    def __call__(self, x: Floats) -> Floats:
+        fields = [coil.field_strength(x) for coil in self.coils.values()]
+        return np.sum(fields if self.applied is None else [*fields, field_at(self.applied, x)], axis=0)
+
+    def without(self, name: str) -> AppliedField | None:
+        rest = {other: coil for other, coil in self.coils.items() if other != name}
+        return Sources(rest, self.applied) if rest else self.applied
+
+
+def sources_of(coils: Mapping[str, Coil] | None, applied_field: Any) -> AppliedField | None:
+    applied = checked_field(applied_field)
+    return Sources(coils, applied) if coils else applied
 
 
 def permeable(coefficients: Coefficients) -> Mask:
@@ -230,6 +244,19 @@ def total_potential(mesh: MeshTet, iron: Mask, function: AppliedField) -> tuple[
             chi[node] = chi[previous] - difference
     linked = _linked_currents(component[lower], along - (chi[lower] - chi[upper]), chi, component)
     return chi, _layer(mesh, np.flatnonzero(iron), key, linked)
+
+
+def _current_density(mesh: MeshTet, function: AppliedField | None) -> Floats:
+    if function is None:
+        return np.zeros(mesh.t.shape[1])
+    start, end = _edges(mesh.t)
+    key, corners = start * mesh.p.shape[1] + end, np.sort(mesh.facets, axis=0).astype(np.int64)
+    circulation, absolute = _circulation(mesh.p[:, start], mesh.p[:, end], function)
+    sides = [np.searchsorted(key, corners[i] * mesh.p.shape[1] + corners[j]) for i, j in FACE_EDGES]
+    total = np.abs(circulation[sides[0]] + circulation[sides[1]] - circulation[sides[2]])
+    total[total <= NO_CURRENT * absolute[sides].sum(axis=0)] = 0.0
+    size = 0.5 * np.linalg.norm(normals(mesh.p.T, mesh.facets.T), axis=1)
+    return np.max((total / size)[mesh.t2f], axis=0)
 
 
 def aligned_potential(drive: Drive, before: Drive) -> Floats:

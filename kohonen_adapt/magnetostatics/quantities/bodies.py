@@ -45,7 +45,7 @@ def elements_in(mesh: Mesh, names: Names) -> Mask:
 
 def air_elements(field: MagneticField) -> Mask:
     plain = np.abs(field.reluctivity * VACUUM_PERMEABILITY - 1.0) < AIR_TOLERANCE
-    return plain & (field.current_density == 0.0) & ~field.remanence.any(axis=0)
+    return plain & (field.current_in_shells == 0.0) & ~field.remanence.any(axis=0)
 
 
 def isolated_body(field: MagneticField, names: Names) -> Mask:
@@ -58,12 +58,13 @@ def isolated_body(field: MagneticField, names: Names) -> Mask:
             f"subdomain {_joined_names(names)} has no other elements around it; a force requires air around the body."
         )
     solid = np.flatnonzero(around & ~air_elements(field))
-    if solid.size and len(mesh.p) == 3 and field.current_density[solid].any():
-        driven = solid[field.current_density[solid] != 0.0][:1]
+    current = field.current_in_shells
+    if solid.size and len(mesh.p) == 3 and current[solid].any():
+        driven = solid[current[solid] != 0.0][:1]
         raise ValueError(
             f"subdomain {_joined_names(names)} touches {subdomains_at(mesh, driven)} where the current of the "
-            "applied_field runs, and the force is computed from the field in air without current: mesh the coil as a "
-            "volume of air of its own, with air between it and the body."
+            "applied_field runs, and the force is computed from the field in air without current: give the coil in "
+            "coils, or mesh the coil as a volume of air of its own, with air between it and the body."
         )
     if solid.size:
         raise ValueError(

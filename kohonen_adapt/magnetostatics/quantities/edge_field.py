@@ -8,8 +8,10 @@ from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import checked_points
+from kohonen_adapt.magnetostatics.equations.applied_field import field_at
 from kohonen_adapt.magnetostatics.equations.edges import EdgeElements
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid, Strength
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.quantities.solid_forces import oriented_surface
@@ -49,6 +51,10 @@ class LocalEdgeField(LocalSolid):
     def at(self, x: Floats, element: Ints) -> Density:
         return self._density(x, element, self.coefficients.at_points(element, x))
 
+    def reaction_at(self, x: Floats, element: Ints) -> Floats:
+        density, function = self.flux_density[:, element], self.drive.function
+        return density if function is None else density - VACUUM_PERMEABILITY * field_at(function, x)
+
     def _density(self, x: Floats, element: Ints, coefficients: Coefficients) -> Density:
         density = self.flux_density[:, element]
         return Density(x, coefficients.field_strength(density), coefficients, density)
@@ -74,7 +80,7 @@ class EdgeField(LocalEdgeField, SolidField):
 
     Parameters
     ----------
-    mesh, coefficients, drive, planes, newton
+    mesh, coefficients, drive, planes, newton, far
         As in `SolidField`.
     unknown : (nedges,)
         Circulations of A along the edges in Wb, from the lower to the higher node.

@@ -7,6 +7,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators.hierarchical import cubic_slopes
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.local_solid import Strength
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 
@@ -19,6 +20,9 @@ class EnrichedField(SolidField):
 
     def at(self, x: Floats, element: Ints) -> Strength:
         return self._added(super().at(x, element), element)
+
+    def reaction_at(self, x: Floats, element: Ints) -> Floats:
+        return super().reaction_at(x, element) - VACUUM_PERMEABILITY * self.cubic_slope(x, element)
 
     @cached_property
     def at_quadrature(self) -> Strength:

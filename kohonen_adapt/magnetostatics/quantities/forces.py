@@ -15,7 +15,13 @@ from kohonen_adapt.magnetostatics.quantities.bodies import (
     sector_cut,
 )
 from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
-from kohonen_adapt.magnetostatics.quantities.stress import Component, component_value, stress_force, weight_gradient
+from kohonen_adapt.magnetostatics.quantities.stress import (
+    Component,
+    component_value,
+    stress_force,
+    weight_at_nodes,
+    weight_gradient,
+)
 
 __all__ = [
     "arkkio_torque",
@@ -41,18 +47,19 @@ def force_component(field: LocalField, body: Names, direction: Floats) -> Compon
 def torque_component(field: LocalField, body: Names, centre: ArrayLike) -> Component:
     _check_planar(field)
     inside, middle = isolated_body(field, body), checked_point("centre", centre)
-    slope = weight_gradient(field, inside, sector_cut(field.elements.corners, inside, middle))
+    weight = weight_at_nodes(field, inside, sector_cut(field.elements.corners, inside, middle))
+    slope = weight_gradient(field, inside, weight)
     x, y = field.at_quadrature.x - middle[:, None]
     return Component(slope, np.stack((-y, x)))
 
 
 def eggshell_force(field: LocalField, body: Names) -> Floats:
     slope, cut = _shell(field, body)
-    return _along(field, cut, np.sum(stress_force(field, slope), axis=1))
+    return _along(field, cut, np.sum(stress_force(field, slope, field.at_quadrature.flux_density), axis=1))
 
 
 def eggshell_torque(field: LocalField, body: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
-    return component_value(field, torque_component(field, body, centre))
+    return component_value(field, torque_component(field, body, centre), field.at_quadrature.flux_density)
 
 
 def arkkio_torque(field: LocalField, gap: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
@@ -165,7 +172,7 @@ def lorentz_torque(field: LocalField, coil: Names, centre: ArrayLike = (0.0, 0.0
 def _shell(field: LocalField, body: Names) -> tuple[Floats, Cut]:
     inside = isolated_body(field, body)
     cut = mirror_cut(field.elements.corners, inside)
-    return weight_gradient(field, inside, cut), cut
+    return weight_gradient(field, inside, weight_at_nodes(field, inside, cut)), cut
 
 
 def _along(field: LocalField, cut: Cut, force: Floats) -> Floats:

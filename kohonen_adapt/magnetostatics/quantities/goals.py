@@ -9,11 +9,12 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
-from kohonen_adapt.magnetostatics.quantities import forces, solid_forces
+from kohonen_adapt.magnetostatics.quantities import forces
 from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_in
-from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil
 from kohonen_adapt.magnetostatics.quantities.forces import checked_point
-from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, coil_linkage, turn_length, turns_density
+from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
+from kohonen_adapt.magnetostatics.quantities.solid_forces import OfBody, parts_along
 from kohonen_adapt.magnetostatics.quantities.stress import Component, component_change, component_value
 
 __all__ = [
@@ -26,6 +27,7 @@ __all__ = [
     "Torque",
     "VectorGoal",
     "check_goal",
+    "check_goal_on",
     "unit_of_goal",
     "unit_vector",
 ]
@@ -64,15 +66,9 @@ def check_goal(goal: Any, dim: int, estimator: str) -> None:
     if estimator != "residual":
         raise ValueError(f"a goal has its own indicators; omit the estimator, got {estimator!r}.")
     if isinstance(goal, type) or not isinstance(goal, Goal):
-        linkage = "FluxLinkage, " if dim == 2 else ""
         raise ValueError(
-            f"goal must be a Force, Torque, {linkage}StoredEnergy, FluxDensityAt or another object with goal(field) "
+            "goal must be a Force, Torque, FluxLinkage, StoredEnergy, FluxDensityAt or another object with goal(field) "
             f"and goal.derivative(field), or None; got {goal!r}."
-        )
-    if dim == 3 and isinstance(goal, FluxLinkage):
-        raise ValueError(
-            "a FluxLinkage is a goal in the plane, because no coils are meshed in space; use a Force, a Torque, a "
-            "StoredEnergy or a FluxDensityAt."
         )
     if isinstance(goal, VectorGoal):
         goal.check_dimension(dim)
@@ -81,6 +77,14 @@ def check_goal(goal: Any, dim: int, estimator: str) -> None:
 def unit_of_goal(goal: Goal | None, per_metre: bool) -> str:
     unit = str(getattr(goal, "unit", ""))
     return f"{unit}/m" if per_metre and isinstance(goal, Force | Torque | FluxLinkage | StoredEnergy) else unit
+
+
+def check_goal_on(goal: Goal | None, field: Any) -> None:
+    # before the solve
+    if isinstance(goal, VectorGoal):
+        goal.check_on(field)
+    elif isinstance(goal, FluxLinkage):
+        _ = [OfCoil(field, name) for name in goal.circuit]
 
 
 class VectorGoal(Goal):
@@ -104,22 +108,35 @@ class VectorGoal(Goal):
 
 
 class _ComponentGoal(VectorGoal):
+    # in the plane, and in space of bodies and coils
     _component: Callable[[Any], Component]
+    _parts: Callable[[Any], list[OfBody | OfCoil]]
+    _vanishing: Any  # message without a component
 
     def __call__(self, field: Any) -> float:
         """Return the component in N/m, of a torque in N m/m.
 
         With `depth`, axisymmetric, and in space in N or N m.
         """
-        self.check_dimension(len(field.mesh.p))
-        return component_value(field, self._component(field))
+        self.check_on(field)
+        if self.dimension == 3:
+            return float(sum(part.value() for part in self._parts(field)))
+        return component_value(field, self._component(field), field.at_quadrature.flux_density)
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
-        self.check_dimension(len(field.mesh.p))
-        return _of_flux_density(field, component_change(field, self._component(field)))
+        self.check_on(field)
+        if self.dimension == 3:
+            return np.zeros(field.mesh.t.shape[1]), np.sum([part.load() for part in self._parts(field)], axis=0)
+        return _of_flux_density(field, component_change(self._component(field), field.at_quadrature.flux_density))
 
     def _check_place(self, field: Any) -> None:
-        self._component(field)
+        vanishes = (
+            all(part.vanishes for part in self._parts(field))
+            if self.dimension == 3
+            else not self._component(field).arm.any()
+        )
+        if vanishes:
+            raise ValueError(self._vanishing)
 
 
 @dataclass(frozen=True)
@@ -163,14 +180,17 @@ class Force(_ComponentGoal):
         object.__setattr__(self, "direction", unit_vector("direction of Force", self.direction))
 
     def _component(self, field: Any) -> Component:
-        build = forces.force_component if self.dimension == 2 else solid_forces.force_component
-        component = build(field, self.body, np.array(self.direction))
-        if not component.arm.any():
-            raise ValueError(
-                f"the force on {self.body!r} has no component along {self.direction}: an axisymmetric force is along "
-                "z, and the force on a body cut by a mirror plane is along the plane. Give another direction."
-            )
-        return component
+        return forces.force_component(field, self.body, np.array(self.direction))
+
+    def _parts(self, field: Any) -> list[OfBody | OfCoil]:
+        return parts_along(field, self.body, np.array(self.direction), None)
+
+    @property
+    def _vanishing(self) -> str:
+        return (
+            f"the force on {self.body!r} has no component along {self.direction}: an axisymmetric force is along "
+            "z, and the force on a body cut by a mirror plane is along the plane. Give another direction."
+        )
 
 
 @dataclass(frozen=True)
@@ -216,15 +236,17 @@ class Torque(_ComponentGoal):
             object.__setattr__(self, "axis", unit_vector("axis of Torque", self.axis))
 
     def _component(self, field: Any) -> Component:
-        if self.dimension == 2:
-            return forces.torque_component(field, self.body, self.centre)
-        component = solid_forces.torque_component(field, self.body, np.array(self.centre), np.array(self.axis))
-        if not component.arm.any():
-            raise ValueError(
-                f"the torque on {self.body!r} has no component along {self.axis}: the torque on a body cut by a "
-                "plane of symmetry is normal to the plane. Give another axis."
-            )
-        return component
+        return forces.torque_component(field, self.body, self.centre)
+
+    def _parts(self, field: Any) -> list[OfBody | OfCoil]:
+        return parts_along(field, self.body, np.array(self.axis), np.array(self.centre))
+
+    @property
+    def _vanishing(self) -> str:
+        return (
+            f"the torque on {self.body!r} has no component along {self.axis}: the torque on a body cut by a plane of "
+            "symmetry is normal to the plane. Give another axis."
+        )
 
 
 def unit_vector(name: str, value: tuple[float, ...]) -> tuple[float, ...]:
@@ -238,15 +260,17 @@ def unit_vector(name: str, value: tuple[float, ...]) -> tuple[float, ...]:
 class FluxLinkage(Goal):
     """Flux linkage of a circuit, the sum of `Field.flux_linkage` over its sides.
 
+    In space the sum of `SolidField.flux_linkage` over coils.
+
     Parameters
     ----------
     circuit
-        Subdomain to turns for every side of a coil, negative for return sides.
+        Subdomain to turns for every side of a coil, negative for return sides. In space coil to turns.
 
     Raises
     ------
     ValueError
-        If `circuit` is no such mapping. At a field as in `Field.flux_linkage`.
+        If `circuit` is no such mapping. At a field as in `Field.flux_linkage` or `SolidField.flux_linkage`.
 
     Examples
     --------
@@ -260,11 +284,14 @@ class FluxLinkage(Goal):
     def __post_init__(self) -> None:
         object.__setattr__(self, "circuit", checked_circuit(self.circuit))
 
-    def __call__(self, field: Field) -> float:
-        """Return the linkage in Wb/m, with `depth` or axisymmetric in Wb."""
-        return sum(coil_linkage(field, name, turns) for name, turns in self.circuit.items())
+    def __call__(self, field: Any) -> float:
+        """Return the linkage in Wb/m, with `depth`, axisymmetric and in space in Wb."""
+        return float(sum(field.flux_linkage(name, turns) for name, turns in self.circuit.items()))
 
-    def derivative(self, field: Field) -> tuple[Floats, Floats]:
+    def derivative(self, field: Any) -> tuple[Floats, Floats]:
+        if len(field.mesh.p) == 3:
+            loads = [turns * OfCoil(field, name).load() for name, turns in self.circuit.items()]
+            return np.zeros(field.mesh.t.shape[1]), np.sum(loads, axis=0)
         source = turn_length(field) * turns_density(field, self.circuit)
         return source, np.zeros_like(field.elements.points)
 

@@ -14,6 +14,7 @@ from kohonen_adapt.mesh.measures import area
 __all__ = [
     "apparent_inductance",
     "checked_circuit",
+    "checked_turns",
     "circuit_current",
     "coil_linkage",
     "energy_inductance",
@@ -25,7 +26,7 @@ EQUAL = 0.05  # allowed deviation of the currents of sides from their mean; mesh
 
 
 def coil_linkage(field: LocalField, coil: Names, turns: float) -> float:
-    inside, count = elements_in(field.mesh, coil), _checked_turns(coil, turns)
+    inside, count = elements_in(field.mesh, coil), checked_turns(coil, turns)
     size = area(field.mesh)[inside]
     # A is constant along a turn, of length 2 pi r or the depth.
     return count * turn_length(field) * float(np.sum(size * field.mean_unknown[inside]) / np.sum(size))
@@ -46,7 +47,7 @@ def turns_density(field: LocalField, circuit: Mapping[str, float]) -> Floats:
 def checked_circuit(circuit: Any) -> dict[str, float]:
     if not isinstance(circuit, Mapping) or not circuit:
         raise ValueError(f"circuit must map subdomains to turns, for instance {{'coil': 100}}; got {circuit!r}.")
-    return {name: _checked_turns(name, turns) for name, turns in circuit.items()}
+    return {name: checked_turns(name, turns) for name, turns in circuit.items()}
 
 
 def circuit_current(field: LocalField, circuit: Mapping[str, float]) -> float:
@@ -151,7 +152,7 @@ def turn_length(field: LocalField) -> float:
     return 2.0 * np.pi if field.axisymmetric else 1.0 if field.depth is None else field.depth
 
 
-def _checked_turns(coil: Names, turns: Any) -> float:
+def checked_turns(coil: Names, turns: Any) -> float:
     if not (is_number(turns) and np.isfinite(turns) and turns != 0):
         raise ValueError(f"turns of {coil!r} must be a finite number other than 0; got {turns!r}.")
     return float(turns)

@@ -14,6 +14,7 @@ from kohonen_adapt.magnetostatics.equations.mirrors import Mirror
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.equations.tetrahedra import Tetrahedra
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField, PointValues, tangent_product
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
@@ -58,6 +59,7 @@ class LocalSolid(MagneticField):
     drive: Drive
     planes: Mapping[str, Mirror]
     newton: tuple[NewtonStep, ...] = ()
+    far: bool = False
 
     @property
     def potential(self) -> Floats:
@@ -84,6 +86,10 @@ class LocalSolid(MagneticField):
     def at(self, x: Floats, element: Ints) -> Strength:
         slope = self.elements.gradient_at(self.unknown, element, self.elements.barycentric(x, element))
         return Strength(x, self.drive.at(x, element) - slope, self.coefficients.at_points(element, x))
+
+    def reaction_at(self, x: Floats, element: Ints) -> Floats:
+        barycentric = self.elements.barycentric(x, element)
+        return -VACUUM_PERMEABILITY * self.elements.gradient_at(self.potential, element, barycentric)
 
     @cached_property
     def at_quadrature(self) -> Strength:
@@ -160,6 +166,10 @@ class LocalSolid(MagneticField):
     def current_density(self) -> Floats:
         """Magnitude of the curl of the applied field, shape (nelements,) in A/m^2."""
         return self.drive.current_density
+
+    @property
+    def current_in_shells(self) -> Floats:
+        return self.drive.current_density_without_coils
 
     @property
     def squared_norm(self) -> float:

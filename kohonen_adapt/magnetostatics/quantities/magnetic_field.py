@@ -52,6 +52,11 @@ class MagneticField:
     current_density: Any  # (nelements,) in A/m^2
 
     @property
+    def current_in_shells(self) -> Floats:
+        # currents that the stress around a body does not allow for
+        return self.current_density
+
+    @property
     def remanence(self) -> Floats:
         """B at which H = 0, (d, nelements) in T."""
         return self.coefficients.remanence

@@ -9,8 +9,10 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import checked_points, finite_triple
 from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.magnetostatics.quantities.bodies import Names
+from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, ampere_turns
+from kohonen_adapt.magnetostatics.quantities.linkage import checked_turns
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
-from kohonen_adapt.magnetostatics.quantities.solid_forces import eggshell, flux_through
+from kohonen_adapt.magnetostatics.quantities.solid_forces import flux_through, total_force
 from kohonen_adapt.mesh.locate import find_elements
 
 __all__ = ["SolidField"]
@@ -38,6 +40,8 @@ class SolidField(LocalSolid):
         The planes of symmetry by name.
     newton
         Steps of Newton's method; empty for linear problems.
+    far
+        True if the reduced potential is 0 on all of the outer boundary except planes of symmetry.
     """
 
     def __repr__(self) -> str:
@@ -147,16 +151,19 @@ class SolidField(LocalSolid):
         return flux_through(self, surface)
 
     def force(self, body: Names) -> Floats:
-        """Return the magnetic force on a body.
+        """Return the magnetic force on a body or a coil.
 
         ``F = -int T grad w`` over the air around the body, with Maxwell's stress tensor ``T = (B B - |B|^2 / 2) / mu0``
         and a weight w that falls from 1 on the body to 0 on everything else (the eggshell method: Henrotte, Deliege and
-        Hameyer, COMPEL 23, 2004).
+        Hameyer, COMPEL 23, 2004). If the air contains parts of coils, ``int w J x B`` is subtracted.
+
+        The force on a coil is ``int J x B`` over the winding, ``I d lambda`` of `flux_linkage` by a displacement of the
+        coil.
 
         Parameters
         ----------
         body
-            Name of a subdomain, or a sequence of names that form one body.
+            Name of a subdomain or of a coil, or a sequence of names that form one body. A name of both is the coil.
 
         Returns
         -------
@@ -167,8 +174,9 @@ class SolidField(LocalSolid):
         Raises
         ------
         ValueError
-            If the body touches anything but air (permeability 1, no current, no remanence), lies on the outer boundary
-            elsewhere than on planes of symmetry, or if names are unknown.
+            If the body touches anything but air (permeability 1, no current of an applied field, no remanence), lies on
+            the outer boundary elsewhere than on planes of symmetry, or if names are unknown. For coils as in
+            `flux_linkage`.
 
         Examples
         --------
@@ -182,17 +190,17 @@ class SolidField(LocalSolid):
         >>> field.force("iron").tolist()  # nothing drives this field
         [0.0, 0.0, 0.0]
         """
-        return eggshell(self, body)
+        return total_force(self, body)
 
     def torque(self, body: Names, centre: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
-        """Return the magnetic torque on a body about a centre.
+        """Return the magnetic torque on a body or a coil about a centre.
 
         The torque is computed as in `force`, with ``(x - centre) x T grad w``.
 
         Parameters
         ----------
         body
-            Name of a subdomain, or a sequence of names that form one body.
+            As in `force`.
         centre : (3,)
             In m.
 
@@ -220,4 +228,76 @@ class SolidField(LocalSolid):
         >>> field.torque("iron", centre=(0.5, 0.5, 0.5)).tolist()  # nothing drives this field
         [0.0, 0.0, 0.0]
         """
-        return eggshell(self, body, np.array(finite_triple(centre, "centre")))
+        return total_force(self, body, np.array(finite_triple(centre, "centre")))
+
+    def flux_linkage(self, coil: Names, turns: float = 1) -> float:
+        """Return the flux linkage of a coil, or of coils in series.
+
+        ``lambda = lambda_0 + int mu0 M . h`` over iron and magnets, by reciprocity: lambda_0 is the linkage in free
+        space, ``mu0 M = B - mu0 H``, and h is the field of the coil per ampere of its turns. The linkage is that
+        of a boundary at infinity, beyond which the fields of all coils go on. In linear material without magnets and
+        applied fields, current times linkage, summed over coils, is twice `energy` with the energy of the coils'
+        fields beyond the mesh.
+
+        Parameters
+        ----------
+        coil
+            Name of a coil of the problem, or a sequence of names whose linkages are added.
+        turns
+            Number of turns of every coil; negative for the other direction.
+
+        Returns
+        -------
+        float
+            In Wb, positive for the flux of a positive current. Of a coil that planes of symmetry cut: the linkage of
+            the part in the mesh, half the whole for one plane.
+
+        Raises
+        ------
+        ValueError
+            For names that are no coils, coils beyond a plane of symmetry, turns that are zero or not finite, and if
+            the outer boundary, except planes of symmetry, has not the potential 0 everywhere.
+
+        Examples
+        --------
+        >>> import skfem
+        >>> from kohonen_adapt.magnetostatics import Coil, MagneticScalarPotential, Material
+        >>> mesh = skfem.MeshTet().refined(2).with_subdomains({"air": lambda x: x[0] > 0.0}).with_defaults()
+        >>> mesh = mesh.with_boundaries({"outer": lambda x: x[0] > -1.0})
+        >>> coil = Coil.circular((0.5, 0.5, 0.5), (0.0, 0.0, 1.0), 0.3, (0.2, 0.2), 1000.0)
+        >>> problem = MagneticScalarPotential({"air": Material()}, {"outer": 0.0}, coils={"winding": coil})
+        >>> field = problem.solve(mesh)
+        >>> print(f"{1e3 * field.flux_linkage('winding', turns=100):.2f} mWb")  # 5.098 mH times 10 A
+        50.98 mWb
+        """
+        names = [coil] if isinstance(coil, str) else list(coil)
+        return checked_turns(coil, turns) * float(sum(OfCoil(self, name).value() for name in names))
+
+    def inductance(self, coil: str, turns: float = 1) -> float:
+        """Return the flux linkage of a coil divided by its current.
+
+        For linear material without magnets and other currents this is the inductance. Magnets and other currents add
+        flux to the linkage, and the result is then no inductance, as in `apparent_inductance` in the plane.
+
+        Parameters
+        ----------
+        coil
+            Name of a coil of the problem.
+        turns
+            Number of turns.
+
+        Returns
+        -------
+        float
+            In H. Of a coil that planes of symmetry cut: of the part in the mesh.
+
+        Raises
+        ------
+        ValueError
+            As in `flux_linkage`, and for a coil without current.
+
+        Examples
+        --------
+        See `flux_linkage`, ``field.inductance("winding", turns=100)``.
+        """
+        return turns * self.flux_linkage(coil, turns) / ampere_turns(self, coil)

@@ -1,6 +1,8 @@
-"""Forces and torques on a body in space, and the flux through surfaces."""
+"""Forces and torques on bodies and coils in space, and the flux through surfaces."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from skfem import MeshTet
@@ -9,50 +11,134 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.magnetostatics.coils.motion import Motion
 from kohonen_adapt.magnetostatics.equations.mirrors import Mirror, surface
 from kohonen_adapt.magnetostatics.quantities.bodies import Cut, Names, isolated_body, outer_facets
+from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, is_coil
+from kohonen_adapt.magnetostatics.quantities.layer_currents import LayerCurrents, free_flux_density, layer_currents
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
-from kohonen_adapt.magnetostatics.quantities.stress import Component, stress_force, weight_gradient
+from kohonen_adapt.magnetostatics.quantities.stress import (
+    Component,
+    component_change,
+    component_value,
+    stress_force,
+    weight_at_nodes,
+    weight_gradient,
+)
 from kohonen_adapt.mesh.cells import normals
 
-__all__ = ["eggshell", "flux_through", "force_component", "oriented_surface", "torque_component"]
+__all__ = ["flux_through", "oriented_surface", "parts_along", "total_force"]
 
 DEGREE = 2  # of the quadrature of a flux
 EDGEWISE = 0.1  # cosine between the normal of a facet and of its surface, below which the facet has no side
 
 
-def eggshell(field: LocalSolid, body: Names, centre: Floats | None = None) -> Floats:
-    """Return the force (3,) on a body in N, or the torque about `centre` in N m."""
-    slope, cuts = _shell(field, body)
-    parts = stress_force(field, slope)
-    if centre is not None:
-        parts = np.cross(field.at_quadrature.x - centre[:, None], parts, axis=0)
-    return _uncancelled(cuts, np.sum(parts, axis=1), centre is not None)
+@dataclass(frozen=True, eq=False)
+class Shell:
+    # Weight around a body, and the currents where the weight falls.
+    # With ``f = J x B`` in the layer, the force on the body is ``-int T grad w - int w f``. The field of the currents
+    # in free space makes no force on the body, so that both integrals leave out its part: T less the stress of this
+    # field, and f without B of this field.
+
+    field: LocalSolid
+    inside: Mask
+    cuts: list[Mirror]
+
+    @classmethod
+    def of(cls, field: LocalSolid, body: Names) -> "Shell":
+        inside = isolated_body(field, body)
+        return cls(field, inside, _cuts(field.mesh, inside, field.mirrors))
+
+    @cached_property
+    def _weight(self) -> Floats:
+        nodes = np.arange(self.field.mesh.p.shape[1])
+        facets = np.concatenate([np.zeros(0, dtype=np.int64), *(mirror.facets for mirror in self.cuts)])
+        return weight_at_nodes(self.field, self.inside, Cut(facets, None, nodes))
+
+    @cached_property
+    def slope(self) -> Floats:
+        return weight_gradient(self.field, self.inside, self._weight)
+
+    @cached_property
+    def currents(self) -> LayerCurrents | None:
+        return layer_currents(self.field, self._weight) if self.field.drive.sources.coils else None
+
+    def force(self, centre: Floats | None) -> Floats:
+        field, currents = self.field, self.currents
+        at = field.at_quadrature
+        parts, x = stress_force(field, self.slope, at.flux_density), at.x
+        if currents is not None:
+            parts = parts - stress_force(field, self.slope, free_flux_density(field))
+            parts, x = np.hstack((parts, -currents.force(field))), np.hstack((x, currents.x))
+        if centre is not None:
+            parts = np.cross(x - centre[:, None], parts, axis=0)
+        return _uncancelled(self.cuts, np.sum(parts, axis=1), centre is not None)
 
 
-def force_component(field: LocalSolid, body: Names, direction: Floats) -> Component:
-    slope, cuts = _shell(field, body)
-    return Component(slope, np.tile(_uncancelled(cuts[::-1], direction, False)[:, None], slope.shape[1]))
+@dataclass(frozen=True, eq=False)
+class OfBody:
+    shell: Shell
+    motion: Motion
+
+    @property
+    def vanishes(self) -> bool:
+        return not (self.motion.shift.any() or self.motion.spin.any())
+
+    @property
+    def _component(self) -> Component:
+        return Component(self.shell.slope, self.motion.at(self.shell.field.at_quadrature.x))
+
+    def value(self) -> float:
+        field, currents = self.shell.field, self.shell.currents
+        total = component_value(field, self._component, field.at_quadrature.flux_density)
+        if currents is None:
+            return total
+        total -= component_value(field, self._component, free_flux_density(field))
+        return total - float(np.sum(currents.force(field) * self.motion.at(currents.x)))
+
+    def load(self) -> Floats:
+        field, currents = self.shell.field, self.shell.currents
+        load = field.load_of(component_change(self._component, field.at_quadrature.flux_density))
+        if currents is None or not currents.x.size:
+            return load
+        along = np.cross(currents.moment, self.motion.at(currents.x), axis=0)
+        return load + field.load_at(currents.x, along)
 
 
-def torque_component(field: LocalSolid, body: Names, centre: Floats, axis: Floats) -> Component:
-    slope, cuts = _shell(field, body)
-    across = _uncancelled(cuts[::-1], axis, True)
-    return Component(slope, np.cross(across, field.at_quadrature.x - centre[:, None], axisb=0).T)
+def parts_along(field: LocalSolid, names: Names, vector: Floats, centre: Floats | None) -> list[OfBody | OfCoil]:
+    # with a centre the torque about an axis
+    coils, body = _split(field, names)
+    found: list[OfBody | OfCoil] = [OfCoil(field, name, _motion(vector, centre)) for name in coils]
+    if body:
+        shell = Shell.of(field, body)
+        along = _uncancelled(shell.cuts[::-1], vector, centre is not None)
+        found.append(OfBody(shell, _motion(along, centre)))
+    return found
 
 
-def _shell(field: LocalSolid, body: Names) -> tuple[Floats, list[Mirror]]:
-    mesh, inside = field.mesh, isolated_body(field, body)
-    cuts = _cuts(mesh, inside, field.mirrors)
-    facets = np.concatenate([mirror.facets for mirror in cuts]) if cuts else np.zeros(0, dtype=np.int64)
-    return weight_gradient(field, inside, Cut(facets, None, np.arange(mesh.p.shape[1]))), cuts
+def total_force(field: LocalSolid, names: Names, centre: Floats | None = None) -> Floats:
+    coils, body = _split(field, names)
+    total = Shell.of(field, body).force(centre) if body else np.zeros(3)
+    for name in coils:
+        total += [OfCoil(field, name, _motion(along, centre)).value() for along in np.eye(3)]
+    return total
+
+
+def _split(field: LocalSolid, names: Names) -> tuple[list[str], Names]:
+    listed = [names] if isinstance(names, str) else list(names) if isinstance(names, Sequence) else []
+    coils = [name for name in listed if is_coil(field, name)]
+    return coils, [name for name in listed if name not in coils] if coils else names
+
+
+def _motion(vector: Floats, centre: Floats | None) -> Motion:
+    zero = np.zeros(3)
+    return Motion(vector, zero, zero) if centre is None else Motion(zero, vector, centre)
 
 
 def _uncancelled(cuts: Iterable[Mirror], vector: Floats, torque: bool) -> Floats:
-    """Return the vector without the components that the images cancel.
-
-    Images leave the components of a force along the planes, and of a torque the components normal to the planes.
-    """
+    # Return the vector without the components that the images cancel.
+    #
+    # Images leave the components of a force along the planes, and of a torque the components normal to the planes.
     for mirror in cuts:
         across = mirror.normal * (mirror.normal @ vector)
         vector = across if torque else vector - across

@@ -1,0 +1,96 @@
+"""Rigid motions of coils, and the images of coils by planes of symmetry."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import expm
+from skfem import MeshTet
+
+from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.magnetostatics.coils.coil import Coil
+from kohonen_adapt.magnetostatics.equations.mirrors import Mirror
+
+__all__ = ["Images", "Motion", "change_of_field", "images_of"]
+
+STEP = 1e-2  # largest displacement of a coil in a central difference, relative to its section
+EQUAL = 1e-6  # tolerance of equal reflections
+ON_PLANE = 1e-9  # tolerance of points on planes, relative to the size of the mesh
+MOST_IMAGES = 48  # of three planes
+
+
+class Motion(NamedTuple):
+    # velocity ``shift + spin x (x - centre)``
+    shift: Floats  # (3,)
+    spin: Floats  # (3,)
+    centre: Floats  # (3,)
+
+    def at(self, x: Floats) -> Floats:
+        return self.shift[:, None] + np.cross(self.spin, x - self.centre[:, None], axisb=0).T
+
+
+def change_of_field(coil: Coil, motion: Motion, x: Floats) -> Floats:
+    step = STEP * min(coil.width, coil.height) / np.linalg.norm(motion.at(coil.path), axis=0).max()
+    generator, total = np.zeros((4, 4)), np.zeros_like(x)
+    generator[:3, :3], generator[:3, 3:] = np.cross(motion.spin, np.eye(3)).T, motion.at(np.zeros((3, 1)))
+    for sign in (1.0, -1.0):
+        moved = expm(sign * step * generator)
+        rotation, shift = moved[:3, :3], moved[:3, 3]
+        total += sign * (rotation @ coil.field_strength(rotation.T @ (x - shift[:, None])))
+    return total / (2.0 * step)
+
+
+class Images(NamedTuple):
+    # Products ``x -> matrix x + shift`` of reflections by planes of symmetry, the identity first.
+    # B, H and M at an image are ``sign matrix`` times their values at the point.
+
+    matrix: Floats  # (m, 3, 3)
+    shift: Floats  # (m, 3)
+    sign: Floats  # (m,)
+    normal: Floats  # (k, 3), out of the mesh
+    level: Floats  # (k,): largest height of the mesh along each normal
+
+    def points(self, x: Floats, image: int) -> Floats:
+        return self.matrix[image] @ x + self.shift[image][:, None]
+
+    def pulled(self, values: Floats, image: int) -> Floats:
+        return self.sign[image] * (self.matrix[image].T @ values)
+
+    def moved(self, motion: Motion, image: int) -> Motion:
+        matrix = self.matrix[image]
+        spin = np.linalg.det(matrix) * (matrix @ motion.spin)
+        shift = matrix @ motion.at(np.zeros((3, 1)))[:, 0] - np.cross(spin, self.shift[image])
+        return Motion(shift, spin, np.zeros(3))
+
+    def folded(self, x: Floats, current: Floats) -> tuple[Floats, Floats]:
+        x, current = x.copy(), current.copy()
+        outside = ~self.contain(x)
+        for image in range(1, len(self.sign)):
+            rows = np.flatnonzero(outside)
+            y = self.points(x[:, rows], image)
+            inside = self.contain(y)
+            factor, rows = self.sign[image] * np.linalg.det(self.matrix[image]), rows[inside]
+            x[:, rows], current[:, rows] = y[:, inside], factor * (self.matrix[image] @ current[:, rows])
+            outside[rows] = False
+        return x, current
+
+    def contain(self, x: Floats) -> Mask:
+        return np.all(self.normal @ x <= self.level[:, None], axis=0)
+
+
+def images_of(mesh: MeshTet, mirrors: Iterable[Mirror]) -> Images:
+    planes = list(mirrors)
+    normal = np.array([mirror.normal for mirror in planes]).reshape(-1, 3)
+    origin = np.array([mesh.p[:, mesh.facets[0, mirror.facets[0]]] for mirror in planes]).reshape(-1, 3)
+    height = np.sum(normal * origin, axis=1)
+    found = [(np.eye(3), np.zeros(3), 1.0)]
+    for matrix, shift, sign in found:  # grows
+        for mirror, n, level in zip(planes, normal, height, strict=True):
+            reflection = np.eye(3) - 2.0 * np.outer(n, n)
+            product = reflection @ matrix
+            if len(found) < MOST_IMAGES and all(np.abs(product - other).max() > EQUAL for other, _, _ in found):
+                kind = 1.0 if mirror.kind == "parallel" else -1.0
+                found.append((product, reflection @ shift + 2.0 * level * n, kind * sign))
+    tolerance = ON_PLANE * np.ptp(mesh.p, axis=1).max()
+    matrices, shifts, signs = (np.array(part) for part in zip(*found, strict=True))
+    return Images(matrices, shifts, signs, normal, height + tolerance)

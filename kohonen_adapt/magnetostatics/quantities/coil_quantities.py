@@ -1,0 +1,180 @@
+"""Flux linkage of coils in space, and the force and torque on coils."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.checks import listed
+from kohonen_adapt.magnetostatics.coils.coil import Coil
+from kohonen_adapt.magnetostatics.coils.motion import Images, Motion, change_of_field, images_of
+from kohonen_adapt.magnetostatics.coils.rules import currents_of, flux_rule
+from kohonen_adapt.magnetostatics.equations.applied_field import AppliedField, Drive, Sources, field_at
+from kohonen_adapt.magnetostatics.equations.conditions import Conditions
+from kohonen_adapt.magnetostatics.equations.mirrors import Mirror
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
+from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
+
+__all__ = ["OfCoil", "ampere_turns", "ends_far", "is_coil"]
+
+INVARIANT = 1e-3  # tolerance of equal fields of images, relative to the largest
+PLAIN = 1e-6  # largest difference of permeabilities without magnetisation, relative
+
+
+@dataclass(frozen=True, eq=False)
+class OfCoil:
+    # Flux linkage of a coil per turn, or the force on the coil along a motion.
+    # Both are integrals over magnetised material and a part in free space (reciprocity):
+    # ``lambda = lambda_0 + int mu0 M . h``, with the field h of the coil per ampere-turn and ``mu0 M = B - mu0 H``. A
+    # force is ``I d lambda`` by a motion of the coil. Planes of symmetry leave the part of the coil in the mesh.
+
+    field: LocalSolid
+    name: str
+    motion: Motion | None = None
+
+    def __post_init__(self) -> None:
+        if not self.field.far:
+            raise ValueError(
+                f"quantities of the coil {self.name!r} need the potential 0 on the far boundary, which is all of the "
+                "outer boundary except planes of symmetry; give potential={'outer': 0.0} with the name of yours."
+            )
+        _ = self._meshed
+
+    @cached_property
+    def _coil(self) -> Coil:
+        return coil_in(self.field, self.name)
+
+    @cached_property
+    def _images(self) -> Images:
+        return images_of(self.field.mesh, self.field.mirrors)
+
+    @cached_property
+    def _orbit(self) -> tuple[list[int], list[int]]:
+        # images with the field of the coil itself, and one image of every coil in the orbit
+        coil, images = self._coil, self._images
+        x = coil.winding.samples[:, ::7]
+        fields = [images.pulled(coil.field_strength(images.points(x, g)), g) for g in range(len(images.sign))]
+        size, own, first = np.abs(fields[0]).max(initial=0.0), [0], list[int]([0])
+        for g in range(1, len(fields)):
+            same = [np.abs(fields[g] - fields[k]).max() <= INVARIANT * size for k in first]
+            if same[0]:
+                own.append(g)
+            elif not any(same):
+                first.append(g)
+        return own, first
+
+    @cached_property
+    def _meshed(self) -> float:
+        own, images = len(self._orbit[0]), self._images
+        inside = images.contain(currents_of(self._coil.winding).x)
+        fraction = round(own * float(inside.mean())) / own
+        if fraction == 0.0:
+            raise ValueError(f"the coil {self.name!r} is beyond a plane of symmetry; name its image in the mesh.")
+        return fraction
+
+    @cached_property
+    def _motion(self) -> Motion | None:
+        # without the components that images cancel
+        if self.motion is None:
+            return None
+        moved = [self._images.moved(self.motion, g) for g in self._orbit[0]]
+        return Motion(*(np.mean(part, axis=0) for part in zip(*moved, strict=True)))
+
+    @property
+    def vanishes(self) -> bool:
+        if self.motion is None or self._motion is None:
+            return False
+        path = self._coil.path
+        return bool(np.abs(self._motion.at(path)).max() <= PLAIN * np.abs(self.motion.at(path)).max())
+
+    @cached_property
+    def _rows(self) -> Mask:
+        field = self.field
+        magnetic = np.abs(field.reluctivity * VACUUM_PERMEABILITY - 1.0) > PLAIN
+        return (magnetic | field.remanence.any(axis=0))[field.elements.element]
+
+    @cached_property
+    def _weight(self) -> Floats:
+        # (3, n) at the quadrature points of magnetised material
+        x, total = self.field.at_quadrature.x[:, self._rows], np.zeros((3, np.count_nonzero(self._rows)))
+        for g in self._orbit[1]:
+            total += self._images.pulled(self._unit_field(self._images.points(x, g)), g)
+        return self._meshed * len(self._orbit[0]) * total
+
+    def _unit_field(self, x: Floats) -> Floats:
+        if self._motion is None:
+            return _per_ampere_turn(self._coil).field_strength(x)
+        return change_of_field(self._coil, self._motion, x)
+
+    def value(self) -> float:
+        if self.vanishes:
+            return 0.0
+        at, rows = self.field.at_quadrature, self._rows
+        magnetisation = at.flux_density[:, rows] - VACUUM_PERMEABILITY * at.field_strength[:, rows]
+        volumes = self.field.point_volumes[rows]
+        return self._meshed * self._in_free_space() + float(np.sum(volumes * magnetisation * self._weight))
+
+    def load(self) -> Floats:
+        weight = np.zeros_like(self.field.elements.points)
+        weight[:, self._rows] = self._weight
+        return self.field.load_of(weight) + VACUUM_PERMEABILITY * weight
+
+    def _in_free_space(self) -> float:
+        coil, rest = self._coil, self.field.drive.sources.without(self.name)
+        if self._motion is None:
+            return VACUUM_PERMEABILITY * self._linkage_in_free_space()
+        if rest is None:  # a coil makes no force on itself
+            return 0.0
+        x, moment = currents_of(coil.winding)
+        force = VACUUM_PERMEABILITY * coil.ampere_turns * np.cross(moment, field_at(rest, x), axis=0)
+        return float(np.sum(force * self._motion.at(x)))
+
+    def _linkage_in_free_space(self) -> float:
+        # The field of a smaller coil in the bore is not smooth there. Mutual inductances are equal, so that the rule of
+        # the smaller coil serves.
+        sources, unit = self.field.drive.sources, _per_ampere_turn(self._coil)
+        smaller = [coil for coil in sources.coils.values() if _extent(coil) < _extent(unit)]
+        larger = {name: coil for name, coil in sources.coils.items() if _extent(coil) >= _extent(unit)}
+        total = _flux(unit, Sources(larger, sources.applied))
+        return total + sum(coil.ampere_turns * _flux(coil, unit.field_strength) for coil in smaller)
+
+
+def _flux(coil: Coil, field: AppliedField) -> float:
+    x, weight = flux_rule(coil.winding)
+    return float(np.sum(weight * (coil.axis @ field_at(field, x))))
+
+
+def _extent(coil: Coil) -> float:
+    return float(np.linalg.norm(np.ptp(coil.path, axis=1)))
+
+
+def _per_ampere_turn(coil: Coil) -> Coil:
+    return Coil(coil.path, coil.width, coil.height, 1.0, coil.radius)
+
+
+def coil_in(field: LocalSolid, name: str) -> Coil:
+    if not is_coil(field, name):
+        raise ValueError(f"{name!r} is no coil of the problem; its coils are {listed(field.drive.sources.coils)}.")
+    return field.drive.sources.coils[name]
+
+
+def ampere_turns(field: LocalSolid, name: str) -> float:
+    current = coil_in(field, name).ampere_turns
+    if current == 0.0:
+        raise ValueError(f"the coil {name!r} carries no current, by which its linkage could be divided.")
+    return current
+
+
+def is_coil(field: LocalSolid, name: Any) -> bool:
+    return isinstance(name, str) and name in field.drive.sources.coils
+
+
+def ends_far(drive: Drive, conditions: Conditions, planes: Iterable[Mirror]) -> bool:
+    mesh = drive.elements.mesh
+    zero = conditions.fixed & (conditions.values == drive.potential)
+    in_planes = np.concatenate([np.zeros(0, dtype=np.int64), *(plane.facets for plane in planes)])
+    outer = np.setdiff1d(mesh.boundary_facets(), in_planes)
+    return bool(zero[mesh.facets[:, outer]].all())

@@ -1,0 +1,261 @@
+"""Flux linkage, inductance, force and torque of coils in space, and forces on bodies beside coils."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.magnet_solids import blocks
+from scipy.special import ellipe, ellipk
+
+from kohonen_adapt.magnetostatics import Coil, FluxLinkage, Force, MagneticScalarPotential, Material, Torque
+
+MU0 = 4e-7 * np.pi
+AIR, IRON = Material(), Material(1000.0)
+MAGNET = Material(remanence=(0.1, 0.0, 1.0))
+ORIGIN, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+HALF = np.array([0.0, 0.25, 0.5, 0.75, 1.1, 1.5, 2.0])
+T = np.r_[-HALF[:0:-1], HALF]
+RACETRACK = Coil.racetrack(ORIGIN, AXIS, 2.0, 1.6, 0.4, (0.2, 0.8), 1000.0)
+BLOCK = ((-0.5, -0.5, -0.25), (0.5, 0.5, 1.1))
+OUTER = ("x-", "x+", "y-", "y+", "z-", "z+")
+
+
+def box(x=T, y=T, z=T, block=BLOCK):
+    return blocks([x, y, z], {"block": block})
+
+
+GRID = np.linspace(-2.0, 2.0, 5)
+COARSE = box(GRID, GRID, GRID, ((-1.0, -1.0, -1.0), (0.0, 0.0, 0.0)))
+
+
+def problem(material, coils=None, **arguments):
+    coils = {"winding": RACETRACK} if coils is None else coils
+    arguments = {"potential": {"outer": 0.0}} | arguments
+    return MagneticScalarPotential({"block": material, "air": AIR}, coils=coils, **arguments)
+
+
+def in_air(coil, **arguments):
+    grid = np.linspace(-2.0, 2.0, 5)
+    return problem(AIR, {"winding": coil}, **arguments).solve(
+        box(grid, grid, grid, ((-1.0, -1.0, -1.0), (0.0, 0.0, 0.0)))
+    )
+
+
+# --- in free space -----------------------------------------------------------------------------------------------
+
+
+def test_the_inductance_of_a_brooks_coil():
+    """1.6994e-6 H/m times the mean radius: Grover, Inductance Calculations, 1946; the section is square."""
+    coil = Coil.circular(ORIGIN, (0.0, 1.0, 1.0), 0.75, (0.5, 0.5), 3.0)
+    assert in_air(coil).inductance("winding", turns=100) == pytest.approx(1.6994e-6 * 0.75 * 100**2, rel=3e-5)
+
+
+@pytest.mark.parametrize("height", [0.5, 3.0])
+def test_the_inductance_of_a_current_sheet(height):
+    """Lorenz's formula of a thin solenoid."""
+    k2 = 4.0 / (4.0 + height**2)
+    closed = ((2.0 * k2 - 1.0) * ellipe(k2) + (1.0 - k2) * ellipk(k2)) / k2**1.5 - 1.0
+    field = in_air(Coil.circular(ORIGIN, AXIS, 1.0, (1e-4, height), 1000.0))
+    assert field.inductance("winding") == pytest.approx(8.0 / 3.0 * MU0 / height**2 * closed, rel=1e-4)
+
+
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_a_coil_in_a_uniform_field(turn):
+    """The flux is the field times the mean area of the turns; moment times field is the torque; there is no force."""
+    coil = Coil.circular((0.3, 0.1, 0.2), AXIS, 0.8, (0.4, 0.3), 50.0 * turn)
+    field = in_air(coil, applied_field=(300.0, 0.0, 700.0))
+    without = in_air(coil)
+    area = np.pi * (0.8**2 + 0.4**2 / 12.0)
+    linkage = field.flux_linkage("winding", turns=3) - without.flux_linkage("winding", turns=3)
+    assert linkage == pytest.approx(3.0 * MU0 * 700.0 * area, rel=1e-5)
+    torque = MU0 * np.cross([0.0, 0.0, 50.0 * turn * area], [300.0, 0.0, 700.0])
+    np.testing.assert_allclose(field.torque("winding", (5.0, 0.0, 0.0)), torque, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(field.force("winding"), 0.0, atol=1e-12)
+
+
+def test_two_coils():
+    """Mutual inductances are equal, forces opposite, and the force is the slope of the mutual inductance."""
+    low = Coil.circular((0.0, 0.0, -0.5), AXIS, 0.6, (0.2, 0.3), 500.0)
+    bend = [[0.0, 0.9, 0.9, 0.3, 0.3, 0.0], [0.0, 0.0, 0.3, 0.3, 0.9, 0.9], [0.3] * 6]
+
+    def mutual(shift, of="low", other=300.0):
+        high = Coil(np.array(bend) + [[0.0], [0.0], [shift]], 0.1, 0.2, other, 0.06)
+        return problem(AIR, {"low": low, "high": high}).solve(COARSE)
+
+    both, step = mutual(0.0), 1e-3
+    own = [in_air(coil).flux_linkage("winding") for coil in both.drive.sources.coils.values()]
+    first, second = both.flux_linkage("low") - own[0], both.flux_linkage("high") - own[1]
+    assert first / 300.0 == pytest.approx(second / 500.0, rel=1e-4)
+    force = both.force("high")
+    np.testing.assert_allclose(both.force("low"), -force, atol=1e-3 * np.abs(force).max())
+    slope = (mutual(step).flux_linkage("low") - mutual(-step).flux_linkage("low")) / (2.0 * step)
+    assert force[2] == pytest.approx(500.0 * slope, rel=1e-3)
+
+
+# --- beside magnets, whose magnetisation is known ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("space", ["scalar", "vector"])
+def test_a_magnet_is_a_coil_on_its_surface(space):
+    """Ampere's equivalence: linkage, force and torque of the winding, and the torque on the block by the same."""
+    magnet = Material(remanence=(0.0, 0.0, 1.0))
+    (x, y, low), (_, _, high) = BLOCK
+    path = [[x, -x, -x, x], [y, y, -y, -y], [0.5 * (low + high)] * 4]
+    sheet = Coil(path, 1e-3, high - low, (high - low) / MU0)
+    tilted = replace(RACETRACK, path=RACETRACK.path + [[0.2], [0.0], [-0.1]])
+    one, two = problem(magnet, {"winding": tilted}), problem(AIR, {"winding": tilted, "sheet": sheet})
+    if space == "vector":
+        one, two = one.vector_potential, two.vector_potential
+    of_magnet, of_coil, centre = (
+        one.solve(box()),
+        two.solve(box(T[::4], T[::4], T[::4], ((0.0,) * 3, (2.0,) * 3))),
+        (0.0, 1.0, 0.0),
+    )
+    assert of_magnet.flux_linkage("winding") == pytest.approx(of_coil.flux_linkage("winding"), rel=1e-4)
+    force, torque = of_coil.force("winding"), of_coil.torque("winding", centre)
+    np.testing.assert_allclose(of_magnet.force("winding"), force, atol=2e-3 * np.abs(force).max())
+    np.testing.assert_allclose(of_magnet.torque("winding", centre), torque, atol=2e-3 * np.abs(torque).max())
+
+
+def test_the_force_on_a_magnet_in_a_bore_is_opposite_to_the_force_on_the_coil():
+    """The layer around the magnet contains parts of the winding, whose force is 60 % of the result."""
+    field = replace(problem(MAGNET, {"winding": replace(RACETRACK, ampere_turns=1e6)}), order=2).solve(box())
+    coil = field.force("winding")
+    np.testing.assert_allclose(field.force("block"), -coil, atol=0.03 * np.abs(coil).max())
+    np.testing.assert_allclose(field.force(["block", "winding"]), field.force("block") + coil, atol=1e-9)
+    torque = field.torque("winding", (0.0, 1.0, 0.0))
+    np.testing.assert_allclose(field.torque("block", (0.0, 1.0, 0.0)), -torque, atol=0.03 * np.abs(torque).max())
+
+
+def test_planes_of_symmetry_leave_a_part_of_the_coil():
+    magnet, coils = Material(remanence=(0.0, 0.0, 1.0)), {"winding": RACETRACK}
+    whole = problem(magnet, coils).solve(box())
+    mesh = box(HALF, HALF, T, ((0.0, 0.0, -0.25), (0.5, 0.5, 1.1)))
+    far, planes = dict.fromkeys(("x+", "y+", "z-", "z+"), 0.0), {"x-": "parallel", "y-": "parallel"}
+    quarter = problem(magnet, coils, potential=far, symmetry=planes).solve(mesh)
+    assert 4.0 * quarter.flux_linkage("winding") == pytest.approx(whole.flux_linkage("winding"), rel=1e-5)
+    np.testing.assert_allclose(4.0 * quarter.force("winding"), whole.force("winding"), rtol=1e-3, atol=0.01)
+    assert quarter.inductance("winding", 2) == pytest.approx(quarter.flux_linkage("winding", 2) / 500.0)
+    with pytest.raises(ValueError, match=r"^the force on 'winding' has no component along \(1.0, 0.0, 0.0\)"):
+        problem(magnet, coils, potential=far, symmetry=planes, goal=Force("winding", (1.0, 0.0, 0.0))).check(mesh)
+
+
+def test_a_plane_between_a_coil_and_its_image():
+    magnet, side = Material(remanence=(0.0, 0.0, 1.0)), np.array([0.0, 0.25, 0.5, 1.0, 2.0])
+    coils = {
+        name: Coil.circular((x, 0.0, 0.0), AXIS, 0.3, (0.1, 0.2), 1e5) for name, x in (("one", 1.2), ("image", -1.2))
+    }
+    block = ((-0.5, -0.5, -0.5), (0.5, 0.0, 0.0))
+    whole = problem(magnet, coils).solve(box(np.r_[-side[:0:-1], side], side - 1.0, side - 1.0, block))
+    far = dict.fromkeys(OUTER[1:], 0.0)
+    half = problem(magnet, coils, potential=far, symmetry={"x-": "parallel"}).solve(
+        box(side, side - 1.0, side - 1.0, ((0.0, *block[0][1:]), block[1]))
+    )
+    assert half.flux_linkage("one") == pytest.approx(whole.flux_linkage("one"), rel=5e-4)
+    force = whole.force("one")
+    np.testing.assert_allclose(half.force("one"), force, atol=2e-3 * np.abs(force).max())
+    with pytest.raises(ValueError, match=r"^the coil 'image' is beyond a plane of symmetry; name its image in"):
+        half.force("image")
+
+
+# --- beside iron -------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def fields():
+    return {order: replace(problem(IRON), order=order).solve(box()) for order in (1, 2)}
+
+
+@pytest.fixture(scope="module")
+def beside_iron(fields):
+    return fields[2]
+
+
+def test_linkage_times_current_is_twice_the_energy(beside_iron):
+    """The energy beyond the mesh is that of the coil alone."""
+    energy = 2.0 * beside_iron.energy + beyond(beside_iron.mesh, RACETRACK)
+    assert 1000.0 * beside_iron.flux_linkage("winding") == pytest.approx(energy, rel=5e-3)
+
+
+def beyond(mesh, coil):
+    """``int mu0 Hs^2`` outside a mesh around the origin, by cones over its outer facets."""
+    corners = mesh.p[:, mesh.facets[:, mesh.boundary_facets()]]
+    a, b, c = np.moveaxis(corners, 1, 0)
+    size = np.abs(np.sum(np.cross(b - a, c - a, axis=0) * a, axis=0)) / 2.0
+    u, weight = np.polynomial.legendre.leggauss(6)
+    u, weight, total = 0.5 * (1.0 + u), 0.5 * weight, 0.0
+    for inner in (np.array([4.0, 1.0, 1.0]), np.array([1.0, 4.0, 1.0]), np.array([1.0, 1.0, 4.0])):
+        x = np.einsum("i,cin->cn", inner / 6.0, corners)
+        for fraction, w in zip(u, weight, strict=True):
+            total += w / fraction**4 * np.sum(size / 3.0 * np.sum(coil.field_strength(x / fraction) ** 2, axis=0))
+    return MU0 * total
+
+
+def test_action_is_reaction(beside_iron):
+    force = beside_iron.force("winding")
+    np.testing.assert_allclose(beside_iron.force("block"), -force, atol=0.05 * np.abs(force).max())
+
+
+GOALS = [
+    Force("winding", AXIS),
+    Force("block", AXIS),
+    Force(("block", "winding"), AXIS),
+    Torque("winding", (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)),
+    Torque("block", (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)),
+    FluxLinkage({"winding": 10}),
+]
+
+
+@pytest.mark.parametrize("goal", GOALS, ids=lambda goal: type(goal).__name__)
+@pytest.mark.parametrize("order", [1, 2])
+def test_goals_and_their_derivatives(goal, order, fields):
+    field = fields[order]
+    change = np.random.default_rng(0).normal(size=field.unknown.size)
+    source, load = goal.derivative(field)
+    slope = np.sum(field.point_volumes * load * field.elements.gradient_at_points(change))
+    ends = [goal(replace(field, unknown=field.unknown + step * change)) for step in (1e-4, -1e-4)]
+    assert slope == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=1e-5)
+    assert not source.any()
+
+
+def test_goal_errors_of_order_2(fields):
+    """The estimates of both orders lead to one value."""
+    for goal in (GOALS[0], GOALS[1], GOALS[-1]):
+        corrected = [
+            goal(fields[order]) + replace(problem(IRON, goal=goal), order=order).goal_error(fields[order])
+            for order in (1, 2)
+        ]
+        assert corrected[1] == pytest.approx(corrected[0], rel=0.06)
+
+
+@pytest.mark.parametrize("goal", [GOALS[0], GOALS[-1]], ids=["force", "linkage"])
+def test_goal_errors_point_to_the_exact_value(goal, fields):
+    given, field = problem(IRON, goal=goal), fields[1]
+    value, exact = goal(field), goal(fields[2])
+    assert abs(value + given.goal_error(field) - exact) < 0.6 * abs(value - exact)
+    assert np.sum(given.indicators(field.mesh, field) ** 2) >= abs(given.goal_error(field))
+
+
+# --- refused -----------------------------------------------------------------------------------------------------
+
+
+def test_an_outer_boundary_that_is_not_far():
+    message = "quantities of the coil 'winding' need the potential 0 on the far boundary, which is all of the outer"
+    for potential in ({}, {"z-": 0.0}, {"outer": 3.0}):
+        with pytest.raises(ValueError, match=f"^{re.escape(message)}"):
+            problem(IRON, potential=potential, goal=FluxLinkage({"winding": 1})).check(box())
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}"):
+        problem(IRON, potential={}).vector_potential.solve(box()).force("winding")
+
+
+def test_names_and_turns(beside_iron):
+    with pytest.raises(ValueError, match=r"^'block' is no coil of the problem; its coils are 'winding'\.$"):
+        beside_iron.flux_linkage("block")
+    with pytest.raises(ValueError, match=r"^turns of 'winding' must be a finite number other than 0; got 0\.$"):
+        beside_iron.inductance("winding", turns=0)
+    still = problem(AIR, {"winding": replace(RACETRACK, ampere_turns=0.0)}).solve(box())
+    with pytest.raises(ValueError, match=r"^the coil 'winding' carries no current"):
+        still.inductance("winding")
+    with pytest.raises(ValueError, match=r"^subdomain 'coil' is not in the mesh"):
+        beside_iron.force("coil")
