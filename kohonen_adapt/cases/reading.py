@@ -261,6 +261,9 @@ def fitting_mesh(case: Case) -> MeshTri:
         check_overlap(mesh)  # before the check of the problem, whose message would concern the potential
     _check_names(case, mesh)
     case.problem.check(corners_of(mesh))  # curved sides may invert elements, which `adapt` repairs
+    if case.bracket and isinstance(case.problem, MagneticScalarPotential):
+        with locate_errors("bracket"):
+            case.problem.vector_potential.check(mesh)
     blank = _zero_field(case.problem, mesh)
     if case.goal is not None:
         if case.adapt.get("rtol") is not None:

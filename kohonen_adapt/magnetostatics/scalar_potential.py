@@ -190,6 +190,8 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
 
     def check(self, mesh: MeshTet) -> None:
         self.functional_on(mesh)
+        if self.estimator == "bracket":
+            self.vector_potential.check(mesh)
 
     def functional_on(self, mesh: MeshTet) -> tuple[CoenergyFunctional, SolidField]:
         """Return the functional to minimise on a mesh, and the field before the solve.

@@ -9,7 +9,7 @@ import meshio
 import numpy as np
 import pytest
 from helpers.magnet_solids import blocks
-from skfem import MeshTri
+from skfem import MeshTet, MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.cases import fitting_mesh, read_case
@@ -206,6 +206,18 @@ def test_a_case_asks_for_bounds_by_both_potentials(folder, tmp_path, capsys):
     assert sentence in capsys.readouterr().out
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert sentence in page and "width of the bounds" in page
+
+
+def test_bounds_that_a_potential_prevents_are_refused_before_the_run(tmp_path, capsys):
+    names = {"outer": lambda x: x[0] > -1.0, "middle": lambda x: x[0] == 0.5}
+    mesh = MeshTet().refined(2).with_boundaries(names, boundaries_only=False)
+    outer = {"outer": mesh.boundary_facets()}
+    mesh = mesh.with_boundaries(outer).with_subdomains({"air": lambda x: x[0] > -1.0})
+    ka.write_mesh(tmp_path / "box.msh", mesh)
+    text = 'mesh = "box.msh"\nbracket = true\n[materials.air]\n[potential]\nouter = 0.0\nmiddle = 1.0\n'
+    (tmp_path / "case.toml").write_text(text)
+    assert cli.main(["check", str(tmp_path / "case.toml")]) == 2
+    assert "bracket: the potential of 'middle' is inside the mesh" in capsys.readouterr().err
 
 
 def test_bounds_by_both_potentials_are_for_tetrahedra(tmp_path, capsys):

@@ -99,3 +99,11 @@ def test_inductance_of_a_coil_and_what_is_no_guarantee():
     assert given.reasons == ("the potential of outer is not linear in facets",)
     assert given.energy is None
     assert bracket(cube(), {"body": STEEL, "air": AIR}, {"outer": lambda x: 1e4 * x[0]}).guaranteed
+
+
+def test_a_potential_inside_has_no_bound():
+    mesh = cube()
+    inside = mesh.with_boundaries({"inside": np.asarray(mesh.facets_around("body"))})
+    problem = MagneticScalarPotential({"body": UP, "air": AIR}, {"outer": 0.0, "inside": 1.0}, estimator="bracket")
+    with pytest.raises(ValueError, match="the potential of 'inside' is inside the mesh"):
+        problem.check(inside)

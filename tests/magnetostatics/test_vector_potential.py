@@ -199,7 +199,7 @@ def test_bad_input(magnets):
     problem = MagneticVectorPotential(materials, {"outer": 0.0})
     with pytest.raises(ValueError, match="have none"):
         replace(problem, materials={"magnet": MAGNET, "air": AIR}).solve(mesh)
-    with pytest.raises(ValueError, match="give the field of the current as applied_field"):
+    with pytest.raises(ValueError, match="give the current as a Coil in coils, or its field as applied_field"):
         replace(problem, materials={**materials, "air": Material(current_density=1.0)})
     inside = mesh.with_boundaries({"inside": np.asarray(mesh.facets_around("iron"))})
     with pytest.raises(ValueError, match="'inside' is inside the mesh, where a vector potential takes none"):
