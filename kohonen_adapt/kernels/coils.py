@@ -10,8 +10,8 @@ IEEE Trans. Antennas Propag. 32, 1984). Faces at an edge have L in common, and t
 contributes ``M (c - x) L`` with a matrix M.
 
 An arc has a rectangular section and an azimuthal current density of constant magnitude. Integrals over the section are
-closed forms (Urankar, IEEE Trans. Magn. 18, 1982), and the integral over the angle is a quadrature whose points
-cluster where the arc is nearest to x.
+closed forms (Urankar, IEEE Trans. Magn. 18, 1982), and the integral over the angle is a quadrature. Far from x, Gauss
+rules of few points suffice (Trefethen, SIAM Review 50, 2008); beside x, points cluster where the arc is nearest to x.
 """
 
 import math
@@ -42,15 +42,17 @@ class Bars(NamedTuple):
 
 @record
 class Arcs(NamedTuple):
-    """Arcs of rectangular section, and a quadrature rule for their angles."""
+    """Arcs of rectangular section, and quadrature rules of at most q points."""
 
     centre: np.ndarray  # (a, 3)
     frame: np.ndarray  # (a, 3, 3): unit vectors as rows: to the middle of the arc, across, and the axis
     half_angle: np.ndarray  # (a,)
     bounds: np.ndarray  # (a, 4): inner and outer radius, lowest and highest z
     density: np.ndarray  # (a,): current density / (4 pi), positive around the axis
-    fraction: np.ndarray  # (q,): points on [0, 1], which cluster at 0
-    weight: np.ndarray  # (q,)
+    npoints: np.ndarray  # (r,) int32: points of a rule
+    reach: np.ndarray  # (r,): least large half-axis of an ellipse, see `rule_for`; falls to 0
+    fraction: np.ndarray  # (r, q): points on [0, 1], which cluster at 0 in the last rule
+    weight: np.ndarray  # (r, q)
 
 
 @kernel
@@ -141,6 +143,8 @@ def arc_field(arcs, a, radius, angle, z):
         outward, _, axial = stretch_field(arcs, a, radius, z, 0.0, math.pi)
         return 2.0 * outward, 0.0, 2.0 * axial
     if abs(angle) < half:
+        if rule_for(arcs, a, radius, z, -half - angle, half - angle) < len(arcs.npoints) - 1:
+            return stretch_field(arcs, a, radius, z, -half - angle, half - angle)
         p, q, r = stretch_field(arcs, a, radius, z, 0.0, half - angle)
         s, t, u = stretch_field(arcs, a, radius, z, 0.0, -half - angle)
         return p - s, q - t, r - u
@@ -152,39 +156,75 @@ def arc_field(arcs, a, radius, angle, z):
 @inner_kernel
 def stretch_field(arcs, a, radius, z, start, end):
     outward = around = axial = 0.0
-    for i in range(arcs.fraction.shape[0]):
-        psi = start + (end - start) * arcs.fraction[i]
-        across, along = section_field(arcs, a, radius, z, math.cos(psi), math.sin(psi))
-        outward += arcs.weight[i] * across * math.cos(psi)
-        around += arcs.weight[i] * across * math.sin(psi)
-        axial += arcs.weight[i] * along
+    rule = rule_for(arcs, a, radius, z, start, end)
+    for i in range(arcs.npoints[rule]):
+        psi = start + (end - start) * arcs.fraction[rule, i]
+        cosine, sine = math.cos(psi), math.sin(psi)
+        across, along = section_field(arcs, a, radius, z, cosine, sine)
+        outward += arcs.weight[rule, i] * across * cosine
+        around += arcs.weight[rule, i] * across * sine
+        axial += arcs.weight[rule, i] * along
     size = arcs.density[a] * (end - start)
     return size * outward, size * around, size * axial
+
+
+@inner_kernel
+def rule_for(arcs, a, radius, z, start, end):
+    # A Gauss rule converges by the sum of the half-axes of the largest ellipse around the interval in which the
+    # integrand is analytic. The nearest singularity has the imaginary part y with cosh(y) = 1 + d^2 / (2 r radius) for
+    # the least distance d of the point from the section.
+    height = max(arcs.bounds[a, 2] - z, z - arcs.bounds[a, 3], 0.0)
+    r = min(max(math.sqrt(radius * radius + height * height), arcs.bounds[a, 0]), arcs.bounds[a, 1])
+    squared = (r - radius) ** 2 + height * height
+    if squared <= 0.0:
+        return len(arcs.npoints) - 1
+    if 1e-9 * squared >= 2.0 * r * radius:
+        return 0
+    excess = squared / (2.0 * r * radius)
+    y, size = math.log1p(excess + math.sqrt(excess * (2.0 + excess))), 0.5 * abs(end - start)
+    x = 0.5 * (start + end)
+    x -= 2.0 * math.pi * math.floor(0.5 * x / math.pi + 0.5)
+    axis = 0.5 * (math.hypot(x - size, y) + math.hypot(x + size, y))
+    rule = 0
+    while axis < arcs.reach[rule] * size:
+        rule += 1
+    return rule
 
 
 @inner_kernel
 def section_field(arcs, a, radius, z, cosine, sine):
     """Return the integrals over the section at one angle, across and along the axis.
 
-    The integrands are ``r (z - z') / D^3`` and ``r (r - radius cosine) / D^3``.
-    D is the distance from the point (r, z') of the section.
+    The integrands are ``r (z - z') / D^3`` and ``r (r - radius cosine) / D^3``. D is the distance from the point
+    (r, z') of the section. Logarithms and arctangents of the corners are added before they are evaluated.
     """
     shift, b = radius * cosine, radius * abs(sine)
+    low, high = z - arcs.bounds[a, 2], z - arcs.bounds[a, 3]
     across = along = 0.0
+    of_low = of_high = of_heights = 1.0
     for i in range(2):
-        u = arcs.bounds[a, i] - shift
+        u, sign = arcs.bounds[a, i] - shift, 1.0 - 2.0 * i
         squared = u * u + b * b
-        for j in range(2, 4):
-            h = z - arcs.bounds[a, j]
-            distance = math.sqrt(squared + h * h)
-            sign = 1.0 if i + 2 == j else -1.0
-            if u >= 0.0:
-                logarithm = math.log(u + distance) if distance > 0.0 else 0.0
-            else:
-                logarithm = math.log((b * b + h * h) / (distance - u)) if b * b + h * h > 0.0 else 0.0
-            across += sign * (distance + shift * logarithm)
-            along -= sign * h * logarithm
-            if squared > 0.0:
-                along += sign * shift * math.copysign(math.log((distance + abs(h)) / math.sqrt(squared)), h)
-                along += sign * b * math.atan2(u * h, b * distance)
+        to_low, to_high = math.sqrt(squared + low * low), math.sqrt(squared + high * high)
+        across += sign * (to_low - to_high)
+        first, last = sum_with(u, b, low, to_low), sum_with(u, b, high, to_high)
+        if squared > 0.0:
+            ratio, base = to_low + abs(low), to_high + abs(high)
+            ratio *= base / squared if low * high < 0.0 else 1.0 / base
+            of_heights = of_heights * ratio if i == 0 else of_heights / ratio
+            product = b * b * to_low * to_high + u * u * low * high
+            along += sign * b * math.atan2(u * b * (low * to_high - high * to_low), product)
+        of_low, of_high = (first, last) if i == 0 else (of_low / first, of_high / last)
+    log_low, log_high = math.log(of_low), math.log(of_high)
+    across += shift * (log_low - log_high)
+    along -= low * log_low - high * log_high
+    along += shift * (math.log(of_heights) if low > 0.0 else -math.log(of_heights))
     return across, along
+
+
+@inner_kernel
+def sum_with(u, b, h, distance):
+    # u + distance without cancellation; 1 on an edge, where the term is left out
+    if u >= 0.0:
+        return u + distance if distance > 0.0 else 1.0
+    return (b * b + h * h) / (distance - u) if b * b + h * h > 0.0 else 1.0

@@ -173,7 +173,8 @@ def test_the_quadrature_of_arcs_is_as_good_as_said(section):
                 x = np.append(x, coil.winding.in_space(line, height * coil.height), axis=1)
         found, exact, points = np.zeros(x.T.shape), np.zeros(x.T.shape), np.ascontiguousarray(x.T)
         add_arcs(arcs, points, 0, len(points), found)
-        fine = arcs._replace(fraction=t**5, weight=5.0 * t**4 * weight)
+        clustered = (np.array([200], dtype=np.int32), np.zeros(1), t[None] ** 5, 5.0 * t[None] ** 4 * weight)
+        fine = arcs._replace(**dict(zip(("npoints", "reach", "fraction", "weight"), clustered, strict=True)))
         add_arcs(fine, points, 0, len(points), exact)
         assert np.abs(found - exact).max() < 1e-5 * np.abs(coil.field_strength(x)).max()
 

@@ -13,6 +13,9 @@ __all__ = ["Source", "field_of", "source_of"]
 # Points t^POWER of a Gauss rule in t, more for windings thinner than SLENDER of their radius, in which x may be nearer
 # to a surface. The error of H is below 1e-5 of the largest, also on surfaces (test_coils_in_space.py).
 POINTS, MORE_POINTS, MOST_POINTS, POWER, SLENDER = 22, 4, 48, 5, 0.25
+# Gauss rules for points away from an arc, and the error rho^-2n of n points if the integrand is analytic in an ellipse
+# around the interval whose half-axes have the sum rho.
+GAUSS_RULES, GAUSS_ERROR = (3, 4, 5, 6, 8, 10, 14), 1e-6
 FEW = 1_000  # points per thread, at least
 CHUNK = 20_000  # points per compiled call, so that Ctrl-C takes effect
 
@@ -113,14 +116,21 @@ def _arcs_of(winding: Winding, current_density: float) -> Arcs:
     bounds[:, 0] = np.maximum(bounds[:, 0], 0.0)
     slender = max((arc.radius for arc in arcs), default=0.0) * SLENDER / min(winding.width, winding.height)
     count = POINTS + MORE_POINTS * np.log2(max(slender, 1.0))
-    t, weight = np.polynomial.legendre.leggauss(min(round(count), MOST_POINTS))
-    t, weight = 0.5 * (1.0 + t), 0.5 * weight
-    return Arcs(
-        centre,
-        frame,
-        np.array([0.5 * abs(arc.extent) for arc in arcs]) + 1e-12,
-        bounds,
-        np.array([arc.turn for arc in arcs]) * current_density / (4.0 * np.pi),
-        t**POWER,
-        POWER * t ** (POWER - 1) * weight,
-    )
+    rules = _rules(min(round(count), MOST_POINTS))
+    extent = np.array([abs(arc.extent) for arc in arcs])
+    density = np.array([arc.turn for arc in arcs]) * current_density / (4.0 * np.pi)
+    return Arcs(centre, frame, 0.5 * extent + 1e-12, bounds, density, *rules)
+
+
+def _rules(clustered: int) -> tuple[Ints, Floats, Floats, Floats]:
+    counts = np.array([*(count for count in GAUSS_RULES if count < clustered), clustered], dtype=np.int32)
+    fraction, weight = np.zeros((2, len(counts), clustered))
+    for rule, count in enumerate(counts):
+        x, w = np.polynomial.legendre.leggauss(count)
+        fraction[rule, :count], weight[rule, :count] = 0.5 * (1.0 + x), 0.5 * w
+    t, weight[-1] = fraction[-1].copy(), POWER * fraction[-1] ** (POWER - 1) * weight[-1]
+    fraction[-1] = t**POWER
+    rho = GAUSS_ERROR ** (-0.5 / counts)
+    reach = 0.5 * (rho + 1.0 / rho)
+    reach[-1] = 0.0
+    return counts, reach, fraction, weight

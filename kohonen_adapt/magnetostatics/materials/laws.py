@@ -280,18 +280,21 @@ def flux_density_of(law: Law, h: Floats) -> Floats:
     low, high = np.zeros_like(target), np.ones_like(target)
     while np.any(too_small := np.asarray(law.field_strength(high)) < target):
         low, high = np.where(too_small, high, low), np.where(too_small, 2.0 * high, high)
-    b, converged = 0.5 * (low + high), target <= 0.0
-    for k in range(MOST_STEPS):
-        residual = law.field_strength(b) - target
-        low, high = np.where(residual < 0.0, b, low), np.where(residual < 0.0, high, b)
+    found, rows = np.where(target > 0.0, 0.5 * (low + high), 0.0), np.flatnonzero(target > 0.0)
+    for k in range(MOST_STEPS):  # rows are not converged
+        b, lower, upper = found[rows], low[rows], high[rows]
+        residual = law.field_strength(b) - target[rows]
+        lower, upper = np.where(residual < 0.0, b, lower), np.where(residual < 0.0, upper, b)
         step = residual / law.slope(b)
         new = b - step
-        bisected = (k % 3 == 2) | ~((new >= low) & (new <= high))
-        converged = converged | (np.abs(step) <= 2.0 * EPSILON * b) | (high - low <= 2.0 * EPSILON * high)
-        b = np.where(converged, b, np.where(bisected, 0.5 * (low + high), new))
-        if converged.all():
+        bisected = (k % 3 == 2) | ~((new >= lower) & (new <= upper))
+        going = ~((np.abs(step) <= 2.0 * EPSILON * b) | (upper - lower <= 2.0 * EPSILON * upper))
+        low[rows], high[rows] = lower, upper
+        rows, new = rows[going], np.where(bisected, 0.5 * (lower + upper), new)[going]
+        if not rows.size:
             break
-    return np.where(target > 0.0, b, 0.0)[inverse].reshape(np.shape(h))
+        found[rows] = new
+    return found[inverse].reshape(np.shape(h))
 
 
 def _check_above(bound: float, label: str, value: Any) -> None:
