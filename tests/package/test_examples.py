@@ -27,8 +27,8 @@ MOTOR = runpy.run_path(str(EXAMPLES / "motor.py"))
 TURN = np.exp(2j * np.pi / POLES)  # from a pole of the motor to the next
 
 
-def run(name, folder):
-    return runpy.run_path(str(EXAMPLES / name))["main"](folder)
+def run(name, folder, **sizes):
+    return runpy.run_path(str(EXAMPLES / name))["main"](folder, **sizes)
 
 
 @pytest.fixture(scope="module")
@@ -412,6 +412,14 @@ def test_gripper_pulls_as_on_fine_meshes_once_it_is_adapted(tmp_path, monkeypatc
     assert ka.quality(wide).min() > 0.05
 
 
+def test_team_20_has_the_measured_force_within_three_percent(tmp_path):
+    result, table = run("team20.py", tmp_path, currents=(5000.0,), passes=1)
+    ((current, force, error),) = table
+    measured = dict(np.loadtxt(EXAMPLES / "team20_forces.csv", delimiter=",", skiprows=2))
+    assert force == pytest.approx(measured[current], rel=0.03) and abs(error) < 0.03 * force
+    assert result.mesh.nvertices < 2500 and (tmp_path / "team20.png").stat().st_size > 50_000
+
+
 @pytest.mark.parametrize(
     ("example", "name"),
     [(name, name) for name in ("magnet", "l_shape", "own_problem", "motor", "actuator", "fichera", "bracket")]
@@ -430,6 +438,7 @@ def test_pictures_are_pictures(request, example, name):
         ("motor", "motor", {}, 1e-3),
         ("bracket", "bracket", {}, 1e-3),
         ("gripper", "gripper", {}, 1e-2),
+        ("team20", "team20", {}, 1e-3),
         *((f"actuator_{gap}", "actuator", {"gap": gap}, 1e-3) for gap in range(1, 6)),
     ],
 )
