@@ -16,6 +16,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import as_reals
 from kohonen_adapt.display import in_unit
 from kohonen_adapt.magnetostatics.coils.coil import Coil
+from kohonen_adapt.magnetostatics.coils.placement import listed_coils
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.host import edges_between, number_facets
 from kohonen_adapt.mesh.measures import directed
@@ -79,7 +80,8 @@ def plot_slice(
     Raises
     ------
     ValueError
-        If the plane does not cut the mesh, if `values` has the wrong shape, or if the unit is unknown.
+        If the plane does not cut the mesh, if `values` has the wrong shape, if the unit is unknown, or if `coils` are
+        no list of coils.
 
     Examples
     --------
@@ -90,6 +92,7 @@ def plot_slice(
     >>> ax.figure.savefig("slice.png")
     """
     _check(mesh)
+    coils = listed_coils(coils)
     shown, axes = flat(mesh, plane), axes_of(ax, height=5.0)
     if values is None:
         number, colours, labels = _named_colours(named_sets(shown.mesh.subdomains), shown.mesh.t.shape[1])
@@ -159,7 +162,7 @@ def plot_surface(
     Raises
     ------
     ValueError
-        If `values` has the wrong shape, or if `names` or the unit is unknown.
+        If `values` has the wrong shape, if `names` or the unit is unknown, or if `coils` are no list of coils.
 
     Examples
     --------
@@ -169,6 +172,7 @@ def plot_surface(
     >>> plot_surface(mesh).figure.savefig("surface.png")
     """
     _check(mesh)
+    coils = listed_coils(coils)
     if names not in ("boundaries", "subdomains"):
         raise ValueError(f'names must be "boundaries" or "subdomains"; got {names!r}.')
     axes, camera = axes_of(ax, height=5.0), _camera(*view)

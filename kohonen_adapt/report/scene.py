@@ -23,6 +23,7 @@ from kohonen_adapt.display import (
 )
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.magnetostatics.coils.coil import Coil
+from kohonen_adapt.magnetostatics.coils.placement import listed_coils
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
 from kohonen_adapt.mesh.slicing import CutBy, Flat, cut_triangles, flat
@@ -85,7 +86,8 @@ def view_data(
         If a function returns an array of the wrong shape, the unit is unknown, or the plane does not fit a mesh.
     """
     each = [(result, flat(result.mesh, plane, axisymmetric)) for result in results.values()]
-    sections = [np.zeros((2, 2, 0)) if plane is None else cut_triangles(coil.winding.surface, plane) for coil in coils]
+    surfaces = [coil.winding.surface for coil in listed_coils(coils)]
+    sections = [np.zeros((2, 2, 0)) if plane is None else cut_triangles(surface, plane) for surface in surfaces]
     shown = [
         *(_elementwise(label, each, function) for label, function in cell_data.items()),
         *(_nodal(label, each, function) for label, function in point_data.items()),

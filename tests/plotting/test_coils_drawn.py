@@ -49,6 +49,19 @@ def test_pictures_have_coils():
     assert len(drawn) == plain + 1 and len(drawn[-1].get_paths()) == 4
 
 
+@pytest.mark.parametrize("coils", [{"winding": COIL}, COIL, ["winding"]])
+def test_coils_are_drawn_from_a_list(coils):
+    mesh = blocks([T, T, T], {})
+    for draw in (
+        lambda: plot_surface(mesh, coils=coils),
+        lambda: plot_slice(mesh, ka.Plane((0.0, 0.1, 0.0), (0.0, 1.0, 0.0)), coils=coils),
+    ):
+        with pytest.raises(
+            ValueError, match=r"^coils must be a list of Coil, as list\(problem.coils.values\(\)\); got"
+        ):
+            draw()
+
+
 def test_the_view_of_a_report_has_the_section():
     mesh = blocks([T, T, T], {})
     problem = MagneticScalarPotential({"air": Material()}, {"outer": 0.0}, coils={"winding": COIL})

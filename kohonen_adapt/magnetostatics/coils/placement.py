@@ -15,7 +15,7 @@ from kohonen_adapt.magnetostatics.equations.tetrahedra import EDGES
 from kohonen_adapt.magnetostatics.materials.coefficients import magnitude, subdomains_at
 from kohonen_adapt.mesh.locate import find_elements
 
-__all__ = ["check_placement", "checked_coils"]
+__all__ = ["check_placement", "checked_coils", "listed_coils"]
 
 INSET = 1e-3  # of the section, by which samples are off the surface of a winding
 TOUCHING = 1e-6  # of the section, by which a body may reach into a winding
@@ -27,6 +27,13 @@ def checked_coils(value: Any) -> dict[str, Coil]:
     if not isinstance(value, Mapping | None) or not all(isinstance(coil, Coil) for coil in (value or {}).values()):
         raise ValueError(f"coils must map names to magnetostatics.Coil, as {{'winding': coil}}; got {value!r}.")
     return dict(value or {})
+
+
+def listed_coils(value: Any) -> list[Coil]:
+    coils = list(value) if isinstance(value, Iterable) else [value]
+    if isinstance(value, Coil) or not all(isinstance(coil, Coil) for coil in coils):
+        raise ValueError(f"coils must be a list of Coil, as list(problem.coils.values()); got {value!r}.")
+    return coils
 
 
 def check_placement(mesh: MeshTet, solid: Mask, coils: Mapping[str, Coil], mirrors: Mapping[str, Mirror]) -> None:
