@@ -14,7 +14,9 @@ from kohonen_adapt.magnetostatics import (
     MagneticScalarPotential,
     Material,
     Torque,
+    apparent_inductance,
     arkkio_torque,
+    energy_inductance,
     lorentz_force,
     lorentz_torque,
 )
@@ -109,6 +111,11 @@ def test_forces_on_currents_are_for_the_plane(solved):
     for ask in (lorentz_force, lorentz_torque, lambda field, body: arkkio_torque(field, body, (0.0, 0.0))):
         with pytest.raises(ValueError, match=r"are for meshes of triangles, whose materials carry the currents\. In s"):
             ask(field, "air")
+    for ask in (apparent_inductance, energy_inductance):
+        with pytest.raises(
+            ValueError, match=r"on meshes of triangles\. In space .* use field\.flux_linkage\(name, turns\)"
+        ):
+            ask(field, {"air": 10})
 
 
 def test_without_iron_the_applied_field_is_the_field(solved):

@@ -188,7 +188,7 @@ def _check_plane(field: LocalField) -> None:
     if len(field.mesh.p) != 2:
         raise ValueError(
             "lorentz_force, lorentz_torque and arkkio_torque are for meshes of triangles, whose materials carry the "
-            "currents. In space mesh the coil as a volume of air and use field.force or field.torque."
+            "currents. In space give the coil in coils and use field.force(name) or field.torque(name)."
         )
 
 

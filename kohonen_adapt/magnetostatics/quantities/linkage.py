@@ -68,8 +68,14 @@ def circuit_current(field: LocalField, circuit: Mapping[str, float]) -> float:
     Raises
     ------
     ValueError
-        If a side has no turns or no current, or its current differs from the mean by more than 5 %.
+        If a side has no turns or no current, or its current differs from the mean by more than 5 %, and for fields on
+        tetrahedra.
     """
+    if len(field.mesh.p) != 2:
+        raise ValueError(
+            "circuits are sides of coils on meshes of triangles. In space give the coil in coils and use "
+            "field.flux_linkage(name, turns) or field.inductance(name, turns)."
+        )
     total = area(field.mesh) * field.current_density
     sides = checked_circuit(circuit).items()
     currents = {name: float(np.sum(total[elements_in(field.mesh, name)])) / turns for name, turns in sides}
