@@ -282,17 +282,15 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         ------
         NotOffered
             For nonlinear material with a remanence that varies in a region, and for iron that links a current. At order
-            2 for all nonlinear material, magnets that vary in a region and applied fields.
+            2 for magnets that vary in a region and applied fields.
         """
         coefficients_of_mesh = field.coefficients
         present, first, region = coefficients_of_mesh.present(self.materials)
         if any(material.turns and material.bh is not None for material in present.values()):
             raise NotOffered("nonlinear magnets that vary in a region have no functional to minimise")
         varies = field.drive.function is not None or any(material.turns for material in present.values())
-        if self.order > 1 and (varies or coefficients_of_mesh.nonlinear_materials):
-            raise NotOffered(
-                "tetrahedra of order 2 are polished beside linear material and constant magnets without currents"
-            )
+        if self.order > 1 and varies:
+            raise NotOffered("tetrahedra of order 2 are polished beside constant magnets without currents")
         mu, coercivity = 1.0 / coefficients_of_mesh.reluctivity[first], coefficients_of_mesh.coercivity[:, first]
         flux: Flux = np.where([material.bh is None for material in present.values()], mu * coercivity, 0.0)
         if any(material.turns for material in present.values()):
@@ -310,7 +308,7 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
             region,
             laws if coefficients_of_mesh.nonlinear_materials else (),
             order=self.order,
-            shift=coercivity if self.order == 1 else 0.0,
+            shift=coercivity,
             surface=self._surface_terms(field, ~field.drive.iron[first]),
         )
         return ritz if self.goal is None else replace(ritz, comparable=False, shapes_only=True)

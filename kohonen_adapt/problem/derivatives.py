@@ -10,15 +10,15 @@ from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.polynomials import HAT_SLOPES, by_points, exact_reference, functions_at, law_reference
 from kohonen_adapt.mesh.quadratic_in_space import function_slopes
 from kohonen_adapt.mesh.quadrature import kinds_at_axis
+from kohonen_adapt.problem.density_in_space import shifted_slope
 from kohonen_adapt.problem.functional_value import (
     elements_by_rule,
     flux_on,
     loads_in_space,
-    shifted_slope,
     source_on,
     source_points,
 )
-from kohonen_adapt.problem.quadratic_in_space import MEANS, fluxes, points_of_slopes, quadratic_loads
+from kohonen_adapt.problem.quadratic_in_space import MEANS, fields_at_corners, fluxes, quadratic_loads, rules
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_table, source_at, value_by_region
 
@@ -163,14 +163,18 @@ def quadratic_derivatives(corners: Floats, coefficients: Floats, region: Ints, r
 
     `corners` has shape (3, 4, m), and `coefficients` has shape (10, m).
     """
-    six = np.abs(TETRAHEDRON.determinant(corners))
-    coefficient, flux = value_by_region(np.asarray(ritz.coefficient), region), fluxes(region, ritz)
+    six, fields = np.abs(TETRAHEDRON.determinant(corners)), fields_at_corners(corners, coefficients)
+    moments, flux = np.zeros_like(fields), fluxes(region, ritz)
+    for rows, barycentric, weight in rules(region, ritz):
+        slope = np.einsum("qk,kdm->dqm", barycentric, fields[:, :, rows])
+        own = shifted_slope(slope.reshape(3, -1), np.tile(region[rows], len(weight)), ritz).reshape(slope.shape)
+        strength = secants(own, np.ones(()), region[rows], ritz) * own
+        moments[:, :, rows] = six[rows] * np.einsum("q,qk,dqm->kdm", weight, barycentric, strength)
     energy_term, flux_term, uncertainty = np.zeros((3, *coefficients.shape))
-    for barycentric, weight in points_of_slopes():
-        slopes = function_slopes(corners, barycentric)
-        slope = np.einsum("dkm,km->dm", slopes, coefficients)
-        energy_term += np.einsum("dkm,dm->km", slopes, weight * six * coefficient * slope)
-        flux_term += np.einsum("dkm,dm->km", slopes, weight * six * flux)
+    for corner, moment in zip(np.eye(4), moments, strict=True):
+        slopes = function_slopes(corners, corner)
+        energy_term += np.einsum("dkm,dm->km", slopes, moment)
+        flux_term += np.einsum("dkm,dm->km", slopes, six / 24.0 * flux)
     source_term = quadratic_loads(corners, region, ritz)
     if callable(ritz.source):
         centre = source_at(corners.mean(axis=1)[:, None], region, ritz.source)[0]

@@ -26,6 +26,7 @@ from kohonen_adapt.mesh.polynomials import (
 )
 from kohonen_adapt.mesh.quadratic_in_space import quadratic_coefficients
 from kohonen_adapt.mesh.quadrature import kinds_at_axis
+from kohonen_adapt.problem.density_in_space import density_in_space
 from kohonen_adapt.problem.quadratic_in_space import quadratic_value
 from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of, plane_only_term
 from kohonen_adapt.problem.robin import robin_value, sides_of_boundary
@@ -33,13 +34,11 @@ from kohonen_adapt.problem.surface_terms import corner_values, nodal_terms, redu
 from kohonen_adapt.problem.tables import flux_at, flux_table, source_at, value_by_region
 
 __all__ = [
-    "density_in_space",
     "elements_by_rule",
     "flux_on",
     "functional_value",
     "loads_in_space",
     "reference_of",
-    "shifted_slope",
     "source_on",
     "source_points",
     "value_in_space",
@@ -77,7 +76,7 @@ def functional_value(mesh: Mesh, ritz: Ritz) -> float:
         region = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
         if ritz.order == 2:
             coefficients = quadratic_coefficients(mesh, np.asarray(ritz.values))
-            return quadratic_value(mesh.p[:, mesh.t], coefficients, region, ritz)
+            return quadratic_value(mesh.p[:, mesh.t], coefficients, mesh.t, region, ritz)
         values, nodal = np.asarray(ritz.values), nodal_terms(ritz.surface)
         on_corners = corner_values(values, nodal, mesh.t, reduced_regions(ritz.surface, region))
         return value_in_space(mesh.p[:, mesh.t], on_corners, region, ritz) - surface_work(values, nodal)
@@ -161,28 +160,6 @@ def loads_in_space(corners: Floats, region: Ints, source: Callable[[Floats, Ints
         at = source_at(np.einsum("k,dkm->dm", barycentric, corners)[:, None], region, source)[0]
         loads += part * barycentric[:, None] * at
     return loads * np.abs(TETRAHEDRON.determinant(corners))
-
-
-def density_in_space(slope: Floats, region: Ints, ritz: Ritz) -> Floats:
-    """Return the integrand without the source for gradients (3, m), shape (m,)."""
-    square = np.sum(slope**2, axis=0)
-    density = 0.5 * value_by_region(np.asarray(ritz.coefficient), region) * square
-    if any(ritz.laws):
-        square = np.sum(shifted_slope(slope, region, ritz) ** 2, axis=0)
-    for k, law in enumerate(ritz.laws):
-        if law is not None:
-            rows = region == k
-            density[rows] = law.energy(np.sqrt(square[rows]))
-    for part, along in zip(flux_table(np.asarray(ritz.flux), TETRAHEDRON.dim), slope, strict=True):
-        density -= value_by_region(part, region) * along
-    return density
-
-
-def shifted_slope(slope: Floats, region: Ints, ritz: Ritz) -> Floats:
-    nonlinear = np.array([law is not None for law in ritz.laws] or [False])
-    table = flux_table(np.asarray(ritz.shift), TETRAHEDRON.dim)
-    shift = np.stack([value_by_region(part, region) * np.ones(slope.shape[1]) for part in table])
-    return slope - np.where(nonlinear[region] if ritz.laws else False, shift, 0.0)
 
 
 def _density(slope: Floats, x: Floats | float, corners: Floats, region: Ints, ritz: Ritz) -> Floats:

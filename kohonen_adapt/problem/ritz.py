@@ -70,8 +70,8 @@ class Ritz:
     multiplied if only a corner is on the axis, because they decrease like x^2 already. The integrals are finite and u
     is admissible, so the functional is an upper bound of the exact one.
 
-    On tetrahedra the order is 1, or 2 without laws. Axis, Robin conditions, dual and signs are for triangles only.
-    Shifts of laws, ``W(|grad u - shift|)``, and discontinuities on surfaces are for tetrahedra of order 1 only.
+    On tetrahedra the order is 1 or 2. Axis, Robin conditions, dual and signs are for triangles only. Shifts of laws,
+    ``W(|grad u - shift|)``, are for tetrahedra only, and discontinuities on surfaces for tetrahedra of order 1.
 
     Parameters
     ----------
@@ -224,8 +224,8 @@ class Ritz:
         for name, own in zip(names, (values, fixed, coefficient, source, flux, region, laws, shift), strict=True):
             object.__setattr__(self, name, own)
         checked_surface(self.surface, len(values), region)
-        if self.order > 1 and (np.any(shift) or self.surface is not None):
-            raise ValueError(f"shift and surface of Ritz are for order 1; got order {self.order}.")
+        if self.order > 1 and self.surface is not None:
+            raise ValueError(f"surface of Ritz is for order 1; got order {self.order}.")
         object.__setattr__(self, "robin", checked_conditions(self.robin))
         object.__setattr__(self, "signs", checked_signs(self.signs))
         _check_dual(self)
@@ -304,7 +304,6 @@ def check_matches(ritz: Ritz, mesh: Mesh) -> None:
 def plane_only_term(ritz: Ritz) -> str:
     has = {
         f"order {ritz.order} of Ritz": ritz.order > 2,
-        "a law at order 2 of Ritz": ritz.order == 2 and any(ritz.laws),
         "axisymmetric of Ritz": ritz.axisymmetric,
         "robin of Ritz": bool(ritz.robin),
         "dual of Ritz": ritz.dual is not None,

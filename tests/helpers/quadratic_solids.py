@@ -1,15 +1,17 @@
 """Problems of `diffusion_solids` by scikit-fem's `ElementTetP2`, and their functional the slow way."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.sparse.linalg import spsolve
-from skfem import Basis, BilinearForm, ElementTetP2, LinearForm, condense
+from skfem import Basis, BilinearForm, ElementTetP1, ElementTetP2, LinearForm, condense, solve
 from skfem.helpers import dot, grad
+from skfem.quadrature import get_quadrature
 
 import kohonen_adapt as ka
-from helpers.diffusion_solids import Diffusion
+from helpers.diffusion_solids import Diffusion, Rising
 
 PAIRS = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
-NEAR, FAR = 0.1381966011250105, 0.5854101966249685  # coordinates of four points, exact for degree 2
 
 
 class QuadraticDiffusion(Diffusion):
@@ -52,21 +54,96 @@ class QuadraticDiffusion(Diffusion):
         return ka.Ritz(solution, self.ends(mesh)[1], **constants, region=self.number(mesh), order=2)
 
 
-def functional(position, node, local, constants):
-    """int c/2 |grad u|^2 - f u - g . grad u by four points, element by element.
+class Knee:
+    """H = scale (b + 10 b^3 / (1 + (b / 2)^2)): the slope rises from 1 to 41 at b = 2."""
 
-    `local` (m, 10) are the coefficients of L_i and of 4 L_i L_j, `constants` (m, 5) are c, f and g.
+    def __init__(self, scale=1.0):
+        self.scale = scale
+
+    def field_strength(self, b):
+        return self.scale * (b + 10.0 * b**3 / (1.0 + 0.25 * b**2))
+
+    def energy(self, b):
+        square = 0.25 * b**2
+        return self.scale * (0.5 * b**2 + 80.0 * (square - np.log1p(square)))
+
+
+class NonlinearQuadratic(QuadraticDiffusion):
+    """Laws W(|grad u - s|) in the regions that have one, with the shift s; solved by Newton's method."""
+
+    @classmethod
+    def random(cls, seed):
+        problem, rng = super().random(seed), np.random.default_rng(seed)
+        problem.laws = [(None, Rising()), (Rising(3.0), Rising()), (Knee(), None), (Knee(0.1), Rising())][seed % 4]
+        problem.shift = rng.normal(size=(3, 2)) * rng.choice([0.0, 1.0])
+        return problem
+
+    def basis(self, mesh):
+        return Basis(mesh, ElementTetP2(), intorder=8)
+
+    def ritz(self, mesh, solution):
+        return replace(super().ritz(mesh, solution), laws=self.laws, shift=self.shift)
+
+    def solve(self, mesh):
+        u, fixed = self.ends(mesh)
+        residual, matrix = self.equations(mesh, u)
+        size = np.inf
+        for _ in range(60):
+            step = solve(*condense(matrix, -residual, D=np.flatnonzero(fixed)))
+            share, size = 1.0, np.linalg.norm(residual[~fixed])
+            while share > 1e-3:
+                after, matrix = self.equations(mesh, u + share * step)
+                if np.linalg.norm(after[~fixed]) < size:
+                    break
+                share *= 0.5
+            if not np.linalg.norm(after[~fixed]) < (1.0 - 1e-9) * size:
+                break
+            u, residual = u + share * step, after
+        return u
+
+    def equations(self, mesh, u):
+        """First and second derivatives of the functional."""
+        basis, number = self.basis(mesh), self.number(mesh)
+        slope = np.asarray(basis.interpolate(u).grad)
+        field, tensor = np.zeros_like(slope), np.zeros((3, *slope.shape))
+        for k, law in enumerate(self.laws):
+            rows, one = number == k, np.eye(3)[..., None, None]
+            if law is None:
+                field[:, rows], tensor[:, :, rows] = self.coefficient[k] * slope[:, rows], self.coefficient[k] * one
+                continue
+            r = slope[:, rows] - self.shift[:, k, None, None]
+            b = np.maximum(np.linalg.norm(r, axis=0), 1e-8)
+            secant, tangent = (
+                law.field_strength(b) / b,
+                (law.field_strength(b * (1.0 + 1e-6)) - law.field_strength(b)) / (1e-6 * b),
+            )
+            field[:, rows] = secant * r
+            tensor[:, :, rows] = secant * one + (tangent - secant) / b**2 * r[:, None] * r[None]
+        f, g = self.source[number][:, None], self.flux[:, number][..., None]
+        load = LinearForm(lambda v, w: dot(field - g, grad(v)) - f * v).assemble(basis)
+        second = BilinearForm(lambda u, v, w: np.einsum("i...,ij...,j...", grad(u), tensor, grad(v)))
+        return load, second.assemble(basis)
+
+
+def functional(position, node, local, constants, laws=None):
+    """int c/2 |grad u|^2 - f u - g . grad u by points.
+
+    `local` (m, 10) are the coefficients of L_i and of 4 L_i L_j, `constants` (m, 8) are c, f, g and the shift s of a
+    law W(|grad u - s|) in place of c, where `laws` (m,) has one.
     """
-    total = 0.0
-    for corners, u, (c, f, *g) in zip(position[node], local, constants, strict=True):
-        hats = np.linalg.inv(np.column_stack([np.ones(4), corners]))[1:].T
-        volume = np.linalg.det(corners[1:] - corners[0]) / 6.0
-        for k in range(4):
-            at = np.full(4, NEAR)
-            at[k] = FAR
-            slope, value = u[:4] @ hats, u[:4] @ at
-            for mode, (i, j) in zip(u[4:], PAIRS, strict=True):
-                slope = slope + 4.0 * mode * (at[i] * hats[j] + at[j] * hats[i])
-                value += 4.0 * mode * at[i] * at[j]
-            total += 0.25 * volume * (0.5 * c * slope @ slope - f * value - g @ slope)
+    corners, (c, f), g, s = position[node], constants.T[:2], constants[:, 2:5], constants[:, 5:]
+    hats = np.linalg.inv(np.concatenate([np.ones((*node.shape, 1)), corners], axis=2))[:, 1:].transpose(0, 2, 1)
+    six, total = np.linalg.det(corners[:, 1:] - corners[:, :1]), 0.0
+    points, weights = get_quadrature(ElementTetP1, 2 if laws is None else 4)  # exact for the energy of `Rising`
+    for x, weight in zip(points.T, weights, strict=True):
+        at = np.append(1.0 - x.sum(), x)
+        slope, value = np.einsum("mk,mkd->md", local[:, :4], hats), local[:, :4] @ at
+        for mode, (i, j) in zip(local[:, 4:].T, PAIRS, strict=True):
+            slope += 4.0 * mode[:, None] * (at[i] * hats[:, j] + at[j] * hats[:, i])
+            value += 4.0 * mode * at[i] * at[j]
+        stored = 0.5 * c * np.sum(slope**2, axis=1)
+        for e, law in enumerate(laws or ()):
+            if law is not None:
+                stored[e] = law.energy(np.linalg.norm(slope[e] - s[e]))
+        total += weight * six @ (stored - f * value - np.sum(g * slope, axis=1))
     return total

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 from helpers.poisson_solids import fichera
-from helpers.quadratic_solids import QuadraticDiffusion
+from helpers.quadratic_solids import NonlinearQuadratic, QuadraticDiffusion
 from helpers.solids import ball, boundary_facts, box, volumes
 from skfem import MeshTet
 
 import kohonen_adapt as ka
 from kohonen_adapt import NotOffered, Ritz, Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.polishing.space.descent_order2 import QuadraticDescent
 from kohonen_adapt.polishing.space.polish_in_space import descend_in_space
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.problem.functional_value import functional_value
@@ -128,17 +129,12 @@ def test_what_order_2_refuses_on_tetrahedra():
     fixed = problem.ends(mesh)[1]
     with pytest.raises(ValueError, match=r"values of Ritz must have shape \(nunknowns of order 2,\)"):
         functional_value(mesh, Ritz(u[:-1], fixed[:-1], 1.0, order=2))
-    for stated, reason in (({"order": 3}, "order 3 of Ritz"), ({"laws": (Law(),), "order": 2}, "a law at order 2")):
+    for stated, reason in (
+        ({"order": 3}, "order 3 of Ritz"),
+        ({"robin": {"rim": (1.0, 0.0)}, "order": 2}, "robin of Ritz"),
+    ):
         with pytest.raises(NotOffered, match=f"{reason}.* is for triangles only"):
             SolidFunctional.of(Ritz(u, fixed, 1.0, **stated), MovableSolid.of(mesh, Rules()))
-
-
-class Law:
-    def field_strength(self, b):
-        return b
-
-    def energy(self, b):
-        return 0.5 * b**2
 
 
 def test_nodes_on_curved_surfaces_stay_and_others_move():
@@ -159,3 +155,36 @@ def test_adapt_polishes_order_2_and_keeps_the_number_of_unknowns():
     errors = [np.sqrt(2.0 * (step.functional - exact)) for step in (first, last)]
     assert errors[1] < 0.5 * errors[0]
     assert "further splits" not in result.message
+
+
+@pytest.mark.parametrize("four", range(4))
+def test_with_laws_the_functional_falls_as_much_as_told(four):
+    """Sweeps and swaps exactly, exchanges up to the error of the points; and the next solve ends no higher."""
+    for seed in range(4 * four, 4 * four + 4):
+        mesh, problem = cube(seed=seed), NonlinearQuadratic.random(seed)
+        ritz = problem.ritz(mesh, problem.solve(mesh))
+        movable = MovableSolid.of(mesh, Rules())
+        functional = SolidFunctional.of_solution(ritz, movable, mesh)
+        descent = QuadraticDescent.of(movable, functional, functional.solution.copy())
+        before = start = functional_value(mesh, ritz)
+        assert descent.value() == pytest.approx(before, rel=1e-12)
+        for sweeps in (2, 0, 2):
+            fall = descent.descend(sweeps, True) if sweeps else descent.recycle()[1]
+            after = descent.value()
+            assert fall >= 0.0
+            assert before - after == pytest.approx(fall, rel=1e-5 if sweeps else 0.05, abs=1e-8 * abs(start))
+            before = after
+        assert start - before > 0.0
+        descent.opened.write_back(movable)
+        polished = movable.mesh()
+        assert least(polished, problem) <= before + 1e-8 * abs(before)
+        assert ka.quality(polished).min() >= min(FLOOR, ka.quality(mesh).min()) - 1e-12
+
+
+def test_wrong_solutions_with_laws_are_refused():
+    mesh, problem = cube(seed=0), NonlinearQuadratic.random(1)
+    solution, movable = problem.solve(mesh), MovableSolid.of(mesh, Rules())
+    row = np.flatnonzero(~problem.ends(mesh)[1])[-1]
+    solution[row] += 0.5 * np.ptp(solution) + 1.0
+    with pytest.raises(ValueError, match=r"not stationary for its Ritz: at \("):
+        SolidFunctional.of_solution(problem.ritz(mesh, solution), movable, mesh)

@@ -30,6 +30,9 @@ SHIFT_X, SHIFT_Y, SHIFT_Z, REDUCED = range(5, 9)
 
 OFFSET, LOAD = range(2)  # columns of `Trial.surface`
 
+# Levels of derivatives at order 2: none, by unknowns, and by the position of corner 0.
+VALUE, BLOCK, POSITION = range(3)
+
 
 @record
 class Tetrahedra(NamedTuple):
@@ -210,9 +213,15 @@ class SolidBlock(NamedTuple):
     rest: np.ndarray  # (UNKNOWNS,): first derivatives; then the solution with the factor
     mixed: np.ndarray  # (UNKNOWNS, 3): second derivatives by unknown and position; then the solution with the factor
     correction: np.ndarray  # (UNKNOWNS,): change of the unknowns to the minimum
+    point: np.ndarray  # (q, 4): barycentric coordinates of the quadrature points of a law
+    weight: np.ndarray  # (q,): weights with sum 1
+    force: np.ndarray  # (4, 3): integrals of L_a h of `law_order2`
+    curvature: np.ndarray  # (4, 4, 6): integrals of L_a L_b M (xx, xy, xz, yy, yz, zz), in the lower triangle
+    turn: np.ndarray  # (4, 3, 3): integrals of L_a (M g_0) grad u^T
+    applied: np.ndarray  # (4, 3): product of the curvature and a function
 
     @classmethod
-    def of(cls) -> "SolidBlock":
+    def of(cls, point: np.ndarray, weight: np.ndarray) -> "SolidBlock":
         rows, edges = 2 * MOST, UNKNOWNS
         slope, field = np.empty((2, 4, 3))
         return cls(
@@ -231,6 +240,12 @@ class SolidBlock(NamedTuple):
             np.empty(edges),
             np.empty((edges, 3)),
             np.empty(edges),
+            point,
+            weight,
+            np.empty((4, 3)),
+            np.empty((4, 4, 6)),
+            np.empty((4, 3, 3)),
+            np.empty((4, 3)),
         )
 
 

@@ -56,7 +56,10 @@ OPEN_TETRAHEDRA = record_type(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, 
 QUEUE = record_type(arrays.Queue, (int8[::1], I1, L1))
 LAWS = record_type(nonlinear.Laws, (I1, int64, R3))
 TRIAL = record_type(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, R2))
-SOLID_BLOCK = record_type(arrays.SolidBlock, (L1, R2, I2, boolean[:, ::1], I2, R1, I1, B1, R2, R2, R2, R2, R1, R2, R1))
+SOLID_BLOCK = record_type(
+    arrays.SolidBlock,
+    (L1, R2, I2, boolean[:, ::1], I2, R1, I1, B1, R2, R2, R2, R2, R1, R2, R1, R2, R1, R2, R3, R3, R2),
+)
 MODES = record_type(shared.Modes, (R3, R1, boolean[:, ::1]))
 QUADRATIC = record_type(arrays.Quadratic, (TRIAL, MODES, B1, SOLID_BLOCK))
 OFFERS = record_type(arrays.Offers, (R2, R1, B1, B1, B1, B1))

@@ -27,6 +27,7 @@ from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.space.descent import Descent
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.space.surgery_in_space import offers_of
+from kohonen_adapt.problem.quadratic_in_space import LAW_POINTS, LAW_WEIGHTS
 
 __all__ = ["QuadraticDescent"]
 
@@ -86,7 +87,7 @@ class QuadraticDescent(Descent):
 
     def quadratic(self) -> Quadratic:
         thread = get_ident()
-        block = self.blocks.get(thread) or self.blocks.setdefault(thread, SolidBlock.of())
+        block = self.blocks.get(thread) or self.blocks.setdefault(thread, SolidBlock.of(LAW_POINTS, LAW_WEIGHTS))
         return Quadratic(self.trial, self.modes, self.functional.dirichlet[: self.functional.patches], block)
 
     def descend_nodes(self, thread: int, mesh: KernelMesh, nodes: Nodes) -> float:

@@ -31,9 +31,10 @@ from kohonen_adapt.polishing.energy_tables import Tables, constants_of, laws_of_
 from kohonen_adapt.polishing.space.curved_faces import CurvedFaces
 from kohonen_adapt.polishing.space.surface_values import dirichlet_on, sides_of, with_loads
 from kohonen_adapt.polishing.stationarity import check_in_space
-from kohonen_adapt.problem.functional_value import loads_in_space, shifted_slope, value_in_space
+from kohonen_adapt.problem.density_in_space import shifted_slope
+from kohonen_adapt.problem.functional_value import loads_in_space, value_in_space
 from kohonen_adapt.problem.protocol import NotOffered
-from kohonen_adapt.problem.quadratic_in_space import quadratic_value
+from kohonen_adapt.problem.quadratic_in_space import fields_at_corners, quadratic_value
 from kohonen_adapt.problem.ritz import Ritz, check_matches, plane_only_term
 from kohonen_adapt.problem.surface_terms import corner_values, nodal_terms, reduced_regions, surface_work
 from kohonen_adapt.problem.tables import flux_table
@@ -212,7 +213,7 @@ class SolidFunctional:
         node, number = elements.node[used].T, self.number[elements.region[used]]
         if trial.modes is not None:
             coefficients = np.vstack([values[node], trial.modes.side[used, :, 0].T])
-            return quadratic_value(position.T[:, node], coefficients, number, self.ritz)
+            return quadratic_value(position.T[:, node], coefficients, node, number, self.ritz)
         on_corners = corner_values(values, trial.surface, node, reduced_regions(self.ritz.surface, number))
         own = value_in_space(position.T[:, node], on_corners, number, self.ritz) - surface_work(values, trial.surface)
         return own + self.faces.value(position, elements, values, trial.surface)
@@ -230,7 +231,12 @@ def solution_on(ritz: Ritz, tet: Tetrahedralization, mesh: MeshTet) -> TrialFunc
 
 def steepest(tet: Tetrahedralization, function: TrialFunction, ritz: Ritz, number: Ints) -> float:
     node, region = tet.elements.node[tet.used].T, number[tet.elements.region[tet.used]]
-    on_corners = corner_values(function.values, function.surface, node, reduced_regions(ritz.surface, region))
-    slope = np.einsum("dkm,km->dm", TETRAHEDRON.hat_gradients(tet.position.T[:, node]), on_corners)
-    slope = shifted_slope(slope, region, ritz)
-    return float(np.sqrt(np.sum(slope**2, axis=0).max(initial=0.0)))
+    corners = tet.position.T[:, node]
+    if function.modes is None:
+        on_corners = corner_values(function.values, function.surface, node, reduced_regions(ritz.surface, region))
+        fields = np.einsum("dkm,km->dm", TETRAHEDRON.hat_gradients(corners), on_corners)[None]
+    else:
+        coefficients = np.vstack([function.values[node], function.modes.side[tet.used, :, 0].T])
+        fields = fields_at_corners(corners, coefficients)
+    squares = [np.sum(shifted_slope(slope, region, ritz) ** 2, axis=0).max(initial=0.0) for slope in fields]
+    return float(np.sqrt(max(squares)))

@@ -8,10 +8,10 @@ import numpy as np
 
 from kohonen_adapt.kernels.elimination import eliminate, substitute_back
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import UNKNOWNS
+from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, UNKNOWNS, VALUE
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, gather_edge
 from kohonen_adapt.kernels.tetrahedron.polish.energy import source_along
-from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import BLOCK, VALUE, add_element, clear
+from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import add_element, clear
 
 
 @inner_kernel
@@ -45,15 +45,47 @@ def energy_of_old(mesh, quadratic, count, a, b):
 @inner_kernel
 def least_energy(mesh, quadratic, count, unknowns, a, b):
     # Return the functional of the elements to insert, and its minimum over the unknowns, inf if this fails.
-    trial, block, total = quadratic.trial, quadratic.block, 0.0
+    # With a law this is the functional after one step of Newton's method.
+    block = quadratic.block
     clear(block, unknowns)
+    total = energy_of_new(mesh, quadratic, count, a, b, BLOCK if unknowns > 0 else VALUE)
+    solved, square = eliminate(block.stiffness, block.rest, block.mixed, 0, 0, unknowns)
+    if not solved:
+        return total, np.inf
+    if unknowns == 0 or not has_law(mesh, quadratic, count):
+        return total, total - 0.5 * square
+    solve_unknowns(block)
+    add_correction(block, count, 0, 1.0)
+    after = energy_of_new(mesh, quadratic, count, a, b, VALUE)
+    add_correction(block, count, 0, -1.0)
+    return total, (after if after <= total else np.inf)
+
+
+@inner_kernel
+def energy_of_new(mesh, quadratic, count, a, b, wanted):
+    trial, total = quadratic.trial, 0.0
     for i in range(count):
         region = mesh.cavity.region[i]
         load, corners = source_along(trial, region, a, b), corners_of(mesh.cavity.new, i)
-        wanted = BLOCK if unknowns > 0 else VALUE
-        total += add_element(mesh.position, trial, block, i, region, load, corners, wanted)[1]
-    solved, square = eliminate(block.stiffness, block.rest, block.mixed, 0, 0, unknowns)
-    return total, (total - 0.5 * square if solved else np.inf)
+        total += add_element(mesh.position, trial, quadratic.block, i, region, load, corners, wanted)[1]
+    return total
+
+
+@inner_kernel
+def has_law(mesh, quadratic, count):
+    for i in range(count):
+        if quadratic.trial.laws.number[mesh.cavity.region[i]] >= 0:
+            return True
+    return False
+
+
+@inner_kernel
+def add_correction(block, count, first, times):
+    for i in range(count):
+        for k in range(10):
+            dof = block.dof[i, k]
+            if dof >= first:
+                block.local[i, k] += times * block.correction[dof]
 
 
 @inner_kernel

@@ -1,7 +1,8 @@
 """Descent of the Ritz functional of a P2 function by moves of nodes.
 
 The unknowns that change with a node are its value and the coefficients of its edges. They are eliminated, so a node
-moves to where the minimum over these unknowns is lower.
+moves to where the minimum over these unknowns is lower. With a law the minimum is that of one step of Newton's method,
+by the functional itself.
 """
 
 import numpy as np
@@ -9,12 +10,13 @@ import numpy as np
 from kohonen_adapt.kernels.arrays import HALVINGS
 from kohonen_adapt.kernels.elimination import eliminate, substitute_back
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, UNKNOWNS
+from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, HELD, INSIDE, POSITION, UNKNOWNS, VALUE
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of
 from kohonen_adapt.kernels.tetrahedron.geometry import allowed, star_quality
+from kohonen_adapt.kernels.tetrahedron.polish.cavity_order2 import add_correction
 from kohonen_adapt.kernels.tetrahedron.polish.descend import newton_step, rates_row, tangential
 from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, source_around
-from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import BLOCK, POSITION, add_element, clear
+from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import add_element, clear
 from kohonen_adapt.kernels.tetrahedron.surfaces import slid
 
 EDGE_OF = np.full((4, 4), -1)  # edge between two corners
@@ -71,7 +73,8 @@ def number_star(mesh, quadratic, v):
 def derivatives(mesh, quadratic, v, wanted):
     star, trial, block = mesh.star, quadratic.trial, quadratic.block
     magnitude = total = by_x = by_y = by_z = xx = xy = xz = yy = yz = zz = 0.0
-    clear(block, block.unknowns[0])
+    if wanted > VALUE:
+        clear(block, block.unknowns[0])
     begin = star.start[v]
     for row in range(begin, star.start[v + 1]):
         region = mesh.elements.region[star.element[row]]
@@ -131,40 +134,77 @@ def move_node(mesh, quadratic, v, floor):
     if not solved:
         return 0.0
     take_correction(block, first)
+    by_law, further = has_law(mesh, trial, v), 0.0
+    if by_law:
+        gain = settle(mesh, quadratic, v, first, total)
     if not held:
         if freedom.number[v] != INSIDE:
             gradient, hessian = tangential(mesh, v, gradient, hessian)
         step = newton_step(gradient, hessian)
         if -(step[0] * gradient[0] + step[1] * gradient[1] + step[2] * gradient[2]) > ROUNDING * magnitude:
-            further = search(mesh, quadratic, v, step, rate, (total - gain, ROUNDING * magnitude), floor)
-            gain += further
+            further = search(mesh, quadratic, v, step, rate, (total - gain, ROUNDING * magnitude), floor, by_law)
+    if further > 0.0 or not by_law:
+        change_star(mesh, quadratic, v, first)
+    return gain + further
+
+
+@inner_kernel
+def has_law(mesh, trial, v):
+    for row in range(mesh.star.start[v], mesh.star.start[v + 1]):
+        if trial.laws.number[mesh.elements.region[mesh.star.element[row]]] >= 0:
+            return True
+    return False
+
+
+@inner_kernel
+def settle(mesh, quadratic, v, first, total):
+    # Apply the correction of the unknowns if the functional, `total` before, decreases, and return the decrease.
+    # Values in the block remain relative to the former value of v, so that their source term is comparable.
+    gain = total - corrected(mesh, quadratic, v, first)
+    if not gain > 0.0:
+        return 0.0
+    add_correction(quadratic.block, mesh.star.start[v + 1] - mesh.star.start[v], first, 1.0)
     change_star(mesh, quadratic, v, first)
     return gain
 
 
 @inner_kernel
-def search(mesh, quadratic, v, step, rate, now, floor):
+def corrected(mesh, quadratic, v, first):
+    # Return the functional of the star after the correction of the unknowns, which are not changed.
+    block, count = quadratic.block, mesh.star.start[v + 1] - mesh.star.start[v]
+    add_correction(block, count, first, 1.0)
+    _, total, _, _ = derivatives(mesh, quadratic, v, VALUE)
+    add_correction(block, count, first, -1.0)
+    return total
+
+
+@inner_kernel
+def search(mesh, quadratic, v, step, rate, now, floor, by_law):
     # `now` is the functional with eliminated unknowns, and its rounding error. The result is the decrease by a move,
     # 0 if v stays. After a move `correction` belongs to the new position, and a Dirichlet value has followed.
     position, star, trial, block = mesh.position, mesh.star, quadratic.trial, quadratic.block
     px, py, pz, own = position[v, 0], position[v, 1], position[v, 2], trial.value[v]
-    first, (dx, dy, dz) = 1 if trial.fixed[v] else 0, step
+    first, relative, (dx, dy, dz) = 1 if trial.fixed[v] else 0, block.local[0, 0], step
     before = star_quality(position, star, v, px, py, pz, -np.inf)
     for _ in range(HALVINGS + 1):
         x, y, z = slid(position, mesh.constraints, v, dx, dy, dz)
         if allowed(star_quality(position, star, v, x, y, z, min(floor, before)), before, floor):
             position[v, 0], position[v, 1], position[v, 2] = x, y, z
             w = rate[0] * (x - px) + rate[1] * (y - py) + rate[2] * (z - pz)
-            set_own(mesh, block, v, w)
+            set_own(mesh, block, v, relative + w)
             _, total, _, _ = derivatives(mesh, quadratic, v, BLOCK)
             solved, square = eliminate(block.stiffness, block.rest, block.mixed, 0, first, block.unknowns[0])
-            gain = now[0] - (total - 0.5 * square)
+            least = total - 0.5 * square
+            if by_law:
+                take_correction(block, first)
+                least = corrected(mesh, quadratic, v, first)
+            gain = now[0] - least
             if solved and gain > now[1]:
                 take_correction(block, first)
                 trial.value[v] = own + w
                 return gain
             position[v, 0], position[v, 1], position[v, 2] = px, py, pz
-            set_own(mesh, block, v, 0.0)
+            set_own(mesh, block, v, relative)
         dx, dy, dz = 0.5 * dx, 0.5 * dy, 0.5 * dz
     return 0.0
 

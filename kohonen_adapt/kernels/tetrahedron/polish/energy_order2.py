@@ -12,20 +12,20 @@ coefficients follow without quadrature. If corner 0 moves by d and all coefficie
     E(d) = c D / 2 ((1 + s) tr P - 2 g_0 . P d + |g_0|^2 d . P d / (1 + s)) - (source and flux, linear in d),
 
 so the second derivative c D |g_0|^2 P is never negative. Derivatives of order 1 in `descend.py` are those of constant
-gradients.
+gradients. `law_order2` has nonlinear laws.
 """
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
+    POSITION,
     SIXTH_FLUX_X,
     SIXTH_FLUX_Y,
     SIXTH_FLUX_Z,
     TWELFTH_COEFFICIENT,
+    VALUE,
 )
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES
-
-VALUE, BLOCK, POSITION = 0, 1, 2  # levels of derivatives: none, by unknowns, and by the position of corner 0
-OF_EDGE = 0.8  # ratio of the integrals of edge and corner functions
+from kohonen_adapt.kernels.tetrahedron.polish.law_order2 import OF_EDGE, add_by_law
 
 
 @inner_kernel
@@ -81,6 +81,8 @@ def add_element(position, trial, block, i, region, load, corners, wanted):
     g, t, u, data = block.slope, block.field, block.local, trial.data
     six = set_slopes(position, g, *corners)
     set_fields(g, t, u, i)
+    if trial.laws.number[region] >= 0:
+        return add_by_law(trial, block, i, region, load, six, corners, wanted)
     xx = xy = xz = yy = yz = zz = sx = sy = sz = 0.0
     for k in range(4):
         x, y, z = t[k, 0], t[k, 1], t[k, 2]
