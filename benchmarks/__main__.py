@@ -47,7 +47,16 @@ from benchmarks.checks import (
     warmup,
 )
 from benchmarks.checks import round as one_round
-from benchmarks.peers import case_oracle, hexahedra, hp, ngsolve_oracle, peers_in_space, peers_report, time_to_error
+from benchmarks.peers import (
+    case_oracle,
+    hexahedra,
+    hp,
+    ngsolve_oracle,
+    peers_in_space,
+    peers_order_2,
+    peers_report,
+    time_to_error,
+)
 from benchmarks.peers.report import comparison
 from benchmarks.problems.cases import PROBLEMS, cases
 
@@ -123,6 +132,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5, help="medians over seeds 0 to SEEDS - 1 (default 5)")
     parser.add_argument("--quick", action="store_true", help="small meshes only")
     parser.add_argument("--three-d", action="store_true", help="peers: on tetrahedra")
+    parser.add_argument("--order", type=int, choices=(1, 2), default=1, help="peers --three-d: order of the elements")
     parser.add_argument("--loops", action="store_true", help="hp: NGSolve's adaptive loop, too (slow)")
     parser.add_argument("--polish", action="store_true", help="coils: the polish beside coils only")
     parser.add_argument("--team20", action="store_true", help="coils: the force of TEAM problem 20 only")
@@ -143,7 +153,8 @@ def main() -> None:
             for case in cases(name, options.quick):
                 print(comparison(case, range(options.seeds)) + "\n", flush=True)
         elif name == "peers" and options.three_d:
-            print(peers_in_space.report(range(options.seeds), options.quick) + "\n", flush=True)
+            of_order = peers_order_2 if options.order == 2 else peers_in_space
+            print(of_order.report(range(options.seeds), options.quick) + "\n", flush=True)
         elif name == "hp":
             for part in hp.parts(options.quick, options.loops):
                 print(part + "\n", flush=True)

@@ -5,13 +5,14 @@ from skfem import MeshTet
 
 from benchmarks.peers.edges import find_edges
 from benchmarks.peers.mmg_remesh import GRADATION, numbered
+from benchmarks.problems.quadratic_solids import Quadratic
 from benchmarks.problems.solids import ON, Solid
 
 LAST = 4.0  # planes of the problems are at multiples of its inverse
 FACES = 1000  # added to the references of named faces: Mmg gives those that it finds itself the numbers of regions
 
 
-def mmg_in_space(problem: Solid, mesh: MeshTet, metric: np.ndarray) -> MeshTet:
+def mmg_in_space(problem: Solid | Quadratic, mesh: MeshTet, metric: np.ndarray) -> MeshTet:
     """A new mesh of the same regions and named boundaries.
 
     `metric`: 1 / h^2 (nnodes,) of the wanted edge lengths at its nodes, or tensors' entries xx, xy, xz, yy, yz, zz

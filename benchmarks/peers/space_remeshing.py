@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from skfem import Basis, ElementTetP1, MeshTet
 
+from benchmarks.problems.quadratic_solids import Quadratic
 from benchmarks.problems.solids import Solid
 
 LOOPS = 5
@@ -13,11 +14,12 @@ NEAR = 1.02  # times the number of nodes, or less
 EDGE = 1.1  # times rho^(-1/3): the edge length that gives about the density rho
 FLAT = 1e-3  # of the median of the largest: curvatures are not taken for less
 
-Metric = Callable[[Solid, MeshTet, np.ndarray], np.ndarray]
-Remesh = Callable[[Solid, MeshTet, np.ndarray], MeshTet]
+Asked = Solid | Quadratic
+Metric = Callable[[Asked, MeshTet, np.ndarray], np.ndarray]
+Remesh = Callable[[Asked, MeshTet, np.ndarray], MeshTet]
 
 
-def adapted(problem: Solid, mesh: MeshTet, metric_of: Metric, remesh: Remesh) -> MeshTet:
+def adapted(problem: Asked, mesh: MeshTet, metric_of: Metric, remesh: Remesh) -> MeshTet:
     """The mesh after loops of solving, estimating and remeshing, with as many nodes as the start within 2 %."""
     count, correction = mesh.nvertices, 1.0
     for loop in range(LOOPS):
@@ -33,12 +35,12 @@ def adapted(problem: Solid, mesh: MeshTet, metric_of: Metric, remesh: Remesh) ->
     return mesh
 
 
-def sizes(problem: Solid, mesh: MeshTet, u: np.ndarray) -> np.ndarray:
+def sizes(problem: Asked, mesh: MeshTet, u: np.ndarray) -> np.ndarray:
     """1 / h^2 (nnodes,) up to a factor, from the density that this package takes."""
     return at_nodes(mesh, problem.density(mesh, u)) ** (2 / 3)
 
 
-def curvatures(problem: Solid, mesh: MeshTet, u: np.ndarray) -> np.ndarray:
+def curvatures(problem: Asked, mesh: MeshTet, u: np.ndarray) -> np.ndarray:
     """Tensors (6, nnodes) up to a factor: |H| of the recovered Hessian H, as `remeshing.curvature_metric`."""
     averaged = [at_nodes(mesh, component) for component in gradient(mesh, u)]
     second = np.array([[at_nodes(mesh, component) for component in gradient(mesh, values)] for values in averaged])

@@ -73,6 +73,10 @@ class Quadratic:
         np.add.at(squares, second, part)
         return np.sqrt(squares)
 
+    def density(self, mesh: MeshTet, u: np.ndarray) -> np.ndarray:
+        """Nodes per volume that the residual of a solution asks for."""
+        return ka.density_from_indicators(mesh, self.indicators(mesh, u), order=2)
+
     def modes(self, mesh: MeshTet, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coefficients of 4 L_i L_j as symmetric tables (4, 4, m), and the gradients of L (3, 4, m)."""
         table = np.zeros((4, 4, mesh.nelements))

@@ -4,6 +4,9 @@ import pytest
 
 from benchmarks.checks.space import compared
 from benchmarks.peers.peers_in_space import described, dihedral_angles, lost_names, methods, refined, timed
+from benchmarks.peers.peers_order_2 import described as described_at_order_2
+from benchmarks.peers.peers_order_2 import methods as methods_of_order_2
+from benchmarks.problems.quadratic_solids import Quadratic
 from benchmarks.problems.solids import BUMP, CUBE, EDGE, MAGNET
 
 
@@ -36,3 +39,12 @@ def test_lost_names_are_those_of_another_size():
     less = mesh.subdomains["iron"][1:]
     assert lost_names(mesh, mesh) == []
     assert lost_names(mesh, mesh.with_subdomains({"iron": less})) == ["iron"]
+
+
+def test_peers_of_order_2_come_near_the_unknowns_and_a_polish_is_best():
+    problem, start = Quadratic(EDGE), EDGE.mesh(3)
+    methods = methods_of_order_2(problem, start, 700)
+    chosen = ("refined by scikit-fem", "this package, graded", "this package, floor 0.2")
+    rows = [described_at_order_2(problem, methods[name], 0, 700) for name in chosen]
+    assert all(350 < row[0] < 1400 for row in rows) and all(0.0 < row[2] <= 1.0 for row in rows)
+    assert rows[2][1] < rows[1][1] < rows[0][1] * 1.5

@@ -1,0 +1,86 @@
+"""Compare polished tetrahedra of order 2 with refinement, Mmg3d and limits, at equal numbers of unknowns."""
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from skfem import MeshTet
+
+import kohonen_adapt as ka
+from benchmarks.peers import wheels
+from benchmarks.peers.mmg_space import mmg_in_space
+from benchmarks.peers.space_remeshing import adapted, sizes
+from benchmarks.problems.quadratic_solids import Quadratic
+from benchmarks.problems.solids import CUBE, EDGE, FICHERA, MAGNET
+from benchmarks.table import aligned
+
+CASES = (
+    (EDGE, 8, 13_949, 0.0030), (CUBE, 12, 14_929, 0.00110), (FICHERA, 6, 13_565, 0.0114), (MAGNET, 4, 9_997, 0.0053),
+    (EDGE, 10, 26_447, 0.00205), (CUBE, 15, 28_447, 0.00070),
+)  # cells per unit, unknowns that errors are scaled to, and the limit of the error there  # fmt: skip
+QUICK = 2
+PASSES = 4
+BULK = 0.5  # of the squared estimate: what refinement marks, after Doerfler
+RATE = 2.0 / 3.0  # of the error over unknowns
+HEADER = ("unknowns", "error", "of the limit", "least quality", "CPU s")
+
+
+def report(seeds: Sequence[int], quick: bool) -> str:
+    """A table for every problem: errors scaled to the same unknowns, medians over seeds."""
+    ka.adapt(EDGE.mesh(2), Quadratic(EDGE), passes=2)  # compiles all that is needed
+    missing = [line for line in [wheels.missing("mmgpy")] if line]
+    tables = [table(Quadratic(solid), *case, seeds) for solid, *case in CASES[: QUICK if quick else None]]
+    return "\n\n".join([*tables, *missing])
+
+
+def table(problem: Quadratic, cells: int, unknowns: int, limit: float, seeds: Sequence[int]) -> str:
+    """All methods on one problem."""
+    rows = []
+    for name, method in methods(problem, problem.solid.mesh(cells), unknowns).items():
+        runs = [described(problem, method, seed, unknowns) for seed in (seeds if name.startswith("this") else [0])]
+        count, error, worst, seconds = np.median(runs, axis=0)
+        rows.append([name, str(round(count)), error, error / limit, worst, seconds])
+    return aligned([f"{problem.solid.name}, at {unknowns} unknowns, limit {limit}", *HEADER], rows)
+
+
+def methods(problem: Quadratic, start: MeshTet, unknowns: int) -> dict[str, Callable[[int], MeshTet]]:
+    """Meshes by seed: refinement and Mmg3d, and this package without a polish and with floors of the quality."""
+
+    def ours(seed: int, polish: bool, floor: float = 0.2) -> MeshTet:
+        return ka.adapt(start, problem, passes=PASSES, polish=polish, min_quality=floor, seed=seed).mesh
+
+    found: dict[str, Callable[[int], MeshTet]] = {"refined by scikit-fem": lambda _: refined(problem, unknowns)}
+    if not wheels.missing("mmgpy"):
+        found["Mmg3d"] = lambda _: adapted(problem, start, sizes, mmg_in_space)
+    return found | {
+        "this package, graded": lambda seed: ours(seed, polish=False),
+        "this package, floor 0.2": lambda seed: ours(seed, polish=True),
+        "this package, floor 0.1": lambda seed: ours(seed, polish=True, floor=0.1),
+    }
+
+
+def described(problem: Quadratic, method: Callable[[int], MeshTet], seed: int, unknowns: int) -> tuple[float, ...]:
+    """Unknowns, error scaled to `unknowns`, least quality, and processor time with the last solve."""
+    began = time.process_time()
+    mesh = problem.solid.named(method(seed))
+    u = problem.solve(mesh)
+    seconds, count = time.process_time() - began, u.size
+    return count, problem.error(mesh, u) * (count / unknowns) ** RATE, float(ka.quality(mesh).min()), seconds
+
+
+def refined(problem: Quadratic, unknowns: int) -> MeshTet:
+    """scikit-fem's adaptive refinement of the coarsest mesh, where it comes nearest to a number of unknowns.
+
+    Names are asked of the problem again for every solution, as in `peers_in_space`.
+    """
+    mesh, meshes = problem.solid.coarsest(), list[tuple[float, MeshTet]]()
+    while True:
+        named = problem.solid.named(mesh)
+        u = problem.solve(named)
+        meshes.append((abs(np.log(u.size / unknowns)), named))
+        if u.size >= unknowns:
+            return min(meshes, key=lambda each: each[0])[1]
+        eta = problem.indicators(named, u) ** 2
+        order = np.argsort(-eta)
+        last = np.searchsorted(np.cumsum(eta[order]), BULK * eta.sum())
+        mesh = mesh.refined(np.sort(order[: last + 1]))
