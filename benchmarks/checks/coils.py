@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from skfem import MeshTet
 
 import kohonen_adapt as ka
-from benchmarks.checks import bracket, team20
+from benchmarks.checks import bracket, linkage, team20
 from benchmarks.problems.coil_devices import electromagnet, electromagnet_problem, random_blocks, random_problem
 from benchmarks.table import Cell, aligned
 from kohonen_adapt.magnetostatics import Coil, MagneticScalarPotential
@@ -92,4 +92,10 @@ def report(quick: bool, parts: Sequence[str] = ()) -> str:
     return "\n\n".join(PARTS[name](quick) for name in parts or PARTS)
 
 
-PARTS = {"fields": fields, "polish": polish, "bracket": bracket.report, "team20": team20.report}
+PARTS = {
+    "fields": fields,
+    "polish": polish,
+    "bracket": bracket.report,
+    "linkage": linkage.report,
+    "team20": team20.report,
+}

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from skfem import MeshTet
 
 from benchmarks.problems.magnets_in_space import blocks
-from kohonen_adapt.magnetostatics import Coil, Froehlich, MagneticScalarPotential, Material
+from kohonen_adapt.magnetostatics import Coil, Froehlich, Goal, MagneticScalarPotential, Material
 
 AIR, STEEL = Material(), Material(bh=Froehlich(2000.0, 1.9))
 YOKE = (
@@ -87,3 +87,39 @@ def random_problem(seed: int) -> MagneticScalarPotential:
     potential = [{}, {"outer": 0.0}, {"z-": 0.0}, {"z-": 0.0, "z+": 0.0}][rng.integers(4)]
     materials = {"iron": iron, "block": block, "air": AIR}
     return MagneticScalarPotential(materials, potential, applied_field=coil.field_strength)
+
+
+def gapped_ring(cells: int) -> MeshTet:
+    """A quarter, y, z >= 0, of a square ring of iron with a gap of 4 mm in the limb opposite to the winding."""
+    x = axis([0.0, 0.02, 0.08, 0.1], [2, 3, 2], cells, below=5, above=5)
+    y, z = axis([0.0, 0.01], [1], cells, above=6), axis([0.0, 0.002, 0.04, 0.06], [1, 4, 2], cells, above=5)
+    mesh = blocks([x, y, z], {"iron": ((0.0, 0.0, 0.0), (0.1, 0.01, 0.06))})
+    middle = mesh.p[:, mesh.t].mean(axis=1)
+    window, gap = (np.abs(middle[0] - 0.05) < 0.03) & (middle[2] < 0.04), (middle[0] > 0.05) & (middle[2] < 0.002)
+    iron = inside(middle, (0.0, 0.0, 0.0), (0.1, 0.01, 0.06)) & ~window & ~gap
+    mesh = MeshTet(mesh.p, mesh.t).with_subdomains({"iron": np.flatnonzero(iron), "air": np.flatnonzero(~iron)})
+    planes = {"y": lambda p: p[1] < 1e-9, "z": lambda p: p[2] < 1e-9}
+    low, high = np.array([x[0], -np.inf, -np.inf]), np.array([x[-1], y[-1], z[-1]])
+    far = {"far": lambda p: np.any((low + 1e-9 > p.T) | (high - 1e-9 < p.T), axis=1)}
+    return mesh.with_boundaries(planes | far)
+
+
+def ring_problem(goal: Goal | None = None) -> MagneticScalarPotential:
+    coil = Coil.straight_limb((0.01, 0.0, 0.0), (0.0, 0.0, 1.0), (0.022, 0.022), (0.01, 0.06), 1000.0)
+    symmetry, materials = {"y": "parallel", "z": "normal"}, {"iron": Material(1000.0), "air": AIR}
+    return MagneticScalarPotential(materials, {"far": 0.0}, coils={"winding": coil}, symmetry=symmetry, goal=goal)
+
+
+def energy_beyond(mesh: MeshTet, coil: Coil, centre: tuple[float, float, float]) -> float:
+    """``int mu0 Hs^2`` of a coil outside a mesh, by cones over its far facets from a centre in all planes."""
+    corners = mesh.p[:, mesh.facets[:, np.asarray(mesh.boundaries["far"])]] - np.array(centre)[:, None, None]
+    a, b, c = np.moveaxis(corners, 1, 0)
+    size = np.abs(np.sum(np.cross(b - a, c - a, axis=0) * a, axis=0)) / 2.0
+    points, weights = np.polynomial.legendre.leggauss(6)
+    total = 0.0
+    for inner in 1.0 / 6.0 + 0.5 * np.eye(3):
+        x = np.einsum("i,cin->cn", inner, corners)
+        for u, weight in zip(0.5 * (1.0 + points), 0.5 * weights, strict=True):
+            field = coil.field_strength(x / u + np.array(centre)[:, None])
+            total += weight / u**4 * float(np.sum(size / 3.0 * np.sum(field**2, axis=0)))
+    return 4e-7 * np.pi * total
