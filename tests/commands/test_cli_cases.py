@@ -6,6 +6,7 @@ import re
 import shutil
 import tomllib
 from collections.abc import Callable, Mapping
+from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, get_args, get_origin
@@ -181,7 +182,12 @@ def test_a_case_gives_what_python_gives(name, run, tmp_path, capsys):
         assert (float(told[1]), float(told[4])) == pytest.approx((value, better), rel=1e-5)
         best = next(row for row in rows if row[f"goal error ({told[2]})"])
         assert float(best[f"goal + error ({told[2]})"]) == pytest.approx(better, rel=1e-9)
-        assert told[2] == {"force": "N/m", "torque": "N m/m", "flux linkage": "Wb/m", "energy": "J/m"}[name[5:]]
+        assert (
+            told[2]
+            == {"force": "N/m", "torque": "N m/m", "flux linkage": "Wb/m", "energy": "J/m", "flux density": "T"}[
+                name[5:]
+            ]
+        )
 
 
 def test_the_report_says_what_the_mesh_was_adapted_for(tmp_path, monkeypatch):
@@ -347,8 +353,9 @@ def test_every_example_that_init_writes_is_a_case(name, tmp_path):
         assert case_of(given, tmp_path).base_problem is not None, example
 
 
-# A square has no thin part and no circle, and nothing in it turns; an output is another key.
+# A square has no thin part and no circle, and nothing in it turns; it is not drawn; an output is another key.
 ELSEWHERE = (
+    "mesh = {drawing",
     *("open_boundary", "applied_field", "periodic", "curves", "layers", "# [turn]", "output_rtol"),
     *("goal_rtol", "max_nodes"),  # with a goal, or with a tolerance
 )
@@ -381,7 +388,8 @@ MAKERS = (LAWS, PATTERNS, QUANTITIES, GOALS, SHAPES, MOTIONS)
 def test_the_template_has_every_key(tmp_path):
     shutil.copy(EXAMPLES / "c_core.msh", tmp_path)
     assert cli.main(["init", str(tmp_path / "c_core.msh"), "--scale", "1e-3"]) == 0
-    said = set(re.findall(r"\w+", (tmp_path / "c_core.toml").read_text()))
+    in_space = resources.files("kohonen_adapt.cases").joinpath("template_in_space.toml").read_text(encoding="utf-8")
+    said = set(re.findall(r"\w+", (tmp_path / "c_core.toml").read_text() + in_space))
     named = {name for table in MAKERS for name in table}
     assert {"mesh", "scale", "rim", "turn", "outputs", *PROBLEM, *ADAPT, *named} <= said
 
@@ -440,4 +448,4 @@ def test_every_goal_is_one_of_cases():
     public = {getattr(magnetostatics, name) for name in magnetostatics.__all__}
     goals = {kind for kind in public if inspect.isclass(kind) and kind is not Goal and hasattr(kind, "derivative")}
     assert goals == set(GOALS.values())
-    assert [goal.unit for goal in GOALS.values()] == ["N", "N m", "Wb", "J"]
+    assert [goal.unit for goal in GOALS.values()] == ["N", "N m", "Wb", "J", "T"]

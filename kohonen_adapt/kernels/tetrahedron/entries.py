@@ -55,7 +55,7 @@ CAVITY = record_type(arrays.Cavity, (L1, L1, L1, I1, I1, I1, I2, I1, I2, I1, I2,
 OPEN_TETRAHEDRA = record_type(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, FREEDOM, POOL, ORIGINS, CAVITY))
 QUEUE = record_type(arrays.Queue, (int8[::1], I1, L1))
 LAWS = record_type(nonlinear.Laws, (I1, int64, R3))
-TRIAL = record_type(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, R2))
+TRIAL = record_type(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, R2, R2))
 SOLID_BLOCK = record_type(
     arrays.SolidBlock,
     (L1, R2, I2, boolean[:, ::1], I2, R1, I1, B1, R2, R2, R2, R2, R1, R2, R1, R2, R1, R2, R3, R3, R2),
