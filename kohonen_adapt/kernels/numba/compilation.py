@@ -51,6 +51,8 @@ def record(record_class: Record) -> Record:
 
 
 def record_type(record_class: Any, fields: tuple[types.Type, ...]) -> types.Type:
+    if len(fields) != len(record_class._fields):
+        raise TypeError(f"{record_class.__name__} has {len(record_class._fields)} fields; got {len(fields)} types.")
     return types.NamedTuple(fields, record_class) if PLAIN else RecordType(record_class, fields)
 
 

@@ -65,7 +65,7 @@ QUADRATIC = record_type(arrays.Quadratic, (TRIAL, MODES, B1, SOLID_BLOCK))
 OFFERS = record_type(arrays.Offers, (R2, R1, B1, B1, B1, B1))
 KERNEL_MESH = record_type(shared.KernelMesh, (R2, TETRAHEDRA, STAR, CONSTRAINTS))
 BARS = record_type(coils.Bars, (R2, I2, R1, R3, I2, R2, R2, R2))
-ARCS = record_type(coils.Arcs, (R2, R3, R1, R2, R1, R1, R1))
+ARCS = record_type(coils.Arcs, (R2, R3, R1, R2, R1, I1, R1, R2, R2))
 
 # Groups "space ..." are compiled by a warm-up on request only.
 SPACE: dict[str, tuple[Entry, ...]] = {
