@@ -1,35 +1,28 @@
 """Magnetostatic problems in space by a scalar potential."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 from skfem import MeshTet
-from skfem.mesh import MeshTet1
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.checks import is_count
 from kohonen_adapt.estimators import goal_error, goal_oriented
-from kohonen_adapt.magnetostatics.coils.coil import Coil
-from kohonen_adapt.magnetostatics.coils.placement import check_placement, checked_coils
+from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace
 from kohonen_adapt.magnetostatics.equations.applied_field import (
-    AppliedField,
     aligned_potential,
-    checked_field,
     drive_on,
-    permeable,
-    sources_of,
 )
-from kohonen_adapt.magnetostatics.equations.conditions import Conditions, Value
+from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
-from kohonen_adapt.magnetostatics.equations.mirrors import checked_symmetry, conditions_in_space, mirrors_of
+from kohonen_adapt.magnetostatics.equations.mirrors import conditions_in_space
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, NotConverged
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.hypercircle import gap_indicators
-from kohonen_adapt.magnetostatics.materials.coefficients import coefficients, coercivity_at
+from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import Inverse
-from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
 from kohonen_adapt.magnetostatics.quantities.goals import Goal, check_goal, check_goal_on, unit_of_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
@@ -40,7 +33,6 @@ from kohonen_adapt.magnetostatics.solid_estimation import (
     with_surplus,
 )
 from kohonen_adapt.magnetostatics.vector_potential import MagneticVectorPotential
-from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz
 from kohonen_adapt.problem.surface_terms import SurfaceTerms
@@ -52,7 +44,7 @@ NO_LOAD = 1e-12  # largest rounding error of the load of a field parallel to a f
 
 
 @dataclass(frozen=True, eq=False)
-class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
+class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField]):
     """Magnets and iron in space, by a magnetic scalar potential of order 1 or 2.
 
     The equations are ``div B = 0`` with ``B = mu (H + Hc)`` and ``H = Hs - grad phi``, in metres, teslas and amperes.
@@ -115,18 +107,13 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
     True
     """
 
-    materials: Mapping[str, Material]
-    potential: Mapping[str, Value] | None = None
-    applied_field: Any = None
-    symmetry: Mapping[str, str] | None = None
     estimator: str = "residual"
     goal: Goal | None = None
     order: int = 1
-    coils: Mapping[str, Coil] | None = None
     method: ClassVar[Newton] = Newton(solver=IN_SPACE)  # subclasses may override
 
     def __post_init__(self) -> None:
-        if isinstance(self.order, bool) or self.order not in ORDERS:
+        if not is_count(self.order) or self.order not in ORDERS:
             raise ValueError(f"order of MagneticScalarPotential must be 1 or 2; got {self.order!r}.")
         if self.estimator not in ESTIMATORS:
             raise ValueError(f"estimator must be 'residual', 'recovery' or 'bracket'; got {self.estimator!r}.")
@@ -135,23 +122,9 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
                 f"elements of order {self.order} have the estimator 'residual' only; got {self.estimator!r}. "
                 "Set order=1 for other estimators."
             )
-        check_materials(self.materials, 3)
-        for name, material in self.materials.items():
-            if material.current_density != 0.0:
-                raise ValueError(
-                    f"{name!r} has a current density, {material.current_density:g} A/m^2, which a scalar potential "
-                    "cannot represent: give the current as a Coil in coils, or its field as applied_field."
-                )
-        if not isinstance(self.potential, Mapping | None):
-            raise ValueError(f"potential must map names of boundaries to phi in A; got {self.potential!r}.")
+        super().__post_init__()
         if self.goal is not None:
             check_goal(self.goal, 3, self.estimator)
-        checked_field(self.applied_field)
-        # Copies, so that later changes by the caller do not alter a solved problem.
-        object.__setattr__(self, "materials", dict(self.materials))
-        object.__setattr__(self, "potential", dict(self.potential or {}))
-        object.__setattr__(self, "symmetry", checked_symmetry(self.symmetry))
-        object.__setattr__(self, "coils", checked_coils(self.coils))
 
     @property
     def calibrated(self) -> bool:
@@ -211,16 +184,9 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         ValueError
             As in `solve`.
         """
-        if type(mesh) is not MeshTet1:
-            plane = " Plane meshes are for Magnetostatics." if len(getattr(mesh, "p", ())) == 2 else ""
-            raise ValueError(f"mesh must be a skfem.MeshTet; got {type(mesh).__name__}.{plane}")
-        check_mesh(mesh, space=True)
-        material, planes = coefficients(mesh, self.materials), mirrors_of(mesh, self.symmetry or {})
+        material, planes = self.given_on(mesh)
         parallel = [plane.facets for plane in planes.values() if plane.kind == "parallel"]
         closed = np.concatenate([np.zeros(0, dtype=np.int64), *parallel])
-        if self.coils:
-            solid = permeable(material) | material.coercivity.any(axis=0)
-            check_placement(mesh, solid, self.coils, planes)
         drive = drive_on(mesh, material, self.free_field, closed, self.order)
         conditions = conditions_in_space(drive, self.potential or {}, planes)
         energy = CoenergyFunctional.of(drive, material, conditions)
@@ -229,10 +195,6 @@ class MagneticScalarPotential(FieldProblem[MeshTet, SolidField]):
         )
         check_goal_on(self.goal, field)
         return energy, field
-
-    @property
-    def free_field(self) -> AppliedField | None:
-        return sources_of(self.coils, self.applied_field)
 
     def indicators(self, mesh: MeshTet, field: SolidField) -> Floats:
         if self.goal is None and self.estimator == "bracket":

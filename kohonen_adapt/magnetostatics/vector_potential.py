@@ -1,25 +1,17 @@
 """Magnetostatic problems in space by a vector potential on edge elements."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from skfem import MeshTet
-from skfem.mesh import MeshTet1
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.magnetostatics.coils.coil import Coil
-from kohonen_adapt.magnetostatics.coils.placement import check_placement, checked_coils
+from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace
 from kohonen_adapt.magnetostatics.equations.applied_field import (
-    AppliedField,
     Drive,
-    checked_field,
-    permeable,
-    sources_of,
 )
 from kohonen_adapt.magnetostatics.equations.auxiliary import EdgeSolver
-from kohonen_adapt.magnetostatics.equations.conditions import Value
 from kohonen_adapt.magnetostatics.equations.edge_conditions import (
     conditions_on_edges,
     open_surfaces,
@@ -27,18 +19,15 @@ from kohonen_adapt.magnetostatics.equations.edge_conditions import (
 )
 from kohonen_adapt.magnetostatics.equations.edge_energy import CurlFunctional
 from kohonen_adapt.magnetostatics.equations.edges import EdgeElements
-from kohonen_adapt.magnetostatics.equations.mirrors import checked_symmetry, conditions_in_space, mirrors_of
+from kohonen_adapt.magnetostatics.equations.mirrors import conditions_in_space
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, NotConverged
 from kohonen_adapt.magnetostatics.equations.tetrahedra import LinearTetrahedra
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
-from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
-from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
 from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.solid_estimation import tangential_jumps
 from kohonen_adapt.mesh.names import named
-from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["MagneticVectorPotential"]
 
@@ -47,7 +36,7 @@ ROUNDING = 1e-12  # residual that is rounding error, relative to the load
 
 
 @dataclass(frozen=True, eq=False)
-class MagneticVectorPotential(FieldProblem[MeshTet, EdgeField]):
+class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]):
     """Magnets and iron in space, by a vector potential on edge elements.
 
     The equations are ``curl H = curl Hs`` with ``H = nu(|B|) B - Hc`` and ``B = curl A``, in metres, teslas and
@@ -91,31 +80,9 @@ class MagneticVectorPotential(FieldProblem[MeshTet, EdgeField]):
     True
     """
 
-    materials: Mapping[str, Material]
-    potential: Mapping[str, Value] | None = None
-    applied_field: Any = None
-    symmetry: Mapping[str, str] | None = None
-    coils: Mapping[str, Coil] | None = None
     order: ClassVar[int] = 1
     goal: Goal | None = field(default=None, init=False)
     solver: ClassVar[EdgeSolver] = EdgeSolver()  # subclasses may override
-
-    def __post_init__(self) -> None:
-        check_materials(self.materials, 3)
-        for name, material in self.materials.items():
-            if material.current_density != 0.0:
-                raise ValueError(
-                    f"{name!r} has a current density, {material.current_density:g} A/m^2, which has no direction in "
-                    "space: give the current as a Coil in coils, or its field as applied_field."
-                )
-        if not isinstance(self.potential, Mapping | None):
-            raise ValueError(f"potential must map names of boundaries to phi in A; got {self.potential!r}.")
-        checked_field(self.applied_field)
-        # Copies, so that later changes by the caller do not alter a solved problem.
-        object.__setattr__(self, "materials", dict(self.materials))
-        object.__setattr__(self, "potential", dict(self.potential or {}))
-        object.__setattr__(self, "symmetry", checked_symmetry(self.symmetry))
-        object.__setattr__(self, "coils", checked_coils(self.coils))
 
     def solve(self, mesh: MeshTet) -> EdgeField:
         energy, start = self.functional_on(mesh)
@@ -157,13 +124,7 @@ class MagneticVectorPotential(FieldProblem[MeshTet, EdgeField]):
         ValueError
             As in `solve`.
         """
-        if type(mesh) is not MeshTet1:
-            plane = " Plane meshes are for Magnetostatics." if len(getattr(mesh, "p", ())) == 2 else ""
-            raise ValueError(f"mesh must be a skfem.MeshTet; got {type(mesh).__name__}.{plane}")
-        check_mesh(mesh, space=True)
-        material, planes = coefficients(mesh, self.materials), mirrors_of(mesh, self.symmetry or {})
-        if self.coils:
-            check_placement(mesh, permeable(material) | material.coercivity.any(axis=0), self.coils, planes)
+        material, planes = self.given_on(mesh)
         function, nothing = self.free_field, np.zeros(mesh.t.shape[1], dtype=bool)
         elements, zeros = LinearTetrahedra(mesh, varies=function is not None), np.zeros(mesh.p.shape[1])
         drive, edges = Drive(elements, function, nothing, zeros, zeros, np.zeros((3, nothing.size))), EdgeElements(mesh)
@@ -175,10 +136,6 @@ class MagneticVectorPotential(FieldProblem[MeshTet, EdgeField]):
         load += prescribed_flux_load(edges, crossed, prescribed.values)
         zero = EdgeField(mesh, np.zeros(load.size), material, drive, planes, far=far, edges=edges)
         return CurlFunctional(edges, material, conditions, load), zero
-
-    @property
-    def free_field(self) -> AppliedField | None:
-        return sources_of(self.coils, self.applied_field)
 
     def _crossed(self, edges: EdgeElements, normal: list[Ints]) -> Ints:
         # outer facets that the flux may cross
