@@ -116,7 +116,7 @@ def test_init_writes_a_case_that_runs(folder, capsys):
     examples = examples[examples.index("[outputs.force]") :]
     outputs = tomllib.loads(examples)["outputs"]
     (folder / "asked.toml").write_text((folder / "new.toml").read_text() + "\n" + examples)
-    assert len(outputs) == 6 and set(read_case(folder / "asked.toml").outputs) == set(outputs)
+    assert len(outputs) == 7 and set(read_case(folder / "asked.toml").outputs) == set(outputs)
 
 
 @pytest.mark.parametrize(

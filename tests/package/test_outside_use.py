@@ -27,6 +27,9 @@ def programs():
 
 
 PROGRAMS = dict(programs())
+# The reference solutions of a case read its pairs, cuts and curves as the package defines them.
+ORACLE = ("case_oracle", "ngsolve_field", "ngsolve_force", "ngsolve_mesh")
+READS_CASES = {f"benchmarks/peers/{name}.py" for name in ORACLE}
 
 
 def imported(tree):
@@ -50,7 +53,7 @@ def dotted_names(program):
     return {parts_of(node) for node in ast.walk(ast.parse(program)) if isinstance(node, ast.Attribute)}
 
 
-@pytest.mark.parametrize("path", PROGRAMS)
+@pytest.mark.parametrize("path", sorted(PROGRAMS.keys() - READS_CASES))
 def test_it_imports_public_names(path):
     wrong = [
         (module, name)

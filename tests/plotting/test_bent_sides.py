@@ -56,7 +56,7 @@ def test_colours_and_lines_reach_the_arc():
 
 def test_a_report_has_lines_along_the_arc(monkeypatch):
     monkeypatch.setattr("kohonen_adapt.report.scene.packed", lambda values, kind, **how: np.asarray(values))
-    shown = _mesh(flat(ROUND, None), "")
+    shown = _mesh(flat(ROUND, None), (), "")
     places = np.stack([shown["x"], shown["y"]]) + np.array(shown["centre"])[:, None]
     assert shown["outline"].shape == (PARTS * len(ROUND.boundary_facets()), 2)
     np.testing.assert_allclose(np.hypot(*places[:, shown["outline"]]), 1.0, atol=FLAT)
