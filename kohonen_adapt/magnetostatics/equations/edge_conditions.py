@@ -75,7 +75,8 @@ def _spanning_edges(ends: Ints, edge: Ints, count: int) -> Mask:
     """Return True for the edges of a spanning forest of a graph, (count,)."""
     pairs, first = np.unique(np.sort(ends, axis=0), axis=1, return_index=True)
     size = int(ends.max(initial=0)) + 1
-    graph = coo_array((edge[first] + 1.0, (pairs[0], pairs[1])), shape=(size, size)).tocsr()
+    lower, upper = pairs.astype(np.int32)  # scipy before 1.15 takes no other integers
+    graph = coo_array((edge[first] + 1.0, (lower, upper)), shape=(size, size)).tocsr()
     chosen = np.zeros(count, dtype=bool)
     chosen[minimum_spanning_tree(graph).data.astype(np.int64) - 1] = True
     return chosen
