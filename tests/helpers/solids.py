@@ -13,6 +13,19 @@ def box(nx=3, ny=None, nz=None):
     return MeshTet.init_tensor(*(np.linspace(0, 1, n + 1) for n in (nx, ny or nx, nz or ny or nx)))
 
 
+def halved_cube(cells, axis, seed=None):
+    """The unit cube in two halves across an axis, its sides named, its nodes inside moved at random for a seed."""
+    mesh = box(*cells)
+    if seed is not None:
+        rng, p = np.random.default_rng(seed), mesh.p.copy()
+        shift = 0.15 * rng.uniform(-1, 1, p.shape) / np.array(cells)[:, None]
+        p += np.where((p > 0) & (p < 1) & (p != 0.5), shift, 0.0)
+        mesh = MeshTet(p, mesh.t)
+    sides = {f"side{2 * d + k}": lambda x, d=d, k=k: x[d] == float(k) for d in range(3) for k in range(2)}
+    halves = {"left": lambda x: x[axis] < 0.5, "right": lambda x: x[axis] > 0.5}
+    return mesh.with_boundaries(sides).with_subdomains(halves)
+
+
 def l_shape(n=2):
     """A cube of side 2 without the quarter of x and y above 1."""
     mesh = MeshTet.init_tensor(*[np.linspace(0, 2, 2 * n + 1)] * 3)

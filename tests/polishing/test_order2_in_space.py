@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from helpers.poisson_solids import fichera
 from helpers.quadratic_solids import NonlinearQuadratic, QuadraticDiffusion
-from helpers.solids import ball, boundary_facts, box, volumes
-from skfem import MeshTet
+from helpers.solids import ball, boundary_facts, halved_cube, volumes
 
 import kohonen_adapt as ka
 from kohonen_adapt import NotOffered, Ritz, Rules
@@ -19,15 +18,7 @@ FLOOR = 0.2
 
 
 def cube(cells=(3, 3, 2), seed=None):
-    """The unit cube in two halves, its sides named, its nodes inside moved at random."""
-    mesh = box(*cells)
-    if seed is not None:
-        rng, p = np.random.default_rng(seed), mesh.p.copy()
-        shift = 0.15 * rng.uniform(-1, 1, p.shape) / np.array(cells)[:, None]
-        p += np.where((p > 0) & (p < 1) & (p != 0.5), shift, 0.0)
-        mesh = MeshTet(p, mesh.t)
-    sides = {f"side{2 * d + k}": lambda x, d=d, k=k: x[d] == float(k) for d in range(3) for k in range(2)}
-    return mesh.with_boundaries(sides).with_subdomains({"left": lambda x: x[2] < 0.5, "right": lambda x: x[2] > 0.5})
+    return halved_cube(cells, 2, seed)
 
 
 def least(mesh, problem):
