@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.checks import checked_points
 from kohonen_adapt.magnetostatics.equations.applied_field import field_at
 from kohonen_adapt.magnetostatics.equations.edges import EdgeElements
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
@@ -15,7 +14,6 @@ from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid, Strength
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.quantities.solid_forces import oriented_surface
-from kohonen_adapt.mesh.locate import find_elements
 
 __all__ = ["EdgeField"]
 
@@ -120,10 +118,9 @@ class EdgeField(LocalEdgeField, SolidField):
         ValueError
             If `x` is not of shape (3, n), or not finite.
         """
-        points = checked_points(x, "x", 3)
-        element = find_elements(self.mesh, points)
-        inside, values = element >= 0, np.full(points.shape, np.nan)
-        values[:, inside] = self._functions.at(self.unknown, points[:, inside], element[inside])
+        points, element, inside = self.points_inside(x)
+        values = np.full((3, inside.size), np.nan)
+        values[:, inside] = self._functions.at(self.unknown, points, element)
         return values
 
     def flux(self, surface: str) -> float:

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.checks import checked_points
 from kohonen_adapt.estimators.explicit import corner_averages
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive
 from kohonen_adapt.magnetostatics.equations.mirrors import Mirror
@@ -106,6 +108,13 @@ class LocalSolid(MagneticField):
         """Volumes of the elements, shape (nelements,) in m^3."""
         return self.elements.volumes
 
+    def points_inside(self, x: ArrayLike) -> tuple[Floats, Ints, Mask]:
+        # of x: points in the mesh, their elements, and where they are among all
+        points = checked_points(x, "x", 3)
+        element = find_elements(self.mesh, points)
+        inside = element >= 0
+        return points[:, inside], element[inside], inside
+
     def load_of(self, weight: Floats) -> Floats:
         """Return the load whose ``int load . grad w`` is ``int weight . dB``.
 
@@ -115,7 +124,9 @@ class LocalSolid(MagneticField):
         return -self.at_quadrature.change_of_flux_density(weight)
 
     def load_at(self, x: Floats, weight: Floats) -> Floats:
-        element = find_elements(self.mesh, x)
+        return self.load_in(find_elements(self.mesh, x), x, weight)
+
+    def load_in(self, element: Ints, x: Floats, weight: Floats) -> Floats:
         change = self.at(x, element).change_of_flux_density(weight)
         return -self.elements.load_at(x, element, change)
 

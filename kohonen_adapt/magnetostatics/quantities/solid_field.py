@@ -6,14 +6,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.checks import checked_points, finite_triple
+from kohonen_adapt.checks import finite_triple
 from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.magnetostatics.quantities.bodies import Names
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, ampere_turns
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_turns
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 from kohonen_adapt.magnetostatics.quantities.solid_forces import flux_through, total_force
-from kohonen_adapt.mesh.locate import find_elements
 
 __all__ = ["SolidField"]
 
@@ -82,10 +81,8 @@ class SolidField(LocalSolid):
         >>> problem.solve(mesh).field_strength[0].round(9).min()
         np.float64(1.0)
         """
-        points = checked_points(x, "x", 3)
-        element = find_elements(self.mesh, points)
-        inside, values = element >= 0, np.full(points.shape, np.nan)
-        points, element = points[:, inside], element[inside]
+        points, element, inside = self.points_inside(x)
+        values = np.full((3, inside.size), np.nan)
         if recovered:
             barycentric = self.elements.barycentric(points, element)
             values[:, inside] = np.einsum("cin,in->cn", self.corner_flux_density[:, :, element], barycentric)
@@ -106,10 +103,8 @@ class SolidField(LocalSolid):
         ndarray (n,)
             In A; nan outside the mesh.
         """
-        points = checked_points(x, "x", 3)
-        element = find_elements(self.mesh, points)
-        inside, values = element >= 0, np.full(len(element), np.nan)
-        points, element = points[:, inside], element[inside]
+        points, element, inside = self.points_inside(x)
+        values = np.full(inside.size, np.nan)
         values[inside] = self.elements.at(self.potential, element, self.elements.barycentric(points, element))
         return values
 

@@ -102,7 +102,7 @@ class OfBody:
         if currents is None or not currents.x.size:
             return load
         along = np.cross(currents.moment, self.motion.at(currents.x), axis=0)
-        return load + field.load_at(currents.x, along)
+        return load + field.load_in(currents.element, currents.x, along)
 
 
 def parts_along(field: LocalSolid, names: Names, vector: Floats, centre: Floats | None) -> list[OfBody | OfCoil]:
