@@ -17,7 +17,7 @@ from kohonen_adapt.magnetostatics.equations.applied_field import (
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
 from kohonen_adapt.magnetostatics.equations.mirrors import conditions_in_space
-from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, NotConverged
+from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.hypercircle import gap_indicators
@@ -157,8 +157,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         else:
             unknown = self.method.linear(energy)
         result = replace(field, unknown=unknown, newton=steps)
-        if steps and not steps[-1].converged:
-            raise NotConverged(result)
+        refuse_unconverged(result)
         return result
 
     def check(self, mesh: MeshTet) -> None:

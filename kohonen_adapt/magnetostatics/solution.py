@@ -13,7 +13,7 @@ from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, condit
 from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
 from kohonen_adapt.magnetostatics.equations.high_orders import HighOrder, elements_on, high_order_elements
 from kohonen_adapt.magnetostatics.equations.higher import Elements
-from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, NotConverged
+from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
 from kohonen_adapt.mesh.blended import Projections
@@ -136,8 +136,7 @@ def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None
         field = HighOrderField(*arguments, values=values, degree=elements.order, sides=elements.sides)
     else:
         field = (QuadraticField if elements.order == 2 else CubicField)(*arguments, values=values)
-    if steps and not steps[-1].converged:
-        raise NotConverged(field)
+    refuse_unconverged(field)
     return field
 
 

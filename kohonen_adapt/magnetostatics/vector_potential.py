@@ -20,7 +20,7 @@ from kohonen_adapt.magnetostatics.equations.edge_conditions import (
 from kohonen_adapt.magnetostatics.equations.edge_energy import CurlFunctional
 from kohonen_adapt.magnetostatics.equations.edges import EdgeElements
 from kohonen_adapt.magnetostatics.equations.mirrors import conditions_in_space
-from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, NotConverged
+from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.equations.tetrahedra import LinearTetrahedra
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
@@ -99,8 +99,7 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
         if nonlinear:
             unknown, steps = method.descend(energy, unknown)
         result = replace(start, unknown=unknown, newton=steps)
-        if steps and not steps[-1].converged:
-            raise NotConverged(result)
+        refuse_unconverged(result)
         return result
 
     def check(self, mesh: MeshTet) -> None:

@@ -10,7 +10,7 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.system import Reduced, Solver
 
-__all__ = ["TOLERANCE", "Convex", "Newton", "NewtonStep", "NotConverged"]
+__all__ = ["TOLERANCE", "Convex", "Newton", "NewtonStep", "NotConverged", "refuse_unconverged"]
 
 TOLERANCE = 1e-8  # of the relative residual and of the relative update
 DESCENT = 1e-4  # fraction of the descent predicted by the slope that a step must reach (Armijo)
@@ -83,6 +83,11 @@ class NotConverged(np.linalg.LinAlgError):
             f"required {TOLERANCE:g}. Check for a law H(B) that does not increase everywhere, and for sources that "
             "are too strong; the last iterate is the attribute `field` of this error."
         )
+
+
+def refuse_unconverged(field: Any) -> None:
+    if field.newton and not field.newton[-1].converged:
+        raise NotConverged(field)
 
 
 @dataclass(frozen=True)
