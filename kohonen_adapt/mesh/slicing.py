@@ -1,7 +1,7 @@
 """Cuts of tetrahedral meshes by a plane, with the values on the cut."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ PIECES = {
 }
 
 
+@runtime_checkable
 class CutBy(Protocol):
     """Plane of a cut, for instance a `kohonen_adapt.Plane`."""
 
@@ -84,6 +85,8 @@ def flat(mesh: Mesh, plane: CutBy | None, axisymmetric: bool = False) -> Flat:
         return Flat(mesh, ("r", "z")) if axisymmetric else Flat(mesh)
     if plane is None:
         raise ValueError("a mesh of tetrahedra is shown in a cut: plane=ka.Plane(point, normal). Or plot_surface.")
+    if not isinstance(plane, CutBy):
+        raise ValueError(f"plane must be a Plane, for instance ka.Plane(point, normal); got {plane!r}.")
     normal = np.array(plane.normal, dtype=float) / np.linalg.norm(plane.normal)
     below, above, element, height = _cut(mesh, np.asarray(plane.point, dtype=float), normal)
     on, under = height[above] == 0.0, height[below] == 0.0

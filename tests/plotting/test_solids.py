@@ -89,3 +89,5 @@ def test_what_is_refused():
         plotting.plot_slice(MESH, MIDDLE, np.ones(3))
     with pytest.raises(ValueError, match="shown in a cut"):
         plotting.draw_mesh(Figure().subplots(), MESH)
+    with pytest.raises(ValueError, match=r"plane must be a Plane.*; got \(0, 0, 1\)"):
+        plotting.plot_slice(MESH, (0, 0, 1))
