@@ -19,7 +19,6 @@ def padded(array: NDArray[Any], rows: int, value: float) -> NDArray[Any]:
 
 
 def free_rows(used: int, rows: int) -> Ints:
-    """Return a stack of the free rows, shape (rows,), with the first on top."""
     stack = np.empty(rows, dtype=np.int32)
     stack[: rows - used] = np.arange(rows - 1, used - 1, -1)
     return stack
@@ -33,6 +32,5 @@ def ranks(order: Ints, rows: int) -> NDArray[np.int32]:
 
 
 def sorted_below(values: Floats, below: float) -> Ints:
-    """Return the rows with values less than `below`, sorted by value."""
     found = np.flatnonzero(values < below)
     return found[np.argsort(values[found], kind="stable")]

@@ -67,7 +67,6 @@ def check_fraction(name: str, value: object) -> None:
 
 
 def check_hook(name: str, hook: object, expected: str) -> None:
-    """Check that `hook` is None or a function of the arguments `expected`."""
     if hook is not None and not callable(hook):
         raise ValueError(f"{name} must be a function of {expected}, or None; got {hook!r}.")
 
@@ -103,7 +102,6 @@ def check_state(
 
 
 def listed(names: Iterable[str]) -> str:
-    """Return names for a message, sorted and quoted, or ``none``."""
     return ", ".join(repr(name) for name in sorted(names)) or "none"
 
 
@@ -148,7 +146,6 @@ def with_nearest_names(
 
 
 def point_text(point: Floats) -> str:
-    """Return the coordinates of a point for a message, as (0.1, 0.25)."""
     return f"({', '.join(f'{x:.6g}' for x in point)})"
 
 

@@ -37,14 +37,12 @@ DECADES, MOST_DECADES = 3, 6
 
 
 def in_unit(unit: str) -> float:
-    """Return the factor from metres, or units of the mesh, to a unit of drawing."""
     if unit not in UNITS:
         raise ValueError(f"unit must be one of {', '.join(map(repr, UNITS))}; got {unit!r}.")
     return UNITS[unit]
 
 
 def outlined_facets(mesh: MeshTri) -> Ints:
-    """Return facets on the rim and between elements of different subdomain names."""
     codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], mesh.t.shape[1])
     one, other = mesh.f2t
     return np.flatnonzero((other < 0) | (codes[one] != codes[other]))
@@ -79,7 +77,6 @@ def significant(value: float, digits: int) -> str:
 
 
 def level_of_share(values: Floats, weights: Floats, share: float) -> float:
-    """Return the weighted quantile of `values` at the fraction `share`."""
     order = np.argsort(values)
     running = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(running, share * running[-1])])
@@ -112,7 +109,6 @@ def lattice(divisions: int) -> tuple[Floats, Ints]:
 
 
 def divisions_of(points: int) -> int:
-    """Return the divisions of the lattice with a number of points, or 0."""
     n = round((np.sqrt(8.0 * points + 1.0) - 3.0) / 2.0)
     return n if n > 0 and (n + 1) * (n + 2) == 2 * points else 0
 

@@ -141,7 +141,6 @@ def _remove_abandoned(draft: Path) -> None:
 
 
 def _lock(file: IO[bytes], without: bool) -> bool:
-    """Return True if a lock was free, and `without` if the system has none."""
     if sys.platform != "win32":
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -172,5 +171,4 @@ def _sync_names(folder: Path) -> None:
 
 
 def _renamed(error: OSError, path: Path) -> OSError:
-    """Return the error with the name of a file, which numpy leaves out."""
     return OSError(error.errno or errno.EIO, error.strerror or str(error), str(path))

@@ -102,7 +102,6 @@ def _polish(mesh: MeshTri, ritz: Ritz) -> None:
 
 
 def _equilibrate() -> None:
-    """Run the kernel of the equilibrating estimator on one triangle."""
     point, zero = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.zeros((1, 3))
     node = np.array([[0, 1, 2]], dtype=np.int32)
     problem = FluxData(point, node, np.full_like(node, NATURAL), zero, np.zeros(1), np.ones(1))

@@ -70,7 +70,6 @@ class Drawing:
 
 
 def _error_of(command: list[str], path: Path) -> str:
-    """Run a command that writes a file, and return its error or an empty string."""
     try:
         done = subprocess.run(
             command,

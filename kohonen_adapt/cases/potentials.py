@@ -65,7 +65,6 @@ class TabulatedPotential:
         return np.reshape(self.points, (-1, 2)).T
 
     def check(self, mesh: MeshTri) -> None:
-        """Raise ValueError if the table is much wider than the mesh, as in another unit."""
         wide, (low, high) = np.ptp(self._columns[0]), np.sort(mesh.p["xy".index(self.over)])[[0, -1]]
         if wide > UNIT_RATIO * (high - low):
             raise ValueError(

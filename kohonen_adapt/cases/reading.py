@@ -325,8 +325,6 @@ class _ChecksDone(Exception):
 
 
 class _CheckOnly:
-    """Problem that raises `_ChecksDone` instead of being solved."""
-
     def __init__(self, problem: Magnetostatics | MagneticScalarPotential) -> None:
         self._problem = problem
 

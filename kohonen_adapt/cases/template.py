@@ -151,7 +151,6 @@ def _rim_fractions(mesh: Mesh) -> dict[str, float]:
 
 
 def _rim_fraction(mesh: Mesh, rows: Ints) -> float:
-    """Return the fraction of the rim in a boundary, 0 if some facets are interior."""
     rim, corners = mesh.boundary_facets(), mesh.p[:, mesh.facets]
     size = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=0)
     if len(mesh.p) == 3:

@@ -258,8 +258,6 @@ def _add_file(command: Any, what: str, text: str, required: bool = False) -> Non
 
 
 class _OldSpelling(argparse.Action):
-    """Action for an option under its former name, which stores a warning."""
-
     def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
         setattr(namespace, self.dest, values)
         namespace.renamed = f"{option_string} is deprecated; use --{self.dest}."

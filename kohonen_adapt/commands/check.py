@@ -86,7 +86,6 @@ def _counted_shape(sizes: Floats, what: str) -> str:
 
 
 def doubtful_patches(movable: MovableSolid) -> Iterator[str]:
-    """Yield a sentence on small plane patches that may belong to a curved surface."""
     tet = movable.tetrahedralization
     patch, across = tet.elements.patch[tet.used], tet.elements.neighbour[tet.used]
     share = np.where(across < 0, 1.0, 0.5)  # an interior face has two elements
@@ -158,7 +157,6 @@ ALONE: dict[int, tuple[Callable[[Mesh, Ints], str], Callable[[Mesh], str]]] = {
 
 
 def moving(mesh: Mesh, surfaces: Mapping[str, Surface] | None = None) -> tuple[list[str], Iterator[str]]:
-    """Return lines on the freedom of the nodes, and hints."""
     rules = Rules(surfaces=surfaces or None)
     if cell_of(mesh) is TETRAHEDRON:
         solid = MovableSolid.of(mesh, rules)
@@ -168,7 +166,6 @@ def moving(mesh: Mesh, surfaces: Mapping[str, Surface] | None = None) -> tuple[l
 
 
 def held_described(mesh: Mesh, surfaces: Mapping[str, Surface]) -> list[str]:
-    """Return lines with the number of held nodes by reason, in order of frequency."""
     why = why_held(mesh, Rules(surfaces=surfaces or None))
     counts = Counter(why[why != ""].tolist()).most_common()
     more = len(counts) - REASONS

@@ -87,7 +87,6 @@ def permeability_doubt(name: str, permeability: float) -> str:
 
 
 def seams(mesh: Mesh) -> Iterator[tuple[Ints, str, str]]:
-    """Yield the nodes, the name and the remedy of every kind of fault."""
     rim, cell = mesh.boundary_facets(), cell_of(mesh)
     yield (
         _coincident(mesh, rim),
@@ -128,7 +127,6 @@ def _hanging(mesh: Mesh, rim: Ints) -> Ints:
 
 
 def _shares(corners: Floats, point: Floats) -> tuple[Floats, Floats]:
-    """Return barycentric coordinates of the nearest points on facets, and distances."""
     edges, off = np.moveaxis(corners[:, 1:] - corners[:, :1], 2, 0), (point - corners[:, 0]).T
     turned = edges.swapaxes(1, 2)
     share = np.linalg.solve(turned @ edges, turned @ off[:, :, None])

@@ -165,7 +165,6 @@ def _write_report(
 
 
 def _rules(case: Case, before: AdaptResult, result: AdaptResult) -> Rules:
-    """Return the rules of a case for a result, whose nodes have other numbers."""
     options = case.options(before.mesh)
     names = [pin for pin in options["pinned"] if isinstance(pin, str)]
     numbers = [pin for pin in options["pinned"] if not isinstance(pin, str)]
@@ -224,7 +223,6 @@ def _magnitude(field: Any) -> Floats:
 
 
 def _lines_and_colours(field: Any) -> tuple[Floats, Floats]:
-    """Return a function whose contours are flux lines, and |B|."""
     if len(field.mesh.p) == 3:
         return field.potential[: field.mesh.nvertices], _magnitude(field)
     if field.elements.order == 1:
@@ -249,7 +247,6 @@ def _length_unit(result: AdaptResult) -> str:
 
 
 def _plane_through(result: AdaptResult) -> Plane | None:
-    """Return the plane across y through the largest |B|, or None for triangles."""
     mesh = result.mesh
     if len(mesh.p) == 2:
         return None

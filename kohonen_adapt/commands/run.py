@@ -165,7 +165,6 @@ def _has_inside(field: Any) -> bool:
 
 
 def _write_inside(field: Any, path: Path) -> None:
-    """Write a field of higher order on Lagrange cells, between which B may jump."""
     share, _ = lattice(field.elements.order)
     at, count = field.at_each(share), field.mesh.t.shape[1]
     data = {"A (Wb per m)": field.potential_at_each(share)}

@@ -27,8 +27,6 @@ def let_signals_end_the_process() -> None:
 
 
 class Terminal(logging.Handler):
-    """Standard output and standard error of a command, and handler of its log."""
-
     def __init__(self, quiet: bool = False) -> None:
         super().__init__()
         self._quiet = quiet
@@ -75,7 +73,6 @@ class Terminal(logging.Handler):
 def drawn(
     terminal: Terminal, folder: Path, draw: Callable[[], Drawn], what: str = "pictures and the report"
 ) -> Drawn | None:
-    """Return the result of `draw`, or None without matplotlib."""
     terminal.say(f"Results are in {folder}. Drawing {what}; Ctrl-C skips this step.")
     terminal.show("draw")
     try:

@@ -79,7 +79,6 @@ class Movable(ABC):
         return {name: getattr(records[record], field) for name, (record, _, field) in split.items()}
 
     def padded_state(self, nodes: int, elements: int, unused: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-        """Return copies of the arrays with spare rows, filled with `unused`, else -1."""
         rows = {name: elements if name in self.by_element else nodes for name in self.state_names}
         return {name: padded(array, rows[name], unused.get(name, -1)) for name, array in self.state().items()}
 
@@ -88,7 +87,6 @@ class Movable(ABC):
         self.set_arrays({name: state[name].copy() for name in self.state_names})
 
     def check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Raise ValueError for the first stored array that does not fit."""
         n, m = len(state.get("position", ())), len(state.get(self.by_element[0], ()))
         rows = {name: m if name in self.by_element else n for name in self.state_names}
         check_state(self.state(), state, rows, self.ranges(n, m))

@@ -141,7 +141,6 @@ class Content:
         return max([2, *(DIMENSION[shape_of(kind)] for kind, rows in self.rows.items() if len(rows.number))])
 
     def of_shape(self, shape: str) -> Rows:
-        """Return all elements of a shape of any order, reduced to their corners."""
         parts = [rows for kind, rows in sorted(self.rows.items()) if shape_of(kind) == shape]
         return Rows.joined(parts, CORNERS[shape])
 

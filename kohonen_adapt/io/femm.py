@@ -99,7 +99,6 @@ def _boundaries(head: str, nodes: Complex) -> Iterator[tuple[int, str, Ints, Int
 
 
 def _nodes_on_curve(nodes: Complex, start: complex, end: complex, angle: float) -> Ints:
-    """Return the nodes on an arc of `angle` radians (0 for a segment) in order."""
     if angle > 0.0:
         centre = 0.5 * (start + end) + 0.5j * (end - start) / np.tan(0.5 * angle)
         turned = (nodes - centre) / (start - centre)

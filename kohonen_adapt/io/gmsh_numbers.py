@@ -39,7 +39,6 @@ class Numbers:
         return int(self.ints(1, kind)[0])
 
     def count(self) -> int:
-        """Take the count of MSH 2, a line of text even in binary files."""
         if not self._binary:
             return self.integer()
         start, end = self._position, self._data.index(b"\n", self._position)

@@ -145,7 +145,6 @@ def _nodes_41(section: Numbers) -> tuple[Ints, Floats]:
 def _elements_41(
     section: Numbers, groups: dict[tuple[int, int], Ints], most: int
 ) -> tuple[list[Block], set[tuple[int, int]]]:
-    """Return blocks of elements by entity and group, and the entities with elements."""
     blocks, meshed = [], set()
     for _ in range(section.ints(4, SIZE)[0]):
         dimension, entity, kind = (section.integer() for _ in range(3))
@@ -170,14 +169,12 @@ def _elements_22(section: Numbers) -> list[Block]:
 
 
 def _with_direction(kind: int, nodes: Ints, group: Ints, number: Ints) -> Rows:
-    """Return rows, with lines and triangles of a negative group reversed."""
     if shape_of(kind) == LINE or kind == TRIANGLE3:
         nodes = np.where(group[:, None] < 0, nodes[:, [1, 0, *range(2, nodes.shape[1])]], nodes)
     return Rows(nodes, np.abs(group), number)
 
 
 def _rows(blocks: list[Block], numbers: Ints) -> dict[int, Rows]:
-    """Return the rows by type, with node numbers replaced by indices into `numbers`."""
     found = {}
     for kind in {kind for kind, _ in blocks}:
         rows = Rows.joined([part for other, part in blocks if other == kind], nodes_per_element(kind))

@@ -116,7 +116,6 @@ def to_groups(content: Content, path: Path, scale: float) -> Groups:
 
 
 def by_group(group: Ints, item: Ints) -> dict[int, Ints]:
-    """Return the items by group number, where `item[k]` is in `group[k]`."""
     order = np.argsort(group, kind="stable")
     numbers, start = np.unique(group[order], return_index=True)
     parts = np.split(item[order], start[1:])

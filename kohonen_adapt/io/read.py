@@ -156,7 +156,6 @@ def read_curves(path: str | PathLike[str], mesh: MeshTri, *, scale: float = 1.0)
 
 
 def curves_in_file(path: Path, mesh: MeshTri, scale: float) -> dict[str, Spline]:
-    """Return the curves of a Gmsh file of order 2 to 5, else none."""
     content = read_msh(path) if path.suffix.lower() in MSH_VERSION else None
     return to_curves(content, mesh, path, scale) if content is not None and order_of_sides(content) else {}
 

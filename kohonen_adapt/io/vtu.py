@@ -285,7 +285,6 @@ def _check_block(decompressor: Any, block: bytes, length: int) -> None:
 
 
 def _read_bytes(source: Source, start: int, count: int) -> tuple[bytes, int]:
-    """Return `count` decoded bytes from `start`, and their end in `source`."""
     end = start + (count if isinstance(source, bytes) else -(-count // 3) * 4)
     if not 0 <= start <= end <= len(source):
         raise ValueError("its data ends before its last number")

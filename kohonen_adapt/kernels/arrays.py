@@ -57,8 +57,6 @@ class KernelMesh(NamedTuple):
 
 @record
 class Lesson(NamedTuple):
-    """Training points in the order of presentation, and their neighbourhood function."""
-
     points: np.ndarray  # (t, d)
     region: np.ndarray  # (t,) int32
     weights: np.ndarray  # (t,)

@@ -239,7 +239,6 @@ def stop_test(
     callback: Callable[[Pass], Any] | None,
     max_nodes: int | None,
 ) -> StopTest:
-    """Return the stop test, with `max_nodes` if nodes follow the tolerance."""
     follows = bool(tolerance) and target_nodes is None
     if follows and not any((tolerance.rtol, tolerance.atol, tolerance.output_rtol, tolerance.goal_rtol)):
         raise ValueError("a tolerance of 0 is never met; give one above 0, for instance rtol=1e-3, or target_nodes.")

@@ -143,7 +143,6 @@ class Checkpoint:
 
 
 def _check_sizes(content: Any, file_size: int) -> None:
-    """Raise ValueError if the unpacked arrays are larger than the uncompressed file."""
     declared = sum(member.file_size for member in content.zip.infolist())
     if declared > file_size:
         raise ValueError(f"contents of {declared} bytes in a file of {file_size} bytes")

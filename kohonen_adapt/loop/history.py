@@ -236,7 +236,6 @@ class History:
 
 
 def run_loop(adaptation: Adaptation, history: History, solved: Solved | None = None) -> AdaptResult:
-    """Run passes from the input, a checkpoint, or the pass `solved`."""
     movable = adaptation.movable
     with history.catching_failures():
         solved = solved or history.resumed() or history.add(adaptation.assess())

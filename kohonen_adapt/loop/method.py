@@ -126,5 +126,4 @@ class Method(ABC):
         """Return True if the last passes improved nothing."""
 
     def corrects(self, problem: Problem) -> bool:
-        """Return True if the polish corrects nodes that the estimate misplaced."""
         return False

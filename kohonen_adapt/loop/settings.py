@@ -28,16 +28,12 @@ ONLY_ENDS = {"only ends": True}  # metadata of a setting that ends the loop, and
 
 @dataclass(frozen=True)
 class ErrorsWanted:
-    """Errors estimated after every pass, of the goal and of the outputs."""
-
     goal: bool = False
     outputs: bool = False
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Arguments of `adapt` that affect the passes."""
-
     rules: Rules
     schedule: Schedule | None
     seed: int

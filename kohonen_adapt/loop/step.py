@@ -93,7 +93,6 @@ class Adaptation:
     order: int
 
     def plan(self, functional: Functional) -> tuple[int, ...]:
-        """Return the sweeps of the polish between which nodes are recycled."""
         recycles = self.settings.rules.topology == "recycle" and not functional.ritz.shapes_only
         plan = self.method.plan if recycles else (SWEEPS,)
         return plan[:GROWING_ENTRIES] if self.settings.growth.grows_after(self.steps.number) else plan
@@ -165,7 +164,6 @@ class Adaptation:
             return moved if held is None else replace(moved, held_in_polish=int(held.sum()))
 
     def polish(self, solved: Solved, moved: Moved[Any]) -> tuple[Moved[Any], float]:
-        """Polish the moved mesh, and return all moves and the decrease of the functional."""
         with self.steps("polish"):
             if solved.functional is None:
                 return moved, 0.0

@@ -13,8 +13,6 @@ TIMED = ("solve", "estimate", "relocate", "polish")
 
 
 class StepFailed(Exception):
-    """Failure of a step of pass `number`, with the exception as the cause."""
-
     def __init__(self, step: str, number: int) -> None:
         super().__init__(step, number)
         self.step, self.number = step, number

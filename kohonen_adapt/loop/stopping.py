@@ -67,8 +67,6 @@ Passes = tuple[Pass, ...]
 
 @dataclass(frozen=True)
 class Ending:
-    """Status and message of the result, with the exception of a failure."""
-
     status: Status
     message: str
     error: Exception | None = None
@@ -258,7 +256,6 @@ def _named(step: Pass) -> str:
 
 
 def stalls_by_estimate(passes: Passes) -> bool:
-    """Return True if the last passes lowered the error measure too little."""
     errors = [step.worth for step in passes]
     if len(errors) <= STALL_PASSES:
         return False

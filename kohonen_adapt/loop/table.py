@@ -90,7 +90,6 @@ def with_unit(name: str, step: Pass) -> str:
 
 
 def energy_norm_error(step: Pass) -> float | None:
-    """Return the estimate in per cent of the energy norm, None if not calibrated."""
     return 100.0 * step.estimate / step.energy_norm if step.calibrated and step.energy_norm else None
 
 
@@ -114,7 +113,6 @@ def estimate_word(history: Sequence[Pass]) -> str:
 
 
 def change_of_output(before: float, after: float) -> float | None:
-    """Return the change of magnitude in per cent, None if zero or of opposite sign."""
     return 100.0 * (abs(after) - abs(before)) / abs(before) if before and not changes_sign(before, after) else None
 
 
@@ -240,13 +238,11 @@ def _cells(figure: Callable[[Pass], float | None], decimals: int, history: tuple
 
 
 def _decimals(values: Iterable[float | None]) -> int:
-    """Return the decimals (>= 2) that show two digits of the least positive value."""
     least = min((value for value in values if value), default=1.0)
     return max(2, 1 - floor(log10(least)))
 
 
 def _energy(step: Pass) -> float | None:
-    """Return the squared energy norm, else the functional, or None with a dual."""
     if step.energy_norm is None:
         return step.functional if step.share is None else None
     return step.energy_norm**2

@@ -116,14 +116,12 @@ def fitted_series(start: Floats, end: Floats, offset: Floats, project: Callable[
 
 
 def exact_area(mesh: MeshTri, sides: Projections | None = None) -> Floats:
-    """Return the areas of elements with arcs as sides, (nelements,)."""
     size, shape = area(mesh), Blended(mesh, sides)
     size[shape.curved] = 0.5 * np.abs(determinants(shape)) @ triangle_rule(DEGREE)[1]
     return size
 
 
 def determinants(shape: Blended) -> Floats:
-    """Return Jacobian determinants of the curved elements at points, (k, q)."""
     rows, (barycentric, weight) = np.flatnonzero(shape.curved), triangle_rule(DEGREE)
     hats = shape.hat_gradients(np.repeat(rows, weight.size), np.tile(barycentric.T, rows.size))
     return (1.0 / (hats[0, 1] * hats[1, 2] - hats[1, 1] * hats[0, 2])).reshape(-1, weight.size)

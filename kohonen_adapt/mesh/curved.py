@@ -242,8 +242,6 @@ class CurvedElements:
 
 
 class Isoparametric(CurvedElements):
-    """Elements of a mesh with straight (`MeshTri`) or curved (`MeshTri2`) sides."""
-
     def __init__(self, mesh: MeshTri) -> None:
         self.corners = corners = corners_of(mesh)  # with the same elements, facets and names
         number_facets(corners)

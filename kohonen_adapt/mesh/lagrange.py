@@ -71,7 +71,6 @@ def _recursive(index: tuple[int, ...]) -> Floats:
 
 
 def _legendre(degree: int, x: Floats) -> tuple[Floats, Floats]:
-    """Return Legendre polynomials and derivatives, (degree + 1, n) each."""
     value, slope = np.ones((degree + 1, x.size)), np.zeros((degree + 1, x.size))
     if degree:
         value[1], slope[1] = x, 1.0

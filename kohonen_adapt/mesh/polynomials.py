@@ -103,14 +103,12 @@ def count_unknowns(mesh: Mesh, order: int) -> int:
 
 
 def functions_at(barycentric: Floats, order: int) -> Floats:
-    """Return the values of the `Reference` functions, (n, functions)."""
     product, rise = barycentric[:, AFTER] * barycentric[:, BEFORE], barycentric[:, BEFORE] - barycentric[:, AFTER]
     parts = [barycentric, EVEN * product, ODD * product * rise, BUBBLE * np.prod(barycentric, axis=1, keepdims=True)]
     return np.hstack(parts[: (1, 2, 4)[order - 1]])
 
 
 def slopes_at(barycentric: Floats, order: int) -> Floats:
-    """Return the reference gradients of the functions, (n, functions, 2)."""
     left, right = barycentric[:, AFTER, None], barycentric[:, BEFORE, None]
     product = left * HAT_SLOPES[BEFORE] + right * HAT_SLOPES[AFTER]
     odd = (right - left) * product + left * right * (HAT_SLOPES[BEFORE] - HAT_SLOPES[AFTER])

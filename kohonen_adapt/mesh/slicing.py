@@ -28,8 +28,6 @@ PIECES = {
 
 @runtime_checkable
 class CutBy(Protocol):
-    """Plane of a cut, for instance a `kohonen_adapt.Plane`."""
-
     @property
     def point(self) -> tuple[float, float, float]: ...
 

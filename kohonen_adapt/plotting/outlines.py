@@ -179,7 +179,6 @@ def _labels(outline: Outline, radii: Mapping[int, float], unit: str) -> dict[int
 
 
 def _beside(line: Floats, towards: Floats) -> tuple[Floats, Floats]:
-    """Return the midpoint of a line and its unit normal on the side of `towards`."""
     steps = np.append(0.0, np.cumsum(np.sqrt(np.sum(np.diff(line, axis=0) ** 2, axis=1))))
     at = np.array([np.interp(0.5 * steps[-1], steps, line[:, axis]) for axis in range(2)])
     k = min(np.searchsorted(steps, 0.5 * steps[-1]), len(line) - 1)

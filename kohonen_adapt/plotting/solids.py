@@ -204,7 +204,6 @@ def plot_surface(
 
 
 def _faces(mesh: MeshTet, rim: Ints, camera: Floats, scale: float) -> tuple[PolyCollection, Ints, Floats]:
-    """Return the visible boundary faces, their rows in `rim`, and their brightness."""
     corners = mesh.p[:, directed(mesh, rim, np.zeros_like(rim)).T]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0)
     seen = np.flatnonzero(camera[2] @ normal > 0.0)

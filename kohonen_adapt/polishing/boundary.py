@@ -91,7 +91,6 @@ class BoundaryTerms:
             near.add(trial, -change)
 
     def _unknowns(self, triangulation: Triangulation, trial: TrialFunction) -> tuple[Ints, int]:
-        """Return the unknown of every coefficient, (m, b), -1 if fixed, and their count."""
         elements = triangulation.elements
         free = self.nodes(triangulation) & ~trial.fixed
         count, functions = int(free.sum()), self.reference.slope.shape[1]
@@ -108,7 +107,6 @@ class BoundaryTerms:
         return own + self.value(near.chain, near.corners, near.coefficients, near.offsets)
 
     def _equations(self, near: "RobinElements", count: int) -> tuple[coo_array, Floats]:
-        """Return the Hessian, with secant coefficients if nonlinear, and the gradient."""
         parts = [(near.unknown, *self._of_elements(near))]
         for name, chains in self.chains.items():
             e, k = sides_on(near.chain, chains)

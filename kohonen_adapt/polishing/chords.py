@@ -26,8 +26,6 @@ FLAT = 1e-9  # sagitta of a straight facet, relative to its length
 
 
 class Slivers(NamedTuple):
-    """Regions between chords and curves, one per row, sorted by element."""
-
     element: Ints  # (s,)
     corner: Ints  # (s,): corner opposite to the chord
     change: Floats  # (s, 4): coefficient, source and flux of the sliver minus the values counted in the elements

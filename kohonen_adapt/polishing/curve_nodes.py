@@ -57,8 +57,6 @@ class Part(NamedTuple):
 
 
 class Stars(NamedTuple):
-    """Disjoint vertex stars, with the slivers of their elements."""
-
     movable: MovableMesh
     parts: list[Part]
     node: Ints  # (k,)

@@ -205,7 +205,6 @@ class Functional:
         return callable(self.ritz.source) or (self.dual is not None and self.dual.has_varying_source)
 
     def value(self, triangulation: Triangulation, trial: TrialFunction, offsets: Floats | None = None) -> float:
-        """Return the functional for midside `offsets` of shape (m, 3, 2)."""
         node, number = triangulation.elements.node, self.number[triangulation.elements.region]
         corners, coefficients = triangulation.position[node], local_coefficients(trial.values[node], trial.modes)
         total = value_on(corners, coefficients, number, self.ritz, offsets)
@@ -235,7 +234,6 @@ class Functional:
         return Trials(primal, self.dual.trial(triangulation, trial.dual.values, trial.fixed))
 
     def loops(self, movable: MovableMesh, trial: TrialFunction, mesh: KernelMesh | OpenMesh) -> Linear:
-        """Return the loops for a function on `mesh`, whose arrays may have spare rows."""
         mesh = KernelMesh(mesh.position, mesh.elements, movable.triangulation.star, mesh.constraints)
         trials = self.trials(movable.triangulation, trial)
         if trial.affine:

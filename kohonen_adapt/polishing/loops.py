@@ -24,8 +24,6 @@ __all__ = ["Higher", "Linear", "Patch"]
 
 
 class Patch(NamedTuple):
-    """Disjoint stars as a mesh of their own."""
-
     mesh: KernelMesh
     trials: Trials
     modes: tuple[Modes, ...]
@@ -59,7 +57,6 @@ class Linear:
         self.mesh, self.trials, self.floor, self.few = mesh, trials, floor, min_per_thread(1)
 
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
-        """Move nodes in the given order, and return the decrease of the functional."""
         mesh = self.mesh
         return descend_nodes(mesh.position, mesh.star, mesh.constraints, self.trials, nodes, self.floor)
 

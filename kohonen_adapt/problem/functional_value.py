@@ -53,7 +53,6 @@ def reference_of(ritz: Ritz) -> Reference:
 
 
 def elements_by_rule(kind: Ints, region: Ints, ritz: Ritz) -> Iterator[tuple[int, bool, Ints]]:
-    """Yield kind, True if nonlinear, and rows of the elements with a common rule."""
     nonlinear = np.zeros(len(region), dtype=np.bool_)
     if ritz.laws and (ritz.order > 1 or ritz.axisymmetric):  # otherwise gradients are constant, and one point suffices
         nonlinear = np.array([law is not None for law in ritz.laws])[region]
@@ -139,7 +138,6 @@ def _value_by_points(
 
 
 def value_in_space(corners: Floats, values: Floats, region: Ints, ritz: Ritz) -> float:
-    """Return the functional on tetrahedra with corners (3, 4, m) and values (4, m)."""
     slope = np.einsum("dkm,km->dm", TETRAHEDRON.hat_gradients(corners), values)
     six, density = np.abs(TETRAHEDRON.determinant(corners)), density_in_space(slope, region, ritz)
     if callable(ritz.source):
@@ -178,7 +176,6 @@ def _density(slope: Floats, x: Floats | float, corners: Floats, region: Ints, ri
 
 
 def flux_on(corners: Floats, region: Ints, ritz: Ritz) -> Floats:
-    """Return the mean flux of every element, shape (2, m), or a constant, shape (2,)."""
     if callable(ritz.flux):
         return flux_at(inner_points(corners.transpose(2, 1, 0)), region, ritz.flux).mean(axis=1)
     return np.stack([value_by_region(part, region) for part in flux_table(np.asarray(ritz.flux), 2)])

@@ -262,7 +262,6 @@ def _check_dual(ritz: Ritz) -> None:
 
 
 def parts_of(ritz: Ritz) -> tuple[Ritz, ...]:
-    """Return the primal and dual functionals, each multiplied by its weight."""
     if ritz.dual is None:
         return (ritz,)
     primal, dual = replace(ritz, dual=None), replace(ritz.dual, signs=ritz.signs)

@@ -75,7 +75,6 @@ def facet_terms(
 
 
 def _points_on_facets(ends: Floats, offset: Floats, fraction: Floats) -> Floats:
-    """Return the points at fractions (n,) of the length of facets, shape (f, n, 2)."""
     position = ends[:, :1] + fraction[:, None] * (ends[:, 1:] - ends[:, :1])
     return position + 4.0 * (fraction * (1.0 - fraction))[:, None] * offset[:, None]
 
@@ -91,7 +90,6 @@ def _masses(ends: Floats, order: int, offset: Floats, axisymmetric: bool) -> Flo
 
 
 def axis_factors(ends: Floats, fraction: Floats) -> Floats:
-    """Return the factors of functions on facets that end at an axis, shape (f, n)."""
     at_axis = on_axis(ends[:, :, 0])
     return 1.0 - at_axis[:, :1] * (1.0 - fraction) - at_axis[:, 1:] * fraction
 

@@ -25,8 +25,6 @@ SAMPLES = np.linspace(0.05, SMOOTH, 381)  # tried exponents
 
 
 class Materials(NamedTuple):
-    """Coefficients and prescribed values of a problem on a mesh."""
-
     coefficient: Floats  # (m,); with a law its value at zero
     kind: Ints  # (m,): number of the material, equal for equal constants
     flux: Floats | None  # (2, m); None if the flux varies within materials
@@ -50,7 +48,6 @@ class Materials(NamedTuple):
 
 
 def fixed_parts(mesh: MeshTri, fixed: Mask, order: int) -> tuple[Mask, Mask]:
-    """Return masks of the nodes and of the facets with prescribed values."""
     number_facets(mesh)
     nodes, facets = mesh.nvertices, mesh.facets.shape[1]
     prescribed = fixed[mesh.facets].all(axis=0) & (mesh.f2t[1] < 0)
@@ -59,8 +56,6 @@ def fixed_parts(mesh: MeshTri, fixed: Mask, order: int) -> tuple[Mask, Mask]:
 
 
 class Lines(NamedTuple):
-    """Facets between materials and on the boundary of the mesh."""
-
     facets: Ints  # (f,)
     prescribed: Mask  # (f,): True on a boundary with prescribed values
     kind: Ints  # (f,): equal for the same materials on both sides and the same condition

@@ -29,8 +29,6 @@ AXIS_TOLERANCE = 1e-12  # of the largest x: rounding error of a node on the axis
 
 
 class EnergyLaw(Protocol):
-    """Nonlinear material law with its energy density, for arrays of b >= 0."""
-
     def field_strength(self, b: Floats) -> Floats:
         """Return the field strength H(b), increasing from 0."""
 

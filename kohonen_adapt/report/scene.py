@@ -206,7 +206,6 @@ def _scaled(label: str, at: str, values: Sequence[Floats], low: float, high: flo
 
 
 def _middle_ends(values: Floats, mesh: Mesh) -> tuple[float, float]:
-    """Return the quantiles 0.01 and 0.99 of the values, weighted by area."""
     finite = np.isfinite(values)
     if not finite.any():
         return 0.0, 1.0

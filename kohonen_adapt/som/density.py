@@ -162,7 +162,6 @@ def per_element(count: int, values: ArrayLike, name: str) -> Floats:
 
 
 def without_zeros(values: Floats, largest: float) -> Floats:
-    """Return values as fractions of `largest`, with zeros raised to `ZERO`."""
     with np.errstate(over="ignore"):
         return np.where(values == 0.0, ZERO, np.clip(values / largest, 1.0 / UTMOST, UTMOST))
 

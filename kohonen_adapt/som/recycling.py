@@ -119,8 +119,6 @@ def starts_of(before: Triangulation, recycled: Recycled) -> Ints:
 
 
 class Facets(NamedTuple):
-    """Facets of pairs with their images, in the direction of their curve segments."""
-
     element: Ints  # (f, 2) element of the facet and of its image
     start: Ints  # (f, 2)
     end: Ints  # (f, 2)

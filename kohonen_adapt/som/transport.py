@@ -111,7 +111,6 @@ class Transport:
             self.movable.flip()
 
     def flow(self, shown: Draw, winners: Ints, rounds: int = 1) -> Floats:
-        """Return the mean displacement of the nodes of every cluster, shape (c, 2)."""
         tri, cluster = self.movable.triangulation, self.cluster
         mass = np.empty(len(cluster))
         sum_weights(winners, shown.region, shown.weights, tri.elements, tri.star, mass)

@@ -34,7 +34,6 @@ class SweepFolder:
 
     @classmethod
     def at(cls, folder: str | PathLike[str], function: Callable[..., Any], cases: list[Case]) -> "SweepFolder":
-        """Create the folder if missing, and require that its files belong to this sweep."""
         if not isinstance(folder, str | PathLike):
             raise ValueError(f"folder must be the path of a folder, or None; got {folder!r}.")
         path, about = Path(folder), _about(function, cases)
@@ -68,7 +67,6 @@ def _about(function: Callable[..., Any], cases: list[Case]) -> dict[str, Any]:
 
 
 def _identity(function: Callable[..., Any]) -> tuple[str, bytes]:
-    """Return the name of a function, and its bytecode or pickled data."""
     kind = function if isinstance(function, FunctionType) else type(function)
     name = f"{kind.__module__}.{kind.__qualname__}"
     if isinstance(function, FunctionType):

@@ -178,7 +178,6 @@ def _work(line: connection.Connection) -> None:
 
 
 def _end_with_parent() -> None:
-    """End this process as soon as its parent has ended, also during a call."""
     if parent := parent_process():
         connection.wait([parent.sentinel])
         os._exit(1)

@@ -66,8 +66,6 @@ def halves_of_facets(mesh: MeshTri, finer: MeshTri) -> tuple[Ints, Ints]:
 
 
 class PossibleArc(NamedTuple):
-    """Polygon whose corners lie on a circle."""
-
     names: list[str]  # names of boundaries that contain the polygon
     nodes: int
     turn: float  # largest turn at a corner in radians

@@ -40,8 +40,6 @@ class FoldedLayers(ValueError):
 
 
 class Pieces(NamedTuple):
-    """Parts of the elements of a mesh."""
-
     node: Ints  # (m, 3): corners; new nodes follow the nodes of the mesh
     parent: Ints  # (m,): element that the part lies in
     share: Floats  # (m, 3, 3): barycentric coordinates of the corners in the parent

@@ -17,8 +17,6 @@ NEAR = 1e-3  # maximum distance of nodes from their curve, relative to the size 
 
 
 class Curve(Protocol):
-    """User-defined curve of a boundary."""
-
     def project(self, x: Floats) -> Floats:
         """Return the points of the curve nearest to `x`, shape (2, n)."""
 

@@ -20,8 +20,6 @@ __all__ = ["Views", "components", "facing_sides", "views_across"]
 
 
 class Views(NamedTuple):
-    """Curve segments hit by rays, one row per ray."""
-
     start: Ints  # (s,) segment on which the ray starts
     end: Ints  # (s,) segment that the ray hits
     nearness: Floats  # (s,) squared cosine of the angle of incidence divided by the length of the ray
@@ -88,8 +86,6 @@ UNSURE = 0.5  # largest weight of contradicting segments, relative to the sides
 
 
 class Hits(NamedTuple):
-    """Pairs of curve segments that see each other, one row per ray."""
-
     start: Ints  # the segment on which the ray starts
     end: Ints  # the segment that the ray hits
     weight: Floats  # length that the ray represents divided by the ray's own, less if the hit is oblique

@@ -44,7 +44,6 @@ def constrained_edges(movable: MovableMesh) -> tuple[Ints, Ints]:
 
 
 def names_at(movable: MovableMesh, v: int, chain: Ints) -> str:
-    """Return the boundaries at a node, else the subdomains around the node."""
     names = [name for name, orientation in movable.outline.names.items() if np.any(orientation[chain])]
     if names:
         return f"{'boundary' if len(names) == 1 else 'boundaries'} {listed(names)}"

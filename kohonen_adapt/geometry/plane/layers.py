@@ -21,8 +21,6 @@ __all__ = ["Band", "bands_of", "check_layer_count", "lower_to_steps", "parts_of"
 
 
 class Band(NamedTuple):
-    """Two sides of a subdomain that face each other."""
-
     name: str  # name of the subdomain
     number: int  # requested number of layers
     pairs: Ints  # (k, 2) nodes of all edges of its connected part

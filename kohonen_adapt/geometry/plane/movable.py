@@ -41,8 +41,6 @@ def shown(title: str, form: str) -> dict[str, str]:
 
 @dataclass(frozen=True, kw_only=True)
 class Work:
-    """Figures of one relocation, documented in `Pass`."""
-
     quantization_errors: tuple[float, ...] = field(default=(), repr=False)
     max_displacement: float = 0.0
     moved: int = 0

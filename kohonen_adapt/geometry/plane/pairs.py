@@ -48,8 +48,6 @@ class Sides(NamedTuple):
 
 
 class Match(NamedTuple):
-    """Nodes of the first boundary and their images under a motion."""
-
     motion: Floats  # [A | b]
     nodes: Ints  # (k,) nodes of the first boundary
     images: Ints  # (k,) nodes of the second boundary, nearest to the images of the first
@@ -238,8 +236,6 @@ def rigid_motion(points: Floats, targets: Floats) -> Floats:
 
 
 class Pairs(NamedTuple):
-    """Partners of nodes and facets on periodic boundaries."""
-
     partner: NDArray[np.int32]  # (n,) partner of the node, -1 for none
     motion: NDArray[np.int32]  # (n,) index of the motion onto the partner, -1 for none
     motions: Floats  # (k, 2, 3) motions [A | b], each followed by its inverse

@@ -44,8 +44,6 @@ CORNER = np.radians(35.0)  # an angle of this size or more is a corner
 
 
 class Facets(NamedTuple):
-    """Constrained facets, counter-clockwise in their element."""
-
     element: Ints  # (f,)
     corner: Ints  # (f,) local index of the corner opposite to the facet
     nodes: Ints  # (f, 2)
@@ -54,8 +52,6 @@ class Facets(NamedTuple):
 
 
 class Joints(NamedTuple):
-    """Nodes in which exactly two constrained facets meet."""
-
     node: Ints  # (j,)
     facets: Ints  # (j, 2)
     ends: Ints  # (j, 2) other nodes of the facets
@@ -74,8 +70,6 @@ class Polyline(NamedTuple):
 
 
 class Polylines(NamedTuple):
-    """Open or closed polylines of facets."""
-
     node: NDArray[np.int32]  # (s,) in order, polyline after polyline; closed polylines repeat the first node at the end
     facet: NDArray[np.int32]  # (s,) facet after each node, -1 after the last node of a polyline
     start: NDArray[np.int32]  # (r + 1,) first slot of every polyline in `node` and `facet`
@@ -118,7 +112,6 @@ class Segments(NamedTuple):
 
     @property
     def slots(self) -> Ints:
-        """Slots of the first nodes of all facets, segment by segment."""
         count = self.facets
         return np.arange(count.sum()) + np.repeat(self.first - np.cumsum(count) + count, count)
 

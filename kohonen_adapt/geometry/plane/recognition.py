@@ -31,8 +31,6 @@ CONCENTRIC = 1e-3  # maximum distance of centres that coincide, relative to the 
 
 
 class Midsides(NamedTuple):
-    """Offsets of the midside nodes of constrained facets."""
-
     offset: Floats  # (f, 2) from the midpoints of the chords
     is_curved: Mask  # (f,)
     any_curved: bool  # True if a facet is curved: then all others are straight, and no chords of arcs
@@ -140,7 +138,6 @@ def with_coarse_arcs(position: Floats, node: Ints, segments: Segments, centres: 
 
 
 def centres_of(motions: Floats) -> Floats:
-    """Return the fixed points (k, 2) of the rotations among `motions` (m, 2, 3)."""
     rest = np.eye(2) - motions[:, :, :2]
     turns = (np.linalg.det(motions[:, :, :2]) > 0.0) & (np.abs(np.linalg.det(rest)) > ANGLE**2)
     return np.linalg.solve(rest[turns], motions[turns, :, 2:])[:, :, 0]

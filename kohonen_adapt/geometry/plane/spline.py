@@ -192,8 +192,6 @@ class Spline:
 
 
 class Samples(NamedTuple):
-    """Samples of a piecewise cubic curve c(t), nearly straight between neighbours."""
-
     curve: PPoly  # pieces in a row, each followed by an interval that is no part of the curve
     t: Floats  # (s,) ascending
     before: Ints  # (s,) neighbours on the same piece; at its ends the sample itself

@@ -78,8 +78,6 @@ def element_order(node: Ints, node_index: Ints) -> Ints:
 
 @dataclass(frozen=True)
 class Surgery:
-    """Arrays of a movable mesh with spare rows, by name and as a kernel record."""
-
     state: dict[str, NDArray[Any]]
     mesh: OpenMesh
 

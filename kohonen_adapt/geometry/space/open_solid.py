@@ -91,7 +91,6 @@ class OpenSolid:
         return cls(state, mesh, queue)
 
     def copy(self) -> "OpenSolid":
-        """Return an independent copy that shares scratch memory."""
         state = {name: array.copy() for name, array in self.state.items()}
         position, elements, freedom = records_of(state)
         pool = Pool(*(array.copy() for array in self.mesh.pool))

@@ -42,8 +42,6 @@ ROUNDS = 100  # maximum number of repetitions; the first suffices on two patches
 
 
 class Faces(NamedTuple):
-    """Constrained faces, counter-clockwise seen from outside their element."""
-
     element: Ints  # (f,)
     corner: Ints  # (f,) local index of the corner opposite to the face
     nodes: Ints  # (f, 3)
@@ -53,8 +51,6 @@ class Faces(NamedTuple):
 
 
 class Edges(NamedTuple):
-    """Edges of constrained faces, each with the faces around."""
-
     ends: Ints  # (g, 2) the nodes, ascending
     start: Ints  # (g + 1,) the faces around edge g are face[start[g]:start[g + 1]]
     face: Ints  # (3 f,)
@@ -66,8 +62,6 @@ class Edges(NamedTuple):
 
 
 class Seams(NamedTuple):
-    """Edges in which exactly two constrained faces meet."""
-
     edge: Ints  # (j,)
     faces: Ints  # (j, 2)
     turn: Floats  # (j,) angle between the faces in radians, 0 if they are coplanar
@@ -102,8 +96,6 @@ def seams_of(faces: Faces, edges: Edges, position: Floats) -> Seams:
 
 
 class Patches(NamedTuple):
-    """Patches, and the patch of every constrained face."""
-
     of_face: Ints  # (f,)
     shape: NDArray[np.int8]  # (p,)
     origin: Floats  # (p, 3)

@@ -36,8 +36,6 @@ APEX = 1e-9  # distance from the apex of a cone below which nodes are held, rela
 
 
 class Ridges(NamedTuple):
-    """Ridges, and the ridge of every edge."""
-
     ends: Ints  # (k, 2) nodes of the edges
     of_edge: Ints  # (k,) ridge of every edge, -1 if more than MOST patches meet or the shape is unknown
     meets: NDArray[np.int32]  # (r, MOST) patches that meet, ascending, padded with -1
@@ -48,8 +46,6 @@ class Ridges(NamedTuple):
 
 
 class Pieces(NamedTuple):
-    """Pieces of one shape into which ridge edges are cut."""
-
     of_edge: Ints  # (k,)
     kind: Ints  # (q,) row of the patches that meet
     shape: NDArray[np.int8]  # (q,)

@@ -27,8 +27,6 @@ ROUNDING = 1e-15  # distance below which points are on an axis, relative to the 
 
 
 class Surface(Protocol):
-    """User-defined surface of a boundary."""
-
     def project(self, x: Floats) -> Floats:
         """Return the points of the surface nearest to `x`, shape (3, n)."""
 

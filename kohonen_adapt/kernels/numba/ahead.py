@@ -57,8 +57,6 @@ def compile_each(names: Iterable[str]) -> None:
 
 
 class _Compiling(event.Listener):
-    """Listener to the compilations of numba, which occur only without code on disk."""
-
     def __init__(self) -> None:
         self._remaining: set[str] = set()
         self._total = 0
@@ -125,7 +123,6 @@ class _Compiling(event.Listener):
 
 
 def _count_as_old() -> None:
-    """Move all objects to the oldest generation, which is collected less often."""
     if not gc.get_freeze_count():  # unfreezing would undo the freezing by a user
         gc.freeze()
         gc.unfreeze()

@@ -123,8 +123,6 @@ def _unsealed(path: str) -> bytes:
 
 
 class _ReadOnlyLocator(InTreeCacheLocator):
-    """Locator of a cache folder that cannot be written, but may contain code."""
-
     def __init__(self, py_func: Any, py_file: str) -> None:
         super().__init__(py_func, py_file)
         if config.CACHE_DIR:
@@ -136,8 +134,6 @@ class _ReadOnlyLocator(InTreeCacheLocator):
 
 
 class _KernelCode(CompileResultCacheImpl):
-    """Cache implementation of numba that always finds a folder."""
-
     _locator_classes: ClassVar = [*CompileResultCacheImpl._locator_classes, _ReadOnlyLocator]
 
 

@@ -59,8 +59,6 @@ class InnerCompiler(KernelCompiler):
 
 
 class _Flags(Flags):
-    """Compiler flags, of which numba requests all values for every operator."""
-
     __slots__ = ()
 
     def values(self) -> dict[str, Any]:

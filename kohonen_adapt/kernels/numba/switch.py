@@ -33,7 +33,6 @@ OVERRIDDEN_BY_CACHE = {
 
 
 def usable(modules: tuple[str, ...], overridden: dict[str, tuple[str, ...]], otherwise: str) -> bool:
-    """Return True if modules of the fence work with this numba, and warn if not."""
     try:
         for path, names in overridden.items():
             module, _, owner = path.rpartition(".")

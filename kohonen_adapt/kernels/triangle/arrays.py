@@ -45,7 +45,6 @@ class Elements(NamedTuple):
     layered: np.ndarray  # (r,) bool: regions in which no edge may join nodes whose levels differ by more than 1
 
     def ends(self, e: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return both nodes, counter-clockwise, of the edges opposite to corners k."""
         return self.node[e, (k + 1) % 3], self.node[e, (k + 2) % 3]
 
 
@@ -65,8 +64,6 @@ class Star(NamedTuple):
 
 @record
 class Chains(NamedTuple):
-    """Curve segments with their parametrisation by distance from the origin."""
-
     geometry: np.ndarray  # (c, 10): origin, direction, length, curvature, reach, merged, sagitta, even
     flags: np.ndarray  # (c, 3) int8: shape, closed, paired
     row: np.ndarray  # (c + 1,) int32: segment c has the knots row[c] to row[c + 1]
@@ -79,58 +76,47 @@ class Chains(NamedTuple):
 
     @property
     def shape(self) -> np.ndarray:
-        """STRAIGHT, ROUND or TABLED, shape (c,)."""
-        return self.flags[:, SHAPE]
+        return self.flags[:, SHAPE]  # sTRAIGHT, ROUND or TABLED
 
     @property
     def origin(self) -> np.ndarray:
-        """Position at the parameter 0, shape (c, 2)."""
-        return self.geometry[:, ORIGIN_X : ORIGIN_Y + 1]
+        return self.geometry[:, ORIGIN_X : ORIGIN_Y + 1]  # position at the parameter 0, shape (c, 2)
 
     @property
     def direction(self) -> np.ndarray:
-        """Unit tangent at the origin, shape (c, 2)."""
-        return self.geometry[:, DIRECTION_X : DIRECTION_Y + 1]
+        return self.geometry[:, DIRECTION_X : DIRECTION_Y + 1]  # unit tangent at the origin, shape (c, 2)
 
     @property
     def length(self) -> np.ndarray:
-        """Largest parameter, shape (c,)."""
-        return self.geometry[:, LENGTH]
+        return self.geometry[:, LENGTH]  # largest parameter
 
     @property
     def curvature(self) -> np.ndarray:
-        """1 / radius of ROUND segments, positive if counter-clockwise, shape (c,)."""
-        return self.geometry[:, CURVATURE]
+        return self.geometry[:, CURVATURE]  # 1 / radius of ROUND segments, positive if counter-clockwise
 
     @property
     def closed(self) -> np.ndarray:
-        """Mask of segments without ends, on which the parameter is periodic, shape (c,)."""
-        return self.flags[:, CLOSED].view(np.bool_)
+        return self.flags[:, CLOSED].view(np.bool_)  # mask of segments without ends, on which the parameter is periodic
 
     @property
     def reach(self) -> np.ndarray:
-        """Maximum length of a facet, due to its distance from the curve, shape (c,)."""
-        return self.geometry[:, REACH]
+        return self.geometry[:, REACH]  # maximum length of a facet, due to its distance from the curve
 
     @property
     def merged(self) -> np.ndarray:
-        """Maximum length of two facets that a collapse joins, shape (c,)."""
-        return self.geometry[:, MERGED]
+        return self.geometry[:, MERGED]  # maximum length of two facets that a collapse joins
 
     @property
     def sagitta(self) -> np.ndarray:
-        """Maximum distance between curve and facets, shape (c,)."""
-        return self.geometry[:, SAGITTA]
+        return self.geometry[:, SAGITTA]  # maximum distance between curve and facets
 
     @property
     def even(self) -> np.ndarray:
-        """Length of equal facets that are as far from the curve as the input, shape (c,)."""
-        return self.geometry[:, EVEN]
+        return self.geometry[:, EVEN]  # length of equal facets that are as far from the curve as the input
 
     @property
     def paired(self) -> np.ndarray:
-        """Mask of segments with periodic partners at the same parameters, shape (c,)."""
-        return self.flags[:, PAIRED].view(np.bool_)
+        return self.flags[:, PAIRED].view(np.bool_)  # mask of segments with periodic partners at the same parameters
 
 
 @record
@@ -143,8 +129,6 @@ class PeriodicPairs(NamedTuple):
 
 @record
 class Constraints(NamedTuple):
-    """Degrees of freedom of every node."""
-
     kind: np.ndarray  # (n,) int8: FREE, SLIDING or HELD
     chain: np.ndarray  # (n, 2) int32: segment of the node, or both segments of a corner; -1 for none, or JUNCTION
     parameter: np.ndarray  # (n,): position on the segment
@@ -160,8 +144,6 @@ class Constraints(NamedTuple):
 
 @record
 class Origins(NamedTuple):
-    """Data of every node for recycling, except position and constraint."""
-
     density: np.ndarray  # (n,): wanted nodes per area
     old: np.ndarray  # (n,) int32: index before, -1 for a new node
     start_element: np.ndarray  # (n,) int32: element near the node in the mesh before
@@ -189,8 +171,6 @@ class SurgeryScratch(NamedTuple):
 
 @record
 class OpenMesh(NamedTuple):
-    """Mesh with spare rows, in which edges are split and collapsed."""
-
     position: np.ndarray  # (n, 2)
     elements: Elements
     constraints: Constraints
@@ -255,8 +235,6 @@ class Points(NamedTuple):
 
 @record
 class Shapes(NamedTuple):
-    """Deviations of elements from straight triangles in the plane."""
-
     offset: np.ndarray  # (m, 3, 2): midside offsets, from the midpoint of the chord opposite to corner k to the curve
     special: np.ndarray  # (m,) bool: the element has a curved side, or is around an axis
     around: bool  # around an axis: coefficients are divided by x, and laws evaluated at |grad u| / x

@@ -45,7 +45,6 @@ def row_beside(rows, third):
 
 @inner_kernel
 def corners_around(node, e, k, other):
-    """Return edge ends p, q and the opposite nodes r of `e` and s of `other`."""
     p, q, r = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3]), np.int64(node[e, k])
     return p, q, r, node[other, 0] + node[other, 1] + node[other, 2] - p - q
 

@@ -38,8 +38,6 @@ class FluxData(NamedTuple):
 
 @record
 class Patch(NamedTuple):
-    """Scratch memory for one vertex patch of at most w elements."""
-
     element: np.ndarray  # (w,) int32
     corner: np.ndarray  # (w,) int32: local index of the vertex
     jump: np.ndarray  # (w + 2,) J, zero on the boundary

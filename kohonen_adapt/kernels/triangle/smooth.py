@@ -28,8 +28,6 @@ RELAXATION = 0.85  # full steps overshoot where the density changes within an el
 
 @record
 class Sites(NamedTuple):
-    """Pairs of a node and a region at the node, with a density for each pair."""
-
     start: np.ndarray  # (n + 1,) int32: node v has the sites start[v] to start[v + 1]
     region: np.ndarray  # (s,) int32
     element: np.ndarray  # (s,) int32: element of the region in the base mesh that contains the node

@@ -25,8 +25,6 @@ FACET = 10  # degree of the rule along facets
 
 @dataclass(frozen=True, eq=False)
 class AxisGroup(ElementGroup):
-    """Elements with the same corners on the axis, all with or all without a B-H law."""
-
     shape: Isoparametric
     order: int
     kind: int

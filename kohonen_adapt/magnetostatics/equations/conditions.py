@@ -29,8 +29,6 @@ Value = float | Callable[[Floats], ArrayLike]
 
 @dataclass(frozen=True)
 class Boundaries:
-    """Boundary conditions of a problem, by name."""
-
     potential: Mapping[str, Value]
     open_boundary: str | None = None
     periodic: Sequence[Pair] = ()
@@ -69,8 +67,6 @@ class Ties:
 
 @dataclass(frozen=True)
 class Conditions:
-    """Boundary conditions of the unknowns on one mesh."""
-
     fixed: Mask  # (nunknowns,): unknowns with prescribed values
     values: Floats  # (nunknowns,): the prescribed values, zero elsewhere
     free: Ints  # (nfree,): unknowns without prescribed values
@@ -86,7 +82,6 @@ class Conditions:
         return fixed_or_tied
 
     def reduced(self, matrix: csc_array, right: Floats) -> tuple[csc_array, Floats]:
-        """Return the equations of the classes, with the open boundary in the matrix."""
         if self.open_boundary is not None:
             matrix = (matrix + self.open_boundary.matrix[self.free][:, self.free]).tocsc()
         if self.join is not None:
@@ -227,7 +222,6 @@ def _classes(count: int, first: Ints, second: Ints, relative_sign: Floats) -> tu
 
 
 def _image_facets(mesh: MeshTri, facets: Ints, nodes: Ints, images: Ints) -> tuple[Ints, Mask]:
-    """Return the facets between image nodes, and a mask of the reversed ones."""
     count = mesh.p.shape[1]
     image = np.arange(count)
     image[nodes] = images

@@ -72,7 +72,6 @@ def _loops(ends: Ints, around: Ints) -> csc_array:
 
 
 def _spanning_edges(ends: Ints, edge: Ints, count: int) -> Mask:
-    """Return True for the edges of a spanning forest of a graph, (count,)."""
     pairs, first = np.unique(np.sort(ends, axis=0), axis=1, return_index=True)
     size = int(ends.max(initial=0)) + 1
     lower, upper = pairs.astype(np.int32)  # scipy before 1.15 takes no other integers
@@ -93,7 +92,6 @@ def _facets_but_roots(one: Ints, other: Ints, nfacets: int) -> Mask:
 
 
 def open_surfaces(edges: EdgeElements, crossed: Ints) -> int:
-    """Return the number of closed surfaces around one part with facets `crossed`."""
     mesh, outer = edges.mesh, edges.mesh.boundary_facets()
     corners = mesh.facets[:, outer]
     size = mesh.p.shape[1]

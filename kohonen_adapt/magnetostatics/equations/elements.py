@@ -18,8 +18,6 @@ __all__ = ["FiniteElements", "Linear", "LinearFunctions", "Polynomials"]
 
 
 class FiniteElements(ABC):
-    """Functions with their unknowns on a mesh of triangles or tetrahedra."""
-
     mesh: Mesh
     corners: Mesh  # the mesh with straight sides
     unknowns: Ints  # (k, nelements)
@@ -76,8 +74,6 @@ class Polynomials(FiniteElements):
 
 
 class LinearFunctions(FiniteElements):
-    """P1 functions on triangles or tetrahedra, with the nodal values as unknowns."""
-
     edges: tuple[Any, Any]  # corners at the first and the second end of the edges of an element
 
     @cached_property

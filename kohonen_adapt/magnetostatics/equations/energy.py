@@ -28,7 +28,6 @@ class Scalar:
 
 
 def scalar_problem(elements: Elements, symmetry: Symmetry, coefficients: Coefficients) -> Scalar:
-    """Return the scalar problem at the quadrature points, for the material at B = 0."""
     return Scalar(
         symmetry.reluctivity(elements.points, coefficients.reluctivity),
         -symmetry.flux(-coefficients.coercivity),
@@ -88,7 +87,6 @@ class EnergyFunctional:
             return self._at_free(-self.elements.loads(self._source, flux), u)
 
     def hessian(self, u: Floats) -> Reduced:
-        """Return the second derivatives, differential nu along grad u and nu across."""
         points, free = self.elements.points, self.conditions.free
         if not self.coefficients.nonlinear_materials:
             return self.elements.stiffness(self.symmetry.reluctivity(points, self._at_points.reluctivity), free)

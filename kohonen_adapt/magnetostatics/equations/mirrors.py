@@ -25,8 +25,6 @@ ASYMMETRY = 0.01  # allowed asymmetric part of the applied field on a plane, rel
 
 
 class Mirror(NamedTuple):
-    """Plane of symmetry."""
-
     kind: str
     facets: Ints  # all facets of the mesh in the plane
     normal: Floats  # (3,), unit vector out of the mesh

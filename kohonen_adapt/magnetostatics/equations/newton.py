@@ -92,8 +92,6 @@ def refuse_unconverged(field: Any) -> None:
 
 @dataclass(frozen=True)
 class Newton:
-    """Damped Newton's method with a limit of steps and a linear solver."""
-
     most_steps: int = 60
     solver: Solver = field(default_factory=Solver)
 

@@ -35,7 +35,6 @@ class Reduced:
     prolongation: csr_array | None = None  # (nfree, ncoarse): functions of order 1 in elements of order 2
 
     def eliminated(self, right: Floats) -> Floats:
-        """Return the right-hand side of the reduced equations, 0 for eliminated unknowns."""
         if self.interiors is None:
             return right
         inner, outer = self.interiors.inner, self.interiors.outer
@@ -46,7 +45,6 @@ class Reduced:
         return reduced - np.bincount(outer[free], moved[free], right.size)
 
     def completed(self, solution: Floats, right: Floats) -> Floats:
-        """Return the solution with eliminated unknowns, by the original right-hand side."""
         if self.interiors is None:
             return solution
         inner, outer = self.interiors.inner, self.interiors.outer

@@ -41,8 +41,6 @@ class VaryingMagnet:
 
 @dataclass(frozen=True)
 class Coefficients:
-    """Material coefficients of every element of a mesh in d dimensions."""
-
     material_index: Ints  # (nelements,): index of the material in the mapping of materials
     reluctivity: Floats  # (nelements,) in m/H; of nonlinear material at B = 0
     remanence: Floats  # (d, nelements) in T
@@ -109,7 +107,6 @@ class Coefficients:
         return self.reluctivities(flux_density)[0] * magnitude(flux_density) + magnitude(self.coercivity)
 
     def present(self, materials: Mapping[str, Material]) -> tuple[dict[str, Material], Ints, Ints]:
-        """Return the materials in use, the first element of each, and element indices."""
         used, first, index = np.unique(self.material_index, return_index=True, return_inverse=True)
         return {name: material for k, (name, material) in enumerate(materials.items()) if k in used}, first, index
 
@@ -154,7 +151,6 @@ def coefficients(
     ampere_turns: Mapping[str, float] | None = None,
     size: Callable[[Mesh], Floats] = area,
 ) -> Coefficients:
-    """Return the coefficients, with areas of coils as `size` returns them."""
     material_index, values = material_of_elements(mesh, materials), list(materials.values())
     reluctivity = np.array([material.reluctivity for material in values])[material_index]
     current_density = np.array([material.current_density for material in values])[material_index]
@@ -272,6 +268,5 @@ def material_of_elements(mesh: Mesh, materials: Mapping[str, Material]) -> NDArr
 
 
 def subdomains_at(mesh: Mesh, elements: Ints) -> str:
-    """Return the names of the subdomains of elements for a message."""
     sets = sorted(named_sets(mesh.subdomains).items())
     return " + ".join(repr(name) for name, rows in sets if np.isin(elements, rows).any())

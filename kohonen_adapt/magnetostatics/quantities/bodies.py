@@ -87,8 +87,6 @@ def _joined_names(names: Names) -> str:
 
 
 class Cut(NamedTuple):
-    """Facets of the outer boundary that cut a body."""
-
     facets: Ints  # along the cut, of the body and its neighbours
     direction: Floats | None  # unit vector (2,) of a mirror plane; None for a sector and without a cut
     master: Ints  # (nnodes,): node of which a node is the image, or the node itself

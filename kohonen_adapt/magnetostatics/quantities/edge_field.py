@@ -20,8 +20,6 @@ __all__ = ["EdgeField"]
 
 @dataclass(frozen=True, eq=False)
 class Density(Strength):
-    """Field at points, from B, each with the material of its element."""
-
     density: Floats  # (3, n) in T
 
     @property

@@ -26,8 +26,6 @@ __all__ = ["LocalSolid", "Strength"]
 
 @dataclass(frozen=True, eq=False)
 class Strength(PointValues):
-    """Field at points, from H, each with the material of its element."""
-
     x: Floats  # (3, n) in m
     field_strength: Floats  # (3, n) in A/m
     coefficients: Coefficients  # of the points

@@ -13,8 +13,6 @@ __all__ = ["MagneticField", "PointValues", "tangent_product"]
 
 
 class PointValues:
-    """B and H at points, each with the material of its element."""
-
     x: Floats  # (d, n) in m
     coefficients: Coefficients  # of the points
     flux_density: Any  # (d, n) in T
@@ -40,8 +38,6 @@ def tangent_product(secant: Floats, differential: Floats, direction: Floats, cha
 
 
 class MagneticField:
-    """Field of a problem in the plane or in space, by its finite elements."""
-
     mesh: Mesh
     coefficients: Coefficients
     elements: Any  # `FiniteElements` with their quadrature points

@@ -188,7 +188,6 @@ def oriented_surface(mesh: MeshTet, name: str) -> tuple[Ints, Floats, Floats]:
 
 
 def _flux_sign(mesh: MeshTet, name: str, facets: Ints, normal: Floats) -> Floats:
-    """Return 1 where the flux counts out of the first element of a facet, else -1."""
     rows = mesh.boundaries[name]
     if isinstance(rows, OrientedBoundary):
         return np.where(rows.ori == 0, 1.0, -1.0)
