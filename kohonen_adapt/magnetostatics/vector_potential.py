@@ -20,7 +20,12 @@ from kohonen_adapt.magnetostatics.equations.edge_conditions import (
 from kohonen_adapt.magnetostatics.equations.edge_energy import CurlFunctional
 from kohonen_adapt.magnetostatics.equations.edges import EdgeElements
 from kohonen_adapt.magnetostatics.equations.mirrors import conditions_in_space
-from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
+from kohonen_adapt.magnetostatics.equations.newton import (
+    TOLERANCE,
+    Newton,
+    NewtonStep,
+    refuse_unconverged,
+)
 from kohonen_adapt.magnetostatics.equations.tetrahedra import LinearTetrahedra
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
@@ -31,8 +36,8 @@ from kohonen_adapt.mesh.names import named
 
 __all__ = ["MagneticVectorPotential"]
 
-RTOL_OF_STEPS = 1e-3  # of the residual of a Newton step
-ROUNDING = 1e-12  # residual that is rounding error, relative to the load
+RTOL_OF_STEPS = 1e-2  # of a Newton step in the energy norm
+SMALL = 0.1 * TOLERANCE  # residual after which Newton's method makes no further step, relative to the terms
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +97,7 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
             edges=energy.edges,
             conditions=energy.conditions,
             rtol=RTOL_OF_STEPS if nonlinear else self.solver.rtol,
-            floor=ROUNDING * float(np.linalg.norm(energy.load)),
+            floor=SMALL * float(np.linalg.norm(energy.load)) if nonlinear else 0.0,
         )
         method = Newton(solver=solver)
         unknown = method.linear(energy)

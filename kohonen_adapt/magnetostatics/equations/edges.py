@@ -45,7 +45,8 @@ class EdgeElements:
     @cached_property
     def curls(self) -> Floats:
         """Curls of the functions of every element, (3, 6, nelements) in 1/m^2."""
-        first, second = (hat_gradients(self.mesh)[:, ends] for ends in EDGES)
+        hats = hat_gradients(self.mesh)
+        first, second = (hats[:, ends] for ends in EDGES)
         return 2.0 * self._sign * np.stack([first[i] * second[j] - first[j] * second[i] for i, j in CYCLIC])
 
     def curl(self, a: Floats) -> Floats:
