@@ -1,6 +1,5 @@
 """Parts of the adaptive loop for triangles and for tetrahedra."""
 
-
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats

@@ -10,15 +10,21 @@ from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.polynomials import HAT_SLOPES, by_points, exact_reference, functions_at, law_reference
 from kohonen_adapt.mesh.quadratic_in_space import function_slopes
 from kohonen_adapt.mesh.quadrature import kinds_at_axis
-from kohonen_adapt.problem.density_in_space import shifted_slope
+from kohonen_adapt.problem.functional_in_space import (
+    MEANS,
+    fields_at_corners,
+    fluxes,
+    loads_in_space,
+    quadratic_loads,
+    rules,
+    shifted_slope,
+)
 from kohonen_adapt.problem.functional_value import (
     elements_by_rule,
     flux_on,
-    loads_in_space,
     source_on,
     source_points,
 )
-from kohonen_adapt.problem.quadratic_in_space import MEANS, fields_at_corners, fluxes, quadratic_loads, rules
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_table, source_at, value_by_region
 

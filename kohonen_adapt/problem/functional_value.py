@@ -1,11 +1,10 @@
 """Value of a Ritz functional on triangles and tetrahedra."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike
-from skfem import ElementTetP1, ElementTriP1, Mesh, MeshTri
+from skfem import ElementTriP1, Mesh, MeshTri
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -26,8 +25,7 @@ from kohonen_adapt.mesh.polynomials import (
 )
 from kohonen_adapt.mesh.quadratic_in_space import quadratic_coefficients
 from kohonen_adapt.mesh.quadrature import kinds_at_axis
-from kohonen_adapt.problem.density_in_space import density_in_space
-from kohonen_adapt.problem.quadratic_in_space import quadratic_value
+from kohonen_adapt.problem.functional_in_space import quadratic_value, value_in_space
 from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of, plane_only_term
 from kohonen_adapt.problem.robin import robin_value, sides_of_boundary
 from kohonen_adapt.problem.surface_terms import corner_values, nodal_terms, reduced_regions, surface_work
@@ -37,15 +35,11 @@ __all__ = [
     "elements_by_rule",
     "flux_on",
     "functional_value",
-    "loads_in_space",
     "reference_of",
     "source_on",
     "source_points",
-    "value_in_space",
     "value_on",
 ]
-
-DEGREE_IN_SPACE = 7  # of the quadrature of a source on tetrahedra; the rule of degree 6 has points on faces
 
 
 def reference_of(ritz: Ritz) -> Reference:
@@ -135,29 +129,6 @@ def _value_by_points(
     density = _density(slope, x if ritz.axisymmetric else 1.0, corners, region, ritz)
     density -= source_on(points, kind, corners, offsets, region, ritz) * value
     return 0.5 * float(np.sum(points.weight[kind] @ (np.abs(doubled_area) * density)))
-
-
-def value_in_space(corners: Floats, values: Floats, region: Ints, ritz: Ritz) -> float:
-    slope = np.einsum("dkm,km->dm", TETRAHEDRON.hat_gradients(corners), values)
-    six, density = np.abs(TETRAHEDRON.determinant(corners)), density_in_space(slope, region, ritz)
-    if callable(ritz.source):
-        source_term = float(np.sum(loads_in_space(corners, region, ritz.source) * values))
-        return float(np.sum(six * density)) / 6.0 - source_term
-    density = density - value_by_region(np.asarray(ritz.source), region) * values.mean(axis=0)
-    return float(np.sum(six * density)) / 6.0
-
-
-def loads_in_space(corners: Floats, region: Ints, source: Callable[[Floats, Ints], ArrayLike]) -> Floats:
-    """Return the integrals of source times functions of tetrahedra, shape (4, m).
-
-    The rule is exact for a source that is a polynomial of degree 6.
-    """
-    points, weight = get_quadrature(ElementTetP1, DEGREE_IN_SPACE)
-    loads = np.zeros(corners.shape[1:])
-    for barycentric, part in zip(np.vstack([1.0 - points.sum(axis=0), points]).T, weight, strict=True):
-        at = source_at(np.einsum("k,dkm->dm", barycentric, corners)[:, None], region, source)[0]
-        loads += part * barycentric[:, None] * at
-    return loads * np.abs(TETRAHEDRON.determinant(corners))
 
 
 def _density(slope: Floats, x: Floats | float, corners: Floats, region: Ints, ritz: Ritz) -> Floats:

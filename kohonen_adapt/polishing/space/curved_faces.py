@@ -17,7 +17,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, SPHERE, Tet
 from kohonen_adapt.mesh.cells import FACES, TETRAHEDRON
 from kohonen_adapt.mesh.polynomials import NO_SURFACE
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
-from kohonen_adapt.problem.density_in_space import density_in_space
+from kohonen_adapt.problem.functional_in_space import density_in_space
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.surface_terms import corner_values, reduced_regions
 from kohonen_adapt.problem.tables import value_by_region

@@ -27,7 +27,7 @@ from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.space.descent import Descent
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.space.surgery_in_space import offers_of
-from kohonen_adapt.problem.quadratic_in_space import LAW_POINTS, LAW_WEIGHTS
+from kohonen_adapt.problem.functional_in_space import LAW_POINTS, LAW_WEIGHTS
 
 __all__ = ["QuadraticDescent"]
 

@@ -31,10 +31,14 @@ from kohonen_adapt.polishing.energy_tables import Tables, constants_of, laws_of_
 from kohonen_adapt.polishing.space.curved_faces import CurvedFaces
 from kohonen_adapt.polishing.space.surface_values import dirichlet_on, sides_of, with_loads
 from kohonen_adapt.polishing.stationarity import check_in_space
-from kohonen_adapt.problem.density_in_space import shifted_slope
-from kohonen_adapt.problem.functional_value import loads_in_space, value_in_space
+from kohonen_adapt.problem.functional_in_space import (
+    fields_at_corners,
+    loads_in_space,
+    quadratic_value,
+    shifted_slope,
+    value_in_space,
+)
 from kohonen_adapt.problem.protocol import NotOffered
-from kohonen_adapt.problem.quadratic_in_space import fields_at_corners, quadratic_value
 from kohonen_adapt.problem.ritz import Ritz, check_matches, plane_only_term
 from kohonen_adapt.problem.surface_terms import corner_values, nodal_terms, reduced_regions, surface_work
 from kohonen_adapt.problem.tables import flux_table

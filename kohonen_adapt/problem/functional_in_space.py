@@ -1,8 +1,9 @@
-"""Value of a Ritz functional of order 2 on tetrahedra."""
+"""Value of a Ritz functional on tetrahedra."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
+from numpy.typing import ArrayLike
 from skfem import ElementTetP1
 from skfem.quadrature import get_quadrature
 
@@ -10,7 +11,6 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.quadratic_in_space import function_slopes, quadratic_functions
 from kohonen_adapt.mesh.quadrature import LAW_DEGREE_IN_SPACE, tetrahedron_rule
-from kohonen_adapt.problem.density_in_space import density_in_space
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_table, source_at, value_by_region
 
@@ -18,17 +18,66 @@ __all__ = [
     "LAW_POINTS",
     "LAW_WEIGHTS",
     "MEANS",
+    "density_in_space",
     "fields_at_corners",
     "fluxes",
+    "loads_in_space",
     "quadratic_loads",
     "quadratic_value",
     "rules",
+    "shifted_slope",
+    "value_in_space",
 ]
 
-OF_SLOPES, OF_SOURCE = 2, 8  # degrees of quadrature: of a product of gradients, and of a source function
+# Degrees of quadrature: of a product of gradients, and of a source times functions of order 1 and 2. The rule of degree
+# 6 has points on faces.
+OF_SLOPES, OF_SOURCE, OF_SOURCE_2 = 2, 7, 8
 CHUNK = 1 << 12  # elements whose points are evaluated at once
 LAW_POINTS, LAW_WEIGHTS = (np.ascontiguousarray(part) for part in tetrahedron_rule(LAW_DEGREE_IN_SPACE))
 MEANS = np.append(np.full(4, 1.0 / 4.0), np.full(6, 1.0 / 5.0))  # means of the functions
+
+
+def value_in_space(corners: Floats, values: Floats, region: Ints, ritz: Ritz) -> float:
+    slope = np.einsum("dkm,km->dm", TETRAHEDRON.hat_gradients(corners), values)
+    six, density = np.abs(TETRAHEDRON.determinant(corners)), density_in_space(slope, region, ritz)
+    if callable(ritz.source):
+        source_term = float(np.sum(loads_in_space(corners, region, ritz.source) * values))
+        return float(np.sum(six * density)) / 6.0 - source_term
+    density = density - value_by_region(np.asarray(ritz.source), region) * values.mean(axis=0)
+    return float(np.sum(six * density)) / 6.0
+
+
+def loads_in_space(corners: Floats, region: Ints, source: Callable[[Floats, Ints], ArrayLike]) -> Floats:
+    """Return the integrals of source times functions of tetrahedra, shape (4, m).
+
+    The rule is exact for a source that is a polynomial of degree 6.
+    """
+    loads = np.zeros(corners.shape[1:])
+    for barycentric, part in zip(*rule_of(OF_SOURCE), strict=True):
+        at = source_at(np.einsum("k,dkm->dm", barycentric, corners)[:, None], region, source)[0]
+        loads += part * barycentric[:, None] * at
+    return loads * np.abs(TETRAHEDRON.determinant(corners))
+
+
+def density_in_space(slope: Floats, region: Ints, ritz: Ritz) -> Floats:
+    square = np.sum(slope**2, axis=0)
+    density = 0.5 * value_by_region(np.asarray(ritz.coefficient), region) * square
+    if any(ritz.laws):
+        square = np.sum(shifted_slope(slope, region, ritz) ** 2, axis=0)
+    for k, law in enumerate(ritz.laws):
+        if law is not None:
+            rows = region == k
+            density[rows] = law.energy(np.sqrt(square[rows]))
+    for part, along in zip(flux_table(np.asarray(ritz.flux), TETRAHEDRON.dim), slope, strict=True):
+        density -= value_by_region(part, region) * along
+    return density
+
+
+def shifted_slope(slope: Floats, region: Ints, ritz: Ritz) -> Floats:
+    nonlinear = np.array([law is not None for law in ritz.laws] or [False])
+    table = flux_table(np.asarray(ritz.shift), TETRAHEDRON.dim)
+    shift = np.stack([value_by_region(part, region) * np.ones(slope.shape[1]) for part in table])
+    return slope - np.where(nonlinear[region] if ritz.laws else False, shift, 0.0)
 
 
 def quadratic_value(corners: Floats, coefficients: Floats, node: Ints, region: Ints, ritz: Ritz) -> float:
@@ -73,7 +122,7 @@ def quadratic_loads(corners: Floats, region: Ints, ritz: Ritz) -> Floats:
     if not callable(ritz.source):
         return MEANS[:, None] * (value_by_region(np.asarray(ritz.source), region) * six / 6.0)
     loads = np.zeros((len(MEANS), len(six)))
-    for barycentric, weight in zip(*rule_of(OF_SOURCE), strict=True):
+    for barycentric, weight in zip(*rule_of(OF_SOURCE_2), strict=True):
         x = np.einsum("k,dkm->dm", barycentric, corners)[:, None]
         loads += weight * quadratic_functions(barycentric)[:, None] * source_at(x, region, ritz.source)[0]
     return loads * six
