@@ -18,8 +18,9 @@ from kohonen_adapt.estimators.explicit import checked_reluctivity
 from kohonen_adapt.estimators.residual_at_points import HIGHER_SCALES, LATTICE, Facets, divergences, residual_at_points
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import Isoparametric, with_midside_offsets
+from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.mesh.polynomials import KINDS, count_unknowns
+from kohonen_adapt.mesh.polynomials import KINDS
 
 __all__ = ["DualPair", "higher_order"]
 

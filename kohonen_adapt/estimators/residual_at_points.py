@@ -3,10 +3,10 @@
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.mesh.basis import facet_products
 from kohonen_adapt.mesh.cells import TRIANGLE
 from kohonen_adapt.mesh.curved import Isoparametric
 from kohonen_adapt.mesh.measures import area, hat_gradients, signed_area
-from kohonen_adapt.mesh.polynomials import facet_products
 
 __all__ = ["HIGHER_SCALES", "LATTICE", "Facets", "divergences", "residual_at_points"]
 

@@ -21,8 +21,8 @@ from kohonen_adapt.io.groups import Groups
 from kohonen_adapt.io.solids import of_positive_volume
 from kohonen_adapt.io.vtu import write_vtu
 from kohonen_adapt.mesh.curved import is_second_order
+from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.mesh.names import named_sets
-from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["WRITTEN", "check_names_written", "write_mesh"]

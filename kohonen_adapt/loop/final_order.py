@@ -23,9 +23,8 @@ from kohonen_adapt.loop.step import Adaptation, root_of_squares
 from kohonen_adapt.loop.step_timer import StepFailed
 from kohonen_adapt.loop.stopping import Ending, StopTest, best_pass_text, count_text, failed_ending, interrupted_ending
 from kohonen_adapt.mesh.blended import is_folded
-from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import quality
-from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.problem.evaluation import energy_norm, estimate, goal_error_of, goal_of, ritz_of, solve
 from kohonen_adapt.problem.orders import AtOrder
 from kohonen_adapt.problem.protocol import NotOffered, Problem, has_method, order_of

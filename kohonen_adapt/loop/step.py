@@ -15,9 +15,8 @@ from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.step_timer import Steps
-from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import area, quality
-from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.polishing.energy_tables import VariesInside
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.sweeps import SWEEPS

@@ -28,9 +28,9 @@ from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.quantities.local_field import PointField
 from kohonen_adapt.magnetostatics.solution import Dual, HighOrderField, dual_of, richer_solution
+from kohonen_adapt.mesh.basis import functions_at
 from kohonen_adapt.mesh.curved import is_second_order, refined
 from kohonen_adapt.mesh.measures import area, gradient, inner_points
-from kohonen_adapt.mesh.polynomials import functions_at
 from kohonen_adapt.problem.evaluation import Output
 
 __all__ = [

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import reduce
+from math import comb
 from typing import TypeVar
 
 import numpy as np
@@ -11,6 +12,7 @@ from skfem import Mesh, MeshTri
 
 __all__ = [
     "ascending",
+    "count_unknowns",
     "edges_between",
     "facets_opposite",
     "is_own_name",
@@ -122,3 +124,14 @@ def elements_of(facet: NDArray[np.int64], count: int) -> NDArray[np.int32]:
     elements[1, side] = element
     elements[1, elements[0] == elements[1]] = -1
     return elements
+
+
+def count_unknowns(mesh: Mesh, order: int) -> int:
+    if order == 1:
+        return int(mesh.nvertices)
+    number_facets(mesh)
+    parts = [mesh.facets, mesh.t]
+    if mesh.dim() == 3:
+        number_edges(mesh)
+        parts.insert(0, mesh.edges)
+    return int(mesh.nvertices) + sum(comb(order - 1, k) * part.shape[1] for k, part in enumerate(parts, start=1))

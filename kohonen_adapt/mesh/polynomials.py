@@ -5,35 +5,30 @@ described in `Reference`. scikit-fem uses values at points (Lagrange elements), 
 """
 
 from functools import cache
-from math import comb
 from typing import NamedTuple
 
 import numpy as np
-from skfem import ElementTriP1, ElementTriP2, ElementTriP3, ElementTriP4, Mesh, MeshTri
+from skfem import ElementTriP1, ElementTriP2, ElementTriP3, ElementTriP4, MeshTri
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Modes
+from kohonen_adapt.kernels.tetrahedron.arrays import NO_SURFACE
 from kohonen_adapt.kernels.triangle.arrays import Points, Reference
-from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
+from kohonen_adapt.mesh.basis import BUBBLE, EVEN, HAT_SLOPES, functions_at, slopes_at
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
-from kohonen_adapt.mesh.host import number_edges, number_facets
+from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.quadrature import LAW_DEGREE, ON_AXIS, factor_at, falling, points_near_axis
 
 __all__ = [
-    "HAT_SLOPES",
     "KINDS",
     "LINEAR_FUNCTIONS",
     "TrialFunction",
     "by_points",
-    "count_unknowns",
     "evaluated",
     "exact_reference",
-    "facet_functions",
-    "facet_products",
     "facets_of_sides",
     "fields_at",
-    "functions_at",
     "functions_near_axis",
     "gradients",
     "joined_points",
@@ -45,19 +40,11 @@ __all__ = [
     "reference",
     "set_bubbles",
     "set_sides",
-    "slopes_at",
     "slopes_near_axis",
-    "trace_columns",
-    "traces_at",
 ]
 
-EVEN, ODD, BUBBLE = 4.0, 13.5, 27.0  # factors of products of the linear functions, see `Reference`
 SIDES = slice(3, None)  # side functions of order 2
 KINDS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}  # scikit-fem elements by order
-HAT_SLOPES = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
-
-
-NO_SURFACE = np.zeros((0, 2))  # `TrialFunction.surface` of functions without offsets and loads
 
 
 class TrialFunction(NamedTuple):
@@ -89,32 +76,6 @@ class TrialFunction(NamedTuple):
         self.values[:] = values.values
         if self.dual is not None and values.dual is not None:
             self.dual.restore(values.dual)
-
-
-def count_unknowns(mesh: Mesh, order: int) -> int:
-    nodes = int(mesh.nvertices)
-    if order == 1:
-        return nodes
-    number_facets(mesh)
-    if cell_of(mesh) is not TRIANGLE:
-        number_edges(mesh)
-    parts = (mesh.facets, mesh.t) if cell_of(mesh) is TRIANGLE else (mesh.edges, mesh.facets, mesh.t)
-    return nodes + sum(comb(order - 1, k) * part.shape[1] for k, part in enumerate(parts, start=1))
-
-
-def functions_at(barycentric: Floats, order: int) -> Floats:
-    product, rise = barycentric[:, AFTER] * barycentric[:, BEFORE], barycentric[:, BEFORE] - barycentric[:, AFTER]
-    parts = [barycentric, EVEN * product, ODD * product * rise, BUBBLE * np.prod(barycentric, axis=1, keepdims=True)]
-    return np.hstack(parts[: (1, 2, 4)[order - 1]])
-
-
-def slopes_at(barycentric: Floats, order: int) -> Floats:
-    left, right = barycentric[:, AFTER, None], barycentric[:, BEFORE, None]
-    product = left * HAT_SLOPES[BEFORE] + right * HAT_SLOPES[AFTER]
-    odd = (right - left) * product + left * right * (HAT_SLOPES[BEFORE] - HAT_SLOPES[AFTER])
-    bubble = np.sum(left * right * HAT_SLOPES, axis=1, keepdims=True)
-    parts = [np.broadcast_to(HAT_SLOPES, product.shape), EVEN * product, ODD * odd, BUBBLE * bubble]
-    return np.hstack(parts[: (1, 2, 4)[order - 1]])
 
 
 @cache
@@ -233,41 +194,6 @@ def local_coefficients(corners: Floats, modes: Modes | None) -> Floats:
         return corners
     sides = [modes.side[..., d] for d in range(modes.side.shape[2])]
     return np.hstack([corners, *sides, *([modes.bubble[:, None]] if len(sides) == 2 else [])])
-
-
-def traces_at(fraction: Floats, order: int) -> Floats:
-    """Return the values on a side of the functions that do not vanish there.
-
-    `fraction` (n,) is the position along the side, from 0 at corner k + 1 to 1 at corner k + 2. Values have shape (n,
-    order + 1), in the order of `trace_columns`.
-    """
-    product = fraction * (1.0 - fraction)
-    functions = 1.0 - fraction, fraction, EVEN * product, ODD * product * (2.0 * fraction - 1.0)
-    return np.stack(functions[: order + 1], axis=1)
-
-
-def trace_columns(k: Ints, order: int) -> Ints:
-    """Return the functions that do not vanish on the sides opposite to corners k.
-
-    Indices have shape (n, order + 1). The functions of the next and the previous corner are followed by those of the
-    side.
-    """
-    return np.stack([(k + 1) % 3, (k + 2) % 3, *(3 * d + k for d in range(1, order))], axis=1)
-
-
-def facet_products(order: int) -> Floats:
-    powers, functions = np.arange(order + 1), facet_functions(order)
-    moments = 1.0 / (powers[:, None] + powers + 1.0)
-    return functions.T @ moments @ functions
-
-
-def facet_functions(order: int) -> Floats:
-    """Return the Lagrange functions on a facet of length 1 as polynomials.
-
-    Column j contains the coefficients of function j by powers, shape (order + 1, order + 1).
-    """
-    at = np.concatenate(([0.0, 1.0], np.arange(1, order) / order))
-    return np.linalg.inv(at[:, None] ** np.arange(order + 1))
 
 
 def gradients(corners: Floats, coefficients: Floats, at: Reference) -> tuple[Floats, Floats]:

@@ -18,10 +18,9 @@ from kohonen_adapt.display import in_unit
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.placement import listed_coils
 from kohonen_adapt.mesh.cells import check_kind
-from kohonen_adapt.mesh.host import edges_between, number_facets
+from kohonen_adapt.mesh.host import count_unknowns, edges_between, number_facets
 from kohonen_adapt.mesh.measures import directed
 from kohonen_adapt.mesh.names import combinations, named_sets
-from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.mesh.slicing import CutBy, Flat, cut_triangles, flat
 from kohonen_adapt.plotting.charts import axes_of
 from kohonen_adapt.plotting.drawing import COLOURS, draw_edges, draw_elements, draw_outline

@@ -13,9 +13,10 @@ from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.pairs import sliding_pairs
 from kohonen_adapt.kernels.tetrahedron.arrays import LOAD
+from kohonen_adapt.mesh.basis import trace_columns
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.names import named_sets
-from kohonen_adapt.mesh.polynomials import TrialFunction, facets_of_sides, local_coefficients, trace_columns
+from kohonen_adapt.mesh.polynomials import TrialFunction, facets_of_sides, local_coefficients
 from kohonen_adapt.mesh.quadratic_in_space import edges_of_elements, quadratic_coefficients
 from kohonen_adapt.polishing.boundary import BoundaryTerms, sides_on
 from kohonen_adapt.problem.derivatives import Derivatives, derivatives_in_space, derivatives_on, quadratic_derivatives

@@ -6,8 +6,9 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.triangle.arrays import Points
+from kohonen_adapt.mesh.basis import HAT_SLOPES, functions_at
 from kohonen_adapt.mesh.cells import TETRAHEDRON
-from kohonen_adapt.mesh.polynomials import HAT_SLOPES, by_points, exact_reference, functions_at, law_reference
+from kohonen_adapt.mesh.polynomials import by_points, exact_reference, law_reference
 from kohonen_adapt.mesh.quadratic_in_space import function_slopes
 from kohonen_adapt.mesh.quadrature import kinds_at_axis
 from kohonen_adapt.problem.functional_in_space import (

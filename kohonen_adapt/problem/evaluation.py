@@ -8,7 +8,7 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.checks import as_reals, check_fraction, listed
-from kohonen_adapt.mesh.polynomials import count_unknowns
+from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.problem.protocol import (
     NotOffered,
     Problem,

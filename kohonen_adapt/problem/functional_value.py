@@ -9,6 +9,7 @@ from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.triangle.arrays import Points, Reference
+from kohonen_adapt.mesh.basis import functions_at
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved import is_second_order, midside_offsets
 from kohonen_adapt.mesh.measures import inner_points
@@ -16,7 +17,6 @@ from kohonen_adapt.mesh.polynomials import (
     by_points,
     exact_reference,
     fields_at,
-    functions_at,
     gradients,
     joined_reference,
     law_reference,

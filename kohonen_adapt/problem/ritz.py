@@ -10,8 +10,8 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import is_number, with_nearest_names
+from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.mesh.names import named
-from kohonen_adapt.mesh.polynomials import count_unknowns
 from kohonen_adapt.problem.robin import Robin, checked_conditions, sides_of_boundary
 from kohonen_adapt.problem.surface_terms import SurfaceTerms, checked_surface
 from kohonen_adapt.problem.tables import (

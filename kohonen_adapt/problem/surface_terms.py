@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.tetrahedron.arrays import LOAD, OFFSET
-from kohonen_adapt.mesh.polynomials import NO_SURFACE
+from kohonen_adapt.kernels.tetrahedron.arrays import LOAD, NO_SURFACE, OFFSET
 
 __all__ = ["SurfaceTerms", "checked_surface", "corner_values", "nodal_terms", "reduced_regions", "surface_work"]
 

@@ -15,7 +15,7 @@ import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.mesh.polynomials import count_unknowns
+from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.space.polish_in_space import descend_and_recycle_in_space, descent_of
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional

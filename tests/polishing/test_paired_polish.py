@@ -14,7 +14,7 @@ from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.triangle.arrays import HELD, SLIDING
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
-from kohonen_adapt.mesh.polynomials import count_unknowns
+from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import Freedom, descend_pairs, set_partners

@@ -29,6 +29,7 @@ TWELFTH_COEFFICIENT, SOURCE_24TH, SIXTH_FLUX_X, SIXTH_FLUX_Y, SIXTH_FLUX_Z = ran
 SHIFT_X, SHIFT_Y, SHIFT_Z, REDUCED = range(5, 9)
 
 OFFSET, LOAD = range(2)  # columns of `Trial.surface`
+NO_SURFACE = np.zeros((0, 2))  # `Trial.surface` of functions without offsets and loads
 
 # Levels of derivatives at order 2: none, by unknowns, and by the position of corner 0.
 VALUE, BLOCK, POSITION = range(3)

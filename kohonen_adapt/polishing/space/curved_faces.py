@@ -13,9 +13,8 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.space.patches import Patches
-from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, SPHERE, Tetrahedra
+from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, NO_SURFACE, SPHERE, Tetrahedra
 from kohonen_adapt.mesh.cells import FACES, TETRAHEDRON
-from kohonen_adapt.mesh.polynomials import NO_SURFACE
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.problem.functional_in_space import density_in_space
 from kohonen_adapt.problem.ritz import Ritz

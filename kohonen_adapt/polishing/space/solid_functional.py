@@ -15,6 +15,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     INSIDE,
     LINE,
     LOAD,
+    NO_SURFACE,
     OFFSET,
     ON_PATCH,
     ON_RIDGE,
@@ -24,7 +25,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Trial,
 )
 from kohonen_adapt.mesh.cells import TETRAHEDRON
-from kohonen_adapt.mesh.polynomials import NO_SURFACE, TrialFunction
+from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.mesh.quadratic_in_space import edge_modes, edges_of_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import Tables, constants_of, laws_of_regions, numbers_of_regions
