@@ -10,12 +10,13 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.cases.case import Case
-from kohonen_adapt.magnetostatics.materials.coefficients import coefficients, magnitude
+from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.host import keys_of
+from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["case_doubts", "seams", "size_text", "unit_doubts"]
 

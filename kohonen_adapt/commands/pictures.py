@@ -22,8 +22,8 @@ from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.why_held import reasons_at
 from kohonen_adapt.magnetostatics.bracketing import Bracket
 from kohonen_adapt.magnetostatics.coils.coil import Coil
-from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
+from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.problem.orders import at_order_of_passes
 from kohonen_adapt.problem.protocol import order_of, pairs_of
 from kohonen_adapt.report.scene import FieldOf

@@ -12,8 +12,9 @@ import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Ints
+from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.geometry.plane.corner_layers import FoldedLayers, refined_at
-from kohonen_adapt.geometry.plane.movable import MovableMesh, Work
+from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.history import History, run_loop

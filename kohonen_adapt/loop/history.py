@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from kohonen_adapt.checks import check_hook
-from kohonen_adapt.geometry.plane.movable import Work
+from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult

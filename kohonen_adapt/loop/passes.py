@@ -6,7 +6,7 @@ from enum import StrEnum, auto
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.geometry.plane.movable import Work, shown
+from kohonen_adapt.geometry.movable import Work, shown
 
 __all__ = ["Pass", "Status"]
 

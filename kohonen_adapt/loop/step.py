@@ -8,7 +8,8 @@ import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.geometry.plane.movable import MovableMesh, Work
+from kohonen_adapt.geometry.movable import Work
+from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.method import Method

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from kohonen_adapt.checks import check_count, check_hook
-from kohonen_adapt.geometry.plane.movable import Work
+from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.settings import Settings

@@ -8,7 +8,7 @@ from math import floor, log10
 from typing import Any
 
 from kohonen_adapt.display import significant
-from kohonen_adapt.geometry.plane.movable import Work
+from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.loop.passes import Pass
 
 __all__ = [

@@ -3,10 +3,10 @@
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.magnetostatics.materials.laws import Inverse
 from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
+from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["gap_indicators"]
 

@@ -14,13 +14,12 @@ from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.tetrahedra import Tetrahedra
-from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.enriched_field import EnrichedField
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 from kohonen_adapt.mesh.cells import normals
-from kohonen_adapt.mesh.measures import inner_points
+from kohonen_adapt.mesh.measures import inner_points, magnitude
 
 __all__ = [
     "energy_indicators_in_space",

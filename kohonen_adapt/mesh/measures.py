@@ -1,6 +1,7 @@
 """Size, orientation and quality of elements, and gradients of P1 functions."""
 
 from dataclasses import replace
+from functools import reduce
 from math import factorial
 
 import numpy as np
@@ -27,6 +28,7 @@ __all__ = [
     "hat_gradients",
     "inner_points",
     "is_in_front",
+    "magnitude",
     "quality",
     "signed_area",
 ]
@@ -139,3 +141,7 @@ def inner_points(corners: Floats) -> Floats:
     """
     fraction = (len(corners) + 2.0) ** -0.5
     return fraction * corners + (1.0 - fraction) * corners.mean(axis=1, keepdims=True)
+
+
+def magnitude(vectors: Floats) -> Floats:
+    return reduce(np.hypot, vectors)

@@ -11,6 +11,7 @@ from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.polynomials import by_points, exact_reference, law_reference
 from kohonen_adapt.mesh.quadratic_in_space import function_slopes
 from kohonen_adapt.mesh.quadrature import kinds_at_axis
+from kohonen_adapt.problem.functional_in_plane import elements_by_rule, flux_on, source_on, source_points
 from kohonen_adapt.problem.functional_in_space import (
     MEANS,
     fields_at_corners,
@@ -19,12 +20,6 @@ from kohonen_adapt.problem.functional_in_space import (
     quadratic_loads,
     rules,
     shifted_slope,
-)
-from kohonen_adapt.problem.functional_value import (
-    elements_by_rule,
-    flux_on,
-    source_on,
-    source_points,
 )
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_table, source_at, value_by_region

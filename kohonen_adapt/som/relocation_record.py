@@ -6,8 +6,8 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from kohonen_adapt.arrays import Ints
-from kohonen_adapt.geometry.movable import Recycled
-from kohonen_adapt.geometry.plane.movable import MovableMesh, Work
+from kohonen_adapt.geometry.movable import Recycled, Work
+from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.som.schedule import Schedule

@@ -6,7 +6,8 @@ import pytest
 from helpers.stand_ins import MESH, Script, adapt, script_of
 
 import kohonen_adapt as ka
-from kohonen_adapt.geometry.plane.movable import MovableMesh, shown
+from kohonen_adapt.geometry.movable import shown
+from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.settings import ONLY_ENDS, Settings, fingerprint

@@ -1,7 +1,7 @@
 """Triangle mesh as arrays, with the constraints on its nodes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -23,7 +23,7 @@ from kohonen_adapt.mesh.curved import facet_midside_offsets, is_second_order, wi
 from kohonen_adapt.mesh.host import facets_opposite
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["BY_ELEMENT", "STATE_NAMES", "MovableMesh", "Work", "shown", "with_state"]
+__all__ = ["BY_ELEMENT", "STATE_NAMES", "MovableMesh", "with_state"]
 
 FLIPS = 2_000_000  # per compiled call, so that Ctrl-C takes effect within half a second
 
@@ -33,25 +33,6 @@ STATE_NAMES = (
     *("position", "pinned", *BY_ELEMENT, "elements.level", "twins.partner", "twins.motion"),
     *("constraints.kind", "constraints.chain", "constraints.parameter", "constraints.inner"),
 )
-
-
-def shown(title: str, form: str) -> dict[str, str]:
-    return {"title": title, "form": form}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Work:
-    quantization_errors: tuple[float, ...] = field(default=(), repr=False)
-    max_displacement: float = 0.0
-    moved: int = 0
-    unmoved: int = 0
-    refused_by_quality: int = 0
-    refused_by_reach: int = 0
-    held_in_polish: int = 0
-    why_still: str = ""
-    polish_gain: float = field(default=0.0, metadata=shown("gain of polish", "#.2g"))
-    splits: int = field(default=0, metadata=shown("splits", "d"))
-    collapses: int = field(default=0, metadata=shown("collapses", "d"))
 
 
 @dataclass

@@ -12,8 +12,9 @@ from kohonen_adapt.checks import point_text
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.equations.mirrors import Mirror
 from kohonen_adapt.magnetostatics.equations.tetrahedra import EDGES
-from kohonen_adapt.magnetostatics.materials.coefficients import magnitude, subdomains_at
+from kohonen_adapt.magnetostatics.materials.coefficients import subdomains_at
 from kohonen_adapt.mesh.locate import find_elements
+from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["check_placement", "checked_coils", "listed_coils"]
 

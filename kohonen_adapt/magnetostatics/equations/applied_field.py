@@ -17,11 +17,11 @@ from skfem.refdom import RefTri
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.equations.tetrahedra import EDGES, Tetrahedra, tetrahedra_on
-from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude, subdomains_at
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, subdomains_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.host import number_facets
-from kohonen_adapt.mesh.measures import hat_gradients
+from kohonen_adapt.mesh.measures import hat_gradients, magnitude
 
 __all__ = [
     "AppliedField",

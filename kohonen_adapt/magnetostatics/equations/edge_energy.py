@@ -9,7 +9,8 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.edges import EdgeElements
 from kohonen_adapt.magnetostatics.equations.system import Reduced
-from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
+from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["CurlFunctional"]
 

@@ -10,9 +10,8 @@ from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.system import Reduced
-from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.mesh.curved import Isoparametric
-from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
+from kohonen_adapt.mesh.measures import area, gradient, hat_gradients, magnitude
 
 __all__ = ["FiniteElements", "Linear", "LinearFunctions", "Polynomials"]
 

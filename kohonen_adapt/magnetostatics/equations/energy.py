@@ -13,7 +13,8 @@ from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.equations.system import Reduced
 from kohonen_adapt.magnetostatics.equations.tetrahedra import Tetrahedra
-from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
+from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["CoenergyFunctional", "EnergyFunctional", "Scalar", "scalar_problem"]
 

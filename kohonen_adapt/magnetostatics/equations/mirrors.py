@@ -12,9 +12,9 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, field_at
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Conditions, Value, fixed_values
-from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.mesh.names import named_sets
 
 __all__ = ["Mirror", "checked_symmetry", "conditions_in_space", "mirrors_of", "surface"]

@@ -14,9 +14,8 @@ from skfem.refdom import RefTet
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.elements import FiniteElements, LinearFunctions
 from kohonen_adapt.magnetostatics.equations.system import Reduced
-from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.mesh.host import edges_between, number_edges
-from kohonen_adapt.mesh.measures import area, inner_points
+from kohonen_adapt.mesh.measures import area, inner_points, magnitude
 from kohonen_adapt.mesh.quadrature import LAW_DEGREE_IN_SPACE, tetrahedron_rule
 
 __all__ = ["EDGES", "LinearTetrahedra", "QuadraticTetrahedra", "Tetrahedra", "tetrahedra_on"]

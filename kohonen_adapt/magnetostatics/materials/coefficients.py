@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed
 from kohonen_adapt.magnetostatics.materials.laws import Inverse, Law, flux_density_of, reluctivities
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector
-from kohonen_adapt.mesh.measures import area, inner_points
+from kohonen_adapt.mesh.measures import area, inner_points, magnitude
 from kohonen_adapt.mesh.names import named, named_sets
 
 __all__ = [
@@ -20,7 +19,6 @@ __all__ = [
     "NonlinearMaterial",
     "coefficients",
     "coercivity_at",
-    "magnitude",
     "material_of_elements",
     "subdomains_at",
 ]
@@ -169,10 +167,6 @@ def coefficients(
                 varying_magnets.append(VaryingMagnet(name, material, rows))
     nonlinear, varying = tuple(nonlinear_materials), tuple(varying_magnets)
     return Coefficients(material_index, reluctivity, remanence, coercivity, current_density, nonlinear, varying)
-
-
-def magnitude(vectors: Floats) -> Floats:
-    return reduce(np.hypot, vectors)
 
 
 def _constant_remanence(material: Material, dimension: int) -> Floats:

@@ -9,11 +9,12 @@ from numpy.typing import ArrayLike
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.applied_field import field_at
 from kohonen_adapt.magnetostatics.equations.edges import EdgeElements
-from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid, Strength
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.quantities.solid_forces import oriented_surface
+from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["EdgeField"]
 

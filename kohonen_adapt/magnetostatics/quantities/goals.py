@@ -8,7 +8,6 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.magnetostatics.quantities import forces
 from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_in
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil
@@ -16,6 +15,7 @@ from kohonen_adapt.magnetostatics.quantities.forces import checked_point
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
 from kohonen_adapt.magnetostatics.quantities.solid_forces import OfBody, parts_along
 from kohonen_adapt.magnetostatics.quantities.stress import Component, component_change, component_value
+from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = [
     "POINT",

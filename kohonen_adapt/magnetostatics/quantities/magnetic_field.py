@@ -7,7 +7,8 @@ import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, magnitude
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
+from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["MagneticField", "PointValues", "tangent_product"]
 

@@ -7,12 +7,12 @@ from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import finite_triple
-from kohonen_adapt.magnetostatics.materials.coefficients import magnitude
 from kohonen_adapt.magnetostatics.quantities.bodies import Names
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, ampere_turns
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_turns
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 from kohonen_adapt.magnetostatics.quantities.solid_forces import flux_through, total_force
+from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["SolidField"]
 
