@@ -1,4 +1,4 @@
-"""Basis functions of order 1 to 3 on triangles and on their sides, and Lagrange functions of any order on facets."""
+"""Basis functions on triangles, their sides, and facets."""
 
 import numpy as np
 
