@@ -28,6 +28,7 @@ VACUUM_RELUCTIVITY = 1.0 / VACUUM_PERMEABILITY  # m/H
 
 EPSILON = float(np.finfo(float).eps)
 MOST_STEPS = 200  # of the inversion of a law; 100 bisections suffice
+PIECES = 512  # of the table of a law from which its inversion starts
 
 
 @runtime_checkable
@@ -271,30 +272,34 @@ class Inverse:
 def flux_density_of(law: Law, h: Floats) -> Floats:
     """Return B >= 0 in T of a law at field strengths H >= 0 in A/m.
 
-    Newton's method within shrinking bounds. Every third step, and every step that would leave the bounds, is a
-    bisection.
+    Newton's method within bounds, from a table of the law. A bisection replaces steps that leave the bounds or are more
+    than half as long as the step before.
     """
     if isinstance(law, Arctan):  # defined by its inverse
         return law._flux_density(h)
-    target, inverse = np.unique(h, return_inverse=True)
-    low, high = np.zeros_like(target), np.ones_like(target)
-    while np.any(too_small := np.asarray(law.field_strength(high)) < target):
-        low, high = np.where(too_small, high, low), np.where(too_small, 2.0 * high, high)
-    found, rows = np.where(target > 0.0, 0.5 * (low + high), 0.0), np.flatnonzero(target > 0.0)
-    for k in range(MOST_STEPS):  # rows are not converged
-        b, lower, upper = found[rows], low[rows], high[rows]
+    target, top = np.ravel(np.asarray(h, dtype=float)), 1.0
+    while float(law.field_strength(np.array([top]))[0]) < target.max(initial=0.0):
+        top *= 2.0
+    grid = top * np.arange(PIECES + 1) / PIECES
+    strength = np.asarray(law.field_strength(grid))
+    piece = np.clip(np.searchsorted(strength, target, side="right") - 1, 0, PIECES - 1)
+    low, high, found = grid[piece], grid[piece + 1], np.interp(target, strength, grid)
+    change, rows = high - low, np.flatnonzero(target > 0.0)  # rows are not converged
+    for _ in range(MOST_STEPS):
+        b, slope = found[rows], law.slope(found[rows])
         residual = law.field_strength(b) - target[rows]
-        lower, upper = np.where(residual < 0.0, b, lower), np.where(residual < 0.0, upper, b)
-        step = residual / law.slope(b)
-        new = b - step
-        bisected = (k % 3 == 2) | ~((new >= lower) & (new <= upper))
-        going = ~((np.abs(step) <= 2.0 * EPSILON * b) | (upper - lower <= 2.0 * EPSILON * upper))
-        low[rows], high[rows] = lower, upper
-        rows, new = rows[going], np.where(bisected, 0.5 * (lower + upper), new)[going]
+        lower, upper = np.where(residual < 0.0, b, low[rows]), np.where(residual < 0.0, high[rows], b)
+        step = residual / slope
+        bisected = ~((b - step >= lower) & (b - step <= upper) & (np.abs(step) <= 0.5 * np.abs(change[rows])))
+        going = np.abs(step) > 2.0 * EPSILON * (b + target[rows] / slope)
+        going &= upper - lower > 2.0 * EPSILON * upper
+        middle = 0.5 * (lower + upper)
+        new, step = np.where(bisected, middle, b - step), np.where(bisected, b - middle, step)
+        change[rows], low[rows], high[rows], rows = step, lower, upper, rows[going]
         if not rows.size:
             break
-        found[rows] = new
-    return found[inverse].reshape(np.shape(h))
+        found[rows] = new[going]
+    return np.asarray(found).reshape(np.shape(h))
 
 
 def _check_above(bound: float, label: str, value: Any) -> None:
