@@ -148,12 +148,11 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
 
     def solve(self, mesh: MeshTet) -> SolidField:
         energy, field = self.functional_on(mesh)
-        steps, values = tuple[NewtonStep, ...](), energy.conditions.values
+        steps = tuple[NewtonStep, ...]()
         if energy.coefficients.nonlinear_materials:
-            # A start from another mesh would take three times as many steps, because the interpolation error of the
-            # small H in iron is a B deep in saturation.
-            start = self.method.linear(energy) if np.any(values) else values
-            unknown, steps = self.method.descend(energy, start)
+            # A start from another mesh takes more steps, because the interpolation error of the small H in iron is a B
+            # deep in saturation.
+            unknown, steps = self.method.descend_from_linear(energy)
         else:
             unknown = self.method.linear(energy)
         result = replace(field, unknown=unknown, newton=steps)

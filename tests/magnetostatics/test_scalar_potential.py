@@ -1,5 +1,6 @@
 """Magnets and iron in space against fields that are known, and what is refused."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from skfem import MeshTet, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
-from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Magnetostatics, Material, radial
+from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Magnetostatics, Material, Table, radial
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.system import Solver
 from kohonen_adapt.problem.functional_value import functional_value
@@ -95,6 +96,23 @@ def test_permeable_ball_in_a_uniform_field(balls, bh):
         assert one.energy == pytest.approx(other.energy, rel=1e-5)
         errors.append(abs(mean_inside(one)[2] / b - 1.0))
     assert rate(errors) > 1.5 and errors[1] < 0.12
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_newton_about_flux_densities(balls, seed):
+    """Whatever the law is, the minimum is that of the damped method, in fewer steps in saturation."""
+    rng = np.random.default_rng(seed)
+    rise, share = rng.uniform(0.05, 0.5, 6), 10.0 ** rng.uniform(-4.0, 0.0, 6)  # kinks, plateaus and S-shapes
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        law = Froehlich(2000.0, 1.6) if seed == 0 else Table(np.cumsum((rise, share * rise / MU0), axis=1).T)
+    materials, field = {"ball": Material(bh=law), "air": AIR}, (0.0, 0.0, 3e6)
+    problem = MagneticScalarPotential(materials, {"outer": 0.0}, applied_field=field)
+    energy, _ = problem.functional_on(balls[0])
+    found, steps = problem.method.descend_from_linear(energy)
+    wanted, damped = problem.method.descend(energy, energy.conditions.values)
+    assert steps[-1].converged and np.linalg.norm(found - wanted) < 1e-6 * np.linalg.norm(wanted)
+    assert len(steps) < len(damped) or seed > 0
 
 
 def test_the_functional_is_what_solutions_minimise(magnetised):

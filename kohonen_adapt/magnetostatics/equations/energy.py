@@ -127,7 +127,7 @@ class CoenergyFunctional:
         return replace(self, coefficients=replace(self.coefficients, nonlinear_materials=()))
 
     def value(self, u: Floats) -> tuple[float, float]:
-        driven = magnitude(self._strength(u) + self.coefficients.coercivity)
+        driven = magnitude(self._driven(u))
         stored = float(np.sum(self.elements.gradient_weights * self.coefficients.law_coenergy(driven[None])))
         work = self.load * u
         return stored - float(np.sum(work)), np.finfo(float).eps * (stored + float(np.sum(np.abs(work))))
@@ -142,7 +142,7 @@ class CoenergyFunctional:
 
     def linear_residual(self, u: Floats) -> Floats:
         with np.errstate(over="ignore", invalid="ignore"):
-            flux = (self._strength(u) + self.coefficients.coercivity) / self.coefficients.reluctivity
+            flux = self._driven(u) / self.coefficients.reluctivity
             return -(self._against_gradients(flux) + self.load)[self.conditions.free]
 
     def hessian(self, u: Floats) -> Reduced:
@@ -152,12 +152,52 @@ class CoenergyFunctional:
             return self.elements.stiffness(1.0 / self.coefficients.reluctivity, free)
         strength = self._strength(u)
         secant, differential = self.coefficients.permeabilities(strength)
-        driven = strength + self.coefficients.coercivity
-        size = magnitude(driven)
-        return self.elements.stiffness(secant, free, (differential, driven / np.where(size > 0.0, size, 1.0)))
+        return self.elements.stiffness(secant, free, (differential, _direction(self._driven(u))))
+
+    def flux_density(self, u: Floats) -> Floats:
+        secant, _ = self.coefficients.permeabilities(self._strength(u))
+        return secant * self._driven(u)
+
+    def linearised(self, flux_density: Floats) -> "LinearisedCoenergy":
+        return LinearisedCoenergy(self, flux_density, *self.coefficients.reluctivities(flux_density))
 
     def _strength(self, u: Floats) -> Floats:
         return self.drive - self.elements.gradient(u)
 
+    def _driven(self, u: Floats) -> Floats:
+        return self._strength(u) + self.coefficients.coercivity
+
     def _against_gradients(self, flux: Floats) -> Floats:
         return self.elements.assemble_vector(self.elements.against_gradients(flux))
+
+
+@dataclass(frozen=True)
+class LinearisedCoenergy:
+    # The equations of a co-energy with the tangents of H(B) at a given B in place of the laws.
+
+    energy: CoenergyFunctional
+    given: Floats  # B at the columns of `Tetrahedra.gradient`, (3, n) in T
+    secant: Floats  # (n,) in m/H, with the differential reluctivity
+    differential: Floats
+
+    @property
+    def conditions(self) -> Conditions:
+        return self.energy.conditions
+
+    def flux_density(self, u: Floats) -> Floats:
+        change = self.energy._driven(u) - self.secant * self.given
+        direction = _direction(self.given)
+        along = np.sum(direction * change, axis=0) * direction
+        return self.given + (change - along) / self.secant + along / self.differential
+
+    def linear_residual(self, u: Floats) -> Floats:
+        return -(self.energy._against_gradients(self.flux_density(u)) + self.energy.load)[self.conditions.free]
+
+    def hessian(self, u: Floats) -> Reduced:
+        tangent = (1.0 / self.differential, _direction(self.given))
+        return self.energy.elements.stiffness(1.0 / self.secant, self.conditions.free, tangent)
+
+
+def _direction(vectors: Floats) -> Floats:
+    size = magnitude(vectors)
+    return vectors / np.where(size > 0.0, size, 1.0)

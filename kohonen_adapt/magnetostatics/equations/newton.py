@@ -1,7 +1,7 @@
 """Damped Newton's method for convex functionals."""
 
 import logging
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -15,6 +15,7 @@ __all__ = ["TOLERANCE", "Convex", "Newton", "NewtonStep", "NotConverged", "refus
 TOLERANCE = 1e-8  # of the relative residual and of the relative update
 DESCENT = 1e-4  # fraction of the descent predicted by the slope that a step must reach (Armijo)
 LEAST_DAMPING = 2.0**-40  # least damping
+PATIENCE = 4  # steps without a new least functional
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -34,6 +35,23 @@ class Convex(Protocol):
     def residual(self, u: Floats) -> tuple[Floats, float]: ...
     def linear_residual(self, u: Floats) -> Floats: ...
     def hessian(self, u: Floats) -> Reduced: ...
+
+
+class Tangent(Protocol):
+    # the linear equations of a law linearised about some B, and the B of their solution
+
+    @property
+    def conditions(self) -> Conditions: ...
+    def flux_density(self, u: Floats) -> Floats: ...
+    def linear_residual(self, u: Floats) -> Floats: ...
+    def hessian(self, u: Floats) -> Reduced: ...
+
+
+class Coenergy(Convex, Protocol):
+    # of a potential of H, with a law H(B)
+
+    def flux_density(self, u: Floats) -> Floats: ...
+    def linearised(self, flux_density: Floats) -> Tangent: ...
 
 
 @dataclass(frozen=True)
@@ -95,7 +113,7 @@ class Newton:
     most_steps: int = 60
     solver: Solver = field(default_factory=Solver)
 
-    def full_step(self, energy: Convex, u: Floats, gradient: Floats) -> Floats:
+    def full_step(self, energy: Convex | Tangent, u: Floats, gradient: Floats) -> Floats:
         step, conditions = np.zeros_like(u), energy.conditions
         if conditions.free.size:
             hessian = energy.hessian(u)
@@ -112,6 +130,29 @@ class Newton:
     def linear(self, energy: Convex) -> Floats:
         values, quadratic = energy.conditions.values, energy.at_zero_field()
         return values + self.full_step(quadratic, values, quadratic.linear_residual(values))
+
+    def descend_from_linear(self, energy: Coenergy) -> tuple[Floats, tuple[NewtonStep, ...]]:
+        # Newton's method for the potential and B together (as Chan, Golub and Mulet, SIAM J. Sci. Comput. 20, 1999, for
+        # another functional). In saturation H(B) is convex where B(H) is concave, so that the next step corrects a B
+        # that is too large. The functional may rise for some steps, after which `descend` continues from the lowest.
+        u = self.linear(energy)
+        density, steps = energy.at_zero_field().flux_density(u), list[NewtonStep]()
+        best, least, since = u, energy.value(u)[0], 0
+        while since <= PATIENCE and 2 * len(steps) < self.most_steps and not (steps and steps[-1].converged):
+            tangent = energy.linearised(density)
+            try:
+                step = self.full_step(tangent, u, tangent.linear_residual(u))
+            except np.linalg.LinAlgError:
+                break
+            u = u + step
+            density, (functional, rounding) = tangent.flux_density(u), energy.value(u)
+            steps.append(_recorded(energy, u, step, energy.residual(u), 1.0, functional))
+            since = 0 if functional <= least + 10.0 * rounding else since + 1
+            best, least = (best, least) if since else (u, functional)
+        if not energy.conditions.free.size or (steps and steps[-1].converged):
+            return u, tuple(steps)
+        u, rest = replace(self, most_steps=self.most_steps - len(steps)).descend(energy, best)
+        return u, (*steps, *rest)
 
     def descend(self, energy: Convex, start: Floats) -> tuple[Floats, tuple[NewtonStep, ...]]:
         """Return the last values and all steps of a descent from admissible values.
@@ -135,13 +176,7 @@ class Newton:
             damping, functional = _damping(energy, u, step, float(gradient @ step[free]))
             u = u + damping * step
             gradient, size = energy.residual(u)
-            residual = _norm(energy.conditions.to_classes(gradient)) / max(size, np.finfo(float).tiny)
-            update = damping * _norm(step) / max(_norm(u), np.finfo(float).tiny)
-            steps.append(NewtonStep(residual, update, damping, functional))
-            logger.debug(
-                "Newton step %d: relative residual %.2e, relative update %.2e, damping %g, functional %.9g",
-                *(len(steps), residual, update, damping, functional),
-            )
+            steps.append(_recorded(energy, u, damping * step, (gradient, size), damping, functional))
             if damping < LEAST_DAMPING:
                 break
         return u, tuple(steps)
@@ -155,6 +190,19 @@ def _damping(energy: Convex, u: Floats, step: Floats, slope: float) -> tuple[flo
         if after <= before + DESCENT * damping * slope + 10.0 * (rounding + after_rounding) or damping < LEAST_DAMPING:
             return damping, after
         damping *= 0.5
+
+
+def _recorded(
+    energy: Convex, u: Floats, change: Floats, residual: tuple[Floats, float], damping: float, functional: float
+) -> NewtonStep:
+    gradient, size = residual
+    relative = _norm(energy.conditions.to_classes(gradient)) / max(size, np.finfo(float).tiny)
+    step = NewtonStep(relative, _norm(change) / max(_norm(u), np.finfo(float).tiny), damping, functional)
+    logger.debug(
+        "Newton step: relative residual %.2e, relative update %.2e, damping %g, functional %.9g",
+        *(step.residual, step.update, damping, functional),
+    )
+    return step
 
 
 def _norm(values: Floats) -> float:
