@@ -214,7 +214,10 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         return conditions_in_space(field.drive, self.potential or {}, field.planes)
 
     def _pair(self, field: SolidField, goal: Goal) -> dict[str, Any]:
-        return primal_and_dual(field, goal, self._conditions(field), self.materials, self.method)
+        if field.kept.get("goal") is not goal:  # indicators and the error of the goal have the same dual
+            pair = primal_and_dual(field, goal, self._conditions(field), self.materials, self.method)
+            field.kept.update(goal=goal, pair=pair)
+        return field.kept["pair"]
 
     def ritz(self, mesh: MeshTet, field: SolidField) -> Ritz:
         """Return the co-energy functional and its minimiser, the potential.

@@ -9,7 +9,6 @@ from kohonen_adapt.magnetostatics.coils.motion import images_of
 from kohonen_adapt.magnetostatics.coils.rules import currents_of
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
-from kohonen_adapt.mesh.locate import find_elements
 
 __all__ = ["LayerCurrents", "free_flux_density", "layer_currents"]
 
@@ -31,7 +30,7 @@ def layer_currents(field: LocalSolid, weight: Floats) -> LayerCurrents:
         points.append(x)
         moments.append(moment)
     x, moment = np.concatenate(points, axis=1), np.concatenate(moments, axis=1)
-    element = find_elements(mesh, x).astype(np.int64)
+    element = field.elements_at(x)
     rows = np.flatnonzero(element >= 0)
     x, moment, element = x[:, rows], moment[:, rows], element[rows]
     factor = np.sum(weight[mesh.t[:, element]] * field.elements.barycentric(x, element), axis=0)

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +19,7 @@ from kohonen_adapt.magnetostatics.equations.tetrahedra import Tetrahedra
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField, PointValues, tangent_product
-from kohonen_adapt.mesh.locate import find_elements
+from kohonen_adapt.mesh.locate import Locator, as_rows, locator_of
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 
 __all__ = ["LocalSolid", "Strength"]
@@ -83,6 +84,18 @@ class LocalSolid(MagneticField):
     def mirrors(self) -> tuple[Mirror, ...]:
         return tuple(self.planes.values())
 
+    @cached_property
+    def kept(self) -> dict[Any, Any]:
+        # results common to several quantities of a body or a goal
+        return {}
+
+    @cached_property
+    def _locator(self) -> Locator:
+        return locator_of(self.mesh)
+
+    def elements_at(self, x: ArrayLike) -> Ints:
+        return self._locator.find(as_rows(x, dim=3)).astype(np.int64)
+
     def at(self, x: Floats, element: Ints) -> Strength:
         slope = self.elements.gradient_at(self.unknown, element, self.elements.barycentric(x, element))
         return Strength(x, self.drive.at(x, element) - slope, self.coefficients.at_points(element, x))
@@ -109,7 +122,7 @@ class LocalSolid(MagneticField):
     def points_inside(self, x: ArrayLike) -> tuple[Floats, Ints, Mask]:
         # of x: points in the mesh, their elements, and where they are among all
         points = checked_points(x, "x", 3)
-        element = find_elements(self.mesh, points)
+        element = self.elements_at(points)
         inside = element >= 0
         return points[:, inside], element[inside], inside
 
@@ -122,7 +135,7 @@ class LocalSolid(MagneticField):
         return -self.at_quadrature.change_of_flux_density(weight)
 
     def load_at(self, x: Floats, weight: Floats) -> Floats:
-        return self.load_in(find_elements(self.mesh, x), x, weight)
+        return self.load_in(self.elements_at(x), x, weight)
 
     def load_in(self, element: Ints, x: Floats, weight: Floats) -> Floats:
         change = self.at(x, element).change_of_flux_density(weight)

@@ -47,7 +47,11 @@ class Shell:
     @classmethod
     def of(cls, field: LocalSolid, body: Names) -> "Shell":
         inside = isolated_body(field, body)
-        return cls(field, inside, _cuts(field.mesh, inside, field.mirrors))
+        key = ("shell", inside.tobytes())
+        if key not in field.kept:
+            field.kept[key] = cls(field, inside, _cuts(field.mesh, inside, field.mirrors))
+        shell: Shell = field.kept[key]
+        return shell
 
     @cached_property
     def _weight(self) -> Floats:
