@@ -136,6 +136,7 @@ def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None
         field = HighOrderField(*arguments, values=values, degree=elements.order, sides=elements.sides)
     else:
         field = (QuadraticField if elements.order == 2 else CubicField)(*arguments, values=values)
+    vars(field)["elements"] = elements  # of the cached property, which makes them again for a copy
     refuse_unconverged(field)
     return field
 
@@ -196,8 +197,10 @@ def at_points(field: Field, derivative: tuple[Floats, Floats]) -> tuple[Floats, 
 
 
 def richer_solution(field: Field, boundaries: Boundaries, newton: Newton) -> Field:
-    sides = field.sides if isinstance(field, HighOrderField) else None
-    elements = elements_on(field.mesh, field.order + 1, field.symmetry, field.coefficients.nonlinear, sides)
+    if isinstance(field, HighOrderField):
+        elements: Elements = field.elements.at_order(field.order + 1)
+    else:
+        elements = elements_on(field.mesh, field.order + 1, field.symmetry, field.coefficients.nonlinear)
     return solution_of(energy_on(elements, field, boundaries), field.depth, field, newton)
 
 

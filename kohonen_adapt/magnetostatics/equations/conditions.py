@@ -1,7 +1,7 @@
 """Boundary conditions of the unknowns on a mesh."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -80,6 +80,13 @@ class Conditions:
         if self.ties is not None:
             fixed_or_tied[self.ties.first] = fixed_or_tied[self.ties.second] = True
         return fixed_or_tied
+
+    def on(self, rows: Ints) -> "Conditions":
+        join = None
+        if self.join is not None:
+            join = self.join.tocsr()[rows]
+            join = join[:, np.unique(join.indices)].tocsc()
+        return replace(self, free=self.free[rows], join=join)
 
     def reduced(self, matrix: csc_array, right: Floats) -> tuple[csc_array, Floats]:
         if self.open_boundary is not None:

@@ -4,15 +4,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import product
+from typing import Self
 
 import numpy as np
-from scipy.sparse import coo_array
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.around_axis import AroundAxis
 from kohonen_adapt.magnetostatics.equations.elements import Linear
 from kohonen_adapt.magnetostatics.equations.higher import ElementGroup, Elements, Higher
+from kohonen_adapt.magnetostatics.equations.skeleton import Pattern, Skeleton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, Symmetry
 from kohonen_adapt.magnetostatics.equations.system import Interiors, Reduced
 from kohonen_adapt.mesh.blended import Blended, Projections
@@ -35,9 +36,8 @@ class Reference:
         self.barycentric, self.weight = rule_about(kind - 1, degree) if kind in (1, 2, 3) else triangle_rule(degree)
         self.values, self.slopes = functions_and_slopes(self.barycentric, order, kind)  # (k, q), (k, 2, q)
         self.upper = np.triu_indices(len(self.values))
-        index = np.zeros((len(self.values),) * 2, dtype=np.int64)
-        index[self.upper] = index[self.upper[::-1]] = np.arange(self.upper[0].size)
-        self.index = index.ravel()  # of a pair of functions in `upper`
+        self.index = np.zeros((len(self.values),) * 2, dtype=np.int64)  # of a pair of functions in `upper`
+        self.index[self.upper] = self.index[self.upper[::-1]] = np.arange(self.upper[0].size)
 
     @cached_property
     def products(self) -> Floats:
@@ -48,8 +48,9 @@ class Reference:
 
     @cached_property
     def integrals(self) -> Floats:
-        """Integrals of the products of slopes over an element of area 1, (3, pairs)."""
-        return np.einsum("dqp,q->dp", self.products.reshape(3, self.weight.size, -1), self.weight)
+        # of the products of slopes over an element of area 1, (3, functions^2)
+        pairs = np.einsum("dqp,q->dp", self.products.reshape(3, self.weight.size, -1), self.weight)
+        return pairs[:, self.index.ravel()]
 
 
 @cache
@@ -71,7 +72,9 @@ class ReferenceGroup(ElementGroup):
 
     @cached_property
     def x(self) -> Floats:
-        return self._per_element(self.shape.points(*self._all_points))
+        if self.shape.curved[self.rows].any():
+            return self._per_element(self.shape.points(*self._all_points))
+        return self.shape.p[:, self.shape.t[:, self.rows].T] @ self.barycentric
 
     @cached_property
     def weights(self) -> Floats:
@@ -106,24 +109,20 @@ class ReferenceGroup(ElementGroup):
         stretch = np.sqrt(0.5 * np.sum(self._inverse**2, axis=(0, 1)))
         return np.hypot(self.at.slopes[:, 0], self.at.slopes[:, 1]) @ (self.restrict(size) * self.weights * stretch).T
 
-    def products(self, across: Floats, along: tuple[Floats, Floats] | None) -> Floats:
-        (a, b), (c, d) = self._inverse
+    def products(self, across: Floats, along: tuple[Floats, Floats] | None) -> Floats:  # (nelements, k, k)
+        (a, b), (c, d), count = *self._inverse, len(self.at.values)
         entries = a * a + c * c, a * b + c * d, b * b + d * d
         weight = self.restrict(across) * self.weights
         if along is None and self.constant:
             sums = np.stack([entry[:, 0] * weight.sum(axis=1) for entry in entries], axis=1)
-            return self._full(sums @ self.at.integrals)
+            return (sums @ self.at.integrals).reshape(-1, count, count)
         tensor = [entry * weight for entry in entries]
         if along is not None:
             more, (x, y) = self.restrict(along[0]) * self.weights - weight, self.restrict(along[1])
             first, second = a * x + c * y, b * x + d * y
             for entry, both in zip(tensor, (first * first, first * second, second * second), strict=True):
                 entry += more * both
-        return self._full(np.concatenate(tensor, axis=1) @ self.at.products)
-
-    def _full(self, pairs: Floats) -> Floats:
-        count = len(self.at.values)
-        return np.ascontiguousarray(pairs.T)[self.at.index].reshape(count, count, -1)
+        return (np.concatenate(tensor, axis=1) @ self.at.products)[:, self.at.index]
 
     @cached_property
     def _inverse(self) -> Floats:
@@ -166,13 +165,26 @@ class HighOrder(Higher):
     """
 
     shape: Blended
+    skeleton: Skeleton
 
-    def __init__(self, mesh: MeshTri, order: int, nonlinear: Mask, sides: Projections | None = None) -> None:
-        self.sides = sides
+    def __init__(
+        self,
+        mesh: MeshTri,
+        order: int,
+        nonlinear: Mask,
+        sides: Projections | None = None,
+        other: "HighOrder | None" = None,
+    ) -> None:
+        self.sides, self._other = sides, other
+        self._known: tuple[Ints, tuple[Ints, Pattern]] | None = None  # by the free unknowns
         super().__init__(mesh, order, nonlinear)
+        self.skeleton = other.skeleton if other else Skeleton(self.corners)
+
+    def at_order(self, order: int) -> Self:
+        return type(self)(self.mesh, order, self.nonlinear, self.sides, self)
 
     def _shape_of(self, mesh: MeshTri) -> Blended:
-        return Blended(mesh, self.sides)
+        return self._other.shape if self._other else Blended(mesh, self.sides)
 
     def _numbering(self) -> tuple[Ints, Floats]:
         shape, order, at = self.shape, self.order, nodes(self.order)
@@ -237,20 +249,29 @@ class HighOrder(Higher):
         return values
 
     def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> Reduced:
-        products = np.moveaxis(self._by_element([group.products(across, along) for group in self._groups]), 2, 0)
-        index, outside = np.full(self.doflocs.shape[1], -1), 3 * self.order
-        index[free] = np.arange(free.size)
-        outer, inner = index[self.unknowns[:outside]].T, index[self.unknowns[outside:]].T
+        products, outside = self._products(across, along), 3 * self.order
+        number, pattern = self._pattern(free)
         inverse = np.asarray(np.linalg.inv(products[:, outside:, outside:]), dtype=np.float64)
         coupling = inverse @ products[:, outside:, :outside]
         condensed = products[:, :outside, :outside] - products[:, :outside, outside:] @ coupling
-        row, column = np.broadcast_arrays(outer[:, :, None], outer[:, None])
-        used = (row >= 0) & (column >= 0)
-        diagonal = inner.ravel()
-        values = np.concatenate([condensed[used], np.ones(diagonal.size)])
-        places = np.concatenate([row[used], diagonal]), np.concatenate([column[used], diagonal])
-        matrix = coo_array((values, places), shape=(free.size, free.size)).tocsc()
-        return Reduced(matrix, Interiors(inner, outer, inverse, coupling))
+        interiors = Interiors(number[self.unknowns[outside:]].T, pattern.outer, inverse, coupling)
+        return Reduced(pattern.matrix(condensed), interiors, pattern.rows)
+
+    def _products(self, across: Floats, along: tuple[Floats, Floats] | None) -> Floats:
+        found = [group.products(across, along) for group in self._groups]
+        if len(found) == 1:
+            return found[0]
+        whole = np.empty((self.unknowns.shape[1], *found[0].shape[1:]))
+        for group, values in zip(self._groups, found, strict=True):
+            whole[group.rows] = values
+        return whole
+
+    def _pattern(self, free: Ints) -> tuple[Ints, Pattern]:
+        if self._known is None or self._known[0] is not free:
+            number = np.full(self.doflocs.shape[1], -1)
+            number[free] = np.arange(free.size)
+            self._known = free, (number, self.skeleton.pattern(self.order, number))
+        return self._known[1]
 
 
 class HighOrderAroundAxis(HighOrder, AroundAxis):

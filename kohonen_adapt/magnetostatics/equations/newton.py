@@ -117,8 +117,13 @@ class Newton:
         step, conditions = np.zeros_like(u), energy.conditions
         if conditions.free.size:
             hessian = energy.hessian(u)
-            matrix, right = conditions.reduced(hessian.matrix, hessian.eliminated(-gradient))
-            outer = conditions.from_classes(self.solver.solve(matrix, right, hessian.prolongation))
+            on_rows = conditions if hessian.rows is None else conditions.on(hessian.rows)
+            matrix, right = on_rows.reduced(hessian.matrix, hessian.eliminated(-gradient))
+            if hessian.rows is None or on_rows.join is not None:
+                outer = self.solver.solve(matrix, right, hessian.prolongation)
+            else:
+                outer = self.solver.in_order(matrix, right)
+            outer = on_rows.from_classes(outer)
             step[conditions.free] = hessian.completed(outer, -gradient)
         if not np.all(np.isfinite(step)):
             raise np.linalg.LinAlgError(

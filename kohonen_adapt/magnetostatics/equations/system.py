@@ -21,37 +21,37 @@ class Interiors:
     """Unknowns inside elements, eliminated from the equations of all others."""
 
     inner: Ints  # (nelements, i): indices among the free unknowns
-    outer: Ints  # (nelements, o): indices of the unknowns on the sides, -1 for prescribed ones
+    outer: Ints  # (nelements, o): rows of the matrix of the unknowns on the sides, -1 for prescribed ones
     inverse: Floats  # (nelements, i, i): inverse of the matrix of the inner unknowns
     coupling: Floats  # (nelements, i, o): the inverse times the coupling of inner and outer unknowns
 
 
 @dataclass(frozen=True)
 class Reduced:
-    """Matrix of the free unknowns, with the identity for eliminated ones."""
+    """Matrix of the free unknowns that are not eliminated."""
 
     matrix: csc_array
     interiors: Interiors | None = None
+    rows: Ints | None = None  # of the matrix among the free unknowns, in an order of elimination; None for all
     prolongation: csr_array | None = None  # (nfree, ncoarse): functions of order 1 in elements of order 2
 
     def eliminated(self, right: Floats) -> Floats:
-        if self.interiors is None:
+        if self.interiors is None or self.rows is None:
             return right
         inner, outer = self.interiors.inner, self.interiors.outer
-        reduced = right.copy()
-        reduced[inner] = 0.0
         moved = np.einsum("mio,mi->mo", self.interiors.coupling, right[inner])
-        free = outer >= 0
-        return reduced - np.bincount(outer[free], moved[free], right.size)
+        count = self.rows.size
+        return right[self.rows] - np.bincount(np.where(outer < 0, count, outer).ravel(), moved.ravel(), count + 1)[:-1]
 
     def completed(self, solution: Floats, right: Floats) -> Floats:
-        if self.interiors is None:
+        if self.interiors is None or self.rows is None:
             return solution
         inner, outer = self.interiors.inner, self.interiors.outer
-        outer_values = np.where(outer >= 0, solution[outer], 0.0)
-        solution[inner] = np.einsum("mij,mj->mi", self.interiors.inverse, right[inner])
-        solution[inner] -= np.einsum("mio,mo->mi", self.interiors.coupling, outer_values)
-        return solution
+        values, outer_values = np.empty_like(right), np.append(solution, 0.0)[outer]
+        values[self.rows] = solution
+        values[inner] = np.einsum("mij,mj->mi", self.interiors.inverse, right[inner])
+        values[inner] -= np.einsum("mio,mo->mi", self.interiors.coupling, outer_values)
+        return values
 
 
 @dataclass(frozen=True)
@@ -74,6 +74,10 @@ class Solver:
     def solve(self, matrix: csc_array, right: Floats, prolongation: csr_array | None = None) -> Floats:
         solution = self.by_multigrid(matrix, right, prolongation) if right.size > self.large else None
         return factorised(matrix).solve(right) if solution is None else solution
+
+    def in_order(self, matrix: csc_array, right: Floats) -> Floats:
+        solution = self.by_multigrid(matrix, right) if right.size > self.large else None
+        return factorised(matrix, "NATURAL").solve(right) if solution is None else solution
 
     def by_multigrid(self, matrix: csc_array, right: Floats, prolongation: csr_array | None = None) -> Floats | None:
         """Return the solution, or None if pyamg is missing or does not converge.
@@ -129,13 +133,13 @@ def two_level_cycle(matrix: csr_matrix, prolongation: csr_array) -> Callable[[Fl
 IN_SPACE = Solver(large=8_000)
 
 
-def factorised(matrix: csc_array) -> SuperLU:
+def factorised(matrix: csc_array, order: str = "MMD_AT_PLUS_A") -> SuperLU:
     # Pivots on the diagonal halve the time of the defaults. Relaxed supernodes and panels of several columns never save
     # time, and relaxed supernodes multiply the time on some meshes (`benchmarks round`).
     try:
         return splu(
             matrix,
-            permc_spec="MMD_AT_PLUS_A",
+            permc_spec=order,
             diag_pivot_thresh=0.0,
             relax=1,
             panel_size=1,
