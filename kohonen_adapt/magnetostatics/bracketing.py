@@ -10,9 +10,8 @@ from skfem import MeshTet
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.display import significant
 from kohonen_adapt.magnetostatics.coils.coil import Coil
-from kohonen_adapt.magnetostatics.equations.applied_field import field_at
 from kohonen_adapt.magnetostatics.equations.conditions import Value
-from kohonen_adapt.magnetostatics.hypercircle import gap_indicators
+from kohonen_adapt.magnetostatics.hypercircle import gap_indicators, with_currents_of
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
@@ -33,6 +32,11 @@ class Bracket:
     are linear (Prager and Synge, Quart. Appl. Math. 5, 1947). The bounds are those of the meshed domain, with chords in
     place of curves.
 
+    Both problems have the currents of the mesh: the current through every facet is that of the coils and the applied
+    field, and the current density is constant in every element. For these currents the bounds are a guarantee. The
+    change to the given currents, `source_error`, is of first order, and both bounds contain it. The lower bound is then
+    a guarantee for the given currents, too, and the upper bound is one up to terms of second order.
+
     Attributes
     ----------
     lower, upper
@@ -49,7 +53,10 @@ class Bracket:
     scalar, vector
         The fields of `MagneticScalarPotential` and `MagneticVectorPotential`.
     reasons
-        Reasons for which the bounds are no guarantee, a tuple of strings: sources that vary within elements.
+        Reasons for which the bounds are no guarantee, a tuple of strings: magnetisations and potentials that vary
+        within elements.
+    source_error
+        Change of the co-energy from the currents of the mesh to the given ones, to first order, in J.
     """
 
     lower: float
@@ -60,6 +67,7 @@ class Bracket:
     scalar: SolidField
     vector: EdgeField
     reasons: tuple[str, ...] = ()
+    source_error: float = 0.0
 
     def __repr__(self) -> str:
         return f"<Bracket: {self.summary}>"
@@ -83,6 +91,9 @@ class Bracket:
             bounds, name = self.energy, "energy"
         first, last = (significant(value, 6) for value in bounds)
         sure = "guaranteed" if self.guaranteed else f"no guarantee, because {' and '.join(self.reasons)}"
+        if abs(self.source_error) > UNIFORM * abs(self.upper):
+            share = 100.0 * abs(self.source_error) / max(abs(self.lower), abs(self.upper))
+            sure += f" up to the currents of the mesh, which change it by {share:.1g} % (included)"
         return f"{name} between {first} and {last} J, {100.0 * self.width:.2g} % apart; {sure}"
 
 
@@ -131,15 +142,17 @@ def bracket(
 
 def bracket_of(problem: MagneticScalarPotential, field: SolidField) -> Bracket:
     vector = problem.vector_potential.solve(field.mesh)
-    indicators, upper = gap_indicators(field, vector), field.coenergy
-    lower = upper - 0.5 * float(np.sum(indicators**2))
+    indicators, upper = gap_indicators(field, vector), with_currents_of(vector, field).coenergy
+    source_error = vector.drive.work_of_difference(vector.flux_density)
+    lower = upper - 0.5 * float(np.sum(indicators**2)) + source_error
+    upper += max(source_error, 0.0)
     coils, sign = tuple((problem.coils or {}).values()), sign_of_energy(problem)
     energy = {1: (lower, upper), -1: (-upper, -lower)}.get(sign)
     inductance = None
     if len(coils) == 1 and problem.applied_field is None and sign == 1:
         inductance = 2.0 * lower / coils[0].ampere_turns ** 2, 2.0 * upper / coils[0].ampere_turns ** 2
     reasons = reasons_against_guarantee(problem, field.mesh)
-    return Bracket(lower, upper, energy, inductance, indicators, field, vector, reasons)
+    return Bracket(lower, upper, energy, inductance, indicators, field, vector, reasons, source_error)
 
 
 def sign_of_energy(problem: MagneticScalarPotential) -> int:
@@ -152,11 +165,7 @@ def sign_of_energy(problem: MagneticScalarPotential) -> int:
 
 
 def reasons_against_guarantee(problem: MagneticScalarPotential, mesh: MeshTet) -> tuple[str, ...]:
-    found, applied = list[str](), problem.free_field
-    if applied is not None:
-        values = field_at(applied, mesh.p)
-        if np.ptp(values, axis=1).max() > UNIFORM * np.abs(values).max():
-            found.append("the field of currents varies within elements")
+    found = list[str]()
     varying = [name for name, material in problem.materials.items() if material.turns]
     if varying:
         found.append(f"the magnetisation of {', '.join(varying)} varies within elements")

@@ -1,5 +1,8 @@
 """Difference of the fields of both potentials, a bound of their errors."""
 
+from dataclasses import replace
+from typing import TypeVar
+
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
@@ -8,15 +11,19 @@ from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 from kohonen_adapt.mesh.measures import magnitude
 
-__all__ = ["gap_indicators"]
+Solid = TypeVar("Solid", bound=LocalSolid)
+
+__all__ = ["gap_indicators", "with_currents_of"]
 
 
 def gap_indicators(scalar: LocalSolid, vector: EdgeField) -> Floats:
     """Return the difference of both fields in the energy norm, (nelements,).
 
     In sqrt(J). The square is ``2 int w(B) + w*(H) - B . H`` with B of the vector potential, H of the scalar potential,
-    and the energy and co-energy densities w and w*. For linear material it is ``int nu |B - mu (H + Hc)|^2``.
+    and the energy and co-energy densities w and w*. For linear material it is ``int nu |B - mu (H + Hc)|^2``. Currents
+    are those of the vector potential.
     """
+    scalar = with_currents_of(vector, scalar)
     at, elements = scalar.at_quadrature, scalar.elements
     driven, density = at.field_strength + at.coefficients.coercivity, vector.flux_density[:, elements.element]
     difference = density - at.coefficients.permeabilities(at.field_strength)[0] * driven
@@ -27,3 +34,7 @@ def gap_indicators(scalar: LocalSolid, vector: EdgeField) -> Floats:
         law = group.law.energy(b) + Inverse(group.law).energy(h) - np.sum(density[:, rows] * driven[:, rows], axis=0)
         gap[rows] = np.maximum(law, 0.0)  # rounding
     return np.sqrt(2.0 * scalar.volume * elements.mean(gap))
+
+
+def with_currents_of(vector: EdgeField, scalar: Solid) -> Solid:
+    return scalar if vector.drive.function is None else replace(scalar, drive=vector.drive)

@@ -8,15 +8,14 @@ from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace
-from kohonen_adapt.magnetostatics.equations.applied_field import (
-    Drive,
-)
+from kohonen_adapt.magnetostatics.equations.applied_field import permeable
 from kohonen_adapt.magnetostatics.equations.auxiliary import EdgeSolver
 from kohonen_adapt.magnetostatics.equations.edge_conditions import (
     conditions_on_edges,
     open_surfaces,
     prescribed_flux_load,
 )
+from kohonen_adapt.magnetostatics.equations.edge_drive import edge_drive
 from kohonen_adapt.magnetostatics.equations.edge_energy import CurlFunctional
 from kohonen_adapt.magnetostatics.equations.edges import EdgeElements
 from kohonen_adapt.magnetostatics.equations.mirrors import conditions_in_space
@@ -26,7 +25,6 @@ from kohonen_adapt.magnetostatics.equations.newton import (
     NewtonStep,
     refuse_unconverged,
 )
-from kohonen_adapt.magnetostatics.equations.tetrahedra import LinearTetrahedra
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
 from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
@@ -129,16 +127,15 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
             As in `solve`.
         """
         material, planes = self.given_on(mesh)
-        function, nothing = self.free_field, np.zeros(mesh.t.shape[1], dtype=bool)
-        elements, zeros = LinearTetrahedra(mesh, varies=function is not None), np.zeros(mesh.p.shape[1])
-        drive, edges = Drive(elements, function, nothing, zeros, zeros, np.zeros((3, nothing.size))), EdgeElements(mesh)
+        edges = EdgeElements(mesh)
+        drive = edge_drive(edges, permeable(material), self.free_field)
         prescribed = conditions_in_space(drive, self.potential or {}, planes)
         far = ends_far(drive, prescribed, planes.values())
         crossed = self._crossed(edges, [plane.facets for plane in planes.values() if plane.kind == "normal"])
         conditions = conditions_on_edges(edges, np.setdiff1d(mesh.boundary_facets(), crossed))
-        load = edges.against_curls(elements.mean(drive.at_points) + material.coercivity)
+        load = edges.against_curls(drive.elements.mean(drive.at_points) + material.coercivity)
         load += prescribed_flux_load(edges, crossed, prescribed.values)
-        zero = EdgeField(mesh, np.zeros(load.size), material, drive, planes, far=far, edges=edges)
+        zero = EdgeField(mesh, np.zeros(load.size), material, drive, planes, far=far)
         return CurlFunctional(edges, material, conditions, load), zero
 
     def _crossed(self, edges: EdgeElements, normal: list[Ints]) -> Ints:

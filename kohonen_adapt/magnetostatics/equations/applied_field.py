@@ -29,10 +29,12 @@ __all__ = [
     "Sources",
     "aligned_potential",
     "checked_field",
+    "circulations",
     "drive_on",
     "field_at",
     "permeable",
     "sources_of",
+    "total_potential",
 ]
 
 AppliedField = Callable[[Floats], ArrayLike]
@@ -215,7 +217,7 @@ def _at_unknowns(elements: Tetrahedra, chi: Floats, iron: Mask, function: Applie
     edge = np.unique(mesh.t2e[:, iron])
     start, end = mesh.edges[:, edge]
     middle, values = elements.doflocs[:, nnodes + edge], np.zeros(elements.doflocs.shape[1])
-    halves = [chi[node] - _circulation(mesh.p[:, node], middle, function)[0] for node in (start, end)]
+    halves = [chi[node] - circulations(mesh.p[:, node], middle, function)[0] for node in (start, end)]
     values[:nnodes], values[nnodes + edge] = chi, 0.5 * (halves[0] + halves[1])
     return values
 
@@ -231,7 +233,7 @@ def total_potential(mesh: MeshTet, iron: Mask, function: AppliedField) -> tuple[
     chi, nnodes = np.zeros(mesh.p.shape[1]), mesh.p.shape[1]
     if not lower.size:
         return chi, np.zeros((3, iron.size))
-    along, _ = _circulation(mesh.p[:, lower], mesh.p[:, upper], function)
+    along, _ = circulations(mesh.p[:, lower], mesh.p[:, upper], function)
     graph = coo_array((np.ones(lower.size, dtype=np.int8), (lower, upper)), shape=(nnodes, nnodes)).tocsr()
     _, component = connected_components(graph, directed=False)
     key = lower * nnodes + upper
@@ -251,7 +253,7 @@ def _current_density(mesh: MeshTet, function: AppliedField | None) -> Floats:
         return np.zeros(mesh.t.shape[1])
     start, end = _edges(mesh.t)
     key, corners = start * mesh.p.shape[1] + end, np.sort(mesh.facets, axis=0).astype(np.int64)
-    circulation, absolute = _circulation(mesh.p[:, start], mesh.p[:, end], function)
+    circulation, absolute = circulations(mesh.p[:, start], mesh.p[:, end], function)
     sides = [np.searchsorted(key, corners[i] * mesh.p.shape[1] + corners[j]) for i, j in FACE_EDGES]
     total = np.abs(circulation[sides[0]] + circulation[sides[1]] - circulation[sides[2]])
     total[total <= NO_CURRENT * absolute[sides].sum(axis=0)] = 0.0
@@ -273,7 +275,7 @@ def aligned_potential(drive: Drive, before: Drive) -> Floats:
         own = np.flatnonzero(component == piece)
         first = own[np.argmin(distance[own])]
         node, start = corners[first], nodes[nearest[first]]
-        drop, _ = _circulation(old.p[:, [start]], mesh.p[:, [node]], drive.function)
+        drop, _ = circulations(old.p[:, [start]], mesh.p[:, [node]], drive.function)
         chi[corners[own]] += before.potential[start] - drop[0] - drive.potential[node]
     return chi
 
@@ -285,7 +287,7 @@ def _edges(t: Ints) -> tuple[Ints, Ints]:
     return key // count, key % count
 
 
-def _circulation(start: Floats, end: Floats, function: AppliedField) -> tuple[Floats, Floats]:
+def circulations(start: Floats, end: Floats, function: AppliedField) -> tuple[Floats, Floats]:
     """Return ``int Hs . dl`` and ``int |Hs| dl`` along segments, shape (n,) in A."""
     circulation, absolute, edge = np.zeros(start.shape[1]), np.zeros(start.shape[1]), end - start
     for point, weight in zip(POINTS, WEIGHTS, strict=True):

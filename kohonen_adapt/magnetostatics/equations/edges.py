@@ -43,17 +43,20 @@ class EdgeElements:
         return area(self.mesh)
 
     @cached_property
+    def hats(self) -> Floats:
+        return hat_gradients(self.mesh)
+
+    @cached_property
     def curls(self) -> Floats:
         """Curls of the functions of every element, (3, 6, nelements) in 1/m^2."""
-        hats = hat_gradients(self.mesh)
-        first, second = (hats[:, ends] for ends in EDGES)
+        first, second = (self.hats[:, ends] for ends in EDGES)
         return 2.0 * self._sign * np.stack([first[i] * second[j] - first[j] * second[i] for i, j in CYCLIC])
 
     def curl(self, a: Floats) -> Floats:
         return np.einsum("cik,ik->ck", self.curls, a[self.unknowns])
 
     def at(self, a: Floats, x: Floats, element: Ints) -> Floats:
-        t, hats = self.mesh.t[:, element], hat_gradients(self.mesh)[:, :, element]
+        t, hats = self.mesh.t[:, element], self.hats[:, :, element]
         middle = self.mesh.p[:, t].mean(axis=1)
         barycentric = 0.25 + np.einsum("cin,cn->in", hats, x - middle)
         first, second = EDGES

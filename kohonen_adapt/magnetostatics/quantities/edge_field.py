@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.applied_field import field_at
+from kohonen_adapt.magnetostatics.equations.edge_drive import EdgeDrive
 from kohonen_adapt.magnetostatics.equations.edges import EdgeElements
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
@@ -35,11 +36,11 @@ class Density(Strength):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LocalEdgeField(LocalSolid):
-    edges: EdgeElements | None = None
+    drive: EdgeDrive
 
-    @cached_property
+    @property
     def _functions(self) -> EdgeElements:
-        return EdgeElements(self.mesh) if self.edges is None else self.edges
+        return self.drive.edges
 
     @cached_property
     def flux_density(self) -> Floats:
@@ -81,8 +82,6 @@ class EdgeField(LocalEdgeField, SolidField):
         As in `SolidField`.
     unknown : (nedges,)
         Circulations of A along the edges in Wb, from the lower to the higher node.
-    edges
-        The edge elements of the mesh.
     """
 
     def __repr__(self) -> str:
