@@ -1,4 +1,4 @@
-"""Residual and recovery estimators of P1 solutions.
+"""Residual and recovery estimators of P1 solutions, and of linear fluxes on tetrahedra.
 
 Both use the discrete flux ``nu grad u - flux``. The residual estimator takes its jumps across facets, the recovery
 estimator its distance to averages at the nodes.
@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from skfem import Mesh
+from skfem import Mesh, MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import finite_reals
-from kohonen_adapt.mesh.cells import cell_of, check_kind
+from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import area, gradient, hat_gradients
 from kohonen_adapt.mesh.validity import check_mesh
@@ -26,8 +26,10 @@ __all__ = [
     "corner_averages",
     "discrete_flux",
     "linear_residual",
+    "outflows",
     "recovered_correction",
     "recovery",
+    "residual_of_linear_flux",
 ]
 
 LEAST_FLUX, LARGEST_FLUX = 1e-100, 1e100  # squares of these times areas and volumes are in the range of numbers
@@ -243,3 +245,33 @@ def _regions(mesh: Mesh, data: NDArray[Any]) -> Ints:
     ones = np.ones(np.count_nonzero(same), dtype=np.int8)
     graph = coo_array((ones, (one[same], other[same])), shape=(nelements, nelements))
     return connected_components(graph, directed=False)[1].astype(np.int64)
+
+
+def residual_of_linear_flux(mesh: MeshTet, flux: Floats, divergence: Floats, weight: Floats) -> Floats:
+    # With ``q = mu grad u - flux``, linear in every element, the indicators are
+    # ``eta_K^2 = h_K^2 ||div q||_K^2 / mu + 1/2 sum_F h_F ||[q . n]||_F^2 / max(mu)``.
+    # flux (3, 4, nelements) at the corners; divergence (n, nelements) at n points whose mean square is that over the
+    # element
+    volume = area(mesh)
+    inside = volume ** (5.0 / 3.0) * np.mean(divergence**2, axis=0) / weight
+    jump, size = outflows(mesh, flux, volume)
+    largest = np.zeros(size.size)
+    np.maximum.at(largest, mesh.t2f.ravel(), np.tile(weight, 4))
+    jump[:, mesh.f2t[1] < 0] = 0.0
+    squared = size**1.5 / 12.0 * (np.sum(jump**2, axis=0) + np.sum(jump, axis=0) ** 2)
+    return np.sqrt(inside + 0.5 * np.sum((squared / largest)[mesh.t2f], axis=0))
+
+
+def outflows(mesh: MeshTet, flux: Floats, volume: Floats) -> tuple[Floats, Floats]:
+    # the flux out of both elements at the corners of facets, (3, nfacets) in the order of `mesh.facets`, and the areas
+    number_facets(mesh)
+    hats, nfacets = hat_gradients(mesh), mesh.facets.shape[1]
+    total, size = np.zeros(3 * nfacets), np.empty(nfacets)
+    for side, (corners, opposite) in enumerate(zip(TETRAHEDRON.facets, TETRAHEDRON.opposite, strict=True)):
+        facet, length = mesh.t2f[side], np.linalg.norm(hats[:, opposite], axis=0)
+        size[facet] = 3.0 * volume * length
+        for corner in corners:
+            out = -np.sum(flux[:, corner] * hats[:, opposite], axis=0) / length
+            row = np.argmax(mesh.facets[:, facet] == mesh.t[corner], axis=0)
+            total += np.bincount(row * nfacets + facet, out, total.size)
+    return total.reshape(3, nfacets), size

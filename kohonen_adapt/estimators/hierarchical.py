@@ -19,7 +19,7 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTet, RefTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.estimators.residual_in_space import outflows
+from kohonen_adapt.estimators.explicit import outflows
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.quadrature import tetrahedron_rule
 

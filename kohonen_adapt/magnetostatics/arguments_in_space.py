@@ -9,8 +9,9 @@ from skfem.mesh import MeshTet1
 
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.placement import check_placement, checked_coils
-from kohonen_adapt.magnetostatics.equations.applied_field import AppliedField, checked_field, permeable, sources_of
+from kohonen_adapt.magnetostatics.equations.applied_field import permeable
 from kohonen_adapt.magnetostatics.equations.conditions import Value
+from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, checked_field, sources_of
 from kohonen_adapt.magnetostatics.equations.mirrors import Mirror, checked_symmetry, mirrors_of
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, coefficients
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials

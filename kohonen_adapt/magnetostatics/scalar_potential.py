@@ -15,8 +15,8 @@ from kohonen_adapt.magnetostatics.equations.applied_field import (
     drive_on,
 )
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
+from kohonen_adapt.magnetostatics.equations.conditions_in_space import conditions_in_space
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
-from kohonen_adapt.magnetostatics.equations.mirrors import conditions_in_space
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem

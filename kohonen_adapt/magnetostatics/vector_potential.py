@@ -10,6 +10,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace
 from kohonen_adapt.magnetostatics.equations.applied_field import permeable
 from kohonen_adapt.magnetostatics.equations.auxiliary import EdgeSolver
+from kohonen_adapt.magnetostatics.equations.conditions_in_space import conditions_in_space
 from kohonen_adapt.magnetostatics.equations.edge_conditions import (
     conditions_on_edges,
     open_surfaces,
@@ -18,7 +19,6 @@ from kohonen_adapt.magnetostatics.equations.edge_conditions import (
 from kohonen_adapt.magnetostatics.equations.edge_drive import edge_drive
 from kohonen_adapt.magnetostatics.equations.edge_energy import CurlFunctional
 from kohonen_adapt.magnetostatics.equations.edges import EdgeElements
-from kohonen_adapt.magnetostatics.equations.mirrors import conditions_in_space
 from kohonen_adapt.magnetostatics.equations.newton import (
     TOLERANCE,
     Newton,

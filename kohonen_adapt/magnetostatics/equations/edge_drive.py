@@ -7,14 +7,9 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.magnetostatics.equations.applied_field import (
-    AppliedField,
-    Drive,
-    circulations,
-    field_at,
-    total_potential,
-)
+from kohonen_adapt.magnetostatics.equations.applied_field import Drive, circulations, total_potential
 from kohonen_adapt.magnetostatics.equations.edges import EdgeElements
+from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, field_at
 from kohonen_adapt.magnetostatics.equations.tetrahedra import LinearTetrahedra
 
 __all__ = ["EdgeDrive", "edge_drive"]

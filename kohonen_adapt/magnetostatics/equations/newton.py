@@ -7,7 +7,6 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.system import Reduced, Solver
 
 __all__ = ["TOLERANCE", "Convex", "Newton", "NewtonStep", "NotConverged", "refuse_unconverged"]
@@ -29,7 +28,7 @@ class Convex(Protocol):
     """
 
     @property
-    def conditions(self) -> Conditions: ...
+    def conditions(self) -> Any: ...  # `Conditions`
     def at_zero_field(self) -> Self: ...
     def value(self, u: Floats) -> tuple[float, float]: ...
     def residual(self, u: Floats) -> tuple[Floats, float]: ...

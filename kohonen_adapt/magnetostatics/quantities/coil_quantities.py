@@ -12,8 +12,9 @@ from kohonen_adapt.checks import listed
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.motion import Images, Motion, change_of_field, images_of
 from kohonen_adapt.magnetostatics.coils.rules import currents_of, flux_rule
-from kohonen_adapt.magnetostatics.equations.applied_field import AppliedField, Drive, Sources, field_at
+from kohonen_adapt.magnetostatics.equations.applied_field import Drive
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
+from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, Sources, field_at
 from kohonen_adapt.magnetostatics.equations.mirrors import Mirror
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid

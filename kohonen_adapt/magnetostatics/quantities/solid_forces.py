@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from skfem import MeshTet
@@ -11,11 +12,12 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.magnetostatics.coils.motion import Motion
+from kohonen_adapt.magnetostatics.coils.motion import Motion, images_of
+from kohonen_adapt.magnetostatics.coils.rules import currents_of
 from kohonen_adapt.magnetostatics.equations.mirrors import Mirror, surface
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.bodies import Cut, Names, isolated_body, outer_facets
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, is_coil
-from kohonen_adapt.magnetostatics.quantities.layer_currents import LayerCurrents, free_flux_density, layer_currents
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 from kohonen_adapt.magnetostatics.quantities.stress import (
     Component,
@@ -31,6 +33,36 @@ __all__ = ["flux_through", "oriented_surface", "parts_along", "total_force"]
 
 DEGREE = 2  # of the quadrature of a flux
 EDGEWISE = 0.1  # cosine between the normal of a facet and of its surface, below which the facet has no side
+
+
+class LayerCurrents(NamedTuple):
+    x: Floats  # (3, n) in m
+    element: Ints  # (n,)
+    moment: Floats  # (3, n) in A m
+
+    def force(self, field: LocalSolid) -> Floats:
+        return np.cross(self.moment, field.reaction_at(self.x, self.element), axis=0)
+
+
+def layer_currents(field: LocalSolid, weight: Floats) -> LayerCurrents:
+    mesh, images, points, moments = field.mesh, images_of(field.mesh, field.mirrors), [], []
+    for coil in field.drive.sources.coils.values():
+        x, moment = currents_of(coil.winding)
+        x, moment = images.folded(x, coil.ampere_turns / len(images.sign) * moment)
+        points.append(x)
+        moments.append(moment)
+    x, moment = np.concatenate(points, axis=1), np.concatenate(moments, axis=1)
+    element = field.elements_at(x)
+    rows = np.flatnonzero(element >= 0)
+    x, moment, element = x[:, rows], moment[:, rows], element[rows]
+    factor = np.sum(weight[mesh.t[:, element]] * field.elements.barycentric(x, element), axis=0)
+    rows = np.flatnonzero(factor != 0.0)
+    return LayerCurrents(x[:, rows], element[rows], factor[rows] * moment[:, rows])
+
+
+def free_flux_density(field: LocalSolid) -> Floats:
+    drive = field.drive
+    return VACUUM_PERMEABILITY * (drive.at_points - drive.elements.gradient_at_points(drive.potential))
 
 
 @dataclass(frozen=True, eq=False)
