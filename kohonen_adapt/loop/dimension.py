@@ -3,10 +3,9 @@
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.geometry.held_nodes import reasons_in_plane, reasons_in_space
 from kohonen_adapt.geometry.movable import unchanged
-from kohonen_adapt.geometry.plane.held_nodes import reasons_in_plane
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.space.held_nodes import reasons_in_space
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.settings import Settings

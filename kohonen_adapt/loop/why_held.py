@@ -1,6 +1,5 @@
 """Reasons for which nodes stay where they are."""
 
-import re
 from dataclasses import replace
 from typing import Any
 
@@ -8,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
+from kohonen_adapt.geometry.held_nodes import with_pins
 from kohonen_adapt.geometry.plane.missing_layers import with_layers
-from kohonen_adapt.geometry.rules import Pinned, Rules, check_for, pinned_nodes, with_pinned
+from kohonen_adapt.geometry.rules import Rules, check_for, with_pinned
 from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.step import functional_of
 from kohonen_adapt.mesh.cells import check_kind
@@ -25,9 +25,10 @@ from kohonen_adapt.problem.protocol import (
     points_of,
 )
 
-__all__ = ["reasons_at", "why_held", "without_turns"]
-
-TURN = re.compile(r"(, | at a turn of )[\d.e-]+ degrees")
+__all__ = [
+    "reasons_at",
+    "why_held",
+]
 
 
 def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | None = None) -> NDArray[np.str_]:
@@ -95,12 +96,11 @@ def reasons_at(mesh: Mesh, problem: Problem | None, rules: Rules, solution: Any 
     check_for(rules, mesh.dim())
     movable = opened(mesh, rules, problem)
     reasons = method_of(mesh).reasons(movable)
-    for node, pin in pin_reasons(mesh, rules.pinned, problem).items():
-        reasons[node] = pin
+    reasons = with_pins(reasons, mesh, rules.pinned, None if problem is None else points_of(problem, mesh))
     if problem is not None:
         polish = polish_reasons(mesh, movable, problem, solution)
-        reasons = [why or (f"polish: {other}" if other else "") for why, other in zip(reasons, polish, strict=True)]
-    return np.array(reasons[: mesh.nvertices], dtype=np.str_)
+        reasons = [why or (f"polish: {other}" if other else "") for why, other in zip(reasons, polish, strict=False)]
+    return np.array(reasons, dtype=np.str_)
 
 
 def opened(mesh: Mesh, rules: Rules, problem: Problem | None) -> Any:
@@ -110,26 +110,8 @@ def opened(mesh: Mesh, rules: Rules, problem: Problem | None) -> Any:
     return method_of(mesh).open(layered, rules.guarded(), None if problem is None else is_curved(problem))
 
 
-def pin_reasons(mesh: Mesh, pinned: Pinned, problem: Problem | None) -> dict[int, str]:
-    entries = [pinned] if isinstance(pinned, str) else list(pinned)
-    numbers = [entry for entry in entries if not isinstance(entry, str)]
-    found = dict.fromkeys(np.flatnonzero(pinned_nodes(mesh, numbers)).tolist(), "pinned by number")
-    for name in (entry for entry in entries if isinstance(entry, str)):
-        kind = "boundary" if name in (mesh.boundaries or {}) else "subdomain"
-        found |= dict.fromkeys(np.flatnonzero(pinned_nodes(mesh, [name])).tolist(), f"pinned by {kind} {name!r}")
-    for name, nodes in ({} if problem is None else points_of(problem, mesh)).items():
-        found |= dict.fromkeys(nodes.tolist(), f"point {name!r} of the problem")
-    return {node: why for node, why in found.items() if node < mesh.nvertices}
-
-
 def polish_reasons(mesh: Mesh, movable: Any, problem: Problem, solution: Any) -> list[str]:
     method, start = method_of(mesh), movable.start()
     solution = solve(problem, start) if solution is None else solution
     functional, _, reason = functional_of(problem, method, movable, start, solution)
     return [reason] * movable.nnodes if functional is None else method.polish_reasons(movable, functional)
-
-
-# Angles differ from node to node.
-def without_turns(why: NDArray[np.str_]) -> NDArray[np.str_]:
-    texts, number = np.unique(why, return_inverse=True)
-    return np.array([TURN.sub("", text) for text in texts.tolist()], dtype=np.str_)[number]

@@ -16,12 +16,12 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.display import counted, in_unit
+from kohonen_adapt.geometry.held_nodes import reasons_in_plane, with_pins, without_turns
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.geometry.plane.polylines import constrained_facets
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.loop.why_held import why_held, without_turns
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.plotting.drawing import COLOURS, set_axes
 
@@ -95,7 +95,8 @@ def plot_outlines(
     axes.add_collection(LineCollection([*(in_unit(unit) * triangulation.position[ends])], colors="0.8", linewidths=0.5))
     _draw_chains(axes, outline, _colours(ends, chain, len(outline.curve_index)), np.bincount(chain), unit)
     _draw_constraints(axes, outline, triangulation.position, unit)
-    _draw_reasons(axes, without_turns(why_held(mesh, rules=rules)), outline, triangulation.position, unit)
+    why = without_turns(np.array(with_pins(reasons_in_plane(movable), mesh, pinned), dtype=np.str_))
+    _draw_reasons(axes, why, outline, triangulation.position, unit)
     sagitta = in_unit(unit) * outline.sagitta(triangulation)
     if sagitta > 0.0:
         label = f"facets, up to {sagitta:.3g} {unit}".rstrip() + " off their curves"

@@ -3,9 +3,8 @@
 import numpy as np
 
 from kohonen_adapt.arrays import Mask
-from kohonen_adapt.geometry.plane.held_nodes import names_at
+from kohonen_adapt.geometry.held_nodes import names_at, of_boundaries
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.space.held_nodes import of_boundaries
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_RIDGE, PLANE
 from kohonen_adapt.kernels.triangle.arrays import FREE

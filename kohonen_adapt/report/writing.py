@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.files import whole_file
+from kohonen_adapt.geometry.held_nodes import without_turns
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.table import html_table
-from kohonen_adapt.loop.why_held import without_turns
 from kohonen_adapt.magnetostatics.bracketing import Bracket
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.mesh.slicing import CutBy
