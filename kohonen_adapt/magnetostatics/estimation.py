@@ -8,7 +8,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux, goal_oriented, recovery, residual
-from kohonen_adapt.estimators.residual_at_points import HIGHER_SCALES, LATTICE, Facets, divergences, residual_at_points
+from kohonen_adapt.estimators.residual_at_points import HIGHER_SCALES, Facets
 from kohonen_adapt.geometry.plane.arcs import refined_on_arcs
 from kohonen_adapt.magnetostatics.equations.around_axis import AroundAxis
 from kohonen_adapt.magnetostatics.equations.conditions import (
@@ -19,28 +19,24 @@ from kohonen_adapt.magnetostatics.equations.conditions import (
     ties_of,
 )
 from kohonen_adapt.magnetostatics.equations.energy import Scalar, scalar_problem
-from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.order_estimates import goal_indicators_by_orders, indicators_by_orders
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
-from kohonen_adapt.magnetostatics.quantities.local_field import PointField
-from kohonen_adapt.magnetostatics.solution import Dual, HighOrderField, dual_of, richer_solution
-from kohonen_adapt.mesh.basis import functions_at
+from kohonen_adapt.magnetostatics.residuals import dual_residual_by_points, residual_by_points
+from kohonen_adapt.magnetostatics.solution import HighOrderField, dual_of, richer_solution
 from kohonen_adapt.mesh.curved import is_second_order, refined
-from kohonen_adapt.mesh.measures import area, gradient, inner_points
+from kohonen_adapt.mesh.measures import gradient, inner_points
 from kohonen_adapt.problem.evaluation import Output
 
 __all__ = [
     "RESIDUAL_SCALE",
     "better_values",
-    "dual_residual_by_points",
     "energy_indicators",
     "error_of_goal",
     "goal_indicators",
-    "residual_by_points",
 ]
 
 SolveFrom = Callable[[MeshTri, MeshTri, Field], Field]  # (mesh, old mesh, old solution)
@@ -56,7 +52,6 @@ RESIDUAL_SCALE = 1.0 / 3.6
 # axis`): order 1 3.4 - 4.8, order 2 4.3 - 8.9, order 3 6.6 - 13.9, the largest where the polish stretches elements.
 AXIS_SCALES = HIGHER_SCALES | {1: 1.0 / 4.2}
 BY_RESIDUAL = 3  # highest order of the residual estimate
-DIFFERENCE = 1e-4  # step of central differences, relative to the size of an element
 
 
 def energy_indicators(
@@ -219,73 +214,3 @@ def _fixed_nodes(conditions: Conditions) -> Mask:
     fixed = conditions.fixed_or_tied
     open_boundary = conditions.open_boundary
     return fixed if open_boundary is None else fixed | (open_boundary.matrix.diagonal() > 0.0)
-
-
-def residual_by_points(field: Field, joined: Facets | None) -> Floats:
-    """Return residual indicators of ``curl H = J``, unsquared, shape (nelements,).
-
-    H turned by a right angle is a polynomial in every element, one degree below the potential. For nonlinear material
-    it is interpolated at the corners, at order 3 and beside curves also at the midsides. `joined` is as in
-    `estimators.residual`.
-    """
-    elements, coefficients, symmetry = field.elements, field.coefficients, field.symmetry
-    points = LATTICE if elements.order == 3 or elements.shape.curved.any() else LATTICE[:3]
-    at = field.at_each(points.T)
-    flux = symmetry.flux(at.field_strength).reshape(2, len(points), -1) / symmetry.extent
-    divergence = (
-        divergences_by_differences(field) if coefficients.varying_magnets else divergences(flux, elements.shape)
-    )
-    return _residual(field, at, flux, coefficients.current_density + divergence, joined)
-
-
-def dual_residual_by_points(field: Field, dual: Dual, joined: Facets | None) -> Floats:
-    elements, symmetry = field.elements, field.symmetry
-    at = field.at_each(LATTICE.T)
-    strength = symmetry.flux(field.change_at_each(LATTICE.T, dual.values, at)).reshape(2, len(LATTICE), -1)
-    flux = (strength - on_lattice(elements, dual.load)) / symmetry.extent
-    return _residual(field, at, flux, dual.source / symmetry.extent + divergences(flux, elements.shape), joined)
-
-
-def _residual(field: Field, at: PointField, flux: Floats, load: Floats, joined: Facets | None) -> Floats:
-    elements, volume = field.elements, field.symmetry.volume
-    shape, size = elements.shape, area(field.mesh)
-    secant, differential = at.reluctivities
-    weight = np.sqrt(secant * differential).reshape(flux.shape[1], -1).mean(axis=0)
-    midpoints = shape.corners.p[:, shape.corners.facets].mean(axis=1)
-    circumference = volume(elements.centroids, np.ones(size.size)), volume(midpoints, np.ones(midpoints.shape[1]))
-    return residual_at_points(shape, size, flux, load, weight, circumference, joined)
-
-
-def on_lattice(elements: Elements, values: Floats) -> Floats:
-    """Return fits to quadrature values on the `LATTICE`, (2, 6, nelements).
-
-    `values` has shape (2, npoints). The fit is of degree 2. Around an axis, where no arm is a factor, it has the degree
-    of B, because there the points of order 2 lie on two lines about a corner and do not determine a quadratic
-    polynomial.
-    """
-    degree = elements.order - 1 if isinstance(elements, AroundAxis) else 2
-    element, barycentric, weight = elements.fine_rule
-    functions, count = functions_at(barycentric.T, degree), elements.corners.t.shape[1]
-
-    def sums(terms: Floats) -> Floats:
-        return np.stack([np.bincount(element, term, count) for term in terms.reshape(-1, element.size)], axis=-1)
-
-    products = sums(np.einsum("ni,nj,n->ijn", functions, functions, weight)).reshape(
-        count, *functions.shape[1:], functions.shape[1]
-    )
-    moments = sums(np.einsum("ni,cn,n->icn", functions, values, weight)).reshape(count, -1, 2)
-    fits = np.linalg.solve(products, moments)
-    return np.einsum("pi,kic->cpk", functions_at(LATTICE, degree), fits)
-
-
-def divergences_by_differences(field: Field) -> Floats:
-    # From the point values alone, without the curvature of the magnetisation, the estimate of order 3 was 0.55 to 0.65
-    # of the error.
-    shape, count = field.elements.shape, field.mesh.t.shape[1]
-    element, barycentric = np.tile(np.arange(count), 3), np.repeat(LATTICE[3:].T, count, axis=1)
-    step, divergence = DIFFERENCE * np.sqrt(area(field.mesh))[element], np.zeros(3 * count)
-    for axis, direction in enumerate(shape.hat_gradients(element, barycentric)):
-        ends = [field.at_shares(element, barycentric + sign * step * direction).field_strength for sign in (1.0, -1.0)]
-        forward, backward = (field.symmetry.flux(end)[axis] / field.symmetry.extent for end in ends)
-        divergence += (forward - backward) / (2.0 * step)
-    return divergence.reshape(3, count)

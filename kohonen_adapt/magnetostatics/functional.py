@@ -10,12 +10,12 @@ from kohonen_adapt.estimators import residual
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value, circle_of, conditions_of
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
-from kohonen_adapt.magnetostatics.estimation import dual_residual_by_points, residual_by_points
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
+from kohonen_adapt.magnetostatics.residuals import dual_residual_by_points, residual_by_points
 from kohonen_adapt.magnetostatics.solution import Dual, at_points, tangent_solution
 from kohonen_adapt.problem.orders import HIGHEST_POLISHED
 from kohonen_adapt.problem.protocol import NotOffered
