@@ -1,4 +1,4 @@
-"""Residual and recovery estimators of P1 solutions, and of linear fluxes on tetrahedra.
+"""Residual and recovery estimators of P1 solutions and of linear fluxes.
 
 Both use the discrete flux ``nu grad u - flux``. The residual estimator takes its jumps across facets, the recovery
 estimator its distance to averages at the nodes.

@@ -1,4 +1,4 @@
-"""Reasons for which nodes stay where they are, as texts that are empty for nodes that move or slide."""
+"""Nodes that stay where they are, with reasons in words."""
 
 import re
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Check that a Ritz functional is stationary at the discrete solution on triangles."""
+"""Check that a Ritz functional is stationary at a solution on triangles."""
 
 import numpy as np
 from skfem import Mesh

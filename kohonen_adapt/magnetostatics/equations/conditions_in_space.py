@@ -1,4 +1,4 @@
-"""Conditions on a scalar potential in space, on boundaries and on planes of symmetry."""
+"""Conditions on a scalar potential at boundaries and planes of symmetry."""
 
 from collections.abc import Mapping
 

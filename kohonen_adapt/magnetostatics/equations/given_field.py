@@ -1,4 +1,4 @@
-"""Field of coils and of a user-defined function, which is applied to a problem in space."""
+"""Field of coils and of a function, applied to a problem in space."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
