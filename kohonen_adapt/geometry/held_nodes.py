@@ -102,7 +102,7 @@ def of_boundaries(movable: MovableSolid, patches: Ints) -> str:
 
 
 def with_pins(reasons: list[str], mesh: Mesh, pinned: Pinned, points: Mapping[str, Ints] | None = None) -> list[str]:
-    """Return the reasons of the nodes of `mesh`, with pins and points of the problem in their place."""
+    # `points` belong to the problem. Nodes of `reasons` beyond the mesh belong to missing layers.
     entries = [pinned] if isinstance(pinned, str) else list(pinned)
     numbers = [entry for entry in entries if not isinstance(entry, str)]
     found = dict.fromkeys(np.flatnonzero(pinned_nodes(mesh, numbers)).tolist(), "pinned by number")
