@@ -124,10 +124,7 @@ def lattice_shape(name: str, values: ArrayLike, nelements: int) -> dict[str, int
 
 
 def divided(mesh: MeshTri, divisions: int) -> MeshTri:
-    """Return a mesh of divided elements that share no nodes.
-
-    The new elements are numbered as (divisions^2, nelements), and keep the names of subdomains.
-    """
+    # The new elements are numbered as (divisions^2, nelements), and keep the names of subdomains.
     share, triangles = lattice(divisions)
     count = mesh.t.shape[1]
     p = np.einsum("iq,dik->dqk", share, mesh.p[:, mesh.t])

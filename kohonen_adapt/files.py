@@ -84,11 +84,8 @@ def whole_files(folder: Path) -> Iterator[Path]:
 
 
 def remove_drafts(folder: Path) -> None:
-    """Remove the drafts that killed processes left in a folder.
-
-    The system drops the lock of a draft when its writer ends, in any way. So a draft whose lock is free is abandoned;
-    drafts on file systems without locks and of other users are kept.
-    """
+    # The system drops the lock of a draft when its writer ends, in any way. So a draft whose lock is free is
+    # abandoned; drafts on file systems without locks and of other users are kept.
     for draft in folder.glob(f"{PREFIX}*{SUFFIX}"):
         with suppress(OSError):
             _remove_abandoned(draft)

@@ -69,11 +69,8 @@ def warmup(space: bool = False) -> None:
 
 
 def compile_missing() -> None:
-    """Compile all kernels over triangles that are missing in numba's cache.
-
-    Nothing is loaded if all are in the cache: the check takes 0.01 s, and `warmup` 0.5 s. Nothing is compiled if the
-    cache cannot be written, because no other process would find the code.
-    """
+    # Nothing is loaded if all are in the cache: the check takes 0.01 s, and `warmup` 0.5 s. Nothing is compiled if
+    # the cache cannot be written, because no other process would find the code.
     if not CACHED:
         return
     if PLAIN:  # entries have the types of the fast compiler

@@ -163,10 +163,7 @@ def kinds_of(make: Callable[..., Any], special: Mapping[str, Reader] | None = No
 def read_table(
     given: Any, readers: Mapping[str, Reader], location: str, required: Iterable[str] = ()
 ) -> dict[str, Any]:
-    """Return the values of a table after checking its keys.
-
-    `location` is the dotted key of the table, such as ``materials.iron``, empty for the whole case.
-    """
+    # `location` is the dotted key of the table, such as ``materials.iron``, empty for the whole case.
     entries = TABLE(given, location or "a case")
     for key in entries:
         if key not in readers:

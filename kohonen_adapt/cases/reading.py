@@ -176,10 +176,7 @@ def _check_outputs(output_rtol: Any, outputs: Mapping[str, Any], problem: Any) -
 
 
 def _problem(values: Mapping[str, Any]) -> Magnetostatics | MagneticScalarPotential:
-    """Return the problem of a case, in space if a key is valid in space only.
-
-    Cases that are valid in both dimensions are stated in the plane; `Case.problem` converts them for tetrahedra.
-    """
+    # Cases that are valid in both dimensions are stated in the plane; `Case.problem` converts them for tetrahedra.
     solid = _keys_of_space(values["materials"], values)
     if not solid:
         return Magnetostatics(values["materials"], **{key: values[key] for key in PROBLEM if key in values})

@@ -133,11 +133,8 @@ class CaseRun:
 
 
 def write_fields(case: Case, result: AdaptResult, mesh: Path, fields: Path) -> None:
-    """Write the mesh for Gmsh, and the mesh with fields for ParaView.
-
-    The Gmsh file has the unit and group numbers of the input. The file for ParaView is in metres, with B and H as means
-    of the elements.
-    """
+    # The Gmsh file has the unit and group numbers of the input. The file for ParaView is in metres, with B and H as
+    # means of the elements.
     field = result.solution
     write_mesh(mesh, result.mesh.scaled(1.0 / case.scale), groups=case.groups)
     write_mesh(

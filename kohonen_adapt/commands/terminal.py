@@ -18,10 +18,7 @@ REMEDY = 'Pictures need matplotlib: pip install "kohonen-adapt[plot]", then run 
 
 
 def let_signals_end_the_process() -> None:
-    """Restore the system's handler of Ctrl-C, which works in compiled loops, too.
-
-    An ignored Ctrl-C, as in the background of a shell script, stays ignored.
-    """
+    # An ignored Ctrl-C, as in the background of a shell script, stays ignored.
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
 

@@ -87,11 +87,8 @@ def checked_reluctivity(mesh: Mesh, reluctivity: ArrayLike) -> Floats:
 
 
 def mean_and_rest(mesh: Mesh, name: str, flux: ArrayLike | None) -> tuple[ArrayLike | None, Floats]:
-    """Return the mean of a flux per element and its deviation at the corners.
-
-    A flux of shape (d, nelements) or None is returned as given, with a deviation of zero. The deviation has shape (d, d
-    + 1, nelements).
-    """
+    # A flux of shape (d, nelements) or None is returned as given, with a deviation of zero. The deviation has shape
+    # (d, d + 1, nelements).
     check_kind(mesh, space=True)
     dim = cell_of(mesh).dim
     shape = {str(dim): dim, str(dim + 1): dim + 1, "nelements": mesh.t.shape[1]}

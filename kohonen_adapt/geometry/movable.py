@@ -95,10 +95,7 @@ class Movable(ABC):
 def names_beside(
     tessellation: Triangulation | Tetrahedralization, names: Mapping[str, NDArray[np.int8]], part: int, regions: Ints
 ) -> str:
-    """Return the boundaries of a curve segment or patch, else the subdomains beside.
-
-    Returns an empty string if neither has a name.
-    """
+    # Returns an empty string if neither has a name.
     found = [name for name, manner in names.items() if manner[part]]
     if found:
         return f"boundary {' + '.join(map(repr, found))}"

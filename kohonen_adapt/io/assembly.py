@@ -86,11 +86,8 @@ def element_counts(content: Content) -> tuple[dict[str, int], str]:
 
 
 def unique_elements(rows: Rows) -> tuple[Ints, Ints]:
-    """Return the corners of every element once, and the element of each row.
-
-    Elements have the order of their numbers in the file. MSH 2.2 lists an element of two groups twice, under two
-    numbers.
-    """
+    # Elements have the order of their numbers in the file. MSH 2.2 lists an element of two groups twice, under two
+    # numbers.
     corners = np.sort(rows.nodes, axis=1)
     order = np.lexsort((rows.number, *corners.T))
     ahead = corners[order]

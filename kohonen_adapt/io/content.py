@@ -184,10 +184,7 @@ class CellFields:
 
 
 def content_of_sets(points: Floats, sets: Iterable[tuple[int, str, Ints, Ints]]) -> Content:
-    """Return the content of sets of (Gmsh's type, name, nodes, element numbers).
-
-    An empty name stands for elements without a group.
-    """
+    # An empty name stands for elements without a group.
     tags: dict[tuple[int, str], int] = {}
     found: dict[int, list[Rows]] = {}
     for kind, name, nodes, number in sets:

@@ -59,10 +59,7 @@ def _text(folder: Path, name: str) -> str:
 
 
 def _blocks(text: str, before: int) -> Iterator[tuple[int, Rows]]:
-    """Yield Gmsh's type and the elements of each type.
-
-    A line has the number, the body or boundary, `before` - 1 further words, the type and the nodes.
-    """
+    # A line has the number, the body or boundary, `before` - 1 further words, the type and the nodes.
     lines = [words for line in text.splitlines() if (words := line.split())]
     for kind in sorted({words[1 + before] for words in lines}):
         number = KINDS.get(kind) or SHAPES.get(kind[0])

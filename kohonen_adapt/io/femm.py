@@ -31,11 +31,8 @@ Complex = NDArray[np.complex128]
 
 
 def read_ans(path: Path) -> Content:
-    """Return the mesh of a solution of FEMM, in metres.
-
-    Boundaries are found as the nodes on segments and arcs with a property, because files before 2018 do not list the
-    sides of triangles.
-    """
+    # Boundaries are found as the nodes on segments and arcs with a property, because files before 2018 do not list
+    # the sides of triangles.
     with as_value_error(path, f"read_mesh expected a solution of FEMM; '{path}' cannot be read: {{}}."):
         head, mark, solution = path.read_text(encoding="utf-8", errors="replace").partition("[Solution]")
         if not mark:

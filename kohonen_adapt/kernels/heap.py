@@ -25,10 +25,7 @@ class Heap(NamedTuple):
 
 @inner_kernel
 def insert(heap, key, a, b):
-    """Add an edge to a heap, or drop the edge if the heap is full.
-
-    A full heap has to be filled again from the mesh.
-    """
+    # A full heap has to be filled again from the mesh.
     i = heap.size[0]
     if i == heap.key.shape[0]:
         return

@@ -70,10 +70,7 @@ class Checkpoint:
         return checkpoint
 
     def passes(self, movable: MovableMesh | MovableSolid) -> Iterator[Pass]:
-        """Yield the stored passes in order, with `movable` set to the mesh of each.
-
-        Raises ValueError if a pass is damaged, missing or of another run, and OSError if a file cannot be read.
-        """
+        """Yield the stored passes in order, with `movable` set to the mesh of each."""
         for file in self._files():
             values, state = self._read(file)
             try:

@@ -113,10 +113,7 @@ class History:
         return self._ending is None
 
     def resumed(self) -> Solved | None:
-        """Return the last stored pass, solved again unless the loop ended there.
-
-        The mesh is set to the mesh of this pass. Return None if no pass is stored.
-        """
+        # The mesh is set to the mesh of this pass. Return None if no pass is stored.
         last = None
         for record in self._checkpoint.passes(self._adaptation.movable) if self._checkpoint else ():
             last = Solved(record, UNSOLVED)
@@ -179,10 +176,7 @@ class History:
             self._ending = failed_ending(failure, self._passes.best.record)
 
     def result(self) -> AdaptResult:
-        """Return the best pass with its solution, the history and the reason for the end.
-
-        The last pass replaces the best pass of a resumed run if the best pass cannot be solved again.
-        """
+        # The last pass replaces the best pass of a resumed run if the best pass cannot be solved again.
         with self.catching_failures():
             self._solve_best()
         if self._ending is None:

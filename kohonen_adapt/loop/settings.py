@@ -55,10 +55,7 @@ class Settings:
 
 
 def fingerprint(mesh: Mesh, problem: Problem, settings: Settings) -> dict[str, str]:
-    """Return texts by name of everything that a pass depends on.
-
-    The results of the problem and of the outputs are not included, nor the settings that only end the loop.
-    """
+    # The results of the problem and of the outputs are not included, nor the settings that only end the loop.
     sides = {None: "", True: " on curved elements", False: " on straight elements"}[is_curved(problem)]
     order = order_of(at_order_of_passes(problem))
     texts = {

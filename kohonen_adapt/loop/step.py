@@ -140,10 +140,8 @@ class Adaptation:
         return Solved(record, solution, functional)
 
     def assess_again(self, record: Pass) -> Solved:
-        """Solve the mesh of a pass of an earlier process.
-
-        Raises ValueError if indicators or signs of outputs differ from the stored values, which means another problem.
-        """
+        # Raises ValueError if indicators or signs of outputs differ from the stored values, which means another
+        # problem.
         solution = solve_again(self.problem, record.mesh, record.indicators)
         check_signs(record.outputs, self.outputs(solution))
         return Solved(record, solution, self._functional(record.mesh, solution, record.share)[0])
@@ -175,10 +173,7 @@ class Adaptation:
     def output_errors(
         self, mesh: Mesh, solution: Any, outputs: Mapping[str, float], unknowns: int, before: Pass | None
     ) -> dict[str, float]:
-        """Return estimated errors of outputs, none if unknown.
-
-        They are the differences from better values, or else from a pass with half the unknowns.
-        """
+        # They are the differences from better values, or else from a pass with half the unknowns.
         if not self.settings.estimated.outputs:
             return {}
         better = self.better_outputs(mesh, solution)
@@ -217,10 +212,7 @@ class Adaptation:
 def functional_of(
     problem: Problem, method: Method, movable: Any, mesh: Mesh, solution: Any, share: float | None = None
 ) -> tuple[Functional | None, float | None, str]:
-    """Return the functional, its value and the reason for having none.
-
-    The value is None if the functional only shapes elements. A dual gets the weight `share` of an earlier pass.
-    """
+    # The value is None if the functional only shapes elements. A dual gets the weight `share` of an earlier pass.
     in_energy_norm = norm_of(problem) == "energy"
     if not in_energy_norm and not is_calibrated(problem):  # the polish stretches elements, which residuals overrate
         return None, None, f"the norm {norm_of(problem)!r} requires `calibrated` indicators"

@@ -48,11 +48,8 @@ class Steps:
 
     @contextmanager
     def __call__(self, step: str, label: str = "", number: int | None = None) -> Iterator[None]:
-        """Time a step as a context manager.
-
-        Exceptions before the first solve pass unchanged, later exceptions are raised as `StepFailed`, which names
-        `label` instead of the step if given.
-        """
+        # Exceptions before the first solve pass unchanged, later exceptions are raised as `StepFailed`, which names
+        # `label` instead of the step if given.
         number = self.number if number is None else number
         self.begin(number, step)
         start = perf_counter()

@@ -149,10 +149,7 @@ def with_remarks(ending: Ending, passes: Passes, best: Pass, settings: Settings,
 
 
 def outputs_remark(first: Pass, best: Pass, better: Mapping[str, float]) -> str:
-    """Return a remark on outputs that are less accurate than on the input.
-
-    Outputs smaller than their errors, such as a force across a symmetry, are left out.
-    """
+    # Outputs smaller than their errors, such as a force across a symmetry, are left out.
     errors = {name: [abs(step.outputs[name] - value) for step in (first, best)] for name, value in better.items()}
     worse = [
         f"error of {name!r} about {now:.2g} (input {before:.2g})"
@@ -182,11 +179,8 @@ def _choice_remark(passes: Passes, best: Pass) -> str:
 
 
 def _resolution_remark(passes: Passes, best: Pass) -> str:
-    """Return a warning if the decrease of the functional shows an unresolved mesh.
-
-    A functional lies above its minimum by half the square of the error in the energy norm. Hence the squared error of
-    the pass before is twice the decrease from there to the best pass, plus the squared error of the best pass.
-    """
+    # A functional lies above its minimum by half the square of the error in the energy norm. Hence the squared error
+    # of the pass before is twice the decrease from there to the best pass, plus the squared error of the best pass.
     before = next((step for step in passes if step.number == best.number - 1), None)
     if before is None or best.functional is None or before.functional is None or best.share is not None:
         return ""

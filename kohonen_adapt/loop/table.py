@@ -62,10 +62,8 @@ def output_error_figures(step: Pass) -> dict[str, float]:
 
 
 def goal_figures(step: Pass) -> dict[str, float | None]:
-    """Return the figures of the goal by title with unit, none without a goal.
-
-    The figures are the value, its error (None if not estimated), their sum, and the sum of the errors of the elements.
-    """
+    # The figures are the value, its error (None if not estimated), their sum, and the sum of the errors of the
+    # elements.
     if step.goal is None:
         return {}
     total = None if step.goal_error is None else step.goal + step.goal_error

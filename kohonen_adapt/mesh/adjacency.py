@@ -37,10 +37,7 @@ def positive(position: Floats, t: ArrayLike) -> NDArray[np.int32]:
 
 
 def neighbours_of(node: NDArray[np.int32], position: Floats) -> NDArray[np.int32]:
-    """Return the element across the facet opposite to every corner, -1 outside.
-
-    Raises ValueError if two elements lie on the same side of a facet, because one is inverted or both overlap.
-    """
+    """Return the element across the facet opposite to every corner, -1 outside."""
     (m, corners), cell = node.shape, CELLS[node.shape[1] - 1]
     facet = node.T[np.array(cell.outward).T]  # (d, d + 1, m)
     key = keys_of(ascending(*facet), int(node.max()) + 1).T.ravel()

@@ -37,11 +37,8 @@ def slopes_at(barycentric: Floats, order: int) -> Floats:
 
 
 def traces_at(fraction: Floats, order: int) -> Floats:
-    """Return the values on a side of the functions that do not vanish there.
-
-    `fraction` (n,) is the position along the side, from 0 at corner k + 1 to 1 at corner k + 2. Values have shape (n,
-    order + 1), in the order of `trace_columns`.
-    """
+    # `fraction` (n,) is the position along the side, from 0 at corner k + 1 to 1 at corner k + 2. Values have shape
+    # (n, order + 1), in the order of `trace_columns`.
     product = fraction * (1.0 - fraction)
     functions = 1.0 - fraction, fraction, EVEN * product, ODD * product * (2.0 * fraction - 1.0)
     return np.stack(functions[: order + 1], axis=1)
@@ -63,9 +60,6 @@ def facet_products(order: int) -> Floats:
 
 
 def facet_functions(order: int) -> Floats:
-    """Return the Lagrange functions on a facet of length 1 as polynomials.
-
-    Column j contains the coefficients of function j by powers, shape (order + 1, order + 1).
-    """
+    # Column j contains the coefficients of function j by powers, shape (order + 1, order + 1).
     at = np.concatenate(([0.0, 1.0], np.arange(1, order) / order))
     return np.linalg.inv(at[:, None] ** np.arange(order + 1))

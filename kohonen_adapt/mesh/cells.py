@@ -68,10 +68,7 @@ def doubled_area(corners: Floats) -> Floats:
 
 
 def sixfold_volume(corners: Floats) -> Floats:
-    """Return six times the signed volume of tetrahedra a, b, c, d.
-
-    The volume is positive if b, c, d run clockwise as seen from a.
-    """
+    # The volume is positive if b, c, d run clockwise as seen from a.
     u, v, w = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
     return np.sum(u * crossed(v, w), axis=0)
 

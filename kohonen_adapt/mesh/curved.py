@@ -193,11 +193,8 @@ class CurvedElements:
         return x
 
     def barycentric_coordinates(self, element: Ints, x: Floats) -> Floats:
-        """Return the barycentric coordinates of points.
-
-        Newton's method starts from the coordinates in the straight triangle. If the iteration does not converge, for
-        instance outside the element, the coordinates in the straight triangle are returned.
-        """
+        # Newton's method starts from the coordinates in the straight triangle. If the iteration does not converge,
+        # for instance outside the element, the coordinates in the straight triangle are returned.
         return self._newton(element, x)[0]
 
     def _newton(self, element: Ints, x: Floats) -> tuple[Floats, Mask]:

@@ -29,10 +29,7 @@ Names = Mapping[str, NDArray[np.integer]] | None
 
 
 def is_own_name(name: str) -> bool:
-    """Return True if a name was given by the user.
-
-    scikit-fem adds sets called ``gmsh:*`` when reading a Gmsh file.
-    """
+    # scikit-fem adds sets called ``gmsh:*`` when reading a Gmsh file.
     return not name.startswith("gmsh:")
 
 

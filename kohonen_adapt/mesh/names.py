@@ -139,11 +139,8 @@ def subdomains_of(mesh: Mesh, region_of_input: Ints, region: Ints) -> dict[str, 
 
 
 def manners_of(mesh: Mesh, rows: Ints, facet: Ints, element: Ints) -> NDArray[np.int8]:
-    """Return the orientation of a named boundary at facets, seen from elements.
-
-    The result is 0 for facets outside the boundary `rows`, and UNORIENTED for a boundary without orientation. In an
-    oriented boundary the result is LEFT if `element` is on the oriented side, or else RIGHT.
-    """
+    # The result is 0 for facets outside the boundary `rows`, and UNORIENTED for a boundary without orientation. In an
+    # oriented boundary the result is LEFT if `element` is on the oriented side, or else RIGHT.
     manner = np.zeros(mesh.facets.shape[1], dtype=np.int8)
     manner[np.asarray(rows)] = UNORIENTED
     if isinstance(rows, OrientedBoundary):
@@ -178,11 +175,8 @@ def marked_facets(mesh: Mesh, elements: Any) -> tuple[Ints, Ints, Ints, Ints, di
 def boundary_of(
     mesh: Mesh, facet: Ints, element: Ints, corner: Ints, side: Callable[[Ints, Ints], NDArray[np.int8]] | None
 ) -> Ints:
-    """Return the boundary of the facets opposite to corners of elements.
-
-    `facet`, shape (m, d + 1), holds the facets of `facets_opposite`. `side(element, corner)` returns the side on which
-    the elements lie, LEFT or RIGHT. With None the boundary has no orientation.
-    """
+    # `facet`, shape (m, d + 1), holds the facets of `facets_opposite`. `side(element, corner)` returns the side on
+    # which the elements lie, LEFT or RIGHT. With None the boundary has no orientation.
     number, first = np.unique(facet[element, corner], return_index=True)
     if side is None:
         return number

@@ -113,11 +113,8 @@ def slopes_near_axis(kind: int, barycentric: Floats, order: int) -> Floats:
 
 
 def halves(order: int) -> Floats:
-    """Return the matrices that express a function on both halves of a triangle.
-
-    With the midpoint p of the side between corners 1 and 2, the halves are (p, 0, 1) and (p, 2, 0). Matrices have shape
-    (2, functions, functions).
-    """
+    # With the midpoint p of the side between corners 1 and 2, the halves are (p, 0, 1) and (p, 2, 0). Matrices have
+    # shape (2, functions, functions).
     steps = np.array([(i, j, order - i - j) for i in range(order + 1) for j in range(order + 1 - i)]) / order
     corner = np.array([[0.0, 0.5, 0.5], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     here = functions_at(steps, order)
@@ -159,10 +156,7 @@ def places_on_sides(corners: Floats, order: int) -> Floats:
 
 
 def set_sides(modes: Modes, corners: Floats, own: Floats, kind: Ints | None = None) -> None:
-    """Set the coefficients of sides from values at the corners and on the sides.
-
-    `own` (m, 3, order - 1) are values at the midside, or at one and two thirds of each side, counter-clockwise.
-    """
+    # `own` (m, 3, order - 1) are values at the midside, or at one and two thirds of each side, counter-clockwise.
     if kind is not None:
         factor = factors_on_sides(own.shape[2] + 1)[kind]
         own = own / np.where(factor > 0.0, factor, 1.0)

@@ -103,11 +103,8 @@ def flat(mesh: Mesh, plane: CutBy | None, axisymmetric: bool = False) -> Flat:
 
 
 def _cut(mesh: Mesh, point: Floats, normal: Floats) -> tuple[Ints, Ints, Ints, Floats]:
-    """Return the cut edges of all triangles, the elements, and the heights of nodes.
-
-    The corners of triangle i lie on the edges between the nodes ``below[:, i]`` and ``above[:, i]``, both of shape
-    (3, k). Heights are distances from the plane along the normal.
-    """
+    # The corners of triangle i lie on the edges between the nodes ``below[:, i]`` and ``above[:, i]``, both of shape
+    # (3, k). Heights are distances from the plane along the normal.
     height = normal @ (mesh.p - point[:, None])
     height[np.abs(height) < SNAP * np.ptp(mesh.p, axis=1).max()] = 0.0
     for is_above in (height >= 0.0, height > 0.0):  # the second for a plane along the boundary

@@ -16,11 +16,8 @@ FLAT = 1e-9  # maximum difference of equal coordinates, relative to the size of 
 
 
 def check_mesh(mesh: Mesh, curved: bool = False, inverted: bool = False, space: bool = False) -> None:
-    """Raise ValueError unless a mesh is valid and of an accepted kind.
-
-    With `inverted`, curved sides may invert elements, as in coarse second-order meshes of Gmsh. Callers that move nodes
-    accept these, because they use the sides only to recognise curves and set new midside offsets.
-    """
+    # With `inverted`, curved sides may invert elements, as in coarse second-order meshes of Gmsh. Callers that move
+    # nodes accept these, because they use the sides only to recognise curves and set new midside offsets.
     check_kind(mesh, curved, space)
     if is_second_order(mesh):
         check_mesh(corners_of(mesh))
@@ -75,10 +72,7 @@ def check_nodes_used(mesh: Mesh) -> None:
 
 
 def check_sizes(mesh: Mesh) -> None:
-    """Raise ValueError for elements without area or volume.
-
-    The limit in d dimensions is ``1e-14 / d!`` times the d-th power of the longest edge.
-    """
+    # The limit in d dimensions is ``1e-14 / d!`` times the d-th power of the longest edge.
     cell = cell_of(mesh)
     corners = mesh.p[:, mesh.t]
     longest = np.zeros(mesh.t.shape[1])

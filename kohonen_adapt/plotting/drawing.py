@@ -247,11 +247,8 @@ def set_axes(axes: Axes, mesh: MeshTri, unit: str, names: tuple[str, str] = ("x"
 def draw_elements(
     axes: Axes, mesh: MeshTri, values: Floats, unit: str, norm: Normalize, colours: Colormap
 ) -> Collection:
-    """Draw the elements in colours.
-
-    Values of shape (nelements,) are constant in each element; values of shape (k, nelements) are given on a lattice and
-    linear between its points.
-    """
+    # Values of shape (nelements,) are constant in each element; values of shape (k, nelements) are given on a lattice
+    # and linear between its points.
     if values.ndim == 2:
         values = _on_finer_lattice(mesh, values)
         fine = divided(mesh, divisions_of(len(values)))

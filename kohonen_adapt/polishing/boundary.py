@@ -59,11 +59,8 @@ class BoundaryTerms:
         return found
 
     def value(self, chain: Ints, corners: Floats, coefficients: Floats, offsets: Floats | None = None) -> float:
-        """Return the Robin terms of a function, summed over all elements.
-
-        `chain` (m, 3) holds the curve segment of every side, `corners` (m, 3, 2) and `coefficients` (m, b) belong to
-        the elements, and `offsets` (m, 3, 2) holds the midside offsets.
-        """
+        # `chain` (m, 3) holds the curve segment of every side, `corners` (m, 3, 2) and `coefficients` (m, b) belong
+        # to the elements, and `offsets` (m, 3, 2) holds the midside offsets.
         total = 0.0
         for name, chains in self.chains.items():
             sides, terms = sides_on(chain, chains), self.ritz.robin[name]
@@ -71,11 +68,8 @@ class BoundaryTerms:
         return total
 
     def improve(self, triangulation: Triangulation, trial: TrialFunction, offsets: Floats | None = None) -> None:
-        """Set the values on Robin boundaries to the minimiser of the functional.
-
-        All values are found by one linear solve. With nonlinear laws the matrix has secant coefficients, and the step
-        is undone if the functional rises. `offsets` holds the midside offsets, shape (m, 3, 2).
-        """
+        # All values are found by one linear solve. With nonlinear laws the matrix has secant coefficients, and the
+        # step is undone if the functional rises. `offsets` holds the midside offsets, shape (m, 3, 2).
         unknown, count = self._unknowns(triangulation, trial) if self.chains else (np.empty((0, 3), dtype=int), 0)
         if not count:
             return

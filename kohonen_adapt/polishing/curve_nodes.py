@@ -124,10 +124,8 @@ class Stars(NamedTuple):
         return valid & (self.totals(too_long.astype(float)) == 0.0)
 
     def evaluated(self, parameter: Floats) -> tuple[Floats, Floats, list[Floats]]:
-        """Return functional and magnitude of terms per star, and value changes per part.
-
-        `parameter` (k,) places the nodes. The nodal values minimise the functional unless they are Dirichlet values.
-        """
+        # `parameter` (k,) places the nodes. The nodal values minimise the functional unless they are Dirichlet
+        # values.
         x = self.points(parameter)
         own = self.ends == self.node[self.owner[self.holder]][:, None]
         at = np.where(own, parameter[self.owner[self.holder]][:, None], self.parameter)
@@ -149,11 +147,8 @@ class Stars(NamedTuple):
         return total, size, changes
 
     def _of_part(self, part: Part, x: Floats, area: Floats, offset: Floats, touches: Floats) -> tuple[Floats, ...]:
-        """Return value, magnitude, and first and second derivative by the nodal value.
-
-        `area`, `offset` and `touches` (s,) belong to the slivers. `touches` is the value of the node's shape function
-        at the midpoint of the chord.
-        """
+        # `area`, `offset` and `touches` (s,) belong to the slivers. `touches` is the value of the node's shape
+        # function at the midpoint of the chord.
         (a, b), own, holder = self.sides(x), part.values[self.node][self.owner], self.holder
         doubled, ua, ub = cross(a, b), part.values[self.ahead], part.values[self.behind]
         hat = np.stack([a[:, 1] - b[:, 1], b[:, 0] - a[:, 0]], axis=1) / doubled[:, None]

@@ -130,11 +130,8 @@ def with_source(
 
 
 def polynomial(points: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return the quadratic interpolant at the centroid.
-
-    `values` (6, m) belong to the corners `points` (2, 3, m), then to the midpoints after each corner. Returned
-    are the value (m,) and the derivatives by x, y, xx, xy and yy (5, m).
-    """
+    # `values` (6, m) belong to the corners `points` (2, 3, m), then to the midpoints after each corner. Returned are
+    # the value (m,) and the derivatives by x, y, xx, xy and yy (5, m).
     corner, middle = values[:3], values[3:]
     hat = np.stack(
         [gradients(points.T, np.tile(unit, (points.shape[2], 1)), LINEAR_FUNCTIONS)[1][:, 0] for unit in np.eye(3)]

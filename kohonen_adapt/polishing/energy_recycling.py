@@ -31,10 +31,7 @@ class Exchange(NamedTuple):
 def recycle_by_energy(
     movable: MovableMesh, functional: Functional, trial: TrialFunction, recycled: Recycled
 ) -> Exchange:
-    """Split edges and collapse nodes in pairs while the gain exceeds the cost.
-
-    Curve segments on which nodes are held keep their nodes.
-    """
+    # Curve segments on which nodes are held keep their nodes.
     n = movable.nnodes
     surgery = Surgery.on(movable, np.ones(n), n, recycled)
     mesh, offers = surgery.mesh, offers_of(movable, functional, trial.fixed, surgery.mesh)
@@ -74,11 +71,8 @@ def without_spare_rows(trial: TrialFunction, kept: Ints, used: Ints) -> TrialFun
 
 
 def compute_gains(loops: Linear, mesh: OpenMesh, offers: Offers) -> float:
-    """Compute all gains and costs, and return the largest gain.
-
-    Costs above the largest gain are not computed. Gains and costs depend on the current mesh alone, and therefore
-    not on the number of threads.
-    """
+    # Costs above the largest gain are not computed. Gains and costs depend on the current mesh alone, and therefore
+    # not on the number of threads.
     cuts, rows = even_cuts(len(offers.cost), loops.few), (len(mesh.position), len(mesh.elements.node))
     own = [mesh._replace(scratch=SurgeryScratch.of(*rows)) for _ in cuts[1:]]
 

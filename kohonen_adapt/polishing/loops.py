@@ -65,10 +65,7 @@ class Linear:
         return descend_nodes(mesh.position, mesh.star, mesh.constraints, patch.trials, patch.nodes, self.floor)
 
     def descend_flips(self, thread: int, first: int, last: int, gainful: Mask, marks: bool) -> tuple[float, int]:
-        """Mark elements with an edge whose flip gains, or flip edges of marked elements.
-
-        Returned are the decrease of the functional and the number of flips.
-        """
+        # Returned are the decrease of the functional and the number of flips.
         mesh = self.mesh
         return descend_flips(mesh.position, mesh.elements, self.trials, self.floor, gainful, first, last, marks)
 
@@ -79,10 +76,7 @@ class Linear:
         weigh_collapses(mesh, self.mesh.star, self.trials, offers, most, self.floor, first, last)
 
     def exchange(self, mesh: OpenMesh, offers: Offers, edges: Ints, nodes: Ints) -> tuple[int, float]:
-        """Split edges and collapse nodes in pairs.
-
-        Returned are the number of pairs and the decrease of the functional.
-        """
+        # Returned are the number of pairs and the decrease of the functional.
         return exchange(mesh, self.trials, offers, edges, nodes, self.floor)
 
 

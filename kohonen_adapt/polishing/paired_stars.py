@@ -64,10 +64,7 @@ class Couples(NamedTuple):
 
 
 def set_partners(movable: MovableMesh, trial: TrialFunction, sign: Floats) -> None:
-    """Set the values of partners, and coefficients of their sides, from the nodes.
-
-    After interpolation onto a moved mesh both sides differ by rounding, on arcs by more.
-    """
+    # After interpolation onto a moved mesh both sides differ by rounding, on arcs by more.
     couples = Couples.of(movable, sign)
     for function in filter(None, (trial, trial.dual)):
         function.values[couples.partner] = couples.sign * function.values[couples.node]
@@ -155,11 +152,8 @@ class Gathered(NamedTuple):
         return np.where(self.at_partner[:, None, None], back, position)
 
     def end_corners(self, movable: MovableMesh, couples: Couples) -> tuple[tuple[Ints, Ints], tuple[Ints, Ints]]:
-        """Return the corners at the ends of the curve segments, here and at the partner.
-
-        Corners are rows and columns (2 k,). The first corner here is the last at the partner, except for pairs that
-        fold the mesh (Kelvin discs).
-        """
+        # Corners are rows and columns (2 k,). The first corner here is the last at the partner, except for pairs that
+        # fold the mesh (Kelvin discs).
         node, star = self.nodes(movable), (2 * self.owner + self.at_partner) * movable.nnodes
         ahead, behind = star + node[:, 1], star + node[:, 2]
         first, last = np.flatnonzero(~np.isin(ahead, behind)), np.flatnonzero(~np.isin(behind, ahead))

@@ -63,12 +63,9 @@ def still_pays(exchange: Exchange, before: Recycled, nodes: int, order: int) -> 
 def descend(
     movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int = SWEEPS, swap_first: bool = False
 ) -> float:
-    """Sweep nodes and edges, and return the decrease of the functional.
-
-    Sampled sources and fluxes hold near the sampled positions only. They are sampled again every few sweeps,
-    which are undone if the functional has not decreased. The same holds with slivers between chords and curves,
-    which the kernels do not include.
-    """
+    # Sampled sources and fluxes hold near the sampled positions only. They are sampled again every few sweeps, which
+    # are undone if the functional has not decreased. The same holds with slivers between chords and curves, which the
+    # kernels do not include.
     if not functional.is_approximate:
         return sweep(movable, functional, trial, sweeps, swap_first)
     total, interval = 0.0, RESAMPLE_SOURCE if functional.has_varying_source else RESAMPLE

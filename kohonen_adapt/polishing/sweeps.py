@@ -31,12 +31,9 @@ SWEEPS = 8
 
 
 def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int, swap_first: bool) -> float:
-    """Sweep nodes and edges, and return the decrease by moves and flips.
-
-    Edges are flipped after the nodes of every sweep. With `swap_first` they are also flipped before the first sweep,
-    so that useless nodes are detected earlier. The decrease excludes the gain of better values on Robin
-    boundaries.
-    """
+    # Edges are flipped after the nodes of every sweep. With `swap_first` they are also flipped before the first
+    # sweep, so that useless nodes are detected earlier. The decrease excludes the gain of better values on Robin
+    # boundaries.
     outline, gain = movable.outline, 0.0
     freedom = Freedom(functional.kinds(outline, trial.fixed), trial.fixed, functional.sign)
     # pairs, Robin nodes and nodes on chords are excluded, because their star is not the whole functional

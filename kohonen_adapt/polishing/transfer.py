@@ -103,11 +103,8 @@ class InputSolution:
 def transferred_modes(
     old: InputSolution, movable: MovableMesh, start_element: Ints, values: Floats, fixed: Mask
 ) -> Modes:
-    """Return interpolated coefficients of sides and bubbles, and Dirichlet sides.
-
-    Points of an element are searched from an old element in the same region, points of a side from either
-    adjacent element.
-    """
+    # Points of an element are searched from an old element in the same region, points of a side from either adjacent
+    # element.
     new, order = movable.triangulation, old.functional.ritz.order
     elements, m, functional, degrees = new.elements, len(new.elements.node), old.functional, order - 1
     if not degrees:

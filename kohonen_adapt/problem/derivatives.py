@@ -44,10 +44,7 @@ class Derivatives(NamedTuple):
 
 
 def derivatives_on(corners: Floats, coefficients: Floats, region: Ints, ritz: Ritz, offsets: Floats) -> Derivatives:
-    """Return the element residuals of triangles.
-
-    `corners` and the midside `offsets` have shape (m, 3, 2).
-    """
+    # `corners` and the midside `offsets` have shape (m, 3, 2).
     derivatives = Derivatives(*np.zeros((3, *coefficients.shape)))
     kind = kinds_at_axis(corners[:, :, 0]) if ritz.axisymmetric else np.where(np.any(offsets, axis=(1, 2)), 0, -1)
     for one_kind, nonlinear, rows in elements_by_rule(kind, region, ritz):
@@ -136,11 +133,8 @@ def secants(gradient: Floats, x: Floats, region: Ints, ritz: Ritz) -> Floats:
 
 
 def derivatives_in_space(corners: Floats, values: Floats, region: Ints, ritz: Ritz) -> Derivatives:
-    """Return the element residuals of P1 functions on tetrahedra.
-
-    `corners` has shape (3, 4, m), and the nodal `values` have shape (4, m). ``grad u`` is constant in every element, so
-    that only a source that is a function needs a quadrature rule.
-    """
+    # `corners` has shape (3, 4, m), and the nodal `values` have shape (4, m). ``grad u`` is constant in every
+    # element, so that only a source that is a function needs a quadrature rule.
     hats, volume = TETRAHEDRON.hat_gradients(corners), np.abs(TETRAHEDRON.determinant(corners)) / 6.0
     gradient = np.einsum("dkm,km->dm", hats, values)
     gradient = shifted_slope(gradient, region, ritz)

@@ -70,10 +70,6 @@ def _check_values(values: Floats, good: Mask, wanted: str) -> None:
 
 
 def solve_again(problem: Problem, mesh: Mesh, indicators: Floats) -> Any:
-    """Return the solution on a mesh that an earlier process solved.
-
-    Raises ValueError if the indicators (nelements,) differ, which means another problem.
-    """
     solution = problem.solve(mesh)
     difference = float(np.abs(estimate(problem, mesh, solution) - indicators).max())
     if difference > RESTART_TOLERANCE * indicators.max():
@@ -107,10 +103,6 @@ def energy_norm(problem: Problem, mesh: Mesh, solution: Any, rtol: float | None 
 
 
 def ritz_of(problem: Problem, mesh: Mesh, solution: Any) -> Ritz:
-    """Return the functional of the problem with its solution.
-
-    Raises NotOffered if the problem has no functional of its order, and ValueError if the type is wrong.
-    """
     try:
         method = optional_method(problem, "ritz")
     except NotOffered as reason:

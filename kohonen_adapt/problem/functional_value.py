@@ -14,10 +14,6 @@ __all__ = ["functional_value"]
 
 
 def functional_value(mesh: Mesh, ritz: Ritz) -> float:
-    """Return the functional of the solution on its mesh, the dual included.
-
-    Raises ValueError if the functional belongs to another mesh, or on tetrahedra has terms that are for the plane only.
-    """
     if mesh.dim() == TETRAHEDRON.dim:
         if plane_only_term(ritz):
             raise ValueError(f"Ritz cannot be evaluated on tetrahedra: {plane_only_term(ritz)}.")

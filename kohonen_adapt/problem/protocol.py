@@ -233,10 +233,6 @@ def has_method(problem: Problem, name: str) -> bool:
 
 
 def optional_method(problem: Problem, name: str) -> Callable[..., Any]:
-    """Return a method of the problem.
-
-    Raises NotOffered for a missing method, with the message of the AttributeError if the class has the method.
-    """
     reason = f"{type(problem).__name__} has no method {name}(mesh, solution)"
     try:
         method = getattr(problem, name)

@@ -37,10 +37,7 @@ def checked_conditions(given: Robin) -> dict[str, tuple[float, Load]]:
 
 
 def sides_of_boundary(mesh: MeshTri, name: str) -> tuple[Ints, Ints]:
-    """Return elements (f,) and opposite corners (f,) of the facets of a boundary.
-
-    Raises ValueError if the boundary is unknown or not on the outer boundary of the mesh.
-    """
+    """Return elements (f,) and opposite corners (f,) of the facets of a boundary."""
     facets = np.asarray(named(mesh.boundaries, name, "boundary"))
     number_facets(mesh)
     inside = int(np.count_nonzero(mesh.f2t[1, facets] >= 0))
@@ -114,10 +111,7 @@ def robin_value(
 
 
 def evaluate_load(x: Floats, load: Load) -> Floats:
-    """Return a load at points (2, n), shape (n,).
-
-    Raises ValueError for another shape, and for values that are not finite.
-    """
+    """Return a load at points (2, n), shape (n,)."""
     values = np.asarray(load(x) if callable(load) else load, dtype=float)
     if values.shape not in {(), x.shape[1:]} or not np.all(np.isfinite(values)):
         raise ValueError(

@@ -143,10 +143,7 @@ def value_by_region(table: Floats, region: Ints) -> Floats:
 
 
 def flux_at(x: Floats, region: Ints, flux: Callable[[Floats, Ints], ArrayLike]) -> Floats:
-    """Return a varying flux at points x of elements, shape (2, k, m).
-
-    Raises ValueError for another shape, and for values that are not finite.
-    """
+    """Return a varying flux at points x of elements, shape (2, k, m)."""
     flat = x.reshape(2, -1)
     values = np.asarray(flux(flat, np.tile(region, x.shape[1])), dtype=float)
     if values.shape != flat.shape:
@@ -158,10 +155,7 @@ def flux_at(x: Floats, region: Ints, flux: Callable[[Floats, Ints], ArrayLike]) 
 
 
 def source_at(x: Floats, region: Ints, source: Callable[[Floats, Ints], ArrayLike]) -> Floats:
-    """Return a varying source at points x (d, k, m) of elements, shape (k, m).
-
-    Raises ValueError for another shape, and for values that are not finite.
-    """
+    """Return a varying source at points x (d, k, m) of elements, shape (k, m)."""
     flat = x.reshape(len(x), -1)
     values = np.asarray(source(flat, np.tile(region, x.shape[1])), dtype=float)
     if values.shape != flat.shape[1:]:

@@ -113,11 +113,8 @@ def view_data(
 
 
 def _mesh(shown: Flat, sections: Sequence[Floats], unit: str) -> dict[str, Any]:
-    """Return a mesh for the page, with coordinates relative to the centre.
-
-    float32 is most accurate there. Points on curved sides are added for drawing. The sides of elements are listed for a
-    cut only.
-    """
+    # float32 is most accurate there. Points on curved sides are added for drawing. The sides of elements are listed
+    # for a cut only.
     mesh = shown.mesh
     cut = {}
     if shown.element is not None:

@@ -127,11 +127,8 @@ class Facets(NamedTuple):
 
 
 def recycle_pairs(mesh: OpenMesh, target: int, both: bool, ratio: float, floor: float) -> tuple[int, int]:
-    """Split and collapse facets of pairs until they have the desired length.
-
-    Squared lengths may differ by a factor `ratio`. Without `both` no node is removed, and nodes are added up to
-    `target`. Returns the numbers of nodes added and removed.
-    """
+    # Squared lengths may differ by a factor `ratio`. Without `both` no node is removed, and nodes are added up to
+    # `target`. Returns the numbers of nodes added and removed.
     images, wanted, splits, collapses = images_of_chains(mesh), desired_length(mesh, target), 0, 0
     available = int(mesh.pool.height[0]) // 2 - 1
     if not both:

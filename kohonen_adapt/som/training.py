@@ -134,10 +134,7 @@ class Trainer:
     def epoch(
         self, stage: Stage, rate: float, shown: Draw, slot: Ints, winners: Ints, rng: np.random.Generator
     ) -> float:
-        """Present every point once, and return the mean distance to the winners.
-
-        The search for a point starts from the entry of `winners` at its `slot`; the winner replaces the entry.
-        """
+        # The search for a point starts from the entry of `winners` at its `slot`; the winner replaces the entry.
         number, total = len(slot), 0.0
         rings = stage.radius + 2  # elements of moved nodes need one ring beyond the radius, a corner jump a second
         parts = parts_for(self.movable.nnodes, rings, self.method.cell.dim)
@@ -247,12 +244,9 @@ def starts_of_threads(starts: Ints) -> list[int]:
 
 
 def parts_for(neurons: int, rings: int, dim: int) -> int:
-    """Return the number of parts, a power of two.
-
-    A cube of n nodes has n^(1/dim) nodes in a row, and p parts need dim (p^(1/dim) - 1) cuts from side to side. The
-    number p is the largest for which strips of `rings` on both sides of the cuts have at most `STRIPS` n nodes, and for
-    which parts have at least `LEAST` nodes.
-    """
+    # A cube of n nodes has n^(1/dim) nodes in a row, and p parts need dim (p^(1/dim) - 1) cuts from side to side. The
+    # number p is the largest for which strips of `rings` on both sides of the cuts have at most `STRIPS` n nodes, and
+    # for which parts have at least `LEAST` nodes.
     parts, row = 1, neurons ** (1.0 / dim)
     while 2 * parts * LEAST <= neurons and 2 * dim * rings * ((2 * parts) ** (1.0 / dim) - 1) <= STRIPS * row:
         parts *= 2

@@ -148,11 +148,8 @@ def cross(u: Floats, w: Floats) -> Floats:
 
 
 def spline_knots(curve: Curve, nodes: Floats, closed: bool, name: str) -> Floats:
-    """Return a table of the cubic spline that interpolates a user-defined curve.
-
-    The columns (k, 5) are parameter, point and derivative. The number of interpolation points on each facet is doubled
-    until the spline is within `FINE` of the curve, or `SAMPLES` is reached.
-    """
+    # The columns (k, 5) are parameter, point and derivative. The number of interpolation points on each facet is
+    # doubled until the spline is within `FINE` of the curve, or `SAMPLES` is reached.
     samples, most = SAMPLES
     found = project_facets(curve, nodes, np.arange(samples) / samples, name)
     end = found[0, :1] if closed else projected(curve, nodes[-1:], name)

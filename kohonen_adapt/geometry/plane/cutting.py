@@ -213,10 +213,7 @@ def circle_of_loop(position: Floats, node: Ints, first: int, last: int, circle: 
 
 
 def angle_on_circle(position: Floats, node: Ints, first: int, last: int, circle: Floats, count: int) -> float:
-    """Return the angle of a polyline on its least-squares circle, or 0 without a fit.
-
-    The circle is written to row `count` of `circle`.
-    """
+    # The circle is written to row `count` of `circle`.
     closed = node[first] == node[last]
     if last - first + (0 if closed else 1) < FEWEST:
         return 0.0

@@ -25,11 +25,8 @@ MOST = 8  # maximum number of layers that is made; more must be in the input mes
 
 
 def with_layers(mesh: MeshTri, rules: Rules, grows: bool = False) -> MeshTri:
-    """Return the mesh with the layers that the rules request.
-
-    Every edge in the middle of a path across with too few edges is halved, until all paths are long enough. New nodes
-    follow the nodes of the input in number.
-    """
+    # Every edge in the middle of a path across with too few edges is halved, until all paths are long enough. New
+    # nodes follow the nodes of the input in number.
     if not rules.layers or not (grows or rules.topology == "recycle"):
         return mesh
     movable = MovableMesh.of(mesh, replace(rules, layers=None, periodic=()))

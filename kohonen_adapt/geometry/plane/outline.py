@@ -88,11 +88,8 @@ class Outline:
 
     @classmethod
     def of(cls, triangulation: Triangulation, rules: Rules, offset: Floats | None = None) -> "Outline":
-        """Find the curve segments of a triangulation, and mark their facets there.
-
-        Curved facets, arcs and splines are recognised by `offset`, shape (2, nfacets), the offsets of midside nodes
-        from the midpoints of the chords.
-        """
+        # Curved facets, arcs and splines are recognised by `offset`, shape (2, nfacets), the offsets of midside nodes
+        # from the midpoints of the chords.
         pinned = pinned_nodes(triangulation.mesh, rules.pinned)
         curves = with_circles(checked_curves(triangulation.mesh, rules.curves))
         facets = constrained_facets(triangulation.mesh, triangulation.elements)
@@ -207,11 +204,8 @@ def cut_in_pairs(
     curves: dict[str, Curve],
     circle: Floats,
 ) -> tuple[Polylines, Segments, Mask]:
-    """Cut polylines into segments so that paired nodes slide or stay together.
-
-    Returns polylines, segments, and the mask (n,) of nodes inside segments, which slide. A node whose partner cannot
-    slide ends its segment.
-    """
+    # Returns polylines, segments, and the mask (n,) of nodes inside segments, which slide. A node whose partner
+    # cannot slide ends its segment.
     paired = np.flatnonzero(pairs.partner >= 0)
     if np.any(((curve >= 0) | ((curve == BY_MIDSIDES) & np.isnan(circle[:, 0]))) & (pairs.facet >= 0)):
         raise ValueError(

@@ -205,11 +205,8 @@ def trace_polylines(ends: Ints, through: Ints) -> Polylines:
 def cut_into_segments(
     position: Floats, polylines: Polylines, curve: Ints, curves: Mapping[str, Curve], circle_of_facet: Floats
 ) -> tuple[Polylines, Segments]:
-    """Cut polylines into curve segments.
-
-    Facets with the curve index `BY_MIDSIDES` are not cut; `circle_of_facet`, shape (f, 3), are their circles, nan for
-    none.
-    """
+    # Facets with the curve index `BY_MIDSIDES` are not cut; `circle_of_facet`, shape (f, 3), are their circles, nan
+    # for none.
     node, facet = polylines.node.copy(), polylines.facet.copy()
     of_polyline = curve[facet[polylines.start[:-1]]]
     most = len(facet) + len(of_polyline)

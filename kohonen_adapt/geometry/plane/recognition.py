@@ -53,11 +53,8 @@ def midsides_of(facets: Facets, triangulation: Triangulation, offsets: Floats | 
 def joints_on_curves(
     joints: Joints, facets: Facets, position: Floats, midsides: Midsides, curve: Ints
 ) -> tuple[Joints, Floats]:
-    """Return the joints inside one line, arc or spline, and the circles of facets.
-
-    A circle is centre and radius, shape (f, 3), nan for facets on no circle. Joints between facets with a user-defined
-    curve remain.
-    """
+    # A circle is centre and radius, shape (f, 3), nan for facets on no circle. Joints between facets with a
+    # user-defined curve remain.
     circle = np.full((len(facets.nodes), 3), np.nan)
     if not midsides.any_curved:
         return joints, circle
@@ -117,11 +114,8 @@ def circle_through(facets: Facets, position: Floats, midsides: Midsides, rows: I
 
 
 def with_coarse_arcs(position: Floats, node: Ints, segments: Segments, centres: Floats) -> Segments:
-    """Return the curve segments with single facets joined into coarse arcs.
-
-    Four or five nodes may lie on a circle by chance, as on a chamfer. They are an arc if their centre coincides with
-    the centre of an arc, of another candidate, or with one of `centres`, shape (k, 2).
-    """
+    # Four or five nodes may lie on a circle by chance, as on a chamfer. They are an arc if their centre coincides
+    # with the centre of an arc, of another candidate, or with one of `centres`, shape (k, 2).
     found = list(arc_candidates(position, node, segments))
     if not found:
         return segments

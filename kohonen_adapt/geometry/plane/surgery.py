@@ -36,11 +36,9 @@ UNUSED = {
 
 @contextmanager
 def numbered_along_curve(movable: MovableMesh) -> Iterator[Ints | None]:
-    """Number nodes and elements along a space-filling curve within a context.
-
-    Yields the previous index of every element, shape (m,), or None if neighbours have near indices already and nothing
-    changes. The old numbering is restored on exit; the numbers of nodes and elements must be the same as on entry.
-    """
+    # Yields the previous index of every element, shape (m,), or None if neighbours have near indices already and
+    # nothing changes. The old numbering is restored on exit; the numbers of nodes and elements must be the same as on
+    # entry.
     tri = movable.triangulation
     if not is_scattered(tri):
         yield None

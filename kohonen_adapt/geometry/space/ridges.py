@@ -135,11 +135,9 @@ Rows = tuple[NDArray[np.int8], Floats, Floats, Floats]
 
 
 def pieces_of(node: Ints, closed: bool, meets: Ints, patches: Patches, position: Floats) -> tuple[Ints, Rows]:
-    """Return the piece of every edge of a curved polyline, and all pieces.
-
-    A polyline between patches that are not all planes is one piece: a circle, the intersection of two patches, or of
-    unknown shape. Other polylines are cut into straight pieces and arcs if they lie in a plane, else into single edges.
-    """
+    # A polyline between patches that are not all planes is one piece: a circle, the intersection of two patches, or
+    # of unknown shape. Other polylines are cut into straight pieces and arcs if they lie in a plane, else into single
+    # edges.
     x = position[node]
     middle, axes = x.mean(axis=0), np.linalg.svd(x - x.mean(axis=0), full_matrices=False)[2]
     size = np.ptp(x, axis=0).max()
