@@ -18,6 +18,7 @@ __all__ = [
     "CORNERS",
     "DIMENSION",
     "EXACT_INTEGERS",
+    "GMSH_TETRAHEDRON",
     "LARGEST_TAG",
     "LINE",
     "MAX_EXPANSION",
@@ -44,6 +45,7 @@ __all__ = [
 MSH_VERSION = {".msh": "4.1", ".msh2": "2.2"}
 """Suffix to version of MSH; Gmsh uses `.msh2` for 2.2, too."""
 
+GMSH_TETRAHEDRON = [*range(8), 9, 8]  # ten nodes of VTK and Elmer in Gmsh's order, and back
 LARGEST_TAG = 2**31 - 1  # of a physical group: Gmsh stores tags as int
 EXACT_INTEGERS = 2.0**53  # smaller integers are exact as floats, to which text is parsed
 MAX_EXPANSION = 200  # largest ratio of unpacked data to the size of a file,

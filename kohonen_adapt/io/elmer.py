@@ -13,7 +13,15 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.files import whole_files
-from kohonen_adapt.io.content import Content, Rows, as_value_error, indices_in, nodes_per_element, parse_numbers
+from kohonen_adapt.io.content import (
+    GMSH_TETRAHEDRON,
+    Content,
+    Rows,
+    as_value_error,
+    indices_in,
+    nodes_per_element,
+    parse_numbers,
+)
 from kohonen_adapt.io.groups import Groups, numbers_for
 from kohonen_adapt.mesh.measures import directed
 
@@ -66,7 +74,8 @@ def _blocks(text: str, before: int) -> Iterator[tuple[int, Rows]]:
         if number is None:
             raise ValueError(f"element type {kind} is unknown")
         table = np.array([words for words in lines if words[1 + before] == kind], dtype=np.int64)
-        yield number, Rows(table[:, 2 + before :][:, : nodes_per_element(number)], table[:, 1], table[:, 0])
+        nodes = table[:, 2 + before :][:, : nodes_per_element(number)]
+        yield number, Rows(nodes[:, GMSH_TETRAHEDRON] if kind == "510" else nodes, table[:, 1], table[:, 0])
 
 
 def _names(folder: Path, bodies: int) -> dict[tuple[int, int], str]:

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.io.content import GMSH_TETRAHEDRON
 from kohonen_adapt.io.groups import UNNAMED, Groups, numbers_for
 from kohonen_adapt.mesh.curved import is_second_order, nodes_of_elements
+from kohonen_adapt.mesh.host import edges_between
 from kohonen_adapt.mesh.measures import directed
 from kohonen_adapt.mesh.names import combinations
 
@@ -25,7 +27,7 @@ __all__ = ["write_msh"]
 Sets = Mapping[str, Ints]
 Fields = dict[str, Floats]
 
-ELEMENT_TYPE = {(0, 1): 15, (1, 2): 1, (2, 3): 2, (3, 4): 4, (1, 3): 8, (2, 6): 9}
+ELEMENT_TYPE = {(0, 1): 15, (1, 2): 1, (2, 3): 2, (3, 4): 4, (1, 3): 8, (2, 6): 9, (3, 10): 11}
 """(dimension, number of nodes) to Gmsh's number of the element type."""
 
 CHUNK = 2**16
@@ -83,7 +85,10 @@ def write_msh(
     names = {number: groups.names.get((0, number), UNNAMED[d][0].format(number)) for number in nodes}
     numbers = numbers_for({d: subdomains, d - 1: boundaries}, groups)
     corners = directed(mesh, *divmod(facets, 2))
-    elements = _layer(d, nodes_of_elements(mesh), subdomains, numbers, UNNAMED[d][d], first=1)
+    of_elements = nodes_of_elements(mesh)
+    if of_elements.shape[1] == 10:
+        of_elements = of_elements[:, GMSH_TETRAHEDRON]
+    elements = _layer(d, of_elements, subdomains, numbers, UNNAMED[d][d], first=1)
     along = _with_midsides(mesh, corners, facets // 2)
     boundary = _layer(d - 1, along, sides, numbers, UNNAMED[d][d - 1], first=1 + mesh.t.shape[1])
     point = _points(nodes, names, UNNAMED[d][0], first=1 + mesh.t.shape[1] + len(facets))
@@ -99,7 +104,10 @@ def write_msh(
 
 
 def _with_midsides(mesh: Mesh, ends: Ints, facets: Ints) -> Ints:
-    return np.column_stack([ends, mesh.nvertices + facets]) if is_second_order(mesh) else ends
+    if not is_second_order(mesh):
+        return ends
+    own = facets if len(mesh.p) == 2 else edges_between(mesh, ends, np.roll(ends, -1, axis=1))
+    return np.column_stack([ends, mesh.nvertices + own])
 
 
 def _layer(

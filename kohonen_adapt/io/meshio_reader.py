@@ -23,6 +23,7 @@ from kohonen_adapt.io.content import (
     CORNERS,
     DIMENSION,
     EXACT_INTEGERS,
+    GMSH_TETRAHEDRON,
     MAX_EXPANSION,
     CellFields,
     Content,
@@ -43,6 +44,7 @@ WITH_FIELDS = (".vtu", ".vtk", ".xdmf", ".med")
 
 LINE, TRIANGLE, QUADRILATERAL, TETRAHEDRON, HEXAHEDRON, PRISM, PYRAMID = range(1, 8)
 KINDS = {"vertex": 15, "line": LINE, "line3": 8, "triangle": TRIANGLE, "triangle6": 9, "tetra": TETRAHEDRON}
+KINDS |= {"tetra10": (TEN_NODES := 11)}
 """Type in meshio to Gmsh's number."""
 
 REFUSED = {"tetra": 11, "wedge": PRISM, "pyramid": PYRAMID}
@@ -235,7 +237,7 @@ def _nodes(block: Any, kind: int, count: int) -> Ints:
     nodes = nodes if block.type == LAGRANGE else nodes.reshape(-1, nodes_per_element(kind))
     if np.any((nodes < 0) | (nodes >= count)):
         raise ValueError("a cell has a node that does not exist")
-    return nodes
+    return nodes[:, GMSH_TETRAHEDRON] if kind == TEN_NODES else nodes
 
 
 def _sets(

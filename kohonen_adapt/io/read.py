@@ -39,7 +39,8 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri | Mes
 
     Triangles of order 2 to 5 with a curved side make a `MeshTri2`, whose curves `relocate` and `adapt` follow. Midside
     nodes are the middles of the polynomials along the sides, and the distance of the other nodes from the curves read
-    is reported. If all sides are straight, only the corners are read. An element in several groups is read once,
+    is reported. Tetrahedra of ten nodes with a curved edge make a `MeshTet2`. If all sides are straight, only the
+    corners are read. An element in several groups is read once,
     unused nodes are dropped, and tetrahedra of negative volume are turned. The part of the area or volume without a
     name, and everything left out, is reported through ``logging``.
 
@@ -64,7 +65,7 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri | Mes
     Returns
     -------
     MeshTri or MeshTet
-        Nodes and elements in the order of their numbers in the file; a `MeshTri2` if a side of a triangle is curved.
+        Nodes and elements in the order of their numbers in the file; a `MeshTri2` or `MeshTet2` if a side is curved.
 
     Raises
     ------
@@ -72,7 +73,7 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri | Mes
         If the file does not exist.
     ValueError
         If the suffix is unknown, the file is damaged, or it does not hold a plane mesh of triangles, or tetrahedra of
-        first order and faces of these only.
+        first or second order and faces of these only.
     ImportError
         If the format needs h5py, which is not installed.
 

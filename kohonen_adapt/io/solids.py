@@ -4,7 +4,7 @@ import logging
 from pathlib import Path
 
 import numpy as np
-from skfem import MeshTet, MeshTri
+from skfem import MeshTet, MeshTet2, MeshTri
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.io.assembly import element_counts, items_by_name, oriented, unique_elements
@@ -17,8 +17,11 @@ from kohonen_adapt.io.content import (
     rows_in,
     shape_of,
 )
+from kohonen_adapt.io.curved_sides import DIGITS, STRAIGHT
 from kohonen_adapt.mesh.cells import CELLS
-from kohonen_adapt.mesh.host import keys_of, number_facets, set_boundaries
+from kohonen_adapt.mesh.curved import corners_of, is_second_order
+from kohonen_adapt.mesh.curved_in_space import with_edge_offsets
+from kohonen_adapt.mesh.host import keys_of, number_edges, number_facets, of_kind, set_boundaries
 from kohonen_adapt.mesh.measures import area, is_in_front, signed_area
 
 __all__ = ["of_positive_volume", "to_solid"]
@@ -27,8 +30,11 @@ logger = logging.getLogger("kohonen_adapt")
 
 Sets = dict[str, Ints]
 
-FIRST_ORDER = 4
-"""Gmsh's number for tetrahedra of four nodes."""
+FIRST_ORDER, SECOND_ORDER = 4, 11
+"""Gmsh's numbers for tetrahedra of four and of ten nodes."""
+
+EDGES = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3)])
+"""Corners beside the nodes 4 to 9 of tetrahedra of ten nodes."""
 
 
 def to_solid(content: Content, path: Path, scale: float) -> MeshTet:
@@ -37,7 +43,8 @@ def to_solid(content: Content, path: Path, scale: float) -> MeshTet:
     Raises
     ------
     ValueError
-        If the file, `path`, has other cells than tetrahedra of four nodes, or triangles that are not faces of these.
+        If the file, `path`, has other cells than tetrahedra of four or of ten nodes, or triangles that are not faces of
+        these.
     """
     _check_shapes(content, path)
     rows = content.of_shape(TETRAHEDRON)
@@ -50,12 +57,36 @@ def to_solid(content: Content, path: Path, scale: float) -> MeshTet:
     t = np.ascontiguousarray((np.cumsum(is_used) - 1)[tetrahedra].T)
     mesh = of_positive_volume(MeshTet(p, t, None, items_by_name(rows.group, element, TETRAHEDRON, content)))
     set_boundaries(mesh, oriented(mesh, _boundaries(mesh, used, content, path), _has_orientation))
+    if SECOND_ORDER in content.rows:
+        mesh = _with_curved_edges(mesh, used, content, path, scale)
     _report(mesh, content, path)
     return mesh
 
 
+def _with_curved_edges(mesh: MeshTet, used: Ints, content: Content, path: Path, scale: float) -> MeshTet:
+    number_edges(mesh)
+    nodes = content.rows[SECOND_ORDER].nodes
+    edge = rows_in(mesh.edges.T, np.searchsorted(used, nodes[:, EDGES]).reshape(-1, 2))
+    middle = np.empty(mesh.edges.shape[1], dtype=np.int64)
+    middle[edge] = nodes[:, 4:].ravel()
+    if np.any(middle[edge] != nodes[:, 4:].ravel()):
+        raise ValueError(f"tetrahedra of '{path}' have different nodes inside one edge; write the mesh again.")
+    check_finite(content.points[middle], path, "read_mesh", "midside node")
+    offset = scale * content.points[middle].T - mesh.p[:, mesh.edges].mean(axis=1)
+    length = np.linalg.norm(np.diff(mesh.p[:, mesh.edges], axis=1)[:, 0], axis=0)
+    straight = np.linalg.norm(offset, axis=0) <= STRAIGHT * length + DIGITS * np.abs(mesh.p).max()
+    if straight.all():
+        return mesh
+    curved = with_edge_offsets(mesh, offset)
+    curved.p[:, mesh.nvertices :] = scale * content.points[middle].T
+    return curved
+
+
 def of_positive_volume(mesh: MeshTri | MeshTet) -> MeshTri | MeshTet:
-    return mesh.oriented() if len(mesh.p) == 3 and np.any(signed_area(mesh) < 0.0) else mesh
+    if len(mesh.p) == 2 or not np.any(signed_area(mesh) < 0.0):
+        return mesh
+    turned = corners_of(mesh).oriented()
+    return of_kind(MeshTet2, mesh.p, turned) if is_second_order(mesh) else turned
 
 
 def _check_shapes(content: Content, path: Path) -> None:
@@ -67,10 +98,10 @@ def _check_shapes(content: Content, path: Path) -> None:
             "extruded layers, or split hexahedra with skfem.MeshHex.to_meshtet()."
         )
     orders = {kind for kind in content.rows if shape_of(kind) == TETRAHEDRON}
-    if orders != {FIRST_ORDER}:
+    if orders not in ({FIRST_ORDER}, {SECOND_ORDER}):
         raise ValueError(
-            f"read_mesh expected tetrahedra of four nodes; '{path}' has some of higher order. Mesh with "
-            "Mesh.ElementOrder = 1: gmsh -3 -order 1."
+            f"read_mesh expected tetrahedra of four nodes, or of ten; '{path}' has some of another order. Mesh with "
+            "Mesh.ElementOrder = 1 or 2: gmsh -3 -order 2."
         )
 
 
@@ -107,10 +138,15 @@ def _has_orientation(triangles: Ints) -> bool:
 
 
 def _report(mesh: MeshTet, content: Content, path: Path) -> None:
-    sizes, unused = (mesh.p.shape[1], mesh.t.shape[1]), len(content.points) - mesh.p.shape[1]
+    sizes, kind = (
+        (mesh.nvertices, mesh.t.shape[1]),
+        "tetrahedra with curved edges" if is_second_order(mesh) else "tetrahedra",
+    )
+    used = [np.unique(rows.nodes).size for number, rows in content.rows.items() if shape_of(number) == TETRAHEDRON]
+    unused = len(content.points) - sum(used)
     names = sorted(mesh.subdomains or ()), sorted(mesh.boundaries or ())
-    text = "read '%s': %d nodes, %d tetrahedra, subdomains %s, boundaries %s; %d unused nodes dropped."
-    logger.info(text, path, *sizes, *names, unused)
+    text = "read '%s': %d nodes, %d %s, subdomains %s, boundaries %s; %d unused nodes dropped."
+    logger.info(text, path, *sizes, kind, *names, unused)
     curves = sorted({name for (dimension, _), name in content.names.items() if dimension == 1})
     if curves:
         logger.warning("groups of lines of '%s' are left out of a mesh of tetrahedra: %s.", path, curves)

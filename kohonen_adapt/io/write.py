@@ -61,10 +61,10 @@ def write_mesh(
         suffix is the folder of a mesh for Elmer, which is created if missing; in such a mesh subdomains must not
         overlap, nor boundaries.
     mesh
-        A `MeshTri`, a `MeshTet`, or a `MeshTri2`, whose elements and lines are of second order in the file (Gmsh's
-        types 9 and 8, VTK's 22).
+        A `MeshTri` or `MeshTet`, or a `MeshTri2` or `MeshTet2`, whose elements are of second order in the file (Gmsh's
+        types 9 and 8, or 11 and 9; VTK's 22 and 24).
     point_data
-        Fields (nnodes,) by name. On a `MeshTri2` a field has a value for all nodes, in the order of ``mesh.p``, like a
+        Fields (nnodes,) by name. On curved sides a field has a value for all nodes, in the order of ``mesh.p``, like a
         potential of order 2, or for the corners; midside nodes then get the mean of both ends.
 
         On a `MeshTet` fields of order 2 have values (nunknowns,) at the nodes and then at the middles of
@@ -121,8 +121,8 @@ def write_mesh(
             raise ValueError("a mesh of Elmer holds no fields; write them to a file.")
         if is_second_order(mesh):
             raise ValueError(
-                "a mesh of Elmer is written with straight sides only; got a MeshTri2. Write its corners: "
-                "MeshTri(mesh.p[:, :mesh.nvertices], mesh.t, mesh.boundaries, mesh.subdomains)."
+                f"a mesh of Elmer is written with straight sides only; got a {type(mesh).__name__}. Write its corners: "
+                f"{type(mesh).__name__[:-1]}(mesh.p[:, :mesh.nvertices], mesh.t, mesh.boundaries, mesh.subdomains)."
             )
         write_elmer(path, mesh, subdomains, boundaries, groups)
         return
@@ -148,7 +148,8 @@ def with_midside_means(
     `edges` (n, 2) are those of tetrahedra with midside nodes.
     """
     given = dict(fields or {})
-    ends = mesh.facets if is_second_order(mesh) else np.transpose(np.zeros((0, 2), int) if edges is None else edges)
+    sides = mesh.facets if len(mesh.p) == 2 else mesh.edges
+    ends = sides if is_second_order(mesh) else np.transpose(np.zeros((0, 2), int) if edges is None else edges)
     for name, values in given.items() if ends.size else ():
         array = np.asarray(values)
         if array.shape == (mesh.nvertices,) and array.dtype.kind in "biuf":
@@ -157,7 +158,7 @@ def with_midside_means(
 
 
 def _edges_with_values(mesh: MeshTri | MeshTet, fields: Mapping[str, ArrayLike], suffix: str) -> Ints:
-    count = count_unknowns(mesh, 2) if len(mesh.p) == 3 else 0
+    count = count_unknowns(mesh, 2) if len(mesh.p) == 3 and not is_second_order(mesh) else 0
     of_order_2 = [name for name, values in fields.items() if count and np.shape(values) == (count,)]
     if of_order_2 and suffix != ".vtu":
         raise ValueError(

@@ -6,11 +6,11 @@ from math import sqrt
 
 import numpy as np
 from skfem import Mesh
-from skfem.mesh import MeshTet1, MeshTri1, MeshTri2
+from skfem.mesh import MeshTet1, MeshTet2, MeshTri1, MeshTri2
 
 from kohonen_adapt.arrays import Floats, Ints
 
-__all__ = ["CELLS", "FACES", "TETRAHEDRON", "TRIANGLE", "Cell", "cell_of", "check_kind", "normals"]
+__all__ = ["CELLS", "FACES", "TETRAHEDRON", "TRIANGLE", "Cell", "cell_of", "check_kind", "normals", "remedy_for"]
 
 SOLID = ("Tet", "Hex", "Wedge")  # parts of the names of classes for three dimensions
 
@@ -23,8 +23,8 @@ class Cell:
     ----------
     name, facet, size
         Words for the element, its facets and ``|K|`` in messages, the latter two with an article.
-    mesh
-        Class of scikit-fem's meshes of straight elements of this kind.
+    mesh, curved_mesh
+        Classes of scikit-fem's meshes of straight and of curved elements of this kind.
     edges
         Pairs of corners.
     facets, opposite
@@ -50,6 +50,7 @@ class Cell:
     facet: str
     size: str
     mesh: type[Mesh]
+    curved_mesh: type[Mesh]
     dim: int
     edges: tuple[tuple[int, int], ...]
     facets: tuple[tuple[int, ...], ...]
@@ -113,6 +114,7 @@ TRIANGLE = Cell(
     facet="an edge",
     size="an area",
     mesh=MeshTri1,
+    curved_mesh=MeshTri2,
     dim=2,
     edges=((0, 2), (1, 0), (2, 1)),
     facets=((0, 1), (1, 2), (0, 2)),
@@ -129,6 +131,7 @@ TETRAHEDRON = Cell(
     facet="a face",
     size="a volume",
     mesh=MeshTet1,
+    curved_mesh=MeshTet2,
     dim=3,
     edges=((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)),
     facets=((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)),
@@ -145,13 +148,14 @@ FACES = np.array(TETRAHEDRON.outward)  # corners of the face opposite to each co
 
 
 def cell_of(mesh: Mesh) -> Cell:
-    return TRIANGLE if type(mesh) is MeshTri2 else next(cell for cell in CELLS.values() if type(mesh) is cell.mesh)
+    return next(cell for cell in CELLS.values() if type(mesh) in (cell.mesh, cell.curved_mesh))
 
 
 def check_kind(mesh: object, curved: bool = False, space: bool = False) -> None:
-    if type(mesh) is TRIANGLE.mesh or (curved and type(mesh) is MeshTri2) or (space and type(mesh) is TETRAHEDRON.mesh):
+    cells = (TRIANGLE, TETRAHEDRON)[: 1 + space]
+    if type(mesh) in [kind for cell in cells for kind in (cell.mesh, cell.curved_mesh)[: 1 + curved]]:
         return
-    kinds = ["skfem.MeshTri", *["MeshTri2"] * curved, *["MeshTet"] * space]
+    kinds = ["skfem.MeshTri", *["MeshTri2"] * curved, *["MeshTet"] * space, *["MeshTet2"] * (curved and space)]
     wanted = " or ".join(filter(None, (", ".join(kinds[:-1]), kinds[-1])))
     raise ValueError(f"mesh must be a {wanted}; got {type(mesh).__name__}. {remedy_for(mesh, space)}")
 

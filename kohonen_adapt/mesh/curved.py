@@ -1,4 +1,4 @@
-"""Curved sides of a `MeshTri2`, and points in curved triangles.
+"""Curved sides of a `MeshTri2` or `MeshTet2`, and points in curved triangles.
 
 A side with ends a, b and midside node m is the parabola through these points, with the midside offset
 ``d = m - (a + b) / 2`` (`midside_offsets`). An element is the image of ``x = sum_i lambda_i x_i + 4 sum_k lambda_i
@@ -9,18 +9,18 @@ from functools import cached_property
 
 import numpy as np
 from scipy.spatial import KDTree
-from skfem import MeshTri, MeshTri2
-from skfem.mesh import MeshTri1
+from skfem import Mesh, MeshTet2, MeshTri, MeshTri2
+from skfem.mesh import MeshTet1, MeshTri1
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.mesh.host import number_facets, of_kind
+from kohonen_adapt.mesh.host import number_edges, number_facets, of_kind
 
 __all__ = [
     "AFTER",
     "BEFORE",
     "CurvedElements",
     "Isoparametric",
-    "check_curved_sides",
+    "check_inverted",
     "check_midsides",
     "corner_positions",
     "corners_of",
@@ -48,11 +48,13 @@ WALK = 12  # maximum steps from element to element
 
 
 def is_second_order(mesh: object) -> bool:
-    return type(mesh) is MeshTri2
+    return type(mesh) in (MeshTri2, MeshTet2)
 
 
-def corners_of(mesh: MeshTri) -> MeshTri:
-    return of_kind(MeshTri1, mesh.p[:, : mesh.nvertices], mesh) if is_second_order(mesh) else mesh
+def corners_of(mesh: Mesh) -> Mesh:
+    if not is_second_order(mesh):
+        return mesh
+    return of_kind(MeshTri1 if type(mesh) is MeshTri2 else MeshTet1, mesh.p[:, : mesh.nvertices], mesh)
 
 
 def corner_positions(mesh: MeshTri) -> Floats:
@@ -60,11 +62,12 @@ def corner_positions(mesh: MeshTri) -> Floats:
 
 
 def nodes_of_elements(mesh: MeshTri) -> Ints:
-    """Return the nodes of elements, (nelements, 3) or (nelements, 6).
-
-    The midside nodes of a `MeshTri2` follow the corners, for the sides 01, 12, 20, as in Gmsh and VTK.
-    """
-    return np.vstack([mesh.t, mesh.nvertices + mesh.t2f]).T if is_second_order(mesh) else mesh.t.T
+    # (nelements, k): corners, then midside nodes, for the sides 01, 12, 20 of triangles, as in Gmsh and VTK, and the
+    # edges 01, 12, 02, 03, 13, 23 of tetrahedra, as in VTK
+    if not is_second_order(mesh):
+        return mesh.t.T
+    number_edges(mesh)
+    return np.vstack([mesh.t, mesh.nvertices + (mesh.t2f if type(mesh) is MeshTri2 else mesh.t2e)]).T
 
 
 def with_midsides(mesh: MeshTri, midsides: Floats) -> MeshTri2:
@@ -134,23 +137,24 @@ def cross(u: Floats, w: Floats) -> Floats:
     return u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]
 
 
-def check_midsides(mesh: MeshTri) -> None:
+def check_midsides(mesh: Mesh) -> None:
     number_facets(mesh)
-    wanted = mesh.nvertices + mesh.facets.shape[1]
+    number_edges(mesh)
+    kind, sides = type(mesh).__name__, mesh.facets if type(mesh) is MeshTri2 else mesh.edges
+    wanted = mesh.nvertices + sides.shape[1]
     if mesh.p.shape[1] != wanted or not np.all(np.isfinite(mesh.p)):
         raise ValueError(
-            f"a MeshTri2 must have a finite node for every corner and every side, {wanted} in all; got "
-            f"{int(np.sum(np.isfinite(mesh.p).all(axis=0)))}. Make it with MeshTri2.from_mesh and set its doflocs."
+            f"a {kind} must have a finite node for every corner and every side, {wanted} in all; got "
+            f"{int(np.sum(np.isfinite(mesh.p).all(axis=0)))}. Make it with {kind}.from_mesh and set its doflocs."
         )
 
 
-def check_curved_sides(mesh: MeshTri) -> None:
-    inverted = np.flatnonzero(~(least_determinants(mesh) > 0.0))
+def check_inverted(kind: str, inverted: Ints) -> None:
     if len(inverted):
         raise ValueError(
-            f"the curved sides of a MeshTri2 must not invert elements; {len(inverted)} are inverted, first element "
+            f"the curved sides of a {kind} must not invert elements; {len(inverted)} are inverted, first element "
             f"{inverted[0]}. Draw its midside nodes nearer to their chords, as kohonen_adapt.relocate does, or keep "
-            "its corners only: MeshTri(mesh.p[:, :mesh.nvertices], mesh.t)."
+            f"its corners only: {kind.removesuffix('2')}(mesh.p[:, :mesh.nvertices], mesh.t)."
         )
 
 
@@ -180,6 +184,11 @@ class CurvedElements:
         self.offset = offset  # (2, 3, nelements): midside offsets
         self.neighbour = neighbour  # (3, nelements): neighbours across the sides, -1 for none
 
+    @property
+    def curved_sides(self) -> Mask:
+        # (corners, nelements): sides opposite to the corners
+        return np.any(self.offset, axis=0)
+
     @cached_property
     def curved(self) -> Mask:
         return np.any(self.offset, axis=(0, 1), keepdims=True)[0, 0]
@@ -198,11 +207,7 @@ class CurvedElements:
         return self._newton(element, x)[0]
 
     def _newton(self, element: Ints, x: Floats) -> tuple[Floats, Mask]:
-        corner = self.p[:, self.t[:, element]]
-        (ax, ay), (bx, by) = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
-        x0, y0 = x - corner[:, 0]
-        second, third = (x0 * by - y0 * bx) / (ax * by - ay * bx), (ax * y0 - ay * x0) / (ax * by - ay * bx)
-        barycentric = np.stack((1.0 - second - third, second, third))
+        barycentric = self.in_straight(self.p[:, self.t[:, element]], x)
         rows = np.flatnonzero(self.curved[element])
         now, converged = barycentric[:, rows], ~self.curved[element]
         done = converged[rows]
@@ -216,6 +221,12 @@ class CurvedElements:
                 done |= np.abs(step).max(axis=0) < SETTLED
         barycentric[:, rows], converged[rows] = np.where(done, now, barycentric[:, rows]), done
         return barycentric, converged
+
+    def in_straight(self, corner: Floats, x: Floats) -> Floats:
+        (ax, ay), (bx, by) = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+        x0, y0 = x - corner[:, 0]
+        second, third = (x0 * by - y0 * bx) / (ax * by - ay * bx), (ax * y0 - ay * x0) / (ax * by - ay * bx)
+        return np.stack((1.0 - second - third, second, third))
 
     def hat_gradients(self, element: Ints, barycentric: Floats) -> Floats:
         corner, offset = self.p[:, self.t[:, element]], self.offset[:, :, element]
@@ -237,6 +248,40 @@ class CurvedElements:
             element[active] = self.neighbour[side, at][continues]
         return element
 
+    def locate(self, x: Floats, straight: Ints) -> tuple[Ints, Floats]:
+        """Return the element of every point, -1 outside, and barycentric coordinates.
+
+        `straight` contains the straight elements that hold the points, -1 for none.
+        """
+        element = straight.astype(np.int64)
+        if self.curved.any():
+            rows = np.flatnonzero((element >= 0) & self.curved[element])
+            found = self.walk(element[rows], x[:, rows])
+            element[rows] = np.where(self._contain(found, x[:, rows]), found, -1)
+            rows = np.flatnonzero((element < 0) & np.isfinite(x).all(axis=0))
+            element[rows] = self._beyond_chords(x[:, rows])
+        barycentric = np.full((len(self.t), element.size), np.nan)
+        rows = np.flatnonzero(element >= 0)
+        barycentric[:, rows] = self.barycentric_coordinates(element[rows], x[:, rows])
+        return element, barycentric
+
+    def _contain(self, element: Ints, x: Floats) -> Mask:
+        barycentric, converged = self._newton(element, x)
+        return converged & (barycentric.min(axis=0) >= -INSIDE)
+
+    def _beyond_chords(self, x: Floats) -> Ints:
+        element = np.full(x.shape[1], -1)
+        side, own = np.nonzero(self.curved_sides & (self.neighbour < 0))
+        if own.size and element.size:
+            corner = np.arange(len(self.t))[:, None]
+            middle = self.points(own, np.where(side == corner, 0.0, 1.0 / (len(corner) - 1)))
+            near = KDTree(middle.T).query(x.T, k=range(1, 1 + min(NEAR, own.size)))[1]
+            for start in own[near.T]:
+                rows = np.flatnonzero(element < 0)
+                tried = self.walk(start[rows], x[:, rows])
+                element[rows] = np.where(self._contain(tried, x[:, rows]), tried, -1)
+        return element
+
 
 class Isoparametric(CurvedElements):
     def __init__(self, mesh: MeshTri) -> None:
@@ -248,38 +293,6 @@ class Isoparametric(CurvedElements):
         self.facet_offset = np.where(curved, offset, 0.0)  # (2, nfacets)
         neighbour = corners.f2t.sum(axis=0)[sides] - np.arange(sides.shape[1])  # -1 at the outer boundary
         super().__init__(corners.p, corners.t, self.facet_offset[:, sides], neighbour)
-
-    def locate(self, x: Floats, straight: Ints) -> tuple[Ints, Floats]:
-        """Return the element of every point, -1 outside, and barycentric coordinates.
-
-        `straight` contains the straight triangles that hold the points, -1 for none.
-        """
-        element = straight.astype(np.int64)
-        if self.curved.any():
-            rows = np.flatnonzero((element >= 0) & self.curved[element])
-            found = self.walk(element[rows], x[:, rows])
-            element[rows] = np.where(self._contain(found, x[:, rows]), found, -1)
-            rows = np.flatnonzero((element < 0) & np.isfinite(x).all(axis=0))
-            element[rows] = self._beyond_chords(x[:, rows])
-        barycentric, rows = np.full((3, element.size), np.nan), np.flatnonzero(element >= 0)
-        barycentric[:, rows] = self.barycentric_coordinates(element[rows], x[:, rows])
-        return element, barycentric
-
-    def _contain(self, element: Ints, x: Floats) -> Mask:
-        barycentric, converged = self._newton(element, x)
-        return converged & (barycentric.min(axis=0) >= -INSIDE)
-
-    def _beyond_chords(self, x: Floats) -> Ints:
-        element = np.full(x.shape[1], -1)
-        side, own = np.nonzero(self.offset.any(axis=0) & (self.neighbour < 0))
-        if own.size and element.size:
-            middle = self.points(own, np.where(side == np.arange(3)[:, None], 0.0, 0.5))
-            near = KDTree(middle.T).query(x.T, k=range(1, 1 + min(NEAR, own.size)))[1]
-            for start in own[near.T]:
-                rows = np.flatnonzero(element < 0)
-                tried = self.walk(start[rows], x[:, rows])
-                element[rows] = np.where(self._contain(tried, x[:, rows]), tried, -1)
-        return element
 
 
 def refined(mesh: MeshTri) -> MeshTri:

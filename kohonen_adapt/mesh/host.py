@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from skfem import Mesh, MeshTri
+from skfem import Mesh
 
 __all__ = [
     "ascending",
@@ -25,6 +25,7 @@ __all__ = [
 ]
 
 Host = TypeVar("Host", bound=Mesh)
+CONNECTIVITY = "_facets", "_t2f", "_f2t", "_edges", "_t2e"
 Names = Mapping[str, NDArray[np.integer]] | None
 
 
@@ -37,9 +38,9 @@ def remade(mesh: Host, p: NDArray[np.float64], t: ArrayLike, *, boundaries: Name
     return replace(mesh, doflocs=p, t=t, _boundaries=boundaries, _subdomains=subdomains)
 
 
-def of_kind(kind: type[MeshTri], p: NDArray[np.float64], mesh: MeshTri) -> MeshTri:
+def of_kind(kind: type[Host], p: NDArray[np.float64], mesh: Mesh) -> Host:
     made = kind(np.ascontiguousarray(p), mesh.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
-    cached = {name: vars(mesh)[name] for name in ("_facets", "_t2f", "_f2t") if name in vars(mesh)}
+    cached = {name: vars(mesh)[name] for name in CONNECTIVITY if name in vars(mesh)}
     if np.array_equal(made.t, mesh.t):
         vars(made).update(cached)
     return made
@@ -70,7 +71,7 @@ def number_facets(mesh: Mesh) -> None:
 
 def number_edges(mesh: Mesh) -> None:
     # `edges` and `t2e` of tetrahedra, for the reason of `number_facets`
-    if hasattr(mesh, "_edges"):
+    if len(mesh.t) == 3 or hasattr(mesh, "_edges"):
         return
     start, end = ascending(*mesh.t[np.transpose(mesh.elem.refdom.edges)])
     nnodes = mesh.p.shape[1]

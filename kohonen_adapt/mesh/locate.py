@@ -14,7 +14,8 @@ from kohonen_adapt.kernels.tetrahedron import locate as of_tetrahedra
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle import locate as of_triangles
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
-from kohonen_adapt.mesh.curved import Isoparametric, check_curved_sides, is_second_order
+from kohonen_adapt.mesh.curved import is_second_order
+from kohonen_adapt.mesh.curved_in_space import check_curved_sides, isoparametric
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 
@@ -145,7 +146,7 @@ def find_elements(mesh: Mesh, x: ArrayLike) -> NDArray[np.int32]:
     Parameters
     ----------
     mesh
-        A mesh of triangles with straight or curved sides, or of tetrahedra.
+        A mesh of triangles or tetrahedra with straight or curved sides.
     x
         Points (2, n), or (3, n) in space, in mesh units.
 
@@ -176,7 +177,7 @@ def find_elements(mesh: Mesh, x: ArrayLike) -> NDArray[np.int32]:
     if not is_second_order(mesh):
         return found
     check_curved_sides(mesh)
-    return Isoparametric(mesh).locate(points.T, found)[0].astype(np.int32)
+    return isoparametric(mesh).locate(points.T, found)[0].astype(np.int32)
 
 
 def interpolate(mesh: Mesh, values: ArrayLike, x: ArrayLike) -> Floats:
@@ -185,9 +186,9 @@ def interpolate(mesh: Mesh, values: ArrayLike, x: ArrayLike) -> Floats:
     Parameters
     ----------
     mesh
-        A mesh of triangles with straight or curved sides, or of tetrahedra.
+        A mesh of triangles or tetrahedra with straight or curved sides.
     values
-        Values at the nodes (nnodes,), for a `skfem.MeshTri2` at its corners.
+        Values at the nodes (nnodes,), for curved sides at the corners.
     x
         Points (2, n), or (3, n) in space, in mesh units.
 
@@ -222,7 +223,7 @@ def interpolate(mesh: Mesh, values: ArrayLike, x: ArrayLike) -> Floats:
     found = locator.find(points)
     if is_second_order(mesh):
         check_curved_sides(mesh)
-        shape = Isoparametric(mesh)
+        shape = isoparametric(mesh)
         element, barycentric = shape.locate(points.T, found)
         return np.sum(barycentric * values[shape.t[:, element]], axis=0)
     return np.sum(locator.barycentric_coordinates(points, found) * values[locator.elements.node[found]], axis=1)

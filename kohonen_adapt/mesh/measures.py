@@ -11,13 +11,13 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.cells import CELLS, cell_of, check_kind
 from kohonen_adapt.mesh.curved import (
-    check_curved_sides,
     check_midsides,
     corner_positions,
     is_second_order,
     jacobian_coefficients,
     midside_offsets,
 )
+from kohonen_adapt.mesh.curved_in_space import check_curved_sides, curved_volumes
 from kohonen_adapt.mesh.validity import LARGEST_EXTENT, LEAST_EXTENT
 
 __all__ = [
@@ -39,8 +39,8 @@ def signed_area(mesh: Mesh) -> Floats:
 
     The sign is positive if the nodes run counter-clockwise. In space it is positive if corners 1, 2, 3 run clockwise as
     seen from corner 0. scikit-fem sorts the nodes of elements, so that about half of the signs in a valid mesh are
-    negative. An element is inverted if its sign differs from the sign before its nodes moved. For a `MeshTri2` the
-    corners count.
+    negative. An element is inverted if its sign differs from the sign before its nodes moved. For a `MeshTri2`
+    or `MeshTet2` the corners count.
     """
     cell = cell_of(mesh)
     return cell.determinant(mesh.p[:, mesh.t]) / factorial(cell.dim)
@@ -58,6 +58,8 @@ def area(mesh: Mesh) -> Floats:
     """
     if not is_second_order(mesh):
         return np.abs(signed_area(mesh))
+    if len(mesh.p) == 3:
+        return curved_volumes(mesh)
     return 0.5 * np.abs(jacobian_coefficients(corner_positions(mesh), midside_offsets(mesh)).mean(axis=1))
 
 
@@ -84,8 +86,8 @@ def quality(mesh: Mesh) -> Floats:
 
     For a triangle with edge lengths a, b, c the quality is ``4 sqrt(3) |K| / (a^2 + b^2 + c^2)`` (Bank's measure; Bank
     and Smith, SIAM J. Numer. Anal. 34, 1997). For a tetrahedron it is ``12 (3 |K|)^(2/3) / (sum of the six squared edge
-    lengths)`` (the mean ratio; Liu and Joe, BIT 34, 1994). For a `skfem.MeshTri2` the straight triangles between the
-    corners count.
+    lengths)`` (the mean ratio; Liu and Joe, BIT 34, 1994). For a `skfem.MeshTri2` or `MeshTet2` the straight elements
+    between the corners count.
 
     Parameters
     ----------
@@ -100,8 +102,8 @@ def quality(mesh: Mesh) -> Floats:
     Raises
     ------
     ValueError
-        If the mesh is not a `skfem.MeshTri`, `skfem.MeshTri2` or `skfem.MeshTet`, or if curved sides invert an element
-        of a `skfem.MeshTri2`, which its quality would not show.
+        If the mesh is not a `skfem.MeshTri`, `MeshTri2`, `MeshTet` or `MeshTet2`, or if curved sides invert an
+        element, which its quality would not show.
 
     Examples
     --------

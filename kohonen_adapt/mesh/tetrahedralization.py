@@ -5,12 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTet
-from skfem.mesh import MeshTet1
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.tetrahedron.arrays import Star, Tetrahedra
 from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star
 from kohonen_adapt.mesh.adjacency import neighbours_of, positive, refuse_overlap
+from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
+from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.host import remade
 from kohonen_adapt.mesh.names import regions_of, subdomains_of
 from kohonen_adapt.mesh.validity import check_mesh
@@ -29,7 +30,7 @@ class Tetrahedralization:
     elements
         Arrays of `kernels/tetrahedron/arrays.py`. Rows of ``node`` that begin with -1 are unused.
     mesh
-        The input mesh, for its names and numbered facets.
+        The input mesh, of a `MeshTet2` its straight tetrahedra, for its names and numbered facets.
     region_of_input
         Region of every element of the input mesh.
     """
@@ -42,9 +43,10 @@ class Tetrahedralization:
 
     @classmethod
     def of(cls, mesh: MeshTet) -> "Tetrahedralization":
-        if type(mesh) is not MeshTet1:
+        if cell_of(mesh) is not TETRAHEDRON:
             raise ValueError(f"mesh must be a skfem.MeshTet; got {type(mesh).__name__}.")
-        check_mesh(mesh, space=True)
+        check_mesh(mesh, curved=True, inverted=True, space=True)
+        mesh = corners_of(mesh)
         position = np.ascontiguousarray(mesh.p.T, dtype=np.float64)
         node = positive(position, mesh.t)
         neighbour = neighbours_of(node, position)

@@ -1,10 +1,11 @@
-"""Checks of a mesh of triangles, with straight or curved sides, or of tetrahedra."""
+"""Checks of a mesh of triangles or tetrahedra, with straight or curved sides."""
 
 import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.mesh.cells import cell_of, check_kind
-from kohonen_adapt.mesh.curved import check_curved_sides, check_midsides, corners_of, is_second_order
+from kohonen_adapt.mesh.curved import check_midsides, corners_of, is_second_order
+from kohonen_adapt.mesh.curved_in_space import check_curved_sides
 from kohonen_adapt.mesh.host import is_own_name, number_facets
 
 __all__ = ["LARGEST_EXTENT", "LEAST_EXTENT", "check_mesh"]
@@ -20,7 +21,7 @@ def check_mesh(mesh: Mesh, curved: bool = False, inverted: bool = False, space: 
     # nodes accept these, because they use the sides only to recognise curves and set new midside offsets.
     check_kind(mesh, curved, space)
     if is_second_order(mesh):
-        check_mesh(corners_of(mesh))
+        check_mesh(corners_of(mesh), space=space)
         check_midsides(mesh)
         if not inverted:
             check_curved_sides(mesh)

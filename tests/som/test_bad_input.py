@@ -135,7 +135,7 @@ SPACE_TOO = {
 @pytest.mark.parametrize(("mesh", "message"), OTHER_CLASSES)
 @pytest.mark.parametrize("call", [*PLANE_ONLY, *SPACE_TOO])
 def test_meshes_of_another_class_get_the_remedy(mesh, message, call):
-    kinds = r", MeshTri2 or MeshTet" if call in SPACE_TOO else r" or MeshTri2"
+    kinds = r", MeshTri2, MeshTet or MeshTet2" if call in SPACE_TOO else r" or MeshTri2"
     with pytest.raises(ValueError, match=rf"^mesh must be a skfem\.MeshTri{kinds}; got {message}"):
         (PLANE_ONLY | SPACE_TOO)[call](mesh)
 
