@@ -5,6 +5,7 @@ from pathlib import Path
 
 from benchmarks.checks import (
     axis,
+    ball,
     budget,
     coils,
     curves,
@@ -78,6 +79,7 @@ CHECKS = {
     "space-polish-order-2": space_polish_order2.report,
     "space-threads": space_threads.report,
     "limit": limit.report,
+    "ball": ball.report,
     "round": one_round.report,
     "orders": orders.report,
     "axis": axis.report,

@@ -244,14 +244,16 @@ def _regions(mesh: Mesh, data: NDArray[Any]) -> Ints:
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
-def residual_of_linear_flux(mesh: MeshTet, flux: Floats, divergence: Floats, weight: Floats) -> Floats:
+def residual_of_linear_flux(
+    mesh: MeshTet, flux: Floats, divergence: Floats, weight: Floats, normals: Floats | None = None
+) -> Floats:
     # With ``q = mu grad u - flux``, linear in every element, the indicators are
     # ``eta_K^2 = h_K^2 ||div q||_K^2 / mu + 1/2 sum_F h_F ||[q . n]||_F^2 / max(mu)``.
     # flux (3, 4, nelements) at the corners; divergence (n, nelements) at n points whose mean square is that over the
     # element
     volume = area(mesh)
     inside = volume ** (5.0 / 3.0) * np.mean(divergence**2, axis=0) / weight
-    jump, size = outflows(mesh, flux, volume)
+    jump, size = outflows(mesh, flux, volume, normals)
     largest = np.zeros(size.size)
     np.maximum.at(largest, mesh.t2f.ravel(), np.tile(weight, 4))
     jump[:, mesh.f2t[1] < 0] = 0.0
@@ -259,7 +261,8 @@ def residual_of_linear_flux(mesh: MeshTet, flux: Floats, divergence: Floats, wei
     return np.sqrt(inside + 0.5 * np.sum((squared / largest)[mesh.t2f], axis=0))
 
 
-def outflows(mesh: MeshTet, flux: Floats, volume: Floats) -> tuple[Floats, Floats]:
+def outflows(mesh: MeshTet, flux: Floats, volume: Floats, normals: Floats | None = None) -> tuple[Floats, Floats]:
+    # In curved elements `normals` are the gradients of barycentric coordinates at every corner, (4, 3, 4, nelements).
     # the flux out of both elements at the corners of facets, (3, nfacets) in the order of `mesh.facets`, and the areas
     number_facets(mesh)
     hats, nfacets = hat_gradients(mesh), mesh.facets.shape[1]
@@ -268,7 +271,9 @@ def outflows(mesh: MeshTet, flux: Floats, volume: Floats) -> tuple[Floats, Float
         facet, length = mesh.t2f[side], np.linalg.norm(hats[:, opposite], axis=0)
         size[facet] = 3.0 * volume * length
         for corner in corners:
-            out = -np.sum(flux[:, corner] * hats[:, opposite], axis=0) / length
+            normal = hats[:, opposite] if normals is None else normals[corner, :, opposite]
+            length = length if normals is None else np.linalg.norm(normal, axis=0)
+            out = -np.sum(flux[:, corner] * normal, axis=0) / length
             row = np.argmax(mesh.facets[:, facet] == mesh.t[corner], axis=0)
             total += np.bincount(row * nfacets + facet, out, total.size)
     return total.reshape(3, nfacets), size

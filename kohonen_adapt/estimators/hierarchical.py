@@ -32,8 +32,9 @@ TOLERANCE = 1e-4  # relative residual
 
 class Surplus:
     # `fixed` (nfacets,) are the facets with Dirichlet values; facets and edges of the mesh are numbered.
-    def __init__(self, mesh: MeshTet, volume: Floats, fixed: Mask) -> None:
-        self.mesh, self.volume = mesh, volume
+    # Curved elements count as straight but for their `normals`, as of `outflows`.
+    def __init__(self, mesh: MeshTet, volume: Floats, fixed: Mask, normals: Floats | None = None) -> None:
+        self.mesh, self.volume, self.normals = mesh, volume, normals
         nedges, (i, j) = mesh.edges.shape[1], EDGES
         self.unknowns: Ints = np.vstack((mesh.t2e, nedges + mesh.t2f))
         self.signs = np.vstack((np.where(mesh.t[i] < mesh.t[j], 1.0, -1.0), np.ones(mesh.t.shape)))
@@ -47,7 +48,7 @@ class Surplus:
     def residual(self, field: Floats, divergence: Floats) -> Floats:
         # Right-hand sides of elements, (10, nelements), for B at the corners, (3, 4, nelements), linear between them.
         mesh, means = self.mesh, _means()
-        jump, size = outflows(mesh, field, self.volume)
+        jump, size = outflows(mesh, field, self.volume, self.normals)
         jump[:, mesh.f2t[1] < 0] *= 2.0  # no flux leaves the mesh, and one element has the whole facet
         right = -np.outer(means, self.volume * divergence)
         for table, facet, corners in zip(_on_sides(), mesh.t2f, TETRAHEDRON.facets, strict=True):

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from skfem import MeshTet
-from skfem.mesh import MeshTet1
+from skfem.mesh import MeshTet1, MeshTet2
 
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.placement import check_placement, checked_coils
@@ -15,6 +15,8 @@ from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, che
 from kohonen_adapt.magnetostatics.equations.mirrors import Mirror, checked_symmetry, mirrors_of
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, coefficients
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
+from kohonen_adapt.mesh.cells import remedy_for
+from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["ArgumentsInSpace"]
@@ -49,11 +51,15 @@ class ArgumentsInSpace:
     def free_field(self) -> AppliedField | None:
         return sources_of(self.coils, self.applied_field)
 
-    def given_on(self, mesh: MeshTet) -> tuple[Coefficients, dict[str, Mirror]]:
-        if type(mesh) is not MeshTet1:
+    def given_on(self, mesh: MeshTet, order: int = 1) -> tuple[Coefficients, dict[str, Mirror]]:
+        kinds = (MeshTet1, MeshTet2)[:order]
+        if type(mesh) not in kinds:
             plane = " Plane meshes are for Magnetostatics." if len(getattr(mesh, "p", ())) == 2 else ""
-            raise ValueError(f"mesh must be a skfem.MeshTet; got {type(mesh).__name__}.{plane}")
-        check_mesh(mesh, space=True)
+            wanted, found = " or ".join(kind.__name__.removesuffix("1") for kind in kinds), type(mesh).__name__
+            straight = f" Set order=2 for curved edges, or k{remedy_for(mesh, True)[1:]}" * (found == "MeshTet2")
+            raise ValueError(f"mesh must be a skfem.{wanted}; got {found}.{plane}{straight}")
+        check_mesh(mesh, curved=True, space=True)
+        mesh = corners_of(mesh)
         material, planes = coefficients(mesh, self.materials), mirrors_of(mesh, self.symmetry or {})
         if self.coils:
             check_placement(mesh, permeable(material) | material.coercivity.any(axis=0), self.coils, planes)

@@ -80,7 +80,7 @@ def energy_indicators_in_space(field: LocalSolid, estimator: str, materials: Map
 def residual_by_corners(field: LocalSolid) -> Floats:
     flux, divergence = flux_and_divergence(field)
     weight = np.sqrt(np.multiply(*field.permeabilities))
-    return residual_of_linear_flux(field.mesh, flux, divergence, weight)
+    return residual_of_linear_flux(field.elements.mesh, flux, divergence, weight, field.elements.hats_of_corners)
 
 
 def flux_and_divergence(field: LocalSolid) -> tuple[Floats, Floats]:
@@ -136,9 +136,9 @@ def primal_and_dual(
 
 def surplus_of(field: LocalSolid, conditions: Conditions) -> tuple[Surplus, Floats]:
     # the cubic functions of the mesh, and the error of a field of order 2 by them, (10, nelements)
-    mesh, elements = field.mesh, field.elements
+    mesh, elements = field.elements.mesh, field.elements
     fixed = np.all(conditions.fixed[elements.on_facets(np.arange(mesh.facets.shape[1]))], axis=0)
-    surplus = Surplus(mesh, elements.volumes, np.asarray(fixed))
+    surplus = Surplus(mesh, elements.volumes, np.asarray(fixed), elements.hats_of_corners)
     secant, differential = field.permeabilities
     driven = field.field_strength + field.coefficients.coercivity
     size = magnitude(driven)

@@ -18,7 +18,8 @@ from kohonen_adapt.display import in_unit
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.placement import listed_coils
 from kohonen_adapt.mesh.cells import check_kind
-from kohonen_adapt.mesh.host import count_unknowns, edges_between, number_facets
+from kohonen_adapt.mesh.curved_in_space import CurvedTetrahedra
+from kohonen_adapt.mesh.host import count_unknowns, edges_between
 from kohonen_adapt.mesh.measures import directed
 from kohonen_adapt.mesh.names import combinations, named_sets
 from kohonen_adapt.mesh.slicing import CutBy, Flat, cut_triangles, flat
@@ -53,7 +54,7 @@ def plot_slice(
     Parameters
     ----------
     mesh
-        The mesh.
+        The mesh. Of a `MeshTet2` the straight tetrahedra are cut.
     plane
         Cutting plane, a `kohonen_adapt.Plane`. If the plane runs along faces of elements, the elements on one of its
         sides are shown.
@@ -90,8 +91,7 @@ def plot_slice(
     >>> ax = plot_slice(mesh, ka.Plane((0.5, 0.5, 0.5), (1.0, 1.0, 0.0)), ka.quality(mesh), label="quality")
     >>> ax.figure.savefig("slice.png")
     """
-    _check(mesh)
-    coils = listed_coils(coils)
+    mesh, coils = _checked(mesh)[0], listed_coils(coils)
     shown, axes = flat(mesh, plane), axes_of(ax, height=5.0)
     if values is None:
         number, colours, labels = _named_colours(named_sets(shown.mesh.subdomains), shown.mesh.t.shape[1])
@@ -170,13 +170,12 @@ def plot_surface(
     >>> mesh = skfem.MeshTet().refined(2).with_boundaries({"top": lambda x: x[2] == 1.0})
     >>> plot_surface(mesh).figure.savefig("surface.png")
     """
-    _check(mesh)
-    coils = listed_coils(coils)
+    (mesh, shape), coils = _checked(mesh), listed_coils(coils)
     if names not in ("boundaries", "subdomains"):
         raise ValueError(f'names must be "boundaries" or "subdomains"; got {names!r}.')
     axes, camera = axes_of(ax, height=5.0), _camera(*view)
     rim = mesh.boundary_facets()
-    faces, order, brightness = _faces(mesh, rim, camera, in_unit(unit))
+    faces, order, brightness = _faces(shape, rim, camera, in_unit(unit))
     if values is None:
         number, colours, labels = _named_colours(_on_rim(mesh, rim, names), len(rim))
         painted = colours[number]
@@ -202,23 +201,32 @@ def plot_surface(
     return axes
 
 
-def _faces(mesh: MeshTet, rim: Ints, camera: Floats, scale: float) -> tuple[PolyCollection, Ints, Floats]:
-    corners = mesh.p[:, directed(mesh, rim, np.zeros_like(rim)).T]
+def _faces(shape: CurvedTetrahedra, rim: Ints, camera: Floats, scale: float) -> tuple[PolyCollection, Ints, Floats]:
+    mesh = shape.corners
+    nodes = directed(mesh, rim, np.zeros_like(rim)).T
+    corners = mesh.p[:, nodes]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0)
     seen = np.flatnonzero(camera[2] @ normal > 0.0)
     order = seen[np.argsort(camera[2] @ corners.mean(axis=1)[:, seen], kind="stable")]
-    projected = scale * np.einsum("kc,cif->fik", camera[:2], corners[:, :, order])
+    outline = corners
+    if shape.edge_offset.any():
+        following = nodes[[1, 2, 0]]
+        middle = 0.5 * (corners + mesh.p[:, following]) + shape.edge_offset[:, edges_between(mesh, nodes, following)]
+        outline = np.stack([corners, middle], axis=2).reshape(3, 6, -1)
+    projected = scale * np.einsum("kc,cif->fik", camera[:2], outline[:, :, order])
     width = float(np.clip(15.0 / np.sqrt(len(order)), 0.05, 0.4))
     drawn = PolyCollection(projected, linewidths=width, edgecolors="0.25", rasterized=True)
     towards_light = (LIGHT @ camera) @ normal[:, order] / np.linalg.norm(normal[:, order], axis=0)
     return drawn, order, towards_light
 
 
-def _check(mesh: MeshTet) -> None:
+def _checked(mesh: MeshTet) -> tuple[MeshTet, CurvedTetrahedra]:
+    # the tetrahedra between the corners, and their curved edges
     check_kind(mesh, curved=True, space=True)
     if len(mesh.p) != 3:
         raise ValueError("mesh must be a skfem.MeshTet; a mesh of triangles is drawn by draw_mesh.")
-    number_facets(mesh)
+    shape = CurvedTetrahedra(mesh)
+    return shape.corners, shape
 
 
 def _values(mesh: MeshTet, values: ArrayLike) -> Floats:

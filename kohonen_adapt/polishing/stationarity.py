@@ -11,9 +11,15 @@ from skfem import Mesh, MeshTet
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.kernels.tetrahedron.arrays import LOAD
+from kohonen_adapt.mesh.curved_in_space import CurvedTetrahedra
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.quadratic_in_space import edges_of_elements, quadratic_coefficients
-from kohonen_adapt.problem.derivatives import Derivatives, derivatives_in_space, quadratic_derivatives
+from kohonen_adapt.problem.derivatives import (
+    Derivatives,
+    curved_derivatives,
+    derivatives_in_space,
+    quadratic_derivatives,
+)
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.surface_terms import corner_values, nodal_terms, reduced_regions
 
@@ -35,9 +41,13 @@ def check_in_space(ritz: Ritz, mesh: MeshTet, values: Floats, fixed: Mask) -> No
             total, size = total - nodal[:, LOAD], size + np.abs(nodal[:, LOAD])
         check_residual(total, size, doubt, ~fixed, mesh.p.T, mesh)
         return
-    parts = quadratic_derivatives(corners, quadratic_coefficients(mesh, values), number, ritz)
+    coefficients, shape = quadratic_coefficients(mesh, values), CurvedTetrahedra(mesh)
+    parts, rows = quadratic_derivatives(corners, coefficients, number, ritz), np.flatnonzero(shape.curved)
+    own = curved_derivatives(corners[:, :, rows], shape.offset[:, :, rows], coefficients[:, rows], number[rows], ritz)
+    for straight, curved in zip(parts, own, strict=True):
+        straight[rows] = curved
     index = np.hstack([mesh.t.T, mesh.nvertices + edges_of_elements(mesh, mesh.t.T)])
-    place = np.vstack([mesh.p.T, mesh.p[:, mesh.edges].mean(axis=1).T])
+    place = np.vstack([mesh.p.T[: mesh.nvertices], mesh.p[:, mesh.edges].mean(axis=1).T])
     check_residual(*sums(parts, index, len(values)), ~fixed, place, mesh)
 
 

@@ -9,8 +9,9 @@ from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.cells import TETRAHEDRON
+from kohonen_adapt.mesh.curved_in_space import tangent_corners
 from kohonen_adapt.mesh.quadratic_in_space import function_slopes, quadratic_functions
-from kohonen_adapt.mesh.quadrature import LAW_DEGREE_IN_SPACE, tetrahedron_rule
+from kohonen_adapt.mesh.quadrature import CURVED_DEGREE_IN_SPACE, LAW_DEGREE_IN_SPACE, tetrahedron_rule
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_table, source_at, value_by_region
 
@@ -18,6 +19,8 @@ __all__ = [
     "LAW_POINTS",
     "LAW_WEIGHTS",
     "MEANS",
+    "at_curved_points",
+    "curved_value",
     "density_in_space",
     "fields_at_corners",
     "fluxes",
@@ -92,17 +95,47 @@ def quadratic_value(corners: Floats, coefficients: Floats, node: Ints, region: I
     return float(np.sum(total) - np.sum(quadratic_loads(corners, region, ritz) * coefficients))
 
 
+def curved_value(corners: Floats, offset: Floats, coefficients: Floats, region: Ints, ritz: Ritz) -> float:
+    # The same for curved elements, with midside offsets (3, 6, m) in the order of scikit-fem.
+    total = np.zeros(coefficients.shape[1])
+    for six, slopes, functions, source, rows in at_curved_points(corners, offset, region, ritz):
+        slope = np.einsum("dkm,km->dm", slopes, coefficients[:, rows])
+        total[rows] += six * (
+            density_in_space(slope, region[rows], ritz) - source * (functions @ coefficients[:, rows])
+        )
+    return float(np.sum(total))
+
+
+def at_curved_points(
+    corners: Floats, offset: Floats, region: Ints, ritz: Ritz
+) -> Iterator[tuple[Floats, Floats, Floats, Floats, Ints]]:
+    # Yield weights (k,), slopes (3, 10, k), functions (10,) and sources (k,) at a point of elements, and the elements.
+    linear, of_linear = tetrahedron_rule(CURVED_DEGREE_IN_SPACE)
+    for rows, points, weights in rules(region, ritz, (linear, of_linear / 6.0)):
+        for at, weight in zip(points, weights, strict=True):
+            own = tangent_corners(corners[:, :, rows], offset[:, :, rows], at[:, None])
+            if callable(ritz.source):  # the mean of tangent corners and corners gives the position
+                x = 0.5 * np.einsum("k,dkm->dm", at, own + corners[:, :, rows])
+                source = source_at(x[:, None], region[rows], ritz.source)[0]
+            else:
+                source = value_by_region(np.asarray(ritz.source), region[rows]) * np.ones(rows.size)
+            six = weight * np.abs(TETRAHEDRON.determinant(own))
+            yield six, function_slopes(own, at), quadratic_functions(at), source, rows
+
+
 def fields_at_corners(corners: Floats, coefficients: Floats) -> Floats:
     # Return the gradients of functions, shape (4, 3, m).
     at = [function_slopes(corners, corner) for corner in np.eye(4)]
     return np.stack([np.einsum("dkm,km->dm", slopes, coefficients) for slopes in at])
 
 
-def rules(region: Ints, ritz: Ritz) -> Iterator[tuple[Ints, Floats, Floats]]:
+def rules(
+    region: Ints, ritz: Ritz, linear: tuple[Floats, Floats] | None = None
+) -> Iterator[tuple[Ints, Floats, Floats]]:
     # Yield elements without a law, then with a law, with their points (q, 4) and weights (q,).
     nonlinear = np.array([law is not None for law in ritz.laws] or [False])
     has_law = nonlinear[region] if ritz.laws else np.zeros(len(region), dtype=np.bool_)
-    for with_law, rule in ((False, rule_of(OF_SLOPES)), (True, (LAW_POINTS, LAW_WEIGHTS / 6.0))):
+    for with_law, rule in ((False, linear or rule_of(OF_SLOPES)), (True, (LAW_POINTS, LAW_WEIGHTS / 6.0))):
         rows = np.flatnonzero(has_law == with_law)
         for first in range(0, len(rows), CHUNK):
             yield rows[first : first + CHUNK], *rule

@@ -41,7 +41,7 @@ def refused(message, mesh=MESH, problem=None, **arguments):
 def test_what_is_no_mesh(mesh, options):
     kind = type(mesh).__name__
     remedy = "Build one with skfem.MeshTri or MeshTet or kohonen_adapt.read_mesh."
-    message = f"mesh must be a skfem.MeshTri, MeshTri2 or MeshTet; got {kind}. {remedy}"
+    message = f"mesh must be a skfem.MeshTri, MeshTri2, MeshTet or MeshTet2; got {kind}. {remedy}"
     assert refused(message, mesh=mesh, **options).solves == 0
 
 

@@ -352,5 +352,5 @@ def test_nodes_slide_on_curves_of_ones_own():
 
 
 def test_a_mesh_of_another_kind_is_refused():
-    with pytest.raises(ValueError, match=r"mesh must be a skfem\.MeshTri, MeshTri2 or MeshTet; got MeshQuad"):
+    with pytest.raises(ValueError, match=r"mesh must be a skfem\.MeshTri, MeshTri2, MeshTet or MeshTet2; got MeshQuad"):
         ka.polish(MeshQuad(), Diffusion())

@@ -1,5 +1,6 @@
 """Tetrahedral mesh as arrays, with the constraints on its nodes."""
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -13,6 +14,7 @@ from skfem.generic_utils import OrientedBoundary
 from kohonen_adapt.arrays import Ints, Mask
 from kohonen_adapt.geometry.movable import Movable, arrays_of, names_beside
 from kohonen_adapt.geometry.rules import Rules, check_for, checked_surfaces, floor_of, pinned_nodes
+from kohonen_adapt.geometry.space.midsides import NO_EDGES, InputEdges, offsets_on_surfaces
 from kohonen_adapt.geometry.space.patches import Patches, constrained_faces, edges_of, on_their_patches, seams_of
 from kohonen_adapt.geometry.space.projection import (
     distances_from_faces,
@@ -36,11 +38,15 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.mesh.adjacency import write_on_both_sides
 from kohonen_adapt.mesh.cells import FACES, normals
+from kohonen_adapt.mesh.curved import is_second_order
+from kohonen_adapt.mesh.curved_in_space import with_edge_offsets
 from kohonen_adapt.mesh.host import facets_opposite, set_boundaries
 from kohonen_adapt.mesh.names import boundary_of, turned
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 
 __all__ = ["MovableSolid"]
+
+logger = logging.getLogger("kohonen_adapt")
 
 # The arrays that change when nodes move: (m, ...) by element, the others (n, ...) by node.
 BY_ELEMENT = ("tetrahedra.node", "tetrahedra.neighbour", "tetrahedra.region", "tetrahedra.patch")
@@ -65,6 +71,10 @@ class MovableSolid(Movable):
         Minimum quality after a change, or the worst quality before the change if that is lower.
     flips
         True if elements may be swapped.
+    curved
+        True if `mesh` returns a `MeshTet2`: curved edges are requested, and a patch is curved.
+    input_edges
+        Curved edges of the input on surfaces that are not recognised, whose nodes are held.
     """
 
     state_names = STATE_NAMES
@@ -77,28 +87,35 @@ class MovableSolid(Movable):
     patches: Patches
     floor: float
     flips: bool
+    curved: bool = False
+    input_edges: InputEdges = NO_EDGES
 
     @classmethod
     def of(cls, mesh: MeshTet, rules: Rules, curved: bool | None = None) -> "MovableSolid":
+        """Return a mesh as arrays with the constraints of `rules`.
+
+        `curved` requests curved edges in the output; None requests them if the input is a `MeshTet2`. Curved edges of
+        the input on patches that are recognised as plane keep their nodes, and edges inside regions are straightened.
+        """
         check_for(rules, 3)
         tet = Tetrahedralization.of(mesh)
-        pinned = pinned_nodes(mesh, rules.pinned)
+        pinned = pinned_nodes(tet.mesh, rules.pinned)
         faces = constrained_faces(tet.mesh, tet.elements)
         edges = edges_of(faces, tet.nnodes)
         surfaces = checked_surfaces(mesh, rules.surfaces)
         patches = patches_of(faces, seams_of(faces, edges, tet.position), tet.position, surfaces)
+        wanted, input_edges = is_second_order(mesh) if curved is None else curved, NO_EDGES
+        if wanted and is_second_order(mesh):
+            input_edges = InputEdges.of(mesh, faces, patches)
+            pinned[input_edges.ends] = True
         ridges = ridges_of(edges, patches, on_their_patches(faces.nodes, patches, tet.position))
-        if curved and np.any(patches.shape != PLANE):
-            raise ValueError(
-                "curved of the problem must be False or None where surfaces of tetrahedra are curved, for their edges "
-                "are straight; got True."
-            )
         elements = tet.elements
         write_on_both_sides(elements.patch, elements.neighbour, faces.element, faces.corner, patches.of_face)
         floor = floor_of(rules, 3)
         freedom = freedom_of(faces, patches, ridges, pinned, tet.position)
         there = surfaces_of(patches, ridges, samples_of(faces, patches, tet.position))
-        return cls(tet, there, freedom, patches, floor, rules.flips)
+        curved_output = bool(wanted) and (len(input_edges.ends) > 0 or bool(np.any(patches.shape != PLANE)))
+        return cls(tet, there, freedom, patches, floor, rules.flips, curved_output, input_edges)
 
     @property
     def tessellation(self) -> Tetrahedralization:
@@ -111,6 +128,18 @@ class MovableSolid(Movable):
         )
 
     def mesh(self) -> MeshTet:
+        mesh = self._straight_mesh()
+        if not self.curved:
+            return mesh
+        offset, flat = offsets_on_surfaces(mesh, self.tetrahedralization.elements, self.patches, self.input_edges)
+        if flat.any():
+            logger.info(
+                "%d of %d edges on curved surfaces stay straight, because curved ones would fold elements.",
+                *(np.count_nonzero(flat), np.count_nonzero(flat | offset.any(axis=0))),
+            )
+        return with_edge_offsets(mesh, offset)
+
+    def _straight_mesh(self) -> MeshTet:
         mesh = self.tetrahedralization.to_mesh()
         if self.input_mesh.boundaries is not None:
             facet = facets_opposite(mesh, self.tetrahedralization.elements.node[self.tetrahedralization.used])
@@ -118,7 +147,7 @@ class MovableSolid(Movable):
         return mesh
 
     def start(self) -> MeshTet:
-        return self.input_mesh
+        return self.mesh() if self.curved else self.input_mesh
 
     def _boundary(self, mesh: MeshTet, facet: Ints, name: str) -> Ints:
         tet, used = self.tetrahedralization, self.tetrahedralization.used
@@ -178,6 +207,8 @@ class MovableSolid(Movable):
 
     def sagitta(self) -> float:
         tet = self.tetrahedralization
+        if self.curved:
+            return 0.0
         return float(distances_from_faces(tet.position, tet.elements, self.patches).max(initial=0.0))
 
     def farthest_part(self) -> str:

@@ -115,7 +115,7 @@ def drive_on(
     mesh: MeshTet, coefficients: Coefficients, function: AppliedField | None, closed: Ints, order: int
 ) -> Drive:
     elements = tetrahedra_on(mesh, order, function is not None, coefficients.nonlinear)
-    zeros = np.zeros(elements.doflocs.shape[1])
+    mesh, zeros = elements.mesh, np.zeros(elements.doflocs.shape[1])
     iron = permeable(coefficients)
     if function is None:
         return Drive(elements, None, np.zeros_like(iron), zeros, zeros, np.zeros((3, iron.size)))
@@ -135,14 +135,14 @@ def _flux_out(elements: Tetrahedra, permeability: Floats, function: AppliedField
     first, second = mesh.f2t
     jump = permeability[first] - np.where(second >= 0, permeability[second], 0.0)
     surface = np.setdiff1d(np.flatnonzero(np.abs(jump) > TOLERANCE * VACUUM_PERMEABILITY), closed)
-    normal = 0.5 * normals(mesh.p.T, mesh.facets[:, surface].T).T
-    corners, unknowns = mesh.p[:, mesh.facets[:, surface]], elements.on_facets(surface)
-    outward = corners[:, 0] - mesh.p[:, mesh.t[:, first[surface]]].mean(axis=1)
-    normal *= np.sign(np.sum(normal * outward, axis=0)) * jump[surface]
+    normal, unknowns = 0.5 * normals(mesh.p.T, mesh.facets[:, surface].T).T, elements.on_facets(surface)
+    outward = mesh.p[:, mesh.facets[0, surface]] - mesh.p[:, mesh.t[:, first[surface]]].mean(axis=1)
+    sign = np.sign(np.sum(normal * outward, axis=0)) * jump[surface]
     load, (points, weights) = np.zeros(elements.doflocs.shape[1]), get_quadrature(RefTri, DEGREE[elements.order])
     for (s, t), weight in zip(points.T, weights, strict=True):
         barycentric = np.array([1.0 - s - t, s, t])
-        normal_flux = np.sum(normal * field_at(function, np.einsum("i,cin->cn", barycentric, corners)), axis=0)
+        x, normal = elements.facet_points(surface, barycentric)
+        normal_flux = np.sum(0.5 * normal * sign * field_at(function, x), axis=0)
         terms = 2.0 * weight * elements.functions(barycentric[:, None]) * normal_flux
         load += np.bincount(unknowns.ravel(), terms.ravel(), load.size)
     return load

@@ -1,30 +1,26 @@
-"""Integrals of functions of order 1 and 2 on tetrahedra with straight edges."""
+"""Integrals of functions of order 1 and 2 on tetrahedra."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 from skfem import MeshTet
-from skfem.refdom import RefTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.elements import FiniteElements, LinearFunctions
+from kohonen_adapt.magnetostatics.equations.groups_of_tetrahedra import EDGES, METRIC, PAIRS, Group, groups_of
 from kohonen_adapt.magnetostatics.equations.system import Reduced
+from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.mesh.curved_in_space import CurvedTetrahedra
 from kohonen_adapt.mesh.host import edges_between, number_edges
 from kohonen_adapt.mesh.measures import area, inner_points, magnitude
-from kohonen_adapt.mesh.quadrature import LAW_DEGREE_IN_SPACE, tetrahedron_rule
 
 __all__ = ["EDGES", "LinearTetrahedra", "QuadraticTetrahedra", "Tetrahedra", "tetrahedra_on"]
 
-EDGES = np.transpose(RefTet.edges)  # (2, 6): local corners, in the order of scikit-fem
 FACE_EDGES = np.array([(0, 1), (1, 2), (0, 2)]).T
-DEGREE = 3  # of the rule without a law: a torque integrates products of two fields and an arm
 CHUNK = 1 << 14  # elements whose products are computed at once
-PAIRS, METRIC = np.triu_indices(10), np.triu_indices(4)  # of functions, and of barycentric coordinates
 
 
 class Tetrahedra(FiniteElements):
@@ -83,8 +79,22 @@ class Tetrahedra(FiniteElements):
         nodal = 20.0 / self.volumes * (sums - 0.2 * sums.sum(axis=0))
         return np.einsum("in,icn->cn", self.barycentric(self.points, self.element), nodal[:, :, self.element])
 
+    @property
+    def hats_of_corners(self) -> Floats | None:
+        # `hats` at every corner, (4, 3, 4, nelements), if an element is curved
+        return None
+
+    def located(self, x: Floats, straight: Ints) -> Ints:
+        # elements of points, -1 outside, from the straight elements around them
+        return straight
+
     def slope_of_corners(self, values: Floats) -> Floats:
         return np.einsum("ik,cik->ck", values[self.mesh.t], self.hats)[:, self.element]
+
+    def facet_points(self, facets: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
+        # points (3, n) at coordinates (3,) of facets, and normals whose length is twice the area per reference area
+        corners = self.mesh.p[:, self.mesh.facets[:, facets]]
+        return np.einsum("i,cin->cn", barycentric, corners), normals(self.mesh.p.T, self.mesh.facets[:, facets].T).T
 
 
 class LinearTetrahedra(LinearFunctions, Tetrahedra):
@@ -120,53 +130,36 @@ class LinearTetrahedra(LinearFunctions, Tetrahedra):
         return self.gradient(u)[:, element]
 
 
-@dataclass(frozen=True)
-class Group:
-    rows: Ints  # (m,): elements with one quadrature rule
-    columns: slice  # of the quadrature points, which have shape (q, m)
-    barycentric: Floats  # (q, 4)
-    weights: Floats  # (q,), with sum 1
-    has_law: bool
-
-    def restrict(self, values: Floats) -> Floats:
-        own = values[..., self.columns]
-        return own.reshape(*own.shape[:-1], self.weights.size, self.rows.size)
-
-    @property
-    def slopes(self) -> Floats:
-        return slopes(self.barycentric)
-
-    @property
-    def products(self) -> Floats:
-        # (55 pairs of functions, 10 pairs of coordinates, q), summed over the points without a law
-        (i, j), (a, b), weighted = PAIRS, METRIC, self.slopes * self.weights[:, None, None]
-        ahead, back = (
-            np.einsum("qpa,qpa->paq", weighted[:, i][:, :, one], self.slopes[:, j][:, :, other])
-            for one, other in ((a, b), (b, a))
-        )
-        both = np.where((a == b)[:, None], ahead, ahead + back)
-        return both if self.has_law else both.sum(axis=2, keepdims=True)
-
-
 class QuadraticTetrahedra(Tetrahedra):
-    # the unknowns of `skfem.ElementTetP2`, nodes before edges
+    # the unknowns of `skfem.ElementTetP2`, nodes before edges; curved elements are isoparametric
     order = 2
 
     def __init__(self, mesh: MeshTet, nonlinear: Mask) -> None:
+        self.shape = CurvedTetrahedra(mesh)
+        self.mesh = self.corners = mesh = self.shape.corners
         number_edges(mesh)
-        self.mesh = self.corners = mesh
         self.unknowns = np.vstack((mesh.t, mesh.p.shape[1] + mesh.t2e))
-        self.doflocs = np.hstack((mesh.p, mesh.p[:, mesh.edges].mean(axis=1)))
-        self.volumes, self._groups = area(mesh), groups_of(nonlinear)
+        self.doflocs = np.hstack((mesh.p, mesh.p[:, mesh.edges].mean(axis=1) + self.shape.edge_offset))
+        self.volumes = area(mesh)
+        self._groups = groups_of(nonlinear, self.shape, self.hats, self.volumes)
+        for group in self._groups:
+            if group.curved:
+                self.volumes[group.rows] = group.point_volumes.sum(axis=0)
         corners = mesh.p[:, mesh.t]
         self.points, self.weights, self.element = (
             np.concatenate(parts, axis=-1)
             for parts in zip(*((
-                np.einsum("qi,cim->cqm", each.barycentric, corners[:, :, each.rows]).reshape(3, -1),
-                np.outer(each.weights, self.volumes[each.rows]).ravel(),
+                self._points_of(each, corners[:, :, each.rows]),
+                each.point_volumes.ravel(),
                 np.tile(each.rows, each.weights.size),
             ) for each in self._groups), strict=True)
         )  # fmt: skip
+
+    def _points_of(self, group: Group, corners: Floats) -> Floats:
+        if group.curved:
+            at = np.repeat(group.barycentric.T, group.rows.size, axis=1)
+            return self.shape.points(np.tile(group.rows, group.weights.size), at)
+        return np.einsum("qi,cim->cqm", group.barycentric, corners).reshape(3, -1)
 
     @property
     def gradient_weights(self) -> Floats:
@@ -181,15 +174,60 @@ class QuadraticTetrahedra(Tetrahedra):
         local, found = u[self.unknowns], []
         for group in self._groups:
             along = np.tensordot(group.slopes, local[:, group.rows], (1, 0))
-            found.append(np.einsum("qam,cam->cqm", along, self.hats[:, :, group.rows]).reshape(3, -1))
+            found.append(np.einsum(f"qam,{group.axes}->cqm", along, group.hats).reshape(3, -1))
         return np.concatenate(found, axis=1)
+
+    def slope_of_corners(self, values: Floats) -> Floats:
+        found, local = super().slope_of_corners(values), values[self.mesh.t]
+        for group in self._groups:
+            if group.curved:
+                found[:, group.columns] = np.einsum("am,caqm->cqm", local[:, group.rows], group.hats).reshape(3, -1)
+        return found
+
+    def located(self, x: Floats, straight: Ints) -> Ints:
+        return self.shape.locate(x, straight)[0] if self.shape.curved.any() else straight
+
+    def barycentric(self, x: Floats, element: Ints) -> Floats:
+        found, rows = super().barycentric(x, element), np.flatnonzero(self.shape.curved[element])
+        found[:, rows] = self.shape.barycentric_coordinates(element[rows], x[:, rows])
+        return found
+
+    @property
+    def hats_of_corners(self) -> Floats | None:
+        count = self.volumes.size
+        if not self.shape.curved.any():
+            return None
+        return np.stack([self.hats_at(np.arange(count), np.tile(at[:, None], count)) for at in np.eye(4)])
+
+    def hats_at(self, element: Ints, barycentric: Floats) -> Floats:
+        found, rows = self.hats[:, :, element], np.flatnonzero(self.shape.curved[element])
+        found[:, :, rows] = self.shape.hat_gradients(element[rows], barycentric[:, rows])
+        return found
+
+    def facet_points(self, facets: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
+        x, normal = super().facet_points(facets, barycentric)
+        corner, edge = np.split(self.on_facets(facets), 2)
+        offset = self.shape.edge_offset[:, edge - self.mesh.p.shape[1]]
+        rows, tangent = np.flatnonzero(offset.any(axis=(0, 1))), self.mesh.p[:, corner]
+        for k, (a, b) in enumerate(FACE_EDGES.T):
+            x[:, rows] += 4.0 * barycentric[a] * barycentric[b] * offset[:, k, rows]
+            tangent[:, a] += 4.0 * barycentric[b] * offset[:, k]
+            tangent[:, b] += 4.0 * barycentric[a] * offset[:, k]
+        one, other = tangent[:, 1:, rows].swapaxes(0, 1) - tangent[:, 0, rows]
+        normal[:, rows] = np.cross(one, other, axis=0)
+        return x, normal
 
     def gradient_at_points(self, u: Floats) -> Floats:
         return self.gradient(u)
 
     def mean(self, values: Floats) -> Floats:
         return self._by_element(
-            [np.tensordot(group.restrict(values), group.weights, (-2, 0)) for group in self._groups]
+            [
+                np.sum(group.restrict(values) * group.point_volumes, axis=-2) / self.volumes[group.rows]
+                if group.curved
+                else np.tensordot(group.restrict(values), group.weights, (-2, 0))
+                for group in self._groups
+            ]
         )
 
     def functions(self, barycentric: Floats) -> Floats:
@@ -202,20 +240,21 @@ class QuadraticTetrahedra(Tetrahedra):
         for row, one, other in zip(local[4:], start, end, strict=True):
             along[one] += 4.0 * barycentric[other] * row
             along[other] += 4.0 * barycentric[one] * row
-        return np.einsum("in,cin->cn", along, self.hats[:, :, element])
+        return np.einsum("in,cin->cn", along, self.hats_at(element, barycentric))
 
     def against_gradients(self, flux: Floats) -> Floats:
         found = []
         for group in self._groups:
             weighted = group.restrict(flux * self.weights)
-            along = np.einsum("cqm,cam->qam", weighted, self.hats[:, :, group.rows])
+            along = np.einsum(f"cqm,{group.axes}->qam", weighted, group.hats)
             found.append(np.tensordot(group.slopes, along, ((0, 2), (0, 1))))
         return self._by_element(found)
 
     def against_slopes(self, size: Floats) -> Floats:
-        found, lengths = [], magnitude(self.hats)
+        found = []
         for group in self._groups:
-            along = group.restrict(size * self.weights)[:, None] * lengths[:, group.rows]
+            lengths = magnitude(group.hats)
+            along = group.restrict(size * self.weights)[:, None] * (lengths.swapaxes(0, 1) if group.curved else lengths)
             found.append(np.tensordot(np.abs(group.slopes), along, ((0, 2), (0, 1))))
         return self._by_element(found)
 
@@ -235,16 +274,17 @@ class QuadraticTetrahedra(Tetrahedra):
     def _products(self, across: Floats, along: tuple[Floats, Floats] | None) -> Floats:
         found, (a, b) = [], METRIC
         for group in self._groups:
-            count = group.weights.size if group.has_law else 1
+            count = group.weights.size if group.has_law or group.curved else 1
             reference, own = group.products.reshape(len(PAIRS[0]), -1), np.empty((len(PAIRS[0]), group.rows.size))
             coefficient = group.restrict(across)[:count]
             for first in range(0, group.rows.size, CHUNK):
                 part = slice(first, first + CHUNK)
-                hats, volume = self.hats[:, :, group.rows[part]], self.volumes[group.rows[part]]
-                metric = np.einsum("cpm,cpm->pm", hats[:, a], hats[:, b])[:, None] * coefficient[:, part]
+                hats, volume = group.hats[..., part], group.volumes[..., part]
+                metric = np.einsum("cp...,cp...->p...", hats[:, a], hats[:, b])
+                metric = (metric if group.curved else metric[:, None]) * coefficient[:, part]
                 if along is not None and group.has_law:
                     more = group.restrict(along[0])[:, part] - coefficient[:, part]
-                    slope = np.einsum("cqm,cam->aqm", group.restrict(along[1])[:, :, part], hats)
+                    slope = np.einsum(f"cqm,{group.axes}->aqm", group.restrict(along[1])[:, :, part], hats)
                     metric += more * slope[a] * slope[b]
                 own[:, part] = reference @ (metric * volume).reshape(reference.shape[1], -1)
             found.append(own)
@@ -270,28 +310,3 @@ class QuadraticTetrahedra(Tetrahedra):
 
 def tetrahedra_on(mesh: MeshTet, order: int, varies: bool, nonlinear: Mask) -> Tetrahedra:
     return LinearTetrahedra(mesh, varies) if order == 1 else QuadraticTetrahedra(mesh, nonlinear)
-
-
-@cache
-def _slopes_at(barycentric: bytes) -> Floats:
-    at, (start, end) = np.frombuffer(barycentric).reshape(-1, 4), EDGES
-    found = np.zeros((len(at), 10, 4))
-    found[:, range(4), range(4)] = 4.0 * at - 1.0
-    found[:, range(4, 10), start], found[:, range(4, 10), end] = 4.0 * at[:, end], 4.0 * at[:, start]
-    return found
-
-
-def slopes(barycentric: Floats) -> Floats:
-    # derivatives by the barycentric coordinates, (q, 10, 4), at points (q, 4)
-    return _slopes_at(np.ascontiguousarray(barycentric).tobytes())
-
-
-def groups_of(nonlinear: Mask) -> list[Group]:
-    groups, first = list[Group](), 0
-    for has_law, degree in ((False, DEGREE), (True, LAW_DEGREE_IN_SPACE)):
-        rows, (barycentric, weights) = np.flatnonzero(nonlinear == has_law), tetrahedron_rule(degree)
-        if rows.size:
-            columns = slice(first, first + rows.size * weights.size)
-            groups.append(Group(rows, columns, barycentric, weights, has_law))
-            first = columns.stop
-    return groups

@@ -94,7 +94,8 @@ class LocalSolid(MagneticField):
         return locator_of(self.mesh)
 
     def elements_at(self, x: ArrayLike) -> Ints:
-        return self._locator.find(as_rows(x, dim=3)).astype(np.int64)
+        points = as_rows(x, dim=3)
+        return self.elements.located(points.T, self._locator.find(points).astype(np.int64))
 
     def at(self, x: Floats, element: Ints) -> Strength:
         slope = self.elements.gradient_at(self.unknown, element, self.elements.barycentric(x, element))

@@ -28,10 +28,11 @@ from kohonen_adapt.magnetostatics.quantities.stress import (
     weight_gradient,
 )
 from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.mesh.curved import is_second_order
 
 __all__ = ["flux_through", "oriented_surface", "parts_along", "total_force"]
 
-DEGREE = 2  # of the quadrature of a flux
+DEGREE, CURVED_DEGREE = 2, 5  # of the quadrature of a flux
 EDGEWISE = 0.1  # cosine between the normal of a facet and of its surface, below which the facet has no side
 
 
@@ -87,7 +88,7 @@ class Shell:
 
     @cached_property
     def _weight(self) -> Floats:
-        nodes = np.arange(self.field.mesh.p.shape[1])
+        nodes = np.arange(self.field.mesh.nvertices)
         facets = np.concatenate([np.zeros(0, dtype=np.int64), *(mirror.facets for mirror in self.cuts)])
         return weight_at_nodes(self.field, self.inside, Cut(facets, None, nodes))
 
@@ -197,13 +198,24 @@ def _cuts(mesh: MeshTet, inside: Mask, mirrors: Iterable[Mirror]) -> list[Mirror
 def flux_through(field: LocalSolid, name: str) -> float:
     mesh, (points, weights) = field.mesh, get_quadrature(RefTri, DEGREE)
     facets, normal, sign = oriented_surface(mesh, name)
-    x = np.einsum("iq,cin->cqn", np.stack([1.0 - points.sum(axis=0), *points]), mesh.p[:, mesh.facets[:, facets]])
     first, second = mesh.f2t[:, facets]
     both, total = (first, np.where(second < 0, first, second)), np.zeros_like(normal)
+    if is_second_order(mesh):
+        return float(np.sum(sign * _flux_through_curved(field, facets, both, normal)))
+    x = np.einsum("iq,cin->cqn", np.stack([1.0 - points.sum(axis=0), *points]), mesh.p[:, mesh.facets[:, facets]])
     for element in both:
         density = field.at(x.reshape(3, -1), np.tile(element, weights.size)).flux_density.reshape(x.shape)
         total += np.einsum("cqn,q->cn", density, weights)  # the weights have the sum 1/2
     return float(np.sum(sign * np.sum(total * normal, axis=0)))
+
+
+def _flux_through_curved(field: LocalSolid, facets: Ints, both: tuple[Ints, Ints], straight: Floats) -> Floats:
+    (points, weights), total = get_quadrature(RefTri, CURVED_DEGREE), np.zeros(facets.size)
+    for (s, t), weight in zip(points.T, weights, strict=True):
+        x, normal = field.elements.facet_points(facets, np.array([1.0 - s - t, s, t]))
+        normal *= 0.5 * weight * np.sign(np.sum(normal * straight, axis=0))
+        total += sum(np.sum(field.at(x, element).flux_density * normal, axis=0) for element in both)
+    return total
 
 
 def oriented_surface(mesh: MeshTet, name: str) -> tuple[Ints, Floats, Floats]:

@@ -1,0 +1,95 @@
+"""Midside nodes on curved surfaces.
+
+An edge that would bring a Jacobian determinant near zero or below stays straight, as in every element with two faces on
+one smooth surface, which would be flat at the common edge.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from skfem import MeshTet
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.geometry.space.patches import Faces, Patches, on_their_patches
+from kohonen_adapt.kernels.tetrahedron.arrays import Tetrahedra
+from kohonen_adapt.kernels.triangle.polish.by_points import MIN_JACOBIAN
+from kohonen_adapt.mesh.cells import FACES
+from kohonen_adapt.mesh.curved import STRAIGHT
+from kohonen_adapt.mesh.curved_in_space import determinant_coefficients, edge_midside_offsets
+from kohonen_adapt.mesh.host import edges_between, number_edges
+
+__all__ = ["NO_EDGES", "InputEdges", "offsets_on_surfaces"]
+
+
+class InputEdges(NamedTuple):
+    ends: Ints  # (k, 2)
+    offset: Floats  # (k, 3)
+
+    @classmethod
+    def of(cls, mesh: MeshTet, faces: Faces, patches: Patches) -> "InputEdges":
+        # Curved edges of a `MeshTet2` on plane patches only, which are facets of a surface that is not recognised.
+        moves = patches.moves[patches.of_face]
+        flat, curved = (
+            edges_between(mesh, nodes, np.roll(nodes, -1, axis=1))
+            for nodes in (faces.nodes[~moves], faces.nodes[moves])
+        )
+        offset, own = edge_midside_offsets(mesh), np.setdiff1d(flat, curved)
+        own = own[offset[:, own].any(axis=0)]
+        return cls(mesh.edges[:, own].T.astype(np.int64), offset[:, own].T)
+
+
+NO_EDGES = InputEdges(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 3)))
+
+
+def offsets_on_surfaces(
+    mesh: MeshTet, elements: Tetrahedra, patches: Patches, input_edges: InputEdges = NO_EDGES
+) -> tuple[Floats, Mask]:
+    # The midside offsets of edges, (3, nedges), and the edges that stay straight. `mesh` are the tetrahedra of
+    # `elements`. The midside node of an edge on curved patches is the projection of the middle of the edge.
+    number_edges(mesh)
+    e, k = np.nonzero((elements.patch >= 0) & (elements.node[:, :1] >= 0))
+    nodes = np.take_along_axis(elements.node[e], FACES[k], axis=1)
+    edge = edges_between(mesh, nodes, np.roll(nodes, -1, axis=1))
+    start, end = mesh.p[:, mesh.edges].swapaxes(0, 1)
+    middle = 0.5 * (start + end)
+    there = on_their_patches(edge, patches._replace(of_face=elements.patch[e, k]), middle.T)
+    offset = there.T - middle
+    offset[:, np.linalg.norm(offset, axis=0) <= STRAIGHT * np.linalg.norm(end - start, axis=0)] = 0.0
+    own = rows_in_edges(mesh, input_edges.ends)
+    offset[:, own[own >= 0]] = input_edges.offset[own >= 0].T
+    curved = offset.any(axis=0)
+    offset[:, _folding(mesh, offset)] = 0.0
+    return offset, curved & ~offset.any(axis=0)
+
+
+def rows_in_edges(mesh: MeshTet, ends: Ints) -> Ints:
+    # Indices of edges by their ends (k, 2), -1 for none.
+    row = edges_between(mesh, ends[:, 0], ends[:, 1]).clip(max=mesh.edges.shape[1] - 1)
+    return np.where(np.all(np.sort(ends, axis=1) == mesh.edges[:, row].T, axis=1), row, -1)
+
+
+def _folding(mesh: MeshTet, offset: Floats) -> Ints:
+    # An element that would fold gets the straight edge with which its determinants are largest.
+    chosen, offset = np.zeros(0, dtype=np.int64), offset.copy()
+    rows = np.flatnonzero(np.any(np.any(offset, axis=0)[mesh.t2e], axis=0))
+    while rows.size:
+        rows = rows[_least(mesh, rows, offset[:, mesh.t2e[:, rows]]) < MIN_JACOBIAN]
+        if not rows.size:
+            break
+        found = []
+        for k in range(6):
+            tried = offset[:, mesh.t2e[:, rows]]
+            curved = tried[:, k].any(axis=0)
+            tried[:, k] = 0.0
+            found.append(np.where(curved, _least(mesh, rows, tried), -np.inf))
+        edge = mesh.t2e[np.argmax(found, axis=0), rows]
+        offset[:, edge] = 0.0
+        chosen = np.union1d(chosen, edge)
+        touched = np.zeros(mesh.edges.shape[1], dtype=np.bool_)
+        touched[edge] = True
+        rows = np.flatnonzero(touched[mesh.t2e].any(axis=0))
+    return chosen
+
+
+def _least(mesh: MeshTet, rows: Ints, offset: Floats) -> Floats:
+    return np.asarray(determinant_coefficients(mesh.p[:, mesh.t[:, rows]], offset).min(axis=(0, 1, 2)))

@@ -1,0 +1,175 @@
+"""Order 2 in space on curved edges: exact fields, rates, points, fluxes, forces, estimates, pictures and files."""
+
+from dataclasses import replace
+
+import meshio
+import numpy as np
+import pytest
+import skfem
+from helpers.magnet_solids import dipole, nested_balls
+from skfem import MeshTet, MeshTet2
+
+import kohonen_adapt as ka
+from kohonen_adapt.magnetostatics import Force, MagneticScalarPotential, Material
+from kohonen_adapt.plotting import plot_slice, plot_surface
+from kohonen_adapt.problem.functional_value import functional_value
+
+AIR, MU = Material(), 50.0
+OUTER = {"outer": lambda x: -x[2] + (MU - 1.0) / (MU + 2.0) * dipole(x, 1.0)[0]}  # around a ball in 1 A/m along z
+PROBLEM = MagneticScalarPotential({"ball": Material(MU), "air": AIR}, OUTER, order=2)
+
+
+def curved(mesh, problem=PROBLEM):
+    return ka.adapt(mesh, problem, passes=0).mesh
+
+
+@pytest.fixture(scope="module")
+def fields():
+    """Fields on straight and on curved edges, by cells."""
+    found = {}
+    for cells in (2, 4):
+        mesh = nested_balls(cells).with_boundaries({"ball": nested_balls(cells).facets_around("ball")})
+        found[cells] = PROBLEM.solve(mesh), PROBLEM.solve(curved(mesh))
+    return found
+
+
+def field_at(x):
+    found = np.stack([0.0 * x[0], 0.0 * x[0], 1.0 + 0.0 * x[0]]) + (MU - 1.0) / (MU + 2.0) * dipole(x, 1.0)[1]
+    inside = np.linalg.norm(x, axis=0) < 1.0
+    found[:, inside] = np.array([[0.0], [0.0], [3.0 / (MU + 2.0)]])
+    return found
+
+
+def in_ball(count=4000, radius=2.0):
+    x = np.random.default_rng(0).normal(size=(3, count))
+    return x / np.linalg.norm(x, axis=0) * radius * np.random.default_rng(1).uniform(size=count) ** (1.0 / 3.0)
+
+
+def error(field):
+    """Of H at random points of the true domain."""
+    x = in_ball()
+    element = ka.find_elements(field.mesh, x)
+    x, element = x[:, element >= 0], element[element >= 0]
+    mu = np.where(np.isin(element, field.mesh.subdomains["ball"]), MU, 1.0)
+    off = field.flux_density_at(x) / (4e-7 * np.pi * mu) - field_at(x)
+    return np.sqrt(np.mean(np.sum(off**2, axis=0)))
+
+
+def test_the_field_of_a_ball_is_of_order_2_on_curved_edges_only(fields):
+    straight, bent = np.log2([[error(field) for field in fields[cells]] for cells in (2, 4)]).T
+    assert straight[0] - straight[1] < 1.7
+    assert bent[0] - bent[1] > 1.9
+    assert bent[1] < straight[1] - 1.0
+
+
+def test_edges_bend_onto_the_balls_unless_an_element_would_fold(fields):
+    mesh = fields[4][1].mesh
+    assert type(mesh) is MeshTet2
+    assert ka.quality(mesh).min() > 0.0  # which refuses inverted elements
+    radius = np.linalg.norm(mesh.p[:, mesh.nvertices :], axis=0)
+    ends = np.linalg.norm(mesh.p[:, mesh.edges], axis=0)
+    on = np.isclose(ends[0], ends[1]) & (np.isclose(ends[0], 1.0) | np.isclose(ends[0], 2.0))
+    bent = np.abs(radius[on] - ends[0, on]) < 1e-14
+    assert 0.85 < bent.mean() < 1.0
+    np.testing.assert_array_equal(mesh.p[:, mesh.nvertices :][:, ~on], mesh.p[:, mesh.edges[:, ~on]].mean(axis=1))
+
+
+def test_a_uniform_field_is_exact_and_the_system_is_that_of_scikit_fem():
+    mesh = curved(nested_balls(2))
+    field = MagneticScalarPotential({"ball": AIR, "air": AIR}, {"outer": lambda x: x[0] - 2.0 * x[2]}, order=2).solve(
+        mesh
+    )
+    np.testing.assert_allclose(field.unknown, mesh.p[0] - 2.0 * mesh.p[2], atol=1e-9)
+    basis = skfem.Basis(mesh, skfem.ElementTetP2(), intorder=3)
+    np.testing.assert_array_equal(field.drive.elements.doflocs, basis.doflocs)
+    np.testing.assert_allclose(field.volume.sum(), basis.dx.sum(), rtol=1e-5)
+
+
+def test_points_have_the_element_and_the_values_of_their_side(fields):
+    mesh, x = fields[4][1].mesh, in_ball(20_000)
+    element = ka.find_elements(mesh, x)
+    assert np.mean(element >= 0) > 0.997
+    inside = np.isin(element, mesh.subdomains["ball"])
+    assert np.mean(inside != (np.linalg.norm(x, axis=0) < 1.0)) < 2e-3
+    x = x[:, element >= 0]
+    np.testing.assert_allclose(ka.interpolate(mesh, np.ones(mesh.nvertices), x), 1.0, rtol=1e-9)
+    at = fields[4][1].potential_at(x)
+    exact = np.where(np.linalg.norm(x, axis=0) < 1.0, -3.0 / (MU + 2.0) * x[2], OUTER["outer"](x))
+    assert np.sqrt(np.mean((at - exact) ** 2)) < 2e-3
+
+
+def test_fluxes_volumes_and_energies_belong_to_the_curved_elements(fields):
+    mesh = fields[2][1].mesh
+    outer = np.asarray(mesh.boundaries["outer"])
+    upper = outer[mesh.p[2, mesh.facets[:, outer]].mean(axis=0) > 0.0]
+    mesh = MeshTet2(mesh.p, mesh.t, {**mesh.boundaries, "cap": upper}, mesh.subdomains)
+    field = PROBLEM.solve(mesh)
+    assert abs(field.volume[mesh.subdomains["ball"]].sum() / (4.0 / 3.0 * np.pi) - 1.0) < 0.02
+    exact = 4e-7 * np.pi * 4.0 * np.pi * (1.0 + 2.0 * (MU - 1.0) / (MU + 2.0) / 8.0)  # through the equator of the rim
+    assert abs(field.flux("cap") / exact - 1.0) < 0.02
+    assert abs(field.flux("outer")) < 5e-3 * exact
+    energy = PROBLEM.functional_on(mesh)[0].value(field.unknown)[0]
+    np.testing.assert_allclose(functional_value(mesh, PROBLEM.ritz(mesh, field)), energy, rtol=1e-12)
+
+
+def test_the_estimate_is_near_the_error_on_curved_edges(fields):
+    for cells in (2, 4):
+        field = fields[cells][1]
+        at, element = field.at_quadrature, field.drive.elements.element
+        exact, ball = field_at(at.x), np.isin(element, field.mesh.subdomains["ball"])
+        exact[:, ball] = np.array([[0.0], [0.0], [3.0 / (MU + 2.0)]])
+        squares = np.where(ball, MU, 1.0) * np.sum((at.field_strength - exact) ** 2, axis=0)
+        estimate = np.sqrt(np.sum(PROBLEM.indicators(field.mesh, field) ** 2) / (4e-7 * np.pi))
+        assert 0.9 < estimate / np.sqrt(np.sum(field.point_volumes * squares)) < 1.5
+
+
+def test_adapted_meshes_stay_curved_and_better_than_straight_ones():
+    mesh = nested_balls(2)
+    problems = {sides: replace(PROBLEM, curved=sides) for sides in (True, False)}
+    results = {sides: ka.adapt(mesh, problem, passes=2, polish=False) for sides, problem in problems.items()}
+    assert type(results[True].mesh) is MeshTet2
+    assert type(results[False].mesh) is MeshTet
+    assert results[True].best.sagitta == 0.0 < results[False].best.sagitta
+    worst = [error(PROBLEM.solve(results[sides].mesh)) for sides in (True, False)]
+    assert worst[0] < worst[1]
+
+
+def test_forces_goals_and_their_errors_on_curved_edges():
+    gradient = {"outer": lambda x: 1e5 * (x[2] ** 2 - 0.5 * x[0] ** 2 - 0.5 * x[1] ** 2)}
+    materials = {"ball": Material(remanence=(0.0, 0.0, 1.0)), "air": AIR}
+    goal = Force("ball", (0.0, 0.0, 1.0))
+    magnet = MagneticScalarPotential(materials, gradient, order=2, goal=goal)
+    mesh, exact = nested_balls(2), -2e5 * 4.0 / 3.0 * np.pi  # dH/dz, 1 T and the volume
+    straight, bent = magnet.solve(mesh), magnet.solve(curved(mesh, magnet))
+    off = [field.force("ball")[2] / exact - 1.0 for field in (straight, bent)]
+    assert abs(off[1]) < 0.02 < 0.05 < abs(off[0])
+    assert magnet.indicators(bent.mesh, bent).shape == (mesh.nelements,)
+    assert abs(magnet.goal_error(bent)) < 0.1 * abs(exact)
+
+
+def test_pictures_and_files_have_the_curved_edges(fields, tmp_path):
+    field = fields[2][1]
+    plot_slice(field.mesh, ka.Plane((0.0, 0.0, 0.1), (0.0, 0.0, 1.0)), field.potential)
+    axes = plot_surface(field.mesh, field.potential)
+    assert {len(path.vertices) for path in axes.collections[0].get_paths()} == {7}  # six nodes, closed
+    ka.write_mesh(tmp_path / "ball.vtu", field.mesh, point_data={"potential": field.potential})
+    cells = meshio.read(tmp_path / "ball.vtu")
+    assert cells.cells[0].type == "tetra10"
+    np.testing.assert_array_equal(cells.point_data["potential"], field.potential)
+
+
+def test_what_is_refused():
+    mesh = curved(nested_balls(2))
+    with pytest.raises(
+        ValueError, match=r"must be a skfem\.MeshTet; got MeshTet2\. Set order=2 for curved edges, or keep"
+    ):
+        MagneticScalarPotential(PROBLEM.materials, OUTER).solve(mesh)
+    with pytest.raises(ValueError, match="curved must be True or False; got 1"):
+        MagneticScalarPotential(PROBLEM.materials, OUTER, order=2, curved=1)
+    folded = MeshTet2(np.hstack([mesh.p[:, : mesh.nvertices], 3.0 * mesh.p[:, mesh.nvertices :]]), mesh.t)
+    with pytest.raises(
+        ValueError, match=r"curved sides of a MeshTet2 must not invert elements; \d+ are inverted, first"
+    ):
+        PROBLEM.solve(folded)
+    with pytest.raises(ValueError, match="a MeshTet2 must have a finite node for every corner and every side"):
+        PROBLEM.solve(MeshTet2(mesh.p[:, :-1], mesh.t, mesh.boundaries, mesh.subdomains))
