@@ -36,6 +36,8 @@ __all__ = ["GradingTolerance", "run_to_order"]
 logger = logging.getLogger("kohonen_adapt")
 
 GRADED = 0.019  # relative error at order 2 of a mesh that is graded well enough for higher orders
+# Relative error up to which no pass follows: one order more takes less time than a pass that only adds nodes.
+ENOUGH = 0.03
 DIRECT = 0.5  # fraction of this error from which a tolerance is met by passes alone
 OF_GOAL = 10.0  # tolerance of passes for goals, as a multiple of the tolerance of the estimate
 # Error at order 2 over the error of higher orders, on a mesh of that error with layers (C-core, 211 nodes).
@@ -70,17 +72,22 @@ class GradingTolerance:
     relative: float | None = None
 
     def __call__(self, last: Pass) -> float | None:
+        return self._within(last, ENOUGH)
+
+    def _within(self, last: Pass, enough: float) -> float | None:
         tolerance = self.stop.tolerance(last)
         if tolerance is None:
             return None
         if last.energy_norm is None:
             return max(1.0, OF_GOAL if self.relative is None else self.relative) * tolerance
-        graded = (GRADED if self.relative is None else self.relative) * last.energy_norm
-        return tolerance if tolerance > DIRECT * graded else min(graded, gain_of(self.orders[-1]) * tolerance)
+        aim, graded = (GRADED, enough) if self.relative is None else (self.relative,) * 2
+        if tolerance > DIRECT * aim * last.energy_norm:
+            return tolerance
+        return min(graded * last.energy_norm, gain_of(self.orders[-1]) * tolerance)
 
     def aim(self, last: Pass) -> float | None:
         """Return the estimate that passes aim at, to meet the tolerance at once."""
-        tolerance = self(last)
+        tolerance = self._within(last, GRADED)
         return tolerance and (tolerance if tolerance == self.stop.tolerance(last) else SAFE * tolerance)
 
     def lower(self, last: Pass, factor: float) -> None:

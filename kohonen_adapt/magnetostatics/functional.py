@@ -98,7 +98,10 @@ def is_linear(field: Field, goal: Goal, source: Floats, load: Floats) -> bool:
 
 
 def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, Material]) -> Ritz:
-    coefficients, conditions = field.coefficients, conditions_of(field.elements, boundaries, field.symmetry)
+    coefficients, conditions = (
+        field.coefficients,
+        conditions_of(field.elements, boundaries, field.symmetry, anchored=True),
+    )
     present, first, region = coefficients.present(materials)
     varies = any(material.turns for material in present.values())
     symmetry, extent = field.symmetry, field.symmetry.extent
@@ -116,7 +119,10 @@ def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, 
 
 
 def materials_of(field: Field, boundaries: Boundaries) -> Materials:
-    coefficients, conditions = field.coefficients, conditions_of(field.elements, boundaries, field.symmetry)
+    coefficients, conditions = (
+        field.coefficients,
+        conditions_of(field.elements, boundaries, field.symmetry, anchored=True),
+    )
     flux = None if coefficients.varying_magnets else coefficients.flux
     values = coefficients.material_index[None] if flux is None else flux
     table = np.stack(

@@ -206,7 +206,7 @@ def richer_solution(field: Field, boundaries: Boundaries, newton: Newton) -> Fie
 
 def energy_on(elements: Elements, field: Field, boundaries: Boundaries) -> EnergyFunctional:
     """Return the functional of the problem of `field` on elements of another order."""
-    conditions = conditions_of(elements, boundaries, field.symmetry)
+    conditions = conditions_of(elements, boundaries, field.symmetry, anchored=True)  # as `field` has been solved
     return EnergyFunctional(elements, field.symmetry, field.coefficients, conditions)
 
 

@@ -145,18 +145,19 @@ def exponents(angle: Floats, coefficient: Floats, prescribed: tuple[bool, bool] 
     prescribed
         Whether values are prescribed on both ends of the sectors, None for a node inside.
     """
+    first = np.flatnonzero(np.append(True, coefficient[1:] != coefficient[:-1]))
+    size, value = np.add.reduceat(angle, first), coefficient[first] / coefficient.max()
     # maps s and coefficient s' / l from the beginning to the end of the sectors
-    total = np.tile(np.eye(2), (SAMPLES.size, 1, 1))
-    for size, value in zip(angle, coefficient / coefficient.max(), strict=True):
-        cosine, sine = np.cos(SAMPLES * size), np.sin(SAMPLES * size)
-        step = np.array([[cosine, sine / value], [-value * sine, cosine]])
-        total = np.moveaxis(step, 2, 0) @ total
+    cosine, sine = np.cos(np.outer(size, SAMPLES)), np.sin(np.outer(size, SAMPLES))
+    total = np.eye(2)[:, :, None]
+    for c, s, nu in zip(cosine, sine, value, strict=True):
+        total = np.stack([c * total[0] + s / nu * total[1], c * total[1] - nu * s * total[0]])
     if prescribed is None:
-        values = total[:, 0, 0] + total[:, 1, 1] - 2.0  # the solution closes: an eigenvalue is 1
+        values = total[0, 0] + total[1, 1] - 2.0  # the solution closes: an eigenvalue is 1
     else:
         # prescribed: s = 0, natural: s' = 0
         row, column = (0 if prescribed[1] else 1), (1 if prescribed[0] else 0)
-        values = total[:, row, column]
+        values = total[row, column]
     change = np.flatnonzero(values[1:] * values[:-1] < 0.0)
     part = values[change] / (values[change] - values[change + 1])
     return SAMPLES[change] + part * (SAMPLES[change + 1] - SAMPLES[change])

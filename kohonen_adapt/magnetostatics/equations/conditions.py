@@ -108,7 +108,7 @@ class Conditions:
         return result
 
 
-def conditions_of(elements: Elements, boundaries: Boundaries, symmetry: Symmetry) -> Conditions:
+def conditions_of(elements: Elements, boundaries: Boundaries, symmetry: Symmetry, anchored: bool = False) -> Conditions:
     fixed, values = fixed_values(elements, boundaries)
     values, axis = symmetry.unknown(elements.doflocs, values), symmetry.on_axis(elements.doflocs)
     fixed, values = fixed | axis, np.where(axis, 0.0, values)
@@ -119,7 +119,8 @@ def conditions_of(elements: Elements, boundaries: Boundaries, symmetry: Symmetry
     if boundaries.periodic or boundaries.antiperiodic:
         ties = ties_of(elements, boundaries.periodic, boundaries.antiperiodic)
         fixed, values = _values_on_ties(elements.doflocs, ties, fixed, values)
-    _check_anchored(elements.corners.facets, elements.corners.p.shape[1], fixed, open_boundary, ties)
+    if not anchored:
+        check_anchored(elements.corners.facets, elements.corners.p.shape[1], fixed, open_boundary, ties)
     free = np.flatnonzero(~fixed)
     return Conditions(fixed, values, free, open_boundary, None if ties is None else _class_matrix(ties, free), ties)
 
@@ -276,7 +277,7 @@ def _evaluated(name: str, value: Value, x: Floats) -> Floats:
     return everywhere
 
 
-def _check_anchored(
+def check_anchored(
     facets: Ints, nodes: int, fixed: Mask, open_boundary: OpenBoundary | None, ties: Ties | None
 ) -> None:
     pairs, anchored = facets, fixed[:nodes]

@@ -170,6 +170,7 @@ class Newton:
         gradient, _ = energy.residual(u)
         if not free.size:
             return u, ()
+        level = energy.value(u)
         while len(steps) < self.most_steps and not (steps and steps[-1].converged):
             try:
                 step = self.full_step(energy, u, gradient)
@@ -177,22 +178,23 @@ class Newton:
                 if not steps:
                     raise
                 break  # a law without a finite slope there; the last values are kept
-            damping, functional = _damping(energy, u, step, float(gradient @ step[free]))
+            damping, level = _damping(energy, u, step, float(gradient @ step[free]), level)
             u = u + damping * step
             gradient, size = energy.residual(u)
-            steps.append(_recorded(energy, u, damping * step, (gradient, size), damping, functional))
+            steps.append(_recorded(energy, u, damping * step, (gradient, size), damping, level[0]))
             if damping < LEAST_DAMPING:
                 break
         return u, tuple(steps)
 
 
-def _damping(energy: Convex, u: Floats, step: Floats, slope: float) -> tuple[float, float]:
-    before, rounding = energy.value(u)
-    damping = 1.0
+def _damping(
+    energy: Convex, u: Floats, step: Floats, slope: float, level: tuple[float, float]
+) -> tuple[float, tuple[float, float]]:
+    (before, rounding), damping = level, 1.0
     while True:
         after, after_rounding = energy.value(u + damping * step)
         if after <= before + DESCENT * damping * slope + 10.0 * (rounding + after_rounding) or damping < LEAST_DAMPING:
-            return damping, after
+            return damping, (after, after_rounding)
         damping *= 0.5
 
 
