@@ -237,6 +237,13 @@ def test_goal_errors_point_to_the_exact_value(goal, fields):
     assert np.sum(given.indicators(field.mesh, field) ** 2) >= abs(given.goal_error(field))
 
 
+def test_a_linkage_is_polished_by_the_energy(fields):
+    """The dual of the linkage of one coil is the potential itself, that of a force is not."""
+    for goal in (GOALS[0], GOALS[-1]):
+        ritz = problem(IRON, goal=goal).ritz(fields[1].mesh, fields[1])
+        assert ritz.shapes_only == (goal is GOALS[0]) and not ritz.comparable
+
+
 # --- refused -----------------------------------------------------------------------------------------------------
 
 
