@@ -13,9 +13,8 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.geometry.movable import Work
-from kohonen_adapt.geometry.plane.corner_layers import FoldedLayers, refined_at
+from kohonen_adapt.geometry.plane.corner_layers import with_layers
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.passes import Pass, Status
@@ -147,7 +146,7 @@ def at_order(result: AdaptResult, problem: Problem, adaptation: Adaptation, stop
     with steps("relocate"):
         corners = corners_of_field(result, adaptation.problem)
         whole, remark = on_whole_curves(result, adaptation.movable)
-        mesh, nodes = with_layers(whole, corners, layers, rules)
+        mesh, nodes = with_layers(whole, corners, layers, rules.periodic, rules.curves)
         number_facets(mesh)
     with steps("solve"):
         if has_method(problem, "on_curves"):
@@ -186,21 +185,6 @@ def on_whole_curves(result: AdaptResult, movable: MovableMesh | MovableSolid) ->
     if distance <= FLAT * np.ptp(mesh.doflocs, axis=1).max():
         return mesh, ""
     return mesh, f" Sides are up to {distance:.2g} off their curves, which no estimate includes; use more nodes there."
-
-
-def with_layers(mesh: Mesh, nodes: Ints, layers: int, rules: Rules) -> tuple[Mesh, Ints]:
-    """Return a new mesh with layers, and the nodes that have them.
-
-    Nodes at curves get none if their layers would invert elements.
-    """
-    while nodes.size:
-        try:
-            return refined_at(mesh, nodes, layers=layers, periodic=rules.periodic, curves=rules.curves), nodes
-        except FoldedLayers as error:
-            kept = np.setdiff1d(nodes, error.nodes)
-            logger.info("%d corners at curves get no layers", nodes.size - kept.size)
-            nodes = kept if kept.size < nodes.size else nodes[:0]
-    return replace(mesh), nodes  # a pass is known by its mesh
 
 
 def corners_of_field(result: AdaptResult, problem: Problem) -> Ints:

@@ -1,6 +1,6 @@
 """Error estimates of plane magnetic fields, in the energy norm and for goals."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,6 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux, goal_oriented, recovery, residual
 from kohonen_adapt.estimators.residual_at_points import HIGHER_SCALES, Facets
-from kohonen_adapt.geometry.plane.arcs import refined_on_arcs
 from kohonen_adapt.magnetostatics.equations.around_axis import AroundAxis
 from kohonen_adapt.magnetostatics.equations.conditions import (
     Boundaries,
@@ -26,20 +25,14 @@ from kohonen_adapt.magnetostatics.order_estimates import goal_indicators_by_orde
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.residuals import dual_residual_by_points, residual_by_points
-from kohonen_adapt.magnetostatics.solution import HighOrderField, dual_of, richer_solution
-from kohonen_adapt.mesh.curved import is_second_order, refined
+from kohonen_adapt.magnetostatics.solution import HighOrderField, dual_of
 from kohonen_adapt.mesh.measures import gradient, inner_points
-from kohonen_adapt.problem.evaluation import Output
 
 __all__ = [
     "RESIDUAL_SCALE",
-    "better_values",
     "energy_indicators",
-    "error_of_goal",
     "goal_indicators",
 ]
-
-SolveFrom = Callable[[MeshTri, MeshTri, Field], Field]  # (mesh, old mesh, old solution)
 
 
 # Ratio of the unscaled residual estimate to the error, measured by test_magnetostatics.py and benchmark M:
@@ -51,7 +44,6 @@ RESIDUAL_SCALE = 1.0 / 3.6
 # The same around an axis, for a coil with and without an iron core, on squares and on adapted meshes (`benchmarks
 # axis`): order 1 3.4 - 4.8, order 2 4.3 - 8.9, order 3 6.6 - 13.9, the largest where the polish stretches elements.
 AXIS_SCALES = HIGHER_SCALES | {1: 1.0 / 4.2}
-BY_RESIDUAL = 3  # highest order of the residual estimate
 
 
 def energy_indicators(
@@ -153,34 +145,6 @@ def goal_indicators(field: Field, goal: Goal, boundaries: Boundaries, newton: Ne
             flux = field.symmetry.flux(strength)
             pair[name] = pair[name][:, None] - flux + flux.mean(axis=1, keepdims=True)
     return goal_oriented(field.mesh, **pair)
-
-
-def error_of_goal(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton, solve_from: SolveFrom) -> float:
-    return better_values(field, {"goal": goal}, boundaries, newton, solve_from)["goal"] - goal(field)
-
-
-def better_values(
-    field: Field, outputs: Mapping[str, Output], boundaries: Boundaries, newton: Newton, solve_from: SolveFrom
-) -> dict[str, float]:
-    """Return values of outputs by elements of one order more and rounder arcs.
-
-    At order 3 the mesh is refined once instead. The outputs themselves are evaluated, because a derivative omits terms
-    that are as large as the error on a mesh adapted for the output.
-
-    Twice as many facets on arcs reduce the area between chords and arcs to a quarter, and between parabolas and arcs to
-    a sixteenth. The difference of two solves, with and without rounder arcs, is extrapolated accordingly.
-    """
-    if field.order != BY_RESIDUAL:
-        better = richer_solution(field, boundaries, newton)
-    else:
-        better = solve_from(refined(field.mesh), field.mesh, field)
-    values = {name: float(output(better)) for name, output in outputs.items()}
-    meshes, fraction = refined_on_arcs(field.mesh), 15.0 / 16.0 if is_second_order(field.mesh) else 0.75
-    if meshes is not None and not (isinstance(field, HighOrderField) and is_second_order(field.mesh)):
-        chords, arcs = (solve_from(finer, field.mesh, field) for finer in meshes)
-        for name, output in outputs.items():
-            values[name] += (output(arcs) - output(chords)) / fraction
-    return values
 
 
 def _primal_and_dual(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> dict[str, Any]:

@@ -93,8 +93,9 @@ class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
     def goal_error(self, field: FieldKind) -> float:
         """Return an estimate of the error of the goal, exact less computed value.
 
-        In the plane the estimate uses elements of one order more and rounder arcs. On a mesh adapted for the goal it is
-        0.76 to 1.1 times the error. In space see `kohonen_adapt.estimators.goal_error` for its accuracy.
+        In the plane the estimate uses elements of one order more, smaller ones at corners, and rounder arcs. On a mesh
+        adapted for the goal it is 0.76 to 1.1 times the error. In space see `kohonen_adapt.estimators.goal_error` for
+        its accuracy.
 
         Parameters
         ----------

@@ -10,12 +10,13 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.magnetostatics.arguments import Arguments, check_plane_mesh, checked_order
+from kohonen_adapt.magnetostatics.better_values import better_values, error_of_goal
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
 from kohonen_adapt.magnetostatics.equations.high_orders import BY_LAGRANGE, elements_on
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
-from kohonen_adapt.magnetostatics.estimation import better_values, energy_indicators, error_of_goal, goal_indicators
+from kohonen_adapt.magnetostatics.estimation import energy_indicators, goal_indicators
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.functional import functional_for, materials_of
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
@@ -272,7 +273,9 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         return error_of_goal(field, self.goal, self.boundaries, self.method, self.solve_from)
 
     def improved(self, mesh: MeshTri, field: Field, outputs: Mapping[str, Output]) -> dict[str, float]:
-        """Return better values of outputs by one order more and rounder arcs.
+        """Return better values of outputs.
+
+        The elements have one order more, and are smaller at corners. Arcs are rounder.
 
         Parameters
         ----------
@@ -287,8 +290,7 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
             Name to value.
 
         """
-        solve_from = partial(self.solve_from, order=field.order)
-        return better_values(field, outputs, self.boundaries, self.method, solve_from)
+        return better_values(field, outputs, self.boundaries, self.method, self.solve_from)
 
     def ritz(self, mesh: MeshTri, field: Field) -> Ritz:
         """Return the energy functional and its minimiser, the potential.

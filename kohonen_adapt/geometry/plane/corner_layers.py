@@ -1,6 +1,8 @@
 """Geometric layers of elements around nodes where a field is singular."""
 
+import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +21,9 @@ from kohonen_adapt.mesh.joining import sides_of
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["FoldedLayers", "refined_at"]
+__all__ = ["FoldedLayers", "refined_at", "with_layers"]
+
+logger = logging.getLogger("kohonen_adapt")
 
 
 class FoldedLayers(ValueError):
@@ -121,6 +125,23 @@ def refined_at(
     for _ in range(layers):
         pieces = with_layer(pieces, singular, float(factor))
     return mesh_of(pieces, mesh, shape)
+
+
+def with_layers(
+    mesh: MeshTri, nodes: Ints, layers: int, periodic: Sequence[Pair], curves: Mapping[str, Curve] | None = None
+) -> tuple[MeshTri, Ints]:
+    """Return a new mesh with layers, and the nodes that have them.
+
+    Nodes at curves get none if their layers would invert elements.
+    """
+    while nodes.size:
+        try:
+            return refined_at(mesh, nodes, layers=layers, periodic=periodic, curves=curves), nodes
+        except FoldedLayers as error:
+            kept = np.setdiff1d(nodes, error.nodes)
+            logger.info("%d corners at curves get no layers", nodes.size - kept.size)
+            nodes = kept if kept.size < nodes.size else nodes[:0]
+    return replace(mesh), nodes  # a pass is known by its mesh
 
 
 def checked_nodes(nodes: ArrayLike, count: int) -> Mask:
