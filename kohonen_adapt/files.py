@@ -13,7 +13,7 @@ from typing import IO, Any
 if sys.platform != "win32":
     import fcntl
 
-__all__ = ["remove_drafts", "save_figure", "whole_file", "whole_files"]
+__all__ = ["remove_drafts", "save_figure", "whole_file", "whole_files", "write_whole"]
 
 PREFIX, SUFFIX = ".kohonen-adapt.", ".draft"  # of the folders of drafts
 LOCK = "kohonen-adapt.lock"  # file in a folder of drafts, locked by the writer
@@ -89,6 +89,11 @@ def remove_drafts(folder: Path) -> None:
     for draft in folder.glob(f"{PREFIX}*{SUFFIX}"):
         with suppress(OSError):
             _remove_abandoned(draft)
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    with whole_file(path) as draft:
+        draft.write_bytes(content)
 
 
 def save_figure(path: Path, figure: Any) -> None:

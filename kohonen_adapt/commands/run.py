@@ -14,7 +14,7 @@ from skfem import MeshTri
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.commands.arguments import refuse_link
 from kohonen_adapt.display import lattice
-from kohonen_adapt.files import remove_drafts, whole_file, whole_files
+from kohonen_adapt.files import remove_drafts, whole_file, whole_files, write_whole
 from kohonen_adapt.io import write_mesh
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.loop.passes import Pass, Status
@@ -110,8 +110,7 @@ class CaseRun:
         if self._written is not result.mesh or result.best.goal_error is not None:
             self._write(result)  # after resuming a finished run, or with the final error of a goal
         if result.status is not Status.FAILED:
-            with whole_file(self.passes / ENDED) as draft:
-                draft.write_text(f"{result.message}\n", encoding="utf-8")
+            write_whole(self.passes / ENDED, f"{result.message}\n".encode())
         return result
 
     def _interim(self, result: AdaptResult) -> None:

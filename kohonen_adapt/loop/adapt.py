@@ -203,29 +203,47 @@ def adapt(
     >>> result.mesh.p.shape == mesh.p.shape, list(result.mesh.boundaries), result.status.value
     (True, ['outer'], 'max_passes')
     """
-    tolerance, steps = Tolerance(rtol, atol, output_rtol, goal_rtol), Steps(progress)
-    stop = stop_test(mesh, passes, tolerance, target_nodes, callback, max_nodes)
+    stop = stop_test(mesh, passes, Tolerance(rtol, atol, output_rtol, goal_rtol), target_nodes, callback, max_nodes)
     check_problem(problem, rtol)
     check_goal(problem, goal_rtol, outputs)
-    orders = final_orders(problem, stop.max_nodes is not None)
-    of_passes, grading = at_order_of_passes(problem) if orders else problem, GradingTolerance(stop, orders)
-    stop_of_passes = replace(stop, of_passes=grading) if orders else stop
     check_mesh(mesh, curved=True, inverted=True, space=True)
-    method = method_of(mesh)
-    all_curves, pairs = curves_of(problem, mesh, curves), pairs_of(problem) if periodic is None else periodic
-    rules = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, all_curves, pairs, layers, surfaces)
-    check_for(rules, method.dim)
-    rules = with_pinned(rules.guarded(), nodes_of_problem(problem, mesh))
-    allowed = grading.aim if orders else stop.tolerance
-    growth = node_counts(of_passes, method, mesh, rules, target_nodes, stop, allowed)
+    given = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, curves, (), layers, surfaces)
+    rules = rules_for(problem, mesh, given, periodic)
     errors = ErrorsWanted(goal_rtol is not None, output_rtol is not None)
-    settings = Settings(rules, schedule, seed, polish, growth, check_outputs(outputs, output_rtol), rtol, errors)
-    mesh = with_layers(mesh, rules, grows=growth.target > growth.start)
-    movable = method.open(mesh, rules, is_curved(of_passes))
+    constant = Growth.of(int(mesh.nvertices), None, stop.passes, False)
+    checked = check_outputs(outputs, output_rtol)
+    settings = Settings(rules, schedule, seed, polish, constant, checked, rtol, errors)
+    return run(mesh, problem, stop, settings, target_nodes, checkpoint, interim, Steps(progress))
+
+
+def rules_for(problem: Problem, mesh: Mesh, rules: Rules, periodic: Sequence[Pair] | None) -> Rules:
+    pairs = pairs_of(problem) if periodic is None else periodic
+    rules = replace(rules, curves=curves_of(problem, mesh, rules.curves), periodic=pairs)
+    check_for(rules, mesh.dim())
+    return with_pinned(rules.guarded(), nodes_of_problem(problem, mesh))
+
+
+def run(
+    mesh: Mesh,
+    problem: Problem,
+    stop: StopTest,
+    settings: Settings,
+    target_nodes: int | None,
+    checkpoint: str | PathLike[str] | None,
+    interim: Callable[[AdaptResult], Any] | None,
+    steps: Steps,
+) -> AdaptResult:
+    orders, method = final_orders(problem, stop.max_nodes is not None), method_of(mesh)
+    of_passes, grading = at_order_of_passes(problem) if orders else problem, GradingTolerance(stop, orders)
+    allowed = grading.aim if orders else stop.tolerance
+    growth = node_counts(of_passes, method, mesh, settings.rules, target_nodes, stop, allowed)
+    settings = replace(settings, growth=growth)
+    mesh = with_layers(mesh, settings.rules, grows=growth.target > growth.start)
+    movable = method.open(mesh, settings.rules, is_curved(of_passes))
     passes_on_disk = Checkpoint.at(checkpoint, mesh, problem, settings)
     expect_kernels(method, of_passes, settings)
     adaptation = Adaptation(of_passes, method, movable, settings, steps, order_of(of_passes))
-    history = History(adaptation, stop_of_passes, passes_on_disk, interim)
+    history = History(adaptation, replace(stop, of_passes=grading) if orders else stop, passes_on_disk, interim)
     if orders:
         return run_to_order(adaptation, history, problem, stop, grading, orders)
     return run_loop(adaptation, history)

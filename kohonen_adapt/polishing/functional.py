@@ -170,7 +170,6 @@ class Functional:
         followed = outline.straight | (movable.curved and ritz.order <= FOLLOWED)
         linear = whole & ~bare & followed & (deviation <= LINEAR * np.ptp(values))
         dirichlet = (whole & ~bare) | partly
-        sign = signs_of_chains(ritz, outline)
         number, at = numbers_of_regions(ritz, triangulation.elements.region), reference_of(ritz)
         boundary = BoundaryTerms(ritz, at, number, {name: outline.names[name] != 0 for name in ritz.robin}, dirichlet)
         held = ~outline.straight | (dirichlet & ~linear) | (whole & bare) | boundary.on
@@ -185,10 +184,9 @@ class Functional:
         same_space = same_space and not chords.cut.any()
         comparable = ritz.comparable and same_space and not np.any(fixed & (kind == FREE))
         if modes is not None:
-            modes.dirichlet[
-                on_chains(triangulation.elements.chain, boundary.on | outline.constraints.chains.paired)
-            ] = True
-        chains = dirichlet, linear, sign, boundary, held, on_chain
+            held_sides = boundary.on | outline.constraints.chains.paired
+            modes.dirichlet[on_chains(triangulation.elements.chain, held_sides)] = True
+        chains = dirichlet, linear, signs_of_chains(ritz, outline), boundary, held, on_chain
         return cls(solution, at, ritz, number, constants, *chains, comparable, law, tables, chords)
 
     @property

@@ -65,9 +65,8 @@ class Shown:
 
 def view_data(
     results: Mapping[str, AdaptResult],
+    fields: tuple[Mapping[str, FieldOf], Mapping[str, FieldOf]],
     *,
-    point_data: Mapping[str, FieldOf],
-    cell_data: Mapping[str, FieldOf],
     indicator_label: str,
     why: Sequence[NDArray[np.str_]],
     plane: CutBy | None,
@@ -77,8 +76,9 @@ def view_data(
 ) -> dict[str, Any]:
     """Return the data of the view, ready for JSON.
 
-    The keys of `results` are the labels on both sides of the divider. Meshes of tetrahedra are cut by `plane`. `why` is
-    the reason that holds each node, for every mesh, or empty. Sections of `coils` in the plane are drawn as outlines.
+    The keys of `results` are the labels on both sides of the divider, `fields` are by nodes and by elements. Meshes of
+    tetrahedra are cut by `plane`. `why` is the reason that holds each node, for every mesh, or empty. Sections of
+    `coils` in the plane are drawn as outlines.
 
     Raises
     ------
@@ -89,8 +89,8 @@ def view_data(
     surfaces = [coil.winding.surface for coil in listed_coils(coils)]
     sections = [np.zeros((2, 2, 0)) if plane is None else cut_triangles(surface, plane) for surface in surfaces]
     shown = [
-        *(_elementwise(label, each, function) for label, function in cell_data.items()),
-        *(_nodal(label, each, function) for label, function in point_data.items()),
+        *(_elementwise(label, each, function) for label, function in fields[1].items()),
+        *(_nodal(label, each, function) for label, function in fields[0].items()),
         _indicators(indicator_label, each),
         _found_by_page(QUALITY, "quality", 0.0, 1.0) if plane is None else _qualities(each),
         _sizes(each, unit) if plane is None else _lengths(each, unit),

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kohonen_adapt.files import whole_file
+from kohonen_adapt.files import write_whole
 from kohonen_adapt.geometry.held_nodes import without_turns
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.table import html_table
@@ -122,8 +122,7 @@ def write_report(
     why = [without_turns(np.asarray(held(each))) for each in (before, result)] if held else []
     data = view_data(
         {"before": before, "after": result},
-        point_data=point_data or {},
-        cell_data=cell_data or {},
+        (point_data or {}, cell_data or {}),
         indicator_label=indicator_label,
         why=why if plane is None else [],
         plane=plane,
@@ -141,8 +140,7 @@ def write_report(
         settings={name: without_folders(text) for name, text in (settings or {}).items()},
         data=data,
     )
-    with whole_file(Path(path)) as draft:
-        draft.write_bytes(content)
+    write_whole(Path(path), content)
 
 
 def counts_by_reason(why: Sequence[NDArray[np.str_]]) -> list[tuple[str, ...]]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
 
-from kohonen_adapt.files import remove_drafts, whole_file
+from kohonen_adapt.files import remove_drafts, write_whole
 from kohonen_adapt.sweeps.cases import SECONDS, Case, Outcome
 
 __all__ = ["SweepFolder"]
@@ -116,8 +116,7 @@ def _read(file: Path) -> dict[str, Any]:
 
 
 def _write(file: Path, content: dict[str, Any]) -> None:
-    with whole_file(file) as draft:
-        draft.write_text(json.dumps(content), encoding="utf-8")
+    write_whole(file, json.dumps(content).encode())
 
 
 def _damaged(file: Path, error: Exception) -> ValueError:

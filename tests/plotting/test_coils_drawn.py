@@ -66,7 +66,7 @@ def test_the_view_of_a_report_has_the_section():
     mesh = blocks([T, T, T], {})
     problem = MagneticScalarPotential({"air": Material()}, {"outer": 0.0}, coils={"winding": COIL})
     result = ka.adapt(mesh, problem, passes=0)
-    common = {"point_data": {}, "cell_data": {}, "indicator_label": "", "why": [], "unit": "m", "axisymmetric": False}
+    common = {"fields": ({}, {}), "indicator_label": "", "why": [], "unit": "m", "axisymmetric": False}
     plane = ka.Plane((0.0, 0.1, 0.0), (0.0, 1.0, 0.0))
     with_coil, without = (
         view_data({"before": result}, plane=plane, coils=coils, **common)["meshes"][0] for coils in ([COIL], [])
