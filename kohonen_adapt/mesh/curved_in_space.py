@@ -27,6 +27,7 @@ from kohonen_adapt.mesh.host import number_edges, number_facets, of_kind
 from kohonen_adapt.mesh.quadrature import tetrahedron_rule
 
 __all__ = [
+    "EDGES",
     "CurvedTetrahedra",
     "check_curved_sides",
     "curved_volumes",

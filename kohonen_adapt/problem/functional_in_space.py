@@ -11,7 +11,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved_in_space import tangent_corners
 from kohonen_adapt.mesh.quadratic_in_space import function_slopes, quadratic_functions
-from kohonen_adapt.mesh.quadrature import CURVED_DEGREE_IN_SPACE, LAW_DEGREE_IN_SPACE, tetrahedron_rule
+from kohonen_adapt.mesh.quadrature import CURVED_RULE_IN_SPACE, LAW_DEGREE_IN_SPACE, tetrahedron_rule
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_table, source_at, value_by_region
 
@@ -20,7 +20,6 @@ __all__ = [
     "LAW_WEIGHTS",
     "MEANS",
     "at_curved_points",
-    "curved_value",
     "density_in_space",
     "fields_at_corners",
     "fluxes",
@@ -30,6 +29,7 @@ __all__ = [
     "rules",
     "shifted_slope",
     "value_in_space",
+    "value_of_order_2",
 ]
 
 # Degrees of quadrature: of a product of gradients, and of a source times functions of order 1 and 2. The rule of degree
@@ -95,6 +95,19 @@ def quadratic_value(corners: Floats, coefficients: Floats, node: Ints, region: I
     return float(np.sum(total) - np.sum(quadratic_loads(corners, region, ritz) * coefficients))
 
 
+def value_of_order_2(
+    corners: Floats, offset: Floats, coefficients: Floats, node: Ints, region: Ints, ritz: Ritz
+) -> float:
+    # of straight and curved elements, with midside offsets (3, 6, m) in the order of scikit-fem
+    curved = offset.any(axis=(0, 1))
+    if not curved.any():
+        return quadratic_value(corners, coefficients, node, region, ritz)
+    rows, straight = np.flatnonzero(curved), np.flatnonzero(~curved)
+    own = curved_value(corners[:, :, rows], offset[:, :, rows], coefficients[:, rows], region[rows], ritz)
+    parts = corners[:, :, straight], coefficients[:, straight], node[:, straight], region[straight], ritz
+    return own + quadratic_value(*parts)
+
+
 def curved_value(corners: Floats, offset: Floats, coefficients: Floats, region: Ints, ritz: Ritz) -> float:
     # The same for curved elements, with midside offsets (3, 6, m) in the order of scikit-fem.
     total = np.zeros(coefficients.shape[1])
@@ -110,7 +123,7 @@ def at_curved_points(
     corners: Floats, offset: Floats, region: Ints, ritz: Ritz
 ) -> Iterator[tuple[Floats, Floats, Floats, Floats, Ints]]:
     # Yield weights (k,), slopes (3, 10, k), functions (10,) and sources (k,) at a point of elements, and the elements.
-    linear, of_linear = tetrahedron_rule(CURVED_DEGREE_IN_SPACE)
+    linear, of_linear = CURVED_RULE_IN_SPACE
     for rows, points, weights in rules(region, ritz, (linear, of_linear / 6.0)):
         for at, weight in zip(points, weights, strict=True):
             own = tangent_corners(corners[:, :, rows], offset[:, :, rows], at[:, None])

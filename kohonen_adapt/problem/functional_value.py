@@ -1,14 +1,13 @@
 """Value of a Ritz functional on any mesh."""
 
 import numpy as np
-from skfem import Mesh, MeshTet
+from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved_in_space import CurvedTetrahedra
 from kohonen_adapt.mesh.quadratic_in_space import quadratic_coefficients
 from kohonen_adapt.problem.functional_in_plane import value_of_part
-from kohonen_adapt.problem.functional_in_space import curved_value, quadratic_value, value_in_space
+from kohonen_adapt.problem.functional_in_space import value_in_space, value_of_order_2
 from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of, plane_only_term
 from kohonen_adapt.problem.surface_terms import corner_values, nodal_terms, reduced_regions, surface_work
 
@@ -23,18 +22,9 @@ def functional_value(mesh: Mesh, ritz: Ritz) -> float:
         region = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
         if ritz.order == 2:
             coefficients = quadratic_coefficients(mesh, np.asarray(ritz.values))
-            return _value_of_order_2(mesh, coefficients, region, ritz)
+            offset = CurvedTetrahedra(mesh).offset
+            return value_of_order_2(mesh.p[:, mesh.t], offset, coefficients, mesh.t, region, ritz)
         values, nodal = np.asarray(ritz.values), nodal_terms(ritz.surface)
         on_corners = corner_values(values, nodal, mesh.t, reduced_regions(ritz.surface, region))
         return value_in_space(mesh.p[:, mesh.t], on_corners, region, ritz) - surface_work(values, nodal)
     return sum(value_of_part(mesh, part) for part in parts_of(ritz))
-
-
-def _value_of_order_2(mesh: MeshTet, coefficients: Floats, region: Ints, ritz: Ritz) -> float:
-    corners, shape = mesh.p[:, mesh.t], CurvedTetrahedra(mesh)
-    rows = np.flatnonzero(shape.curved)
-    if not rows.size:
-        return quadratic_value(corners, coefficients, mesh.t, region, ritz)
-    curved = curved_value(corners[:, :, rows], shape.offset[:, :, rows], coefficients[:, rows], region[rows], ritz)
-    rows = np.flatnonzero(~shape.curved)
-    return curved + quadratic_value(corners[:, :, rows], coefficients[:, rows], mesh.t[:, rows], region[rows], ritz)

@@ -20,7 +20,6 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Constraints,
     Quadratic,
     Queue,
-    SolidBlock,
     Star,
     Trial,
 )
@@ -28,11 +27,12 @@ from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, fill_star
 from kohonen_adapt.kernels.tetrahedron.polish.descend_order2 import derivatives, descend_nodes_order2, number_star
 from kohonen_adapt.kernels.tetrahedron.polish.swap_order2 import remove_edge
 from kohonen_adapt.polishing.energy_tables import tabulated
-from kohonen_adapt.problem.functional_in_space import LAW_POINTS, LAW_WEIGHTS
+from kohonen_adapt.polishing.space.curved_edges import CurvedEdges
 
 number_star, derivatives, remove_edge = (interpreted(loop) for loop in (number_star, derivatives, remove_edge))
 
 FLOOR = 0.2
+STRAIGHT = CurvedEdges(np.zeros(1, dtype=np.int32), np.zeros(0, dtype=np.int32), np.zeros((0, 3)))
 SLOPE = np.array([0.0, 1.5, -0.5])  # of the values along the face x = 0
 LAWS = [None, (None, Rising(0.3)), (Rising(3.0), Rising())]  # of the two regions
 
@@ -40,7 +40,7 @@ LAWS = [None, (None, Rising(0.3)), (Rising(3.0), Rising())]  # of the two region
 class Setting:
     """A box of two regions with a random function and functional of each, and the arrays of the kernels."""
 
-    def __init__(self, seed, cells=(4, 3, 2), load=1.0, laws=None):
+    def __init__(self, seed, cells=(4, 3, 2), load=1.0, laws=None, curves=STRAIGHT):
         rng = np.random.default_rng(seed)
         position, self.node = jittered(cells, 0.3, seed)
         region = (position[self.node, 0].mean(axis=1) > 0.5).astype(np.int32)
@@ -66,7 +66,7 @@ class Setting:
         data = constants / np.array([12.0, 24.0, 6.0, 6.0, 6.0, 1.0, 1.0, 1.0])
         trial = Trial(value, fixed, data, laws, rate, *plain(self.mesh), np.zeros((0, 2)), np.zeros((0, 2)))
         given = np.zeros(len(surfaces.shape), dtype=bool)
-        block = SolidBlock.of(LAW_POINTS, LAW_WEIGHTS)
+        block = curves.block()
         self.quadratic = Quadratic(trial, Modes(side, np.zeros(room), on), given, block)
         star, number = Star.of(rows, room), self.mesh.freedom.number
         fill_star(self.mesh.elements.node, star)
@@ -121,6 +121,55 @@ def test_the_block_of_a_node_equals_differences(row, laws):
             signs = [(1, 1), (1, -1), (-1, 1), (-1, -1)]
             four = [s * t * at.star_value(v, ends, s * unit[i] + t * unit[j]) for s, t in signs]
             assert hessian[i, j] == pytest.approx(sum(four) / (4 * step**2), abs=2e-4 * np.abs(hessian).max())
+
+
+def curved_around(at, v):
+    """Some edges of the elements around a node, curved."""
+    rows = np.flatnonzero((at.node == v).any(axis=1))
+    ends = np.unique(at.pairs[rows][:, :4].reshape(-1, 2), axis=0)[::2]
+    both, size = np.vstack([ends, ends[:, ::-1]]), 0.03 * np.ptp(at.mesh.position[at.node[rows]], axis=1).min()
+    offset = np.tile(np.random.default_rng(0).uniform(-size, size, (len(ends), 3)), (2, 1))
+    order = np.lexsort(both.T[::-1])
+    start = np.searchsorted(both[order, 0], np.arange(len(at.mesh.position) + 1)).astype(np.int32)
+    return CurvedEdges(start, both[order, 1].astype(np.int32), offset[order])
+
+
+@pytest.mark.parametrize("laws", LAWS[::2])
+def test_the_block_of_a_node_beside_curved_edges_equals_differences(laws):
+    at = Setting(0, laws=laws)
+    v = np.flatnonzero(at.mesh.freedom.number == INSIDE)[0]
+    at = Setting(0, laws=laws, curves=curved_around(at, v))
+
+    def found(d, change, wanted):
+        at.mesh.position[v] += d
+        assert number_star(at.arrays, at.quadratic, v)
+        block = at.quadratic.block
+        local, dof = block.local[: len(block.dof)], block.dof
+        for j in range(at.arrays.star.start[v + 1] - at.arrays.star.start[v]):
+            for i in range(10):
+                local[j, i] += change[dof[j, i]] if dof[j, i] >= 0 else 0.0
+        result = derivatives(at.arrays, at.quadratic, v, wanted)
+        at.mesh.position[v] -= d
+        return result
+
+    number_star(at.arrays, at.quadratic, v)
+    block, n = at.quadratic.block, at.quadratic.block.unknowns[0]
+    _, _, slope, (xx, xy, xz, yy, yz, zz) = found(np.zeros(3), np.zeros(n), POSITION)
+    gradient, mixed = np.append(slope, block.rest[:n]), block.mixed[:n].copy()
+    lower = np.tril(block.stiffness[:n, :n])
+    hessian = np.block(
+        [[np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), mixed.T], [mixed, lower + np.tril(lower, -1).T]]
+    )
+    step, by, second = 1e-4, np.zeros(3 + n), np.zeros((3 + n, 3 + n))
+    for i, unit in enumerate(step * np.eye(3 + n)):
+        ends = []
+        for sign in (1.0, -1.0):
+            _, total, slope, _ = found(sign * unit[:3], sign * unit[3:], POSITION)
+            ends.append(np.concatenate([[total], slope, block.rest[:n]]))
+        by[i] = (ends[0][0] - ends[1][0]) / (2.0 * step)
+        second[i] = (ends[0][1:] - ends[1][1:]) / (2.0 * step)
+    np.testing.assert_allclose(gradient, by, atol=1e-5 * np.abs(gradient).max())
+    np.testing.assert_allclose(hessian, second, atol=1e-4 * np.abs(hessian).max())
 
 
 @given(st.integers(0, 10_000), st.sampled_from([0.0, 1.0, 30.0]), st.sampled_from(LAWS))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.magnet_solids import nested_balls
 from helpers.poisson_solids import fichera
 from helpers.quadratic_solids import NonlinearQuadratic, QuadraticDiffusion
 from helpers.solids import ball, boundary_facts, halved_cube, volumes
@@ -9,6 +10,7 @@ from helpers.solids import ball, boundary_facts, halved_cube, volumes
 import kohonen_adapt as ka
 from kohonen_adapt import NotOffered, Ritz, Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.magnetostatics import MagneticScalarPotential, Material
 from kohonen_adapt.polishing.space.descent_order2 import QuadraticDescent
 from kohonen_adapt.polishing.space.polish_in_space import descend_in_space
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
@@ -179,3 +181,23 @@ def test_wrong_solutions_with_laws_are_refused():
     solution[row] += 0.5 * np.ptp(solution) + 1.0
     with pytest.raises(ValueError, match=r"not stationary for its Ritz: at \("):
         SolidFunctional.of_solution(problem.ritz(mesh, solution), movable, mesh)
+
+
+def test_the_polish_lowers_the_functional_of_curved_elements_by_what_it_says():
+    problem = MagneticScalarPotential({"ball": Material(50.0), "air": Material()}, {"outer": lambda x: x[2]}, order=2)
+    mesh = ka.adapt(nested_balls(2), problem, passes=0).mesh
+    movable, field = MovableSolid.of(mesh, Rules()), problem.solve(mesh)
+    ritz = problem.ritz(mesh, field)
+    functional = SolidFunctional.of_solution(ritz, movable, mesh)
+    descent = QuadraticDescent.of(movable, functional, functional.solution)
+    before = descent.value()
+    assert before == pytest.approx(functional_value(mesh, ritz), rel=1e-12)
+    descent, gain = descent.descend_checked(2, True)
+    assert gain > 0.0
+    assert before - descent.value() == pytest.approx(gain, rel=1e-6)
+    now = descent.value()
+    more, decrease = descent.recycle()
+    assert more > 0
+    assert now - descent.value() == pytest.approx(decrease, rel=1e-6)
+    descent.opened.write_back(movable)
+    assert ka.quality(movable.mesh()).min() > 0.0  # which refuses inverted elements

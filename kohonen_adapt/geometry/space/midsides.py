@@ -7,6 +7,7 @@ one smooth surface, which would be flat at the common edge.
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
@@ -22,7 +23,7 @@ __all__ = ["NO_EDGES", "InputEdges", "offsets_on_surfaces"]
 
 
 class InputEdges(NamedTuple):
-    ends: Ints  # (k, 2)
+    ends: Floats  # (k, 2, 3): positions of both ends, which do not move
     offset: Floats  # (k, 3)
 
     @classmethod
@@ -35,10 +36,10 @@ class InputEdges(NamedTuple):
         )
         offset, own = edge_midside_offsets(mesh), np.setdiff1d(flat, curved)
         own = own[offset[:, own].any(axis=0)]
-        return cls(mesh.edges[:, own].T.astype(np.int64), offset[:, own].T)
+        return cls(mesh.p.T[mesh.edges[:, own].T], offset[:, own].T)
 
 
-NO_EDGES = InputEdges(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 3)))
+NO_EDGES = InputEdges(np.zeros((0, 2, 3)), np.zeros((0, 3)))
 
 
 def offsets_on_surfaces(
@@ -55,17 +56,20 @@ def offsets_on_surfaces(
     there = on_their_patches(edge, patches._replace(of_face=elements.patch[e, k]), middle.T)
     offset = there.T - middle
     offset[:, np.linalg.norm(offset, axis=0) <= STRAIGHT * np.linalg.norm(end - start, axis=0)] = 0.0
-    own = rows_in_edges(mesh, input_edges.ends)
-    offset[:, own[own >= 0]] = input_edges.offset[own >= 0].T
+    if len(input_edges.ends):
+        own = rows_in_edges(mesh, input_edges.ends)
+        offset[:, own[own >= 0]] = input_edges.offset[own >= 0].T
     curved = offset.any(axis=0)
     offset[:, _folding(mesh, offset)] = 0.0
     return offset, curved & ~offset.any(axis=0)
 
 
-def rows_in_edges(mesh: MeshTet, ends: Ints) -> Ints:
-    # Indices of edges by their ends (k, 2), -1 for none.
-    row = edges_between(mesh, ends[:, 0], ends[:, 1]).clip(max=mesh.edges.shape[1] - 1)
-    return np.where(np.all(np.sort(ends, axis=1) == mesh.edges[:, row].T, axis=1), row, -1)
+def rows_in_edges(mesh: MeshTet, ends: Floats) -> Ints:
+    # Indices of edges by the positions of their ends (k, 2, 3), -1 for none.
+    distance, nodes = cKDTree(mesh.p.T).query(ends.reshape(-1, 3))
+    pairs, found = nodes.reshape(-1, 2), np.all(distance.reshape(-1, 2) == 0.0, axis=1)
+    row = edges_between(mesh, pairs[:, 0], pairs[:, 1]).clip(max=mesh.edges.shape[1] - 1)
+    return np.where(found & np.all(np.sort(pairs, axis=1) == mesh.edges[:, row].T, axis=1), row, -1)
 
 
 def _folding(mesh: MeshTet, offset: Floats) -> Ints:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from skfem import MeshTet
 from skfem.generic_utils import OrientedBoundary
 
@@ -107,7 +108,7 @@ class MovableSolid(Movable):
         wanted, input_edges = is_second_order(mesh) if curved is None else curved, NO_EDGES
         if wanted and is_second_order(mesh):
             input_edges = InputEdges.of(mesh, faces, patches)
-            pinned[input_edges.ends] = True
+            pinned[cKDTree(tet.position).query(input_edges.ends.reshape(-1, 3))[1]] = True
         ridges = ridges_of(edges, patches, on_their_patches(faces.nodes, patches, tet.position))
         elements = tet.elements
         write_on_both_sides(elements.patch, elements.neighbour, faces.element, faces.corner, patches.of_face)

@@ -220,9 +220,19 @@ class SolidBlock(NamedTuple):
     curvature: np.ndarray  # (4, 4, 6): integrals of L_a L_b M (xx, xy, xz, yy, yz, zz), in the lower triangle
     turn: np.ndarray  # (4, 3, 3): integrals of L_a (M g_0) grad u^T
     applied: np.ndarray  # (4, 3): product of the curvature and a function
+    curve_start: np.ndarray  # (n + 1,) int32: first curved edge of every node
+    curve_end: np.ndarray  # (k,) int32: far end of every curved edge, each edge twice
+    curve_offset: np.ndarray  # (k, 3): midside offset of every curved edge
+    curve_point: np.ndarray  # (q, 4): barycentric coordinates of the quadrature points of curved elements without a law
+    curve_weight: np.ndarray  # (q,): weights with sum 1
+    offset: np.ndarray  # (6, 3): midside offsets of an element
+    tangent: np.ndarray  # (4, 3): corners of the straight element with the derivatives of a curved one
+    gradient: np.ndarray  # (10, 3): gradients of the functions at a point
 
     @classmethod
-    def of(cls, point: np.ndarray, weight: np.ndarray) -> "SolidBlock":
+    def of(
+        cls, point: np.ndarray, weight: np.ndarray, curves: tuple[np.ndarray, ...], rule: tuple[np.ndarray, np.ndarray]
+    ) -> "SolidBlock":
         rows, edges = 2 * MOST, UNKNOWNS
         slope, field = np.empty((2, 4, 3))
         return cls(
@@ -247,6 +257,14 @@ class SolidBlock(NamedTuple):
             np.empty((4, 4, 6)),
             np.empty((4, 3, 3)),
             np.empty((4, 3)),
+            curves[0],
+            curves[1],
+            curves[2],
+            rule[0],
+            rule[1],
+            np.empty((6, 3)),
+            np.empty((4, 3)),
+            np.empty((10, 3)),
         )
 
 

@@ -121,3 +121,24 @@ def rounded(length):
     """
     spread = length * (2.0**29 + 1.0)
     return np.float64(spread - (spread - length))
+
+
+@inner_kernel
+def set_slopes(position, slope, a, b, c, d):
+    x, y, z = position[a, 0], position[a, 1], position[a, 2]
+    ux, uy, uz = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
+    vx, vy, vz = position[c, 0] - x, position[c, 1] - y, position[c, 2] - z
+    wx, wy, wz = position[d, 0] - x, position[d, 1] - y, position[d, 2] - z
+    px, py, pz = vy * wz - vz * wy, vz * wx - vx * wz, vx * wy - vy * wx
+    six = ux * px + uy * py + uz * pz
+    inverse = 1.0 / six
+    slope[1, 0], slope[1, 1], slope[1, 2] = inverse * px, inverse * py, inverse * pz
+    slope[2, 0] = inverse * (wy * uz - wz * uy)
+    slope[2, 1] = inverse * (wz * ux - wx * uz)
+    slope[2, 2] = inverse * (wx * uy - wy * ux)
+    slope[3, 0] = inverse * (uy * vz - uz * vy)
+    slope[3, 1] = inverse * (uz * vx - ux * vz)
+    slope[3, 2] = inverse * (ux * vy - uy * vx)
+    for k in range(3):
+        slope[0, k] = -(slope[1, k] + slope[2, k] + slope[3, k])
+    return six

@@ -10,7 +10,7 @@ from skfem.refdom import RefTet
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved_in_space import CurvedTetrahedra, tangent_corners
-from kohonen_adapt.mesh.quadrature import CURVED_DEGREE_IN_SPACE, LAW_DEGREE_IN_SPACE, tetrahedron_rule
+from kohonen_adapt.mesh.quadrature import CURVED_RULE_IN_SPACE, LAW_DEGREE_IN_SPACE, tetrahedron_rule
 
 __all__ = ["EDGES", "METRIC", "PAIRS", "Group", "groups_of"]
 
@@ -78,9 +78,9 @@ def slopes(barycentric: Floats) -> Floats:
 def groups_of(nonlinear: Mask, shape: CurvedTetrahedra, hats: Floats, volumes: Floats) -> list[Group]:
     groups, first = list[Group](), 0
     for curved, has_law in product((False, True), (False, True)):
-        degree = LAW_DEGREE_IN_SPACE if has_law else CURVED_DEGREE_IN_SPACE if curved else DEGREE
         rows = np.flatnonzero((nonlinear == has_law) & (shape.curved == curved))
-        barycentric, weights = tetrahedron_rule(degree)
+        degree = LAW_DEGREE_IN_SPACE if has_law else DEGREE
+        barycentric, weights = CURVED_RULE_IN_SPACE if curved and not has_law else tetrahedron_rule(degree)
         if rows.size:
             columns = slice(first, first + rows.size * weights.size)
             maps = maps_of(shape, rows, barycentric) if curved else (hats[:, :, rows], volumes[rows])

@@ -24,10 +24,10 @@ from kohonen_adapt.kernels.tetrahedron.polish.swap_order2 import swap_downhill_o
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse
 from kohonen_adapt.kernels.threads import Nodes, even_cuts, shared
 from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.polishing.space.curved_edges import CurvedEdges
 from kohonen_adapt.polishing.space.descent import Descent
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.space.surgery_in_space import offers_of
-from kohonen_adapt.problem.functional_in_space import LAW_POINTS, LAW_WEIGHTS
 
 __all__ = ["QuadraticDescent"]
 
@@ -50,6 +50,8 @@ class QuadraticDescent(Descent):
         Coefficients of the edges of all elements.
     size
         Number of unknowns at the start, up to a constant.
+    curves
+        Curved edges.
     blocks
         Scratch by thread.
     price
@@ -59,6 +61,7 @@ class QuadraticDescent(Descent):
 
     modes: Modes
     size: int
+    curves: CurvedEdges
     blocks: dict[int, SolidBlock] = field(default_factory=dict)
     price: Floats = field(default_factory=lambda: np.full(1, np.nan))
 
@@ -72,9 +75,9 @@ class QuadraticDescent(Descent):
         nodes, elements = len(opened.mesh.position), len(opened.mesh.elements.node)
         own = functional.trial(padded(trial.values, nodes, 0.0), padded(trial.fixed, nodes, False))
         modes = Modes(*(padded(array, elements, 0) for array in trial.modes))
-        return cls(
-            opened, functional, own, movable.floor, movable.flips, np.zeros((elements, 2)), modes, size_of(opened.mesh)
-        )
+        curves, used = CurvedEdges.of(movable, nodes), np.zeros((elements, 2))
+        size = size_of(opened.mesh)
+        return cls(opened, functional, own, movable.floor, movable.flips, used, modes, size, curves)
 
     def copy(self) -> Self:
         return replace(super().copy(), modes=Modes(*(array.copy() for array in self.modes)), price=self.price.copy())
@@ -82,12 +85,12 @@ class QuadraticDescent(Descent):
     def value(self) -> float:
         mesh = self.opened.mesh
         return self.functional.value_on(
-            mesh.position, mesh.elements, TrialFunction(self.trial.value, self.trial.fixed, self.modes)
+            mesh.position, mesh.elements, TrialFunction(self.trial.value, self.trial.fixed, self.modes), self.curves
         )
 
     def quadratic(self) -> Quadratic:
         thread = get_ident()
-        block = self.blocks.get(thread) or self.blocks.setdefault(thread, SolidBlock.of(LAW_POINTS, LAW_WEIGHTS))
+        block = self.blocks.get(thread) or self.blocks.setdefault(thread, self.curves.block())
         return Quadratic(self.trial, self.modes, self.functional.dirichlet[: self.functional.patches], block)
 
     def descend_nodes(self, thread: int, mesh: KernelMesh, nodes: Nodes) -> float:

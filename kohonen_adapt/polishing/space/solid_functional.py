@@ -29,15 +29,16 @@ from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.mesh.quadratic_in_space import edge_modes, edges_of_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import Tables, constants_of, laws_of_regions, numbers_of_regions
+from kohonen_adapt.polishing.space.curved_edges import CurvedEdges
 from kohonen_adapt.polishing.space.curved_faces import CurvedFaces
 from kohonen_adapt.polishing.space.surface_values import dirichlet_on, sides_of, with_loads
 from kohonen_adapt.polishing.stationarity import check_in_space
 from kohonen_adapt.problem.functional_in_space import (
     fields_at_corners,
     loads_in_space,
-    quadratic_value,
     shifted_slope,
     value_in_space,
+    value_of_order_2,
 )
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz, check_matches, plane_only_term
@@ -213,12 +214,15 @@ class SolidFunctional:
     def value(self, tetrahedralization: Tetrahedralization, trial: TrialFunction) -> float:
         return self.value_on(tetrahedralization.position, tetrahedralization.elements, trial)
 
-    def value_on(self, position: Floats, elements: Tetrahedra, trial: TrialFunction) -> float:
+    def value_on(
+        self, position: Floats, elements: Tetrahedra, trial: TrialFunction, curves: CurvedEdges | None = None
+    ) -> float:
         used, values = elements.node[:, 0] >= 0, trial.values
         node, number = elements.node[used].T, self.number[elements.region[used]]
         if trial.modes is not None:
             coefficients = np.vstack([values[node], trial.modes.side[used, :, 0].T])
-            return quadratic_value(position.T[:, node], coefficients, node, number, self.ritz)
+            offset = np.zeros((3, 6, node.shape[1])) if curves is None else curves.on(node)
+            return value_of_order_2(position.T[:, node], offset, coefficients, node, number, self.ritz)
         on_corners = corner_values(values, trial.surface, node, reduced_regions(self.ritz.surface, number))
         own = value_in_space(position.T[:, node], on_corners, number, self.ritz) - surface_work(values, trial.surface)
         return own + self.faces.value(position, elements, values, trial.surface)

@@ -20,14 +20,14 @@ def corners_of(node, e):
 
 
 @inner_kernel
-def energy_of_old(mesh, quadratic, count, a, b):
-    # Return magnitude and functional of the elements to remove, and its minimum by edge ab.
+def energy_of_old(mesh, quadratic, old, count, a, b):
+    # Return magnitude and functional of the elements `old`, and its minimum by edge ab.
     # The source is that along the edge.
     trial, modes, block, node = quadratic.trial, quadratic.modes, quadratic.block, mesh.elements.node
     own, magnitude, total = trial.value[a], 0.0, 0.0
     clear(block, 1)
     for i in range(count):
-        e = np.int64(mesh.cavity.old[i])
+        e = np.int64(old[i])
         for k in range(4):
             block.local[i, k], block.dof[i, k] = trial.value[node[e, k]] - own, -1
         for k in range(6):

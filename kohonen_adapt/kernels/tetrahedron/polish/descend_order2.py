@@ -125,6 +125,8 @@ def move_node(mesh, quadratic, v, floor):
     if not number_star(mesh, quadratic, v):
         return 0.0
     magnitude, total, gradient, hessian = derivatives(mesh, quadratic, v, BLOCK if held else POSITION)
+    if not total < np.inf:  # of elements that fold
+        return 0.0
     rate = 0.0, 0.0, 0.0
     if given and not held:
         row = rates_row(mesh.constraints, v)

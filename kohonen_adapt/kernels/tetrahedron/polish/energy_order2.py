@@ -12,7 +12,7 @@ coefficients follow without quadrature. If corner 0 moves by d and all coefficie
     E(d) = c D / 2 ((1 + s) tr P - 2 g_0 . P d + |g_0|^2 d . P d / (1 + s)) - (source and flux, linear in d),
 
 so the second derivative c D |g_0|^2 P is never negative. Derivatives of order 1 in `descend.py` are those of constant
-gradients. `law_order2` has nonlinear laws.
+gradients. `law_order2` has nonlinear laws, `curved_order2` curved edges.
 """
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
@@ -25,6 +25,8 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     VALUE,
 )
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES
+from kohonen_adapt.kernels.tetrahedron.geometry import set_slopes
+from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import add_curved, set_offsets
 from kohonen_adapt.kernels.tetrahedron.polish.law_order2 import OF_EDGE, add_by_law
 
 
@@ -35,27 +37,6 @@ def clear(block, count):
         block.rest[i] = block.mixed[i, 0] = block.mixed[i, 1] = block.mixed[i, 2] = 0.0
         for j in range(i + 1):
             block.stiffness[i, j] = 0.0
-
-
-@inner_kernel
-def set_slopes(position, slope, a, b, c, d):
-    x, y, z = position[a, 0], position[a, 1], position[a, 2]
-    ux, uy, uz = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
-    vx, vy, vz = position[c, 0] - x, position[c, 1] - y, position[c, 2] - z
-    wx, wy, wz = position[d, 0] - x, position[d, 1] - y, position[d, 2] - z
-    px, py, pz = vy * wz - vz * wy, vz * wx - vx * wz, vx * wy - vy * wx
-    six = ux * px + uy * py + uz * pz
-    inverse = 1.0 / six
-    slope[1, 0], slope[1, 1], slope[1, 2] = inverse * px, inverse * py, inverse * pz
-    slope[2, 0] = inverse * (wy * uz - wz * uy)
-    slope[2, 1] = inverse * (wz * ux - wx * uz)
-    slope[2, 2] = inverse * (wx * uy - wy * ux)
-    slope[3, 0] = inverse * (uy * vz - uz * vy)
-    slope[3, 1] = inverse * (uz * vx - ux * vz)
-    slope[3, 2] = inverse * (ux * vy - uy * vx)
-    for k in range(3):
-        slope[0, k] = -(slope[1, k] + slope[2, k] + slope[3, k])
-    return six
 
 
 @inner_kernel
@@ -79,6 +60,8 @@ def add_element(position, trial, block, i, region, load, corners, wanted):
         Sum of magnitudes of all terms, functional, and derivatives (x, y, z) and (xx, xy, xz, yy, yz, zz).
     """
     g, t, u, data = block.slope, block.field, block.local, trial.data
+    if block.curve_end.shape[0] > 0 and set_offsets(block, corners):
+        return add_curved(position, trial, block, i, region, load, corners, wanted)
     six = set_slopes(position, g, *corners)
     set_fields(g, t, u, i)
     if trial.laws.number[region] >= 0:

@@ -72,6 +72,8 @@ def gain_of_split(mesh, quadratic, shell, count, a, b, p):
     # Return the gain of node p in the middle of edge ab, the number of its edges, and True if its value is given.
     # The position of p must be set. The elements are written to `cavity.new`, as by `prepare_split`.
     block, modes, trial, node = quadratic.block, quadratic.modes, quadratic.trial, mesh.elements.node
+    # the halves of curved elements do not contain the function
+    now = energy_of_old(mesh, quadratic, shell, count, a, b)[1] if block.curve_end.shape[0] > 0 else 0.0
     e = np.int64(shell[0])
     ab = EDGE_OF[corner_of(node, e, a), corner_of(node, e, b)]
     middle, given, rows = modes.side[e, ab, 0], modes.dirichlet[e, ab], 2
@@ -106,7 +108,7 @@ def gain_of_split(mesh, quadratic, shell, count, a, b, p):
             if not given:
                 block.dof[2 * i + j, corner_of(mesh.cavity.new, 2 * i + j, p)] = 0
     before, least = least_energy(mesh, quadratic, 2 * count, unknowns, a, b)
-    return before - least, rows, given
+    return (now if block.curve_end.shape[0] > 0 else before) - least, rows, given
 
 
 @kernel
@@ -185,7 +187,7 @@ def cheapest_collapse(mesh, quadratic, v, most, floor):
     # Returned are inf and -1 if no collapse is allowed.
     freedom, cheapest, into, least_cost, saved = mesh.freedom, most, np.int64(NOWHERE), 0.0, 0
     count, worst = gather_around(mesh, v, mesh.cavity.old), 2.0
-    _, before, _ = energy_of_old(mesh, quadratic, count, v, v)
+    _, before, _ = energy_of_old(mesh, quadratic, mesh.cavity.old, count, v, v)
     for i in range(count):
         worst = min(worst, element_quality(mesh.position, mesh.elements.node, np.int64(mesh.cavity.old[i])))
     neighbours = list_neighbours(mesh, v, count)

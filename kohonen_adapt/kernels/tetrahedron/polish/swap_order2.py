@@ -103,7 +103,7 @@ def remove_edge(mesh, quadratic, queue, open_patch, e, edge, floor, charge):
             if not are_good(mesh, new, least):
                 continue
             if known == 0:
-                magnitude, now, before = energy_of_old(mesh, quadratic, found + found_other, a, b)
+                magnitude, now, before = energy_of_old(mesh, quadratic, mesh.cavity.old, found + found_other, a, b)
                 known, best = list_edges(mesh, quadratic, found + found_other), before - ROUNDING * magnitude
             total, edges = energy_of_rings(mesh, quadratic, known, new, a, b, rings)
             total += charge * (edges - known - 1)
@@ -127,7 +127,7 @@ def swap_face(mesh, quadratic, queue, e, k, floor, charge):
     if worst == RULED_OUT or not are_good(mesh, 3, max(FLAT, min(floor, worst))):
         return 0, 0.0
     a, b = np.int64(mesh.cavity.new[0, 0]), np.int64(mesh.cavity.new[0, 1])
-    magnitude, now, _ = energy_of_old(mesh, quadratic, 2, a, b)
+    magnitude, now, _ = energy_of_old(mesh, quadratic, mesh.cavity.old, 2, a, b)
     known = list_edges(mesh, quadratic, 2)
     edges, unknowns = gather_new(mesh, quadratic, 3, known, quadratic.trial.value[a], NO_EDGE)
     gain = now - least_energy(mesh, quadratic, 3, unknowns, a, b)[1]
