@@ -37,7 +37,7 @@ LAW_DEGREE_BY_POINTS = {1: 8, 2: 14, 3: 14}  # curved sides, and around an axis
 # Tetrahedra of order 2. Points of degree 7 change the functional by 4 to 5 % of its fall under refinement, points of
 # degree 9 by less than 0.1 % (iron at its knee in half a cube).
 LAW_DEGREE_IN_SPACE = 9
-# Points (4, 4) and weights (4,) of curved tetrahedra without a law, of degree 2, as of `inner_points`. Points of degree 5
+# Points (4, 4) and weights (4,) of curved tetrahedra without a law, of degree 2, as of `inner_points`. Degree 5 would
 # change the error of H around a ball by less than 0.1 %.
 CURVED_RULE_IN_SPACE = 0.25 + 5.0**-0.5 * (np.eye(4) - 0.25), np.full(4, 0.25)
 # Corners on the axis for the 7 kinds of elements: none (0), corner k (1 + k), the side opposite to corner k (4 + k).
