@@ -3,7 +3,7 @@
 import gc
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product, takewhile
 
@@ -66,16 +66,18 @@ def against_hp(models: Sequence[CornerModel], grid: Grid, errors: Sequence[float
     """Print times and unknowns to errors beside those of NGSolve's hp refinement."""
     header = ["", "error %", "NGSolve's hp", "s", "unknowns", "this package", "s", "unknowns"]
     header += ["time ratio", "target", "ratio of unknowns", "target", "of the fewest"]
+    header += ["by rtol", "s", "unknowns", "error %", "time ratio"]
     return markdown(header, [row for model in models for row in _hp_rows(model, grid, errors)])
 
 
 def _hp_rows(model: CornerModel, grid: Grid, errors: Sequence[float]) -> Iterator[list[Cell]]:
-    sides = [list(theirs(model, grid)), list(ours(model, grid))]
+    stated = [partial(run_to, model, error) for error in errors]
+    sides = [list(theirs(model, grid)), list(ours(model, grid)), stated]
     for side in sides:
         side[0]()  # warm
-    hp, adapted = best_of(sides, errors, REPEATS)
+    hp, adapted, by_tolerance = best_of(sides, errors, REPEATS)
     times, unknowns = TARGETS[model.name]
-    for error, time_target, target in zip(errors, times, unknowns, strict=False):
+    for error, time_target, target, own in zip(errors, times, unknowns, by_tolerance, strict=False):
         first, second = quickest(hp, error), quickest(adapted, error)
         row: list[Cell] = [model.name, f"{error:g}"]
         for run in (first, second):
@@ -84,7 +86,8 @@ def _hp_rows(model: CornerModel, grid: Grid, errors: Sequence[float]) -> Iterato
             fewest = [fewest_unknowns(runs, error) or 0 for runs in (hp, adapted)]
             row += [f"{second.seconds / first.seconds:.2f}", time_target]
             row += [f"{second.unknowns / first.unknowns:.2f}", target, f"{fewest[1] / fewest[0]:.2f}"]
-        yield row + [None] * (13 - len(row))
+        row += [None] * (13 - len(row)) + [own.settings, f"{own.seconds:.4f}", own.unknowns, f"{own.error:.2g}"]
+        yield [*row, f"{own.seconds / first.seconds:.2f}" if first else None]
 
 
 def theirs(model: CornerModel, grid: Grid) -> Iterator[Call]:
@@ -100,6 +103,15 @@ def ours(model: CornerModel, grid: Grid) -> Iterator[Call]:
         for passes in grid.passes:
             for count in nodes if passes else nodes[:1]:  # without a pass the start keeps its nodes
                 yield partial(adapted_run, model, order, passes, count)
+
+
+def run_to(model: CornerModel, error: float) -> Run:
+    """Run `adapt` to a tolerance in %, warm."""
+    start, problem = model.start(), replace(model.problem(2), order="auto")
+    begin = time.process_time()
+    result = ka.adapt(start, problem, rtol=0.01 * error)
+    seconds, best = time.process_time() - begin, result.best
+    return Run(f"p {best.order}", best.unknowns, model.error(result.solution), seconds)
 
 
 def adapted_run(model: CornerModel, order: int, passes: int, nodes: int) -> Run:
