@@ -12,9 +12,8 @@ import kohonen_adapt as ka
 from benchmarks.problems.magnets_in_space import dipole, nested_balls
 from benchmarks.table import Cell, aligned
 from kohonen_adapt.magnetostatics import MagneticScalarPotential, Material, SolidField
-from kohonen_adapt.mesh.cells import TETRAHEDRON
+from kohonen_adapt.mesh.cells import TETRAHEDRON, tetrahedron_rule
 from kohonen_adapt.mesh.curved_in_space import CurvedTetrahedra, tangent_corners
-from kohonen_adapt.mesh.quadrature import tetrahedron_rule
 
 Array = NDArray[np.float64]
 

@@ -1,5 +1,6 @@
 """Settings of a case, completed from its mesh file."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +20,7 @@ from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.io import Groups, read_groups, read_mesh
 from kohonen_adapt.io.read import curves_in_file
 from kohonen_adapt.loop.settings import PASSES, PASSES_TO_TOLERANCE
+from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
@@ -27,7 +29,7 @@ from kohonen_adapt.mesh.cells import TETRAHEDRON, check_kind
 from kohonen_adapt.mesh.curved import corners_of, is_second_order
 from kohonen_adapt.problem.orders import AutoOrder
 
-__all__ = ["Case"]
+__all__ = ["Case", "keys_of_space", "remedy_in_plane"]
 
 TOLERANCES = ("rtol", "atol", "output_rtol", "goal_rtol")
 
@@ -288,3 +290,26 @@ def _with_rim(mesh: MeshTri, name: str) -> MeshTri:
             "name, or leave rim out."
         )
     return mesh.with_boundaries({name: rim})
+
+
+def keys_of_space(materials: Mapping[str, Material], given: Mapping[str, Any]) -> list[str]:
+    vectors = {
+        f"materials.{name}.{kind}": getattr(material, kind)
+        for name, material in materials.items()
+        for kind in ("remanence", "coercivity")
+    }
+    vectors["applied_field"] = given.get("applied_field")
+    found = [key for key, each in vectors.items() if isinstance(each, tuple) and len(each) == 3]
+    found += ["goal"] if getattr(given.get("goal"), "dimension", 2) == 3 else []
+    found = [f"{key} of three components" for key in found]
+    found += ["the estimator 'bracket'"] if given.get("estimator") == "bracket" else []
+    return found + [key for key in ("symmetry", "coils") if key in given]
+
+
+def remedy_in_plane(keys: list[str]) -> str:
+    if "coils" in keys:
+        return (
+            " A coil in the plane is a subdomain with ampere_turns; in space ampere_turns is a key of [coils.NAME], "
+            "and the coil has no subdomain."
+        )
+    return " Vectors in the plane have two components, [x, y]."

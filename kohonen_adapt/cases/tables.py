@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from math import cos, radians, sin
 from pathlib import Path
 from typing import Any, Literal
@@ -155,10 +156,7 @@ COILS: dict[str, Callable[..., Coil]] = {
     "racetrack": _racetrack,
     "straight_limb": _straight_limb,
 }
-
-
-def coil(given: Any, location: str) -> Coil:
-    return make_named(COILS, "shape", given, location)
+coil = partial(make_named, COILS, "shape")
 
 
 @dataclass(frozen=True)
@@ -255,11 +253,7 @@ QUANTITIES: dict[str, Callable[..., Quantity]] = {
     "energy": lambda: Quantity(lambda field: field.energy, "J"),
     "coenergy": lambda: Quantity(lambda field: field.coenergy, "J"),
 }
-
-
-def quantity(given: Any, location: str) -> Quantity:
-    return make_named(QUANTITIES, "quantity", given, location)
-
+quantity = partial(make_named, QUANTITIES, "quantity")
 
 GOALS: dict[str, Callable[..., Goal]] = {
     "force": Force,
@@ -268,10 +262,7 @@ GOALS: dict[str, Callable[..., Goal]] = {
     "energy": StoredEnergy,
     "flux_density": FluxDensityAt,
 }
-
-
-def goal(given: Any, location: str) -> Goal:
-    return make_named(GOALS, "quantity", given, location)
+goal = partial(make_named, GOALS, "quantity")
 
 
 def _spline(points: list[Point], closed: bool = False) -> Spline:
@@ -279,11 +270,7 @@ def _spline(points: list[Point], closed: bool = False) -> Spline:
 
 
 SHAPES: dict[str, Callable[..., Arc | Line | Spline]] = {"arc": Arc, "line": Line, "spline": _spline}
-
-
-def shape(given: Any, location: str) -> Arc | Line | Spline:
-    return make_named(SHAPES, "curve", given, location)
-
+shape = partial(make_named, SHAPES, "curve")
 
 # The half angle of a cone is in radians.
 SURFACES: dict[str, Callable[..., Plane | Sphere | Cylinder | Cone]] = {
@@ -292,11 +279,7 @@ SURFACES: dict[str, Callable[..., Plane | Sphere | Cylinder | Cone]] = {
     "cylinder": Cylinder,
     "cone": Cone,
 }
-
-
-def surface(given: Any, location: str) -> Plane | Sphere | Cylinder | Cone:
-    return make_named(SURFACES, "surface", given, location)
-
+surface = partial(make_named, SURFACES, "surface")
 
 MOTIONS: dict[str, Callable[..., Motion]] = {
     "rotation": Rotation,
@@ -315,13 +298,7 @@ PAIRS = list_of(
 )
 """Pairs of boundaries, each with an optional table of the motion between them."""
 
-
-def _stage(given: Any, location: str) -> Stage:
-    return make_from_table(Stage, given, location)
-
-
-STAGES = list_of(Kind((dict,), "{radius = ..., epochs = ..., learning_rate = ...}", read=_stage))
-
-
-def schedule(given: Any, location: str) -> Schedule:
-    return make_from_table(Schedule, given, location, {"stages": STAGES})
+STAGES = list_of(
+    Kind((dict,), "{radius = ..., epochs = ..., learning_rate = ...}", read=partial(make_from_table, Stage))
+)
+schedule = partial(make_from_table, Schedule, special={"stages": STAGES})

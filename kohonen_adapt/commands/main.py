@@ -15,8 +15,9 @@ from skfem import Mesh
 
 from kohonen_adapt import __doc__ as description
 from kohonen_adapt.cases.case import Case
+from kohonen_adapt.cases.checking import fitting_mesh
 from kohonen_adapt.cases.readers import locate_errors
-from kohonen_adapt.cases.reading import fitting_mesh, read_case
+from kohonen_adapt.cases.reading import read_case
 from kohonen_adapt.cases.template import case_text
 from kohonen_adapt.commands.arguments import command_parser, options_of, options_text, writable_folder
 from kohonen_adapt.commands.check import described, faults, held_described, moving, points_described

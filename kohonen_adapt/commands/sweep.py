@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from kohonen_adapt.cases.case import Case
+from kohonen_adapt.cases.checking import fitting_mesh
 from kohonen_adapt.cases.drawing import Drawing
 from kohonen_adapt.cases.readers import locate_errors
-from kohonen_adapt.cases.reading import case_of, fitting_mesh, read_case, with_options
+from kohonen_adapt.cases.reading import case_of, read_case, with_options
 from kohonen_adapt.commands.arguments import options_of, options_text, refuse_link, writable_folder
 from kohonen_adapt.commands.terminal import Terminal, drawn
 from kohonen_adapt.files import remove_drafts, save_figure

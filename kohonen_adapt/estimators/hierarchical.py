@@ -20,8 +20,7 @@ from skfem.refdom import RefTet, RefTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators.explicit import outflows
-from kohonen_adapt.mesh.cells import TETRAHEDRON
-from kohonen_adapt.mesh.quadrature import tetrahedron_rule
+from kohonen_adapt.mesh.cells import TETRAHEDRON, tetrahedron_rule
 
 __all__ = ["Surplus", "cubic_slopes"]
 

@@ -7,17 +7,16 @@ import numpy as np
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.geometry.plane.arcs import refined_on_arcs
 from kohonen_adapt.geometry.plane.corner_layers import with_layers
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries
+from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
 from kohonen_adapt.magnetostatics.equations.newton import Newton
-from kohonen_adapt.magnetostatics.functional import materials_of
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.solution import HighOrderField, richer_solution
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.problem.evaluation import Output
-from kohonen_adapt.problem.singular_nodes import singular_nodes
+from kohonen_adapt.problem.singular_nodes import Materials, fixed_parts, singular_nodes
 
-__all__ = ["better_values", "error_of_goal"]
+__all__ = ["better_values", "error_of_goal", "materials_of"]
 
 STRAIGHT, SHARPEST = 1e-3, 1.0  # turns between chords of an arc, approximately in radians
 SolveFrom = Callable[..., Field]  # Magnetostatics.solve_from
@@ -69,3 +68,18 @@ def on_outer_arcs(field: Field) -> Ints:
     turn = np.hypot(*(np.bincount(node, part, count) for part in np.concatenate([along, -along], axis=1)))
     is_round = (np.bincount(node, minlength=count) == 2) & (turn > STRAIGHT) & (turn < SHARPEST)
     return np.unique(ends[:, is_round[ends].any(axis=0)])
+
+
+def materials_of(field: Field, boundaries: Boundaries) -> Materials:
+    coefficients, conditions = (
+        field.coefficients,
+        conditions_of(field.elements, boundaries, field.symmetry, anchored=True),
+    )
+    flux = None if coefficients.varying_magnets else coefficients.flux
+    values = coefficients.material_index[None] if flux is None else flux
+    table = np.stack(
+        [coefficients.reluctivity, np.where(coefficients.nonlinear, coefficients.material_index, -1), *values]
+    )
+    kind = np.unique(table, axis=1, return_inverse=True)[1].ravel()
+    fixed = fixed_parts(field.elements.corners, conditions.fixed, field.order)
+    return Materials(coefficients.reluctivity, kind, flux, *fixed)

@@ -20,10 +20,11 @@ from kohonen_adapt.magnetostatics.solution import Dual, at_points, tangent_solut
 from kohonen_adapt.problem.orders import HIGHEST_POLISHED
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz
-from kohonen_adapt.problem.singular_nodes import Materials, fixed_parts
 from kohonen_adapt.problem.tables import EnergyLaw
 
-__all__ = ["functional_for", "materials_of"]
+__all__ = [
+    "functional_for",
+]
 
 TOLERANCE = 1e-9  # tolerance of equality, relative to the largest derivative or to the sum of the terms of the goal
 
@@ -116,21 +117,6 @@ def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, 
     order, around_axis = field.elements.order, field.axisymmetric
     robin, signs = robin_of(field, boundaries), signs_of(boundaries)
     return Ritz(field.unknown, conditions.fixed, *tables, region, laws, order, around_axis, robin, signs=signs)
-
-
-def materials_of(field: Field, boundaries: Boundaries) -> Materials:
-    coefficients, conditions = (
-        field.coefficients,
-        conditions_of(field.elements, boundaries, field.symmetry, anchored=True),
-    )
-    flux = None if coefficients.varying_magnets else coefficients.flux
-    values = coefficients.material_index[None] if flux is None else flux
-    table = np.stack(
-        [coefficients.reluctivity, np.where(coefficients.nonlinear, coefficients.material_index, -1), *values]
-    )
-    kind = np.unique(table, axis=1, return_inverse=True)[1].ravel()
-    fixed = fixed_parts(field.elements.corners, conditions.fixed, field.order)
-    return Materials(coefficients.reluctivity, kind, flux, *fixed)
 
 
 def signs_of(boundaries: Boundaries) -> dict[tuple[str, str], int]:

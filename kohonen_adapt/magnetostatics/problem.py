@@ -10,7 +10,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.magnetostatics.arguments import Arguments, check_plane_mesh, checked_order
-from kohonen_adapt.magnetostatics.better_values import better_values, error_of_goal
+from kohonen_adapt.magnetostatics.better_values import better_values, error_of_goal, materials_of
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
 from kohonen_adapt.magnetostatics.equations.high_orders import BY_LAGRANGE, elements_on
@@ -18,7 +18,7 @@ from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.estimation import energy_indicators, goal_indicators
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
-from kohonen_adapt.magnetostatics.functional import functional_for, materials_of
+from kohonen_adapt.magnetostatics.functional import functional_for
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.solution import linkage_slope, solution_of

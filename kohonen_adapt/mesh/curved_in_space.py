@@ -12,7 +12,7 @@ from skfem import Mesh, MeshTet, MeshTet2
 from skfem.refdom import RefTet
 
 from kohonen_adapt.arrays import Floats, Mask
-from kohonen_adapt.mesh.cells import TETRAHEDRON
+from kohonen_adapt.mesh.cells import TETRAHEDRON, tetrahedron_rule
 from kohonen_adapt.mesh.curved import (
     LATTICE,
     STRAIGHT,
@@ -24,7 +24,6 @@ from kohonen_adapt.mesh.curved import (
     least_determinants,
 )
 from kohonen_adapt.mesh.host import number_edges, number_facets, of_kind
-from kohonen_adapt.mesh.quadrature import tetrahedron_rule
 
 __all__ = [
     "EDGES",

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.mesh.cells import CELLS, cell_of, check_kind
+from kohonen_adapt.mesh.cells import CELLS, LARGEST_EXTENT, LEAST_EXTENT, cell_of, check_kind
 from kohonen_adapt.mesh.curved import (
     check_midsides,
     corner_positions,
@@ -18,7 +18,6 @@ from kohonen_adapt.mesh.curved import (
     midside_offsets,
 )
 from kohonen_adapt.mesh.curved_in_space import check_curved_sides, curved_volumes
-from kohonen_adapt.mesh.validity import LARGEST_EXTENT, LEAST_EXTENT
 
 __all__ = [
     "area",

@@ -25,7 +25,6 @@ __all__ = [
     "kinds_at_axis",
     "on_axis",
     "points_near_axis",
-    "tetrahedron_rule",
 ]
 
 # By order of the elements, in the equations, the functional and its descent alike. The functional of random problems on
@@ -98,15 +97,3 @@ def points_near_axis(order: int, law: bool = False) -> tuple[Floats, Floats]:
     barycentrics = [barycentric, *(np.roll(ray, k, axis=1) for k in range(3)), *[barycentric] * 3]
     weights = [2.0 * weight, *[np.outer(of_layer, across).ravel() / 4.0] * 3, *[2.0 * weight] * 3]
     return np.stack(barycentrics), np.stack(weights)
-
-
-@cache
-def tetrahedron_rule(degree: int) -> tuple[Floats, Floats]:
-    # Barycentric coordinates (n, 4) and positive weights (n,) with sum 1. All points are inside, where a magnetisation
-    # of one region has a unique value; scikit-fem's rules have points on edges, or negative weights.
-    count = degree // 2 + 1
-    (a, of_a), (b, of_b), (c, of_c) = (roots_jacobi(count, 0, power) for power in (2, 1, 0))
-    far, across, along = (0.5 + 0.5 * part for part in np.meshgrid(a, b, c, indexing="ij"))
-    barycentric = np.stack([1.0 - far, far * (1.0 - across), far * across * (1.0 - along), far * across * along])
-    weights = of_a[:, None, None] * of_b[:, None] * of_c
-    return barycentric.reshape(4, -1).T, weights.ravel() / weights.sum()

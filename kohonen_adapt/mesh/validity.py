@@ -3,15 +3,13 @@
 import numpy as np
 from skfem import Mesh
 
-from kohonen_adapt.mesh.cells import cell_of, check_kind
+from kohonen_adapt.mesh.cells import LARGEST_EXTENT, LEAST_EXTENT, cell_of, check_kind
 from kohonen_adapt.mesh.curved import check_midsides, corners_of, is_second_order
 from kohonen_adapt.mesh.curved_in_space import check_curved_sides
 from kohonen_adapt.mesh.host import is_own_name, number_facets
 
-__all__ = ["LARGEST_EXTENT", "LEAST_EXTENT", "check_mesh"]
+__all__ = ["check_mesh"]
 
-# The kernels take third powers of volumes. An element 1e8 times smaller than a mesh of this extent has one in range.
-LEAST_EXTENT, LARGEST_EXTENT = 1e-20, 1e20
 
 FLAT = 1e-9  # maximum difference of equal coordinates, relative to the size of the mesh
 
