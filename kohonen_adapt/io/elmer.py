@@ -79,7 +79,6 @@ def _blocks(text: str, before: int) -> Iterator[tuple[int, Rows]]:
 
 
 def _names(folder: Path, bodies: int) -> dict[tuple[int, int], str]:
-    """Return names by (dimension, number), with `bodies` as the dimension of bodies."""
     names: dict[tuple[int, int], str] = {}
     dimension = bodies
     for line in _text(folder, "mesh.names").splitlines() if (folder / "mesh.names").exists() else []:

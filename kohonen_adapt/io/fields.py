@@ -84,7 +84,6 @@ def read_field(path: str | PathLike[str], mesh: Mesh, name: str, *, scale: float
 
 
 def _match_cells(mesh: Mesh, points: Floats, cells: Ints, path: Path, shape: str) -> Ints:
-    """Return the cell of the file for every element of the mesh, (nelements,)."""
     used = np.unique(cells)
     counts, own = (len(used), len(cells)), (mesh.p.shape[1], mesh.t.shape[1])
     # Programs with discontinuous elements write a point for every corner.

@@ -46,7 +46,6 @@ class Numbers:
         return int(self._data[start:end])
 
     def rows(self, count: int, components: int) -> tuple[Ints, Floats]:
-        """Read rows of an integer and values, shapes (count,) and (count, components)."""
         if self._binary:
             table = self.take(count, np.dtype([("number", INT), ("values", REAL, (components,))]))
             return _as_integers(table["number"]), table["values"]

@@ -83,7 +83,6 @@ class Blended(Isoparametric):
         return np.stack((np.stack((c - d, d, -c)), np.stack((b - a, -b, a)))) / (a * d - b * c)
 
     def _evaluated(self, element: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
-        """Return e and its derivative at points of elements, (2, 3, n) each."""
         return _polynomial(self.series[..., element], barycentric[BEFORE] - barycentric[AFTER])
 
     def facet_points(self, facets: Ints, at: Floats) -> tuple[Floats, Floats]:

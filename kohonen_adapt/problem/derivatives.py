@@ -61,7 +61,6 @@ def derivatives_on(corners: Floats, coefficients: Floats, region: Ints, ritz: Ri
 def _derivatives_of_kind(
     corners: Floats, coefficients: Floats, region: Ints, ritz: Ritz, offsets: Floats, kind: int, nonlinear: bool
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the element residuals of triangles of one kind, -1 if straight."""
     points = by_points(ritz.order, nonlinear)
     at = law_reference(ritz.order) if nonlinear else exact_reference(ritz.order)
     weight, slope = (at.weight, at.slope) if kind < 0 else (points.weight[kind], points.slope[kind])

@@ -111,7 +111,6 @@ class ElementDensity(ElementSource):
         self._sites = sites_of(triangulation)
 
     def squares(self, triangulation: Triangulation) -> Floats:
-        """Return the squared density on every element of the present mesh, (m,)."""
         squares = np.empty(len(triangulation.elements.node))
 
         def look_up(thread: int, first: int, last: int) -> None:
