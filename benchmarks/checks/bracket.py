@@ -37,6 +37,7 @@ STEEL = Froehlich(permeability=2000.0, saturation=2.0)
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]
 WIDTHS = {3_500: 0.01, 15_000: 0.005}
 MESHES = 50
+FLOORS: tuple[Any, ...] = ("auto", 0.02)  # elements as thin as the plates are below the first
 TARGET_OF_FLUX, TARGET_OF_TIME, TARGET_OF_EFFECTIVITY = 0.025, 1.5, 1.5
 
 
@@ -172,19 +173,19 @@ def inductance(found: Bracket) -> tuple[float, float]:
 
 def fluxes(quick: bool) -> str:
     """Error of the fluxes through sections of thin plates, relative to the largest, against a fine mesh."""
-    fine = vector_of(plates(1.6 if quick else 1.0))
-    coarse = plates(3.2 if quick else 2.1)
-    problem = vector_problem(True)
-    fields = {
-        "edge elements": problem.solve(coarse),
-        "scalar potential": MagneticScalarPotential(problem.materials, problem.potential).solve(coarse),
-    }
+    problem, coarse = vector_problem(), plates(3.2 if quick else 2.1)
+    scalar = MagneticScalarPotential(problem.materials, problem.potential)
+    fine = problem.solve(plates(1.6 if quick else 1.0))
+    fields = {"scalar potential": scalar.solve(coarse), "edge elements": problem.solve(coarse)}
+    for floor in () if quick else FLOORS:
+        mesh = ka.adapt(plates(8.0), scalar, target_nodes=10_000, passes=4, min_quality=floor).mesh
+        fields[f"adapted, min_quality={floor}"] = problem.solve(mesh)
     largest = max(abs(fine.flux(name)) for name in SECTIONS)
     rows: list[list[Cell]] = []
     for kind, field in fields.items():
         off = [abs(field.flux(name) - fine.flux(name)) / largest for name in SECTIONS]
-        target = TARGET_OF_FLUX if kind == "edge elements" else None
-        rows.append([kind, coarse.nvertices, float(np.mean(off)), float(np.max(off)), target])
+        target = None if kind == "scalar potential" else TARGET_OF_FLUX
+        rows.append([kind, field.mesh.nvertices, float(np.mean(off)), float(np.max(off)), target])
     return aligned(["fluxes of 10 sections", "nodes", "mean error", "largest", "target"], rows)
 
 
@@ -240,14 +241,10 @@ def with_sections(mesh: MeshTet) -> MeshTet:
     return mesh.with_boundaries(found)
 
 
-def vector_problem(saturated: bool) -> MagneticVectorPotential:
-    iron = Material(bh=STEEL) if saturated else Material(permeability=1000.0)
+def vector_problem() -> MagneticVectorPotential:
+    iron = Material(bh=STEEL)
     materials = frame_materials() | {"iron": iron, "iron in coil": replace(iron, coercivity=(0.0, 0.0, T0))}
     return MagneticVectorPotential(materials, {"outer": 0.0})
-
-
-def vector_of(mesh: MeshTet) -> Any:
-    return vector_problem(True).solve(mesh)
 
 
 class Auxiliary(MagneticVectorPotential):

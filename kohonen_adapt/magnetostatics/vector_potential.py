@@ -47,7 +47,8 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
 
     The arguments and the conditions on the boundary are those of `MagneticScalarPotential`, and both problems have the
     same exact solution. Their energies bound the exact energy from both sides, see `bracket`. `kohonen_adapt.adapt`
-    takes a problem of this class, without a polish.
+    takes a problem of this class, without a polish. For a goal, adapt the mesh by `MagneticScalarPotential(goal=...)`
+    and solve on it.
 
     Parameters
     ----------
