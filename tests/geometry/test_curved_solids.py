@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers.meshes import disk, ring, shells
 from helpers.solids import ball, boundary_facts, box, cut, extruded, named, scramble, split_edge
-from skfem import MeshTet, MeshTri
+from skfem import MeshTet, MeshTet2, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
@@ -26,6 +26,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     PROJECTED,
     SPHERE,
 )
+from kohonen_adapt.mesh.measures import area
 
 SHAPES = {"planes": PLANE, "spheres": SPHERE, "cylinders": CYLINDER, "cones": CONE, "others": PROJECTED}
 RIDGES = {"lines": LINE, "circles": CIRCLE, "intersections": INTERSECTION}
@@ -345,3 +346,40 @@ def test_a_round_sheet_in_a_region_keeps_its_sides(surface):
     side = again.p[:, again.t[:, again.f2t[rows.ori, np.asarray(rows)]]].mean(axis=1)
     facet = again.p[:, again.facets[:, np.asarray(rows)]].mean(axis=1)
     assert np.all(np.hypot(*side[:2]) < np.hypot(*facet[:2]))
+
+
+OWN = Rules(surfaces={"rim": Ellipsoid()}, min_quality=0.0)
+ROUND = {
+    "ball": (ball, Rules(), lambda x: np.linalg.norm(x, axis=0) - 1.0),
+    "bar": (lambda: extruded(disk(4, 1.0), 3), Rules(), lambda x: np.hypot(x[0], x[1]) - 1.0),
+    "frustum": (frustum, Rules(surfaces={"side": CONE_OF_FRUSTUM}), lambda x: np.hypot(x[0], x[1]) - 1.0 + 0.5 * x[2]),
+    "egg": (egg, OWN, lambda x: np.hypot(0.5 * x[0], np.hypot(x[1], x[2])) - 1.0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("shape", ROUND)
+def test_midside_nodes_lie_on_curved_surfaces_unless_an_element_would_fold(shape):
+    make, rules, off = ROUND[shape]
+    straight, bent = (MovableSolid.of(make(), rules, sides) for sides in (False, True))
+    mesh = bent.mesh()
+    assert type(straight.mesh()) is MeshTet and type(mesh) is MeshTet2
+    assert bent.sagitta() == 0.0 < straight.sagitta()
+    assert ka.quality(mesh).min() > 0.0  # which refuses inverted elements
+    ends = mesh.edges[:, np.unique(mesh.t2e[:, mesh.f2t[0, mesh.boundary_facets()]])]
+    place, middle = mesh.p[:, mesh.nvertices :], mesh.p[:, mesh.edges].mean(axis=1)
+    moved = np.any(place != middle, axis=0)
+    assert ends.size and np.abs(off(place[:, moved])).max() < 1e-9
+    on = np.all(np.abs(off(mesh.p[:, mesh.edges.ravel()]).reshape(2, -1)) < 1e-9, axis=0) & (off(middle) < -1e-9)
+    assert moved[on].mean() > (0.6 if shape in ("ball", "egg") else 0.9)  # blown-up cubes have flat elements at edges
+    assert not moved[~on].any()
+
+
+def test_curved_edges_on_surfaces_that_are_not_recognised_are_kept():
+    drawn = MovableSolid.of(egg(), ROUND["egg"][1], True).mesh()
+    solid = MovableSolid.of(drawn, Rules(min_quality=0.0))
+    assert found(solid).keys() == {"planes", "lines"}
+    np.testing.assert_allclose(solid.mesh().p, drawn.p, atol=1e-12)
+    after = ka.relocate(drawn, lambda x: 1.0 + x[0] ** 2, min_quality=0.0)
+    assert type(after) is MeshTet2
+    assert area(after).sum() == pytest.approx(area(drawn).sum(), rel=1e-3)
+    assert type(ka.relocate(MeshTet(drawn.p[:, : drawn.nvertices], drawn.t), np.ones(drawn.nelements))) is MeshTet

@@ -345,3 +345,54 @@ def test_what_was_read_is_said(tmp_path, caplog):
         ka.read_mesh(tmp_path / "mesh.msh")
     assert "27 nodes, 48 tetrahedra, subdomains ['low'], boundaries []; 0 unused nodes dropped." in caplog.text
     assert "50 % of the volume of" in caplog.text and "is in no volume group: give it one." in caplog.text
+
+
+@pytest.mark.parametrize("suffix", [*SUFFIXES])
+def test_curved_edges_come_back_with_names_and_fields(tmp_path, suffix):
+    mesh = two_boxes(2)
+    second = skfem.MeshTet2.from_mesh(mesh)
+    inner = second.p.copy()
+    rng = np.random.default_rng(0)
+    inner[:, mesh.nvertices :] += rng.uniform(-0.01, 0.01, (3, inner.shape[1] - mesh.nvertices))
+    curved = skfem.MeshTet2(inner, mesh.t, mesh.boundaries, mesh.subdomains)
+    write_mesh(tmp_path / f"mesh{suffix}", curved, point_data={"u": inner[0]})
+    back = read_mesh(tmp_path / f"mesh{suffix}")
+    assert type(back) is skfem.MeshTet2
+    assert_array_equal(back.p, curved.p)
+    assert_array_equal(np.sort(back.t, axis=0), np.sort(curved.t, axis=0))
+    assert back.subdomains.keys() == mesh.subdomains.keys()
+    for name, facets in mesh.boundaries.items():
+        assert_array_equal(np.sort(back.boundaries[name]), np.sort(facets))
+    write_mesh(tmp_path / f"mesh{suffix}", second)
+    assert type(read_mesh(tmp_path / f"mesh{suffix}")) is skfem.mesh.MeshTet1  # all edges are straight
+
+
+@needs_gmsh
+def test_a_drawn_torus_of_second_order_keeps_its_volume(tmp_path):
+    with gmsh_session() as model:
+        model.occ.addTorus(0.0, 0.0, 0.0, 1.0, 0.3)
+        model.occ.synchronize()
+        model.addPhysicalGroup(3, [1], name="body")
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.25)
+        model.mesh.generate(3)
+        model.mesh.setOrder(2)
+        gmsh.write(str(tmp_path / "torus.msh"))
+    mesh, volume = read_mesh(tmp_path / "torus.msh"), 2.0 * np.pi**2 * 0.09
+    assert type(mesh) is skfem.MeshTet2
+    assert area(mesh).sum() == pytest.approx(volume, rel=2e-3)
+    write_mesh(tmp_path / "again.msh", mesh)
+    with gmsh_session() as model:
+        gmsh.open(str(tmp_path / "again.msh"))
+        assert list(model.mesh.getElementTypes()) == [11]
+        tags = model.mesh.getElementsByType(11)[0]
+        assert np.min(model.mesh.getElementQualities(tags, "minDetJac")) > 0.0
+    assert area(ka.relocate(mesh, np.ones(mesh.nelements))).sum() == pytest.approx(volume, rel=3e-3)
+
+
+def test_tetrahedra_that_disagree_on_an_edge_are_refused(tmp_path):
+    mesh = skfem.MeshTet2.from_mesh(MeshTet())
+    nodes = np.vstack([mesh.t, mesh.nvertices + mesh.t2e]).T
+    nodes[0, [4, 5]] = nodes[0, [5, 4]]
+    meshio.Mesh(mesh.p.T, [("tetra10", nodes)]).write(tmp_path / "mesh.vtu")
+    with pytest.raises(ValueError, match="have different nodes inside one edge; write the mesh again"):
+        read_mesh(tmp_path / "mesh.vtu")
