@@ -102,9 +102,9 @@ class Problem(Protocol):
 
     A method that does not apply to all problems of a class raises `NotOffered` with the reason.
 
-    The problem gets a ``skfem.MeshTri`` if ``curved`` is False, and a ``skfem.MeshTri2`` if ``curved`` is True and a
-    boundary or interface is curved, with midside nodes on the curve. None keeps the type of the input mesh. At order 1,
-    True is treated as False.
+    The problem gets a ``skfem.MeshTri`` or ``MeshTet`` if ``curved`` is False, and a ``skfem.MeshTri2`` or ``MeshTet2``
+    if ``curved`` is True and a boundary or interface is curved, with midside nodes on the curve or surface. None keeps
+    the type of the input mesh. At order 1, True is treated as False.
 
     ``goal`` and ``goal_error`` together mean that the indicators belong to a goal, and that the sum of their squares is
     an error of the goal in the unit ``goal_unit``. Tables, files and reports show the value, the estimated error and
