@@ -38,8 +38,8 @@ class EdgeSolver(Solver):
     45, 2007), and the number of steps hardly grows with the mesh.
     """
 
-    # At 92 000 unknowns 233 steps in 1.4 s against 69 in 2.4 s, at 750 000 418 in 21 s against 49 in 18 s
-    # (`benchmarks coils --bracket`).
+    # At 98 000 edges sweeps take 0.76 times the time of the auxiliary space (`benchmarks coils --bracket`), but their
+    # steps rise with the mesh.
     large: int = 500_000
     most_iterations: int = 10_000
     rtol: float = 1e-5  # of B in the energy norm; the error of the energy is its square
