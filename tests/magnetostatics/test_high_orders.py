@@ -34,8 +34,7 @@ def test_harmonic_polynomials_of_the_order_are_exact(order):
     size = np.abs(exact(field.elements.doflocs)).max()
     np.testing.assert_allclose(field.potential_at(x), exact(x), atol=1e-11 * size)
     np.testing.assert_allclose(field.flux_density_at(x), density(x), atol=1e-10 * order * size)
-    if order <= ORDERS[-1] - 2:  # two lower orders make the estimate
-        field = problem.solve(mesh, order=order + 2)
+    if order < 6:  # from order 6 on lower orders make the estimate
         assert np.linalg.norm(problem.indicators(mesh, field)) < 1e-8 * problem.energy_norm(mesh, field)
 
 
