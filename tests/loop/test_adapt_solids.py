@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers.poisson_solids import FICHERA, Poisson, cube, fichera
 from helpers.reports import CUT
-from helpers.solids import ball, box, two_regions, volumes
+from helpers.solids import box, two_regions, volumes
 from numpy.testing import assert_array_equal
 from skfem import MeshTet
 from skfem.generic_utils import OrientedBoundary
@@ -239,14 +239,9 @@ def test_what_is_for_the_plane_is_refused_before_anything_is_solved(options, cha
     assert problem.solves == 0
 
 
-def test_bent_edges_are_refused_where_there_would_be_some():
+def test_no_edge_is_curved_where_no_surface_is():
     problem = Poisson(order=2)
     problem.curved = True
-    with pytest.raises(
-        ValueError, match=r"^curved of the problem must be False or None where surfaces of tetrahedra are"
-    ):
-        ka.adapt(ball(4), problem)
-    assert problem.solves == 0
     assert type(ka.adapt(box(2), problem, passes=1).mesh) is MeshTet
 
 

@@ -147,9 +147,6 @@ def test_what_polish_refuses_on_tetrahedra():
         ka.polish(mesh, Stated(flux=np.ones(2)))
     with pytest.raises(ValueError, match=r"polish keeps all nodes"):
         ka.polish(mesh, problem, topology="recycle")
-    problem.curved, problem.order = True, 2
-    with pytest.raises(ValueError, match=r"curved of the problem must be False or None where surfaces"):
-        ka.polish(ball(3).with_boundaries({"side0": lambda x: x[0] < 9.0}), problem)
 
 
 @pytest.mark.parametrize("stated, reason", [({"robin": {"side1": (1.0, 0.0)}}, "robin"), ({"source": 1.0}, "")])
