@@ -21,7 +21,7 @@ from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid, Strength
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.mesh.cells import normals
-from kohonen_adapt.mesh.measures import inner_points, magnitude
+from kohonen_adapt.mesh.measures import inner_points, magnitude, unit_vectors
 
 __all__ = [
     "energy_indicators_in_space",
@@ -141,8 +141,7 @@ def surplus_of(field: LocalSolid, conditions: Conditions) -> tuple[Surplus, Floa
     surplus = Surplus(mesh, elements.volumes, np.asarray(fixed), elements.hats_of_corners)
     secant, differential = field.permeabilities
     driven = field.field_strength + field.coefficients.coercivity
-    size = magnitude(driven)
-    slope = np.einsum("ck,cak->ak", driven / np.where(size > 0.0, size, 1.0), elements.hats)
+    slope = np.einsum("ck,cak->ak", unit_vectors(driven), elements.hats)
     metric = secant * np.einsum("cak,cbk->abk", elements.hats, elements.hats)
     metric += (differential - secant) * slope[:, None] * slope
     flux, divergence = flux_and_divergence(field)

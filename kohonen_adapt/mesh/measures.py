@@ -30,6 +30,7 @@ __all__ = [
     "magnitude",
     "quality",
     "signed_area",
+    "unit_vectors",
 ]
 
 
@@ -146,3 +147,8 @@ def inner_points(corners: Floats) -> Floats:
 
 def magnitude(vectors: Floats) -> Floats:
     return reduce(np.hypot, vectors)
+
+
+def unit_vectors(vectors: Floats) -> Floats:  # zero for zero
+    size = magnitude(vectors)
+    return vectors / np.where(size > 0.0, size, 1.0)

@@ -10,7 +10,7 @@ from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.edges import EdgeElements
 from kohonen_adapt.magnetostatics.equations.system import Reduced
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
-from kohonen_adapt.mesh.measures import magnitude
+from kohonen_adapt.mesh.measures import magnitude, unit_vectors
 
 __all__ = ["CurlFunctional"]
 
@@ -54,6 +54,4 @@ class CurlFunctional:
             return Reduced(self.edges.stiffness(free, self.coefficients.reluctivity).T)
         density = self.edges.curl(u)
         secant, differential = self.coefficients.reluctivities(density)
-        size = magnitude(density)
-        along = (differential, density / np.where(size > 0.0, size, 1.0))
-        return Reduced(self.edges.stiffness(free, secant, along).T)
+        return Reduced(self.edges.stiffness(free, secant, (differential, unit_vectors(density))).T)

@@ -14,7 +14,7 @@ from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.equations.system import Reduced
 from kohonen_adapt.magnetostatics.equations.tetrahedra import Tetrahedra
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
-from kohonen_adapt.mesh.measures import magnitude
+from kohonen_adapt.mesh.measures import magnitude, unit_vectors
 
 __all__ = ["CoenergyFunctional", "EnergyFunctional", "Scalar", "scalar_problem"]
 
@@ -94,8 +94,7 @@ class EnergyFunctional:
         slope = self.elements.gradient(u)
         pair = self._at_points.reluctivities(self.symmetry.flux_density(points, slope))
         across, along = (self.symmetry.reluctivity(points, each) for each in pair)
-        size = np.hypot(*slope)
-        return self.elements.stiffness(across, free, (along, slope / np.where(size > 0.0, size, 1.0)))
+        return self.elements.stiffness(across, free, (along, unit_vectors(slope)))
 
     def _at_free(self, total: Floats, u: Floats) -> Floats:
         if self.conditions.open_boundary is not None:
@@ -152,7 +151,7 @@ class CoenergyFunctional:
             return self.elements.stiffness(1.0 / self.coefficients.reluctivity, free)
         strength = self._strength(u)
         secant, differential = self.coefficients.permeabilities(strength)
-        return self.elements.stiffness(secant, free, (differential, _direction(self._driven(u))))
+        return self.elements.stiffness(secant, free, (differential, unit_vectors(self._driven(u))))
 
     def flux_density(self, u: Floats) -> Floats:
         secant, _ = self.coefficients.permeabilities(self._strength(u))
@@ -186,18 +185,13 @@ class LinearisedCoenergy:
 
     def flux_density(self, u: Floats) -> Floats:
         change = self.energy._driven(u) - self.secant * self.given
-        direction = _direction(self.given)
-        along = np.sum(direction * change, axis=0) * direction
+        unit = unit_vectors(self.given)
+        along = np.sum(unit * change, axis=0) * unit
         return self.given + (change - along) / self.secant + along / self.differential
 
     def linear_residual(self, u: Floats) -> Floats:
         return -(self.energy._against_gradients(self.flux_density(u)) + self.energy.load)[self.conditions.free]
 
     def hessian(self, u: Floats) -> Reduced:
-        tangent = (1.0 / self.differential, _direction(self.given))
+        tangent = (1.0 / self.differential, unit_vectors(self.given))
         return self.energy.elements.stiffness(1.0 / self.secant, self.conditions.free, tangent)
-
-
-def _direction(vectors: Floats) -> Floats:
-    size = magnitude(vectors)
-    return vectors / np.where(size > 0.0, size, 1.0)

@@ -8,7 +8,7 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
-from kohonen_adapt.mesh.measures import magnitude
+from kohonen_adapt.mesh.measures import unit_vectors
 
 __all__ = ["MagneticField", "PointValues", "tangent_product"]
 
@@ -33,8 +33,7 @@ def tangent_product(secant: Floats, differential: Floats, direction: Floats, cha
 
     The coefficient is `differential` along `direction` (d, n), and `secant` across.
     """
-    size = magnitude(direction)
-    along = direction / np.where(size > 0.0, size, 1.0)
+    along = unit_vectors(direction)
     return secant * change + (differential - secant) * np.sum(change * along, axis=0) * along
 
 
