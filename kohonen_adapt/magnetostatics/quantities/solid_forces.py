@@ -196,25 +196,15 @@ def _cuts(mesh: MeshTet, inside: Mask, mirrors: Iterable[Mirror]) -> list[Mirror
 
 
 def flux_through(field: LocalSolid, name: str) -> float:
-    mesh, (points, weights) = field.mesh, get_quadrature(RefTri, DEGREE)
-    facets, normal, sign = oriented_surface(mesh, name)
+    mesh, total = field.mesh, 0.0
+    facets, straight, sign = oriented_surface(mesh, name)
     first, second = mesh.f2t[:, facets]
-    both, total = (first, np.where(second < 0, first, second)), np.zeros_like(normal)
-    if is_second_order(mesh):
-        return float(np.sum(sign * _flux_through_curved(field, facets, both, normal)))
-    x = np.einsum("iq,cin->cqn", np.stack([1.0 - points.sum(axis=0), *points]), mesh.p[:, mesh.facets[:, facets]])
-    for element in both:
-        density = field.at(x.reshape(3, -1), np.tile(element, weights.size)).flux_density.reshape(x.shape)
-        total += np.einsum("cqn,q->cn", density, weights)  # the weights have the sum 1/2
-    return float(np.sum(sign * np.sum(total * normal, axis=0)))
-
-
-def _flux_through_curved(field: LocalSolid, facets: Ints, both: tuple[Ints, Ints], straight: Floats) -> Floats:
-    (points, weights), total = get_quadrature(RefTri, CURVED_DEGREE), np.zeros(facets.size)
+    points, weights = get_quadrature(RefTri, CURVED_DEGREE if is_second_order(mesh) else DEGREE)
     for (s, t), weight in zip(points.T, weights, strict=True):
         x, normal = field.elements.facet_points(facets, np.array([1.0 - s - t, s, t]))
-        normal *= 0.5 * weight * np.sign(np.sum(normal * straight, axis=0))
-        total += sum(np.sum(field.at(x, element).flux_density * normal, axis=0) for element in both)
+        normal *= 0.5 * weight * sign * np.sign(np.sum(normal * straight, axis=0))
+        for element in (first, np.where(second < 0, first, second)):
+            total += float(np.sum(field.at(x, element).flux_density * normal))
     return total
 
 
