@@ -142,7 +142,8 @@ def bracket(
 
 def bracket_of(problem: MagneticScalarPotential, field: SolidField) -> Bracket:
     vector = problem.vector_potential.solve(field.mesh)
-    indicators, upper = gap_indicators(field, vector), with_currents_of(vector, field).coenergy
+    scalar = with_currents_of(vector, field)
+    indicators, upper = gap_indicators(scalar, vector), scalar.coenergy
     source_error = vector.drive.work_of_difference(vector.flux_density)
     lower = upper - 0.5 * float(np.sum(indicators**2)) + source_error
     upper += max(source_error, 0.0)

@@ -20,10 +20,9 @@ def gap_indicators(scalar: LocalSolid, vector: EdgeField) -> Floats:
     """Return the difference of both fields in the energy norm, (nelements,).
 
     In sqrt(J). The square is ``2 int w(B) + w*(H) - B . H`` with B of the vector potential, H of the scalar potential,
-    and the energy and co-energy densities w and w*. For linear material it is ``int nu |B - mu (H + Hc)|^2``. Currents
-    are those of the vector potential.
+    and the energy and co-energy densities w and w*. For linear material it is ``int nu |B - mu (H + Hc)|^2``. Both
+    fields have the same currents, see `with_currents_of`.
     """
-    scalar = with_currents_of(vector, scalar)
     at, elements = scalar.at_quadrature, scalar.elements
     driven, density = at.field_strength + at.coefficients.coercivity, vector.flux_density[:, elements.element]
     difference = density - at.coefficients.permeabilities(at.field_strength)[0] * driven

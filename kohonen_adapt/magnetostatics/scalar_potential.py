@@ -20,7 +20,7 @@ from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
-from kohonen_adapt.magnetostatics.hypercircle import gap_indicators
+from kohonen_adapt.magnetostatics.hypercircle import gap_indicators, with_currents_of
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import Inverse
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
@@ -204,7 +204,8 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
 
     def indicators(self, mesh: MeshTet, field: SolidField) -> Floats:
         if self.goal is None and self.estimator == "bracket":
-            return gap_indicators(field, self.vector_potential.solve(mesh))
+            vector = self.vector_potential.solve(mesh)
+            return gap_indicators(with_currents_of(vector, field), vector)
         if self.goal is None:
             return energy_indicators_in_space(field, self.estimator, self.materials)
         if field.order > 1:
