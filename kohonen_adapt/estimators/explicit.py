@@ -262,8 +262,8 @@ def residual_of_linear_flux(
 
 
 def outflows(mesh: MeshTet, flux: Floats, volume: Floats, normals: Floats | None = None) -> tuple[Floats, Floats]:
+    # The flux out of both elements at the corners of facets, (3, nfacets) in the order of `mesh.facets`, and the areas.
     # In curved elements `normals` are the gradients of barycentric coordinates at every corner, (4, 3, 4, nelements).
-    # the flux out of both elements at the corners of facets, (3, nfacets) in the order of `mesh.facets`, and the areas
     number_facets(mesh)
     hats, nfacets = hat_gradients(mesh), mesh.facets.shape[1]
     total, size = np.zeros(3 * nfacets), np.empty(nfacets)

@@ -14,7 +14,7 @@ from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.solution import HighOrderField, richer_solution
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.problem.evaluation import Output
-from kohonen_adapt.problem.singular_nodes import Materials, fixed_parts, singular_nodes
+from kohonen_adapt.problem.singular_nodes import Materials, fixed_parts, meetings, singular_nodes
 
 __all__ = ["better_values", "error_of_goal", "materials_of"]
 
@@ -64,17 +64,14 @@ def on_outer_arcs(field: Field) -> Ints:
     ends = mesh.facets[:, mesh.boundary_facets()]
     along = mesh.p[:, ends[1]] - mesh.p[:, ends[0]]
     along /= np.hypot(*along)
-    node, count = ends.ravel(), mesh.p.shape[1]
-    turn = np.hypot(*(np.bincount(node, part, count) for part in np.concatenate([along, -along], axis=1)))
-    is_round = (np.bincount(node, minlength=count) == 2) & (turn > STRAIGHT) & (turn < SHARPEST)
+    meeting, turn = meetings(ends.ravel(), np.concatenate([along, -along], axis=1), mesh.p.shape[1])
+    is_round = (meeting == 2) & (turn > STRAIGHT) & (turn < SHARPEST)
     return np.unique(ends[:, is_round[ends].any(axis=0)])
 
 
 def materials_of(field: Field, boundaries: Boundaries) -> Materials:
-    coefficients, conditions = (
-        field.coefficients,
-        conditions_of(field.elements, boundaries, field.symmetry, anchored=True),
-    )
+    coefficients = field.coefficients
+    conditions = conditions_of(field.elements, boundaries, field.symmetry, anchored=True)
     flux = None if coefficients.varying_magnets else coefficients.flux
     values = coefficients.material_index[None] if flux is None else flux
     table = np.stack(

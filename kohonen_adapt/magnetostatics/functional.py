@@ -22,9 +22,7 @@ from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz
 from kohonen_adapt.problem.tables import EnergyLaw
 
-__all__ = [
-    "functional_for",
-]
+__all__ = ["functional_for"]
 
 TOLERANCE = 1e-9  # tolerance of equality, relative to the largest derivative or to the sum of the terms of the goal
 
@@ -99,10 +97,8 @@ def is_linear(field: Field, goal: Goal, source: Floats, load: Floats) -> bool:
 
 
 def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, Material]) -> Ritz:
-    coefficients, conditions = (
-        field.coefficients,
-        conditions_of(field.elements, boundaries, field.symmetry, anchored=True),
-    )
+    coefficients = field.coefficients
+    conditions = conditions_of(field.elements, boundaries, field.symmetry, anchored=True)
     present, first, region = coefficients.present(materials)
     varies = any(material.turns for material in present.values())
     symmetry, extent = field.symmetry, field.symmetry.extent

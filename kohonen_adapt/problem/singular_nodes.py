@@ -16,7 +16,7 @@ from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.problem.ritz import Ritz
 
-__all__ = ["Materials", "exponents", "fixed_parts", "singular_nodes"]
+__all__ = ["Materials", "exponents", "fixed_parts", "meetings", "singular_nodes"]
 
 STRAIGHT = np.deg2rad(10.0)  # turn of an interface or boundary up to which a node is smooth; chords of arcs turn less
 SMOOTH = 1.95  # exponent from which no layers are made
@@ -90,14 +90,20 @@ def candidates(shape: Blended, lines: Lines) -> Ints:
     direction = np.concatenate([tangents[..., 0], -tangents[..., 1]], axis=1)
     direction /= np.hypot(*direction)
     node = ends.ravel()
-    meeting = np.bincount(node, minlength=count)
-    total = np.stack([np.bincount(node, part, count) for part in direction])
+    meeting, total = meetings(node, direction, count)
     low, high = np.full(count, lines.kind.max(initial=0) + 1), np.full(count, -1)
     kinds = np.tile(lines.kind, 2)
     np.minimum.at(low, node, kinds)
     np.maximum.at(high, node, kinds)
-    turns = np.hypot(*total) > 2.0 * np.sin(0.5 * STRAIGHT)
+    turns = total > 2.0 * np.sin(0.5 * STRAIGHT)
     return np.flatnonzero((meeting > 0) & ((meeting != 2) | turns | (low != high)))
+
+
+def meetings(node: Ints, direction: Floats, count: int) -> tuple[Ints, Floats]:
+    # Number of facets at every node, and length of the sum of their directions, 2 sin(turn / 2) for two facets. `node`
+    # (n,) and `direction` (2, n) are nodes and unit vectors into the facets at the ends of all facets.
+    total = np.hypot(*(np.bincount(node, part, count) for part in direction))
+    return np.bincount(node, minlength=count), total
 
 
 def is_singular(shape: Blended, materials: Materials, lines: Lines, node: int) -> bool:

@@ -23,8 +23,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES
 from kohonen_adapt.kernels.tetrahedron.geometry import set_slopes
 from kohonen_adapt.kernels.tetrahedron.polish.law_order2 import rank
-
-LEAST = 0.25  # minimum determinant at a corner, relative to the straight element
+from kohonen_adapt.kernels.triangle.polish.by_points import MIN_JACOBIAN
 
 
 @inner_kernel
@@ -58,7 +57,7 @@ def slopes_at(position, block, corners, at):
 
 @inner_kernel
 def is_folded(position, block, corners):
-    least = LEAST * set_slopes(position, block.slope, *corners)
+    least = MIN_JACOBIAN * set_slopes(position, block.slope, *corners)
     for k in range(4):
         at = (1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0, 1.0 if k == 3 else 0.0)
         if not slopes_at(position, block, corners, at) > least:
