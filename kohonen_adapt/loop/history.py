@@ -193,7 +193,7 @@ class History:
 
     def _with_goal_error(self, result: AdaptResult) -> AdaptResult:
         best = result.best
-        if best.goal is None:
+        if best.goal is None or best.goal_error is not None:
             return result
         self._steps.begin(best.number, "estimate the error of the goal")
         error, trouble = self._adaptation.goal_error(result.solution)

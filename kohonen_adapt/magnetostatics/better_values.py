@@ -3,15 +3,22 @@
 from collections.abc import Callable, Mapping
 
 import numpy as np
+from skfem import MeshTri
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.geometry.plane.arcs import refined_on_arcs
 from kohonen_adapt.geometry.plane.corner_layers import with_layers
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
+from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
-from kohonen_adapt.magnetostatics.solution import HighOrderField, richer_solution
+from kohonen_adapt.magnetostatics.solution import (
+    HighOrderField,
+    linearised_solution,
+    richer_solution,
+    solution_of,
+)
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.singular_nodes import Materials, fixed_parts, meetings, singular_nodes
@@ -19,15 +26,15 @@ from kohonen_adapt.problem.singular_nodes import Materials, fixed_parts, meeting
 __all__ = ["better_values", "error_of_goal", "materials_of"]
 
 STRAIGHT, SHARPEST = 1e-3, 1.0  # turns between chords of an arc, approximately in radians
-SolveFrom = Callable[..., Field]  # Magnetostatics.solve_from
+EnergyOn = Callable[[MeshTri, int], EnergyFunctional]  # the functional on a mesh, of an order
 
 
-def error_of_goal(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton, solve_from: SolveFrom) -> float:
-    return better_values(field, {"goal": goal}, boundaries, newton, solve_from)["goal"] - goal(field)
+def error_of_goal(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton, energy_on: EnergyOn) -> float:
+    return better_values(field, {"goal": goal}, boundaries, newton, energy_on)["goal"] - goal(field)
 
 
 def better_values(
-    field: Field, outputs: Mapping[str, Output], boundaries: Boundaries, newton: Newton, solve_from: SolveFrom
+    field: Field, outputs: Mapping[str, Output], boundaries: Boundaries, newton: Newton, energy_on: EnergyOn
 ) -> dict[str, float]:
     """Return values of outputs by better elements and rounder arcs.
 
@@ -35,26 +42,27 @@ def better_values(
     adapted for the output.
 
     Twice as many facets on arcs reduce the area between chords and arcs to a quarter, and between parabolas and arcs to
-    a sixteenth. The difference of two solves, with and without rounder arcs, is extrapolated accordingly.
+    a sixteenth. The difference of two solves, with and without rounder arcs, is extrapolated accordingly. Both are
+    linearised at the field, because their errors of second order cancel.
     """
-    better = better_solution(field, boundaries, newton, solve_from)
+    better = better_solution(field, boundaries, newton, energy_on)
     values = {name: float(output(better)) for name, output in outputs.items()}
     meshes, fraction = refined_on_arcs(field.mesh), 15.0 / 16.0 if is_second_order(field.mesh) else 0.75
     if meshes is not None and not (isinstance(better, HighOrderField) and is_second_order(field.mesh)):
-        chords, arcs = (solve_from(finer, field.mesh, field, order=field.order) for finer in meshes)
+        chords, arcs = (linearised_solution(energy_on(finer, field.order), field, newton) for finer in meshes)
         for name, output in outputs.items():
             values[name] += (output(arcs) - output(chords)) / fraction
     return values
 
 
-def better_solution(field: Field, boundaries: Boundaries, newton: Newton, solve_from: SolveFrom) -> Field:
+def better_solution(field: Field, boundaries: Boundaries, newton: Newton, energy_on: EnergyOn) -> Field:
     # Where the field is singular, the error falls by a power of the order only, and one order more removes a part.
     if not isinstance(field, HighOrderField):
         pairs = (*boundaries.periodic, *boundaries.antiperiodic)
         corners = np.setdiff1d(singular_nodes(field.mesh, materials_of(field, boundaries)), on_outer_arcs(field))
         mesh, corners = with_layers(field.mesh, corners, 1, pairs)
         if corners.size:
-            return solve_from(mesh, field.mesh, field, order=field.order + 1)
+            return solution_of(energy_on(mesh, field.order + 1), field.depth, field, newton)
     return richer_solution(field, boundaries, newton)
 
 

@@ -270,7 +270,7 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
     def goal_error(self, field: Field) -> float:
         if self.goal is None:
             raise ValueError("goal_error needs a goal; give one to Magnetostatics, for instance goal=Torque('rotor').")
-        return error_of_goal(field, self.goal, self.boundaries, self.method, self.solve_from)
+        return error_of_goal(field, self.goal, self.boundaries, self.method, self._energy_on)
 
     def improved(self, mesh: MeshTri, field: Field, outputs: Mapping[str, Output]) -> dict[str, float]:
         """Return better values of outputs.
@@ -290,7 +290,7 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
             Name to value.
 
         """
-        return better_values(field, outputs, self.boundaries, self.method, self.solve_from)
+        return better_values(field, outputs, self.boundaries, self.method, self._energy_on)
 
     def ritz(self, mesh: MeshTri, field: Field) -> Ritz:
         """Return the energy functional and its minimiser, the potential.

@@ -27,6 +27,7 @@ __all__ = [
     "dual_of",
     "energy_on",
     "interpolated_on",
+    "linearised_solution",
     "linkage_slope",
     "richer_solution",
     "solution_of",
@@ -127,7 +128,23 @@ def unknown_of(energy: EnergyFunctional, old: Field | None, newton: Newton) -> t
 
 
 def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None, newton: Newton) -> Field:
-    elements, (unknown, steps) = energy.elements, unknown_of(energy, old, newton)
+    field = _field_of(energy, depth, *unknown_of(energy, old, newton))
+    refuse_unconverged(field)
+    return field
+
+
+def linearised_solution(energy: EnergyFunctional, old: Field, newton: Newton) -> Field:
+    # `old` may be on another mesh. The equations are linearised there.
+    if not energy.coefficients.nonlinear_materials:
+        return solution_of(energy, old.depth, old, newton)
+    start = _start_values(energy, old, newton)
+    return _field_of(energy, old.depth, start + newton.full_step(energy, start, energy.residual(start)[0]))
+
+
+def _field_of(
+    energy: EnergyFunctional, depth: float | None, unknown: Floats, steps: tuple[NewtonStep, ...] = ()
+) -> Field:
+    elements = energy.elements
     values = energy.symmetry.potential(elements.doflocs, unknown)
     arguments = elements.mesh, values[: elements.corners.p.shape[1]], energy.coefficients, energy.symmetry, depth, steps
     if elements.order == 1:
@@ -137,7 +154,6 @@ def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None
     else:
         field = (QuadraticField if elements.order == 2 else CubicField)(*arguments, values=values)
     vars(field)["elements"] = elements  # of the cached property, which makes them again for a copy
-    refuse_unconverged(field)
     return field
 
 
