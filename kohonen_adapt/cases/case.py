@@ -27,7 +27,7 @@ from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
 from kohonen_adapt.mesh.cells import TETRAHEDRON, check_kind
 from kohonen_adapt.mesh.curved import corners_of, is_second_order
-from kohonen_adapt.problem.orders import AutoOrder
+from kohonen_adapt.problem.protocol import AutoOrder
 
 __all__ = ["Case", "keys_of_space", "remedy_in_plane"]
 

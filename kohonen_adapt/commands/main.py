@@ -40,7 +40,7 @@ from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotentia
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.validity import check_mesh
-from kohonen_adapt.problem.orders import at_order_of_passes
+from kohonen_adapt.problem.protocol import at_order_of_passes
 from kohonen_adapt.report.summary import bracket_sentences
 from kohonen_adapt.version import __version__
 

@@ -24,8 +24,7 @@ from kohonen_adapt.magnetostatics.bracketing import Bracket
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.mesh.measures import magnitude
-from kohonen_adapt.problem.orders import at_order_of_passes
-from kohonen_adapt.problem.protocol import order_of, pairs_of
+from kohonen_adapt.problem.protocol import at_order_of_passes, order_of, pairs_of
 from kohonen_adapt.report.scene import FieldOf
 from kohonen_adapt.report.writing import write_report
 from kohonen_adapt.som.density import density_from_indicators

@@ -8,10 +8,9 @@ from skfem import Mesh
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.checks import point_text
 from kohonen_adapt.loop.growth import MAX_NODES
-from kohonen_adapt.loop.tolerance import percent
+from kohonen_adapt.loop.settings import percent
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
-from kohonen_adapt.problem.orders import at_order_of_passes, final_orders
-from kohonen_adapt.problem.protocol import order_of
+from kohonen_adapt.problem.protocol import at_order_of_passes, final_orders, order_of
 
 __all__ = ["allowed_errors", "coil_sentences", "plan_sentence"]
 

@@ -20,9 +20,8 @@ from kohonen_adapt.io.content import (
 from kohonen_adapt.io.curved_sides import DIGITS, STRAIGHT
 from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.curved import corners_of, is_second_order
-from kohonen_adapt.mesh.curved_in_space import with_edge_offsets
 from kohonen_adapt.mesh.host import keys_of, number_edges, number_facets, of_kind, set_boundaries
-from kohonen_adapt.mesh.measures import area, is_in_front, signed_area
+from kohonen_adapt.mesh.measures import area, is_in_front, signed_area, with_edge_offsets
 
 __all__ = ["of_positive_volume", "to_solid"]
 

@@ -3,7 +3,7 @@
 from numba.types import boolean, float64, int8, int64
 
 from kohonen_adapt.kernels import arrays as shared
-from kohonen_adapt.kernels import nonlinear, ordering
+from kohonen_adapt.kernels import functionals, ordering
 from kohonen_adapt.kernels.numba.compilation import record_type
 from kohonen_adapt.kernels.numba.entry import (
     B1,
@@ -25,13 +25,11 @@ from kohonen_adapt.kernels.tetrahedron.entries import SPACE
 from kohonen_adapt.kernels.triangle import (
     arrays,
     chains,
-    connectivity,
     equilibrate,
     flip,
     geometry,
     locate,
     recycle,
-    search,
     smooth,
     train,
     transport,
@@ -58,7 +56,7 @@ KERNEL_MESH = record_type(shared.KernelMesh, (R2, ELEMENTS, STAR, CONSTRAINTS))
 ORIGINS = record_type(arrays.Origins, (R1, I1, I1, B1, B1, B1, R1))
 SURGERY_SCRATCH = record_type(arrays.SurgeryScratch, (I1, I1, L1, L1, I1, B1))
 OPEN_MESH = record_type(arrays.OpenMesh, (R2, ELEMENTS, CONSTRAINTS, POOL, ORIGINS, SURGERY_SCRATCH))
-LAWS = record_type(nonlinear.Laws, (I1, int64, R3))
+LAWS = record_type(functionals.Laws, (I1, int64, R3))
 TRIAL = record_type(arrays.Trial, (R1, B1, R2, R2, B1, LAWS))
 TRIALS = record_type(arrays.Trials, (TRIAL, TRIAL))
 MODES = record_type(shared.Modes, (R3, R1, boolean[:, ::1]))
@@ -78,8 +76,8 @@ PATCH_SCRATCH = record_type(equilibrate.Patch, (I1, I1, R1, R1, R1, B1, R2, R1, 
 # relocation are last in "map".
 ENTRIES: dict[str, tuple[Entry, ...]] = {
     "ground": (
-        Entry(connectivity.find_starts, I2, I1),
-        Entry(connectivity.fill_star, I2, STAR, int64, int64, I1),
+        Entry(geometry.find_starts, I2, I1),
+        Entry(geometry.fill_star, I2, STAR, int64, int64, I1),
         Entry(ordering.hilbert_keys, R2, R1, float64, L1),
         Entry(ordering.mark_interior, STAR, I1, int64, B1, I1),
         Entry(chains.look_up, CONSTRAINTS, L1, R2),
@@ -88,7 +86,7 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
     "recycling": (
         Entry(recycle.fill_heaps, OPEN_MESH, HEAP, HEAP),
         Entry(recycle.recycle, OPEN_MESH, HEAP, HEAP, int64, float64, float64, int64),
-        Entry(connectivity.spread_starts, ELEMENTS, I1, I1),
+        Entry(geometry.spread_starts, ELEMENTS, I1, I1),
     ),
     "map": (
         Entry(smooth.average_at_sites, R1, R1, ELEMENTS, STAR, int64, int64, R2),
@@ -98,7 +96,7 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(flip.flip_edges, R2, ELEMENTS, float64, B1, I1, B1, int64),
         Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
         Entry(geometry.mark_valid, R2, STAR, float64, int64, int64, B1),
-        Entry(search.find_winners, KERNEL_MESH, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
+        Entry(locate.find_winners, KERNEL_MESH, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
         Entry(ordering.sort_into_tiles, I1, I1, B1, int64, int64, L1, I1),
         Entry(ordering.swap_each, I1, L1, L1),
         Entry(train.learn, KERNEL_MESH, LESSON, float64, float64, B1, SEARCH_SCRATCH),

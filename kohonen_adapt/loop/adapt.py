@@ -21,16 +21,23 @@ from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.settings import PASSES, PASSES_TO_TOLERANCE, ErrorsWanted, Settings
+from kohonen_adapt.loop.settings import PASSES, PASSES_TO_TOLERANCE, ErrorsWanted, Settings, Tolerance
 from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.step_timer import Steps
 from kohonen_adapt.loop.stopping import StopTest
-from kohonen_adapt.loop.tolerance import Tolerance
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.evaluation import Output, check_outputs, curves_of, has_goal
-from kohonen_adapt.problem.orders import at_order_of_passes, final_orders
-from kohonen_adapt.problem.protocol import Problem, check_problem, is_curved, nodes_of_problem, order_of, pairs_of
+from kohonen_adapt.problem.protocol import (
+    Problem,
+    at_order_of_passes,
+    check_problem,
+    final_orders,
+    is_curved,
+    nodes_of_problem,
+    order_of,
+    pairs_of,
+)
 from kohonen_adapt.som.schedule import Schedule
 
 __all__ = ["adapt"]

@@ -11,6 +11,7 @@ from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.stopping import stalls_by_estimate, stalls_by_functional
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, cell_of
+from kohonen_adapt.polishing.chords import longest_on_arcs
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.held_nodes import (
     held_by_polish,
@@ -18,8 +19,7 @@ from kohonen_adapt.polishing.held_nodes import (
     polish_reasons,
     polish_reasons_in_space,
 )
-from kohonen_adapt.polishing.polish import PLAN, descend, descend_and_recycle
-from kohonen_adapt.polishing.slivers import longest_on_arcs
+from kohonen_adapt.polishing.polish import PLAN, SWEEPS, descend, descend_and_recycle, loops_of
 from kohonen_adapt.polishing.space.polish_in_space import (
     PLAN_IN_SPACE,
     descend_and_recycle_in_space,
@@ -30,7 +30,6 @@ from kohonen_adapt.polishing.space.polish_in_space import (
 )
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.space.transfer_in_space import transferred_in_space
-from kohonen_adapt.polishing.sweeps import loops_of
 from kohonen_adapt.polishing.transfer import transferred
 from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.problem.protocol import Problem, has_functional, order_of
@@ -50,7 +49,7 @@ __all__ = ["PlaneMethod", "SpaceMethod", "method_of"]
 class PlaneMethod(Method):
     dim = TRIANGLE.dim
     passes_by_density = 3
-    plan = PLAN
+    plan, sweeps = PLAN, SWEEPS
     transfer_kernels = ("carrying",)
     open = staticmethod(MovableMesh.of)
     polish_kernels = staticmethod(loops_of)
@@ -98,7 +97,7 @@ class PlaneMethod(Method):
 class SpaceMethod(Method):
     dim = TETRAHEDRON.dim
     passes_by_density = 2
-    plan = PLAN_IN_SPACE
+    plan, sweeps = PLAN_IN_SPACE, SWEEPS
     transfer_kernels = ("space carrying",)
     open = staticmethod(MovableSolid.of)
     polish_kernels = staticmethod(polish_loops)

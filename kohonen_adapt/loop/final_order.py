@@ -26,8 +26,7 @@ from kohonen_adapt.mesh.blended import is_folded
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.problem.evaluation import energy_norm, estimate, goal_error_of, goal_of, ritz_of, solve
-from kohonen_adapt.problem.orders import AtOrder
-from kohonen_adapt.problem.protocol import NotOffered, Problem, has_method, order_of
+from kohonen_adapt.problem.protocol import AtOrder, NotOffered, Problem, has_method, order_of
 from kohonen_adapt.problem.singular_nodes import Materials, singular_nodes
 
 __all__ = ["GradingTolerance", "run_to_order"]

@@ -32,6 +32,8 @@ class Method(ABC):
         Number of passes with recycling by density; later passes recycle by energy alone.
     plan
         Sweeps of the polish in a pass, with recycling by energy between the entries.
+    sweeps
+        Sweeps of the polish in a pass without recycling.
     """
 
     dim: ClassVar[int]
@@ -40,6 +42,7 @@ class Method(ABC):
     # `python -m benchmarks space-passes`.
     passes_by_density: ClassVar[int]
     plan: ClassVar[tuple[int, ...]]
+    sweeps: ClassVar[int]
 
     @abstractmethod
     def open(self, mesh: Mesh, rules: Rules, curved: bool | None) -> Any:

@@ -12,7 +12,7 @@ from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.motions import Pair
-from kohonen_adapt.polishing.sweeps import SWEEPS
+from kohonen_adapt.polishing.polish import SWEEPS
 from kohonen_adapt.problem.evaluation import ritz_of
 from kohonen_adapt.problem.protocol import (
     NotOffered,

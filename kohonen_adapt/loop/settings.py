@@ -1,7 +1,7 @@
-"""Settings of a run, and the fingerprint that distinguishes runs."""
+"""Settings of an adaptation, with its tolerances."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from hashlib import sha256
 from typing import Any
 
@@ -10,20 +10,35 @@ from numpy.typing import NDArray
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Ints
+from kohonen_adapt.checks import check_fraction, check_tolerance
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.loop.growth import Growth, GrowthByTolerance, NodeCounts
+from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.problem.evaluation import Output
-from kohonen_adapt.problem.orders import at_order_of_passes
-from kohonen_adapt.problem.protocol import Problem, is_curved, norm_of, order_of
+from kohonen_adapt.problem.protocol import Problem, at_order_of_passes, is_curved, norm_of, order_of
 from kohonen_adapt.som.schedule import Schedule, check_training
 
-__all__ = ["DIGEST", "ONLY_ENDS", "PASSES", "PASSES_TO_TOLERANCE", "ErrorsWanted", "Settings", "fingerprint"]
+__all__ = [
+    "DIGEST",
+    "ONLY_ENDS",
+    "PASSES",
+    "PASSES_TO_TOLERANCE",
+    "ErrorsWanted",
+    "Settings",
+    "Tolerance",
+    "fingerprint",
+    "percent",
+]
 
 DIGEST = "sha256 "
 PASSES, PASSES_TO_TOLERANCE = 4, 12
 
 ONLY_ENDS = {"only ends": True}  # metadata of a setting that ends the loop, and changes no pass
+
+CHANCE = 0.05  # least error of a goal, relative to the sum of the magnitudes of its parts: less is chance
+GRADED = 3  # passes after which the errors of a goal are less than its value, unless that is zero
+UNKNOWN = 0.5  # factor of the estimate for outputs of unknown error, which makes at least twice the unknowns
 
 
 @dataclass(frozen=True)
@@ -117,3 +132,90 @@ def digest(*arrays: NDArray[Any]) -> str:
         hashed.update(f"{array.dtype.str}{array.shape}".encode())
         hashed.update(array.tobytes())
     return f"{DIGEST}{hashed.hexdigest()[:32]}"
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    rtol: float | None = None
+    atol: float | None = None
+    output_rtol: float | Mapping[str, float] | None = None
+    goal_rtol: float | None = None
+
+    def __post_init__(self) -> None:
+        check_fraction("rtol", self.rtol)
+        check_tolerance("atol", self.atol)
+        check_fraction("goal_rtol", self.goal_rtol)
+
+    def __bool__(self) -> bool:
+        return any(each is not None for each in (self.rtol, self.atol, self.output_rtol, self.goal_rtol))
+
+    def goal_vanishes(self, last: Pass) -> bool:
+        """Return True if the value of the goal is no more than error after some passes."""
+        if self.goal_rtol is None or last.goal is None or last.number < GRADED:
+            return False
+        return abs(last.goal) < last.estimate**2
+
+    def knows_errors(self, last: Pass) -> bool:
+        return self.output_rtol is None or self._output_tolerances(last).keys() <= last.output_errors.keys()
+
+    def estimate(self, last: Pass) -> float | None:
+        """Return the allowed estimate of a pass, None without a tolerance.
+
+        The error of goals and outputs falls like the square of the estimate, so that their tolerances are stated as
+        estimates, too. An output of unknown error takes twice the unknowns.
+        """
+        allowed = list[float]()
+        if self.rtol is not None or self.atol is not None:
+            allowed.append((self.atol or 0.0) + (self.rtol or 0.0) * (last.energy_norm or 0.0))
+        if self.goal_rtol is not None and last.goal is not None and last.goal_error is not None:
+            error = max(abs(last.goal_error), CHANCE * last.estimate**2)
+            allowed.append(last.estimate * np.sqrt(self.goal_rtol * abs(last.goal) / error) if error else np.inf)
+        for name, tolerance in self._output_tolerances(last).items():
+            value, error = abs(last.outputs[name]), abs(last.output_errors.get(name, np.inf))
+            ratio = tolerance * value / error if error > 0.0 else np.inf
+            allowed.append(last.estimate * (np.sqrt(ratio) if name in last.output_errors else UNKNOWN))
+        return float(min(allowed)) if allowed else None
+
+    def _output_tolerances(self, last: Pass) -> dict[str, float]:
+        if isinstance(self.output_rtol, Mapping):
+            return dict(self.output_rtol)
+        return {} if self.output_rtol is None else dict.fromkeys(last.outputs, self.output_rtol)
+
+    def reached_text(self, last: Pass) -> str:
+        doubt = "" if last.calibrated or last.goal is not None else " (not calibrated)"
+        reached = [
+            f"estimate {last.estimate_text}{doubt} within the tolerance {text}" for text in self._of_estimate(last)
+        ]
+        return " and ".join([*reached, *self._errors_text(last)])
+
+    def _of_estimate(self, last: Pass) -> list[str]:
+        if self.rtol is None and self.atol is None:
+            return []
+        tolerance = replace(self, goal_rtol=None, output_rtol=None).estimate(last)
+        return [] if tolerance is None else [_tolerance_text(tolerance, last)]
+
+    def _errors_text(self, last: Pass) -> list[str]:
+        texts, goal, error = [], last.goal, last.goal_error
+        if self.goal_rtol is not None and goal is not None and error is not None:
+            text = f"{percent(abs(error / goal))} " if goal else f"{abs(error):.3g} "
+            texts.append(f"goal {goal:.6g} {last.goal_unit}, estimated error {text}(asked {percent(self.goal_rtol)})")
+        for name, tolerance in self._output_tolerances(last).items():
+            value, error = last.outputs[name], last.output_errors.get(name)
+            text = "error unknown" if error is None else f"estimated error {abs(error):.3g}"
+            if error is not None and value:
+                text = f"estimated error {percent(abs(error / value))}"
+            texts.append(f"{name} {value:.6g}, {text} (asked {percent(tolerance)})")
+        return texts
+
+    def missed_text(self, last: Pass) -> str:
+        missed = [f"the tolerance {text} (estimate {last.estimate_text})" for text in self._of_estimate(last)]
+        missed += [f"the tolerance of {text}" for text in self._errors_text(last)]
+        return f" without reaching {' and '.join(missed)}" if missed else ""
+
+
+def _tolerance_text(tolerance: float, last: Pass) -> str:
+    return f"{tolerance:.4g}" if last.goal is None else f"{tolerance**2:.4g} {last.goal_unit} (atol squared)"
+
+
+def percent(fraction: float) -> str:
+    return f"{100.0 * fraction:.4g} %"

@@ -20,7 +20,6 @@ from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.polishing.energy_tables import VariesInside
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.sweeps import SWEEPS
 from kohonen_adapt.problem.evaluation import (
     check_signs,
     energy_norm,
@@ -94,7 +93,7 @@ class Adaptation:
 
     def plan(self, functional: Functional) -> tuple[int, ...]:
         recycles = self.settings.rules.topology == "recycle" and not functional.ritz.shapes_only
-        plan = self.method.plan if recycles else (SWEEPS,)
+        plan = self.method.plan if recycles else (self.method.sweeps,)
         return plan[:GROWING_ENTRIES] if self.settings.growth.grows_after(self.steps.number) else plan
 
     def assess(self, before: Solved | None = None, moved: Moved[Any] | None = None, polish_gain: float = 0.0) -> Solved:

@@ -14,10 +14,11 @@ from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.step import functional_of
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.problem.evaluation import curves_of, solve
-from kohonen_adapt.problem.orders import at_order_of_passes, final_orders
 from kohonen_adapt.problem.protocol import (
     Problem,
+    at_order_of_passes,
     check_names,
+    final_orders,
     has_method,
     is_curved,
     nodes_of_problem,

@@ -18,7 +18,7 @@ from kohonen_adapt.magnetostatics.quantities.goals import Goal, Torque, check_go
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
-from kohonen_adapt.problem.orders import AutoOrder
+from kohonen_adapt.problem.protocol import AutoOrder
 
 __all__ = ["Arguments", "check_plane_mesh", "checked_order"]
 

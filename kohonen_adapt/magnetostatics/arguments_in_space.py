@@ -12,7 +12,7 @@ from kohonen_adapt.magnetostatics.coils.placement import check_placement, checke
 from kohonen_adapt.magnetostatics.equations.applied_field import permeable
 from kohonen_adapt.magnetostatics.equations.conditions import Value
 from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, checked_field, sources_of
-from kohonen_adapt.magnetostatics.equations.mirrors import Mirror, checked_symmetry, mirrors_of
+from kohonen_adapt.magnetostatics.equations.symmetry import Mirror, checked_symmetry, mirrors_of
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, coefficients
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.mesh.cells import remedy_for

@@ -17,8 +17,7 @@ from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.residuals import dual_residual_by_points, residual_by_points
 from kohonen_adapt.magnetostatics.solution import Dual, at_points, tangent_solution
-from kohonen_adapt.problem.orders import HIGHEST_POLISHED
-from kohonen_adapt.problem.protocol import NotOffered
+from kohonen_adapt.problem.protocol import HIGHEST_POLISHED, NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz
 from kohonen_adapt.problem.tables import EnergyLaw
 

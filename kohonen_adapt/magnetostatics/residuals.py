@@ -3,7 +3,7 @@
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.estimators.residual_at_points import LATTICE, Facets, divergences, residual_at_points
+from kohonen_adapt.estimators.residual_of_orders import LATTICE, Facets, divergences, residual_at_points
 from kohonen_adapt.magnetostatics.equations.around_axis import AroundAxis
 from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.quantities.field import Field

@@ -16,8 +16,7 @@ from kohonen_adapt.magnetostatics.equations.edge_conditions import (
     open_surfaces,
     prescribed_flux_load,
 )
-from kohonen_adapt.magnetostatics.equations.edge_drive import edge_drive
-from kohonen_adapt.magnetostatics.equations.edge_energy import CurlFunctional
+from kohonen_adapt.magnetostatics.equations.edge_equations import CurlFunctional, edge_drive
 from kohonen_adapt.magnetostatics.equations.edges import EdgeElements
 from kohonen_adapt.magnetostatics.equations.newton import (
     TOLERANCE,

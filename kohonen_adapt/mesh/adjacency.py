@@ -17,8 +17,8 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.mesh.cells import CELLS, Cell, cell_of
 from kohonen_adapt.mesh.curved import corners_of, is_second_order, midside_offsets
-from kohonen_adapt.mesh.curved_in_space import edge_midside_offsets
 from kohonen_adapt.mesh.host import ascending, keys_of
+from kohonen_adapt.mesh.measures import edge_midside_offsets
 from kohonen_adapt.mesh.names import named_sets
 
 __all__ = ["check_overlap", "neighbours_of", "parts_of_regions", "positive", "refuse_overlap", "write_on_both_sides"]

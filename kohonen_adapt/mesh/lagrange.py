@@ -14,8 +14,8 @@ from skfem import ElementTriP1
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.mesh.basis import ON_AXIS, factor_at, falling
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
-from kohonen_adapt.mesh.quadrature import ON_AXIS, factor_at, falling
 
 __all__ = ["functions_and_slopes", "lobatto", "nodes", "rule_about", "trace_functions", "triangle_rule"]
 

@@ -15,7 +15,7 @@ from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle import locate as of_triangles
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
 from kohonen_adapt.mesh.curved import is_second_order
-from kohonen_adapt.mesh.curved_in_space import check_curved_sides, isoparametric
+from kohonen_adapt.mesh.measures import check_curved_sides, isoparametric
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 

@@ -8,20 +8,29 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from skfem import ElementTriP1, ElementTriP2, ElementTriP3, ElementTriP4, MeshTri
+from skfem import ElementTriP1, MeshTri
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.tetrahedron.arrays import NO_SURFACE
 from kohonen_adapt.kernels.triangle.arrays import Points, Reference
-from kohonen_adapt.mesh.basis import BUBBLE, EVEN, HAT_SLOPES, functions_at, slopes_at
+from kohonen_adapt.mesh.basis import (
+    BUBBLE,
+    EVEN,
+    HAT_SLOPES,
+    LAW_DEGREE,
+    ON_AXIS,
+    factor_at,
+    falling,
+    functions_at,
+    points_near_axis,
+    slopes_at,
+)
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.host import number_facets
-from kohonen_adapt.mesh.quadrature import LAW_DEGREE, ON_AXIS, factor_at, falling, points_near_axis
 
 __all__ = [
-    "KINDS",
     "LINEAR_FUNCTIONS",
     "TrialFunction",
     "by_points",
@@ -44,7 +53,6 @@ __all__ = [
 ]
 
 SIDES = slice(3, None)  # side functions of order 2
-KINDS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}  # scikit-fem elements by order
 
 
 class TrialFunction(NamedTuple):

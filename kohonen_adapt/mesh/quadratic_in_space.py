@@ -10,7 +10,7 @@ from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Modes
-from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES
+from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.host import ascending, keys_of, number_edges
 

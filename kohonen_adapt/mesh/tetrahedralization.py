@@ -8,7 +8,7 @@ from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.tetrahedron.arrays import Star, Tetrahedra
-from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star
+from kohonen_adapt.kernels.tetrahedron.geometry import fill_star
 from kohonen_adapt.mesh.adjacency import neighbours_of, positive, refuse_overlap
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
 from kohonen_adapt.mesh.curved import corners_of

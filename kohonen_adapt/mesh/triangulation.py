@@ -10,7 +10,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
 from kohonen_adapt.kernels.triangle.arrays import Elements, Star
-from kohonen_adapt.kernels.triangle.connectivity import fill_star, find_starts
+from kohonen_adapt.kernels.triangle.geometry import fill_star, find_starts
 from kohonen_adapt.mesh.adjacency import neighbours_of, positive, refuse_overlap
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.host import ascending, remade

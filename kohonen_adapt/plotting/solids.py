@@ -18,9 +18,8 @@ from kohonen_adapt.display import in_unit
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.placement import listed_coils
 from kohonen_adapt.mesh.cells import check_kind
-from kohonen_adapt.mesh.curved_in_space import CurvedTetrahedra
 from kohonen_adapt.mesh.host import count_unknowns, edges_between
-from kohonen_adapt.mesh.measures import directed
+from kohonen_adapt.mesh.measures import CurvedTetrahedra, directed
 from kohonen_adapt.mesh.names import combinations, named_sets
 from kohonen_adapt.mesh.slicing import CutBy, Flat, cut_triangles, flat
 from kohonen_adapt.plotting.charts import axes_of

@@ -12,9 +12,8 @@ from scipy.sparse.linalg import spsolve
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.kernels.triangle.arrays import Points, Reference
-from kohonen_adapt.mesh.basis import trace_columns
+from kohonen_adapt.mesh.basis import kinds_at_axis, trace_columns
 from kohonen_adapt.mesh.polynomials import TrialFunction, by_points, fields_at, local_coefficients
-from kohonen_adapt.mesh.quadrature import kinds_at_axis
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.problem.functional_in_plane import elements_by_rule, flux_on, source_on, value_on
 from kohonen_adapt.problem.ritz import Ritz

@@ -19,6 +19,7 @@ from kohonen_adapt.kernels.triangle.arrays import (
     Points,
     Shapes,
 )
+from kohonen_adapt.mesh.basis import kinds_at_axis
 from kohonen_adapt.mesh.measures import inner_points
 from kohonen_adapt.mesh.polynomials import (
     LINEAR_FUNCTIONS,
@@ -30,7 +31,6 @@ from kohonen_adapt.mesh.polynomials import (
     law_reference,
     local_coefficients,
 )
-from kohonen_adapt.mesh.quadrature import kinds_at_axis
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.problem.functional_in_plane import source_points
 from kohonen_adapt.problem.ritz import Ritz

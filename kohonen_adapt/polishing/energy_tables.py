@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.kernels.nonlinear import STEPS
+from kohonen_adapt.kernels.functionals import STEPS
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import EnergyLaw, flux_table
 

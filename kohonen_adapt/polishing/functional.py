@@ -11,7 +11,7 @@ from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.kernels.arrays import KernelMesh
-from kohonen_adapt.kernels.nonlinear import Laws
+from kohonen_adapt.kernels.functionals import Laws
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING, OpenMesh, Reference, Trial, Trials
 from kohonen_adapt.mesh.polynomials import TrialFunction, local_coefficients, modes_of
 from kohonen_adapt.mesh.triangulation import Triangulation

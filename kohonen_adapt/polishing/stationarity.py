@@ -1,9 +1,6 @@
-"""Check that a Ritz functional is stationary at the discrete solution.
+"""Check that a Ritz functional is stationary at the discrete solution."""
 
-The derivative of the functional by an unknown is the residual of the discrete equation. The residual must be
-small compared to the terms in its sum, or compared to the largest terms anywhere, as after an iterative
-solver.
-"""
+from typing import NamedTuple
 
 import numpy as np
 from skfem import Mesh, MeshTet
@@ -11,24 +8,201 @@ from skfem import Mesh, MeshTet
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.kernels.tetrahedron.arrays import LOAD
-from kohonen_adapt.mesh.curved_in_space import CurvedTetrahedra
+from kohonen_adapt.kernels.triangle.arrays import Points
+from kohonen_adapt.mesh.basis import HAT_SLOPES, functions_at, kinds_at_axis
+from kohonen_adapt.mesh.cells import TETRAHEDRON
+from kohonen_adapt.mesh.measures import CurvedTetrahedra
 from kohonen_adapt.mesh.names import named_sets
-from kohonen_adapt.mesh.quadratic_in_space import edges_of_elements, quadratic_coefficients
-from kohonen_adapt.problem.derivatives import (
-    Derivatives,
-    curved_derivatives,
-    derivatives_in_space,
-    quadratic_derivatives,
+from kohonen_adapt.mesh.polynomials import by_points, exact_reference, law_reference
+from kohonen_adapt.mesh.quadratic_in_space import edges_of_elements, function_slopes, quadratic_coefficients
+from kohonen_adapt.problem.functional_in_plane import elements_by_rule, flux_on, source_on, source_points
+from kohonen_adapt.problem.functional_in_space import (
+    MEANS,
+    at_curved_points,
+    fields_at_corners,
+    fluxes,
+    loads_in_space,
+    quadratic_loads,
+    rules,
+    shifted_slope,
 )
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.surface_terms import corner_values, nodal_terms, reduced_regions
+from kohonen_adapt.problem.tables import flux_table, source_at, value_by_region
 
-__all__ = ["check_in_space", "check_residual", "numbers_of", "sums"]
+__all__ = ["check_in_space", "check_residual", "derivatives_on", "numbers_of", "sums"]
+
+ROWS = 20_000  # elements per block, to limit the memory
+MARGIN = 3.0  # factor of the difference between the mean of a flux and its value at the centre
 
 # Largest residual relative to the terms at an unknown, and relative to the largest terms anywhere. Linear solvers with
 # relative tolerance 1e-5 leave 1e-6 of the largest, Newton's method less. Missing terms are as large as present terms.
 OF_TERMS = 0.01
 OF_LARGEST = 1e-3
+
+
+class Derivatives(NamedTuple):
+    """Element residuals of local basis functions phi, shape (m, functions).
+
+    A residual is ``int H . grad phi - flux . grad phi - source phi`` over the element. H is ``coefficient grad u``, or
+    with a law ``H(|grad u|) grad u / |grad u|``. The sum of the residuals over the elements is the derivative of the
+    functional by the coefficient of phi.
+    """
+
+    total: Floats
+    size: Floats  # sum of the magnitudes of the terms
+    uncertainty: Floats  # uncertainty by the choice of quadrature rule if source or flux is a function
+
+
+def derivatives_on(corners: Floats, coefficients: Floats, region: Ints, ritz: Ritz, offsets: Floats) -> Derivatives:
+    # `corners` and the midside `offsets` have shape (m, 3, 2).
+    derivatives = Derivatives(*np.zeros((3, *coefficients.shape)))
+    kind = kinds_at_axis(corners[:, :, 0]) if ritz.axisymmetric else np.where(np.any(offsets, axis=(1, 2)), 0, -1)
+    for one_kind, nonlinear, rows in elements_by_rule(kind, region, ritz):
+        for block in np.split(rows, range(ROWS, len(rows), ROWS)):
+            values_of_block = _derivatives_of_kind(
+                corners[block], coefficients[block], region[block], ritz, offsets[block], one_kind, nonlinear
+            )
+            for array, values in zip(derivatives, values_of_block, strict=True):
+                array[block] = values
+    return derivatives
+
+
+def _derivatives_of_kind(
+    corners: Floats, coefficients: Floats, region: Ints, ritz: Ritz, offsets: Floats, kind: int, nonlinear: bool
+) -> tuple[Floats, Floats, Floats]:
+    points = by_points(ritz.order, nonlinear)
+    at = law_reference(ritz.order) if nonlinear else exact_reference(ritz.order)
+    weight, slope = (at.weight, at.slope) if kind < 0 else (points.weight[kind], points.slope[kind])
+    columns, x = np.einsum("id,mic->dcm", HAT_SLOPES, corners)[:, :, None], np.ones(())
+    if kind >= 0:
+        side = points.side[kind]
+        columns = columns + np.einsum("qkd,mkc->dcqm", side[:, :, 1:], offsets)
+        if ritz.axisymmetric:
+            x = points.share[kind] @ corners[:, :, 0].T + side[:, :, 0] @ offsets[:, :, 0].T
+    (ax, ay), (bx, by) = columns
+    doubled_area = ax * by - ay * bx
+
+    def tested(x: Floats, y: Floats) -> Floats:
+        rotated = np.stack([by * x - bx * y, ax * y - ay * x])
+        return 0.5 * np.einsum("q,dqm,qid->mi", weight, np.sign(doubled_area) * rotated, slope)
+
+    along, aside = np.einsum("qid,mi->dqm", slope, coefficients)
+    gradient = np.stack([by * along - ay * aside, ax * aside - bx * along]) / doubled_area
+    energy_term = tested(*(secants(gradient, x, region, ritz) * gradient))
+    ones = np.ones_like(along)
+    flux_term = tested(*(flux_on(corners, region, ritz).reshape(2, 1, -1) * ones))
+    uncertainty = np.zeros_like(energy_term)
+    if callable(ritz.flux):
+        centre = np.broadcast_to(corners.mean(axis=1, keepdims=True), corners.shape)
+        uncertainty = MARGIN * np.abs(flux_term - tested(*(flux_on(centre, region, ritz).reshape(2, 1, -1) * ones)))
+    if kind < 0:
+        mean = np.abs(doubled_area[0])[:, None] * at.mean
+    else:
+        mean = 0.5 * (weight[:, None] * np.abs(doubled_area)).T @ points.value[kind]
+    if callable(ritz.source):
+        source_term = loads(corners, offsets, region, ritz, kind, points, doubled_area)
+        centre = source_at(corners.mean(axis=1).T[:, None], region, ritz.source)[0]
+        uncertainty = uncertainty + np.abs(source_term - centre[:, None] * mean)
+    else:
+        source_term = np.reshape(value_by_region(np.asarray(ritz.source), region), (-1, 1)) * mean
+    size = np.abs(energy_term) + np.abs(flux_term) + np.abs(source_term)
+    return energy_term - flux_term - source_term, size, uncertainty
+
+
+def loads(
+    corners: Floats, offsets: Floats, region: Ints, ritz: Ritz, kind: int, points: Points, doubled_area: Floats
+) -> Floats:
+    """Return the integrals of source times functions of elements, (m, functions)."""
+    if kind < 0 and callable(ritz.source):
+        barycentric, weight = source_points(ritz.order)
+        source = source_at(np.einsum("qk,mkd->dqm", barycentric, corners), region, ritz.source)
+        value = functions_at(barycentric, ritz.order)
+    else:
+        source, weight, value = (
+            source_on(points, kind, corners, offsets, region, ritz),
+            points.weight[kind],
+            points.value[kind],
+        )
+    return 0.5 * (weight[:, None] * np.abs(doubled_area) * source).T @ value
+
+
+def secants(gradient: Floats, x: Floats, region: Ints, ritz: Ritz) -> Floats:
+    """Return the secant coefficients H(b) / b for gradients (d, points, m).
+
+    Around an axis `x` contains the distances of the points from the axis.
+    """
+    secant = np.broadcast_to(value_by_region(np.asarray(ritz.coefficient), region) / x, gradient.shape[1:]).copy()
+    distance = np.broadcast_to(x, secant.shape)
+    for index, law in enumerate(ritz.laws):
+        if law is not None:
+            rows = region == index
+            size = np.maximum(np.linalg.norm(gradient[:, :, rows], axis=0), np.finfo(float).tiny)
+            secant[:, rows] = law.field_strength(size / distance[:, rows]) / size
+    return secant
+
+
+def derivatives_in_space(corners: Floats, values: Floats, region: Ints, ritz: Ritz) -> Derivatives:
+    # `corners` has shape (3, 4, m), and the nodal `values` have shape (4, m). ``grad u`` is constant in every
+    # element, so that only a source that is a function needs a quadrature rule.
+    hats, volume = TETRAHEDRON.hat_gradients(corners), np.abs(TETRAHEDRON.determinant(corners)) / 6.0
+    gradient = np.einsum("dkm,km->dm", hats, values)
+    gradient = shifted_slope(gradient, region, ritz)
+    field = secants(gradient[:, None], np.ones(()), region, ritz)[0] * gradient
+    table = flux_table(np.asarray(ritz.flux), 3)
+    flux = np.stack([value_by_region(component, region) * np.ones_like(volume) for component in table])
+    energy_term, flux_term = (volume * np.einsum("dkm,dm->km", hats, part) for part in (field, flux))
+    uncertainty = np.zeros_like(energy_term)
+    if callable(ritz.source):
+        source_term = loads_in_space(corners, region, ritz.source)
+        centre = source_at(corners.mean(axis=1)[:, None], region, ritz.source)[0]
+        uncertainty = np.abs(source_term - centre * volume / 4.0)
+    else:
+        source = value_by_region(np.asarray(ritz.source), region)
+        source_term = np.broadcast_to(source * volume / 4.0, energy_term.shape)
+    size = np.abs(energy_term) + np.abs(flux_term) + np.abs(source_term)
+    return Derivatives((energy_term - flux_term - source_term).T, size.T, uncertainty.T)
+
+
+def curved_derivatives(corners: Floats, offset: Floats, coefficients: Floats, region: Ints, ritz: Ritz) -> Derivatives:
+    # as `quadratic_derivatives`, with midside offsets (3, 6, m) in the order of scikit-fem
+    total, size = np.zeros((2, *coefficients.shape))
+    for six, slopes, functions, source, rows in at_curved_points(corners, offset, region, ritz):
+        slope = np.einsum("dkm,km->dm", slopes, coefficients[:, rows])
+        own = shifted_slope(slope, region[rows], ritz)
+        terms = (
+            six * np.einsum("dkm,dm->km", slopes, secants(own[:, None], np.ones(()), region[rows], ritz)[0] * own),
+            six * np.einsum("dkm,dm->km", slopes, fluxes(region[rows], ritz)),
+            functions[:, None] * (six * source),
+        )
+        total[:, rows] += terms[0] - terms[1] - terms[2]
+        size[:, rows] += sum(map(np.abs, terms))
+    return Derivatives(total.T, size.T, np.zeros_like(total.T))
+
+
+def quadratic_derivatives(corners: Floats, coefficients: Floats, region: Ints, ritz: Ritz) -> Derivatives:
+    """Return the element residuals of functions of order 2 on tetrahedra, (m, 10).
+
+    `corners` has shape (3, 4, m), and `coefficients` has shape (10, m).
+    """
+    six, fields = np.abs(TETRAHEDRON.determinant(corners)), fields_at_corners(corners, coefficients)
+    moments, flux = np.zeros_like(fields), fluxes(region, ritz)
+    for rows, barycentric, weight in rules(region, ritz):
+        slope = np.einsum("qk,kdm->dqm", barycentric, fields[:, :, rows])
+        own = shifted_slope(slope.reshape(3, -1), np.tile(region[rows], len(weight)), ritz).reshape(slope.shape)
+        strength = secants(own, np.ones(()), region[rows], ritz) * own
+        moments[:, :, rows] = six[rows] * np.einsum("q,qk,dqm->kdm", weight, barycentric, strength)
+    energy_term, flux_term, uncertainty = np.zeros((3, *coefficients.shape))
+    for corner, moment in zip(np.eye(4), moments, strict=True):
+        slopes = function_slopes(corners, corner)
+        energy_term += np.einsum("dkm,dm->km", slopes, moment)
+        flux_term += np.einsum("dkm,dm->km", slopes, six / 24.0 * flux)
+    source_term = quadratic_loads(corners, region, ritz)
+    if callable(ritz.source):
+        centre = source_at(corners.mean(axis=1)[:, None], region, ritz.source)[0]
+        uncertainty = np.abs(source_term - MEANS[:, None] * centre * six / 6.0)
+    size = np.abs(energy_term) + np.abs(flux_term) + np.abs(source_term)
+    return Derivatives((energy_term - flux_term - source_term).T, size.T, uncertainty.T)
 
 
 def check_in_space(ritz: Ritz, mesh: MeshTet, values: Floats, fixed: Mask) -> None:

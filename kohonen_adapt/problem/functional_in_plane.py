@@ -9,7 +9,7 @@ from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.triangle.arrays import Points, Reference
-from kohonen_adapt.mesh.basis import functions_at
+from kohonen_adapt.mesh.basis import functions_at, kinds_at_axis
 from kohonen_adapt.mesh.curved import is_second_order, midside_offsets
 from kohonen_adapt.mesh.measures import inner_points
 from kohonen_adapt.mesh.polynomials import (
@@ -22,7 +22,6 @@ from kohonen_adapt.mesh.polynomials import (
     local_coefficients,
     modes_of,
 )
-from kohonen_adapt.mesh.quadrature import kinds_at_axis
 from kohonen_adapt.problem.ritz import Ritz, check_matches
 from kohonen_adapt.problem.robin import robin_value, sides_of_boundary
 from kohonen_adapt.problem.tables import flux_at, flux_table, source_at, value_by_region

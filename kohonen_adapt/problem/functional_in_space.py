@@ -8,10 +8,10 @@ from skfem import ElementTetP1
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.mesh.basis import CURVED_RULE_IN_SPACE, LAW_DEGREE_IN_SPACE
 from kohonen_adapt.mesh.cells import TETRAHEDRON, tetrahedron_rule
-from kohonen_adapt.mesh.curved_in_space import tangent_corners
+from kohonen_adapt.mesh.measures import tangent_corners
 from kohonen_adapt.mesh.quadratic_in_space import function_slopes, quadratic_functions
-from kohonen_adapt.mesh.quadrature import CURVED_RULE_IN_SPACE, LAW_DEGREE_IN_SPACE
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_table, source_at, value_by_region
 

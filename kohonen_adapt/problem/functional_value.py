@@ -4,7 +4,7 @@ import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.mesh.cells import TETRAHEDRON
-from kohonen_adapt.mesh.curved_in_space import CurvedTetrahedra
+from kohonen_adapt.mesh.measures import CurvedTetrahedra
 from kohonen_adapt.mesh.quadratic_in_space import quadratic_coefficients
 from kohonen_adapt.problem.functional_in_plane import value_of_part
 from kohonen_adapt.problem.functional_in_space import value_in_space, value_of_order_2

@@ -1,6 +1,8 @@
 """Interface of a problem, and the optional attributes and methods of a problem."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from inspect import signature
 from typing import Any, Protocol
 
 from numpy.typing import ArrayLike
@@ -12,10 +14,15 @@ from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.names import nodes_of_points
 
 __all__ = [
+    "HIGHEST_POLISHED",
+    "AtOrder",
+    "AutoOrder",
     "NotOffered",
     "Problem",
+    "at_order_of_passes",
     "check_names",
     "check_problem",
+    "final_orders",
     "goal_unit_of",
     "has_functional",
     "has_method",
@@ -26,11 +33,9 @@ __all__ = [
     "norm_of",
     "optional_method",
     "order_of",
-    "orders_of",
     "pairs_of",
     "points_of",
 ]
-
 
 ATTRIBUTES = {
     "orders": "the lowest and the highest degree of its elements, (1, 4) for instance, or None",
@@ -49,6 +54,9 @@ METHODS = {
     "improved": "mesh, solution, outputs",
     "singular_nodes": "mesh, solution",
 }
+
+OF_PASSES = 2  # order of the passes before a higher order; the polish of order 2 takes the least time to an error
+HIGHEST_POLISHED = 3
 
 
 class NotOffered(Exception):
@@ -241,3 +249,40 @@ def optional_method(problem: Problem, name: str) -> Callable[..., Any]:
     if not callable(method):
         raise NotOffered(reason)
     return method
+
+
+class AtOrder:
+    """Problem solved with elements of one of its orders.
+
+    All names but `order`, `solve` and `solve_from` are those of the problem.
+    """
+
+    def __init__(self, problem: Problem, order: int) -> None:
+        self._problem, self.order = problem, order
+
+    def solve(self, mesh: Mesh) -> Any:
+        return self._problem.solve(mesh, order=self.order)  # type: ignore[call-arg]
+
+    def indicators(self, mesh: Mesh, solution: Any) -> ArrayLike:
+        return self._problem.indicators(mesh, solution)
+
+    def __getattr__(self, name: str) -> Any:
+        value = getattr(self._problem, name)
+        return partial(value, order=self.order) if name == "solve_from" else value
+
+
+class AutoOrder(int):
+    """Order that follows the tolerance of `adapt`, or else its value."""
+
+
+def final_orders(problem: Problem, has_tolerance: bool) -> range:
+    if orders_of(problem) is None or "order" not in signature(problem.solve).parameters:  # overridden by a subclass
+        return range(0)
+    highest, order = (orders_of(problem) or (1, 1))[1], order_of(problem)
+    if isinstance(order, AutoOrder) and order >= OF_PASSES:
+        return range(HIGHEST_POLISHED + 1, highest + 1) if has_tolerance else range(0)
+    return range(order, order + 1) if order > HIGHEST_POLISHED else range(0)
+
+
+def at_order_of_passes(problem: Problem) -> Problem:
+    return AtOrder(problem, OF_PASSES) if final_orders(problem, has_tolerance=True) else problem

@@ -8,10 +8,9 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import is_number
-from kohonen_adapt.mesh.basis import trace_columns, traces_at
+from kohonen_adapt.mesh.basis import on_axis, trace_columns, traces_at
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.names import named
-from kohonen_adapt.mesh.quadrature import on_axis
 
 __all__ = ["Load", "Robin", "checked_conditions", "facet_terms", "robin_value", "sides_of_boundary"]
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels import ordering
-from kohonen_adapt.kernels.tetrahedron import search as search_in_space
+from kohonen_adapt.kernels.tetrahedron import locate as locate_in_space
 from kohonen_adapt.kernels.tetrahedron import stars
 from kohonen_adapt.kernels.tetrahedron import train as train_in_space
-from kohonen_adapt.kernels.triangle import geometry, search, train
+from kohonen_adapt.kernels.triangle import geometry, locate, train
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, Cell
 from kohonen_adapt.som.schedule import Schedule, Stage
 
@@ -60,7 +60,7 @@ class PlaneMap(MapMethod):
     cell = TRIANGLE
     kernel_groups = "ground", "map", "transport", "locating"
     draw_points = staticmethod(train.draw_points)
-    find_winners = staticmethod(search.find_winners)
+    find_winners = staticmethod(locate.find_winners)
     learn = staticmethod(train.learn)
     mark_valid = staticmethod(geometry.mark_valid)
     mark_interior = staticmethod(ordering.mark_interior)
@@ -82,7 +82,7 @@ class SpaceMap(MapMethod):
     cell = TETRAHEDRON
     kernel_groups = "space ground", "space map", "space moves", "space locating"
     draw_points = staticmethod(train_in_space.draw_points)
-    find_winners = staticmethod(search_in_space.find_winners)
+    find_winners = staticmethod(locate_in_space.find_winners)
     learn = staticmethod(train_in_space.learn)
     mark_valid = staticmethod(stars.mark_valid)
     mark_interior = staticmethod(stars.mark_interior)

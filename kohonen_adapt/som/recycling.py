@@ -18,7 +18,7 @@ from kohonen_adapt.geometry.plane.surgery import Surgery
 from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.arrays import SLIDING, OpenMesh
-from kohonen_adapt.kernels.triangle.connectivity import spread_starts
+from kohonen_adapt.kernels.triangle.geometry import spread_starts
 from kohonen_adapt.kernels.triangle.recycle import fill_heaps, recycle
 from kohonen_adapt.kernels.triangle.surgery import (
     collapse,

@@ -21,7 +21,7 @@ from kohonen_adapt.geometry.space.open_solid import swap_elements
 from kohonen_adapt.kernels.arrays import KernelMesh, Lesson, SearchScratch
 from kohonen_adapt.kernels.ordering import along_curve, shuffle, sort_into_tiles
 from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
-from kohonen_adapt.kernels.triangle.search import STRETCH
+from kohonen_adapt.kernels.triangle.locate import STRETCH
 from kohonen_adapt.kernels.triangle.smooth import sweep
 from kohonen_adapt.som.map_method import MapMethod, map_method_of
 from kohonen_adapt.som.schedule import Schedule, Stage

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.kernels.threads import even_cuts, shared
-from kohonen_adapt.kernels.triangle.search import STRETCH
+from kohonen_adapt.kernels.triangle.locate import STRETCH
 from kohonen_adapt.kernels.triangle.smooth import (
     Sites,
     average_at_sites,

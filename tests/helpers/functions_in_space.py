@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kohonen_adapt.kernels.nonlinear import Laws
+from kohonen_adapt.kernels.functionals import Laws
 from kohonen_adapt.kernels.tetrahedron.arrays import OFFSET, REDUCED, SHIFT_X, Trial
 from kohonen_adapt.magnetostatics import Froehlich
 from kohonen_adapt.polishing.energy_tables import tabulated

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kohonen_adapt.kernels.arrays import KernelMesh
-from kohonen_adapt.kernels.nonlinear import Laws
+from kohonen_adapt.kernels.functionals import Laws
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,
@@ -24,7 +24,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Star,
     Trial,
 )
-from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star
+from kohonen_adapt.kernels.tetrahedron.geometry import fill_star
 from kohonen_adapt.kernels.tetrahedron.polish.descend import (
     LEAST_CURVATURE,
     OVERSTEP,

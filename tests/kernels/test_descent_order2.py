@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kohonen_adapt.kernels.arrays import KernelMesh, Modes
-from kohonen_adapt.kernels.nonlinear import Laws
+from kohonen_adapt.kernels.functionals import Laws
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,
@@ -23,7 +23,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Star,
     Trial,
 )
-from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, fill_star
+from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, fill_star
 from kohonen_adapt.kernels.tetrahedron.polish.descend_order2 import derivatives, descend_nodes_order2, number_star
 from kohonen_adapt.kernels.tetrahedron.polish.swap_order2 import remove_edge
 from kohonen_adapt.polishing.energy_tables import tabulated

@@ -5,7 +5,7 @@ import pytest
 from helpers.meshes import generic_square, inset, junction, perturbed
 
 from kohonen_adapt.kernels.triangle.arrays import Star
-from kohonen_adapt.kernels.triangle.connectivity import fill_star, find_starts
+from kohonen_adapt.kernels.triangle.geometry import fill_star, find_starts
 from kohonen_adapt.kernels.triangle.smooth import average_at_sites
 from kohonen_adapt.mesh.triangulation import Triangulation
 

@@ -13,7 +13,7 @@ from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron import smooth, swap
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, INTERSECTION, RING, Constraints, Queue, Star
-from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star, mark_non_manifold
+from kohonen_adapt.kernels.tetrahedron.geometry import fill_star, mark_non_manifold
 from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
 from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
 from kohonen_adapt.kernels.tetrahedron.surfaces import measure_sagittas

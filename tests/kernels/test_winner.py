@@ -10,7 +10,7 @@ from kohonen_adapt import Rules, Schedule, Stage
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.arrays import KernelMesh, SearchScratch
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.triangle.search import find_winner, find_winners
+from kohonen_adapt.kernels.triangle.locate import find_winner, find_winners
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import Draw

@@ -11,7 +11,7 @@ from skfem import MeshTet, MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import plotting
-from kohonen_adapt.mesh.curved_in_space import CurvedTetrahedra
+from kohonen_adapt.mesh.measures import CurvedTetrahedra
 from kohonen_adapt.mesh.slicing import flat
 from kohonen_adapt.plotting.solids import _camera, _faces
 

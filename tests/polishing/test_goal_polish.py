@@ -22,8 +22,7 @@ from kohonen_adapt.kernels.triangle.polish.sweep_higher import descend_nodes_hig
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.polish import descend_and_recycle
-from kohonen_adapt.polishing.sweeps import sweep
+from kohonen_adapt.polishing.polish import descend_and_recycle, sweep
 
 ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}
 MESHES = {"inset": lambda: perturbed(inset(8), 1), "junction": lambda: perturbed(junction(8), 2)}

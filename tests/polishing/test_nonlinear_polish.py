@@ -15,7 +15,7 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.kernels.nonlinear import Laws, energy_density
+from kohonen_adapt.kernels.functionals import Laws, energy_density
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING
 from kohonen_adapt.kernels.triangle.flip import flip_edge

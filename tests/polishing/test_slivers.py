@@ -11,7 +11,7 @@ from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.polishing.slivers import longest_on_arcs, shift_per_area
+from kohonen_adapt.polishing.chords import longest_on_arcs, shift_per_area
 
 CIRCLES = np.array([1.0, 5.0, 10.0, 40.0])  # radii: the magnet is between the second and the third
 

@@ -18,13 +18,13 @@ from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, SOURCE_24TH
-from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES
+from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.magnetostatics import Froehlich
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.polishing.space import surgery_in_space
+from kohonen_adapt.polishing.space import descent
+from kohonen_adapt.polishing.space.descent import compute_gains, offers_of, recycle_in_space, swap_in_space
 from kohonen_adapt.polishing.space.polish_in_space import Descent, descend_and_recycle_in_space
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
-from kohonen_adapt.polishing.space.surgery_in_space import compute_gains, offers_of, recycle_in_space, swap_in_space
 
 FLOOR = 0.2
 MESHES = {
@@ -137,7 +137,7 @@ def test_the_functional_falls_by_what_is_told_and_all_that_is_to_stay_stays(name
 
 @pytest.mark.parametrize("seed", range(3))
 def test_no_exchange_raises_the_functional_where_none_is_to_be_won_back(seed, monkeypatch):
-    monkeypatch.setattr(surgery_in_space, "MARGIN", 1.0)
+    monkeypatch.setattr(descent, "MARGIN", 1.0)
     at = Setting(perturbed(two_regions(4), seed), seed)
     found = [at.recycle() for _ in range(3)]
     assert found[0][0] > 0
@@ -221,7 +221,7 @@ def test_costs_of_collapses_are_those_of_a_slow_twin(name):
     at = Setting(perturbed(MESHES[name](), 2), 2)
     offers, mesh = at.offers(), at.opened.mesh
     node, checked = mesh.elements.node, 0
-    most = offers.gain.max() / surgery_in_space.MARGIN
+    most = offers.gain.max() / descent.MARGIN
     for v in np.flatnonzero((mesh.freedom.number == INSIDE) & (mesh.pool.anchor >= 0)):
         least, star = most, np.flatnonzero((node[:, 0] >= 0) & (node == v).any(axis=1))
         for w in set(node[star].ravel().tolist()) - {v}:

@@ -11,7 +11,7 @@ import kohonen_adapt as ka
 from kohonen_adapt import density_from_indicators, density_from_sizes
 from kohonen_adapt.estimators import residual
 from kohonen_adapt.kernels.ordering import along_curve
-from kohonen_adapt.kernels.triangle.search import STRETCH
+from kohonen_adapt.kernels.triangle.locate import STRETCH
 from kohonen_adapt.kernels.triangle.smooth import update_factors
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.triangulation import Triangulation

@@ -16,8 +16,8 @@ from kohonen_adapt.kernels.tetrahedron.arrays import Tetrahedra
 from kohonen_adapt.kernels.triangle.polish.by_points import MIN_JACOBIAN
 from kohonen_adapt.mesh.cells import FACES
 from kohonen_adapt.mesh.curved import STRAIGHT
-from kohonen_adapt.mesh.curved_in_space import determinant_coefficients, edge_midside_offsets
 from kohonen_adapt.mesh.host import edges_between, number_edges
+from kohonen_adapt.mesh.measures import determinant_coefficients, edge_midside_offsets
 
 __all__ = ["NO_EDGES", "InputEdges", "offsets_on_surfaces"]
 

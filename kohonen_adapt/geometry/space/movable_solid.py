@@ -40,8 +40,8 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 from kohonen_adapt.mesh.adjacency import write_on_both_sides
 from kohonen_adapt.mesh.cells import FACES, normals
 from kohonen_adapt.mesh.curved import is_second_order
-from kohonen_adapt.mesh.curved_in_space import with_edge_offsets
 from kohonen_adapt.mesh.host import facets_opposite, set_boundaries
+from kohonen_adapt.mesh.measures import with_edge_offsets
 from kohonen_adapt.mesh.names import boundary_of, turned
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 

@@ -22,7 +22,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Star,
     Tetrahedra,
 )
-from kohonen_adapt.kernels.tetrahedron.connectivity import fill_star, mark_non_manifold
+from kohonen_adapt.kernels.tetrahedron.geometry import fill_star, mark_non_manifold
 from kohonen_adapt.kernels.tetrahedron.surfaces import measure_sagittas
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
 

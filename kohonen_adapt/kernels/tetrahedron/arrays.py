@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import Modes, Pool
-from kohonen_adapt.kernels.nonlinear import Laws
+from kohonen_adapt.kernels.functionals import Laws
 from kohonen_adapt.kernels.numba.compilation import record
 
 PLANE, SPHERE, CYLINDER, CONE, PROJECTED = range(5)  # shapes of patches, PROJECTED by samples

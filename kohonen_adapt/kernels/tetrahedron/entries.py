@@ -3,7 +3,7 @@
 from numba.types import boolean, float64, int8, int32, int64
 
 from kohonen_adapt.kernels import arrays as shared
-from kohonen_adapt.kernels import coils, nonlinear, ordering
+from kohonen_adapt.kernels import coils, functionals, ordering
 from kohonen_adapt.kernels.numba.compilation import record_type
 from kohonen_adapt.kernels.numba.entry import (
     B1,
@@ -22,10 +22,9 @@ from kohonen_adapt.kernels.numba.entry import (
 )
 from kohonen_adapt.kernels.tetrahedron import (
     arrays,
-    connectivity,
+    geometry,
     locate,
     recycle,
-    search,
     smooth,
     stars,
     surfaces,
@@ -54,7 +53,7 @@ I3 = int32[:, :, ::1]
 CAVITY = record_type(arrays.Cavity, (L1, L1, L1, I1, I1, I1, I2, I1, I2, I1, I2, I1, I2, I2, R3, I3, I2, I1))
 OPEN_TETRAHEDRA = record_type(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, FREEDOM, POOL, ORIGINS, CAVITY))
 QUEUE = record_type(arrays.Queue, (int8[::1], I1, L1))
-LAWS = record_type(nonlinear.Laws, (I1, int64, R3))
+LAWS = record_type(functionals.Laws, (I1, int64, R3))
 TRIAL = record_type(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, R2, R2))
 SOLID_BLOCK = record_type(
     arrays.SolidBlock,
@@ -72,12 +71,12 @@ ARCS = record_type(coils.Arcs, (R2, R3, R1, R2, R1, I1, R1, R2, R2))
 SPACE: dict[str, tuple[Entry, ...]] = {
     "space ground": (
         Entry(ordering.hilbert_keys_in_space, R2, R1, float64, L1),
-        Entry(connectivity.fill_star, I2, STAR),
+        Entry(geometry.fill_star, I2, STAR),
         Entry(stars.mark_interior, STAR, I1, int64, B1, I1),
         Entry(stars.find_parts, I2, I1, I1),
     ),
     "space moves": (
-        Entry(connectivity.mark_non_manifold, OPEN_TETRAHEDRA, STAR, B1),
+        Entry(geometry.mark_non_manifold, OPEN_TETRAHEDRA, STAR, B1),
         Entry(surfaces.measure_sagittas, OPEN_TETRAHEDRA, R1),
         Entry(swap.enter_worse, OPEN_TETRAHEDRA, QUEUE, float64),
         Entry(swap.swap_waiting, OPEN_TETRAHEDRA, QUEUE, float64, int64),
@@ -90,7 +89,7 @@ SPACE: dict[str, tuple[Entry, ...]] = {
     "space map": (
         Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
         Entry(stars.mark_valid, R2, STAR, float64, int64, int64, B1),
-        Entry(search.find_winners, KERNEL_MESH, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
+        Entry(locate.find_winners, KERNEL_MESH, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
         Entry(train.learn, KERNEL_MESH, LESSON, float64, float64, boolean[::1], SEARCH_SCRATCH),
     ),
     "space polish": (

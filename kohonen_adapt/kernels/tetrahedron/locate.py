@@ -1,12 +1,20 @@
-"""Point location in tetrahedra by walks, with a grid as fallback."""
+"""Tetrahedra at points, by walks and a grid, and winners of training points.
+
+The search of a winner follows Lowther and Mai, "On Automatic Mesh Generation using Kohonen Maps", section III, by a
+walk from a former winner and a check that the sphere through the winner contains no other node.
+"""
 
 import numpy as np
 
 from kohonen_adapt.kernels.grid import cell_index, clear_counts, enter, sum_up_counts
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.tetrahedron.arrays import PLANE
+from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance
 
 TOLERANCE = 1e-10  # relative to the element size, so that points on faces are inside
 WALK = 128  # maximum number of steps; walks from grid cells in uniform meshes take three or four
+
+STRETCH = 64  # consecutive points that may start at the previous winner
 
 
 @inner_kernel
@@ -143,3 +151,212 @@ def barycentric(position, node, points, found, out):
             total += out[t, k]
         for k in range(4):
             out[t, k] /= total
+
+
+@inner_kernel
+def next_stamp(scratch):
+    scratch.counter[0] += 1
+    return scratch.counter[0]
+
+
+@inner_kernel
+def triple(a, b, c):
+    return a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+
+
+@inner_kernel
+def squared_distance(position, v, x):
+    dx, dy, dz = x[0] - position[v, 0], x[1] - position[v, 1], x[2] - position[v, 2]
+    return dx * dx + dy * dy + dz * dz
+
+
+@inner_kernel
+def element_in_region(elements, star, v, region):
+    for k in range(star.start[v], star.start[v + 1]):
+        if elements.region[star.element[k]] == region:
+            return np.int64(star.element[k])
+    return np.int64(star.element[star.start[v]])
+
+
+@inner_kernel
+def descend_to(position, elements, star, v, x, region):
+    best = squared_distance(position, v, x)
+    while True:
+        nearest = v
+        for k in range(star.start[v], star.start[v + 1]):
+            if elements.region[star.element[k]] != region:
+                continue
+            for j in range(3):
+                other = np.int64(star.link[k, j])
+                distance = squared_distance(position, other, x)
+                if distance < best:
+                    best, nearest = distance, other
+        if nearest == v:
+            return v
+        v = nearest
+
+
+@inner_kernel
+def behind_surface(position, elements, surfaces, e, x):
+    """Return True if x is between a curved face of e and its surface.
+
+    The distance of x to the surface must be at most that of the centroid of the face.
+    """
+    for k in range(4):
+        p = np.int64(elements.patch[e, k])
+        if p < 0 or surfaces.shape[p] == PLANE:
+            continue
+        if side_of_face(position, elements.node, e, k, x[0], x[1], x[2]) >= 0.0:
+            continue
+        mean_x, mean_y, mean_z = 0.0, 0.0, 0.0
+        for i in range(4):
+            if i != k:
+                v = elements.node[e, i]
+                mean_x += position[v, 0] / 3.0
+                mean_y += position[v, 1] / 3.0
+                mean_z += position[v, 2] / 3.0
+        if abs(signed_distance(surfaces, p, x[0], x[1], x[2])[0]) <= abs(
+            signed_distance(surfaces, p, mean_x, mean_y, mean_z)[0]
+        ):
+            return True
+    return False
+
+
+@inner_kernel
+def find_element(mesh, v, x, region, scratch):
+    """Return the element of a region that contains x.
+
+    A walk starts at v, if blocked a second walk at a node nearer to x, and if blocked a flood of the region. A
+    point between a face and its curved surface belongs to the element of the face.
+    """
+    position, elements, star = mesh.position, mesh.elements, mesh.star
+    e, inside = walk(position, elements, element_in_region(elements, star, v, region), x[0], x[1], x[2])
+    if inside:
+        return e
+    nearer_node = descend_to(position, elements, star, v, x, region)
+    e, inside = walk(position, elements, element_in_region(elements, star, nearer_node, region), x[0], x[1], x[2])
+    if inside or behind_surface(position, elements, mesh.constraints.surfaces, e, x):
+        return e
+    stamp, queue = next_stamp(scratch), scratch.queue
+    queue[0], scratch.element_stamp[e] = e, stamp
+    first, last = 0, 1
+    best, deepest = e, -np.inf
+    while first < last and deepest < -TOLERANCE:
+        e = np.int64(queue[first])
+        first += 1
+        depth = depth_in_element(position, elements.node, e, x[0], x[1], x[2])
+        if depth > deepest:
+            best, deepest = e, depth
+        for k in range(4):
+            across = elements.neighbour[e, k]
+            if across >= 0 and elements.region[across] == region and scratch.element_stamp[across] != stamp:
+                scratch.element_stamp[across] = stamp
+                queue[last] = across
+                last += 1
+    return best
+
+
+@inner_kernel
+def nearest_reached(position, elements, e, x, scratch):
+    """Return the nearest node visible from x in its region, and the squared distance.
+
+    Ties are resolved by the lowest index. A node is visible if the ball around x with the node on its boundary
+    connects both within the region. Each element has a reach, the smallest radius of a ball that connects x to
+    the element (the largest distance to a crossed face). Elements are visited by increasing reach, and nodes
+    nearer than the reach are skipped, because a slit or an edge is in between.
+    """
+    stamp, frontier, reach = next_stamp(scratch), scratch.frontier, scratch.reach
+    region = elements.region[e]
+    frontier[0], reach[0], scratch.element_stamp[e] = e, 0.0, stamp
+    count, winner, best = 1, np.int64(-1), np.inf
+    while count > 0:
+        near = 0
+        for i in range(1, count):
+            if reach[i] < reach[near]:
+                near = i
+        if reach[near] > best:
+            break
+        e, entered = frontier[near], reach[near]
+        count -= 1
+        frontier[near], reach[near] = frontier[count], reach[count]
+        for k in range(4):
+            v = np.int64(elements.node[e, k])
+            distance = squared_distance(position, v, x)
+            if distance >= entered and (distance < best or (distance == best and v < winner)):
+                winner, best = v, distance
+        for k in range(4):
+            across = elements.neighbour[e, k]
+            if across < 0 or elements.region[across] != region:
+                continue
+            waiting, known = count, scratch.element_stamp[across] == stamp
+            if known:
+                waiting = 0
+                while waiting < count and frontier[waiting] != across:
+                    waiting += 1
+                if waiting == count:
+                    continue
+            distance = max(entered, squared_distance_to_face(position, elements.node, e, k, x))
+            if known:
+                reach[waiting] = min(reach[waiting], distance)
+            elif distance <= best:
+                scratch.element_stamp[across] = stamp
+                frontier[count], reach[count] = across, distance
+                count += 1
+    return winner, best
+
+
+@inner_kernel
+def squared_distance_to_face(position, node, e, k, x):
+    a, b, c = node[e, (k + 1) % 4], node[e, (k + 2) % 4], node[e, (k + 3) % 4]
+    ax, ay, az = position[a, 0] - x[0], position[a, 1] - x[1], position[a, 2] - x[2]
+    bx, by, bz = position[b, 0] - x[0], position[b, 1] - x[1], position[b, 2] - x[2]
+    cx, cy, cz = position[c, 0] - x[0], position[c, 1] - x[1], position[c, 2] - x[2]
+    ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    square = nx * nx + ny * ny + nz * nz
+    # the foot of the perpendicular is in the face if on the inner side of every edge
+    to_a, to_b, to_c, normal = (ax, ay, az), (bx, by, bz), (cx, cy, cz), (nx, ny, nz)
+    beyond_ab, beyond_bc = triple(normal, to_a, to_b) < 0.0, triple(normal, to_b, to_c) < 0.0
+    beyond_ca = triple(normal, to_c, to_a) < 0.0
+    if not (beyond_ab or beyond_bc or beyond_ca) and square > 0.0:
+        side = ax * nx + ay * ny + az * nz
+        return side * side / square
+    return min(
+        squared_distance_to_edge(ax, ay, az, bx, by, bz),
+        squared_distance_to_edge(bx, by, bz, cx, cy, cz),
+        squared_distance_to_edge(cx, cy, cz, ax, ay, az),
+    )
+
+
+@inner_kernel
+def squared_distance_to_edge(ax, ay, az, bx, by, bz):
+    ux, uy, uz = bx - ax, by - ay, bz - az
+    along, length = -(ax * ux + ay * uy + az * uz), ux * ux + uy * uy + uz * uz
+    fraction = min(1.0, max(0.0, along / length)) if length > 0.0 else 0.0
+    x, y, z = ax + fraction * ux, ay + fraction * uy, az + fraction * uz
+    return x * x + y * y + z * z
+
+
+@inner_kernel
+def find_winner(mesh, v, x, region, scratch):
+    e = find_element(mesh, v, x, region, scratch)
+    winner, squared = nearest_reached(mesh.position, mesh.elements, e, x, scratch)
+    return winner, np.sqrt(squared)
+
+
+@kernel
+def find_winners(mesh, points, region, start_nodes, winners, distances, scratch):
+    """Find the winner of every point, and its distance.
+
+    `start_nodes` holds a start node in the region of each point, best a former winner. The winner of the previous point
+    is a second start, except at every STRETCH-th point, so that points can be distributed in stretches with the
+    same result.
+    """
+    for t in range(points.shape[0]):
+        x, v = points[t], np.int64(start_nodes[t])
+        if t % STRETCH > 0 and region[t - 1] == region[t]:
+            other = np.int64(winners[t - 1])
+            if squared_distance(mesh.position, other, x) < squared_distance(mesh.position, v, x):
+                v = other
+        winner, distance = find_winner(mesh, v, x, region[t], scratch)
+        winners[t], distances[t] = winner, distance

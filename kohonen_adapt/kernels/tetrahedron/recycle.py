@@ -9,7 +9,7 @@ import numpy as np
 from kohonen_adapt.kernels.heap import insert, remove_first
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import MOST
-from kohonen_adapt.kernels.tetrahedron.connectivity import corner_of, gather_around, gather_edge
+from kohonen_adapt.kernels.tetrahedron.geometry import corner_of, gather_around, gather_edge
 from kohonen_adapt.kernels.tetrahedron.surgery import (
     NOWHERE,
     UNLIMITED,

@@ -4,17 +4,15 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE, PLANE, RIDGE_PATCHES
-from kohonen_adapt.kernels.tetrahedron.connectivity import (
+from kohonen_adapt.kernels.tetrahedron.geometry import (
     OPPOSITE,
+    allowed,
     corner_of,
+    element_quality,
+    element_volumes,
     gather_around,
     gather_edge,
     has_constrained_face,
-)
-from kohonen_adapt.kernels.tetrahedron.geometry import (
-    allowed,
-    element_quality,
-    element_volumes,
     rounded,
     squared_distance,
 )

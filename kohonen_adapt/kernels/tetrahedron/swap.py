@@ -12,12 +12,16 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import ELSEWHERE, FREE, PLANE, RING, WAITS, WANTED
-from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of, fourth_node, has_constrained_face
 from kohonen_adapt.kernels.tetrahedron.geometry import (
+    EDGES,
     FLAT,
+    OPPOSITE,
+    corner_of,
     cubed_quality_on,
     element_quality,
     element_volumes,
+    fourth_node,
+    has_constrained_face,
     triangle_vectors,
 )
 from kohonen_adapt.kernels.tetrahedron.polish.energy import energy_on, source_along, triangle_tilts, value_at

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import Modes, Pool
-from kohonen_adapt.kernels.nonlinear import Laws
+from kohonen_adapt.kernels.functionals import Laws
 from kohonen_adapt.kernels.numba.compilation import record
 
 FREE, SLIDING, HELD = 0, 1, 2  # degrees of freedom: in the plane, along a curve segment, none

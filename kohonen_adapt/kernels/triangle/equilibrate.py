@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel, record
-from kohonen_adapt.kernels.triangle.connectivity import corner_of
-from kohonen_adapt.kernels.triangle.geometry import orientation
+from kohonen_adapt.kernels.triangle.geometry import corner_of, orientation
 
 NATURAL, GIVEN = -1, -2  # in place of a neighbour at a boundary: zero flux, or Dirichlet values
 

@@ -4,8 +4,16 @@ import numpy as np
 
 from kohonen_adapt.kernels.arrays import UNGUARDED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.triangle.connectivity import corner_towards, corners_around, has_edge
-from kohonen_adapt.kernels.triangle.geometry import FLAT, allowed, element_quality, may_join, signed_quality
+from kohonen_adapt.kernels.triangle.geometry import (
+    FLAT,
+    allowed,
+    corner_towards,
+    corners_around,
+    element_quality,
+    has_edge,
+    may_join,
+    signed_quality,
+)
 
 COCIRCULAR = 1e-10  # relative tolerance, so that rounding does not decide between four points on a circle
 

@@ -1,13 +1,21 @@
-"""Search for the elements that contain points, by walks and a grid."""
+"""Elements at points, by walks and a grid, and winners of training points.
+
+The search of a winner follows Lowther and Mai, "On Automatic Mesh Generation using Kohonen Maps", section III.
+"""
 
 import numpy as np
 
+from kohonen_adapt.kernels.arrays import CROSSINGS
 from kohonen_adapt.kernels.grid import cell_index, clear_counts, enter, sum_up_counts
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.triangle.geometry import orientation
+from kohonen_adapt.kernels.triangle.arrays import SAGITTA
+from kohonen_adapt.kernels.triangle.chains import distance_to_chain, parameter_of
+from kohonen_adapt.kernels.triangle.geometry import orientation, squared_distance, squared_distance_to_edge
 
 TOLERANCE = 1e-10  # relative to an element: points on an edge or on the boundary count as inside
 WALK = 64  # maximum number of steps; walks from a grid cell take two or three
+
+STRETCH = 256  # consecutive points whose searches may start at the previous winner
 
 
 @inner_kernel
@@ -118,3 +126,236 @@ def barycentric(position, node, points, found, out):
             total += out[t, k]
         for k in range(3):
             out[t, k] /= total
+
+
+@inner_kernel
+def next_stamp(scratch):
+    scratch.counter[0] += 1
+    return scratch.counter[0]
+
+
+@inner_kernel
+def closest_neighbour(position, elements, star, inner, v, x, region):
+    best, nearest = squared_distance(position, v, x), v
+    for k in range(star.start[v], star.start[v + 1]):
+        if inner[v] or elements.region[star.element[k]] == region:
+            distance = squared_distance(position, np.int64(star.ahead[k]), x)
+            if distance < best:
+                best, nearest = distance, star.ahead[k]
+            if not inner[v]:  # around an inner node `behind` is `ahead` in the next row
+                distance = squared_distance(position, np.int64(star.behind[k]), x)
+                if distance < best:
+                    best, nearest = distance, star.behind[k]
+    return nearest
+
+
+@inner_kernel
+def element_in_region(elements, star, v, region):
+    for k in range(star.start[v], star.start[v + 1]):
+        if elements.region[star.element[k]] == region:
+            return star.element[k]
+    return star.element[star.start[v]]
+
+
+@inner_kernel
+def containing_element(position, elements, star, constraints, v, x, region, scratch):
+    e = element_in_region(elements, star, v, region)
+    e, inside = walk(position, elements, e, x[0], x[1])
+    # A point between a curve and its facets may lie in no element of the region; the element at the facet counts.
+    if inside or behind_curve(position, elements, constraints, e, x[0], x[1]):
+        return e
+    stamp, queue = next_stamp(scratch), scratch.queue
+    queue[0], scratch.element_stamp[e] = e, stamp
+    first, last = 0, 1
+    best, deepest = e, -np.inf
+    while first < last and deepest < -TOLERANCE:
+        e = np.int64(queue[first])
+        first += 1
+        depth = least_barycentric(position, elements.node, e, x[0], x[1])
+        if depth > deepest:
+            best, deepest = e, depth
+        for k in range(3):
+            across = elements.neighbour[e, k]
+            if across >= 0 and elements.region[across] == region and scratch.element_stamp[across] != stamp:
+                scratch.element_stamp[across] = stamp
+                queue[last] = across
+                last += 1
+    return best
+
+
+@inner_kernel
+def behind_curve(position, elements, constraints, e, x, y):
+    chains = constraints.chains
+    for k in range(3):
+        c = np.int64(elements.chain[e, k])
+        if c >= 0 and chains.geometry[c, SAGITTA] > 0.0 and side_of_edge(position, elements.node, e, k, x, y) < 0.0:
+            near = parameter_of(position, constraints, c, np.int64(elements.node[e, (k + 1) % 3]))
+            if distance_to_chain(chains, c, x, y, near)[0] <= chains.geometry[c, SAGITTA] * chains.geometry[c, SAGITTA]:
+                return True
+    return False
+
+
+@inner_kernel
+def nearest_visible(position, elements, e, x, scratch):
+    """Return the nearest node visible from `x` and its squared distance.
+
+    A node is visible if the disc around `x` through the node connects both within the region of `e`. The reach of an
+    element is the squared distance of the farthest edge on the path to the element. Elements are entered by increasing
+    reach, and a node nearer than the reach of its element lies behind a slit or a corner. Ties go to the lowest index.
+    """
+    stamp, frontier, reach = next_stamp(scratch), scratch.frontier, scratch.reach
+    region = elements.region[e]
+    frontier[0], reach[0], scratch.element_stamp[e] = e, 0.0, stamp
+    count, winner, best = 1, np.int64(-1), np.inf
+    while count > 0:
+        near = 0
+        for i in range(1, count):
+            if reach[i] < reach[near]:
+                near = i
+        if reach[near] > best:
+            break
+        e, entered = frontier[near], reach[near]
+        count -= 1
+        frontier[near], reach[near] = frontier[count], reach[count]
+        for k in range(3):
+            v = np.int64(elements.node[e, k])
+            distance = squared_distance(position, v, x)
+            if distance >= entered and (distance < best or (distance == best and v < winner)):
+                winner, best = v, distance
+        for k in range(3):
+            across = elements.neighbour[e, k]
+            if across < 0 or elements.region[across] != region:
+                continue
+            waiting, known = count, scratch.element_stamp[across] == stamp
+            if known:
+                waiting = 0
+                while waiting < count and frontier[waiting] != across:
+                    waiting += 1
+                if waiting == count:
+                    continue
+            a, b = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]
+            distance = squared_distance_to_edge(
+                position[a, 0], position[a, 1], position[b, 0], position[b, 1], x[0], x[1]
+            )
+            distance = max(distance, entered)
+            if known:
+                reach[waiting] = min(reach[waiting], distance)
+            elif distance <= best:
+                scratch.element_stamp[across] = stamp
+                frontier[count], reach[count] = across, distance
+                count += 1
+    return winner, best
+
+
+@inner_kernel
+def find_winner(mesh, v, x, region, scratch):
+    position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
+    while True:
+        nearest = closest_neighbour(position, elements, star, constraints.inner, v, x, region)
+        if nearest == v:
+            break
+        v = nearest
+    e = containing_element(position, elements, star, constraints, v, x, region, scratch)
+    winner, squared = nearest_visible(position, elements, e, x, scratch)
+    return winner, np.sqrt(squared)
+
+
+@kernel
+def find_winners(mesh, points, region, start_nodes, winners, distances, scratch):
+    """Find the winner of every point and its distance.
+
+    `start_nodes` are nodes in the regions of the points, preferably former winners. The search begins at the previous
+    winner if nearer, except at every STRETCH-th point, where points may be divided among threads. From the element
+    that contains the point the search crosses every edge cut by the circle through the nearest node so far.
+    `find_winner` searches again if the circle cuts a boundary.
+    """
+    position, elements, star, inner = mesh.position, mesh.elements, mesh.star, mesh.constraints.inner
+    node, neighbour, regions, crossed = elements.node, elements.neighbour, elements.region, scratch.crossed
+    for t in range(points.shape[0]):
+        x, y, own, v = points[t, 0], points[t, 1], region[t], np.int64(start_nodes[t])
+        if t % STRETCH > 0 and region[t - 1] == own:
+            v = nearer(position, v, np.int64(winners[t - 1]), x, y)
+        e = int(star.element[star.start[v]])  # the walk is inlined, because calls would take longer
+        if not inner[v]:
+            e = int(element_in_region(elements, star, v, own))
+        found = False
+        for _ in range(WALK):
+            a, b, c = node[e, 0], node[e, 1], node[e, 2]
+            ax, ay = position[a, 0] - x, position[a, 1] - y
+            bx, by = position[b, 0] - x, position[b, 1] - y
+            cx, cy = position[c, 0] - x, position[c, 1] - y
+            side_a, side_b, side_c = bx * cy - cx * by, cx * ay - ax * cy, ax * by - bx * ay
+            k, least = 0, side_a
+            if side_b < least:
+                k, least = 1, side_b
+            if side_c < least:
+                k, least = 2, side_c
+            if least >= -TOLERANCE * (side_a + side_b + side_c):
+                found = True
+                break
+            across = int(neighbour[e, k])
+            if across < 0 or regions[across] != own:
+                break
+            e = across
+        if found:
+            winner, best = int(a), ax * ax + ay * ay
+            distance = bx * bx + by * by
+            if distance < best or (distance == best and b < winner):
+                winner, best = int(b), distance
+            distance = cx * cx + cy * cy
+            if distance < best or (distance == best and c < winner):
+                winner, best = int(c), distance
+            count = crossings = 0
+            for k in range(3):
+                if k == 0:
+                    px, py, qx, qy, side = bx, by, cx, cy, side_a
+                elif k == 1:
+                    px, py, qx, qy, side = cx, cy, ax, ay, side_b
+                else:
+                    px, py, qx, qy, side = ax, ay, bx, by, side_c
+                if cuts(px, py, qx, qy, side, best):
+                    crossed[count, 0], crossed[count, 1] = e, k
+                    count += 1
+            while count > 0 and found:
+                count -= 1
+                e, k = int(crossed[count, 0]), int(crossed[count, 1])
+                f = int(neighbour[e, k])
+                crossings += 1
+                if f < 0 or regions[f] != own or crossings == CROSSINGS:
+                    found = False
+                    break
+                p, q = node[e, (k + 1) % 3], node[e, (k + 2) % 3]
+                j = 0 if neighbour[f, 0] == e else (1 if neighbour[f, 1] == e else 2)
+                w = node[f, j]
+                wx, wy = position[w, 0] - x, position[w, 1] - y
+                distance = wx * wx + wy * wy
+                if distance < best or (distance == best and w < winner):
+                    winner, best = int(w), distance
+                px, py = position[p, 0] - x, position[p, 1] - y
+                qx, qy = position[q, 0] - x, position[q, 1] - y
+                # in f = (w, q, p) the edge pw is opposite to q, and wq to p
+                if cuts(px, py, wx, wy, px * wy - wx * py, best):
+                    crossed[count, 0], crossed[count, 1] = f, (j + 1) % 3
+                    count += 1
+                if cuts(wx, wy, qx, qy, wx * qy - qx * wy, best):
+                    crossed[count, 0], crossed[count, 1] = f, (j + 2) % 3
+                    count += 1
+        if found:
+            winners[t], distances[t] = winner, np.sqrt(best)
+        else:
+            winner, distance = find_winner(mesh, v, points[t], own, scratch)
+            winners[t], distances[t] = winner, distance
+
+
+@inner_kernel
+def nearer(position, v, other, x, y):
+    ax, ay = position[v, 0] - x, position[v, 1] - y
+    bx, by = position[other, 0] - x, position[other, 1] - y
+    return other if bx * bx + by * by < ax * ax + ay * ay else v
+
+
+@inner_kernel
+def cuts(px, py, qx, qy, side, best):
+    ux, uy = qx - px, qy - py
+    length, along = ux * ux + uy * uy, -(px * ux + py * uy)
+    return 0.0 < along < length and side * side < best * length

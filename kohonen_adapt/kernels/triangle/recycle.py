@@ -9,9 +9,8 @@ import numpy as np
 from kohonen_adapt.kernels.heap import insert, remove_first
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import PAIRED
-from kohonen_adapt.kernels.triangle.connectivity import corner_of, corners_around
 from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip, push, should_flip
-from kohonen_adapt.kernels.triangle.geometry import allowed, element_quality
+from kohonen_adapt.kernels.triangle.geometry import allowed, corner_of, corners_around, element_quality
 from kohonen_adapt.kernels.triangle.surgery import (
     NOWHERE,
     collapse,

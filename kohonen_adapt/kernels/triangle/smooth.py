@@ -18,10 +18,16 @@ from kohonen_adapt.kernels.triangle.chains import (
     slide,
     slide_pair,
 )
-from kohonen_adapt.kernels.triangle.connectivity import corner_of
-from kohonen_adapt.kernels.triangle.geometry import may_move
-from kohonen_adapt.kernels.triangle.locate import TOLERANCE, WALK, least_barycentric, side_of_edge, walk
-from kohonen_adapt.kernels.triangle.search import STRETCH, nearer
+from kohonen_adapt.kernels.triangle.geometry import corner_of, may_move
+from kohonen_adapt.kernels.triangle.locate import (
+    STRETCH,
+    TOLERANCE,
+    WALK,
+    least_barycentric,
+    nearer,
+    side_of_edge,
+    walk,
+)
 
 RELAXATION = 0.85  # full steps overshoot where the density changes within an element
 

@@ -5,8 +5,14 @@ import numpy as np
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.triangle.arrays import FREE, MERGED, OTHER, OWN, SLIDING
 from kohonen_adapt.kernels.triangle.chains import midpoint_on_chain
-from kohonen_adapt.kernels.triangle.connectivity import corner_of, corner_towards
-from kohonen_adapt.kernels.triangle.geometry import allowed, element_quality, may_join, signed_quality
+from kohonen_adapt.kernels.triangle.geometry import (
+    allowed,
+    corner_of,
+    corner_towards,
+    element_quality,
+    may_join,
+    signed_quality,
+)
 
 NOWHERE = -1
 SPLITTER = 2.0**29 + 1.0  # Dekker's constant, leaves 24 of 53 bits

@@ -21,9 +21,8 @@ from kohonen_adapt.kernels.triangle.chains import (
     slide_pair,
     within_reach,
 )
-from kohonen_adapt.kernels.triangle.connectivity import corner_of
-from kohonen_adapt.kernels.triangle.geometry import allowed, may_move, star_tolerable, worst_in_star
-from kohonen_adapt.kernels.triangle.search import next_stamp
+from kohonen_adapt.kernels.triangle.geometry import allowed, corner_of, may_move, star_tolerable, worst_in_star
+from kohonen_adapt.kernels.triangle.locate import next_stamp
 
 
 @kernel

@@ -4,8 +4,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import point_text
-from kohonen_adapt.magnetostatics.coils.polygon import Sides, crossing_sides, sides_of
-from kohonen_adapt.magnetostatics.coils.winding import Arc, Bar, Winding
+from kohonen_adapt.magnetostatics.coils.winding import Arc, Bar, Sides, Winding, crossing_sides, sides_of
 
 __all__ = ["laid_out"]
 

@@ -9,7 +9,7 @@ from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.magnetostatics.coils.coil import Coil
-from kohonen_adapt.magnetostatics.equations.mirrors import Mirror
+from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 
 __all__ = ["Images", "Motion", "change_of_field", "images_of"]
 

@@ -10,7 +10,7 @@ from skfem import MeshTet
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import point_text
 from kohonen_adapt.magnetostatics.coils.coil import Coil
-from kohonen_adapt.magnetostatics.equations.mirrors import Mirror
+from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.equations.tetrahedra import EDGES
 from kohonen_adapt.magnetostatics.materials.coefficients import subdomains_at
 from kohonen_adapt.mesh.locate import find_elements

@@ -12,11 +12,18 @@ from skfem.quadrature import get_quadrature
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.higher import ElementGroup, Higher
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC
-from kohonen_adapt.mesh.basis import facet_functions, functions_at
+from kohonen_adapt.mesh.basis import (
+    KINDS,
+    ON_AXIS,
+    facet_functions,
+    factor_at,
+    functions_at,
+    kinds_at_axis,
+    points_near_axis,
+)
 from kohonen_adapt.mesh.curved import Isoparametric
 from kohonen_adapt.mesh.measures import hat_gradients
-from kohonen_adapt.mesh.polynomials import KINDS, functions_near_axis, slopes_near_axis
-from kohonen_adapt.mesh.quadrature import ON_AXIS, factor_at, kinds_at_axis, points_near_axis
+from kohonen_adapt.mesh.polynomials import functions_near_axis, slopes_near_axis
 
 __all__ = ["AroundAxis"]
 

@@ -11,7 +11,7 @@ from kohonen_adapt.arrays import Mask
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Conditions, Value, fixed_values
 from kohonen_adapt.magnetostatics.equations.given_field import field_at
-from kohonen_adapt.magnetostatics.equations.mirrors import Mirror, surface
+from kohonen_adapt.magnetostatics.equations.symmetry import Mirror, surface
 from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["conditions_in_space"]

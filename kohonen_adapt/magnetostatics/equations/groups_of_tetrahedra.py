@@ -8,9 +8,9 @@ import numpy as np
 from skfem.refdom import RefTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.mesh.basis import CURVED_RULE_IN_SPACE, LAW_DEGREE_IN_SPACE
 from kohonen_adapt.mesh.cells import TETRAHEDRON, tetrahedron_rule
-from kohonen_adapt.mesh.curved_in_space import CurvedTetrahedra, tangent_corners
-from kohonen_adapt.mesh.quadrature import CURVED_RULE_IN_SPACE, LAW_DEGREE_IN_SPACE
+from kohonen_adapt.mesh.measures import CurvedTetrahedra, tangent_corners
 
 __all__ = ["EDGES", "METRIC", "PAIRS", "Group", "groups_of"]
 

@@ -13,11 +13,9 @@ from skfem.quadrature import get_quadrature
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.elements import Linear, Polynomials
 from kohonen_adapt.magnetostatics.equations.system import Reduced
-from kohonen_adapt.mesh.basis import facet_functions, facet_products
+from kohonen_adapt.mesh.basis import KINDS, LAW_DEGREE, LAW_DEGREE_BY_POINTS, facet_functions, facet_products
 from kohonen_adapt.mesh.curved import Isoparametric, with_midside_offsets
 from kohonen_adapt.mesh.host import remade
-from kohonen_adapt.mesh.polynomials import KINDS
-from kohonen_adapt.mesh.quadrature import LAW_DEGREE, LAW_DEGREE_BY_POINTS
 
 __all__ = ["ElementGroup", "Elements", "Higher"]
 

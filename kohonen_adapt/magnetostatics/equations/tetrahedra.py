@@ -13,9 +13,8 @@ from kohonen_adapt.magnetostatics.equations.elements import FiniteElements, Line
 from kohonen_adapt.magnetostatics.equations.groups_of_tetrahedra import EDGES, METRIC, PAIRS, Group, groups_of
 from kohonen_adapt.magnetostatics.equations.system import Reduced
 from kohonen_adapt.mesh.cells import normals
-from kohonen_adapt.mesh.curved_in_space import CurvedTetrahedra
 from kohonen_adapt.mesh.host import edges_between, number_edges
-from kohonen_adapt.mesh.measures import area, inner_points, magnitude
+from kohonen_adapt.mesh.measures import CurvedTetrahedra, area, inner_points, magnitude
 
 __all__ = ["EDGES", "LinearTetrahedra", "QuadraticTetrahedra", "Tetrahedra", "tetrahedra_on"]
 

@@ -15,7 +15,7 @@ from kohonen_adapt.magnetostatics.coils.rules import currents_of, flux_rule
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, Sources, field_at
-from kohonen_adapt.magnetostatics.equations.mirrors import Mirror
+from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 

@@ -13,8 +13,8 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import checked_points
 from kohonen_adapt.estimators.explicit import corner_averages
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive
-from kohonen_adapt.magnetostatics.equations.mirrors import Mirror
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
+from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.equations.tetrahedra import Tetrahedra
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY

@@ -14,7 +14,7 @@ from skfem.refdom import RefTri
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.coils.motion import Motion, images_of
 from kohonen_adapt.magnetostatics.coils.rules import currents_of
-from kohonen_adapt.magnetostatics.equations.mirrors import Mirror, surface
+from kohonen_adapt.magnetostatics.equations.symmetry import Mirror, surface
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.bodies import Cut, Names, isolated_body, outer_facets
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, is_coil

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.tetrahedron.arrays import SolidBlock
-from kohonen_adapt.mesh.curved_in_space import EDGES, edge_midside_offsets
+from kohonen_adapt.mesh.basis import CURVED_RULE_IN_SPACE
 from kohonen_adapt.mesh.host import keys_of
-from kohonen_adapt.mesh.quadrature import CURVED_RULE_IN_SPACE
+from kohonen_adapt.mesh.measures import EDGES, edge_midside_offsets
 from kohonen_adapt.problem.functional_in_space import LAW_POINTS, LAW_WEIGHTS
 
 __all__ = ["CurvedEdges"]

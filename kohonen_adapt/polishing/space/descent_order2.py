@@ -12,7 +12,7 @@ from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.geometry.space.thread_parts import Parts
 from kohonen_adapt.kernels.arrays import KernelMesh, Modes
 from kohonen_adapt.kernels.tetrahedron.arrays import PLANE, Cavity, Offers, OpenTetrahedra, Quadratic, Queue, SolidBlock
-from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES
+from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.kernels.tetrahedron.polish.descend_order2 import descend_nodes_order2
 from kohonen_adapt.kernels.tetrahedron.polish.exchange_order2 import (
     SCRATCH_ROWS,
@@ -25,9 +25,8 @@ from kohonen_adapt.kernels.tetrahedron.swap import enter_worse
 from kohonen_adapt.kernels.threads import Nodes, even_cuts, shared
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.space.curved_edges import CurvedEdges
-from kohonen_adapt.polishing.space.descent import Descent
+from kohonen_adapt.polishing.space.descent import Descent, offers_of
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
-from kohonen_adapt.polishing.space.surgery_in_space import offers_of
 
 __all__ = ["QuadraticDescent"]
 

@@ -9,7 +9,7 @@ from skfem import MeshTet
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.arrays import Modes
-from kohonen_adapt.kernels.nonlinear import Laws
+from kohonen_adapt.kernels.functionals import Laws
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,
     INSIDE,

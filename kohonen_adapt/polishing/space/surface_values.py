@@ -7,7 +7,7 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, LOAD, ON_PATCH, ON_RIDGE, Freedom, Surfaces
-from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES
+from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.mesh.cells import FACES
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization

@@ -6,10 +6,10 @@ coefficients of new edges are eliminated, with all other unknowns fixed, and sto
 
 import numpy as np
 
-from kohonen_adapt.kernels.elimination import eliminate, substitute_back
+from kohonen_adapt.kernels.functionals import eliminate, substitute_back
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, UNKNOWNS, VALUE
-from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, gather_edge
+from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, gather_edge
 from kohonen_adapt.kernels.tetrahedron.polish.energy import source_along
 from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import add_element, clear
 

@@ -7,7 +7,7 @@ volume of the point. The functional of an element that nearly folds is infinite.
 
 import numpy as np
 
-from kohonen_adapt.kernels.nonlinear import energy_density
+from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     POSITION,
@@ -20,8 +20,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     TWELFTH_COEFFICIENT,
     VALUE,
 )
-from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES
-from kohonen_adapt.kernels.tetrahedron.geometry import set_slopes
+from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, set_slopes
 from kohonen_adapt.kernels.tetrahedron.polish.law_order2 import rank
 from kohonen_adapt.kernels.triangle.polish.by_points import MIN_JACOBIAN
 

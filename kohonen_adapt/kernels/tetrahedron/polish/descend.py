@@ -20,7 +20,7 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import HALVINGS
-from kohonen_adapt.kernels.nonlinear import energy_density
+from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,

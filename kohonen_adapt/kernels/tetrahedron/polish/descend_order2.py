@@ -8,11 +8,10 @@ by the functional itself.
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import HALVINGS
-from kohonen_adapt.kernels.elimination import eliminate, substitute_back
+from kohonen_adapt.kernels.functionals import eliminate, substitute_back
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, HELD, INSIDE, POSITION, UNKNOWNS, VALUE
-from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of
-from kohonen_adapt.kernels.tetrahedron.geometry import allowed, star_quality
+from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, OPPOSITE, allowed, corner_of, star_quality
 from kohonen_adapt.kernels.tetrahedron.polish.cavity_order2 import add_correction
 from kohonen_adapt.kernels.tetrahedron.polish.descend import newton_step, rates_row, tangential
 from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, source_around

@@ -14,7 +14,7 @@ because only the change of u is multiplied by the error of f. One f per element 
 faces times the jump of f, which is not smaller than the gain.
 """
 
-from kohonen_adapt.kernels.nonlinear import energy_density
+from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     OFFSET,

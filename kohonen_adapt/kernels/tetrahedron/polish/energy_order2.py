@@ -24,8 +24,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     TWELFTH_COEFFICIENT,
     VALUE,
 )
-from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES
-from kohonen_adapt.kernels.tetrahedron.geometry import set_slopes
+from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, set_slopes
 from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import add_curved, set_offsets
 from kohonen_adapt.kernels.tetrahedron.polish.law_order2 import OF_EDGE, add_by_law
 

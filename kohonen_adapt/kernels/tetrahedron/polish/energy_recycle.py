@@ -8,7 +8,7 @@ exchange changes the gains of other pairs.
 
 import numpy as np
 
-from kohonen_adapt.kernels.nonlinear import energy_density
+from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     INSIDE,
@@ -18,13 +18,16 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     SIXTH_FLUX_Z,
     TWELFTH_COEFFICIENT,
 )
-from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, OPPOSITE, corner_of, gather_around
 from kohonen_adapt.kernels.tetrahedron.geometry import (
+    EDGES,
     FLAT,
+    OPPOSITE,
     allowed,
+    corner_of,
     cubed_quality,
     cubed_quality_at,
     element_quality,
+    gather_around,
 )
 from kohonen_adapt.kernels.tetrahedron.polish.energy import (
     ROUNDING,

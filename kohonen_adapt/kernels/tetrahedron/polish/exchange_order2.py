@@ -10,8 +10,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, MOST, UNKNOWNS
-from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES, corner_of, gather_around
-from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, element_quality
+from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, FLAT, corner_of, element_quality, gather_around
 from kohonen_adapt.kernels.tetrahedron.polish.cavity_order2 import (
     energy_of_old,
     least_energy,

@@ -11,7 +11,7 @@ The integrals of L_a h, L_a L_b M and L_a (M g_0) grad u^T serve all functions, 
 cheap. Corners are in the order of their nodes, so that the functional of an element does not depend on its rotation.
 """
 
-from kohonen_adapt.kernels.nonlinear import energy_density
+from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     POSITION,
@@ -23,7 +23,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     SIXTH_FLUX_Z,
     VALUE,
 )
-from kohonen_adapt.kernels.tetrahedron.connectivity import EDGES
+from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 
 OF_EDGE = 0.8  # ratio of the integrals of edge and corner functions
 

@@ -10,7 +10,7 @@ would be at places without a jump of the field, and results on the mesh would su
 
 import math
 
-from kohonen_adapt.kernels.nonlinear import energy_density
+from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     SHIFT_X,
@@ -21,7 +21,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     SIXTH_FLUX_Z,
     TWELFTH_COEFFICIENT,
 )
-from kohonen_adapt.kernels.tetrahedron.connectivity import OPPOSITE
+from kohonen_adapt.kernels.tetrahedron.geometry import OPPOSITE
 from kohonen_adapt.kernels.tetrahedron.polish.energy import value_at
 from kohonen_adapt.kernels.tetrahedron.surfaces import onto_patch, signed_distance
 

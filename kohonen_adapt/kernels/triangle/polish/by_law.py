@@ -5,7 +5,7 @@ g2) of the functions on the reference triangle, second derivatives are bilinear.
 quadrature point therefore serve all functions, which keeps the many points of a law cheap.
 """
 
-from kohonen_adapt.kernels.nonlinear import energy_density
+from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.triangle.arrays import COARSE_BLOCK, HALF_FLUX_X, HALF_FLUX_Y, POSITION, VALUE
 

@@ -10,7 +10,7 @@ on x_v, so x D also has second derivatives.
 """
 
 from kohonen_adapt.kernels.arrays import NEAR_AXIS
-from kohonen_adapt.kernels.nonlinear import energy_density
+from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.triangle.arrays import (
     COARSE_BLOCK,

@@ -19,7 +19,7 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import HALVINGS
-from kohonen_adapt.kernels.nonlinear import energy_density
+from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import (
     CONSTANTS,
@@ -33,7 +33,7 @@ from kohonen_adapt.kernels.triangle.arrays import (
 )
 from kohonen_adapt.kernels.triangle.chains import point_at
 from kohonen_adapt.kernels.triangle.geometry import may_move
-from kohonen_adapt.kernels.triangle.polish.varying_flux import half_flux, half_flux_rates
+from kohonen_adapt.kernels.triangle.polish.varying import half_flux, half_flux_rates
 
 ROUNDING = 1e-13  # minimum gain as a fraction of the summed magnitudes of all terms
 OVERSTEP = 1.6  # relaxation of Newton's step, as in successive over-relaxation: halves the number of sweeps

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import KernelMesh, Modes
-from kohonen_adapt.kernels.elimination import eliminate, substitute_back
+from kohonen_adapt.kernels.functionals import eliminate, substitute_back
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, record
 from kohonen_adapt.kernels.triangle.arrays import (
     CONSTANTS,
@@ -37,10 +37,10 @@ from kohonen_adapt.kernels.triangle.arrays import (
     Shapes,
     Trials,
 )
-from kohonen_adapt.kernels.triangle.connectivity import corner_of
+from kohonen_adapt.kernels.triangle.geometry import corner_of
 from kohonen_adapt.kernels.triangle.polish.by_law import add_by_law
 from kohonen_adapt.kernels.triangle.polish.by_points import add_by_points, gather_offsets, is_curved, is_valid, valid_at
-from kohonen_adapt.kernels.triangle.polish.varying_source import with_source
+from kohonen_adapt.kernels.triangle.polish.varying import with_source
 
 EVEN, ODD, BUBBLE = 3, 6, 9  # index of the first function of each kind
 

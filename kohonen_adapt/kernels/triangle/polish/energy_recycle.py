@@ -9,8 +9,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import OWN, SIXTH_SOURCE, SLIDING
-from kohonen_adapt.kernels.triangle.connectivity import corner_of, corner_towards
-from kohonen_adapt.kernels.triangle.geometry import orientation
+from kohonen_adapt.kernels.triangle.geometry import corner_of, corner_towards, orientation
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING, triangle_parabola
 from kohonen_adapt.kernels.triangle.surgery import (
     collapse,

@@ -7,9 +7,8 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, CONSTANTS, VALUE
-from kohonen_adapt.kernels.triangle.connectivity import corner_towards, corners_around
 from kohonen_adapt.kernels.triangle.flip import flip_edge, mark_neighbours, may_flip
-from kohonen_adapt.kernels.triangle.geometry import orientation
+from kohonen_adapt.kernels.triangle.geometry import corner_towards, corners_around, orientation
 from kohonen_adapt.kernels.triangle.polish.by_points import gather_offsets, put_offsets, valid_at
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING
 from kohonen_adapt.kernels.triangle.polish.descend_higher import (
@@ -25,7 +24,7 @@ from kohonen_adapt.kernels.triangle.polish.descend_higher import (
     reference_value,
     solve_upper,
 )
-from kohonen_adapt.kernels.triangle.polish.varying_source import with_source
+from kohonen_adapt.kernels.triangle.polish.varying import with_source
 
 NEAR = 0.25  # of twice the decrease of a step by few points: more than another step takes off
 

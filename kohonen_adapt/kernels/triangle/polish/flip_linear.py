@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from kohonen_adapt.kernels.nonlinear import energy_density
+from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import CONSTANTS, HALF_COEFFICIENT, SIXTH_SOURCE
-from kohonen_adapt.kernels.triangle.connectivity import corners_around
 from kohonen_adapt.kernels.triangle.flip import flip_edge, mark_neighbours, may_flip
+from kohonen_adapt.kernels.triangle.geometry import corners_around
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING
-from kohonen_adapt.kernels.triangle.polish.varying_flux import flux_term
+from kohonen_adapt.kernels.triangle.polish.varying import flux_term
 
 
 @kernel

@@ -1,18 +1,14 @@
-"""Loads of a source that is a polynomial of the position in every element.
-
-The variables of the polynomial are the affine coordinates X, Y in which the element was the reference triangle
-when the source was last sampled. The load -int f u is integrated at the points of `Points`, which move with the
-element. Derivatives by the position of a node therefore include those of f.
-
-Flips, splits and collapses evaluate the polynomial of the element whose row they use, before and after. The
-columns of the data are defined in `kernels/triangle/arrays.py`. Without a varying source the data have CONSTANTS
-columns.
-"""
+"""Mean fluxes and loads of polynomial data in triangles."""
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.triangle.arrays import (
     CENTRE_X,
     CENTRE_Y,
+    CONSTANTS,
+    HALF_FLUX_X,
+    HALF_FLUX_Y,
+    RATES_X,
+    RATES_Y,
     SOURCE_TERMS,
     VALUE,
     X_BY_X,
@@ -21,6 +17,43 @@ from kohonen_adapt.kernels.triangle.arrays import (
     Y_BY_Y,
 )
 from kohonen_adapt.kernels.triangle.polish.by_points import axis_kind
+
+
+@inner_kernel
+def half_flux(data, e, x, y, ax, ay, bx, by):
+    """Return half the mean flux over the triangle of (x, y) and (x, y) + a, b."""
+    flux_x, flux_y = data[e, HALF_FLUX_X], data[e, HALF_FLUX_Y]
+    if data.shape[1] > CONSTANTS:
+        cx, cy = x + (ax + bx) / 3.0 - data[e, CENTRE_X], y + (ay + by) / 3.0 - data[e, CENTRE_Y]
+        xx = 0.5 * cx * cx + (ax * ax + bx * bx - ax * bx) / 36.0
+        xy = cx * cy + (2.0 * (ax * ay + bx * by) - ax * by - ay * bx) / 36.0
+        yy = 0.5 * cy * cy + (ay * ay + by * by - ay * by) / 36.0
+        flux_x += increase(data, e, RATES_X, cx, cy, xx, xy, yy)
+        flux_y += increase(data, e, RATES_Y, cx, cy, xx, xy, yy)
+    return flux_x, flux_y
+
+
+@inner_kernel
+def half_flux_rates(data, e, x, y, ax, ay, bx, by):
+    px = x + 0.25 * (ax + bx) - data[e, CENTRE_X]
+    py = y + 0.25 * (ay + by) - data[e, CENTRE_Y]
+    x_by_x = increase(data, e, RATES_X, 1.0, 0.0, px, py, 0.0) / 3.0
+    x_by_y = increase(data, e, RATES_X, 0.0, 1.0, 0.0, px, py) / 3.0
+    y_by_x = increase(data, e, RATES_Y, 1.0, 0.0, px, py, 0.0) / 3.0
+    y_by_y = increase(data, e, RATES_Y, 0.0, 1.0, 0.0, px, py) / 3.0
+    return x_by_x, x_by_y, y_by_x, y_by_y
+
+
+@inner_kernel
+def increase(data, e, first, x, y, xx, xy, yy):
+    linear = data[e, first] * x + data[e, first + 1] * y
+    return linear + data[e, first + 2] * xx + data[e, first + 3] * xy + data[e, first + 4] * yy
+
+
+@inner_kernel
+def flux_term(data, e, x, y, ax, ay, u, bx, by, v):
+    flux_x, flux_y = half_flux(data, e, x, y, ax, ay, bx, by)
+    return flux_y * (v * ax - u * bx) - flux_x * (v * ay - u * by)
 
 
 @inner_kernel

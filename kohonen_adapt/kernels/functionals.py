@@ -1,4 +1,4 @@
-"""Energy density of nonlinear laws by tables.
+"""Energy of nonlinear laws by tables, and elimination of unknowns.
 
 A table has the energy density W and its derivative over s = |grad u|^2, with `STEPS` equal steps in every octave of s.
 Between two steps a cubic interpolates both. Below the table W is a parabola, above the table W is linear in s.
@@ -54,3 +54,44 @@ def energy_density(laws, law, s):
     rate = low_rate + t * (2.0 * second + 3.0 * t * third)
     curve = max((high_rate - low_rate) / width, LEAST_CURVE * rate / s)
     return low + width * t * (low_rate + t * (second + t * third)), rate, curve
+
+
+@inner_kernel
+def eliminate(stiffness, rest, mixed, columns, first, count):
+    """Replace the stiffness from row `first` up to `count` by its Cholesky factor L.
+
+    `rest` and the first `columns` columns of `mixed` are multiplied by L^-1. Return True if the stiffness is positive
+    definite, and the squared norm of the new `rest`.
+    """
+    square = 0.0
+    for i in range(first, count):
+        for j in range(first, i):
+            product = stiffness[i, j]
+            for k in range(first, j):
+                product -= stiffness[i, k] * stiffness[j, k]
+            product /= stiffness[j, j]
+            stiffness[i, j] = product
+            rest[i] -= product * rest[j]
+            for d in range(columns):
+                mixed[i, d] -= product * mixed[j, d]
+        diagonal = stiffness[i, i]
+        for k in range(first, i):
+            diagonal -= stiffness[i, k] * stiffness[i, k]
+        if not diagonal > 0.0:
+            return False, 0.0
+        diagonal = math.sqrt(diagonal)
+        stiffness[i, i] = diagonal
+        rest[i] /= diagonal
+        for d in range(columns):
+            mixed[i, d] /= diagonal
+        square += rest[i] * rest[i]
+    return True, square
+
+
+@inner_kernel
+def substitute_back(stiffness, values, first, count):
+    for i in range(count - 1, first - 1, -1):
+        value = values[i]
+        for k in range(i + 1, count):
+            value -= stiffness[k, i] * values[k]
+        values[i] = value / stiffness[i, i]
