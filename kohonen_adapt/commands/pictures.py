@@ -20,8 +20,8 @@ from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.geometry.space.surfaces import Plane
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.why_held import reasons_at
-from kohonen_adapt.magnetostatics.bracketing import Bracket
 from kohonen_adapt.magnetostatics.coils.coil import Coil
+from kohonen_adapt.magnetostatics.hypercircle import Bracket
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.problem.protocol import at_order_of_passes, order_of, pairs_of

@@ -1,8 +1,9 @@
 """Magnetostatic problems, materials, fields and goals in the plane and in space."""
 
-from kohonen_adapt.magnetostatics.bracketing import Bracket, bracket
+from kohonen_adapt.magnetostatics.bracketing import bracket
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep, NotConverged
+from kohonen_adapt.magnetostatics.hypercircle import Bracket
 from kohonen_adapt.magnetostatics.materials.bh_table import Table, read_bh
 from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlich, Law
 from kohonen_adapt.magnetostatics.materials.material import Material, halbach, radial

@@ -6,9 +6,8 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.estimators.residual_of_orders import LATTICE, Facets, divergences, residual_at_points
 from kohonen_adapt.magnetostatics.equations.around_axis import AroundAxis
 from kohonen_adapt.magnetostatics.equations.higher import Elements
-from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
 from kohonen_adapt.magnetostatics.quantities.local_field import PointField
-from kohonen_adapt.magnetostatics.solution import Dual
 from kohonen_adapt.mesh.basis import functions_at
 from kohonen_adapt.mesh.measures import area
 

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -14,7 +13,7 @@ from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
 from kohonen_adapt.magnetostatics.equations.high_orders import HighOrder, elements_on, high_order_elements
 from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
-from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
 from kohonen_adapt.mesh.blended import Projections
 
@@ -194,12 +193,6 @@ def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton:
     conditions = conditions_of(field.elements, boundaries, field.symmetry)
     energy = EnergyFunctional(field.elements, field.symmetry, field.coefficients, conditions)
     return newton.full_step(energy, field.unknown, -load[conditions.free])
-
-
-class Dual(NamedTuple):
-    values: Floats  # (nunknowns,)
-    source: Floats  # (nelements,)
-    load: Floats  # (2, npoints)
 
 
 def dual_of(field: Field, derivative: tuple[Floats, Floats], boundaries: Boundaries, newton: Newton) -> Dual:

@@ -19,7 +19,7 @@ from kohonen_adapt.loop.table import (
     goal_figures,
     goal_sentence,
 )
-from kohonen_adapt.magnetostatics.bracketing import Bracket
+from kohonen_adapt.magnetostatics.hypercircle import Bracket
 from kohonen_adapt.version import __version__
 
 __all__ = ["bracket_figures", "bracket_sentences", "key_figures", "sentences", "versions", "without_folders"]

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +19,13 @@ from kohonen_adapt.magnetostatics.quantities.local_field import LocalField, Poin
 from kohonen_adapt.mesh.locate import as_rows, find_elements, interpolate
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["Field"]
+__all__ = ["Dual", "Field"]
+
+
+class Dual(NamedTuple):
+    values: Floats  # (nunknowns,)
+    source: Floats  # (nelements,)
+    load: Floats  # (2, npoints)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

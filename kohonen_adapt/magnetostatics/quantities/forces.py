@@ -6,22 +6,20 @@ from numpy.typing import ArrayLike
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.bodies import (
+    Component,
     Cut,
     Names,
     air_elements,
+    component_value,
     elements_in,
     isolated_body,
     mirror_cut,
     sector_cut,
-)
-from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
-from kohonen_adapt.magnetostatics.quantities.stress import (
-    Component,
-    component_value,
     stress_force,
     weight_at_nodes,
     weight_gradient,
 )
+from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
 
 __all__ = [
     "arkkio_torque",

@@ -9,12 +9,17 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.quantities import forces
-from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_in
+from kohonen_adapt.magnetostatics.quantities.bodies import (
+    Component,
+    Names,
+    component_change,
+    component_value,
+    elements_in,
+)
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil
 from kohonen_adapt.magnetostatics.quantities.forces import checked_point
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
 from kohonen_adapt.magnetostatics.quantities.solid_forces import OfBody, parts_along
-from kohonen_adapt.magnetostatics.quantities.stress import Component, component_change, component_value
 from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = [

@@ -16,17 +16,20 @@ from kohonen_adapt.magnetostatics.coils.motion import Motion, images_of
 from kohonen_adapt.magnetostatics.coils.rules import currents_of
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror, surface
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
-from kohonen_adapt.magnetostatics.quantities.bodies import Cut, Names, isolated_body, outer_facets
-from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, is_coil
-from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
-from kohonen_adapt.magnetostatics.quantities.stress import (
+from kohonen_adapt.magnetostatics.quantities.bodies import (
     Component,
+    Cut,
+    Names,
     component_change,
     component_value,
+    isolated_body,
+    outer_facets,
     stress_force,
     weight_at_nodes,
     weight_gradient,
 )
+from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, is_coil
+from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.curved import is_second_order
 
