@@ -14,7 +14,8 @@ from kohonen_adapt.geometry.rules import checked_pair
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
-from kohonen_adapt.magnetostatics.quantities.goals import Goal, Torque, check_goal, unit_of_goal
+from kohonen_adapt.magnetostatics.quantities.goal import Goal
+from kohonen_adapt.magnetostatics.quantities.goals import Torque, check_goal, unit_of_goal
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh

@@ -12,7 +12,7 @@ from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, condit
 from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.magnetostatics.quantities.goals import Goal
+from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.solution import (
     HighOrderField,
     linearised_solution,

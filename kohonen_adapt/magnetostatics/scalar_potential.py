@@ -24,7 +24,8 @@ from kohonen_adapt.magnetostatics.hypercircle import gap_indicators, with_curren
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import Inverse
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
-from kohonen_adapt.magnetostatics.quantities.goals import Goal, check_goal, check_goal_on, unit_of_goal
+from kohonen_adapt.magnetostatics.quantities.goal import Goal
+from kohonen_adapt.magnetostatics.quantities.goals import check_goal, check_goal_on, unit_of_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.solid_estimation import (
     energy_indicators_in_space,

@@ -27,7 +27,7 @@ from kohonen_adapt.magnetostatics.equations.newton import (
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
 from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
-from kohonen_adapt.magnetostatics.quantities.goals import Goal
+from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.solid_estimation import tangential_jumps
 from kohonen_adapt.mesh.names import named
 

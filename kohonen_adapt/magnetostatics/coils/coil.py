@@ -8,14 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Mask
-from kohonen_adapt.checks import checked_points, finite_triple, is_number, point_text, positive_number
-from kohonen_adapt.magnetostatics.coils.layout import laid_out
+from kohonen_adapt.checks import checked_points, is_number, point_text, positive_number
+from kohonen_adapt.magnetostatics.coils.layout import laid_out, rectangle
 from kohonen_adapt.magnetostatics.coils.source import Source, field_of, source_of
 from kohonen_adapt.magnetostatics.coils.winding import Winding
 
 __all__ = ["Coil"]
-
-PARALLEL = 1e-6  # sine of the angle between directions, below which they do not differ
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,7 +114,7 @@ class Coil:
         [17839.0]
         """
         radius = positive_number(radius, "radius of a circular coil, in m,")
-        path = _rectangle(centre, axis, 2.0 * radius, 2.0 * radius, None)
+        path = rectangle(centre, axis, 2.0 * radius, 2.0 * radius, None)
         return cls(path, *_section(section), ampere_turns, radius)
 
     @classmethod
@@ -167,7 +165,7 @@ class Coil:
         [True, False]
         """
         length, width = (positive_number(value, "length and width of a coil, in m,") for value in (length, width))
-        return cls(_rectangle(centre, axis, length, width, along), *_section(section), ampere_turns, radius)
+        return cls(rectangle(centre, axis, length, width, along), *_section(section), ampere_turns, radius)
 
     @classmethod
     def straight_limb(
@@ -218,7 +216,7 @@ class Coil:
         """
         thickness, height = _section(section)
         length, width = _pair(bore, "bore of a coil must be two positive numbers, its lengths in m")
-        path = _rectangle(centre, axis, length + thickness, width + thickness, along)
+        path = rectangle(centre, axis, length + thickness, width + thickness, along)
         if not (is_number(radius) and radius >= 0.0):
             raise ValueError(f"radius of the bore of a coil must be a number >= 0, in m; got {radius!r}.")
         return cls(path, thickness, height, ampere_turns, radius + 0.5 * thickness)
@@ -304,24 +302,6 @@ class Coil:
 
     def _between_ends(self, z: Floats) -> Mask:
         return np.abs(z) <= 0.5 * self.height
-
-
-def _rectangle(centre: ArrayLike, axis: ArrayLike, length: float, width: float, along: ArrayLike | None) -> Floats:
-    middle = np.array(finite_triple(centre, "centre of a coil"))
-    normal = np.array(finite_triple(axis, "axis of a coil"))
-    if not normal.any():
-        raise ValueError(f"axis of a coil must not be zero; got {axis!r}.")
-    if along is None:
-        first = np.eye(3)[np.argmin(np.abs(normal))]
-    else:
-        first = np.array(finite_triple(along, "along of a coil"))
-    second = np.cross(normal, first)
-    if np.linalg.norm(second) <= PARALLEL * np.linalg.norm(normal) * np.linalg.norm(first):
-        raise ValueError(f"axis and along of a coil must be directions that differ; got {axis!r} and {along!r}.")
-    second /= np.linalg.norm(second)
-    first = np.cross(second, normal / np.linalg.norm(normal))
-    signs = np.array([[-0.5, 0.5, 0.5, -0.5], [-0.5, -0.5, 0.5, 0.5]])
-    return middle[:, None] + np.outer(first, length * signs[0]) + np.outer(second, width * signs[1])
 
 
 def _section(section: ArrayLike) -> tuple[float, float]:

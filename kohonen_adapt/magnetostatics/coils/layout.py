@@ -1,16 +1,18 @@
 """Layout of a winding along a closed path."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.checks import point_text
+from kohonen_adapt.checks import finite_triple, point_text
 from kohonen_adapt.magnetostatics.coils.winding import Arc, Bar, Sides, Winding, crossing_sides, sides_of
 
-__all__ = ["laid_out"]
+__all__ = ["laid_out", "rectangle"]
 
 ROUNDING = 1e-9  # tolerance relative to the extent of the path
 FLAT = 1e-6  # tolerance of a plane path
 SHARPEST = np.deg2rad(179.0)  # largest turn of a path
+PARALLEL = 1e-6  # sine of the angle between directions, below which they do not differ
 
 
 def laid_out(path: Floats, width: float, height: float, radius: float) -> Winding:
@@ -114,3 +116,21 @@ def _closed(pieces: list[Bar | Arc]) -> tuple[Bar | Arc, ...]:
         _append(pieces, first)
         pieces = pieces[1:]
     return tuple(pieces)
+
+
+def rectangle(centre: ArrayLike, axis: ArrayLike, length: float, width: float, along: ArrayLike | None) -> Floats:
+    middle = np.array(finite_triple(centre, "centre of a coil"))
+    normal = np.array(finite_triple(axis, "axis of a coil"))
+    if not normal.any():
+        raise ValueError(f"axis of a coil must not be zero; got {axis!r}.")
+    if along is None:
+        first = np.eye(3)[np.argmin(np.abs(normal))]
+    else:
+        first = np.array(finite_triple(along, "along of a coil"))
+    second = np.cross(normal, first)
+    if np.linalg.norm(second) <= PARALLEL * np.linalg.norm(normal) * np.linalg.norm(first):
+        raise ValueError(f"axis and along of a coil must be directions that differ; got {axis!r} and {along!r}.")
+    second /= np.linalg.norm(second)
+    first = np.cross(second, normal / np.linalg.norm(normal))
+    signs = np.array([[-0.5, 0.5, 0.5, -0.5], [-0.5, -0.5, 0.5, 0.5]])
+    return middle[:, None] + np.outer(first, length * signs[0]) + np.outer(second, width * signs[1])

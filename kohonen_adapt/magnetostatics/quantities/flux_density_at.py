@@ -9,7 +9,7 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import is_number, point_text
 from kohonen_adapt.magnetostatics.quantities.forces import checked_point
-from kohonen_adapt.magnetostatics.quantities.goals import POINT, SIZES, VectorGoal, unit_vector
+from kohonen_adapt.magnetostatics.quantities.goal import POINT, SIZES, VectorGoal, unit_vector
 from kohonen_adapt.mesh.locate import find_elements
 
 __all__ = ["FluxDensityAt"]

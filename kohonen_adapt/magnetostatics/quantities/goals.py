@@ -1,9 +1,8 @@
-"""Goals of mesh adaptation, single numbers of a field with their derivatives."""
+"""Goals of mesh adaptation."""
 
-from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -18,53 +17,19 @@ from kohonen_adapt.magnetostatics.quantities.bodies import (
 )
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil
 from kohonen_adapt.magnetostatics.quantities.forces import checked_point
+from kohonen_adapt.magnetostatics.quantities.goal import POINT, SIZES, Goal, VectorGoal, unit_vector
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
 from kohonen_adapt.magnetostatics.quantities.solid_forces import OfBody, parts_along
-from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = [
-    "POINT",
-    "SIZES",
     "FluxLinkage",
     "Force",
-    "Goal",
     "StoredEnergy",
     "Torque",
-    "VectorGoal",
     "check_goal",
     "check_goal_on",
     "unit_of_goal",
-    "unit_vector",
 ]
-
-VECTOR, POINT = "vector (x, y), in space (x, y, z)", "point (x, y), in space (x, y, z), in m"
-SIZES = (2, 3)
-
-
-@runtime_checkable
-class Goal(Protocol):
-    """Number J of a field with its derivative, for the argument `goal` of a problem.
-
-    `Magnetostatics` and, in space, `MagneticScalarPotential` take goals. A change w of ``field.unknown`` (planar of A,
-    axisymmetric of r A, in space of the scalar potential) changes J by ``int source w + flux . grad w`` over the plane
-    of the mesh, or its volume.
-
-    Tables, files and reports show values with the string ``unit`` of a goal, if the goal has one.
-    """
-
-    def __call__(self, field: Any) -> float:
-        """Return J of a field.
-
-        `Magnetostatics.goal_error` also evaluates J of a field of one order more.
-        """
-
-    def derivative(self, field: Any) -> tuple[Floats, Floats]:
-        """Return `source` (nelements,) and `flux` (d, nelements) at a field.
-
-        Both are constant in every element. If B varies within elements (order 2 and 3, around an axis, and in space
-        with an applied field or magnets that vary), the flux may be at the quadrature points of
-        ``field.at_quadrature``, (d, npoints).
-        """
 
 
 def check_goal(goal: Any, dim: int, estimator: str) -> None:
@@ -90,26 +55,6 @@ def check_goal_on(goal: Goal | None, field: Any) -> None:
         goal.check_on(field)
     elif isinstance(goal, FluxLinkage):
         _ = [OfCoil(field, name) for name in goal.circuit]
-
-
-class VectorGoal(Goal):
-    _vector: ClassVar[str]  # name of an attribute with as many components as the field has dimensions
-
-    @property
-    def dimension(self) -> int:
-        return len(getattr(self, self._vector))
-
-    def check_dimension(self, dim: int) -> None:
-        if self.dimension != dim:
-            kind = "(x, y, z) in space" if dim == 3 else "(x, y) in the plane"
-            raise ValueError(f"a {type(self).__name__} must have vectors {kind} as a goal; got {self}.")
-
-    def check_on(self, field: Any) -> None:
-        self.check_dimension(len(field.mesh.p))
-        self._check_place(field)
-
-    @abstractmethod
-    def _check_place(self, field: Any) -> None: ...
 
 
 class _ComponentGoal(VectorGoal):
@@ -252,13 +197,6 @@ class Torque(_ComponentGoal):
             f"the torque on {self.body!r} has no component along {self.axis}: the torque on a body cut by a plane of "
             "symmetry is normal to the plane. Give another axis."
         )
-
-
-def unit_vector(name: str, value: tuple[float, ...]) -> tuple[float, ...]:
-    along = checked_point(name, value, VECTOR, SIZES)
-    if not along.any():
-        raise ValueError(f"{name} must not be zero; got {value!r}.")
-    return tuple((along / magnitude(along)).tolist())
 
 
 @dataclass(frozen=True)
