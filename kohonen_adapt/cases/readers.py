@@ -131,7 +131,6 @@ VECTOR = Kind(
 
 
 def kind_of(annotation: Any) -> Kind | None:
-    """Return the kind of value for an annotation, None if TOML cannot hold any."""
     if isinstance(annotation, type) and annotation in SCALARS:
         return SCALARS[annotation]
     origin, arguments = get_origin(annotation), get_args(annotation)

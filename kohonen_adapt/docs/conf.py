@@ -58,8 +58,6 @@ def links_from_here(app: Sphinx, path: Path, _parent: str, content: list[str]) -
 
 
 class Page(HTMLParser):
-    """Anchors and links of a page."""
-
     def __init__(self, file: Path) -> None:
         super().__init__()
         self.anchors, self.links = {""}, set[str]()
@@ -98,7 +96,6 @@ def check_links(app: Sphinx, exception: Exception | None) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Take part in the build."""
     app.connect("include-read", links_from_here)
     app.connect("build-finished", check_links)
     return {"parallel_read_safe": True}

@@ -54,8 +54,7 @@ class Movable(ABC):
         """Return the bounds of the values by array, for n nodes and m elements."""
 
     @abstractmethod
-    def set_arrays(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Replace the arrays by the arrays of a valid state."""
+    def set_arrays(self, state: Mapping[str, NDArray[Any]]) -> None: ...
 
     @abstractmethod
     def sagitta(self) -> float:

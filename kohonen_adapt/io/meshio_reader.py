@@ -169,7 +169,6 @@ def _read_with_meshio(path: Path, caller: str) -> Any:
 
 
 def _add_names(mesh: Any, suffix: str, data: bytes) -> None:
-    """Add names that meshio drops or gives to other blocks."""
     if suffix == ".su2":
         markers = [marker.decode("utf-8", "replace") for _, marker in MARKER.findall(data)]
         mesh.cell_tags = {number: [marker] for number, marker in enumerate(markers, 1)}

@@ -120,7 +120,6 @@ def dot(vectors, a, b):
 
 @kernel
 def add_arcs(arcs, x, first, last, field):
-    """Add H of arcs as `add_bars` does."""
     for p in range(first, last):
         for a in range(arcs.centre.shape[0]):
             dx, dy, dz = x[p, 0] - arcs.centre[a, 0], x[p, 1] - arcs.centre[a, 1], x[p, 2] - arcs.centre[a, 2]
@@ -137,7 +136,6 @@ def add_arcs(arcs, x, first, last, field):
 
 @inner_kernel
 def arc_field(arcs, a, radius, angle, z):
-    """Return H of an arc at a point, radial, azimuthal and axial."""
     half = arcs.half_angle[a]
     if half >= math.pi:
         outward, _, axial = stretch_field(arcs, a, radius, z, 0.0, math.pi)

@@ -19,11 +19,10 @@ from kohonen_adapt.loop.final_order import GradingTolerance, run_to_order
 from kohonen_adapt.loop.growth import MAX_NODES, Growth, GrowthByTolerance, NodeCounts
 from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.method import Method
-from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.passes import Pass, Steps
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.settings import PASSES, PASSES_TO_TOLERANCE, ErrorsWanted, Settings, Tolerance
 from kohonen_adapt.loop.step import Adaptation
-from kohonen_adapt.loop.step_timer import Steps
 from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh

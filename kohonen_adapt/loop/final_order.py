@@ -17,10 +17,9 @@ from kohonen_adapt.geometry.plane.corner_layers import with_layers
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.history import History, run_loop
-from kohonen_adapt.loop.passes import Pass, Status
+from kohonen_adapt.loop.passes import Pass, Status, StepFailed
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.step import Adaptation, root_of_squares
-from kohonen_adapt.loop.step_timer import StepFailed
 from kohonen_adapt.loop.stopping import Ending, StopTest, best_pass_text, count_text, failed_ending, interrupted_ending
 from kohonen_adapt.mesh.blended import is_folded
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
@@ -96,7 +95,6 @@ class GradingTolerance:
 def run_to_order(
     adaptation: Adaptation, history: History, problem: Problem, stop: StopTest, grading: GradingTolerance, orders: range
 ) -> AdaptResult:
-    """Run passes and raise the order until the tolerance is met."""
     result = run_loop(adaptation, history)
     while result.status not in (Status.STOPPED, Status.FAILED) and not (len(orders) > 1 and is_met(result, stop)):
         try:

@@ -8,10 +8,9 @@ from typing import Any
 from kohonen_adapt.checks import check_hook
 from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.loop.checkpoint import Checkpoint
-from kohonen_adapt.loop.passes import Pass, Status
+from kohonen_adapt.loop.passes import Pass, Status, StepFailed, Steps
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.step import UNSOLVED, Adaptation, Solved
-from kohonen_adapt.loop.step_timer import StepFailed, Steps
 from kohonen_adapt.loop.stopping import (
     Ending,
     StopTest,

@@ -53,13 +53,11 @@ class Method(ABC):
         """Return the groups of `kernels/entries.py` that a relocation needs."""
 
     @abstractmethod
-    def polish_kernels(self, problem: Problem) -> tuple[str, ...]:
-        """Return the groups of `kernels/entries.py` that a polish needs."""
+    def polish_kernels(self, problem: Problem) -> tuple[str, ...]: ...
 
     @property
     @abstractmethod
-    def transfer_kernels(self) -> tuple[str, ...]:
-        """Groups of `kernels/entries.py` that interpolate solutions."""
+    def transfer_kernels(self) -> tuple[str, ...]: ...
 
     @abstractmethod
     def relocate(
@@ -99,8 +97,7 @@ class Method(ABC):
         """Return the value of the functional, up to the curves and surfaces."""
 
     @abstractmethod
-    def carry(self, functional: Any, before: Any, movable: Any, start_element: Ints) -> Any:
-        """Interpolate the solution of `functional` onto the moved mesh."""
+    def carry(self, functional: Any, before: Any, movable: Any, start_element: Ints) -> Any: ...
 
     @abstractmethod
     def reasons(self, movable: Any) -> list[str]:
@@ -125,8 +122,7 @@ class Method(ABC):
         """Polish after a plan, and return recycled nodes and decrease."""
 
     @abstractmethod
-    def stalls(self, passes: tuple[Pass, ...]) -> bool:
-        """Return True if the last passes improved nothing."""
+    def stalls(self, passes: tuple[Pass, ...]) -> bool: ...
 
     def corrects(self, problem: Problem) -> bool:
         return False

@@ -13,9 +13,8 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.method import Method
-from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.passes import Pass, Steps
 from kohonen_adapt.loop.settings import Settings
-from kohonen_adapt.loop.step_timer import Steps
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.polishing.energy_tables import VariesInside

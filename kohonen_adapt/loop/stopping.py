@@ -9,9 +9,8 @@ import numpy as np
 from kohonen_adapt.checks import check_count, check_hook
 from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.loop.growth import drift_of_nodes
-from kohonen_adapt.loop.passes import Pass, Status
+from kohonen_adapt.loop.passes import Pass, Status, StepFailed
 from kohonen_adapt.loop.settings import Settings, Tolerance, percent
-from kohonen_adapt.loop.step_timer import StepFailed
 from kohonen_adapt.loop.table import energy_norm_error
 
 __all__ = [

@@ -34,9 +34,9 @@ from kohonen_adapt.magnetostatics.solid_estimation import (
     with_surplus,
 )
 from kohonen_adapt.magnetostatics.vector_potential import MagneticVectorPotential
+from kohonen_adapt.problem.boundary_terms import SurfaceTerms
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz
-from kohonen_adapt.problem.surface_terms import SurfaceTerms
 
 __all__ = ["MagneticScalarPotential"]
 

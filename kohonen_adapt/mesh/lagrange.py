@@ -45,7 +45,6 @@ def rule_about(corner: int, degree: int) -> tuple[Floats, Floats]:
 
 @cache
 def lobatto(order: int) -> Floats:
-    """Return the Gauss-Lobatto points of the interval from 0 to 1, (order + 1,)."""
     inner = np.real(legendre.legroots(legendre.legder(np.eye(order + 1)[order])))  # complex from numpy 2.5 on
     points = np.concatenate([[-1.0], inner, [1.0]])
     return 0.5 + 0.25 * (points - points[::-1])  # exactly symmetric

@@ -282,7 +282,6 @@ def _on_rim(mesh: MeshTet, rim: Ints, names: str) -> dict[str, Ints]:
 
 
 def _camera(around: float, above: float) -> NDArray[np.float64]:
-    """Return unit vectors to the right, up and towards the viewer, (3, 3)."""
     turn, rise = np.radians([around, above])
     right = np.array([-np.sin(turn), np.cos(turn), 0.0])
     towards = np.array([np.cos(rise) * np.cos(turn), np.cos(rise) * np.sin(turn), np.sin(rise)])

@@ -15,9 +15,9 @@ from kohonen_adapt.kernels.triangle.arrays import Points, Reference
 from kohonen_adapt.mesh.basis import kinds_at_axis, trace_columns
 from kohonen_adapt.mesh.polynomials import TrialFunction, by_points, fields_at, local_coefficients
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.problem.functional_in_plane import elements_by_rule, flux_on, source_on, value_on
+from kohonen_adapt.problem.boundary_terms import facet_terms, robin_value
+from kohonen_adapt.problem.functional_value import elements_by_rule, flux_on, source_on, value_on
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.problem.robin import facet_terms, robin_value
 from kohonen_adapt.problem.tables import value_by_region
 
 __all__ = ["BoundaryTerms"]

@@ -32,7 +32,7 @@ from kohonen_adapt.mesh.polynomials import (
     local_coefficients,
 )
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.problem.functional_in_plane import source_points
+from kohonen_adapt.problem.functional_value import source_points
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_at, source_at
 

@@ -90,7 +90,7 @@ LINEAR = 1e-9  # largest deviation of linear Dirichlet values, relative to the r
 
 
 class VariesInside(ValueError):
-    """Error for constants that change inside a region of the mesh."""
+    pass
 
 
 def numbers_of_regions(ritz: Ritz, region: NDArray[np.int32]) -> NDArray[np.int64]:

@@ -39,7 +39,7 @@ from kohonen_adapt.polishing.energy_tables import (
 )
 from kohonen_adapt.polishing.loops import Higher, Linear
 from kohonen_adapt.polishing.stationarity_in_plane import check_in_plane
-from kohonen_adapt.problem.functional_in_plane import reference_of, value_on
+from kohonen_adapt.problem.functional_value import reference_of, value_on
 from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of
 
 __all__ = ["Functional"]

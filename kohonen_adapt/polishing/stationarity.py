@@ -15,7 +15,7 @@ from kohonen_adapt.mesh.measures import CurvedTetrahedra
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.polynomials import by_points, exact_reference, law_reference
 from kohonen_adapt.mesh.quadratic_in_space import edges_of_elements, function_slopes, quadratic_coefficients
-from kohonen_adapt.problem.functional_in_plane import elements_by_rule, flux_on, source_on, source_points
+from kohonen_adapt.problem.boundary_terms import corner_values, nodal_terms, reduced_regions
 from kohonen_adapt.problem.functional_in_space import (
     MEANS,
     at_curved_points,
@@ -26,8 +26,8 @@ from kohonen_adapt.problem.functional_in_space import (
     rules,
     shifted_slope,
 )
+from kohonen_adapt.problem.functional_value import elements_by_rule, flux_on, source_on, source_points
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.problem.surface_terms import corner_values, nodal_terms, reduced_regions
 from kohonen_adapt.problem.tables import flux_table, source_at, value_by_region
 
 __all__ = ["check_in_space", "check_residual", "derivatives_on", "numbers_of", "sums"]
@@ -113,7 +113,6 @@ def _derivatives_of_kind(
 def loads(
     corners: Floats, offsets: Floats, region: Ints, ritz: Ritz, kind: int, points: Points, doubled_area: Floats
 ) -> Floats:
-    """Return the integrals of source times functions of elements, (m, functions)."""
     if kind < 0 and callable(ritz.source):
         barycentric, weight = source_points(ritz.order)
         source = source_at(np.einsum("qk,mkd->dqm", barycentric, corners), region, ritz.source)

@@ -11,8 +11,8 @@ from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.polynomials import TrialFunction, facets_of_sides, local_coefficients
 from kohonen_adapt.polishing.boundary import BoundaryTerms, sides_on
 from kohonen_adapt.polishing.stationarity import check_residual, derivatives_on, numbers_of, sums
+from kohonen_adapt.problem.boundary_terms import facet_terms
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.problem.robin import facet_terms
 
 __all__ = ["check_in_plane"]
 

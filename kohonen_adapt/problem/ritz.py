@@ -12,8 +12,13 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import is_number, with_nearest_names
 from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.mesh.names import named
-from kohonen_adapt.problem.robin import Robin, checked_conditions, sides_of_boundary
-from kohonen_adapt.problem.surface_terms import SurfaceTerms, checked_surface
+from kohonen_adapt.problem.boundary_terms import (
+    Robin,
+    SurfaceTerms,
+    checked_conditions,
+    checked_surface,
+    sides_of_boundary,
+)
 from kohonen_adapt.problem.tables import (
     EnergyLaw,
     check_axis,
@@ -138,7 +143,7 @@ class Ritz:
         0.0 for none, a constant, shape (3,), or one per region number, shape (3, nregions). Regions without a law
         ignore it.
     surface
-        None, or the offsets and loads of `kohonen_adapt.problem.surface_terms.SurfaceTerms`. The polish does not move
+        None, or the offsets and loads of `kohonen_adapt.problem.boundary_terms.SurfaceTerms`. The polish does not move
         nodes of surfaces with offsets or loads.
 
     Notes

@@ -9,8 +9,8 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels import ordering
+from kohonen_adapt.kernels.tetrahedron import geometry as geometry_in_space
 from kohonen_adapt.kernels.tetrahedron import locate as locate_in_space
-from kohonen_adapt.kernels.tetrahedron import stars
 from kohonen_adapt.kernels.tetrahedron import train as train_in_space
 from kohonen_adapt.kernels.triangle import geometry, locate, train
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, Cell
@@ -84,8 +84,8 @@ class SpaceMap(MapMethod):
     draw_points = staticmethod(train_in_space.draw_points)
     find_winners = staticmethod(locate_in_space.find_winners)
     learn = staticmethod(train_in_space.learn)
-    mark_valid = staticmethod(stars.mark_valid)
-    mark_interior = staticmethod(stars.mark_interior)
+    mark_valid = staticmethod(geometry_in_space.mark_valid)
+    mark_interior = staticmethod(geometry_in_space.mark_interior)
     updates = 500_000
 
     def barycentric(self, count: int, rng: np.random.Generator) -> Floats:

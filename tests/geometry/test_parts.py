@@ -14,7 +14,7 @@ from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.geometry.space.thread_parts import parts_for, run_parts, wait_in
 from kohonen_adapt.kernels.tetrahedron.arrays import ELSEWHERE, WANTED
-from kohonen_adapt.kernels.tetrahedron.stars import find_parts
+from kohonen_adapt.kernels.tetrahedron.geometry import find_parts
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
 from kohonen_adapt.kernels.threads import by_turns, shared_in_parts
 

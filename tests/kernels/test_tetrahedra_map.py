@@ -22,9 +22,8 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Star,
     Surfaces,
 )
-from kohonen_adapt.kernels.tetrahedron.geometry import fill_star
+from kohonen_adapt.kernels.tetrahedron.geometry import fill_star, mark_interior, mark_valid
 from kohonen_adapt.kernels.tetrahedron.locate import find_winners, squared_distance_to_face
-from kohonen_adapt.kernels.tetrahedron.stars import mark_interior, mark_valid
 from kohonen_adapt.kernels.tetrahedron.train import draw_points, learn
 
 

@@ -12,8 +12,8 @@ from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE
 from kohonen_adapt.polishing.energy_tables import VariesInside
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
+from kohonen_adapt.problem.boundary_terms import SurfaceTerms
 from kohonen_adapt.problem.functional_value import functional_value
-from kohonen_adapt.problem.surface_terms import SurfaceTerms
 
 
 class Cubic:

@@ -195,7 +195,6 @@ def with_layer(pieces: Pieces, singular: Mask, factor: float) -> Pieces:
 
 
 def new_nodes(start: Ints, end: Ints, node: Ints) -> Ints:
-    """Return one new node per edge, equal for both elements at the edge."""
     count = int(node.max(initial=-1)) + 1
     low, high = np.minimum(start, end), np.maximum(start, end)
     return count + np.unique(low * count + high, return_inverse=True)[1].ravel()

@@ -129,7 +129,6 @@ class Skin:
     plane: Ints
 
     def sets(self, faces: Mask) -> list[Ints]:
-        """Return the connected sets of faces that consist of several plane parts."""
         count = len(self.nodes)
         inside = self.pairs[faces[self.pairs].all(axis=1)]
         label = connected_components(linked(inside, count), directed=False)[1]

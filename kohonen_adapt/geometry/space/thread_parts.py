@@ -19,7 +19,7 @@ from kohonen_adapt.arrays import Ints, padded
 from kohonen_adapt.kernels.arrays import Pool
 from kohonen_adapt.kernels.ordering import MARGIN, along_curve, parts_along
 from kohonen_adapt.kernels.tetrahedron.arrays import ELSEWHERE, FREE, WAITS, WANTED, Cavity, OpenTetrahedra, Queue, Star
-from kohonen_adapt.kernels.tetrahedron.stars import ACROSS, find_parts, mark_interior
+from kohonen_adapt.kernels.tetrahedron.geometry import ACROSS, find_parts, mark_interior
 from kohonen_adapt.kernels.threads import Nodes, by_turns, number_of_threads, shared_in_parts
 
 __all__ = ["Parts", "wait_in"]

@@ -87,8 +87,6 @@ class _LinkedCode(JITCodeLibrary):
 
 
 class _Codegen(JITCPUCodegen):
-    """Code generator of numba that also loads linked code."""
-
     def __init__(self, codegen: JITCPUCodegen) -> None:
         self.__dict__.update(codegen.__dict__)  # both share the machine code
 

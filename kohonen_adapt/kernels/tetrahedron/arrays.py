@@ -178,8 +178,6 @@ class Constraints(NamedTuple):
 
 @record
 class Trial(NamedTuple):
-    """P1 function and the Ritz functional."""
-
     value: np.ndarray  # (n,)
     fixed: np.ndarray  # (n,) bool: Dirichlet value
     data: np.ndarray  # (regions, 9): coefficient / 12, source / 24, flux / 6, shift, 1 if reduced, otherwise 0

@@ -26,7 +26,6 @@ from kohonen_adapt.kernels.tetrahedron import (
     locate,
     recycle,
     smooth,
-    stars,
     surfaces,
     swap,
     train,
@@ -72,8 +71,8 @@ SPACE: dict[str, tuple[Entry, ...]] = {
     "space ground": (
         Entry(ordering.hilbert_keys_in_space, R2, R1, float64, L1),
         Entry(geometry.fill_star, I2, STAR),
-        Entry(stars.mark_interior, STAR, I1, int64, B1, I1),
-        Entry(stars.find_parts, I2, I1, I1),
+        Entry(geometry.mark_interior, STAR, I1, int64, B1, I1),
+        Entry(geometry.find_parts, I2, I1, I1),
     ),
     "space moves": (
         Entry(geometry.mark_non_manifold, OPEN_TETRAHEDRA, STAR, B1),
@@ -88,7 +87,7 @@ SPACE: dict[str, tuple[Entry, ...]] = {
     ),
     "space map": (
         Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
-        Entry(stars.mark_valid, R2, STAR, float64, int64, int64, B1),
+        Entry(geometry.mark_valid, R2, STAR, float64, int64, int64, B1),
         Entry(locate.find_winners, KERNEL_MESH, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
         Entry(train.learn, KERNEL_MESH, LESSON, float64, float64, boolean[::1], SEARCH_SCRATCH),
     ),

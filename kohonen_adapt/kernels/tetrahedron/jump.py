@@ -9,8 +9,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_RIDGE, RIDGE_PATCHES
-from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, OPPOSITE, star_quality
-from kohonen_adapt.kernels.tetrahedron.stars import star_tolerable
+from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, OPPOSITE, star_quality, star_tolerable
 from kohonen_adapt.kernels.tetrahedron.surfaces import onto_ridge, within_reach
 
 CORNER_RIDGES = 3  # maximum number of ridges at a corner that nodes may leave

@@ -9,9 +9,9 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE
+from kohonen_adapt.kernels.tetrahedron.geometry import may_move, star_tolerable
 from kohonen_adapt.kernels.tetrahedron.jump import jump
 from kohonen_adapt.kernels.tetrahedron.locate import next_stamp
-from kohonen_adapt.kernels.tetrahedron.stars import may_move, star_tolerable
 from kohonen_adapt.kernels.tetrahedron.surfaces import slid, within_reach
 
 

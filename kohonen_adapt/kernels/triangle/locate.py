@@ -36,7 +36,6 @@ def least_barycentric(position, node, e, x, y):
 
 @inner_kernel
 def walk(position, elements, e, x, y):
-    """Return the end of a walk to (x, y) within a region, and True on success."""
     node, region, e = elements.node, elements.region[e], np.int64(e)
     for _ in range(WALK):
         if least_barycentric(position, node, e, x, y) >= -TOLERANCE:

@@ -33,7 +33,6 @@ def sides_of(points: Floats) -> Sides:
 
 
 def crossing_sides(points: Floats) -> tuple[int, int] | None:
-    """Return the indices of two crossing sides, or None."""
     distinct = np.hypot(*(np.roll(points, -1, axis=0) - points).T) > 1e-12 * np.ptp(points, axis=0).max()
     rows = np.flatnonzero(distinct)
     if not rows.size:

@@ -13,9 +13,8 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.around_axis import AroundAxis
 from kohonen_adapt.magnetostatics.equations.elements import Linear
 from kohonen_adapt.magnetostatics.equations.higher import ElementGroup, Elements, Higher
-from kohonen_adapt.magnetostatics.equations.skeleton import Pattern, Skeleton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, Symmetry
-from kohonen_adapt.magnetostatics.equations.system import Interiors, Reduced
+from kohonen_adapt.magnetostatics.equations.system import Interiors, Pattern, Reduced, Skeleton
 from kohonen_adapt.mesh.blended import Blended, Projections
 from kohonen_adapt.mesh.lagrange import functions_and_slopes, lobatto, nodes, rule_about, trace_functions, triangle_rule
 from kohonen_adapt.mesh.measures import hat_gradients

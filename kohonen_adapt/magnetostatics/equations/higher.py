@@ -25,8 +25,6 @@ CURVED = 2  # added to the degree of quadrature on curved elements, where gradie
 
 @dataclass(frozen=True, eq=False)
 class ElementGroup(ABC):
-    """Elements that share a quadrature rule."""
-
     rows: Ints | slice  # indices of the elements
     points: slice  # range of the quadrature points of these elements
 
@@ -65,7 +63,6 @@ class ElementGroup(ABC):
         return own.reshape(*own.shape[:-1], *self.weights.shape)
 
     def gradient(self, local: Floats) -> Floats:
-        """Return the gradient of the function with coefficients (k, nelements)."""
         return np.einsum("ik,ickq->ckq", local, self.gradients)
 
     def against_gradients(self, flux: Floats) -> Floats:
@@ -88,8 +85,6 @@ class ElementGroup(ABC):
 
 @dataclass(frozen=True, eq=False)
 class BasisGroup(ElementGroup):
-    """Elements of a basis of scikit-fem."""
-
     basis: Basis
 
     @property
@@ -190,7 +185,6 @@ class Higher(Polynomials):
         return whole
 
     def on_facets(self, facets: Ints) -> Ints:
-        """Return the unknowns of facets, both ends first, shape (order + 1, nfacets)."""
         inner = (self.order - 1) * np.asarray(facets) + np.arange(self.order - 1)[:, None]
         return np.vstack((self.corners.facets[:, facets], self.corners.p.shape[1] + inner))
 

@@ -117,7 +117,6 @@ class LocalSolid(MagneticField):
 
     @property
     def volume(self) -> Floats:
-        """Volumes of the elements, shape (nelements,) in m^3."""
         return self.elements.volumes
 
     def points_inside(self, x: ArrayLike) -> tuple[Floats, Ints, Mask]:
@@ -144,7 +143,6 @@ class LocalSolid(MagneticField):
 
     @cached_property
     def at_corners(self) -> Strength:
-        """The field at the corners of the elements, in the order of ``mesh.t.ravel()``."""
         corners, count = self.mesh.t, self.mesh.t.shape[1]
         x, element = self.mesh.p[:, corners.ravel()], np.tile(np.arange(count), 4)
         slope = self.elements.gradient_at(self.unknown, element, np.repeat(np.eye(4), count, axis=1))
@@ -196,6 +194,5 @@ class LocalSolid(MagneticField):
 
     @property
     def squared_norm(self) -> float:
-        """``int nu |B|^2`` over the mesh, in J."""
         at = self.at_quadrature
         return float(np.sum(self.point_volumes * at.flux_density**2 / at.permeabilities[0]))

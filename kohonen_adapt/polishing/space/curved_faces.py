@@ -16,9 +16,9 @@ from kohonen_adapt.geometry.space.patches import Patches
 from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, NO_SURFACE, SPHERE, Tetrahedra
 from kohonen_adapt.mesh.cells import FACES, TETRAHEDRON
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
+from kohonen_adapt.problem.boundary_terms import corner_values, reduced_regions
 from kohonen_adapt.problem.functional_in_space import density_in_space
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.problem.surface_terms import corner_values, reduced_regions
 from kohonen_adapt.problem.tables import value_by_region
 
 __all__ = ["CurvedFaces"]

@@ -33,6 +33,7 @@ from kohonen_adapt.polishing.space.curved_edges import CurvedEdges
 from kohonen_adapt.polishing.space.curved_faces import CurvedFaces
 from kohonen_adapt.polishing.space.surface_values import dirichlet_on, sides_of, with_loads
 from kohonen_adapt.polishing.stationarity import check_in_space
+from kohonen_adapt.problem.boundary_terms import corner_values, nodal_terms, reduced_regions, surface_work
 from kohonen_adapt.problem.functional_in_space import (
     fields_at_corners,
     loads_in_space,
@@ -42,7 +43,6 @@ from kohonen_adapt.problem.functional_in_space import (
 )
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz, check_matches, plane_only_term
-from kohonen_adapt.problem.surface_terms import corner_values, nodal_terms, reduced_regions, surface_work
 from kohonen_adapt.problem.tables import flux_table
 
 __all__ = ["SolidFunctional"]
@@ -169,7 +169,6 @@ class SolidFunctional:
 
     @property
     def is_approximate(self) -> bool:
-        """True if stars give the functional approximately (varying source or slivers)."""
         return self.has_varying_source or bool(self.faces.counted.any())
 
     @property

@@ -12,7 +12,7 @@ from kohonen_adapt.mesh.cells import FACES
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import LINEAR
-from kohonen_adapt.problem.surface_terms import corner_values
+from kohonen_adapt.problem.boundary_terms import corner_values
 
 __all__ = ["EDGES_OF_FACES", "DirichletValues", "dirichlet_on", "sides_of", "with_loads"]
 

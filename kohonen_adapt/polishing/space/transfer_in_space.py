@@ -16,7 +16,7 @@ from kohonen_adapt.mesh.quadratic_in_space import FIRST, SECOND
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.space.surface_values import EDGES_OF_FACES
-from kohonen_adapt.problem.surface_terms import corner_values, reduced_regions
+from kohonen_adapt.problem.boundary_terms import corner_values, reduced_regions
 
 __all__ = ["transferred_in_space"]
 

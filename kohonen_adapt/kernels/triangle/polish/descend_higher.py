@@ -38,8 +38,14 @@ from kohonen_adapt.kernels.triangle.arrays import (
     Trials,
 )
 from kohonen_adapt.kernels.triangle.geometry import corner_of
-from kohonen_adapt.kernels.triangle.polish.by_law import add_by_law
-from kohonen_adapt.kernels.triangle.polish.by_points import add_by_points, gather_offsets, is_curved, is_valid, valid_at
+from kohonen_adapt.kernels.triangle.polish.by_points import (
+    add_by_law,
+    add_by_points,
+    gather_offsets,
+    is_curved,
+    is_valid,
+    valid_at,
+)
 from kohonen_adapt.kernels.triangle.polish.varying import with_source
 
 EVEN, ODD, BUBBLE = 3, 6, 9  # index of the first function of each kind
