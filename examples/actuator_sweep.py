@@ -37,10 +37,11 @@ def adapted(gap_mm):
     return {"force (N)": pull(result.solution), "co-energy (J)": result.solution.coenergy}
 
 
-def main(folder="."):
+def main(folder=".", every=1):
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    result = ka.sweep(adapted, CASES, folder=folder / "actuator_cases")
+    cases = {name: values[::every] for name, values in CASES.items()}
+    result = ka.sweep(adapted, cases, folder=folder / "actuator_cases")
     print(result)
     result.to_csv(folder / "actuator_sweep.csv")
     from kohonen_adapt.plotting import sweep_figure  # needs matplotlib, the rest does not
@@ -52,4 +53,6 @@ def main(folder="."):
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", default=".", help="folder for what it writes (default: %(default)s)")
-    main(parser.parse_args().out)
+    parser.add_argument("--every", type=int, default=1, help="2 leaves out every other of the 30 gaps")
+    arguments = parser.parse_args()
+    main(arguments.out, arguments.every)

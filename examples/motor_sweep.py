@@ -24,10 +24,11 @@ def adapted(angle_degrees):
     return {"torque (N m/m)": torque(result.solution), "torque without currents (N m/m)": torque(idle)}
 
 
-def main(folder="."):
+def main(folder=".", every=1):
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    result = ka.sweep(adapted, CASES, folder=folder / "motor_cases")
+    cases = {name: values[::every] for name, values in CASES.items()}
+    result = ka.sweep(adapted, cases, folder=folder / "motor_cases")
     print(result)
     result.to_csv(folder / "motor_sweep.csv")
     from kohonen_adapt.plotting import sweep_figure  # needs matplotlib, the rest does not
@@ -39,4 +40,6 @@ def main(folder="."):
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", default=".", help="folder for what it writes (default: %(default)s)")
-    main(parser.parse_args().out)
+    parser.add_argument("--every", type=int, default=1, help="2 leaves out every other of the 30 angles")
+    arguments = parser.parse_args()
+    main(arguments.out, arguments.every)

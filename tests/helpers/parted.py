@@ -75,7 +75,7 @@ def of_order_2():
 
 
 def of_order_3():
-    return ka.adapt(l_shape(24), loaded(3), passes=1).mesh
+    return ka.adapt(l_shape(16), loaded(3), passes=1).mesh
 
 
 def refused():

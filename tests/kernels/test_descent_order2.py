@@ -160,16 +160,18 @@ def test_the_block_of_a_node_beside_curved_edges_equals_differences(laws):
     hessian = np.block(
         [[np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), mixed.T], [mixed, lower + np.tril(lower, -1).T]]
     )
-    step, by, second = 1e-4, np.zeros(3 + n), np.zeros((3 + n, 3 + n))
-    for i, unit in enumerate(step * np.eye(3 + n)):
+    random = np.random.default_rng(1).normal(size=(4, 3 + n))
+    step, directions = 1e-4, np.vstack([np.eye(3, 3 + n), random / np.linalg.norm(random, axis=1, keepdims=True)])
+    by, second = np.zeros(len(directions)), np.zeros((len(directions), 3 + n))
+    for i, change in enumerate(step * directions):
         ends = []
         for sign in (1.0, -1.0):
-            _, total, slope, _ = found(sign * unit[:3], sign * unit[3:], POSITION)
+            _, total, slope, _ = found(sign * change[:3], sign * change[3:], POSITION)
             ends.append(np.concatenate([[total], slope, block.rest[:n]]))
         by[i] = (ends[0][0] - ends[1][0]) / (2.0 * step)
         second[i] = (ends[0][1:] - ends[1][1:]) / (2.0 * step)
-    np.testing.assert_allclose(gradient, by, atol=1e-5 * np.abs(gradient).max())
-    np.testing.assert_allclose(hessian, second, atol=1e-4 * np.abs(hessian).max())
+    np.testing.assert_allclose(directions @ gradient, by, atol=1e-5 * np.abs(gradient).max())
+    np.testing.assert_allclose(directions @ hessian, second, atol=1e-4 * np.abs(hessian).max())
 
 
 @given(st.integers(0, 10_000), st.sampled_from([0.0, 1.0, 30.0]), st.sampled_from(LAWS))
