@@ -20,8 +20,6 @@ FieldKind = TypeVar("FieldKind", bound=Field | SolidField)
 
 
 class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
-    """Magnetostatic problem on meshes of one kind."""
-
     norm: ClassVar[str] = "energy"
     goal: Goal | None
 

@@ -1,28 +1,25 @@
 """Magnetostatic problems in space by a scalar potential."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_count
 from kohonen_adapt.estimators import goal_error, goal_oriented
 from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace
-from kohonen_adapt.magnetostatics.equations.applied_field import (
-    aligned_potential,
-    drive_on,
-)
+from kohonen_adapt.magnetostatics.equations.applied_field import drive_on
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.conditions_in_space import conditions_in_space
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
+from kohonen_adapt.magnetostatics.functional_in_space import functional_in_space
 from kohonen_adapt.magnetostatics.hypercircle import gap_indicators, with_currents_of
-from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
-from kohonen_adapt.magnetostatics.materials.laws import Inverse
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.quantities.goals import check_goal, check_goal_on, unit_of_goal
@@ -30,19 +27,18 @@ from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.solid_estimation import (
     energy_indicators_in_space,
     goal_indicators_by_surplus,
+    linearised_at,
     primal_and_dual,
     with_surplus,
 )
 from kohonen_adapt.magnetostatics.vector_potential import MagneticVectorPotential
-from kohonen_adapt.problem.boundary_terms import SurfaceTerms
-from kohonen_adapt.problem.protocol import NotOffered
-from kohonen_adapt.problem.ritz import Flux, Ritz
+from kohonen_adapt.problem.evaluation import Output
+from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = ["MagneticScalarPotential"]
 
 ESTIMATORS, ORDERS = ("residual", "recovery", "bracket"), (1, 2)
 PARALLEL = 0.99  # least cosine of the angle between potential and dual for a polish by the energy
-NO_LOAD = 1e-12  # largest rounding error of the load of a field parallel to a face, relative to the largest load
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,8 +213,35 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         if self.goal is None:
             raise ValueError("goal_error needs a goal; give one, for instance goal=Force('armature', (0.0, 0.0, 1.0)).")
         if field.order > 1:
-            return self.goal(with_surplus(field, self._conditions(field), self.method)) - self.goal(field)
+            return self.goal(self._better_solution(field)) - self.goal(field)
         return goal_error(field.mesh, **self._pair(field, self.goal))
+
+    def improved(self, mesh: MeshTet, field: SolidField, outputs: Mapping[str, Output]) -> dict[str, float]:
+        """Return better values of outputs.
+
+        At order 1 they are those of the quadratic field of the problem that is linearised at the field. At order 2 the
+        surplus of cubic functions is added. At edges of iron and magnets the change is smaller than the error.
+
+        Parameters
+        ----------
+        mesh, field
+            As in `indicators`.
+        outputs
+            Name to a function of a field, which must accept a field of order 2.
+
+        Returns
+        -------
+        dict
+            Name to value.
+        """
+        better = self._better_solution(field)
+        return {name: float(output(better)) for name, output in outputs.items()}
+
+    def _better_solution(self, field: SolidField) -> SolidField:
+        if field.order > 1:
+            return with_surplus(field, self._conditions(field), self.method)
+        quadratic = replace(self, order=2, goal=None, estimator="residual")
+        return linearised_at(field, *quadratic.functional_on(field.mesh), self.method)
 
     def _conditions(self, field: SolidField) -> Conditions:
         return conditions_in_space(field.drive, self.potential or {}, field.planes)
@@ -257,33 +280,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
             For nonlinear material with a remanence that varies in a region, and for iron that links a current. At order
             2 for magnets that vary in a region and applied fields.
         """
-        coefficients_of_mesh = field.coefficients
-        present, first, region = coefficients_of_mesh.present(self.materials)
-        if any(material.turns and material.bh is not None for material in present.values()):
-            raise NotOffered("nonlinear magnets that vary in a region have no functional to minimise")
-        varies = field.drive.function is not None or any(material.turns for material in present.values())
-        if self.order > 1 and varies:
-            raise NotOffered("tetrahedra of order 2 are polished beside constant magnets without currents")
-        mu, coercivity = 1.0 / coefficients_of_mesh.reluctivity[first], coefficients_of_mesh.coercivity[:, first]
-        flux: Flux = np.where([material.bh is None for material in present.values()], mu * coercivity, 0.0)
-        if any(material.turns for material in present.values()):
-
-            def flux(x: Floats, index: Ints) -> Floats:
-                return mu[index] * coercivity_at(present, x, index)
-
-        laws = tuple(None if material.bh is None else Inverse(material.bh) for material in present.values())
-        ritz = Ritz(
-            field.unknown,
-            self._conditions(field).fixed,
-            mu,
-            0.0,
-            flux,
-            region,
-            laws if coefficients_of_mesh.nonlinear_materials else (),
-            order=self.order,
-            shift=coercivity,
-            surface=self._surface_terms(field, ~field.drive.iron[first]),
-        )
+        ritz = functional_in_space(field, self._conditions, self.materials, self.functional_on)
         if self.goal is None:
             return ritz
         return replace(ritz, comparable=False, shapes_only=not self._dual_is_parallel(field))
@@ -298,23 +295,3 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
             weight * elements.gradient(each) for each in (field.potential, self._pair(field, self.goal)["dual"])
         )
         return float(np.sum(one * other)) ** 2 > PARALLEL**2 * float(np.sum(one**2) * np.sum(other**2))
-
-    def _surface_terms(self, field: SolidField, reduced: Mask) -> SurfaceTerms | None:
-        drive = field.drive
-        if drive.function is None:
-            return None
-        if np.any(drive.layer):
-            raise NotOffered("the potential in iron that links a current has a jump, which is not polished")
-
-        def on_mesh(mesh: MeshTet) -> Floats:
-            moved = self.functional_on(mesh)[1]
-            return self._nodal_terms(moved, aligned_potential(moved.drive, drive))
-
-        return SurfaceTerms(self._nodal_terms(field, drive.potential), reduced, on_mesh)
-
-    def _nodal_terms(self, field: SolidField, potential: Floats) -> Floats:
-        drive, conditions, outside = field.drive, self._conditions(field), np.zeros(potential.size, dtype=np.bool_)
-        outside[field.mesh.t[:, ~drive.iron]] = True
-        works = ~(conditions.fixed & (conditions.values == drive.potential))  # phi is not 0
-        works &= np.abs(drive.load) > NO_LOAD * np.abs(drive.load).max(initial=0.0)
-        return np.stack([np.where(outside, potential, 0.0), np.where(works, drive.load, 0.0)], axis=1)

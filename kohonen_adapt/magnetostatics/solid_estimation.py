@@ -26,6 +26,7 @@ from kohonen_adapt.mesh.measures import inner_points, magnitude, unit_vectors
 __all__ = [
     "energy_indicators_in_space",
     "goal_indicators_by_surplus",
+    "linearised_at",
     "primal_and_dual",
     "tangential_jumps",
     "with_surplus",
@@ -167,6 +168,13 @@ def with_surplus(field: LocalSolid, conditions: Conditions, newton: Newton) -> E
     slope = enriched.cubic_slope(at.x, field.elements.element)
     change = _dual(field, -at.change_of_flux_density(slope), conditions, newton)
     return replace(enriched, unknown=field.unknown + change)
+
+
+def linearised_at(field: LocalSolid, energy: CoenergyFunctional, quadratic: SolidField, newton: Newton) -> SolidField:
+    # The linear function on straight edges has the H of `field` in nonlinear material, where the potential is total.
+    ends = field.unknown[field.mesh.edges].mean(axis=0)
+    start = energy.conditions.admissible(np.concatenate([field.unknown, ends]))
+    return replace(quadratic, unknown=start + newton.full_step(energy, start, energy.residual(start)[0]))
 
 
 def linear_fit(elements: Tetrahedra, values: Floats) -> Floats:

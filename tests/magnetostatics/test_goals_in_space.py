@@ -134,6 +134,30 @@ def test_what_has_no_error_has_none_told():
     assert abs(problem.goal_error(field)) < 1e-12 * problem.goal(field)
 
 
+def test_better_outputs_of_linear_material_are_those_of_order_2():
+    mesh, problem = halved()
+    outputs = {"force": lambda field: field.force("b")[2], "energy": lambda field: field.energy}
+    better, exact = problem.improved(mesh, CASES["halved"][1], outputs), replace(problem, order=2).solve(mesh)
+    assert better == pytest.approx({name: output(exact) for name, output in outputs.items()}, rel=1e-6)
+
+
+def test_better_outputs_of_order_2_are_those_of_goals():
+    mesh, problem = magnets()
+    problem = replace(problem, order=2, goal=GOALS["force"])
+    field = problem.solve(mesh)
+    better = problem.improved(mesh, field, {"force": GOALS["force"]})["force"]
+    assert better == pytest.approx(problem.goal(field) + problem.goal_error(field), rel=1e-9)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_adapt_ends_at_a_tolerance_of_an_output_in_space(order):
+    mesh, problem = magnets()
+    result = ka.adapt(mesh, replace(problem, order=order), outputs={"force": GOALS["force"]}, output_rtol=0.1)
+    assert result.status is ka.Status.CONVERGED
+    assert result.best.unknowns < 10 * result.history[0].unknowns
+    assert abs(result.outputs["force"].error) <= 0.1 * abs(result.outputs["force"].value)
+
+
 def test_a_goal_of_ones_own():
     """The square of a goal has twice its value for a factor of the derivative."""
 

@@ -260,7 +260,7 @@ class Inverse:
         return flux_density_of(self.law, h)
 
     def energy(self, h: Floats) -> Floats:
-        """Return the co-energy ``int_0^H B dH`` in J/m^3."""
+        # the co-energy int_0^H B dH
         b = flux_density_of(self.law, h)
         return h * b - self.law.energy(b)
 
