@@ -9,9 +9,8 @@ from kohonen_adapt.geometry.space.surfaces import Cone, Cylinder, Plane, Sphere
 from kohonen_adapt.io import read_curves, read_field, read_groups, read_mesh, write_mesh
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.loop.passes import Pass, Status
-from kohonen_adapt.loop.polish import polish
-from kohonen_adapt.loop.relocate import relocate
 from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.loop.single_steps import polish, relocate
 from kohonen_adapt.loop.why_held import why_held
 from kohonen_adapt.mesh.joining import merge
 from kohonen_adapt.mesh.locate import find_elements, interpolate
@@ -24,7 +23,7 @@ from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.density import density_from_indicators, density_from_sizes
 from kohonen_adapt.som.kohonen_map import KohonenMap
 from kohonen_adapt.som.schedule import Schedule, Stage
-from kohonen_adapt.sweeps.result import SweepResult
+from kohonen_adapt.sweeps.cases import SweepResult
 from kohonen_adapt.sweeps.sweep import sweep
 from kohonen_adapt.version import __version__ as __version__
 

@@ -40,8 +40,8 @@ LAST_RELEASE = {  # 0.4.0, its files counted for the chapters that they have mov
     WARMUP: 61,
 }
 LIMITS = {  # what has none here may not grow beyond the last release, lines of chapters apart
-    "lines": 40_000,
-    "files": 245,
+    "lines": 48_000,
+    "files": 290,
     "files that are too long": 0,
     "files that are too short": 10,
     "folders of many files": 0,

@@ -10,7 +10,7 @@ from skfem import Mesh, MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import point_text
-from kohonen_adapt.commands.doubts import seams, size_text, unit_doubts
+from kohonen_adapt.commands.plan import seams, size_text, unit_doubts
 from kohonen_adapt.display import counted, plural
 from kohonen_adapt.geometry.plane.arcs import possible_arcs
 from kohonen_adapt.geometry.plane.layers import bands_of, check_layer_count, parts_of

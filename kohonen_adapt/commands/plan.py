@@ -1,18 +1,28 @@
-"""Sentences on the coils and the plan of a run before the first solve."""
+"""Sentences on what a case will do, and on likely mistakes in the case."""
 
 from collections.abc import Iterator, Mapping
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 from skfem import Mesh
 
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.checks import point_text
 from kohonen_adapt.loop.growth import MAX_NODES
 from kohonen_adapt.loop.settings import percent
+from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
+from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
+from kohonen_adapt.mesh.curved import corners_of
+from kohonen_adapt.mesh.host import keys_of
+from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.problem.protocol import at_order_of_passes, final_orders, order_of
 
-__all__ = ["allowed_errors", "coil_sentences", "plan_sentence"]
+__all__ = ["allowed_errors", "case_doubts", "coil_sentences", "plan_sentence", "seams", "size_text", "unit_doubts"]
 
 
 def plan_sentence(case: Case, mesh: Mesh) -> str:
@@ -69,3 +79,148 @@ def _orders(case: Case) -> str:
     if not last:
         return f"order {order}"
     return f"order {order}, then one solve of order {last[-1]}" if len(last) == 1 else f"orders {order} to {last[-1]}"
+
+
+LARGE, SMALL = 2.0, 2e-5  # m: devices in millimetres are larger, and smaller with the scale of another unit
+LEAST_PERMEABILITY = 0.999  # diamagnetic metals have more
+MOST_REMANENCE = 3.0  # T: magnets have at most 1.5
+MOST_MILLITESLA = 3000.0  # larger values are in gauss
+LEAST_CURRENT_DENSITY = 100.0  # A/m^2: windings have about 10^6, which is 1 A/mm^2
+MOST_CURRENT_DENSITY = 1e10  # A/m^2: superconductors have 10^9
+LONG = 20.0  # m
+SAME = 1e-9  # tolerance for equal positions, relative to the size of the mesh or a facet
+
+
+def size_text(mesh: Mesh) -> str:
+    return f"{' x '.join(f'{size:.4g}' for size in np.ptp(mesh.p, axis=1))} m"
+
+
+def unit_doubts(mesh: Mesh, scale: float = 1.0) -> Iterator[str]:
+    extent, size = np.ptp(mesh.p, axis=1).max(), size_text(mesh)
+    if extent > LARGE and scale == 1.0:
+        yield f"the mesh is {size}: that looks like millimetres. If so, --scale 1e-3 (scale = 1e-3 in a case)."
+    elif extent > LARGE or extent < SMALL:
+        which = "large" if extent > LARGE else "small"
+        yield (
+            f"the mesh is {size}: a scale of {scale:g} looks too {which}. The scale is metres per unit of the file: "
+            "1 for m, 1e-3 for mm, 1e-6 for um."
+        )
+
+
+def case_doubts(case: Case, mesh: Mesh) -> Iterator[str]:
+    yield from unit_doubts(mesh, case.scale)
+    problem, corners = case.problem, corners_of(mesh)
+    given = coefficients(corners, problem.materials)
+    remanence = magnitude(given.remanence)
+    for index, (name, material) in enumerate(problem.materials.items()):
+        if material.permeability < LEAST_PERMEABILITY:
+            yield permeability_doubt(name, material.permeability)
+        largest = remanence[given.material_index == index].max(initial=0.0)
+        if material.coercivity is None and largest > MOST_REMANENCE:
+            unit, factor = ("mT", 1e3) if largest <= MOST_MILLITESLA else ("gauss", 1e4)
+            yield (
+                f"remanence of '{name}' is {largest:.6g} T, more than any magnet has: that looks like {unit}. If so, "
+                f"write {largest / factor:.6g}."
+            )
+        if 0.0 < abs(material.current_density) < LEAST_CURRENT_DENSITY:
+            yield (
+                f"current_density of '{name}' is {material.current_density:g} A/m^2: that looks like A/mm^2. If so, "
+                f"write {material.current_density:g}e6."
+            )
+    coils = {} if isinstance(problem, Magnetostatics) else problem.coils or {}
+    for name, coil in coils.items():
+        density = abs(coil.ampere_turns) / (coil.width * coil.height)
+        if density > MOST_CURRENT_DENSITY:
+            yield (
+                f"coil '{name}' has {density:.4g} A/m^2, and windings have about 10^6: check its ampere_turns, in A, "
+                "and its section, in m."
+            )
+    depth = problem.depth if isinstance(problem, Magnetostatics) else None
+    if depth is not None and depth > LONG:
+        yield f"depth is {depth:g} m: that looks like millimetres. If so, write {depth / 1e3:g}."
+
+
+def permeability_doubt(name: str, permeability: float) -> str:
+    start = f"permeability of '{name}' is relative, 1 for air; {permeability:.5g} "
+    if permeability < 0.1:
+        relative = permeability / VACUUM_PERMEABILITY
+        return f"{start}looks like H/m. If so, write {relative:.4g} (divide by 4 pi 1e-7)."
+    return f"{start}is below 1, as in superconductors only."
+
+
+def seams(mesh: Mesh) -> Iterator[tuple[Ints, str, str]]:
+    rim, cell = mesh.boundary_facets(), cell_of(mesh)
+    yield (
+        _coincident(mesh, rim),
+        "coincident rim node",
+        ": the parts on both sides are not connected there. Unless a slit is intended, merge them (Gmsh: Coherence, or "
+        "BooleanFragments).",
+    )
+    yield (
+        _hanging(mesh, rim),
+        "hanging node",
+        f", inside {cell.facet} of another {cell.name}, so the field has a gap there. Mesh both sides together.",
+    )
+    touch = "a point" if cell is TRIANGLE else "a point or an edge"
+    yield (
+        (_crossed if cell is TRIANGLE else _fanned)(mesh, rim),
+        "non-manifold node",
+        f": parts of the mesh touch only in {touch}; such a node does not move.",
+    )
+
+
+def _coincident(mesh: Mesh, rim: Ints) -> Ints:
+    nodes = np.unique(mesh.facets[:, rim])
+    found = cKDTree(mesh.p[:, nodes].T).query_pairs(SAME * np.ptp(mesh.p, axis=1).max(), output_type="ndarray")
+    return nodes[np.unique(found)]
+
+
+def _hanging(mesh: Mesh, rim: Ints) -> Ints:
+    corners = mesh.p[:, mesh.facets[:, rim]]
+    centre = corners.mean(axis=1)
+    reach = np.sqrt(np.sum((corners - centre[:, None]) ** 2, axis=0).max(axis=0))
+    nodes = np.unique(mesh.facets[:, rim])
+    near = cKDTree(mesh.p[:, nodes].T).query_ball_point(centre.T, reach * (1.0 - SAME))
+    facet = np.repeat(np.arange(len(rim)), [len(found) for found in near])
+    node = nodes[np.concatenate([np.asarray(found, dtype=np.int64) for found in near])]
+    share, distance = _shares(corners[:, :, facet], mesh.p[:, node])
+    inside = (share.min(axis=0) > -SAME) & (share.max(axis=0) < 1.0 - SAME)
+    return np.unique(node[inside & (distance < SAME * reach[facet])])
+
+
+def _shares(corners: Floats, point: Floats) -> tuple[Floats, Floats]:
+    edges, off = np.moveaxis(corners[:, 1:] - corners[:, :1], 2, 0), (point - corners[:, 0]).T
+    turned = edges.swapaxes(1, 2)
+    share = np.linalg.solve(turned @ edges, turned @ off[:, :, None])
+    distance = np.linalg.norm(off - (edges @ share)[:, :, 0], axis=1)
+    others = share[:, :, 0].T
+    return np.vstack([1.0 - others.sum(axis=0), others]), distance
+
+
+def _crossed(mesh: Mesh, rim: Ints) -> Ints:
+    return np.flatnonzero(np.bincount(mesh.facets[:, rim].ravel()) > 2)
+
+
+def _fanned(mesh: Mesh, rim: Ints) -> Ints:
+    """Return rim nodes with several fans of rim faces, or on an edge of three faces."""
+    faces = mesh.facets[:, rim]
+    ends = np.concatenate(
+        [faces[list(pair)] for pair in TRIANGLE.outward], axis=1
+    )  # a face may have either orientation
+    _, edge = np.unique(keys_of(np.sort(ends, axis=0), mesh.p.shape[1]), return_inverse=True)
+    count, order = np.bincount(edge), np.argsort(edge, kind="stable")
+    crowded = ends[:, count[edge] > 2]
+    pair = order[count[edge[order]] == 2].reshape(-1, 2)
+    # A fan is a connected set of corners (face, node); two faces with a common edge connect corners at both ends.
+    corner = {end: _corners(faces, pair % len(rim), ends[end, pair[:, 0]]) for end in (0, 1)}
+    one, other = np.concatenate([corner[0], corner[1]]).T
+    graph = coo_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(faces.size, faces.size))
+    fan = connected_components(graph, directed=False)[1]
+    node = np.unique(np.stack([faces.ravel(), fan]), axis=1)[0]
+    return np.union1d(np.flatnonzero(np.bincount(node) > 1), crowded)
+
+
+def _corners(faces: Ints, face: Ints, node: Ints) -> Ints:
+    """Return the flat index of the corner of each face (k, 2) at a node (k,)."""
+    which = np.argmax(faces[:, face] == node[:, None], axis=0)
+    return which * faces.shape[1] + face

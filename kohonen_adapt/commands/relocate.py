@@ -22,7 +22,7 @@ from kohonen_adapt.io import (
     read_mesh,
     write_mesh,
 )
-from kohonen_adapt.loop.relocate import relocate
+from kohonen_adapt.loop.single_steps import relocate
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.som.density import density_from_indicators, density_from_sizes
 

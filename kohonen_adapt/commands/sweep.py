@@ -24,8 +24,8 @@ from kohonen_adapt.commands.terminal import Terminal, drawn
 from kohonen_adapt.files import remove_drafts, save_figure
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.precompile import compile_missing
+from kohonen_adapt.sweeps.cases import SweepResult
 from kohonen_adapt.sweeps.pool import LocalPool
-from kohonen_adapt.sweeps.result import SweepResult
 from kohonen_adapt.sweeps.sweep import sweep
 
 __all__ = ["sweep_case"]

@@ -9,7 +9,7 @@ from skfem import Mesh
 
 from kohonen_adapt.checks import is_count, with_nearest_names
 from kohonen_adapt.geometry.plane.curves import Curve
-from kohonen_adapt.geometry.plane.missing_layers import with_layers
+from kohonen_adapt.geometry.plane.surgery import with_layers
 from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules, check_for, with_pinned
 from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.kernels.numba.compilation import expect

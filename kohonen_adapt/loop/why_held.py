@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from skfem import Mesh
 
 from kohonen_adapt.geometry.held_nodes import with_pins
-from kohonen_adapt.geometry.plane.missing_layers import with_layers
+from kohonen_adapt.geometry.plane.surgery import with_layers
 from kohonen_adapt.geometry.rules import Rules, check_for, with_pinned
 from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.step import functional_of

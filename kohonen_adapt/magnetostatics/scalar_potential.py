@@ -10,15 +10,14 @@ from skfem import MeshTet
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_count
 from kohonen_adapt.estimators import goal_error, goal_oriented
-from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace
+from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace, conditions_in_space
 from kohonen_adapt.magnetostatics.equations.applied_field import drive_on
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.magnetostatics.equations.conditions_in_space import conditions_in_space
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
-from kohonen_adapt.magnetostatics.functional_in_space import functional_in_space
+from kohonen_adapt.magnetostatics.functional import functional_in_space
 from kohonen_adapt.magnetostatics.hypercircle import gap_indicators, with_currents_of
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
 from kohonen_adapt.magnetostatics.quantities.goal import Goal

@@ -7,17 +7,16 @@ import numpy as np
 from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace
+from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace, conditions_in_space
 from kohonen_adapt.magnetostatics.equations.applied_field import permeable
 from kohonen_adapt.magnetostatics.equations.auxiliary import EdgeSolver
-from kohonen_adapt.magnetostatics.equations.conditions_in_space import conditions_in_space
-from kohonen_adapt.magnetostatics.equations.edge_conditions import (
+from kohonen_adapt.magnetostatics.equations.edge_elements import (
+    EdgeElements,
     conditions_on_edges,
     open_surfaces,
     prescribed_flux_load,
 )
 from kohonen_adapt.magnetostatics.equations.edge_equations import CurlFunctional, edge_drive
-from kohonen_adapt.magnetostatics.equations.edges import EdgeElements
 from kohonen_adapt.magnetostatics.equations.newton import (
     TOLERANCE,
     Newton,

@@ -14,7 +14,7 @@ from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.slicing import CutBy
 from kohonen_adapt.plotting.charts import draw_passes
 from kohonen_adapt.plotting.drawing import draw_field_lines, draw_indicators, draw_mesh, indicator_scale
-from kohonen_adapt.sweeps.result import SweepResult, shown
+from kohonen_adapt.sweeps.cases import SweepResult, shown
 
 __all__ = ["adaptation_figure", "sweep_figure"]
 

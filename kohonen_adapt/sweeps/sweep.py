@@ -10,10 +10,9 @@ from typing import Any
 from kohonen_adapt.checks import check_hook
 from kohonen_adapt.kernels.threads import number_of_threads
 from kohonen_adapt.precompile import compile_missing
-from kohonen_adapt.sweeps.cases import Case, Outcome, compute, list_cases
+from kohonen_adapt.sweeps.cases import Case, Outcome, SweepResult, compute, list_cases, tabulated
 from kohonen_adapt.sweeps.folder import SweepFolder
 from kohonen_adapt.sweeps.pool import CannotBeginError, LocalPool, cannot_be_pickled, check_pickled
-from kohonen_adapt.sweeps.result import SweepResult, tabulated
 
 __all__ = ["sweep"]
 

@@ -68,7 +68,7 @@ def test_demo_without_matplotlib_writes_its_files_and_names_the_remedy(tmp_path,
 
 
 def test_an_error_in_the_drawing_is_not_taken_for_a_missing_matplotlib(tmp_path):
-    code = "import sys; sys.modules['PIL'] = None; from kohonen_adapt.commands.main import main; main()"  # matplotlib's
+    code = "import sys; sys.modules['PIL'] = None; from kohonen_adapt.__main__ import main; main()"  # matplotlib's
     done = python("-c", code, "demo", "magnet", "--out", tmp_path)
     assert done.returncode == 1
     assert "PIL" in done.stderr and "pip install" not in done.stdout

@@ -27,7 +27,7 @@ ROOT = Path(__file__).parents[2]
 
 CASE = INSET
 
-COMMAND = "import sys; from kohonen_adapt.commands.main import main; sys.exit(main())"
+COMMAND = "import sys; from kohonen_adapt.__main__ import main; sys.exit(main())"
 # Pictures would take most of the time.
 PLAIN_COMMAND = f"import sys; sys.modules['matplotlib'] = None; {COMMAND}"
 

@@ -11,7 +11,7 @@ from skfem import MeshTet
 import kohonen_adapt as ka
 from kohonen_adapt.commands import main as cli
 from kohonen_adapt.commands.check import faults
-from kohonen_adapt.commands.doubts import seams
+from kohonen_adapt.commands.plan import seams
 from kohonen_adapt.mesh.measures import area
 
 

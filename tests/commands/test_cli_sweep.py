@@ -177,7 +177,7 @@ def test_outputs_of_a_case_are_a_function_of_its_keys(case):
 COMMAND = """
 import os, signal, sys, time
 from kohonen_adapt.commands import sweep
-from kohonen_adapt.commands.main import main
+from kohonen_adapt.__main__ import main
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 call = sweep.CaseOutputs.__call__

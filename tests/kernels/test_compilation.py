@@ -134,7 +134,7 @@ from numba.core import event
 
 with event.install_recorder("numba:compile") as recorder:
     import kohonen_adapt as ka
-    from kohonen_adapt.commands.main import main
+    from kohonen_adapt.__main__ import main
     for mesh in sys.argv[1:]:
         ka.read_mesh(mesh)
         main(["check", mesh])

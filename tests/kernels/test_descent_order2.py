@@ -27,7 +27,7 @@ from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, fill_star
 from kohonen_adapt.kernels.tetrahedron.polish.descend_order2 import derivatives, descend_nodes_order2, number_star
 from kohonen_adapt.kernels.tetrahedron.polish.swap_order2 import remove_edge
 from kohonen_adapt.polishing.energy_tables import tabulated
-from kohonen_adapt.polishing.space.curved_edges import CurvedEdges
+from kohonen_adapt.polishing.space.curved_sides import CurvedEdges
 
 number_star, derivatives, remove_edge = (interpreted(loop) for loop in (number_star, derivatives, remove_edge))
 

@@ -11,7 +11,7 @@ import pytest
 from test_public_surface import MODULES
 
 import kohonen_adapt as ka
-from kohonen_adapt.commands.main import main
+from kohonen_adapt.__main__ import main
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 
 ROOT = Path(__file__).parents[2]

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import splu
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.magnetostatics.equations.edges import EdgeElements
+from kohonen_adapt.magnetostatics.equations.edge_elements import EdgeElements
 from kohonen_adapt.magnetostatics.equations.system import Solver
 
 __all__ = ["EdgeSolver"]

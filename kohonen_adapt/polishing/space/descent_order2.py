@@ -24,7 +24,7 @@ from kohonen_adapt.kernels.tetrahedron.polish.swap_order2 import swap_downhill_o
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse
 from kohonen_adapt.kernels.threads import Nodes, even_cuts, shared
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.polishing.space.curved_edges import CurvedEdges
+from kohonen_adapt.polishing.space.curved_sides import CurvedEdges
 from kohonen_adapt.polishing.space.descent import Descent, offers_of
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 

@@ -29,8 +29,7 @@ from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.mesh.quadratic_in_space import edge_modes, edges_of_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import Tables, constants_of, laws_of_regions, numbers_of_regions
-from kohonen_adapt.polishing.space.curved_edges import CurvedEdges
-from kohonen_adapt.polishing.space.curved_faces import CurvedFaces
+from kohonen_adapt.polishing.space.curved_sides import CurvedEdges, CurvedFaces
 from kohonen_adapt.polishing.space.surface_values import dirichlet_on, sides_of, with_loads
 from kohonen_adapt.polishing.stationarity import check_in_space
 from kohonen_adapt.problem.boundary_terms import corner_values, nodal_terms, reduced_regions, surface_work

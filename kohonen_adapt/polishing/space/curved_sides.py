@@ -1,4 +1,4 @@
-"""Energy of the slivers between faces of tetrahedra and curved surfaces.
+"""Curved edges of order 2, and energy of slivers at curved surfaces.
 
 A P1 function on a mesh whose faces are inscribed in a sphere, cylinder or cone extends to the true domain.
 The functional of the true domain is that of the mesh plus, for every sliver, ``S = volume (psi_true -
@@ -8,20 +8,26 @@ linear Dirichlet function on an outer surface is extended as given. The polish a
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.patches import Patches
-from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, NO_SURFACE, SPHERE, Tetrahedra
+from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, NO_SURFACE, SPHERE, SolidBlock, Tetrahedra
+from kohonen_adapt.mesh.basis import CURVED_RULE_IN_SPACE
 from kohonen_adapt.mesh.cells import FACES, TETRAHEDRON
+from kohonen_adapt.mesh.host import keys_of
+from kohonen_adapt.mesh.measures import EDGES, edge_midside_offsets
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.problem.boundary_terms import corner_values, reduced_regions
-from kohonen_adapt.problem.functional_in_space import density_in_space
+from kohonen_adapt.problem.functional_in_space import LAW_POINTS, LAW_WEIGHTS, density_in_space
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import value_by_region
 
-__all__ = ["CurvedFaces"]
+__all__ = ["CurvedEdges", "CurvedFaces"]
 
 
 @dataclass(frozen=True)
@@ -123,3 +129,39 @@ def volumes(position: Floats, elements: Tetrahedra, patches: Patches, e: Ints, k
         middle = 0.5 * (corners[:, side] + corners[:, side - 1])
         height += np.linalg.norm(patches.project(patch, middle) - middle, axis=1)
     return np.linalg.norm(normal, axis=1) * height / 6.0
+
+
+class CurvedEdges(NamedTuple):
+    # as in `SolidBlock`
+    start: NDArray[np.int32]  # (n + 1,)
+    end: NDArray[np.int32]  # (k,)
+    offset: Floats  # (k, 3)
+
+    @classmethod
+    def of(cls, movable: MovableSolid, nodes: int) -> "CurvedEdges":
+        # for up to `nodes` nodes
+        if not movable.curved:
+            return cls(np.zeros(1, dtype=np.int32), np.zeros(0, dtype=np.int32), np.zeros((0, 3)))
+        mesh = movable.mesh()
+        offset = edge_midside_offsets(mesh)
+        rows = np.flatnonzero(offset.any(axis=0))
+        one, other = mesh.edges[:, np.append(rows, rows)]
+        one[rows.size :], other[rows.size :] = mesh.edges[::-1, rows]
+        order = np.lexsort((other, one))
+        start = np.searchsorted(one[order], np.arange(nodes + 1)).astype(np.int32)
+        return cls(
+            start, other[order].astype(np.int32), np.ascontiguousarray(offset[:, np.append(rows, rows)[order]].T)
+        )
+
+    def on(self, node: Ints) -> Floats:
+        # of elements with nodes (4, m), (3, 6, m)
+        if not self.end.size:
+            return np.zeros((3, len(EDGES[0]), node.shape[1]))
+        count = len(self.start) - 1
+        known = keys_of(np.stack([np.repeat(np.arange(count), np.diff(self.start)), self.end]), count)
+        key = keys_of(node[EDGES], count)
+        row = np.searchsorted(known, key).clip(max=known.size - 1)
+        return np.where(known[row] == key, self.offset.T[:, row], 0.0)
+
+    def block(self) -> SolidBlock:
+        return SolidBlock.of(LAW_POINTS, LAW_WEIGHTS, self, CURVED_RULE_IN_SPACE)
