@@ -1,4 +1,4 @@
-"""Sentences on what a case will do, and on likely mistakes in the case."""
+"""Sentences for the user about the work of a case, and about likely mistakes."""
 
 from collections.abc import Iterator, Mapping
 
