@@ -9,8 +9,8 @@ import pytest
 from helpers.mesh_files import needs_gmsh
 from skfem import MeshTet, MeshTri
 
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import case_of, fitting_mesh, read_case
-from kohonen_adapt.commands import main as cli
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.measures import area
 

@@ -8,8 +8,8 @@ import pytest
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import case_of, fitting_mesh
-from kohonen_adapt.commands import main as cli
 from kohonen_adapt.magnetostatics import halbach
 
 NODES = 36  # on a circle: a step is 10 degrees

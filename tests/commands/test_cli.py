@@ -12,7 +12,7 @@ import pytest
 from helpers.worlds import without_matplotlib
 
 import kohonen_adapt as ka
-from kohonen_adapt.commands import main as cli
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.commands.arguments import command_parser
 from kohonen_adapt.magnetostatics import Magnetostatics
 

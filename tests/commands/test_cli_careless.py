@@ -7,7 +7,7 @@ from helpers.meshes import square
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt.commands import main as cli
+from kohonen_adapt import __main__ as cli
 
 CASE = """
 mesh = "it.msh"

@@ -18,11 +18,11 @@ from helpers.worlds import without_matplotlib
 from skfem import MeshTri2
 
 import kohonen_adapt as ka
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt import magnetostatics
 from kohonen_adapt.cases import case_of, fitting_mesh, read_case
 from kohonen_adapt.cases.reading import ADAPT, PROBLEM
 from kohonen_adapt.cases.tables import GOALS, LAWS, MOTIONS, PATTERNS, QUANTITIES, SHAPES
-from kohonen_adapt.commands import main as cli
 from kohonen_adapt.commands.sweep import CaseOutputs
 from kohonen_adapt.magnetostatics import (
     FluxDensityAt,

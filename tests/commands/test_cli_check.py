@@ -11,7 +11,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
-from kohonen_adapt.commands import main as cli
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.commands.check import faults, thin_parts
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 

@@ -11,8 +11,8 @@ from helpers.meshes import inset
 from numpy.testing import assert_allclose
 
 import kohonen_adapt as ka
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import fitting_mesh, read_case
-from kohonen_adapt.commands import main as cli
 
 CASE = INSET.replace("scale = 1e-3\n", "scale = 1e-3\norder = 5\n")
 

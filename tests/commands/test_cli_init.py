@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import case_text
-from kohonen_adapt.commands import main as cli
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -12,8 +12,8 @@ from helpers.magnet_solids import blocks
 from skfem import MeshTet, MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import fitting_mesh, read_case
-from kohonen_adapt.commands import main as cli
 from kohonen_adapt.magnetostatics import (
     FluxDensityAt,
     Force,

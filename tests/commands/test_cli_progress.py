@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import kohonen_adapt as ka
-from kohonen_adapt.commands import main as cli
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.commands.terminal import Terminal
 
 ROOT = Path(__file__).parents[2]

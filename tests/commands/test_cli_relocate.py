@@ -12,7 +12,7 @@ from skfem.helpers import dot, grad
 from skfem.models.poisson import laplace
 
 import kohonen_adapt as ka
-from kohonen_adapt.commands import main as cli
+from kohonen_adapt import __main__ as cli
 
 
 def solved(file):

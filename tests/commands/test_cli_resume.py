@@ -19,7 +19,7 @@ from helpers.meshes import inset
 from helpers.worlds import without_matplotlib
 
 import kohonen_adapt as ka
-from kohonen_adapt.commands import main as cli
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.magnetostatics import Magnetostatics
 
@@ -178,12 +178,12 @@ def test_interrupted_before_the_first_pass(case, tmp_path, begin):
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL], ids=["interrupted", "killed"])
 def test_cut_short_at_any_moment_and_resumed(number, tmp_path, begin):
-    """Three times, with 899 nodes; the moment is drawn anew for each process."""
+    """Twice, with 899 nodes; the moment is drawn anew for each process."""
     mesh = ka.read_mesh(ROOT / "examples" / "c_core.msh")
     case = case_in(tmp_path, mesh, CASE.replace("core]", "iron]") + "[materials.magnet]\nremanence = [0.0, 1.2]\n")
     assert run(case, "--out", tmp_path / "straight") == 0
     draw, out = random.Random(int(number)), tmp_path / "out"
-    for option in ("--out", "--resume", "--resume"):
+    for option in ("--out", "--resume"):
         process = begin("run", case, option, out)
         wait_for_line(process, "pass " if option == "--out" else ("pass ", "Continuing"))
         time.sleep(draw.uniform(0.0, 0.4))

@@ -16,8 +16,8 @@ from helpers.worlds import without_matplotlib
 from numpy.testing import assert_allclose
 
 import kohonen_adapt as ka
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import read_case
-from kohonen_adapt.commands import main as cli
 from kohonen_adapt.magnetostatics import Magnetostatics
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -9,7 +9,7 @@ from helpers.random_solids import cone
 from skfem import MeshTet
 
 import kohonen_adapt as ka
-from kohonen_adapt.commands import main as cli
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.commands.check import faults
 from kohonen_adapt.commands.plan import seams
 from kohonen_adapt.mesh.measures import area

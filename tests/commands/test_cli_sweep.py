@@ -13,8 +13,8 @@ from helpers.processes import alive, wait_until
 from helpers.worlds import without_matplotlib
 
 import kohonen_adapt as ka
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import fitting_mesh, read_case
-from kohonen_adapt.commands import main as cli
 from kohonen_adapt.commands.sweep import CaseOutputs
 
 CASE = """

@@ -7,8 +7,8 @@ from helpers.meshes import inset
 from helpers.worlds import without_matplotlib
 
 import kohonen_adapt as ka
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import read_case
-from kohonen_adapt.commands import main as cli
 
 CASE = """
 mesh = "mesh.msh"

@@ -12,8 +12,8 @@ from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import fitting_mesh, read_case
-from kohonen_adapt.commands import main as cli
 from kohonen_adapt.io import Groups
 
 FILES = ("mesh.header", "mesh.nodes", "mesh.elements", "mesh.boundary", "mesh.names")

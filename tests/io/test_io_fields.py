@@ -6,7 +6,7 @@ from helpers.mesh_files import gmsh, gmsh_session, needs_gmsh, two_rooms
 from numpy.testing import assert_allclose, assert_array_equal
 
 import kohonen_adapt as ka
-from kohonen_adapt.commands import main as cli
+from kohonen_adapt import __main__ as cli
 
 
 def ramp(mesh):

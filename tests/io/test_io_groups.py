@@ -11,7 +11,7 @@ from numpy.testing import assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt.commands import main as cli
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.io import Groups
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

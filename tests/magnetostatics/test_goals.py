@@ -255,7 +255,7 @@ def test_the_force_is_more_exact_with_the_goal():
 )
 def test_the_goal_is_nearer_at_the_same_number_of_nodes(case, goal, exact):
     """289 nodes, 7 times, and 2091 nodes, 26 times."""
-    energy, wanted = errors(*case(), goal, exact)
+    energy, wanted = errors(*case(), goal, exact, 3)
     assert wanted < energy / 3
 
 

@@ -9,8 +9,8 @@ from scipy.spatial import KDTree
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import case_of
-from kohonen_adapt.commands import main as cli
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.measures import area
 

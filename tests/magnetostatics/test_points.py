@@ -5,8 +5,8 @@ import pytest
 from helpers.meshes import square
 
 import kohonen_adapt as ka
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import fitting_mesh, read_case
-from kohonen_adapt.commands import main as cli
 from kohonen_adapt.io import Groups
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY

@@ -8,8 +8,8 @@ from helpers.tensor_meshes import sector
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import fitting_mesh, read_case
-from kohonen_adapt.commands import main as cli
 from kohonen_adapt.magnetostatics import Magnetostatics, Material, Torque
 
 BORE = 0.01
