@@ -28,9 +28,11 @@ from kohonen_adapt.magnetostatics.solid_estimation import (
     goal_indicators_by_surplus,
     linearised_at,
     primal_and_dual,
+    quadratic_values,
     with_surplus,
 )
 from kohonen_adapt.magnetostatics.vector_potential import MagneticVectorPotential
+from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.ritz import Ritz
 
@@ -154,14 +156,20 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         energy, field = self.functional_on(mesh)
         steps = tuple[NewtonStep, ...]()
         if energy.coefficients.nonlinear_materials:
-            # A start from another mesh takes more steps, because the interpolation error of the small H in iron is a B
-            # deep in saturation.
-            unknown, steps = self.method.descend_from_linear(energy)
+            unknown, steps = self.method.descend_coenergy(energy, self._start(mesh, energy))
         else:
             unknown = self.method.linear(energy)
         result = replace(field, unknown=unknown, newton=steps)
         refuse_unconverged(result)
         return result
+
+    def _start(self, mesh: MeshTet, energy: CoenergyFunctional) -> Floats | None:
+        # The solution of order 1 on the same mesh. A start from another mesh takes more steps, because the
+        # interpolation error of the small H in iron is a B deep in saturation.
+        if self.order == 1:
+            return None
+        linear, _ = replace(self, order=1, goal=None).functional_on(corners_of(mesh))
+        return quadratic_values(self.method.descend_coenergy(linear)[0], energy)
 
     def check(self, mesh: MeshTet) -> None:
         self.functional_on(mesh)

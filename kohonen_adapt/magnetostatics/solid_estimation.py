@@ -28,6 +28,7 @@ __all__ = [
     "goal_indicators_by_surplus",
     "linearised_at",
     "primal_and_dual",
+    "quadratic_values",
     "tangential_jumps",
     "with_surplus",
 ]
@@ -170,10 +171,14 @@ def with_surplus(field: LocalSolid, conditions: Conditions, newton: Newton) -> E
     return replace(enriched, unknown=field.unknown + change)
 
 
+def quadratic_values(values: Floats, energy: CoenergyFunctional) -> Floats:
+    # Of nodal values. On straight edges H in nonlinear material is the same, because the potential there is total.
+    ends = values[energy.elements.mesh.edges].mean(axis=0)
+    return energy.conditions.admissible(np.concatenate([values, ends]))
+
+
 def linearised_at(field: LocalSolid, energy: CoenergyFunctional, quadratic: SolidField, newton: Newton) -> SolidField:
-    # The linear function on straight edges has the H of `field` in nonlinear material, where the potential is total.
-    ends = field.unknown[field.mesh.edges].mean(axis=0)
-    start = energy.conditions.admissible(np.concatenate([field.unknown, ends]))
+    start = quadratic_values(field.unknown, energy)
     return replace(quadratic, unknown=start + newton.full_step(energy, start, energy.residual(start)[0]))
 
 

@@ -8,8 +8,8 @@ from skfem import ElementTetP1
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.mesh.basis import CURVED_RULE_IN_SPACE, LAW_DEGREE_IN_SPACE
-from kohonen_adapt.mesh.cells import TETRAHEDRON, tetrahedron_rule
+from kohonen_adapt.mesh.basis import CURVED_RULE_IN_SPACE, LAW_RULE_IN_SPACE
+from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.measures import tangent_corners
 from kohonen_adapt.mesh.quadratic_in_space import function_slopes, quadratic_functions
 from kohonen_adapt.problem.ritz import Ritz
@@ -36,7 +36,7 @@ __all__ = [
 # 6 has points on faces.
 OF_SLOPES, OF_SOURCE, OF_SOURCE_2 = 2, 7, 8
 CHUNK = 1 << 12  # elements whose points are evaluated at once
-LAW_POINTS, LAW_WEIGHTS = (np.ascontiguousarray(part) for part in tetrahedron_rule(LAW_DEGREE_IN_SPACE))
+LAW_POINTS, LAW_WEIGHTS = LAW_RULE_IN_SPACE
 MEANS = np.append(np.full(4, 1.0 / 4.0), np.full(6, 1.0 / 5.0))  # means of the functions
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from skfem.refdom import RefTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.mesh.basis import CURVED_RULE_IN_SPACE, LAW_DEGREE_IN_SPACE
+from kohonen_adapt.mesh.basis import CURVED_RULE_IN_SPACE, LAW_RULE_IN_SPACE
 from kohonen_adapt.mesh.cells import TETRAHEDRON, tetrahedron_rule
 from kohonen_adapt.mesh.measures import CurvedTetrahedra, tangent_corners
 
@@ -79,8 +79,8 @@ def groups_of(nonlinear: Mask, shape: CurvedTetrahedra, hats: Floats, volumes: F
     groups, first = list[Group](), 0
     for curved, has_law in product((False, True), (False, True)):
         rows = np.flatnonzero((nonlinear == has_law) & (shape.curved == curved))
-        degree = LAW_DEGREE_IN_SPACE if has_law else DEGREE
-        barycentric, weights = CURVED_RULE_IN_SPACE if curved and not has_law else tetrahedron_rule(degree)
+        without_law = CURVED_RULE_IN_SPACE if curved else tetrahedron_rule(DEGREE)
+        barycentric, weights = LAW_RULE_IN_SPACE if has_law else without_law
         if rows.size:
             columns = slice(first, first + rows.size * weights.size)
             maps = maps_of(shape, rows, barycentric) if curved else (hats[:, :, rows], volumes[rows])
