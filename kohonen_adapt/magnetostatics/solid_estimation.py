@@ -172,7 +172,7 @@ def with_surplus(field: LocalSolid, conditions: Conditions, newton: Newton) -> E
 
 
 def quadratic_values(values: Floats, energy: CoenergyFunctional) -> Floats:
-    # Of nodal values. On straight edges H in nonlinear material is the same, because the potential there is total.
+    # The potential in nonlinear material is total, so that H on straight edges does not change.
     ends = values[energy.elements.mesh.edges].mean(axis=0)
     return energy.conditions.admissible(np.concatenate([values, ends]))
 

@@ -15,7 +15,7 @@ TOLERANCE = 1e-8  # of the relative residual and of the relative update
 DESCENT = 1e-4  # fraction of the descent predicted by the slope that a step must reach (Armijo)
 LEAST_DAMPING = 2.0**-40  # least damping
 PATIENCE = 4  # steps without a new least functional
-SLOW = 0.3  # of the residual before, from which `descend` is quicker near the minimum
+NEAR, SLOW = 1e-2, 0.3  # relative residual, and its fraction of the residual before, with which `descend` is quicker
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -140,10 +140,9 @@ class Newton:
         # Newton's method for the potential and B together (as Chan, Golub and Mulet, SIAM J. Sci. Comput. 20, 1999, for
         # another functional), by default from the solution of the material at zero field. In saturation H(B) is convex
         # where B(H) is concave, so that the next step corrects a B that is too large. The functional may rise for some
-        # steps. Where the residual falls slowly, or no lower functional comes, `descend` continues.
-        near = start is not None
+        # steps. `descend` continues where the residual falls slowly near the minimum, and after steps without progress.
         u = self.linear(energy) if start is None else start
-        density = energy.flux_density(u) if near else energy.at_zero_field().flux_density(u)
+        density = (energy.at_zero_field() if start is None else energy).flux_density(u)
         steps, best, least, since = list[NewtonStep](), u, energy.value(u)[0], 0
         while since <= PATIENCE and 2 * len(steps) < self.most_steps and not (steps and steps[-1].converged):
             tangent = energy.linearised(density)
@@ -156,7 +155,7 @@ class Newton:
             steps.append(_recorded(energy, u, step, energy.residual(u), 1.0, functional))
             since = 0 if functional <= least + 10.0 * rounding else since + 1
             best, least = (best, least) if since else (u, functional)
-            if near and len(steps) > 1 and steps[-1].residual > SLOW * steps[-2].residual:
+            if len(steps) > 1 and SLOW * steps[-2].residual < steps[-1].residual < NEAR:
                 best = u
                 break
         if not energy.conditions.free.size or (steps and steps[-1].converged):
