@@ -44,8 +44,8 @@ LAW_DEGREE = {1: 0, 2: 10, 3: 14}  # straight sides, constant gradients at order
 LAW_DEGREE_BY_POINTS = {1: 8, 2: 14, 3: 14}  # curved sides, and around an axis
 # Tetrahedra of order 2: weights and barycentric coordinates, for each of their permutations, of 46 points of degree 8.
 # They minimise the error of all moments, with positive weights and points inside, as 125 points of a product rule have.
-# The functional of iron at its knee in half a cube changes by at most 0.3 % of the squared error of the field, with both
-# rules; with 64 points of degree 7 by up to 1.2 %.
+# With both rules the functional of iron at its knee in half a cube changes by at most 0.3 % of the squared error of the
+# field; with 64 points of degree 7 by up to 1.2 %.
 ORBITS_IN_SPACE = (
     (0.024470923987127233, (0.6924163892695996, *(0.10252787024346678,) * 3)),
     (0.040333800911961905, (0.05661645581590957, *(0.3144611813946968,) * 3)),
