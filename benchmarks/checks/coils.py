@@ -1,7 +1,7 @@
 """Measure problems with coils in space."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +53,11 @@ def polish(quick: bool) -> str:
     nodes = 3000 if quick else NODES
     rows = [[name, nodes, *compared(mesh, problem, nodes)] for name, (mesh, problem) in cases.items()]
     header = ["polish beside coils", "nodes", "estimate", "polished", "ratio (target 0.8)", "seconds", "polished"]
-    return "\n\n".join([aligned(header, rows), certificates(10 if quick else RANDOM)])
+    return "\n\n".join([aligned(header, rows), certificates(10 if quick else RANDOM, beside_coil)])
+
+
+def beside_coil(seed: int) -> tuple[MeshTet, MagneticScalarPotential]:
+    return random_blocks(seed), random_problem(seed)
 
 
 def compared(mesh: MeshTet, problem: MagneticScalarPotential, nodes: int) -> list[Cell]:
@@ -68,11 +72,10 @@ def compared(mesh: MeshTet, problem: MagneticScalarPotential, nodes: int) -> lis
     return [*found, found[1] / found[0], *seconds]
 
 
-def certificates(count: int) -> str:
+def certificates(count: int, made: Callable[[int], tuple[MeshTet, MagneticScalarPotential]]) -> str:
     """Random problems whose solutions are stationary before and after a polish that never raises the functional."""
     risen, falls, estimates = 0, [], []
-    for seed in range(count):
-        mesh, problem = random_blocks(seed), random_problem(seed)
+    for mesh, problem in map(made, range(count)):
         polished = ka.polish(mesh, problem)  # raises ValueError if the solution is not stationary
         ka.polish(polished, problem, sweeps=1)
         fields = [problem.solve(each) for each in (mesh, polished)]

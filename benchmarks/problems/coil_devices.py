@@ -76,6 +76,11 @@ def random_problem(seed: int) -> MagneticScalarPotential:
         Coil.racetrack((0.0, 0.2, 0.02), (0.0, 0.0, 1.0), 1.7, 2.2, 0.2, (0.1, 0.3), current),
         Coil.racetrack((0.0, 0.0, 1.4), tilt, 1.2, 0.8, 0.1, (0.1, 0.1), current),  # outside the mesh
     ][rng.integers(4)]
+    return MagneticScalarPotential(*random_media(rng), applied_field=coil.field_strength)
+
+
+def random_media(rng: np.random.Generator) -> tuple[dict[str, Material], dict[str, float]]:
+    """Materials and potentials of the blocks."""
     remanence = tuple(rng.normal(size=3))
     iron = [Material(1000.0), STEEL][rng.integers(2)]
     block = [
@@ -85,8 +90,7 @@ def random_problem(seed: int) -> MagneticScalarPotential:
         Material(bh=Froehlich(2000.0, 1.9), coercivity=tuple(1e4 * rng.normal(size=3))),
     ][rng.integers(4)]
     potential = [{}, {"outer": 0.0}, {"z-": 0.0}, {"z-": 0.0, "z+": 0.0}][rng.integers(4)]
-    materials = {"iron": iron, "block": block, "air": AIR}
-    return MagneticScalarPotential(materials, potential, applied_field=coil.field_strength)
+    return {"iron": iron, "block": block, "air": AIR}, potential
 
 
 def gapped_ring(cells: int) -> MeshTet:

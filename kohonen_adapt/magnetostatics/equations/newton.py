@@ -15,7 +15,8 @@ TOLERANCE = 1e-8  # of the relative residual and of the relative update
 DESCENT = 1e-4  # fraction of the descent predicted by the slope that a step must reach (Armijo)
 LEAST_DAMPING = 2.0**-40  # least damping
 PATIENCE = 4  # steps without a new least functional
-NEAR, SLOW = 1e-2, 0.3  # relative residual, and its fraction of the residual before, with which `descend` is quicker
+NEAR = 0.03  # relative residual from which a step for the potential alone is tried
+SLOW = 0.3  # largest residual after this step, relative to the residual before
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -140,24 +141,29 @@ class Newton:
         # Newton's method for the potential and B together (as Chan, Golub and Mulet, SIAM J. Sci. Comput. 20, 1999, for
         # another functional), by default from the solution of the material at zero field. In saturation H(B) is convex
         # where B(H) is concave, so that the next step corrects a B that is too large. The functional may rise for some
-        # steps. `descend` continues where the residual falls slowly near the minimum, and after steps without progress.
+        # steps, after which `descend` continues from the lowest. Near the minimum, steps for the potential alone, with
+        # the B of the potential, converge faster. Each is tried, and refused if the residual falls too little.
         u = self.linear(energy) if start is None else start
         density = (energy.at_zero_field() if start is None else energy).flux_density(u)
-        steps, best, least, since = list[NewtonStep](), u, energy.value(u)[0], 0
+        steps, best, least, since, pause, wait = list[NewtonStep](), u, energy.value(u)[0], 0, 1, 1
         while since <= PATIENCE and 2 * len(steps) < self.most_steps and not (steps and steps[-1].converged):
-            tangent = energy.linearised(density)
+            alone = wait == 0 and steps[-1].residual < NEAR
+            tangent = energy.linearised(energy.flux_density(u) if alone else density)
             try:
-                step = self.full_step(tangent, u, tangent.linear_residual(u))
+                change = self.full_step(tangent, u, tangent.linear_residual(u))
             except np.linalg.LinAlgError:
                 break
-            u = u + step
-            density, (functional, rounding) = tangent.flux_density(u), energy.value(u)
-            steps.append(_recorded(energy, u, step, energy.residual(u), 1.0, functional))
+            after = u + change
+            functional, rounding = energy.value(after)
+            step = _recorded(energy, after, change, energy.residual(after), 1.0, functional)
+            if alone and step.residual > SLOW * steps[-1].residual:
+                pause *= 2
+                wait = pause
+                continue
+            u, density, wait = after, tangent.flux_density(after), max(0, wait - 1)
+            steps.append(step)
             since = 0 if functional <= least + 10.0 * rounding else since + 1
             best, least = (best, least) if since else (u, functional)
-            if len(steps) > 1 and SLOW * steps[-2].residual < steps[-1].residual < NEAR:
-                best = u
-                break
         if not energy.conditions.free.size or (steps and steps[-1].converged):
             return u, tuple(steps)
         u, rest = replace(self, most_steps=self.most_steps - len(steps)).descend(energy, best)
