@@ -140,7 +140,7 @@ def main() -> None:
     parser.add_argument("--loops", action="store_true", help="hp: NGSolve's adaptive loop, too (slow)")
     parser.add_argument("--polish", action="store_true", help="coils: the polish beside coils only")
     parser.add_argument("--team20", action="store_true", help="coils: the force of TEAM problem 20 only")
-    parser.add_argument("--finest", action="store_true", help="coils: the same force by order 2 only (8 minutes)")
+    parser.add_argument("--finest", action="store_true", help="coils: the same force by order 2 only (3 minutes)")
     parser.add_argument("--linkage", action="store_true", help="coils: inductances only")
     parser.add_argument("--bracket", action="store_true", help="coils: bounds by both potentials, and fluxes, only")
     parser.add_argument("--million", action="store_true", help="coils: one solution on a million edges, only")
