@@ -97,6 +97,8 @@ def run_to_order(
 ) -> AdaptResult:
     result = run_loop(adaptation, history)
     while result.status not in (Status.STOPPED, Status.FAILED) and not (len(orders) > 1 and is_met(result, stop)):
+        if stop.of_result.unreachable_text(result.history):
+            return result
         try:
             raised = at_orders(result, problem, adaptation, stop, orders)
         except (KeyboardInterrupt, StepFailed) as cause:

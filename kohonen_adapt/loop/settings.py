@@ -1,6 +1,6 @@
 """Settings of an adaptation, with its tolerances."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from hashlib import sha256
 from typing import Any
@@ -38,7 +38,20 @@ ONLY_ENDS = {"only ends": True}  # metadata of a setting that ends the loop, and
 
 CHANCE = 0.05  # least error of a goal, relative to the sum of the magnitudes of its parts: less is chance
 GRADED = 3  # passes after which the errors of a goal are less than its value, unless that is zero
+VANISHING = 0.1  # error of an output relative to its value, below which the value is known not to be zero
+KEPT = (
+    1.0 / 3.0
+)  # part of the relative error that remains after passes with three times the unknowns: else it converges
 UNKNOWN = 0.5  # factor of the estimate for outputs of unknown error, which makes at least twice the unknowns
+
+ZERO_GOAL = (
+    "the goal is smaller than the sum of its estimated errors, as by a symmetry, so that no goal_rtol can be met. "
+    "Give atol instead, the root of the allowed error."
+)
+ZERO_OUTPUTS = (
+    "the estimated errors of {} remain as large as the values, as of a value that is zero by a symmetry, so that no "
+    "output_rtol can be met. Give output_rtol as a mapping from the names of the others to fractions."
+)
 
 
 @dataclass(frozen=True)
@@ -149,11 +162,15 @@ class Tolerance:
     def __bool__(self) -> bool:
         return any(each is not None for each in (self.rtol, self.atol, self.output_rtol, self.goal_rtol))
 
-    def goal_vanishes(self, last: Pass) -> bool:
-        """Return True if the value of the goal is no more than error after some passes."""
-        if self.goal_rtol is None or last.goal is None or last.number < GRADED:
-            return False
-        return abs(last.goal) < last.estimate**2
+    def unreachable_text(self, passes: Sequence[Pass]) -> str:
+        """Return a sentence on values that are no more than error after some passes, or an empty string."""
+        last, graded = passes[-1], passes[-GRADED:]
+        if last.number < GRADED:
+            return ""
+        if self.goal_rtol is not None and last.goal is not None and abs(last.goal) < last.estimate**2:
+            return ZERO_GOAL
+        names = [repr(name) for name in self._output_tolerances(last) if _vanishes(name, graded)]
+        return ZERO_OUTPUTS.format(" and ".join(names)) if names else ""
 
     def knows_errors(self, last: Pass) -> bool:
         return self.output_rtol is None or self._output_tolerances(last).keys() <= last.output_errors.keys()
@@ -211,6 +228,13 @@ class Tolerance:
         missed = [f"the tolerance {text} (estimate {last.estimate_text})" for text in self._of_estimate(last)]
         missed += [f"the tolerance of {text}" for text in self._errors_text(last)]
         return f" without reaching {' and '.join(missed)}" if missed else ""
+
+
+def _vanishes(name: str, passes: Sequence[Pass]) -> bool:
+    errors = [abs(step.output_errors.get(name, 0.0)) for step in passes]
+    values = [abs(step.outputs[name]) for step in passes]
+    large = all(error > VANISHING * value for error, value in zip(errors, values, strict=True))
+    return large and errors[-1] * values[0] >= KEPT * errors[0] * values[-1]
 
 
 def _tolerance_text(tolerance: float, last: Pass) -> str:

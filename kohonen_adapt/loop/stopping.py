@@ -52,10 +52,6 @@ UNRESOLVED = 2.0
 
 FULL = 0.98  # fraction of the largest number of nodes from which a mesh is full
 
-ZERO_GOAL = (
-    "the goal is smaller than the sum of its estimated errors, as by a symmetry, so that no goal_rtol can be met. "
-    "Give atol instead, the root of the allowed error."
-)
 CONTINUE = "Adapt the result to continue."
 
 UNINTERRUPTED = (Status.MAX_PASSES, Status.MAX_NODES, Status.STALLED, Status.NOT_MOVED)
@@ -98,8 +94,8 @@ class StopTest:
             return Ending(Status.STOPPED, f"Stopped by the callback after {count}. {result} {CONTINUE}")
         if last.number > 0 and last.moved == 0 and not growing:
             return unmoved_ending(last, best)
-        if self.of_result.goal_vanishes(last):
-            return Ending(Status.STALLED, f"Stopped after {count}: {ZERO_GOAL} {result}")
+        if unreachable := self.of_result.unreachable_text(passes):
+            return Ending(Status.STALLED, f"Stopped after {count}: {unreachable} {result}")
         if self.max_nodes is not None and last.mesh.nvertices >= FULL * self.max_nodes:
             return self._largest(last, count, result)
         if stalled and not growing:

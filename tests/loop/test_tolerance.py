@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import kohonen_adapt as ka
 from kohonen_adapt.loop.growth import predicted_nodes
-from kohonen_adapt.magnetostatics import Force, Magnetostatics
+from kohonen_adapt.magnetostatics import FluxDensityAt, Force, Magnetostatics
 
 
 def magnet(**more):
@@ -112,6 +112,18 @@ def test_a_goal_that_is_zero_by_symmetry_asks_for_atol():
     result = ka.adapt(rectangle_mesh(1), problem, goal_rtol=1e-3)
     assert result.status is ka.Status.STALLED
     assert "Give atol instead, the root of the allowed error." in result.message
+
+
+@pytest.mark.parametrize("order", [2, "auto"])
+def test_an_output_that_is_zero_by_symmetry_asks_for_a_mapping(order):
+    mesh, problem = rectangle_mesh(1), magnet(order=order)
+    outputs = {"across": Force("magnet", (1, 0)), "at": FluxDensityAt((0.0, 0.0), (0, 1), 0.001)}
+    result = ka.adapt(mesh, problem, outputs=outputs, output_rtol=1e-3)
+    assert result.status is ka.Status.STALLED and result.best.order == 2
+    assert "the estimated errors of 'across' remain as large as the values" in result.message
+    assert result.mesh.nvertices < 5000
+    named = ka.adapt(mesh, problem, outputs=outputs, output_rtol={"at": 1e-2})
+    assert named.status is ka.Status.CONVERGED
 
 
 @given(st.integers(1, 4), st.floats(0.01, 1.0), st.floats(1.0, 20.0))
