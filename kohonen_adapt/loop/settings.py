@@ -163,7 +163,7 @@ class Tolerance:
         return any(each is not None for each in (self.rtol, self.atol, self.output_rtol, self.goal_rtol))
 
     def unreachable_text(self, passes: Sequence[Pass]) -> str:
-        """Return a sentence on values that are no more than error after some passes, or an empty string."""
+        """Return a sentence on values that stay below their errors, or an empty string."""
         last, graded = passes[-1], passes[-GRADED:]
         if last.number < GRADED:
             return ""
