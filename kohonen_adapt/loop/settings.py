@@ -39,9 +39,8 @@ ONLY_ENDS = {"only ends": True}  # metadata of a setting that ends the loop, and
 CHANCE = 0.05  # least error of a goal, relative to the sum of the magnitudes of its parts: less is chance
 GRADED = 3  # passes after which the errors of a goal are less than its value, unless that is zero
 VANISHING = 0.1  # error of an output relative to its value, below which the value is known not to be zero
-KEPT = (
-    1.0 / 3.0
-)  # part of the relative error that remains after passes with three times the unknowns: else it converges
+# With more unknowns the relative error of other values falls to less than this part within three passes.
+KEPT = 1.0 / 3.0
 UNKNOWN = 0.5  # factor of the estimate for outputs of unknown error, which makes at least twice the unknowns
 
 ZERO_GOAL = (
