@@ -9,7 +9,7 @@ from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_count
-from kohonen_adapt.estimators import goal_error, goal_oriented
+from kohonen_adapt.estimators import goal_oriented
 from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace, conditions_in_space
 from kohonen_adapt.magnetostatics.equations.applied_field import drive_on
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
@@ -219,9 +219,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
     def goal_error(self, field: SolidField) -> float:
         if self.goal is None:
             raise ValueError("goal_error needs a goal; give one, for instance goal=Force('armature', (0.0, 0.0, 1.0)).")
-        if field.order > 1:
-            return self.goal(self._better_solution(field)) - self.goal(field)
-        return goal_error(field.mesh, **self._pair(field, self.goal))
+        return self.goal(self._better_solution(field)) - self.goal(field)
 
     def improved(self, mesh: MeshTet, field: SolidField, outputs: Mapping[str, Output]) -> dict[str, float]:
         """Return better values of outputs.

@@ -51,9 +51,8 @@ class EnrichedField(SolidField):
     def reaction_at(self, x: Floats, element: Ints) -> Floats:
         return super().reaction_at(x, element) - VACUUM_PERMEABILITY * self.cubic_slope(x, element)
 
-    @cached_property
-    def at_quadrature(self) -> Strength:
-        return self._added(super().at_quadrature, self.elements.element)
+    def _at_quadrature(self, given: Floats) -> Strength:
+        return self._added(super()._at_quadrature(given), self.elements.element)
 
     @cached_property
     def at_corners(self) -> Strength:
@@ -122,10 +121,10 @@ def primal_and_dual(
     load.
     """
     elements, (_, load) = field.elements, goal.derivative(field)
-    load = elements.mean(load) if load.shape == field.at_quadrature.x.shape else load
+    load = elements.mean(load) if load.shape == elements.points.shape else load
     dual = _dual(field, load, conditions, newton)
     weight = np.sqrt(np.multiply(*field.permeabilities))
-    change = elements.mean(field.at_quadrature.change_of_flux_density(elements.slope_of_corners(dual)))
+    change = elements.mean(field.change_of_flux_density(elements.slope_of_corners(dual)))
     return {
         "potential": field.unknown,
         "dual": dual,
@@ -152,10 +151,10 @@ def surplus_of(field: LocalSolid, conditions: Conditions) -> tuple[Surplus, Floa
 
 def goal_indicators_by_surplus(field: LocalSolid, goal: Goal, conditions: Conditions, newton: Newton) -> Floats:
     # The squares are the magnitudes of the residual of the dual, weighted by the error of the field.
-    elements, (_, load), at = field.elements, goal.derivative(field), field.at_quadrature
-    load = load if load.shape == at.x.shape else load[:, elements.element]
+    elements, (_, load) = field.elements, goal.derivative(field)
+    load = load if load.shape == elements.points.shape else load[:, elements.element]
     dual = _dual(field, load, conditions, newton)
-    of_dual = linear_fit(elements, load - at.change_of_flux_density(elements.gradient(dual)))
+    of_dual = linear_fit(elements, load - field.change_of_flux_density(elements.gradient(dual)))
     surplus, error = surplus_of(field, conditions)
     right = surplus.residual(of_dual, np.einsum("cik,cik->k", of_dual, elements.hats)) * surplus.signs
     return np.asarray(np.sqrt(np.abs(np.sum(right * error, axis=0))))
@@ -164,10 +163,10 @@ def goal_indicators_by_surplus(field: LocalSolid, goal: Goal, conditions: Condit
 def with_surplus(field: LocalSolid, conditions: Conditions, newton: Newton) -> EnrichedField:
     # The cubic functions alone are not in balance with the quadratic functions. For a linear goal the change by the sum
     # is the residual of the dual, weighted by the cubic functions.
-    parts, at = (field.mesh, field.unknown, field.coefficients, field.drive, field.planes), field.at_quadrature
+    parts = field.mesh, field.unknown, field.coefficients, field.drive, field.planes
     enriched = EnrichedField(*parts, far=field.far, cubic=surplus_of(field, conditions)[1])
-    slope = enriched.cubic_slope(at.x, field.elements.element)
-    change = _dual(field, -at.change_of_flux_density(slope), conditions, newton)
+    slope = enriched.cubic_slope(field.elements.points, field.elements.element)
+    change = _dual(field, -field.change_of_flux_density(slope), conditions, newton)
     return replace(enriched, unknown=field.unknown + change)
 
 

@@ -106,6 +106,10 @@ class Drive:
         element = np.arange(self.iron.size) if elements.order == 1 else elements.element
         return np.where(self.iron[element], self.layer[:, element], offset)
 
+    @property
+    def inside_at_points(self) -> Floats:
+        return self.inside[:, self.elements.element] if self.elements.order == 1 else self.inside
+
 
 def permeable(coefficients: Coefficients) -> Mask:
     return (coefficients.reluctivity * VACUUM_PERMEABILITY < 1.0 / PERMEABLE) | coefficients.nonlinear

@@ -53,8 +53,9 @@ def elements_in(mesh: Mesh, names: Names) -> Mask:
 
 
 def air_elements(field: MagneticField) -> Mask:
-    plain = np.abs(field.reluctivity * VACUUM_PERMEABILITY - 1.0) < AIR_TOLERANCE
-    return plain & (field.current_in_shells == 0.0) & ~field.remanence.any(axis=0)
+    coefficients = field.coefficients
+    plain = np.abs(coefficients.reluctivity * VACUUM_PERMEABILITY - 1.0) < AIR_TOLERANCE
+    return plain & ~coefficients.nonlinear & (field.current_in_shells == 0.0) & ~field.remanence.any(axis=0)
 
 
 def isolated_body(field: MagneticField, names: Names) -> Mask:
@@ -228,10 +229,10 @@ class Component(NamedTuple):
     arm: Floats  # (d, npoints): direction of a force, or axis x (x - centre) in m of a torque, in the plane (-y, x)
 
 
-def stress_force(field: MagneticField, slope: Floats, b: Floats) -> Floats:
-    # ``-T slope`` times the volume of every quadrature point, (d, npoints), with Maxwell's stress tensor T of air for b
+def stress_force(volumes: Floats, slope: Floats, b: Floats) -> Floats:
+    # ``-T slope`` times the volume of every point, (d, npoints), with Maxwell's stress tensor T of air for b
     normal, pressure = np.sum(b * slope, axis=0), 0.5 * np.sum(b**2, axis=0)
-    return -field.point_volumes / VACUUM_PERMEABILITY * (b * normal - pressure * slope)
+    return -volumes / VACUUM_PERMEABILITY * (b * normal - pressure * slope)
 
 
 def component_change(component: Component, b: Floats) -> Floats:
@@ -244,9 +245,9 @@ def component_change(component: Component, b: Floats) -> Floats:
     return -(normal * arm + along * slope - both * b) / VACUUM_PERMEABILITY
 
 
-def component_value(field: MagneticField, component: Component, b: Floats) -> float:
+def component_value(volumes: Floats, component: Component, b: Floats) -> float:
     # Return ``-int arm . T slope``, half the derivative applied to B.
-    return 0.5 * float(np.sum(field.point_volumes * component_change(component, b) * b))
+    return 0.5 * float(np.sum(volumes * component_change(component, b) * b))
 
 
 # Three weights: one layer of elements around the body / the solution of Laplace's equation / this weight.

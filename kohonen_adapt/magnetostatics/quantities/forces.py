@@ -53,11 +53,12 @@ def torque_component(field: LocalField, body: Names, centre: ArrayLike) -> Compo
 
 def eggshell_force(field: LocalField, body: Names) -> Floats:
     slope, cut = _shell(field, body)
-    return _along(field, cut, np.sum(stress_force(field, slope, field.at_quadrature.flux_density), axis=1))
+    parts = stress_force(field.point_volumes, slope, field.at_quadrature.flux_density)
+    return _along(field, cut, np.sum(parts, axis=1))
 
 
 def eggshell_torque(field: LocalField, body: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
-    return component_value(field, torque_component(field, body, centre), field.at_quadrature.flux_density)
+    return component_value(field.point_volumes, torque_component(field, body, centre), field.at_quadrature.flux_density)
 
 
 def arkkio_torque(field: LocalField, gap: Names, centre: ArrayLike = (0.0, 0.0)) -> float:

@@ -71,7 +71,7 @@ class _ComponentGoal(VectorGoal):
         self.check_on(field)
         if self.dimension == 3:
             return float(sum(part.value() for part in self._parts(field)))
-        return component_value(field, self._component(field), field.at_quadrature.flux_density)
+        return component_value(field.point_volumes, self._component(field), field.at_quadrature.flux_density)
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
         self.check_on(field)

@@ -107,9 +107,21 @@ class LocalSolid(MagneticField):
 
     @cached_property
     def at_quadrature(self) -> Strength:
+        return self._at_quadrature(self.drive.at_points)
+
+    @cached_property
+    def _in_laws(self) -> Strength:
+        # The field of coils takes time, and no linear material needs H.
+        return self._at_quadrature(self.drive.inside_at_points)
+
+    def _at_quadrature(self, given: Floats) -> Strength:
         elements = self.elements
-        strength = self.drive.at_points - elements.gradient_at_points(self.unknown)
+        strength = given - elements.gradient_at_points(self.unknown)
         return Strength(elements.points, strength, self.coefficients.at_quadrature(elements.element, elements.points))
+
+    def change_of_flux_density(self, change: Floats) -> Floats:
+        # as of `Strength`, at the quadrature points
+        return self._in_laws.change_of_flux_density(change)
 
     @property
     def point_volumes(self) -> Floats:
@@ -132,7 +144,7 @@ class LocalSolid(MagneticField):
         w is a change of `unknown` and dB the change of B by w. Both arrays have shape (3, npoints), and the weight is
         in A/m.
         """
-        return -self.at_quadrature.change_of_flux_density(weight)
+        return -self.change_of_flux_density(weight)
 
     def load_at(self, x: Floats, weight: Floats) -> Floats:
         return self.load_in(self.elements_at(x), x, weight)
@@ -175,8 +187,7 @@ class LocalSolid(MagneticField):
 
         Shape (nelements,) each.
         """
-        strength = self.drive.inside - self.elements.gradient(self.unknown)  # exact beside laws
-        return self.coefficients.permeabilities(strength if self.order == 1 else self.field_strength)
+        return self.coefficients.permeabilities(self.elements.mean(self._in_laws.field_strength))
 
     @property
     def reluctivity(self) -> Floats:

@@ -15,7 +15,6 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.coils.motion import Motion, images_of
 from kohonen_adapt.magnetostatics.coils.rules import currents_of
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror, surface
-from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.bodies import (
     Component,
     Cut,
@@ -29,7 +28,7 @@ from kohonen_adapt.magnetostatics.quantities.bodies import (
     weight_gradient,
 )
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, is_coil
-from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
+from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid, Strength
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.curved import is_second_order
 
@@ -64,11 +63,6 @@ def layer_currents(field: LocalSolid, weight: Floats) -> LayerCurrents:
     return LayerCurrents(x[:, rows], element[rows], factor[rows] * moment[:, rows])
 
 
-def free_flux_density(field: LocalSolid) -> Floats:
-    drive = field.drive
-    return VACUUM_PERMEABILITY * (drive.at_points - drive.elements.gradient_at_points(drive.potential))
-
-
 @dataclass(frozen=True, eq=False)
 class Shell:
     # Weight around a body, and the currents where the weight falls.
@@ -96,20 +90,41 @@ class Shell:
         return weight_at_nodes(self.field, self.inside, Cut(facets, None, nodes))
 
     @cached_property
-    def slope(self) -> Floats:
+    def _whole_slope(self) -> Floats:
         return weight_gradient(self.field, self.inside, self._weight)
+
+    @cached_property
+    def rows(self) -> Ints:
+        # the quadrature points where the weight falls
+        return np.flatnonzero(self._whole_slope.any(axis=0))
+
+    @property
+    def slope(self) -> Floats:
+        return self._whole_slope[:, self.rows]
+
+    @property
+    def volumes(self) -> Floats:
+        return np.asarray(self.field.point_volumes[self.rows])
+
+    @cached_property
+    def at(self) -> Strength:
+        elements, rows = self.field.elements, self.rows
+        return self.field.at(elements.points[:, rows], elements.element[rows])
+
+    @cached_property
+    def free_flux_density(self) -> Floats:
+        return self.at.flux_density - self.field.reaction_at(self.at.x, self.field.elements.element[self.rows])
 
     @cached_property
     def currents(self) -> LayerCurrents | None:
         return layer_currents(self.field, self._weight) if self.field.drive.sources.coils else None
 
     def force(self, centre: Floats | None) -> Floats:
-        field, currents = self.field, self.currents
-        at = field.at_quadrature
-        parts, x = stress_force(field, self.slope, at.flux_density), at.x
+        currents, x = self.currents, self.at.x
+        parts = stress_force(self.volumes, self.slope, self.at.flux_density)
         if currents is not None:
-            parts = parts - stress_force(field, self.slope, free_flux_density(field))
-            parts, x = np.hstack((parts, -currents.force(field))), np.hstack((x, currents.x))
+            parts = parts - stress_force(self.volumes, self.slope, self.free_flux_density)
+            parts, x = np.hstack((parts, -currents.force(self.field))), np.hstack((x, currents.x))
         if centre is not None:
             parts = np.cross(x - centre[:, None], parts, axis=0)
         return _uncancelled(self.cuts, np.sum(parts, axis=1), centre is not None)
@@ -126,19 +141,21 @@ class OfBody:
 
     @property
     def _component(self) -> Component:
-        return Component(self.shell.slope, self.motion.at(self.shell.field.at_quadrature.x))
+        return Component(self.shell.slope, self.motion.at(self.shell.at.x))
 
     def value(self) -> float:
-        field, currents = self.shell.field, self.shell.currents
-        total = component_value(field, self._component, field.at_quadrature.flux_density)
+        shell, currents = self.shell, self.shell.currents
+        total = component_value(shell.volumes, self._component, shell.at.flux_density)
         if currents is None:
             return total
-        total -= component_value(field, self._component, free_flux_density(field))
-        return total - float(np.sum(currents.force(field) * self.motion.at(currents.x)))
+        total -= component_value(shell.volumes, self._component, shell.free_flux_density)
+        return total - float(np.sum(currents.force(shell.field) * self.motion.at(currents.x)))
 
     def load(self) -> Floats:
         field, currents = self.shell.field, self.shell.currents
-        load = field.load_of(component_change(self._component, field.at_quadrature.flux_density))
+        weight = np.zeros(field.elements.points.shape)
+        weight[:, self.shell.rows] = component_change(self._component, self.shell.at.flux_density)
+        load = field.load_of(weight)
         if currents is None or not currents.x.size:
             return load
         along = np.cross(currents.moment, self.motion.at(currents.x), axis=0)
