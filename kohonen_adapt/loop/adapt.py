@@ -1,5 +1,6 @@
 """Adaptive loop of solving, estimating, relocating and polishing."""
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
@@ -32,6 +33,7 @@ from kohonen_adapt.problem.protocol import (
     at_order_of_passes,
     check_problem,
     final_orders,
+    has_method,
     is_curved,
     nodes_of_problem,
     order_of,
@@ -52,6 +54,8 @@ SYNONYMS = {
     "pairs": "periodic",
     "folder": "checkpoint",
 }
+
+logger = logging.getLogger("kohonen_adapt")
 
 
 @with_nearest_names(SYNONYMS)
@@ -133,12 +137,12 @@ def adapt(
         Relative tolerance of the outputs, one fraction or a mapping from name to fraction. The loop stops if the
         estimated errors of the outputs are at most these fractions of their values. The method ``improved`` of the
         problem estimates them, or else the difference from a pass with half the unknowns. With several tolerances all
-        must be met. An output that is zero except for rounding errors, such as a force across a symmetry, never meets
-        its tolerance and has to be left out.
+        must be met. An output that is zero, such as a force across a symmetry, never meets its tolerance: the loop
+        stops, and the mapping has to leave it out. A problem with ``aimed_at`` may take the only output for its goal.
     polish
         True to lower the energy after the map (energy descent). Without ``ritz``, with ``norm = "L2"`` unless the
-        indicators are ``calibrated``, with coefficients that vary inside a region, or on tetrahedra with an order above
-        1, there is no polish, and the message gives the reason.
+        indicators are ``calibrated``, or with coefficients that vary inside a region, there is no polish, and the
+        message gives the reason.
     surfaces
         Surfaces of named boundaries of tetrahedra, see `Rules`.
     periodic
@@ -218,6 +222,8 @@ def adapt(
     errors = ErrorsWanted(goal_rtol is not None, output_rtol is not None)
     constant = Growth.of(int(mesh.nvertices), None, stop.passes, False)
     checked = check_outputs(outputs, output_rtol)
+    if stop.max_nodes is not None:
+        problem = aimed(problem, checked, stop.of_result)
     settings = Settings(rules, schedule, seed, polish, constant, checked, rtol, errors)
     return run(mesh, problem, stop, settings, target_nodes, checkpoint, interim, Steps(progress))
 
@@ -296,6 +302,16 @@ def check_goal(problem: Problem, goal_rtol: float | None, outputs: Mapping[str, 
         )
     if "goal" in (outputs or {}) and has_goal(problem):
         raise ValueError("outputs must not have the name 'goal' beside a goal of the problem; rename the output.")
+
+
+def aimed(problem: Problem, outputs: Mapping[str, Output], tolerance: Tolerance) -> Problem:
+    names = tolerance.only_outputs(outputs)
+    if len(names) != 1 or not has_method(problem, "aimed_at"):
+        return problem
+    found: Problem = problem.aimed_at(outputs[names[0]])  # type: ignore[attr-defined]
+    if found is not problem:
+        logger.info("%s is the goal of the passes", names[0])
+    return found
 
 
 def expect_kernels(method: Method, problem: Problem, settings: Settings) -> None:

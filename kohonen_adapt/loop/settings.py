@@ -161,6 +161,13 @@ class Tolerance:
     def __bool__(self) -> bool:
         return any(each is not None for each in (self.rtol, self.atol, self.output_rtol, self.goal_rtol))
 
+    def only_outputs(self, outputs: Mapping[str, Output]) -> list[str]:
+        """Return the outputs with a tolerance if nothing else has one."""
+        others = (self.rtol, self.atol, self.goal_rtol)
+        if self.output_rtol is None or any(each is not None for each in others):
+            return []
+        return list(self.output_rtol if isinstance(self.output_rtol, Mapping) else outputs)
+
     def unreachable_text(self, passes: Sequence[Pass]) -> str:
         """Return a sentence on values that stay below their errors, or an empty string."""
         last, graded = passes[-1], passes[-GRADED:]

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from skfem import MeshTet
@@ -219,7 +219,33 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
     def goal_error(self, field: SolidField) -> float:
         if self.goal is None:
             raise ValueError("goal_error needs a goal; give one, for instance goal=Force('armature', (0.0, 0.0, 1.0)).")
-        return self.goal(self._better_solution(field)) - self.goal(field)
+        return self.improved(field.mesh, field, {"goal": self.goal})["goal"] - self.goal(field)
+
+    def aimed_at(self, output: object) -> Self:
+        """Return the problem for an output, with a goal where that is quicker.
+
+        Passes of order 1 for the force of TEAM problem 20 take two thirds of the time of passes for the energy to 1 %.
+        Passes of order 2 for the energy are quicker, because they have a polish.
+
+        Parameters
+        ----------
+        output
+            A function of a field. Only a `Goal` can be the goal.
+
+        Returns
+        -------
+        MagneticScalarPotential
+            This problem at order 2, or if it has a goal or another estimator than "residual".
+
+        Examples
+        --------
+        >>> from kohonen_adapt.magnetostatics import Force, MagneticScalarPotential, Material
+        >>> problem, force = MagneticScalarPotential({"air": Material()}, {}), Force("body", (0.0, 0.0, 1.0))
+        >>> problem.aimed_at(force).goal is force, problem.aimed_at(lambda field: 0.0).goal is None
+        (True, True)
+        """
+        taken = self.order > 1 or self.goal is not None or self.estimator != "residual"
+        return self if taken or not isinstance(output, Goal) else replace(self, goal=output)
 
     def improved(self, mesh: MeshTet, field: SolidField, outputs: Mapping[str, Output]) -> dict[str, float]:
         """Return better values of outputs.
@@ -239,7 +265,9 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         dict
             Name to value.
         """
-        better = self._better_solution(field)
+        if "better" not in field.kept:  # outputs and goals have the same
+            field.kept["better"] = self._better_solution(field)
+        better = field.kept["better"]
         return {name: float(output(better)) for name, output in outputs.items()}
 
     def _better_solution(self, field: SolidField) -> SolidField:

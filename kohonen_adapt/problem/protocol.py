@@ -53,6 +53,7 @@ METHODS = {
     "curves": "mesh",
     "improved": "mesh, solution, outputs",
     "singular_nodes": "mesh, solution",
+    "aimed_at": "output",
 }
 
 OF_PASSES = 2  # order of the passes before a higher order; the polish of order 2 takes the least time to an error
@@ -106,6 +107,8 @@ class Problem(Protocol):
     ``goal_unit = ""``                            unit of the goal
     ``improved(mesh, solution, outputs)``         more accurate values of the outputs by name, for example from elements
                                                   of a higher degree
+    ``aimed_at(output)``                          problem with an output as goal, or this problem; called if the output
+                                                  alone has a tolerance
     ============================================  ====================================================================
 
     A method that does not apply to all problems of a class raises `NotOffered` with the reason.

@@ -158,6 +158,22 @@ def test_adapt_ends_at_a_tolerance_of_an_output_in_space(order):
     assert abs(result.outputs["force"].error) <= 0.1 * abs(result.outputs["force"].value)
 
 
+def test_the_only_output_with_a_tolerance_is_the_goal_at_order_1():
+    mesh, problem = magnets()
+    force, torque = GOALS["force"], GOALS["torque"]
+
+    def goal_of(problem, **more):
+        return ka.adapt(mesh, problem, passes=0, **more).best.goal
+
+    assert goal_of(problem, outputs={"f": force}, output_rtol=0.1) == force(problem.solve(mesh))
+    assert goal_of(problem, outputs={"f": force, "t": torque}, output_rtol={"f": 0.1}) == force(problem.solve(mesh))
+    assert goal_of(problem, outputs={"f": force, "t": torque}, output_rtol=0.1) is None
+    assert goal_of(problem, outputs={"f": force}, output_rtol=0.1, rtol=0.1) is None
+    assert goal_of(problem, outputs={"f": force}, output_rtol=0.1, target_nodes=mesh.nvertices) is None
+    assert goal_of(problem, outputs={"f": lambda field: force(field)}, output_rtol=0.1) is None
+    assert goal_of(replace(problem, order=2), outputs={"f": force}, output_rtol=0.1) is None
+
+
 def test_a_goal_of_ones_own():
     """The square of a goal has twice its value for a factor of the derivative."""
 
