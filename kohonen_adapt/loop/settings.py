@@ -1,6 +1,6 @@
 """Settings of an adaptation, with its tolerances."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from hashlib import sha256
 from typing import Any
@@ -161,12 +161,10 @@ class Tolerance:
     def __bool__(self) -> bool:
         return any(each is not None for each in (self.rtol, self.atol, self.output_rtol, self.goal_rtol))
 
-    def only_outputs(self, outputs: Mapping[str, Output]) -> list[str]:
+    def only_outputs(self, outputs: Iterable[str]) -> list[str]:
         """Return the outputs with a tolerance if nothing else has one."""
         others = (self.rtol, self.atol, self.goal_rtol)
-        if self.output_rtol is None or any(each is not None for each in others):
-            return []
-        return list(self.output_rtol if isinstance(self.output_rtol, Mapping) else outputs)
+        return [] if any(each is not None for each in others) else list(self._output_tolerances(outputs))
 
     def unreachable_text(self, passes: Sequence[Pass]) -> str:
         """Return a sentence on values that stay below their errors, or an empty string."""
@@ -175,11 +173,11 @@ class Tolerance:
             return ""
         if self.goal_rtol is not None and last.goal is not None and abs(last.goal) < last.estimate**2:
             return ZERO_GOAL
-        names = [repr(name) for name in self._output_tolerances(last) if _vanishes(name, graded)]
+        names = [repr(name) for name in self._output_tolerances(last.outputs) if _vanishes(name, graded)]
         return ZERO_OUTPUTS.format(" and ".join(names)) if names else ""
 
     def knows_errors(self, last: Pass) -> bool:
-        return self.output_rtol is None or self._output_tolerances(last).keys() <= last.output_errors.keys()
+        return self.output_rtol is None or self._output_tolerances(last.outputs).keys() <= last.output_errors.keys()
 
     def estimate(self, last: Pass) -> float | None:
         """Return the allowed estimate of a pass, None without a tolerance.
@@ -193,16 +191,16 @@ class Tolerance:
         if self.goal_rtol is not None and last.goal is not None and last.goal_error is not None:
             error = max(abs(last.goal_error), CHANCE * last.estimate**2)
             allowed.append(last.estimate * np.sqrt(self.goal_rtol * abs(last.goal) / error) if error else np.inf)
-        for name, tolerance in self._output_tolerances(last).items():
+        for name, tolerance in self._output_tolerances(last.outputs).items():
             value, error = abs(last.outputs[name]), abs(last.output_errors.get(name, np.inf))
             ratio = tolerance * value / error if error > 0.0 else np.inf
             allowed.append(last.estimate * (np.sqrt(ratio) if name in last.output_errors else UNKNOWN))
         return float(min(allowed)) if allowed else None
 
-    def _output_tolerances(self, last: Pass) -> dict[str, float]:
+    def _output_tolerances(self, outputs: Iterable[str]) -> dict[str, float]:
         if isinstance(self.output_rtol, Mapping):
             return dict(self.output_rtol)
-        return {} if self.output_rtol is None else dict.fromkeys(last.outputs, self.output_rtol)
+        return {} if self.output_rtol is None else dict.fromkeys(outputs, self.output_rtol)
 
     def reached_text(self, last: Pass) -> str:
         doubt = "" if last.calibrated or last.goal is not None else " (not calibrated)"
@@ -222,7 +220,7 @@ class Tolerance:
         if self.goal_rtol is not None and goal is not None and error is not None:
             text = f"{percent(abs(error / goal))} " if goal else f"{abs(error):.3g} "
             texts.append(f"goal {goal:.6g} {last.goal_unit}, estimated error {text}(asked {percent(self.goal_rtol)})")
-        for name, tolerance in self._output_tolerances(last).items():
+        for name, tolerance in self._output_tolerances(last.outputs).items():
             value, error = last.outputs[name], last.output_errors.get(name)
             text = "error unknown" if error is None else f"estimated error {abs(error):.3g}"
             if error is not None and value:

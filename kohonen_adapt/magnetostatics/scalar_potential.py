@@ -24,6 +24,7 @@ from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.quantities.goals import check_goal, check_goal_on, unit_of_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.solid_estimation import (
+    are_parallel,
     energy_indicators_in_space,
     goal_indicators_by_surplus,
     linearised_at,
@@ -39,7 +40,6 @@ from kohonen_adapt.problem.ritz import Ritz
 __all__ = ["MagneticScalarPotential"]
 
 ESTIMATORS, ORDERS = ("residual", "recovery", "bracket"), (1, 2)
-PARALLEL = 0.99  # least cosine of the angle between potential and dual for a polish by the energy
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,15 +316,5 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         ritz = functional_in_space(field, self._conditions, self.materials, self.functional_on)
         if self.goal is None:
             return ritz
-        return replace(ritz, comparable=False, shapes_only=not self._dual_is_parallel(field))
-
-    def _dual_is_parallel(self, field: SolidField) -> bool:
-        # The linkage of a single coil in linear material has an error proportional to the error of the energy, which
-        # the polish decreases.
-        if self.goal is None or self.order > 1:
-            return False
-        elements, weight = field.elements, np.sqrt(field.volume / field.reluctivity)
-        one, other = (
-            weight * elements.gradient(each) for each in (field.potential, self._pair(field, self.goal)["dual"])
-        )
-        return float(np.sum(one * other)) ** 2 > PARALLEL**2 * float(np.sum(one**2) * np.sum(other**2))
+        shapes_only = self.order > 1 or not are_parallel(field, self._pair(field, self.goal)["dual"])
+        return replace(ritz, comparable=False, shapes_only=shapes_only)

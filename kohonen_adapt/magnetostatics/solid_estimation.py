@@ -24,6 +24,7 @@ from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.measures import inner_points, magnitude, unit_vectors
 
 __all__ = [
+    "are_parallel",
     "energy_indicators_in_space",
     "goal_indicators_by_surplus",
     "linearised_at",
@@ -36,6 +37,7 @@ __all__ = [
 # By order. The unscaled estimate of order 1 is 3.5 to 3.8 times the error on balls (`benchmarks magnets`), of order 2
 # 4.3 to 5.0 times for smooth fields and 4.1 times at edges of magnets and iron (test_scalar_potential_order_2.py).
 RESIDUAL_SCALES = {1: 1.0 / 3.6, 2: 1.0 / 4.5}
+PARALLEL = 0.99  # least cosine of the angle between potential and dual for a polish by the energy
 STEP = 1e-4  # of central differences, relative to the size of an element
 
 
@@ -133,6 +135,14 @@ def primal_and_dual(
         "dual_flux": weight * elements.gradient(dual) - change + load,
         "region": _equal_materials(field, materials),
     }
+
+
+def are_parallel(field: LocalSolid, dual: Floats) -> bool:
+    # The linkage of a single coil in linear material has an error proportional to the error of the energy, which the
+    # polish decreases.
+    elements, weight = field.elements, np.sqrt(field.volume / field.reluctivity)
+    one, other = (weight * elements.gradient(each) for each in (field.potential, dual))
+    return float(np.sum(one * other)) ** 2 > PARALLEL**2 * float(np.sum(one**2) * np.sum(other**2))
 
 
 def surplus_of(field: LocalSolid, conditions: Conditions) -> tuple[Surplus, Floats]:
