@@ -55,9 +55,9 @@ class Surplus:
             right += 0.5 * np.einsum("jk,ji->ik", size[facet] * np.stack(own), table)
         return right * self.signs
 
-    def solve(self, metric: Floats, right: Floats) -> Floats:
-        # The error in elements, (10, nelements), with signs as in single elements, for the products of the gradients of
-        # barycentric coordinates with C, (4, 4, nelements).
+    def solve(self, metric: Floats, right: Floats) -> tuple[Floats, float]:
+        # The error in elements, (10, nelements), with signs as in single elements, and its squared norm, for the
+        # products of the gradients of barycentric coordinates with C, (4, 4, nelements).
         products = np.einsum("ijab,abk->ijk", _products(), self.volume * metric, optimize=True)
         products *= self.signs[:, None] * self.signs
         row, column = np.broadcast_arrays(self.unknowns[:, None], self.unknowns[None])
@@ -65,7 +65,7 @@ class Surplus:
         matrix, values = matrix[self.free][:, self.free], np.zeros(self.count)
         total = np.bincount(self.unknowns.ravel(), right.ravel(), self.count)[self.free]
         values[self.free], _ = cg(matrix, total, rtol=TOLERANCE, M=diags_array(1.0 / matrix.diagonal()))
-        return values[self.unknowns] * self.signs
+        return values[self.unknowns] * self.signs, float(total @ values[self.free])
 
 
 @cache

@@ -25,6 +25,7 @@ from kohonen_adapt.magnetostatics.quantities.goals import check_goal, check_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.solid_estimation import (
     are_parallel,
+    better_values,
     energy_indicators_in_space,
     goal_indicators_by_surplus,
     linearised_at,
@@ -251,7 +252,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         """Return better values of outputs.
 
         At order 1 they are those of the quadratic field of the problem that is linearised at the field. At order 2 the
-        surplus of cubic functions is added. At edges of iron and magnets the change is smaller than the error.
+        surplus of cubic functions is added, and the change is at least the relative error of the energy.
 
         Parameters
         ----------
@@ -267,12 +268,11 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         """
         if "better" not in field.kept:  # outputs and goals have the same
             field.kept["better"] = self._better_solution(field)
-        better = field.kept["better"]
-        return {name: float(output(better)) for name, output in outputs.items()}
+        return better_values(field, field.kept["better"], outputs)
 
     def _better_solution(self, field: SolidField) -> SolidField:
         if field.order > 1:
-            return with_surplus(field, self._conditions(field), self.method)
+            return with_surplus(field, self._conditions(field), self.materials, self.method)
         quadratic = replace(self, order=2, goal=None, estimator="residual")
         return linearised_at(field, *quadratic.functional_on(field.mesh), self.method)
 

@@ -1,0 +1,18 @@
+"""Errors of forces in space at order 2 are told where the changes by cubic functions cancel."""
+
+import pytest
+
+import kohonen_adapt as ka
+from benchmarks.checks.forces_in_space import DEVICES
+
+FORCES = {"magnet over steel": -23.055, "two magnets": -33.290}  # of 8000 and 12 000 nodes at order 2, to 1e-4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("device", [device for device in DEVICES if device.name in FORCES], ids=lambda each: each.name)
+def test_of_the_error_of_a_force_on_an_adapted_mesh_three_quarters_are_told(device):
+    problem = device.problem(2)
+    result = ka.adapt(device.mesh(), problem, passes=1)
+    told = problem.improved(result.mesh, result.solution, {"force": device.force})["force"]
+    value = device.force(result.solution)
+    assert 0.75 * abs(FORCES[device.name] - value) < abs(told - value) < 0.005 * abs(value)
