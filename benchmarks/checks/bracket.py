@@ -151,7 +151,7 @@ OUTSIDE: Any = ({"outer": 0.0}, None, {"y": "parallel"})
 CORNERS = 1e-3 * np.array([[-18.0, 18.0, 18.0, -18.0], [-18.0, -18.0, 18.0, 18.0], [0.0, 0.0, 0.0, 0.0]])
 WINDING = Coil(CORNERS, 0.01, 2.0 * HALF, AMPERE_TURNS)
 PROBLEMS = {
-    "T0": MagneticScalarPotential(frame_materials(), *OUTSIDE),
+    "T0": MagneticScalarPotential(frame_materials(), *OUTSIDE, order=1),
     "coil": MagneticScalarPotential(
         {"iron": Material(permeability=1000.0), "air": Material()}, *OUTSIDE, coils={"winding": WINDING}
     ),
@@ -174,7 +174,7 @@ def inductance(found: Bracket) -> tuple[float, float]:
 def fluxes(quick: bool) -> str:
     """Error of the fluxes through sections of thin plates, relative to the largest, against a fine mesh."""
     problem, coarse = vector_problem(), plates(3.2 if quick else 2.1)
-    scalar = MagneticScalarPotential(problem.materials, problem.potential)
+    scalar = MagneticScalarPotential(problem.materials, problem.potential, order=1)
     fine = problem.solve(plates(1.6 if quick else 1.0))
     fields = {"scalar potential": scalar.solve(coarse), "edge elements": problem.solve(coarse)}
     for floor in () if quick else FLOORS:

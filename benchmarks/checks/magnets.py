@@ -28,13 +28,15 @@ POLES = {"a": (0.0, 0.0, 1.2), "b": (0.0, 0.5, 1.0)}
 PLACES = {"a": ((-0.010, -0.010, -0.005), (0.010, 0.010, 0.005)), "b": ((-0.006, -0.010, 0.010), (0.014, 0.010, 0.020))}
 MIDDLE = (0.004, 0.0, 0.015)  # of the second
 MARKS = ([-0.010, -0.006, 0.010, 0.014], [-0.010, 0.010], [-0.005, 0.005, 0.010, 0.020])
-CUBOIDS = MagneticScalarPotential({k: Material(remanence=v) for k, v in POLES.items()} | {"air": AIR}, {"outer": 0.0})
+POLES_IN_AIR = {name: Material(remanence=each) for name, each in POLES.items()} | {"air": AIR}
+CUBOIDS = MagneticScalarPotential(POLES_IN_AIR, {"outer": 0.0}, order=1)
 BALL = MagneticScalarPotential(
     {"ball": Material(remanence=(0.0, 0.0, MU0 * MAGNETISATION)), "air": AIR},
     {"outer": lambda x: dipole(x, MAGNETISATION / 3.0)[0]},
+    order=1,
 )
 OVER_IRON = MagneticScalarPotential(
-    {"magnet": Material(remanence=POLES["b"]), "air": AIR}, {"outer": 0.0}, symmetry={"z-": "normal"}
+    {"magnet": Material(remanence=POLES["b"]), "air": AIR}, {"outer": 0.0}, symmetry={"z-": "normal"}, order=1
 )
 
 

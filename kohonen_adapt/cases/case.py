@@ -27,7 +27,6 @@ from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
 from kohonen_adapt.mesh.cells import TETRAHEDRON, check_kind
 from kohonen_adapt.mesh.curved import corners_of, is_second_order
-from kohonen_adapt.problem.protocol import AutoOrder
 
 __all__ = ["Case", "keys_of_space", "remedy_in_plane"]
 
@@ -117,11 +116,12 @@ class Case:
         OSError
             If the file cannot be read.
         """
-        if isinstance(self.base_problem, MagneticScalarPotential):
-            return self.base_problem
-        if self.mesh_file.is_file() and type(self.drawn) is TETRAHEDRON.mesh:
-            return as_scalar_potential(self.base_problem)
-        return self._turned(self._with_points(self.base_problem))
+        problem = self.base_problem
+        if isinstance(problem, Magnetostatics) and self.mesh_file.is_file() and type(self.drawn) is TETRAHEDRON.mesh:
+            problem = as_scalar_potential(problem)
+        if isinstance(problem, MagneticScalarPotential):  # bounds need straight facets
+            return replace(problem, curved=False) if self.bracket else problem
+        return self._turned(self._with_points(problem))
 
     @property
     def goal(self) -> Goal | None:
@@ -263,16 +263,15 @@ def as_scalar_potential(problem: Magnetostatics) -> MagneticScalarPotential:
         If the case has settings that are valid in the plane only.
     """
     default = Magnetostatics(problem.materials, problem.potential or {"": 0.0}, estimator=problem.estimator)
-    shared = ("materials", "potential", "estimator", "goal")
+    shared = ("materials", "potential", "estimator", "goal", "order")
     plane_only = [
         each.name
         for each in fields(problem)
-        if each.name not in (*shared, "order") and not _is_default(each.name, problem, default)
+        if each.name not in shared and not _is_default(each.name, problem, default)
     ]
     if plane_only:
         raise ValueError(f"{', '.join(plane_only)}: for meshes of triangles only, but the mesh is one of tetrahedra.")
-    order = 1 if isinstance(problem.order, AutoOrder) else problem.order
-    return MagneticScalarPotential(**{name: getattr(problem, name) for name in shared}, order=order)
+    return MagneticScalarPotential(**{name: getattr(problem, name) for name in shared})
 
 
 def _is_default(name: str, problem: Magnetostatics, default: Magnetostatics) -> bool:

@@ -43,6 +43,7 @@ SPACE = kinds_of(
     MagneticScalarPotential,
     {"potential": table_of(POTENTIAL), "applied_field": VECTOR, "goal": goal, "coils": table_of(coil)},
 )
+SPACE["order"] = ORDER
 """Keys of a case that are arguments of `MagneticScalarPotential`."""
 
 ADAPT = kinds_of(adapt, {"curves": table_of(shape), "periodic": PAIRS, "schedule": schedule})

@@ -12,6 +12,7 @@ from kohonen_adapt.checks import is_number, listed, nearest_name
 from kohonen_adapt.geometry.plane.curves import Arc, Curve
 from kohonen_adapt.geometry.rules import checked_pair
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value
+from kohonen_adapt.magnetostatics.field_problem import check_elements
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
@@ -25,13 +26,6 @@ __all__ = ["Arguments", "check_plane_mesh", "checked_order"]
 
 ORDERS = range(1, 9)
 ESTIMATORS = ("residual", "recovery", "equilibrated")  # see `estimation.estimated`
-
-
-class DefaultOrder(AutoOrder):
-    """Default order of the elements, chosen by the estimator.
-
-    `dataclasses.replace` with another estimator chooses again.
-    """
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +44,7 @@ class Arguments:
     open_boundary: str | None = None
     periodic: Sequence[Pair] = ()
     antiperiodic: Sequence[Pair] = ()
-    order: int = DefaultOrder(2)
+    order: int = AutoOrder(2)  # `dataclasses.replace` with another estimator chooses again
     goal: Goal | None = None
     applied_field: tuple[float, float] = (0.0, 0.0)
     points: Mapping[str, tuple[float, float] | Floats] | None = None
@@ -60,9 +54,9 @@ class Arguments:
     def __post_init__(self) -> None:
         self._check_kinds()
         self._check_fixed()
-        if isinstance(self.order, DefaultOrder) or str(self.order) == "auto":
+        if isinstance(self.order, AutoOrder) or str(self.order) == "auto":
             object.__setattr__(self, "order", self._default_order())
-        self._check_order()
+        check_elements(checked_order(self.order, ", or 'auto'"), self.curved, self.estimator)
         self._check_depth()
         self._check_sides()
         self._check_bound()
@@ -149,19 +143,9 @@ class Arguments:
                 f"otherwise A is known only up to a constant; got {self.potential!r}."
             )
 
-    def _default_order(self) -> DefaultOrder:
+    def _default_order(self) -> AutoOrder:
         # Least time to an error of 1 %, also for goals: python -m benchmarks goal-orders
-        return DefaultOrder(2 if self.estimator == "residual" else 1)
-
-    def _check_order(self) -> None:
-        checked_order(self.order, ", or 'auto'")
-        if not isinstance(self.curved, bool):
-            raise ValueError(f"curved must be True or False; got {self.curved!r}.")
-        if self.order > 1 and self.estimator != "residual":
-            raise ValueError(
-                f"elements of order {self.order} have the estimator 'residual' only; got {self.estimator!r}. "
-                "Set order=1 for other estimators."
-            )
+        return AutoOrder(2 if self.estimator == "residual" else 1)
 
     def _check_sides(self) -> None:
         valid = self.sides is None or isinstance(self.sides, Mapping)

@@ -55,7 +55,7 @@ def bracket(
     >>> bracket(mesh, {"magnet": Material(remanence=(0.0, 0.0, 1.2)), "air": Material()}, {"far": 0.0})
     <Bracket: energy between 13200.5 and 20974.8 J, 37 % apart; guaranteed>
     """
-    problem = MagneticScalarPotential(materials, potential, applied_field, symmetry, coils=coils)
+    problem = MagneticScalarPotential(materials, potential, applied_field, symmetry, order=1, coils=coils)
     return bracket_of(problem, problem.solve(mesh))
 
 

@@ -12,7 +12,7 @@ from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.problem.protocol import NotOffered
 
-__all__ = ["FieldProblem"]
+__all__ = ["FieldProblem", "check_elements"]
 
 
 MeshKind = TypeVar("MeshKind", bound=Mesh)
@@ -145,3 +145,13 @@ class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
         if self.goal is not None:
             raise NotOffered("the error of a goal is no fraction of the energy")
         return float(np.sqrt(field.squared_norm))
+
+
+def check_elements(order: int, curved: object, estimator: str) -> None:
+    if not isinstance(curved, bool):
+        raise ValueError(f"curved must be True or False; got {curved!r}.")
+    if order > 1 and estimator != "residual":
+        raise ValueError(
+            f"elements of order {order} have the estimator 'residual' only; got {estimator!r}. "
+            "Set order=1 for other estimators."
+        )

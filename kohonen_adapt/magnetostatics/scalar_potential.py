@@ -16,7 +16,7 @@ from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
-from kohonen_adapt.magnetostatics.field_problem import FieldProblem
+from kohonen_adapt.magnetostatics.field_problem import FieldProblem, check_elements
 from kohonen_adapt.magnetostatics.functional import functional_in_space
 from kohonen_adapt.magnetostatics.hypercircle import gap_indicators, with_currents_of
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
@@ -36,6 +36,7 @@ from kohonen_adapt.magnetostatics.solid_estimation import (
 from kohonen_adapt.magnetostatics.vector_potential import MagneticVectorPotential
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.problem.evaluation import Output
+from kohonen_adapt.problem.protocol import AutoOrder
 from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = ["MagneticScalarPotential"]
@@ -77,12 +78,11 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         the field of `MagneticVectorPotential`, a guaranteed bound of the error (see `bracket`).
     goal
         Quantity to adapt the mesh for in place of the energy: `Force`, `Torque`, `FluxLinkage`, `StoredEnergy`,
-        `FluxDensityAt`, or a user-defined `Goal`. `indicators` are then those of `ka.estimators.goal_oriented`, and
-        there is no `energy_norm`. At equal nodes the error of a force is 0.5 to 1.1 times that of a mesh adapted for
-        the energy (`benchmarks magnets`).
+        `FluxDensityAt`, or a user-defined `Goal`. There is no `energy_norm` then. At order 1 the error of a force is
+        0.5 to 1.1 times that of a mesh of as many nodes adapted for the energy (`benchmarks magnets`).
     order
-        Degree of the elements, 1 or 2. At order 2 B is linear in every element, with the unknowns of
-        `skfem.ElementTetP2`.
+        1, 2 (B is linear in every element, with the unknowns of `skfem.ElementTetP2`) or "auto", the default: 2, which
+        takes less time to an error, but 1 with applied fields, coils, magnets that vary inside or another estimator.
     curved
         At order 2 `kohonen_adapt.adapt` puts the nodes inside edges onto curved surfaces and solves on a `MeshTet2`. An
         edge that would fold an element stays straight. On straight edges the error of H falls by the power 1.3 of the
@@ -113,25 +113,25 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
 
     estimator: str = "residual"
     goal: Goal | None = None
-    order: int = 1
+    order: int = AutoOrder(2)
     curved: bool = True
     method: ClassVar[Newton] = Newton(solver=IN_SPACE)  # subclasses may override
 
     def __post_init__(self) -> None:
+        super().__post_init__()
+        if isinstance(self.order, AutoOrder) or str(self.order) == "auto":
+            object.__setattr__(self, "order", self._default_order())
         if not is_count(self.order) or self.order not in ORDERS:
             raise ValueError(f"order of MagneticScalarPotential must be 1 or 2; got {self.order!r}.")
-        if not isinstance(self.curved, bool):
-            raise ValueError(f"curved must be True or False; got {self.curved!r}.")
         if self.estimator not in ESTIMATORS:
             raise ValueError(f"estimator must be 'residual', 'recovery' or 'bracket'; got {self.estimator!r}.")
-        if self.order > 1 and self.estimator != "residual":
-            raise ValueError(
-                f"elements of order {self.order} have the estimator 'residual' only; got {self.estimator!r}. "
-                "Set order=1 for other estimators."
-            )
-        super().__post_init__()
+        check_elements(self.order, self.curved, self.estimator)
         if self.goal is not None:
             check_goal(self.goal, 3, self.estimator)
+
+    def _default_order(self) -> AutoOrder:
+        # Least time to an error of 1 %: python -m benchmarks forces-in-space
+        return AutoOrder(2 if self.estimator == "residual" and self.has_polish_of_order_2 else 1)
 
     @property
     def calibrated(self) -> bool:
@@ -226,7 +226,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         """Return the problem for an output, with a goal where that is quicker.
 
         Passes of order 1 for the force of TEAM problem 20 take two thirds of the time of passes for the energy to 1 %.
-        Passes of order 2 for the energy are quicker, because they have a polish.
+        At order 2 passes for the energy are quicker.
 
         Parameters
         ----------
@@ -241,7 +241,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         Examples
         --------
         >>> from kohonen_adapt.magnetostatics import Force, MagneticScalarPotential, Material
-        >>> problem, force = MagneticScalarPotential({"air": Material()}, {}), Force("body", (0.0, 0.0, 1.0))
+        >>> problem, force = MagneticScalarPotential({"air": Material()}, {}, order=1), Force("body", (0.0, 0.0, 1.0))
         >>> problem.aimed_at(force).goal is force, problem.aimed_at(lambda field: 0.0).goal is None
         (True, True)
         """

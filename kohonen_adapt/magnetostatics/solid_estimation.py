@@ -42,8 +42,7 @@ __all__ = [
 # By order. The unscaled estimate of order 1 is 3.5 to 3.8 times the error on balls (`benchmarks magnets`), of order 2
 # 4.3 to 5.0 times for smooth fields and 4.1 times at edges of magnets and iron (test_scalar_potential_order_2.py).
 RESIDUAL_SCALES = {1: 1.0 / 3.6, 2: 1.0 / 4.5}
-# At edges of materials cubic functions are two thirds of the error, as uniform meshes of five devices of magnets and
-# steel show (benchmarks forces-in-space).
+# At edges of materials cubic functions are two thirds of the error (benchmarks forces-in-space).
 AT_EDGES = 1.5
 TURNED = 1.0  # least measure of a turn at an edge: twice the square of the sine, of 45 degrees
 PARALLEL = 0.99  # least cosine of the angle between potential and dual for a polish by the energy
@@ -196,8 +195,7 @@ def with_surplus(
 
 
 def better_values(field: SolidField, better: SolidField, outputs: Mapping[str, Output]) -> dict[str, float]:
-    # On graded meshes the parts of a change cancel by chance, and so do not those of the error. The relative error of
-    # an output is at least that of the energy.
+    # The parts of a change cancel by chance on graded meshes.
     values = {name: float(output(better)) for name, output in outputs.items()}
     if not isinstance(better, EnrichedField):
         return values
@@ -209,7 +207,7 @@ def better_values(field: SolidField, better: SolidField, outputs: Mapping[str, O
 
 
 def at_edges(mesh: MeshTet, material: Ints) -> Mask:
-    # elements at edges where the surface between two materials turns by more than 45 degrees, or a third one begins
+    # elements at edges where the surface between two materials turns by more than 45 degrees, or meets a third
     inner = np.flatnonzero(mesh.f2t[1] >= 0)
     facets = mesh.facets[:, inner[np.not_equal(*material[mesh.f2t[:, inner]])]]
     normal = np.tile(unit_vectors(normals(mesh.p.T, facets.T).T), 3)

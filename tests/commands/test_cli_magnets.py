@@ -172,7 +172,7 @@ def test_keys_of_space_and_of_the_plane_are_told_apart(folder, capsys):
 
 @pytest.mark.parametrize(
     ("key", "order", "estimator"),
-    [("", 1, "residual"), ("order = 1", 1, "residual"), ("order = 2", 2, "residual"),
+    [("", 2, "residual"), ("order = 1", 1, "residual"), ("order = 2", 2, "residual"),
      ('estimator = "bracket"', 1, "bracket")],
 )  # fmt: skip
 def test_order_and_estimator_of_tetrahedra_without_other_keys_of_space(key, order, estimator, folder):
@@ -196,7 +196,7 @@ def test_an_order_that_tetrahedra_do_not_have(folder, capsys):
 
 
 def test_a_case_asks_for_bounds_by_both_potentials(folder, tmp_path, capsys):
-    text = CASE.replace("scale = 1e-3", "scale = 1e-3\nbracket = true").replace("passes = 1", "passes = 0")
+    text = CASE.replace("scale = 1e-3", "scale = 1e-3\nbracket = true\norder = 1").replace("passes = 1", "passes = 0")
     (folder / "case.toml").write_text(text)
     assert cli.main(["run", str(folder / "case.toml"), "--out", str(tmp_path / "out")]) == 0
     case = read_case(folder / "case.toml")

@@ -39,7 +39,7 @@ def cuboids(step, far=0.06):
 def under_iron(step=0.005):
     """A magnet under a plate of iron that saturates."""
     parts = {"a": POLES["a"], "b": Material(bh=Froehlich(500.0, 1.6)), "air": AIR}
-    return cuboids(step), MagneticScalarPotential(parts, {"outer": 0.0})
+    return cuboids(step), MagneticScalarPotential(parts, {"outer": 0.0}, order=1)
 
 
 def applied():
@@ -59,11 +59,11 @@ def halved():
         axes, {"a": ((-0.02, -0.01, 0.0), (-0.01, 0.01, 0.01)), "b": ((0.01, -0.01, 0.0), (0.02, 0.01, 0.01))}
     )
     parts = {"a": Material(remanence=(1.0, 0.5, 0.0)), "b": Material(remanence=(1.0, 0.0, 0.0)), "air": AIR}
-    return mesh, MagneticScalarPotential(parts, {"x-": 0.0, "z+": 0.0}, symmetry={"z-": "parallel"})
+    return mesh, MagneticScalarPotential(parts, {"x-": 0.0, "z+": 0.0}, symmetry={"z-": "parallel"}, order=1)
 
 
 def magnets():
-    return cuboids(0.006), MagneticScalarPotential(POLES, {"outer": 0.0})
+    return cuboids(0.006), MagneticScalarPotential(POLES, {"outer": 0.0}, order=1)
 
 
 GOALS = {
@@ -216,7 +216,11 @@ def test_estimates_are_calibrated_without_a_goal():
 
 def test_a_force_converges_on_meshes_adapted_for_it_and_what_is_missing_is_told():
     """To less than on those for the energy; and with what is told there is less than half of the error."""
-    problem, nodes, errors = MagneticScalarPotential(POLES, {"outer": 0.0}, goal=Force("b", tuple(PULL))), [], []
+    problem, nodes, errors = (
+        MagneticScalarPotential(POLES, {"outer": 0.0}, order=1, goal=Force("b", tuple(PULL))),
+        [],
+        [],
+    )
     for step in (0.005, 0.0033):
         mesh = cuboids(step, far=0.15)
         field = ka.adapt(mesh, problem, passes=2).solution
@@ -230,7 +234,7 @@ def test_a_force_converges_on_meshes_adapted_for_it_and_what_is_missing_is_told(
 
 def test_b_between_the_magnets_is_right_to_a_hundredth_and_its_error_is_told():
     goal = FluxDensityAt((0.001, 0.0, 0.0075), tuple(BETWEEN))
-    problem = MagneticScalarPotential(POLES, {"outer": 0.0}, goal=goal)
+    problem = MagneticScalarPotential(POLES, {"outer": 0.0}, order=1, goal=goal)
     mesh = cuboids(0.0033, far=0.15)
     field = ka.adapt(mesh, problem, passes=2).solution
     error = np.linalg.norm(BETWEEN) - goal(field)
@@ -277,7 +281,7 @@ def test_the_loop_with_a_goal_exchanges_nodes_by_its_indicators_alone():
 )
 def test_wrong_goals_are_named(goal, message):
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
-        MagneticScalarPotential(POLES, {"outer": 0.0}, goal=goal)
+        MagneticScalarPotential(POLES, {"outer": 0.0}, order=1, goal=goal)
 
 
 @pytest.mark.parametrize(

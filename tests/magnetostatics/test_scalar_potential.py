@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from kohonen_adapt.magnetostatics.equations.system import Solver
 from kohonen_adapt.problem.functional_value import functional_value
 
 MAGNETISATION = 1e6
+of_order_1 = partial(MagneticScalarPotential, order=1)
 AIR = Material()
 CELLS = (2, 4)
 
@@ -52,7 +54,7 @@ def balls():
 @pytest.fixture(scope="module")
 def magnetised(balls):
     """A ball magnetised along z: inside B = 2/3 mu0 M."""
-    problem = MagneticScalarPotential(
+    problem = of_order_1(
         {"ball": Material(remanence=(0.0, 0.0, MU0 * MAGNETISATION)), "air": AIR},
         {"outer": lambda x: dipole(x, MAGNETISATION / 3.0)[0]},
     )
@@ -85,8 +87,8 @@ def test_permeable_ball_in_a_uniform_field(balls, bh):
     b = inside_of_ball(bh, uniform) if bh else 3000.0 / 1002.0 * MU0 * uniform
     moment, errors = uniform - 0.5 * (3.0 * uniform - b / MU0), []
     rim = lambda x: dipole(x, moment)[0]  # noqa: E731
-    applied = MagneticScalarPotential({"ball": iron, "air": AIR}, {"outer": rim}, applied_field=(0.0, 0.0, uniform))
-    given = MagneticScalarPotential(applied.materials, {"outer": lambda x: rim(x) - uniform * x[2]})
+    applied = of_order_1({"ball": iron, "air": AIR}, {"outer": rim}, applied_field=(0.0, 0.0, uniform))
+    given = of_order_1(applied.materials, {"outer": lambda x: rim(x) - uniform * x[2]})
     for mesh in balls:
         one, other = applied.solve(mesh), given.solve(mesh)
         scale = np.abs(other.flux_density).max()
@@ -107,7 +109,7 @@ def test_newton_about_flux_densities(balls, seed):
         warnings.simplefilter("ignore")
         law = Froehlich(2000.0, 1.6) if seed == 0 else Table(np.cumsum((rise, share * rise / MU0), axis=1).T)
     materials, field = {"ball": Material(bh=law), "air": AIR}, (0.0, 0.0, 3e6)
-    problem = MagneticScalarPotential(materials, {"outer": 0.0}, applied_field=field)
+    problem = of_order_1(materials, {"outer": 0.0}, applied_field=field)
     energy, _ = problem.functional_on(balls[0])
     found, steps = problem.method.descend_coenergy(energy)
     wanted, damped = problem.method.descend(energy, energy.conditions.values)
@@ -135,7 +137,7 @@ def test_the_functional_is_what_solutions_minimise(magnetised):
 def test_the_functional_of_iron(balls, bh):
     """The co-energy, by the inverse of the law."""
     iron = Material(bh=bh) if bh else Material(500.0)
-    problem = MagneticScalarPotential({"ball": iron, "air": AIR}, {"outer": lambda x: -3e5 * x[2]})
+    problem = of_order_1({"ball": iron, "air": AIR}, {"outer": lambda x: -3e5 * x[2]})
     field = problem.solve(balls[0])
     assert functional_value(balls[0], problem.ritz(balls[0], field)) == pytest.approx(field.coenergy)
 
@@ -181,7 +183,7 @@ def test_flux_through_surfaces():
         "back": OrientedBoundary(wall, 1 - low),
     }
     mesh = MeshTet(mesh.p, mesh.t, _boundaries={**named, "corner": around}, _subdomains=mesh.subdomains)
-    problem = MagneticScalarPotential({"air": Material(1000.0)}, {"x-": 2.0, "x+": 0.0})  # H = 1 A/m along x
+    problem = of_order_1({"air": Material(1000.0)}, {"x-": 2.0, "x+": 0.0})  # H = 1 A/m along x
     field, flux = problem.solve(mesh), 1000.0 * MU0
     for name, wanted in {"x+": flux, "x-": -flux, "y-": 0.0, "wall": flux, "out": flux, "back": -flux}.items():
         assert field.flux(name) == pytest.approx(wanted, abs=1e-9 * flux)
@@ -211,15 +213,13 @@ def test_planes_of_symmetry(kind, image):
                   {"magnet": ((-1.0, -1.0, 1.0), (1.0, 1.0, 2.0))})  # fmt: skip
     far = [name for name in half.boundaries if name not in ("outer", "z-")]
     magnet = Material(remanence=(0.3, 0.0, 1.0))
-    part = MagneticScalarPotential(
-        {"magnet": magnet, "air": AIR}, dict.fromkeys(far, 0.0), symmetry={"z-": kind}
-    ).solve(half)
+    part = of_order_1({"magnet": magnet, "air": AIR}, dict.fromkeys(far, 0.0), symmetry={"z-": kind}).solve(half)
     mesh = mirrored(half, 2)
     upper = middles(mesh)[2, mesh.subdomains["magnet"]] > 0.0
     names = {"magnet": mesh.subdomains["magnet"][upper], "image": mesh.subdomains["magnet"][~upper]}
     mesh = mesh.with_subdomains({**names, "air": mesh.subdomains["air"]})
     materials = {"magnet": magnet, "image": Material(remanence=image), "air": AIR}
-    whole = MagneticScalarPotential(materials, {"outer": 0.0}).solve(mesh)
+    whole = of_order_1(materials, {"outer": 0.0}).solve(mesh)
     assert whole.energy == pytest.approx(2.0 * part.energy, rel=1e-9)
     x = np.random.default_rng(1).uniform([[-4.0], [-4.0], [0.01]], [[4.0], [4.0], [5.0]], (3, 50))
     np.testing.assert_allclose(whole.flux_density_at(x), part.flux_density_at(x), atol=1e-8)
@@ -235,12 +235,12 @@ def test_half_a_body(kind):
     along = (0.0, 0.0, 1.0) if kind == "normal" else (1.0, 0.5, 0.0)
     materials = {name: Material(remanence=along) for name in "ab"} | {"air": AIR}
     far = [name for name in half.boundaries if name not in ("outer", "z-")]
-    part = MagneticScalarPotential(materials, dict.fromkeys(far, 0.0), symmetry={"z-": kind}).solve(half)
-    whole = MagneticScalarPotential(materials, {"outer": 0.0}).solve(mirrored(half, 2))
+    part = of_order_1(materials, dict.fromkeys(far, 0.0), symmetry={"z-": kind}).solve(half)
+    whole = of_order_1(materials, {"outer": 0.0}).solve(mirrored(half, 2))
     for name in "ab":
         np.testing.assert_allclose(2.0 * part.force(name), whole.force(name), rtol=1e-6, atol=1e-2)
         np.testing.assert_allclose(2.0 * part.torque(name), whole.torque(name), rtol=1e-6, atol=1e-2)
-    free = MagneticScalarPotential(materials, dict.fromkeys(far, 0.0)).solve(half)
+    free = of_order_1(materials, dict.fromkeys(far, 0.0)).solve(half)
     with pytest.raises(ValueError, match=r"facets that are on no plane of symmetry.* Name them in symmetry"):
         free.force("a")
 
@@ -248,7 +248,7 @@ def test_half_a_body(kind):
 def test_nothing_given_is_known_up_to_a_constant(balls):
     """Without a potential no flux leaves the mesh, and what is free is a constant for each of its parts."""
     ball = balls[0]
-    problem = MagneticScalarPotential({"ball": Material(1.1, remanence=(0.0, 0.0, 1.0)), "air": AIR})
+    problem = of_order_1({"ball": Material(1.1, remanence=(0.0, 0.0, 1.0)), "air": AIR})
     field = problem.solve(ball)
     apart = ball.translated((20.0, 0.0, 0.0))
     both = MeshTet(np.hstack([ball.p, apart.p]), np.hstack([ball.t, apart.t + ball.p.shape[1]]))
@@ -266,14 +266,14 @@ def test_magnets_that_turn(balls):
     """A remanence by a function of the place, at every point in its elements; one that is constant is that constant."""
     uniform = lambda x: np.tile([[0.1], [0.0], [1.0]], x.shape[1])  # noqa: E731
     one, other = (
-        MagneticScalarPotential({"ball": Material(1.05, remanence=given), "air": AIR}, {"outer": 0.0})
+        of_order_1({"ball": Material(1.05, remanence=given), "air": AIR}, {"outer": 0.0})
         for given in (uniform, (0.1, 0.0, 1.0))
     )
     fields = one.solve(balls[0]), other.solve(balls[0])
     np.testing.assert_allclose(fields[0].flux_density, fields[1].flux_density, atol=1e-12)
     np.testing.assert_allclose(one.indicators(balls[0], fields[0]), other.indicators(balls[0], fields[1]), rtol=1e-6)
     with pytest.raises(ValueError, match=r"remanence of 'ball' must have shape \(3, n\)"):
-        MagneticScalarPotential({"ball": Material(remanence=radial(1.0)), "air": AIR}).solve(balls[0])
+        of_order_1({"ball": Material(remanence=radial(1.0)), "air": AIR}).solve(balls[0])
 
 
 def test_multigrid_gives_the_same(balls):
@@ -308,7 +308,7 @@ def test_cuboid_magnets_against_magpylib():
     exact = magpylib.getB([one, other], x.T, sumup=True).T
     errors = []
     for step, layers in ((0.005, 3), (0.0025, 5)):
-        field = MagneticScalarPotential(materials, {"outer": 0.0}).solve(cuboids(step, layers))
+        field = of_order_1(materials, {"outer": 0.0}).solve(cuboids(step, layers))
         pairs = (
             (field.flux_density_at(x, recovered=True), exact),
             (field.force("b"), force),
@@ -327,7 +327,7 @@ MAGNET = {"magnet": Material(remanence=(0.0, 0.0, 1.0)), "air": AIR}
 
 def refused(match, mesh=BOX, materials=MAGNET, **arguments):
     with pytest.raises(ValueError, match=match):
-        MagneticScalarPotential(materials, **arguments).solve(mesh)
+        of_order_1(materials, **arguments).solve(mesh)
 
 
 def test_bad_input():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import meshio
 import numpy as np
 import pytest
-from helpers.magnet_solids import blocks
+from helpers.magnet_solids import blocks, nested_balls
 from helpers.sheets import MU0
 from skfem import Basis, BilinearForm, ElementTetP2, LinearForm, MeshTet, condense, solve
 from skfem.helpers import dot, grad
@@ -13,6 +13,7 @@ from skfem.helpers import dot, grad
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Force, Froehlich, MagneticScalarPotential, Material, StoredEnergy, Torque
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
+from kohonen_adapt.magnetostatics.solid_estimation import at_edges
 from kohonen_adapt.plotting import plot_slice, plot_surface
 from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.report import write_report
@@ -415,6 +416,32 @@ def test_a_goal_beside_magnets_and_steel():
     assert 0.5 < problem.goal_error(fields[1]) / (exact - goal(fields[1])) < 1.1
     adapted = ka.adapt(fields[0].mesh, problem, passes=2, target_nodes=300)
     assert abs(exact - adapted.best.goal) < 0.5 * abs(exact - goal(fields[0]))
+
+
+def test_the_default_is_order_2_where_it_has_a_polish():
+    arguments = {"magnet": Material(remanence=(0.0, 0.0, 1.2)), "air": AIR}, RIM
+    default = MagneticScalarPotential(*arguments)
+    assert (default.order, replace(default, estimator="recovery").order, replace(default, order="auto").order) == (
+        2,
+        1,
+        2,
+    )
+    assert replace(default, applied_field=(0.0, 0.0, 1.0)).order == 1
+    assert replace(default, materials={"magnet": Material(remanence=turning), "air": AIR}).order == 1
+    assert replace(replace(default, estimator="recovery"), estimator="residual").order == 2
+    assert replace(default, order=1).order == 1
+
+
+def test_elements_at_edges_of_a_block_and_none_at_a_ball():
+    mesh = blocks([AXIS] * 3, {"block": ((-0.5, -0.5, -0.5), (0.5, 0.5, 0.0))})
+    inside = np.isin(np.arange(mesh.nelements), mesh.subdomains["block"])
+    on = (np.abs(mesh.p) < 0.51).all(axis=0) & (mesh.p[2] < 0.01)
+    sides = [np.isclose(np.abs(mesh.p[0]), 0.5), np.isclose(np.abs(mesh.p[1]), 0.5)]
+    sides.append(np.isclose(mesh.p[2], -0.5) | np.isclose(mesh.p[2], 0.0))
+    edges = on & (np.sum(sides, axis=0) >= 2)
+    np.testing.assert_array_equal(at_edges(mesh, inside.astype(int)), edges[mesh.t].any(axis=0))
+    ball = nested_balls(4)
+    assert not at_edges(ball, np.isin(np.arange(ball.nelements), ball.subdomains["ball"]).astype(int)).any()
 
 
 # --- refused -------------------------------------------------------------------------------------------------------

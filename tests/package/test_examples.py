@@ -402,7 +402,9 @@ def test_gripper_pulls_as_on_fine_meshes_once_it_is_adapted(tmp_path, monkeypatc
     gripper = importlib.import_module("gripper")  # which the processes of a sweep can import, too
     found = gripper.main(tmp_path, gaps=(1e-3,), passes=1)
     (row,) = found.table
-    assert row["nodes"] == 1510 and row["energy adapted (J)"] == pytest.approx(0.1291, rel=0.03)
+    assert row["nodes"] == pytest.approx(1510, rel=0.02) and row["energy adapted (J)"] == pytest.approx(
+        0.1291, rel=0.003
+    )
     assert abs(row["force adapted (N)"] - 76.11) < abs(row["force as drawn (N)"] - 76.11) / 3.0
     assert {file.name for file in tmp_path.iterdir()} == {"gripper.csv", "gripper.png", "gripper.vtu"}
     mesh = ka.read_mesh(EXAMPLES / "gripper.msh", scale=1e-3)

@@ -123,9 +123,11 @@ def value(mesh, problem):
     return functional.value(movable.tetrahedralization, functional.solution), functional
 
 
-MAGNET = MagneticScalarPotential({"ball": Material(remanence=(0.0, 0.0, 1.0)), "air": Material()}, {"outer": 0.0})
+MAGNET = MagneticScalarPotential(
+    {"ball": Material(remanence=(0.0, 0.0, 1.0)), "air": Material()}, {"outer": 0.0}, order=1
+)
 IRON = MagneticScalarPotential(
-    {"ball": Material(bh=Froehlich(500.0, 1.8)), "air": Material()}, {"outer": lambda x: 1e5 * x[2]}
+    {"ball": Material(bh=Froehlich(500.0, 1.8)), "air": Material()}, {"outer": lambda x: 1e5 * x[2]}, order=1
 )
 
 

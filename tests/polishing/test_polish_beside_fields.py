@@ -128,7 +128,9 @@ def test_a_solution_is_carried_to_a_moved_mesh():
 
 def test_nonlinear_magnets_are_polished():
     magnet = Material(bh=STEEL, coercivity=(1e4, 0.0, 3e4))
-    problem = MagneticScalarPotential({"iron": magnet, "block": Material(bh=STEEL), "air": AIR}, {"outer": 0.0})
+    problem = MagneticScalarPotential(
+        {"iron": magnet, "block": Material(bh=STEEL), "air": AIR}, {"outer": 0.0}, order=1
+    )
     field, movable, functional, before = solved(block_mesh(2), problem)
     trial = functional.solution.copy()
     gain = descend_in_space(movable, functional, trial, 2)
