@@ -266,9 +266,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         dict
             Name to value.
         """
-        if "better" not in field.kept:  # outputs and goals have the same
-            field.kept["better"] = self._better_solution(field)
-        return better_values(field, field.kept["better"], outputs)
+        return better_values(field, outputs, self._better_solution)
 
     def _better_solution(self, field: SolidField) -> SolidField:
         if field.order > 1:

@@ -1,6 +1,6 @@
 """Error estimates of fields in space, in the energy norm and for goals."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -194,16 +194,25 @@ def with_surplus(
     return replace(enriched, unknown=field.unknown + change)
 
 
-def better_values(field: SolidField, better: SolidField, outputs: Mapping[str, Output]) -> dict[str, float]:
-    # The parts of a change cancel by chance on graded meshes.
-    values = {name: float(output(better)) for name, output in outputs.items()}
+def better_values(
+    field: SolidField, outputs: Mapping[str, Output], better_solution: Callable[[SolidField], SolidField]
+) -> dict[str, float]:
+    # Values are kept, because an output may be the goal. Solutions would take too much memory.
+    known: list[tuple[Output, float]] = field.kept.setdefault("better", [])
+    missing = [output for output in outputs.values() if not any(output is each for each, _ in known)]
+    if missing:
+        better = better_solution(field)
+        known += [(output, better_value(field, better, output)) for output in missing]
+    return {name: next(value for each, value in known if each is output) for name, output in outputs.items()}
+
+
+def better_value(field: SolidField, better: SolidField, output: Output) -> float:
+    found = float(output(better))
     if not isinstance(better, EnrichedField):
-        return values
-    for name, output in outputs.items():
-        value = float(output(field))
-        change = values[name] - value
-        values[name] = value + np.copysign(max(abs(change), better.error_of_energy * abs(value)), change)
-    return values
+        return found
+    value = float(output(field))
+    # The parts of a change cancel by chance on graded meshes.
+    return value + np.copysign(max(abs(found - value), better.error_of_energy * abs(value)), found - value)
 
 
 def at_edges(mesh: MeshTet, material: Ints) -> Mask:
