@@ -29,7 +29,6 @@ __all__ = [
     "outflows",
     "recovered_correction",
     "recovery",
-    "residual_of_linear_flux",
 ]
 
 LEAST_FLUX, LARGEST_FLUX = 1e-100, 1e100  # squares of these times areas and volumes are in the range of numbers
@@ -242,23 +241,6 @@ def _regions(mesh: Mesh, data: NDArray[Any]) -> Ints:
     ones = np.ones(np.count_nonzero(same), dtype=np.int8)
     graph = coo_array((ones, (one[same], other[same])), shape=(nelements, nelements))
     return connected_components(graph, directed=False)[1].astype(np.int64)
-
-
-def residual_of_linear_flux(
-    mesh: MeshTet, flux: Floats, divergence: Floats, weight: Floats, normals: Floats | None = None
-) -> Floats:
-    # With ``q = mu grad u - flux``, linear in every element, the indicators are
-    # ``eta_K^2 = h_K^2 ||div q||_K^2 / mu + 1/2 sum_F h_F ||[q . n]||_F^2 / max(mu)``.
-    # flux (3, 4, nelements) at the corners; divergence (n, nelements) at n points whose mean square is that over the
-    # element
-    volume = area(mesh)
-    inside = volume ** (5.0 / 3.0) * np.mean(divergence**2, axis=0) / weight
-    jump, size = outflows(mesh, flux, volume, normals)
-    largest = np.zeros(size.size)
-    np.maximum.at(largest, mesh.t2f.ravel(), np.tile(weight, 4))
-    jump[:, mesh.f2t[1] < 0] = 0.0
-    squared = size**1.5 / 12.0 * (np.sum(jump**2, axis=0) + np.sum(jump, axis=0) ** 2)
-    return np.sqrt(inside + 0.5 * np.sum((squared / largest)[mesh.t2f], axis=0))
 
 
 def outflows(mesh: MeshTet, flux: Floats, volume: Floats, normals: Floats | None = None) -> tuple[Floats, Floats]:

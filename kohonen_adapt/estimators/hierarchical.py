@@ -45,19 +45,20 @@ class Surplus:
         self.count = held.size
 
     def residual(self, field: Floats, divergence: Floats) -> Floats:
-        # Right-hand sides of elements, (10, nelements), for B at the corners, (3, 4, nelements), linear between them.
-        mesh, means = self.mesh, _means()
+        # Right-hand sides of elements, (10, nelements), for B, (3, 4, nelements), and its divergence, (4, nelements),
+        # given at the corners and linear between them.
+        mesh = self.mesh
         jump, size = outflows(mesh, field, self.volume, self.normals)
         jump[:, mesh.f2t[1] < 0] *= 2.0  # no flux leaves the mesh, and one element has the whole facet
-        right = -np.outer(means, self.volume * divergence)
+        right = -_moments() @ (self.volume * divergence)
         for table, facet, corners in zip(_on_sides(), mesh.t2f, TETRAHEDRON.facets, strict=True):
             own = [np.sum(jump[:, facet] * (mesh.facets[:, facet] == mesh.t[corner]), axis=0) for corner in corners]
             right += 0.5 * np.einsum("jk,ji->ik", size[facet] * np.stack(own), table)
         return right * self.signs
 
-    def solve(self, metric: Floats, right: Floats) -> tuple[Floats, float]:
-        # The error in elements, (10, nelements), with signs as in single elements, and its squared norm, for the
-        # products of the gradients of barycentric coordinates with C, (4, 4, nelements).
+    def solve(self, metric: Floats, right: Floats) -> tuple[Floats, Floats]:
+        # The error in elements, (10, nelements), with signs as in single elements, and its squared norms, (nelements,),
+        # for the products of the gradients of barycentric coordinates with C, (4, 4, nelements).
         products = np.einsum("ijab,abk->ijk", _products(), self.volume * metric, optimize=True)
         products *= self.signs[:, None] * self.signs
         row, column = np.broadcast_arrays(self.unknowns[:, None], self.unknowns[None])
@@ -65,7 +66,8 @@ class Surplus:
         matrix, values = matrix[self.free][:, self.free], np.zeros(self.count)
         total = np.bincount(self.unknowns.ravel(), right.ravel(), self.count)[self.free]
         values[self.free], _ = cg(matrix, total, rtol=TOLERANCE, M=diags_array(1.0 / matrix.diagonal()))
-        return values[self.unknowns] * self.signs, float(total @ values[self.free])
+        error = values[self.unknowns]
+        return error * self.signs, np.einsum("in,ijn,jn->n", error, products, error, optimize=True)
 
 
 @cache
@@ -98,9 +100,10 @@ def _products() -> Floats:
 
 
 @cache
-def _means() -> Floats:
+def _moments() -> Floats:
+    # means of products with the barycentric coordinates, (10, 4)
     barycentric, weights = tetrahedron_rule(DEGREE)
-    return np.asarray(_functions(barycentric.T) @ weights)
+    return np.asarray(_functions(barycentric.T) * weights @ barycentric)
 
 
 @cache

@@ -74,8 +74,8 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         magnets that the plane mirrors; needed for forces on a body that the plane cuts) or "normal" (of magnets whose
         mirror image has the opposite magnetisation; phi is 0 there).
     estimator
-        "residual", scaled to equal the error approximately, or at order 1 "recovery" or "bracket": the difference to
-        the field of `MagneticVectorPotential`, a guaranteed bound of the error (see `bracket`).
+        "residual", which equals the error approximately: scaled at order 1, by cubic functions at order 2. At order 1
+        also "recovery" or "bracket": the difference to `MagneticVectorPotential`, a guaranteed bound (see `bracket`).
     goal
         Quantity to adapt the mesh for in place of the energy: `Force`, `Torque`, `FluxLinkage`, `StoredEnergy`,
         `FluxDensityAt`, or a user-defined `Goal`. There is no `energy_norm` then. At order 1 the error of a force is
@@ -212,7 +212,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
             vector = self.vector_potential.solve(mesh)
             return gap_indicators(with_currents_of(vector, field), vector)
         if self.goal is None:
-            return energy_indicators_in_space(field, self.estimator, self.materials)
+            return energy_indicators_in_space(field, self.estimator, self._conditions(field), self.materials)
         if field.order > 1:
             return goal_indicators_by_surplus(field, self.goal, self._conditions(field), self.method)
         return goal_oriented(mesh, **self._pair(field, self.goal))

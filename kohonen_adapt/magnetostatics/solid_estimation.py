@@ -11,7 +11,6 @@ from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators import recovery, residual
-from kohonen_adapt.estimators.explicit import residual_of_linear_flux
 from kohonen_adapt.estimators.hierarchical import Surplus, cubic_slopes
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
@@ -39,9 +38,7 @@ __all__ = [
     "with_surplus",
 ]
 
-# By order. The unscaled estimate of order 1 is 3.5 to 3.8 times the error on balls (`benchmarks magnets`), of order 2
-# 4.3 to 5.0 times for smooth fields and 4.1 times at edges of magnets and iron (test_scalar_potential_order_2.py).
-RESIDUAL_SCALES = {1: 1.0 / 3.6, 2: 1.0 / 4.5}
+RESIDUAL_SCALE = 1.0 / 3.6  # the unscaled estimate is 3.5 to 3.8 times the error on balls (benchmarks magnets)
 # At edges of materials cubic functions are two thirds of the error (benchmarks forces-in-space).
 AT_EDGES = 1.5
 TURNED = 1.0  # least measure of a turn at an edge: twice the square of the sine, of 45 degrees
@@ -78,25 +75,21 @@ class EnrichedField(SolidField):
         return np.asarray(np.einsum("an,can->cn", along, self.elements.hats[:, :, element]))
 
 
-def energy_indicators_in_space(field: LocalSolid, estimator: str, materials: Mapping[str, Material]) -> Floats:
+def energy_indicators_in_space(
+    field: LocalSolid, estimator: str, conditions: Conditions, materials: Mapping[str, Material]
+) -> Floats:
     if field.order > 1:
-        return RESIDUAL_SCALES[field.order] * residual_by_corners(field)
+        return cubic_error(field, conditions, materials)[1]
     secant, differential = field.permeabilities
     weight = np.sqrt(secant * differential) if estimator == "residual" else differential
     flux = _flux_for(field, weight)
     if estimator == "residual":
-        return RESIDUAL_SCALES[1] * residual(field.mesh, field.unknown, weight, flux=flux)
+        return RESIDUAL_SCALE * residual(field.mesh, field.unknown, weight, flux=flux)
     return recovery(field.mesh, field.unknown, weight, flux=flux, region=_equal_materials(field, materials))
 
 
-def residual_by_corners(field: LocalSolid) -> Floats:
-    flux, divergence = flux_and_divergence(field)
-    weight = np.sqrt(np.multiply(*field.permeabilities))
-    return residual_of_linear_flux(field.elements.mesh, flux, divergence, weight, field.elements.hats_of_corners)
-
-
 def flux_and_divergence(field: LocalSolid) -> tuple[Floats, Floats]:
-    # B at the corners, (3, 4, nelements), and the divergence of B, (4, nelements). The applied field has no divergence,
+    # B, (3, 4, nelements), and its divergence, (4, nelements), at the corners. The applied field has no divergence,
     # so that its interpolation error does not count as a source.
     elements, corners, coefficients = field.elements, field.mesh.t.shape, field.coefficients
     at = np.tile(np.arange(corners[1]), 4), np.repeat(np.eye(4), corners[1], axis=1)
@@ -111,7 +104,7 @@ def flux_and_divergence(field: LocalSolid) -> tuple[Floats, Floats]:
 
 
 def _divergence_of_remanence(field: LocalSolid, elements: Ints) -> Floats:
-    # at four points, (4, n)
+    # at the corners, (4, n), linear in elements
     x = inner_points(field.mesh.p[:, field.mesh.t[:, elements]])
     element, step = np.tile(elements, 4), STEP * np.cbrt(field.volume[elements])
     total = np.zeros(x.shape[1:])
@@ -119,7 +112,8 @@ def _divergence_of_remanence(field: LocalSolid, elements: Ints) -> Floats:
         for sign in (1.0, -1.0):
             at = field.coefficients.at_points(element, (x + sign * step * direction).reshape(3, -1))
             total += sign * (at.coercivity[axis] / at.reluctivity).reshape(total.shape) / (2.0 * step)
-    return total
+    mean = total.mean(axis=0)
+    return np.asarray(mean + np.sqrt(5.0) * (total - mean))
 
 
 def primal_and_dual(
@@ -154,8 +148,17 @@ def are_parallel(field: LocalSolid, dual: Floats) -> bool:
     return float(np.sum(one * other)) ** 2 > PARALLEL**2 * float(np.sum(one**2) * np.sum(other**2))
 
 
-def surplus_of(field: LocalSolid, conditions: Conditions) -> tuple[Surplus, Floats, float]:
-    # the cubic functions of the mesh, the error of a field of order 2 by them, (10, nelements), and its squared norm
+def cubic_error(field: LocalSolid, conditions: Conditions, materials: Mapping[str, Material]) -> tuple[Floats, Floats]:
+    # The error of a field of order 2 as coefficients of cubic functions, (10, nelements), and its norms, (nelements,)
+    if "cubic" not in field.kept:
+        _, cubic, squares = surplus_of(field, conditions)
+        scale = np.where(at_edges(field.elements.mesh, _equal_materials(field, materials)), AT_EDGES, 1.0)
+        field.kept["cubic"] = scale * cubic, scale * np.sqrt(np.maximum(squares, 0.0))
+    return field.kept["cubic"]
+
+
+def surplus_of(field: LocalSolid, conditions: Conditions) -> tuple[Surplus, Floats, Floats]:
+    # the cubic functions of the mesh, the error of a field of order 2 by them, (10, nelements), and its squared norms
     mesh, elements = field.elements.mesh, field.elements
     fixed = np.all(conditions.fixed[elements.on_facets(np.arange(mesh.facets.shape[1]))], axis=0)
     surplus = Surplus(mesh, elements.volumes, np.asarray(fixed), elements.hats_of_corners)
@@ -165,7 +168,7 @@ def surplus_of(field: LocalSolid, conditions: Conditions) -> tuple[Surplus, Floa
     metric = secant * np.einsum("cak,cbk->abk", elements.hats, elements.hats)
     metric += (differential - secant) * slope[:, None] * slope
     flux, divergence = flux_and_divergence(field)
-    return surplus, *surplus.solve(metric, surplus.residual(flux, divergence.mean(axis=0)))
+    return surplus, *surplus.solve(metric, surplus.residual(flux, divergence))
 
 
 def goal_indicators_by_surplus(field: LocalSolid, goal: Goal, conditions: Conditions, newton: Newton) -> Floats:
@@ -175,7 +178,8 @@ def goal_indicators_by_surplus(field: LocalSolid, goal: Goal, conditions: Condit
     dual = _dual(field, load, conditions, newton)
     of_dual = linear_fit(elements, load - field.change_of_flux_density(elements.gradient(dual)))
     surplus, error, _ = surplus_of(field, conditions)
-    right = surplus.residual(of_dual, np.einsum("cik,cik->k", of_dual, elements.hats)) * surplus.signs
+    divergence = np.tile(np.einsum("cik,cik->k", of_dual, elements.hats), (4, 1))
+    right = surplus.residual(of_dual, divergence) * surplus.signs
     return np.asarray(np.sqrt(np.abs(np.sum(right * error, axis=0))))
 
 
@@ -185,9 +189,8 @@ def with_surplus(
     # The cubic functions alone are not in balance with the quadratic functions. For a linear goal the change by the sum
     # is the residual of the dual, weighted by the cubic functions.
     parts = field.mesh, field.unknown, field.coefficients, field.drive, field.planes
-    _, cubic, squared = surplus_of(field, conditions)
-    cubic[:, at_edges(field.elements.mesh, _equal_materials(field, materials))] *= AT_EDGES
-    relative = squared / field.squared_norm if squared else 0.0
+    cubic, norms = cubic_error(field, conditions, materials)
+    relative = float(np.sum(norms**2)) / field.squared_norm if norms.any() else 0.0
     enriched = EnrichedField(*parts, far=field.far, cubic=cubic, error_of_energy=relative)
     slope = enriched.cubic_slope(field.elements.points, field.elements.element)
     change = _dual(field, -field.change_of_flux_density(slope), conditions, newton)
@@ -283,4 +286,4 @@ def tangential_jumps(field: LocalSolid) -> Floats:
     total = field.volume ** (5.0 / 3.0) * permeability * field.current_density**2
     for side in (first, second):
         total += np.bincount(side, terms, total.size)
-    return RESIDUAL_SCALES[1] * np.sqrt(total)
+    return RESIDUAL_SCALE * np.sqrt(total)

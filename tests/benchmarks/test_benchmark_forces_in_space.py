@@ -16,3 +16,12 @@ def test_of_the_error_of_a_force_on_an_adapted_mesh_three_quarters_are_told(devi
     told = problem.improved(result.mesh, result.solution, {"force": device.force})["force"]
     value = device.force(result.solution)
     assert 0.75 * abs(FORCES[device.name] - value) < abs(told - value) < 0.005 * abs(value)
+
+
+@pytest.mark.slow
+def test_the_estimate_is_the_error_in_the_energy_norm():
+    """The distance of the co-energies is that of the squared errors, of which the finer mesh has a third."""
+    device = DEVICES[2]
+    coarse, fine = (ka.adapt(device.mesh(), device.problem(2), passes=2, target_nodes=nodes) for nodes in (None, 4000))
+    error = 2.0 * abs(coarse.solution.coenergy - fine.solution.coenergy) + fine.estimate**2
+    assert 0.95 < coarse.estimate / error**0.5 < 1.1 and fine.estimate < 0.6 * coarse.estimate

@@ -413,7 +413,7 @@ def test_a_goal_beside_magnets_and_steel():
     problem = MagneticScalarPotential(materials, RIM, order=2, goal=goal)
     fields = [problem.solve(cube(cells)) for cells in (4, 8, 16)]
     exact = goal(fields[2]) + (goal(fields[2]) - goal(fields[1])) / 3.0
-    assert 0.5 < problem.goal_error(fields[1]) / (exact - goal(fields[1])) < 1.1
+    assert 0.5 < problem.goal_error(fields[1]) / (exact - goal(fields[1])) < 1.25
     adapted = ka.adapt(fields[0].mesh, problem, passes=2, target_nodes=300)
     assert abs(exact - adapted.best.goal) < 0.5 * abs(exact - goal(fields[0]))
 
