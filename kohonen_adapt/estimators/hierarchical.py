@@ -12,8 +12,8 @@ are nearly orthogonal, so that few conjugate gradients with the diagonal solve t
 from functools import cache
 
 import numpy as np
-from scipy.sparse import coo_array, diags_array
-from scipy.sparse.linalg import cg
+from scipy.sparse import diags_array
+from scipy.sparse.linalg import LinearOperator, cg
 from skfem import MeshTet
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTet, RefTri
@@ -41,8 +41,7 @@ class Surplus:
         held[nedges:] = fixed
         for edges, facet in zip(_edges_of_sides(), mesh.t2f, strict=True):
             held[mesh.t2e[edges][:, fixed[facet]]] = True
-        self.free = np.flatnonzero(~held)
-        self.count = held.size
+        self.moving, self.count = ~held, held.size
 
     def residual(self, field: Floats, divergence: Floats) -> Floats:
         # Right-hand sides of elements, (10, nelements), for B, (3, 4, nelements), and its divergence, (4, nelements),
@@ -61,13 +60,21 @@ class Surplus:
         # for the products of the gradients of barycentric coordinates with C, (4, 4, nelements).
         products = np.einsum("ijab,abk->ijk", _products(), self.volume * metric, optimize=True)
         products *= self.signs[:, None] * self.signs
-        row, column = np.broadcast_arrays(self.unknowns[:, None], self.unknowns[None])
-        matrix = coo_array((products.ravel(), (row.ravel(), column.ravel())), shape=(self.count,) * 2).tocsr()
-        matrix, values = matrix[self.free][:, self.free], np.zeros(self.count)
-        total = np.bincount(self.unknowns.ravel(), right.ravel(), self.count)[self.free]
-        values[self.free], _ = cg(matrix, total, rtol=TOLERANCE, M=diags_array(1.0 / matrix.diagonal()))
+        moving = self.moving[self.unknowns]
+
+        def applied(values: Floats) -> Floats:
+            local = np.einsum("ijn,jn->in", products, values[self.unknowns] * moving)
+            return np.where(self.moving, self._total(local), values)
+
+        diagonal = np.where(self.moving, self._total(np.einsum("iin->in", products)), 1.0)
+        matrix = LinearOperator((self.count,) * 2, applied, dtype=np.float64)
+        total = np.where(self.moving, self._total(right), 0.0)
+        values, _ = cg(matrix, total, rtol=TOLERANCE, M=diags_array(1.0 / diagonal))
         error = values[self.unknowns]
         return error * self.signs, np.einsum("in,ijn,jn->n", error, products, error, optimize=True)
+
+    def _total(self, local: Floats) -> Floats:
+        return np.asarray(np.bincount(self.unknowns.ravel(), local.ravel(), self.count), dtype=np.float64)
 
 
 @cache
