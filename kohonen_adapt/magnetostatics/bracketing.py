@@ -12,6 +12,7 @@ from kohonen_adapt.magnetostatics.hypercircle import UNIFORM, Bracket, gap_indic
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
+from kohonen_adapt.mesh.curved import corners_of, is_second_order
 
 __all__ = ["bracket", "bracket_of", "reasons_against_guarantee"]
 
@@ -30,7 +31,8 @@ def bracket(
     Parameters
     ----------
     mesh
-        A mesh of tetrahedra in metres, for instance from `kohonen_adapt.adapt`.
+        A mesh of tetrahedra in metres, for instance from `kohonen_adapt.adapt`. Edges of a `MeshTet2` count as
+        straight.
     materials, potential, applied_field, symmetry, coils
         As in `MagneticScalarPotential` and `MagneticVectorPotential`.
 
@@ -56,10 +58,12 @@ def bracket(
     <Bracket: energy between 13200.5 and 20974.8 J, 37 % apart; guaranteed>
     """
     problem = MagneticScalarPotential(materials, potential, applied_field, symmetry, order=1, coils=coils)
-    return bracket_of(problem, problem.solve(mesh))
+    return bracket_of(problem, problem.solve(corners_of(mesh)))
 
 
 def bracket_of(problem: MagneticScalarPotential, field: SolidField) -> Bracket:
+    if is_second_order(field.mesh):
+        raise ValueError("the bounds are those of straight edges, and the field is on curved ones; set curved=False.")
     vector = problem.vector_potential.solve(field.mesh)
     scalar = with_currents_of(vector, field)
     indicators, upper = gap_indicators(scalar, vector), scalar.coenergy

@@ -28,6 +28,7 @@ from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
 from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.solid_estimation import tangential_jumps
+from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.names import named
 
 __all__ = ["MagneticVectorPotential"]
@@ -46,7 +47,7 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
     The arguments and the conditions on the boundary are those of `MagneticScalarPotential`, and both problems have the
     same exact solution. Their energies bound the exact energy from both sides, see `bracket`. `kohonen_adapt.adapt`
     takes a problem of this class, without a polish. For a goal, adapt the mesh by `MagneticScalarPotential(goal=...)`
-    and solve on it.
+    and solve on it. Edges of a `MeshTet2` count as straight.
 
     Parameters
     ----------
@@ -125,6 +126,7 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
         ValueError
             As in `solve`.
         """
+        mesh = corners_of(mesh)
         material, planes = self.given_on(mesh)
         edges = EdgeElements(mesh)
         drive = edge_drive(edges, permeable(material), self.free_field)

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from helpers.magnet_solids import blocks, graded
 from helpers.solids import box
+from skfem.mesh import MeshTet2
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Coil, Froehlich, MagneticScalarPotential, Material, bracket
+from kohonen_adapt.magnetostatics.bracketing import bracket_of
 
 AIR, STEEL = Material(), Material(bh=Froehlich(1000.0, 2.0))
 UP = Material(permeability=1.05, remanence=(0.0, 0.3, 1.2))
@@ -110,3 +112,12 @@ def test_a_potential_inside_has_no_bound():
     problem = MagneticScalarPotential({"body": UP, "air": AIR}, {"outer": 0.0, "inside": 1.0}, estimator="bracket")
     with pytest.raises(ValueError, match="the potential of 'inside' is inside the mesh"):
         problem.check(inside)
+
+
+def test_edges_of_a_curved_mesh_count_as_straight():
+    mesh, parts = cube(), {"body": UP, "air": AIR}
+    second = MeshTet2.from_mesh(mesh).with_subdomains(mesh.subdomains).with_boundaries(mesh.boundaries)
+    assert bracket(second, parts, CLOSED).energy == bracket(mesh, parts, CLOSED).energy
+    problem = MagneticScalarPotential(parts, CLOSED)
+    with pytest.raises(ValueError, match=r"the field is on curved ones; set curved=False\."):
+        bracket_of(problem, problem.solve(second))
