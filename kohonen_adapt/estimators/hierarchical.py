@@ -60,11 +60,9 @@ class Surplus:
         # for the products of the gradients of barycentric coordinates with C, (4, 4, nelements).
         products = np.einsum("ijab,abk->ijk", _products(), self.volume * metric, optimize=True)
         products *= self.signs[:, None] * self.signs
-        moving = self.moving[self.unknowns]
 
-        def applied(values: Floats) -> Floats:
-            local = np.einsum("ijn,jn->in", products, values[self.unknowns] * moving)
-            return np.where(self.moving, self._total(local), values)
+        def applied(values: Floats) -> Floats:  # of values that are 0 where they are held
+            return np.where(self.moving, self._total(np.einsum("ijn,jn->in", products, values[self.unknowns])), 0.0)
 
         diagonal = np.where(self.moving, self._total(np.einsum("iin->in", products)), 1.0)
         matrix = LinearOperator((self.count,) * 2, applied, dtype=np.float64)

@@ -79,7 +79,7 @@ def energy_indicators_in_space(
     field: LocalSolid, estimator: str, conditions: Conditions, materials: Mapping[str, Material]
 ) -> Floats:
     if field.order > 1:
-        return cubic_error(field, conditions, materials)[1]
+        return scale_at_edges(field, materials) * cubic_error(field, conditions)[1]
     secant, differential = field.permeabilities
     weight = np.sqrt(secant * differential) if estimator == "residual" else differential
     flux = _flux_for(field, weight)
@@ -148,27 +148,28 @@ def are_parallel(field: LocalSolid, dual: Floats) -> bool:
     return float(np.sum(one * other)) ** 2 > PARALLEL**2 * float(np.sum(one**2) * np.sum(other**2))
 
 
-def cubic_error(field: LocalSolid, conditions: Conditions, materials: Mapping[str, Material]) -> tuple[Floats, Floats]:
-    # The error of a field of order 2 as coefficients of cubic functions, (10, nelements), and its norms, (nelements,)
+def cubic_functions(field: LocalSolid, conditions: Conditions) -> Surplus:
+    mesh, elements = field.elements.mesh, field.elements
+    fixed = np.all(conditions.fixed[elements.on_facets(np.arange(mesh.facets.shape[1]))], axis=0)
+    return Surplus(mesh, elements.volumes, np.asarray(fixed), elements.hats_of_corners)
+
+
+def cubic_error(field: LocalSolid, conditions: Conditions) -> tuple[Floats, Floats]:
+    # The error of a field of order 2 as coefficients of cubic functions, (10, nelements), and its norms, (nelements,).
+    # Indicators, outputs and goals have the same.
     if "cubic" not in field.kept:
-        _, cubic, squares = surplus_of(field, conditions)
-        scale = np.where(at_edges(field.elements.mesh, _equal_materials(field, materials)), AT_EDGES, 1.0)
-        field.kept["cubic"] = scale * cubic, scale * np.sqrt(np.maximum(squares, 0.0))
+        surplus, hats = cubic_functions(field, conditions), field.elements.hats
+        secant, differential = field.permeabilities
+        slope = np.einsum("ck,cak->ak", unit_vectors(field.field_strength + field.coefficients.coercivity), hats)
+        metric = secant * np.einsum("cak,cbk->abk", hats, hats)
+        metric += (differential - secant) * slope[:, None] * slope
+        cubic, squares = surplus.solve(metric, surplus.residual(*flux_and_divergence(field)))
+        field.kept["cubic"] = cubic, np.sqrt(np.maximum(squares, 0.0))
     return field.kept["cubic"]
 
 
-def surplus_of(field: LocalSolid, conditions: Conditions) -> tuple[Surplus, Floats, Floats]:
-    # the cubic functions of the mesh, the error of a field of order 2 by them, (10, nelements), and its squared norms
-    mesh, elements = field.elements.mesh, field.elements
-    fixed = np.all(conditions.fixed[elements.on_facets(np.arange(mesh.facets.shape[1]))], axis=0)
-    surplus = Surplus(mesh, elements.volumes, np.asarray(fixed), elements.hats_of_corners)
-    secant, differential = field.permeabilities
-    driven = field.field_strength + field.coefficients.coercivity
-    slope = np.einsum("ck,cak->ak", unit_vectors(driven), elements.hats)
-    metric = secant * np.einsum("cak,cbk->abk", elements.hats, elements.hats)
-    metric += (differential - secant) * slope[:, None] * slope
-    flux, divergence = flux_and_divergence(field)
-    return surplus, *surplus.solve(metric, surplus.residual(flux, divergence))
+def scale_at_edges(field: LocalSolid, materials: Mapping[str, Material]) -> Floats:
+    return np.where(at_edges(field.elements.mesh, _equal_materials(field, materials)), AT_EDGES, 1.0)
 
 
 def goal_indicators_by_surplus(field: LocalSolid, goal: Goal, conditions: Conditions, newton: Newton) -> Floats:
@@ -177,7 +178,7 @@ def goal_indicators_by_surplus(field: LocalSolid, goal: Goal, conditions: Condit
     load = load if load.shape == elements.points.shape else load[:, elements.element]
     dual = _dual(field, load, conditions, newton)
     of_dual = linear_fit(elements, load - field.change_of_flux_density(elements.gradient(dual)))
-    surplus, error, _ = surplus_of(field, conditions)
+    surplus, error = cubic_functions(field, conditions), cubic_error(field, conditions)[0]
     divergence = np.tile(np.einsum("cik,cik->k", of_dual, elements.hats), (4, 1))
     right = surplus.residual(of_dual, divergence) * surplus.signs
     return np.asarray(np.sqrt(np.abs(np.sum(right * error, axis=0))))
@@ -189,7 +190,8 @@ def with_surplus(
     # The cubic functions alone are not in balance with the quadratic functions. For a linear goal the change by the sum
     # is the residual of the dual, weighted by the cubic functions.
     parts = field.mesh, field.unknown, field.coefficients, field.drive, field.planes
-    cubic, norms = cubic_error(field, conditions, materials)
+    scale = scale_at_edges(field, materials)
+    cubic, norms = (scale * part for part in cubic_error(field, conditions))
     relative = float(np.sum(norms**2)) / field.squared_norm if norms.any() else 0.0
     enriched = EnrichedField(*parts, far=field.far, cubic=cubic, error_of_energy=relative)
     slope = enriched.cubic_slope(field.elements.points, field.elements.element)
