@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from skfem import MeshTet
@@ -38,6 +38,12 @@ class Device:
         return MagneticScalarPotential({**self.materials, "air": Material()}, {"outer": 0.0}, order=order)
 
 
+TWO_MAGNETS = Device(
+    "two magnets",
+    {"lower": POLE, "upper": UPPER},
+    {"lower": MAGNET, "upper": Material(remanence=(0.0, 0.5, 1.0))},
+    Force("upper", (0.0, 0.0, 1.0)),
+)
 DEVICES = (
     Device(
         "magnet over steel",
@@ -51,18 +57,8 @@ DEVICES = (
         {"magnet": MAGNET, "steel": Material(bh=Froehlich(2000.0, 1.8))},
         Force("steel", (0.0, 0.0, 1.0)),
     ),
-    Device(
-        "two magnets",
-        {"lower": POLE, "upper": UPPER},
-        {"lower": MAGNET, "upper": Material(remanence=(0.0, 0.5, 1.0))},
-        Force("upper", (0.0, 0.0, 1.0)),
-    ),
-    Device(
-        "two magnets, sideways",
-        {"lower": POLE, "upper": UPPER},
-        {"lower": MAGNET, "upper": Material(remanence=(0.0, 0.5, 1.0))},
-        Force("upper", (1.0, 0.0, 0.0)),
-    ),
+    TWO_MAGNETS,
+    replace(TWO_MAGNETS, name="two magnets, sideways", force=Force("upper", (1.0, 0.0, 0.0))),
     Device(
         "beside steel",
         {"magnet": POLE, "steel": ((-0.005, -0.012, -0.015), (0.02, 0.012, -0.005))},
