@@ -170,12 +170,12 @@ def functional_in_space(
     present, first, region = coefficients_of_mesh.present(materials)
     if any(material.turns and material.bh is not None for material in present.values()):
         raise NotOffered("nonlinear magnets that vary in a region have no functional to minimise")
-    varies = field.drive.function is not None or any(material.turns for material in present.values())
+    varies = any(material.turns for material in present.values())
     if field.order > 1 and varies:
-        raise NotOffered("tetrahedra of order 2 are polished beside constant magnets without currents")
+        raise NotOffered("tetrahedra of order 2 are polished beside constant magnets")
     mu, coercivity = 1.0 / coefficients_of_mesh.reluctivity[first], coefficients_of_mesh.coercivity[:, first]
     flux: Flux = np.where([material.bh is None for material in present.values()], mu * coercivity, 0.0)
-    if any(material.turns for material in present.values()):
+    if varies:
 
         def flux(x: Floats, index: Ints) -> Floats:
             return mu[index] * coercivity_at(present, x, index)
@@ -213,7 +213,7 @@ def surface_terms(
 
 def nodal_terms(field: SolidField, conditions: Conditions, potential: Floats) -> Floats:
     drive, outside = field.drive, np.zeros(potential.size, dtype=np.bool_)
-    outside[field.mesh.t[:, ~drive.iron]] = True
+    outside[drive.elements.unknowns[:, ~drive.iron]] = True
     works = ~(conditions.fixed & (conditions.values == drive.potential))  # phi is not 0
     works &= np.abs(drive.load) > NO_LOAD * np.abs(drive.load).max(initial=0.0)
     return np.stack([np.where(outside, potential, 0.0), np.where(works, drive.load, 0.0)], axis=1)

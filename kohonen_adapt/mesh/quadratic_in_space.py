@@ -8,8 +8,7 @@ A function is stored by its values at the nodes and by the coefficients of the f
 import numpy as np
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.kernels.arrays import Modes
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.host import ascending, keys_of, number_edges
@@ -17,40 +16,36 @@ from kohonen_adapt.mesh.host import ascending, keys_of, number_edges
 __all__ = [
     "FIRST",
     "SECOND",
-    "edge_modes",
-    "edges_of_elements",
     "function_slopes",
-    "quadratic_coefficients",
+    "hierarchical",
+    "hierarchical_loads",
     "quadratic_functions",
+    "unknowns_of_elements",
 ]
 
 FIRST, SECOND = EDGES[:, 0], EDGES[:, 1]  # corners of the six edges
 
 
-def edges_of_elements(mesh: MeshTet, node: Ints) -> Ints:
+def unknowns_of_elements(mesh: MeshTet, node: Ints) -> Ints:
+    # unknowns of `ElementTetP2`, (10, m), of elements `node` (4, m)
     number_edges(mesh)
     count = int(mesh.nvertices)
-    own = keys_of(ascending(node[:, FIRST], node[:, SECOND]), count)
-    return np.searchsorted(keys_of(ascending(*mesh.edges), count), own)
+    own = keys_of(ascending(node[FIRST], node[SECOND]), count)
+    return np.vstack([node, count + np.searchsorted(keys_of(ascending(*mesh.edges), count), own)])
 
 
-def edge_modes(values: Floats, fixed: Mask, node: Ints, edge: Ints, nodes: int) -> Modes:
-    """Return the coefficients of edges from values at the unknowns of `ElementTetP2`.
-
-    `edge` (m, 6) is the result of `edges_of_elements` for elements `node` (m, 4) of a mesh with `nodes` nodes. Edges
-    with a `fixed` value are Dirichlet edges.
-    """
-    corners = values[node]
-    side = values[nodes + edge] - 0.5 * (corners[:, FIRST] + corners[:, SECOND])
-    return Modes(side[..., None], np.zeros(len(node)), fixed[nodes + edge])
+def hierarchical(values: Floats) -> Floats:
+    # coefficients of elements from their values at the unknowns, (10, m)
+    return np.vstack([values[:4], values[4:] - 0.5 * (values[FIRST] + values[SECOND])])
 
 
-def quadratic_coefficients(mesh: MeshTet, values: Floats) -> Floats:
-    node = mesh.t.T
-    modes = edge_modes(
-        values, np.zeros(len(values), dtype=np.bool_), node, edges_of_elements(mesh, node), mesh.nvertices
-    )
-    return np.vstack([values[mesh.t], modes.side[..., 0].T])
+def hierarchical_loads(mesh: MeshTet, load: Floats) -> Floats:
+    # `load` by functions of `ElementTetP2`, the result by hierarchical functions, (nunknowns,)
+    number_edges(mesh)
+    count, found = int(mesh.nvertices), load.copy()
+    for end in mesh.edges:
+        found[:count] += 0.5 * np.bincount(end, load[count:], count)
+    return found
 
 
 def quadratic_functions(barycentric: Floats) -> Floats:

@@ -14,7 +14,12 @@ from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.measures import CurvedTetrahedra
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.polynomials import by_points, exact_reference, law_reference
-from kohonen_adapt.mesh.quadratic_in_space import edges_of_elements, function_slopes, quadratic_coefficients
+from kohonen_adapt.mesh.quadratic_in_space import (
+    function_slopes,
+    hierarchical,
+    hierarchical_loads,
+    unknowns_of_elements,
+)
 from kohonen_adapt.problem.boundary_terms import corner_values, nodal_terms, reduced_regions
 from kohonen_adapt.problem.functional_in_space import (
     MEANS,
@@ -205,23 +210,28 @@ def quadratic_derivatives(corners: Floats, coefficients: Floats, region: Ints, r
 
 
 def check_in_space(ritz: Ritz, mesh: MeshTet, values: Floats, fixed: Mask) -> None:
-    corners, number = mesh.p[:, mesh.t], numbers_of(ritz, mesh.t.shape[1])
+    corners, number, nodal = mesh.p[:, mesh.t], numbers_of(ritz, mesh.t.shape[1]), nodal_terms(ritz.surface)
+    unknowns = mesh.t if ritz.order == 1 else unknowns_of_elements(mesh, mesh.t)
+    local = corner_values(values, nodal, unknowns, reduced_regions(ritz.surface, number))
     if ritz.order == 1:
-        nodal = nodal_terms(ritz.surface)
-        on_corners = corner_values(values, nodal, mesh.t, reduced_regions(ritz.surface, number))
-        total, size, doubt = sums(derivatives_in_space(corners, on_corners, number, ritz), mesh.t.T, len(values))
-        if len(nodal):
-            total, size = total - nodal[:, LOAD], size + np.abs(nodal[:, LOAD])
-        check_residual(total, size, doubt, ~fixed, mesh.p.T, mesh)
-        return
-    coefficients, shape = quadratic_coefficients(mesh, values), CurvedTetrahedra(mesh)
+        parts, place = derivatives_in_space(corners, local, number, ritz), mesh.p.T
+    else:
+        parts = derivatives_of_order_2(mesh, hierarchical(local), number, ritz)
+        place = np.vstack([mesh.p.T[: mesh.nvertices], mesh.p[:, mesh.edges].mean(axis=1).T])
+    total, size, doubt = sums(parts, unknowns.T, len(values))
+    if len(nodal):
+        load = nodal[:, LOAD] if ritz.order == 1 else hierarchical_loads(mesh, nodal[:, LOAD])
+        total, size = total - load, size + np.abs(load)
+    check_residual(total, size, doubt, ~fixed, place, mesh)
+
+
+def derivatives_of_order_2(mesh: MeshTet, coefficients: Floats, number: Ints, ritz: Ritz) -> Derivatives:
+    corners, shape = mesh.p[:, mesh.t], CurvedTetrahedra(mesh)
     parts, rows = quadratic_derivatives(corners, coefficients, number, ritz), np.flatnonzero(shape.curved)
     own = curved_derivatives(corners[:, :, rows], shape.offset[:, :, rows], coefficients[:, rows], number[rows], ritz)
     for straight, curved in zip(parts, own, strict=True):
         straight[rows] = curved
-    index = np.hstack([mesh.t.T, mesh.nvertices + edges_of_elements(mesh, mesh.t.T)])
-    place = np.vstack([mesh.p.T[: mesh.nvertices], mesh.p[:, mesh.edges].mean(axis=1).T])
-    check_residual(*sums(parts, index, len(values)), ~fixed, place, mesh)
+    return parts
 
 
 def numbers_of(ritz: Ritz, count: int) -> Ints:

@@ -134,7 +134,7 @@ def evaluate_load(x: Floats, load: Load) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceTerms:
-    """Offsets and loads at nodes of a P1 functional on tetrahedra.
+    """Offsets and loads of a functional on tetrahedra.
 
     In reduced regions the function is u minus an offset, as a scalar potential is outside iron if u is the total
     potential in iron. The functional is ``Pi(u - offset) - sum load (u - offset)``.
@@ -142,8 +142,8 @@ class SurfaceTerms:
     Attributes
     ----------
     nodal
-        Offset and load at the nodes, shape (nnodes, 2). Offsets are 0 except on surfaces between reduced regions and
-        the rest, loads are 0 except on faces of regions.
+        Offset and load at the unknowns, shape (nunknowns, 2). Offsets are 0 except on surfaces between reduced regions
+        and the rest, loads are 0 except on faces of regions.
     reduced
         Reduced regions by their number in `Ritz`, shape (nregions,).
     on_mesh
@@ -155,11 +155,11 @@ class SurfaceTerms:
     on_mesh: Callable[[MeshTet], Floats]
 
 
-def checked_surface(given: SurfaceTerms | None, nodes: int, region: NDArray[np.int64] | None) -> None:
+def checked_surface(given: SurfaceTerms | None, unknowns: int, region: NDArray[np.int64] | None) -> None:
     if given is None:
         return
-    if not isinstance(given, SurfaceTerms) or np.shape(given.nodal) != (nodes, 2):
-        raise ValueError(f"surface of Ritz must be SurfaceTerms with nodal of shape ({nodes}, 2); got {given!r}.")
+    if not isinstance(given, SurfaceTerms) or np.shape(given.nodal) != (unknowns, 2):
+        raise ValueError(f"surface of Ritz must be SurfaceTerms with nodal of shape ({unknowns}, 2); got {given!r}.")
     needed = 1 if region is None else int(region.max(initial=0)) + 1
     if len(given.reduced) < needed:
         raise ValueError(f"reduced of SurfaceTerms must have {needed} entries; got {len(given.reduced)}.")

@@ -23,7 +23,7 @@ from kohonen_adapt.mesh.polynomials import (
     local_coefficients,
     modes_of,
 )
-from kohonen_adapt.mesh.quadratic_in_space import quadratic_coefficients
+from kohonen_adapt.mesh.quadratic_in_space import hierarchical, unknowns_of_elements
 from kohonen_adapt.problem.boundary_terms import (
     corner_values,
     nodal_terms,
@@ -160,11 +160,12 @@ def functional_value(mesh: Mesh, ritz: Ritz) -> float:
             raise ValueError(f"Ritz cannot be evaluated on tetrahedra: {plane_only_term(ritz)}.")
         check_matches(ritz, mesh)
         region = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
-        if ritz.order == 2:
-            coefficients = quadratic_coefficients(mesh, np.asarray(ritz.values))
-            offset = CurvedTetrahedra(mesh).offset
-            return value_of_order_2(mesh.p[:, mesh.t], offset, coefficients, mesh.t, region, ritz)
         values, nodal = np.asarray(ritz.values), nodal_terms(ritz.surface)
-        on_corners = corner_values(values, nodal, mesh.t, reduced_regions(ritz.surface, region))
-        return value_in_space(mesh.p[:, mesh.t], on_corners, region, ritz) - surface_work(values, nodal)
+        unknowns = mesh.t if ritz.order == 1 else unknowns_of_elements(mesh, mesh.t)
+        local = corner_values(values, nodal, unknowns, reduced_regions(ritz.surface, region))
+        corners, work = mesh.p[:, mesh.t], surface_work(values, nodal)
+        if ritz.order == 1:
+            return value_in_space(corners, local, region, ritz) - work
+        offset = CurvedTetrahedra(mesh).offset
+        return value_of_order_2(corners, offset, hierarchical(local), mesh.t, region, ritz) - work
     return sum(value_of_part(mesh, part) for part in parts_of(ritz))

@@ -76,7 +76,7 @@ class Ritz:
     is admissible, so the functional is an upper bound of the exact one.
 
     On tetrahedra the order is 1 or 2. Axis, Robin conditions, dual and signs are for triangles only. Shifts of laws,
-    ``W(|grad u - shift|)``, are for tetrahedra only, and discontinuities on surfaces for tetrahedra of order 1.
+    ``W(|grad u - shift|)``, and discontinuities on surfaces are for tetrahedra only.
 
     Parameters
     ----------
@@ -229,8 +229,6 @@ class Ritz:
         for name, own in zip(names, (values, fixed, coefficient, source, flux, region, laws, shift), strict=True):
             object.__setattr__(self, name, own)
         checked_surface(self.surface, len(values), region)
-        if self.order > 1 and self.surface is not None:
-            raise ValueError(f"surface of Ritz is for order 1; got order {self.order}.")
         object.__setattr__(self, "robin", checked_conditions(self.robin))
         object.__setattr__(self, "signs", checked_signs(self.signs))
         _check_dual(self)

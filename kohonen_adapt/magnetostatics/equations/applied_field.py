@@ -211,14 +211,16 @@ def aligned_potential(drive: Drive, before: Drive) -> Floats:
         return chi
     lower, upper = _edges(mesh.t[:, drive.iron])
     graph = coo_array((np.ones(lower.size, dtype=np.int8), (lower, upper)), shape=(chi.size,) * 2)
-    component = connected_components(graph, directed=False)[1][corners]
+    component = connected_components(graph, directed=False)[1]
     distance, nearest = cKDTree(old.p[:, nodes].T).query(mesh.p[:, corners].T)
-    for piece in np.unique(component):
-        own = np.flatnonzero(component == piece)
+    unknowns = drive.elements.unknowns[:, drive.iron]
+    for piece in np.unique(component[corners]):
+        own = np.flatnonzero(component[corners] == piece)
         first = own[np.argmin(distance[own])]
         node, start = corners[first], nodes[nearest[first]]
         drop, _ = circulations(old.p[:, [start]], mesh.p[:, [node]], drive.function)
-        chi[corners[own]] += before.potential[start] - drop[0] - drive.potential[node]
+        rows = np.unique(unknowns[:, component[unknowns[0]] == piece])
+        chi[rows] += before.potential[start] - drop[0] - drive.potential[node]
     return chi
 
 

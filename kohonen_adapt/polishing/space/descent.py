@@ -31,7 +31,7 @@ from kohonen_adapt.kernels.threads import Nodes, even_cuts, shared
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 
-__all__ = ["Descent", "recycle_in_space", "swap_in_space"]
+__all__ = ["Descent", "offers_of", "on_patches", "recycle_in_space", "swap_in_space"]
 
 LOOKS = 50_000  # elements per compiled call, at most 0.5 s, because Ctrl-C is handled between calls only
 FEW = 1_000  # nodes per thread at least
@@ -86,7 +86,7 @@ def recycle_in_space(opened: OpenSolid, functional: SolidFunctional, trial: Tria
 def offers_of(mesh: OpenTetrahedra, functional: SolidFunctional, trial: Trial) -> Offers:
     patches, rows = slice(functional.patches), len(mesh.position)
     removable = (functional.freedom(mesh.freedom, trial.fixed, trial.surface).number != HELD) & (mesh.pool.anchor >= 0)
-    lone = trial.fixed & ~on_patches(mesh, functional.dirichlet[patches])
+    lone = trial.fixed & ~on_patches(mesh, functional.dirichlet[patches] | functional.driven)
     is_open = ~(functional.held | functional.dirichlet)[patches]
     gain, cost = np.zeros((len(mesh.elements.node), 6)), np.full(rows, np.inf)
     return Offers(gain, cost, is_open, removable, lone, np.zeros(rows, dtype=np.bool_))

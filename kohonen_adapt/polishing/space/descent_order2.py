@@ -6,7 +6,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints, padded, sorted_below
+from kohonen_adapt.arrays import Floats, Ints, Mask, padded, sorted_below
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.geometry.space.thread_parts import Parts
@@ -23,10 +23,12 @@ from kohonen_adapt.kernels.tetrahedron.polish.exchange_order2 import (
 from kohonen_adapt.kernels.tetrahedron.polish.swap_order2 import swap_downhill_order2
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse
 from kohonen_adapt.kernels.threads import Nodes, even_cuts, shared
+from kohonen_adapt.mesh.host import ascending, keys_of
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.space.curved_sides import CurvedEdges
-from kohonen_adapt.polishing.space.descent import Descent, offers_of
+from kohonen_adapt.polishing.space.descent import Descent, offers_of, on_patches
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
+from kohonen_adapt.polishing.space.surface_values import EDGES_OF_FACES
 
 __all__ = ["QuadraticDescent"]
 
@@ -72,8 +74,13 @@ class QuadraticDescent(Descent):
             raise TypeError("a descent of order 2 requires coefficients of edges")
         opened = OpenSolid.of(movable, np.ones(movable.nnodes), movable.nnodes + movable.nnodes // SPARE + MORE)
         nodes, elements = len(opened.mesh.position), len(opened.mesh.elements.node)
-        own = functional.trial(padded(trial.values, nodes, 0.0), padded(trial.fixed, nodes, False))
         modes = Modes(*(padded(array, elements, 0) for array in trial.modes))
+        fixed, surface = padded(trial.fixed, nodes, False), trial.surface
+        if len(surface):  # loads do no work if the values on their surfaces are given
+            surface = padded(surface, nodes, 0.0)
+            fixed |= on_patches(opened.mesh, functional.driven)
+            modes.dirichlet[:] |= edges_of_patches(opened.mesh, functional.driven)
+        own = functional.trial(padded(trial.values, nodes, 0.0), fixed, surface)
         curves, used = CurvedEdges.of(movable, nodes), np.zeros((elements, 2))
         size = size_of(opened.mesh)
         return cls(opened, functional, own, movable.floor, movable.flips, used, modes, size, curves)
@@ -84,7 +91,10 @@ class QuadraticDescent(Descent):
     def value(self) -> float:
         mesh = self.opened.mesh
         return self.functional.value_on(
-            mesh.position, mesh.elements, TrialFunction(self.trial.value, self.trial.fixed, self.modes), self.curves
+            mesh.position,
+            mesh.elements,
+            TrialFunction(self.trial.value, self.trial.fixed, self.modes, surface=self.trial.surface),
+            self.curves,
         )
 
     def quadratic(self) -> Quadratic:
@@ -159,6 +169,17 @@ class QuadraticDescent(Descent):
                 splits, _, fall = exchange_order2(mesh, self.quadratic(), offers, *lists, MARGIN, self.floor**3)
                 total, decrease = total + splits, decrease + fall
         return total, decrease
+
+
+def edges_of_patches(mesh: OpenTetrahedra, some: Mask) -> Mask:
+    # edges of elements, (m, 6), also of elements without a face there
+    node, count = mesh.elements.node, len(mesh.position)
+    used = np.flatnonzero(node[:, 0] >= 0)
+    key = keys_of(ascending(node[used][:, EDGES[:, 0]], node[used][:, EDGES[:, 1]]), count)
+    e, k = np.nonzero(np.append(some, False)[mesh.elements.patch[used]])
+    found = np.zeros((len(node), 6), dtype=np.bool_)
+    found[used] = np.isin(key, key[e[:, None], EDGES_OF_FACES[k]])
+    return found
 
 
 def size_of(mesh: OpenTetrahedra) -> int:

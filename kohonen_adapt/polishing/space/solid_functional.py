@@ -26,7 +26,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.mesh.quadratic_in_space import edge_modes, edges_of_elements
+from kohonen_adapt.mesh.quadratic_in_space import hierarchical, hierarchical_loads, unknowns_of_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import Tables, constants_of, laws_of_regions, numbers_of_regions
 from kohonen_adapt.polishing.space.curved_sides import CurvedEdges, CurvedFaces
@@ -44,7 +44,7 @@ from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz, check_matches, plane_only_term
 from kohonen_adapt.problem.tables import flux_table
 
-__all__ = ["SolidFunctional"]
+__all__ = ["SolidFunctional", "terms_at_nodes"]
 
 # Divisors of coefficient, source, flux, shift and the reduced regions in `Trial.data`.
 PARTS = np.array([12.0, 24.0, 6.0, 6.0, 6.0, 1.0, 1.0, 1.0, 1.0])
@@ -75,6 +75,8 @@ class SolidFunctional:
         curved patches whose slivers are not counted, Dirichlet values that are not linear or not on all nodes, and
         patches without an inner node whose nodes all have Dirichlet values, which may or may not be Dirichlet patches.
         Ridges of held patches are held.
+    driven
+        Patches with offsets or loads, (p,) bool.
     rate
         Gradient of the Dirichlet values along patches and ridges, (p + r, 3), valid where `dirichlet` and not `held`.
     comparable
@@ -97,6 +99,7 @@ class SolidFunctional:
     patches: int
     dirichlet: Mask
     held: Mask
+    driven: Mask
     rate: Floats
     comparable: bool
     law: NDArray[np.int32]
@@ -125,19 +128,19 @@ class SolidFunctional:
         tet, surfaces = movable.tetrahedralization, movable.surfaces
         number = numbers_of_regions(ritz, tet.elements.region[tet.used])
         nodal, reduced = nodal_terms(ritz.surface), reduced_regions(ritz.surface, number)
-        solution = solution_on(ritz, tet, movable.mesh() if mesh is None else mesh)
+        solution = solution_on(ritz, tet, movable.mesh() if mesh is None else mesh, reduced)
         law, tables = laws_of_regions(ritz, number, steepest(tet, solution, ritz, number) if any(ritz.laws) else 0.0)
-        on_surface, of_reduced = sides_of(tet, surfaces, reduced)
+        driven, of_reduced = sides_of(tet, surfaces, reduced)
         on = dirichlet_on(tet, surfaces, movable.freedom, solution, of_reduced)
         patches, curved = len(surfaces.shape), surfaces.shape != PLANE
         if len(nodal):
-            on_surface |= with_loads(tet, movable.freedom, nodal, patches)
-        linear = (~on.unknown & (~on.dirichlet | on.linear))[:patches] & (ritz.order == 1) & ~on_surface
+            driven |= with_loads(tet, movable.freedom, solution.surface, patches)
+        linear = (~on.unknown & (~on.dirichlet | on.linear))[:patches] & (ritz.order == 1) & ~driven
         faces = CurvedFaces.of(tet, movable.patches, ritz, number, linear, on.dirichlet[:patches], on.rate[:patches])
         rims = (surfaces.ridge_shape != LINE) & ~np.append(curved, False)[surfaces.meets].any(axis=1)
         uncounted = np.append(curved & ~faces.counted, rims)
         held = uncounted | (on.dirichlet & ~on.linear) | on.unknown
-        held[:patches] |= on_surface
+        held[:patches] |= driven
         held[patches:] |= np.append(held[:patches], False)[surfaces.meets].any(axis=1)
         same_space = not (
             uncounted.any()
@@ -148,8 +151,8 @@ class SolidFunctional:
         shift = np.atleast_2d(flux_table(np.asarray(ritz.shift), TETRAHEDRON.dim).T)
         shift = shift[number if len(shift) > 1 else np.zeros_like(number)]
         data = np.hstack([constants_of(ritz, number, TETRAHEDRON.dim), shift, reduced[:, None]]) / PARTS
-        places = on.dirichlet, held, on.rate
-        return cls(solution, ritz, number, data, patches, *places, ritz.comparable and same_space, law, tables, faces)
+        places, comparable = (on.dirichlet, held, driven, on.rate), ritz.comparable and same_space
+        return cls(solution, ritz, number, data, patches, *places, comparable, law, tables, faces)
 
     @classmethod
     def of_solution(cls, ritz: Ritz, movable: MovableSolid, mesh: MeshTet) -> "SolidFunctional":
@@ -217,33 +220,43 @@ class SolidFunctional:
     ) -> float:
         used, values = elements.node[:, 0] >= 0, trial.values
         node, number = elements.node[used].T, self.number[elements.region[used]]
-        if trial.modes is not None:
-            coefficients = np.vstack([values[node], trial.modes.side[used, :, 0].T])
+        on_corners = corner_values(values, trial.surface, node, reduced_regions(self.ritz.surface, number))
+        if trial.modes is not None:  # without the work of loads, whose values do not change
+            coefficients = np.vstack([on_corners, trial.modes.side[used, :, 0].T])
             offset = np.zeros((3, 6, node.shape[1])) if curves is None else curves.on(node)
             return value_of_order_2(position.T[:, node], offset, coefficients, node, number, self.ritz)
-        on_corners = corner_values(values, trial.surface, node, reduced_regions(self.ritz.surface, number))
         own = value_in_space(position.T[:, node], on_corners, number, self.ritz) - surface_work(values, trial.surface)
         return own + self.faces.value(position, elements, values, trial.surface)
 
 
-def solution_on(ritz: Ritz, tet: Tetrahedralization, mesh: MeshTet) -> TrialFunction:
+def solution_on(ritz: Ritz, tet: Tetrahedralization, mesh: MeshTet, reduced: Mask) -> TrialFunction:
     values, fixed, n, m = np.asarray(ritz.values), np.asarray(ritz.fixed), tet.nnodes, len(tet.elements.node)
+    surface, own = nodal_terms(ritz.surface), terms_at_nodes(nodal_terms(ritz.surface), mesh)
     if ritz.order == 1:
-        return TrialFunction(values.copy(), fixed.copy(), None, surface=nodal_terms(ritz.surface))
-    node, modes = tet.elements.node[tet.used], Modes(np.zeros((m, 6, 1)), np.zeros(m), np.zeros((m, 6), dtype=np.bool_))
-    own = edge_modes(values, fixed, node, edges_of_elements(mesh, node), n)
-    modes.side[tet.used], modes.dirichlet[tet.used] = own.side, own.dirichlet
-    return TrialFunction(values[:n].copy(), fixed[:n].copy(), modes)
+        return TrialFunction(values.copy(), fixed.copy(), None, surface=own)
+    modes = Modes(np.zeros((m, 6, 1)), np.zeros(m), np.zeros((m, 6), dtype=np.bool_))
+    unknowns = unknowns_of_elements(mesh, tet.elements.node[tet.used].T)
+    local = corner_values(values, surface, unknowns, reduced[tet.elements.region[tet.used]])
+    modes.side[tet.used, :, 0], modes.dirichlet[tet.used] = hierarchical(local)[4:].T, fixed[unknowns[4:]].T
+    return TrialFunction(values[:n].copy(), fixed[:n].copy(), modes, surface=own)
+
+
+def terms_at_nodes(nodal: Floats, mesh: MeshTet) -> Floats:
+    # offsets and loads of the hierarchical functions, (nnodes, 2)
+    count = int(mesh.nvertices)
+    if len(nodal) <= count:
+        return nodal
+    return np.column_stack([nodal[:, OFFSET], hierarchical_loads(mesh, nodal[:, LOAD])])[:count]
 
 
 def steepest(tet: Tetrahedralization, function: TrialFunction, ritz: Ritz, number: Ints) -> float:
     node, region = tet.elements.node[tet.used].T, number[tet.elements.region[tet.used]]
     corners = tet.position.T[:, node]
+    on_corners = corner_values(function.values, function.surface, node, reduced_regions(ritz.surface, region))
     if function.modes is None:
-        on_corners = corner_values(function.values, function.surface, node, reduced_regions(ritz.surface, region))
         fields = np.einsum("dkm,km->dm", TETRAHEDRON.hat_gradients(corners), on_corners)[None]
     else:
-        coefficients = np.vstack([function.values[node], function.modes.side[tet.used, :, 0].T])
+        coefficients = np.vstack([on_corners, function.modes.side[tet.used, :, 0].T])
         fields = fields_at_corners(corners, coefficients)
     squares = [np.sum(shifted_slope(slope, region, ritz) ** 2, axis=0).max(initial=0.0) for slope in fields]
     return float(np.sqrt(max(squares)))

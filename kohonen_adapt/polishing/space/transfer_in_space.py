@@ -14,7 +14,7 @@ from kohonen_adapt.mesh.locate import walk_to_elements
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.mesh.quadratic_in_space import FIRST, SECOND
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
-from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
+from kohonen_adapt.polishing.space.solid_functional import SolidFunctional, terms_at_nodes
 from kohonen_adapt.polishing.space.surface_values import EDGES_OF_FACES
 from kohonen_adapt.problem.boundary_terms import corner_values, reduced_regions
 
@@ -35,9 +35,10 @@ def transferred_in_space(
     solution, freedom, old = functional.solution, movable.freedom, before.tetrahedralization
     position, surface = movable.tetrahedralization.position, surface_on(functional, before, movable)
     reduced = reduced_regions(functional.ritz.surface, functional.number)
-    if len(surface):
-        start_element = starts_outside(reduced, old, movable.tetrahedralization, start_element)
-    found, weights = located(old, position, start_element)
+    starts = (
+        start_element if not len(surface) else starts_outside(reduced, old, movable.tetrahedralization, start_element)
+    )
+    found, weights = located(old, position, starts)
     corners, in_reduced = old.elements.node[found], reduced[old.elements.region[found]]
     on_corners = corner_values(solution.values, solution.surface, corners.T, in_reduced).T
     values = quadratic_values(solution, on_corners, found, weights)
@@ -60,8 +61,8 @@ def transferred_in_space(
         values[rows] = on_corners[rows, nearest] + np.sum(functional.rate[place] * step, axis=1)
     if len(surface):
         values += np.where(in_reduced, surface[:, OFFSET], 0.0)
-    modes = solution.modes and carried_modes(functional, before, movable, values, start_element)
-    return TrialFunction(values, fixed, modes, surface=surface)
+    there = TrialFunction(values, fixed, None, surface=surface)
+    return there._replace(modes=solution.modes and carried_modes(functional, before, movable, there, starts))
 
 
 def surface_on(functional: SolidFunctional, before: MovableSolid, movable: MovableSolid) -> Floats:
@@ -70,7 +71,8 @@ def surface_on(functional: SolidFunctional, before: MovableSolid, movable: Movab
         np.array_equal(old.position, new.position) and np.array_equal(old.elements.node, new.elements.node)
     ):
         return functional.solution.surface
-    return terms.on_mesh(movable.mesh())
+    mesh = movable.mesh()
+    return terms_at_nodes(terms.on_mesh(mesh), mesh)
 
 
 def starts_outside(reduced: Mask, old: Tetrahedralization, new: Tetrahedralization, start_element: Ints) -> Ints:
@@ -78,34 +80,51 @@ def starts_outside(reduced: Mask, old: Tetrahedralization, new: Tetrahedralizati
     start, wanted = start_element.copy(), np.full(new.nnodes, -1)
     node, region = new.elements.node[new.used], new.elements.region[new.used]
     wanted[node[~reduced[region]]] = region[~reduced[region], None]
-    astray = (wanted >= 0) & reduced[old.elements.region[start]]
-    for number in np.unique(wanted[astray]):
-        rows, own = np.flatnonzero(astray & (wanted == number)), np.flatnonzero(old.elements.region == number)
-        centroids = old.position[old.elements.node[own]].mean(axis=1)
-        start[rows] = own[cKDTree(centroids).query(new.position[rows])[1]]
+    astray = np.flatnonzero((wanted >= 0) & reduced[old.elements.region[start]])
+    start[astray] = nearest_in(old, new.position[astray], wanted[astray])
     return start
 
 
+def nearest_in(old: Tetrahedralization, points: Floats, region: Ints) -> Ints:
+    # elements whose centroids are nearest to points, in the region of every point
+    found = np.empty(len(points), dtype=np.int64)
+    for number in np.unique(region):
+        rows, own = np.flatnonzero(region == number), np.flatnonzero(old.elements.region == number)
+        centroids = old.position[old.elements.node[own]].mean(axis=1)
+        found[rows] = own[cKDTree(centroids).query(points[rows])[1]]
+    return found
+
+
 def carried_modes(
-    functional: SolidFunctional, before: MovableSolid, movable: MovableSolid, values: Floats, start_element: Ints
+    functional: SolidFunctional,
+    before: MovableSolid,
+    movable: MovableSolid,
+    at_nodes: TrialFunction,
+    start_element: Ints,
 ) -> Modes:
     """Return the coefficients of the edges, with the Dirichlet edges of patches.
 
-    `values` (n,) are those at the nodes. On patches with linear Dirichlet values the coefficients are 0.
+    `at_nodes` has the values at the nodes. On patches with linear Dirichlet values the coefficients are 0.
     """
     tet, old, solution = movable.tetrahedralization, before.tetrahedralization, functional.solution
     used, n = tet.used, tet.nnodes
     node, patch = tet.elements.node[used], tet.elements.patch[used]
-    code, row, edge = np.unique(
-        keys_of(ascending(node[:, FIRST], node[:, SECOND]), n), return_index=True, return_inverse=True
-    )
-    edge, ends = edge.reshape(-1, 6), np.stack(np.divmod(code, n), axis=1)
+    reduced = reduced_regions(functional.ritz.surface, functional.number)
+    side = reduced[tet.elements.region[used], None]  # an edge on a surface with offsets has two coefficients
+    key = 2 * keys_of(ascending(node[:, FIRST], node[:, SECOND]), n) + side
+    code, row, edge = np.unique(key, return_index=True, return_inverse=True)
+    edge, ends = edge.reshape(-1, 6), np.stack(np.divmod(code // 2, n), axis=1)
     # a start in the region of the edge, if its ends have one
-    start, region = start_element[ends], tet.elements.region[used][row // 6]
+    start, region, middle = start_element[ends], tet.elements.region[used][row // 6], tet.position[ends].mean(axis=1)
     start = np.where(old.elements.region[start[:, 0]] == region, start[:, 0], start[:, 1])
-    found, weights = located(old, tet.position[ends].mean(axis=1), start)
-    on_corners = solution.values[old.elements.node[found]]
-    mode = quadratic_values(solution, on_corners, found, weights) - values[ends].mean(axis=1)
+    in_reduced = reduced[region]
+    astray = np.flatnonzero(reduced[old.elements.region[start]] != in_reduced)
+    start[astray] = nearest_in(old, middle[astray], region[astray])
+    found, weights = located(old, middle, start)
+    corners, nodal = old.elements.node[found].T, (solution.surface, at_nodes.surface)
+    on_corners = corner_values(solution.values, nodal[0], corners, in_reduced).T
+    on_ends = corner_values(at_nodes.values, nodal[1], ends.T, in_reduced)
+    mode = quadratic_values(solution, on_corners, found, weights) - on_ends.mean(axis=0)
     dirichlet = np.all(solution.modes.dirichlet[found], axis=1) if solution.modes else np.zeros(len(code), dtype=bool)
     for linear in (False, True):
         some = functional.dirichlet[: functional.patches] & (linear != functional.held[: functional.patches])

@@ -10,7 +10,7 @@ from kohonen_adapt.kernels.functionals import eliminate, substitute_back
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, UNKNOWNS, VALUE
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, gather_edge
-from kohonen_adapt.kernels.tetrahedron.polish.energy import source_along
+from kohonen_adapt.kernels.tetrahedron.polish.energy import source_along, value_at
 from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import add_element, clear
 
 
@@ -28,13 +28,13 @@ def energy_of_old(mesh, quadratic, old, count, a, b):
     clear(block, 1)
     for i in range(count):
         e = np.int64(old[i])
+        region = mesh.elements.region[e]
         for k in range(4):
-            block.local[i, k], block.dof[i, k] = trial.value[node[e, k]] - own, -1
+            block.local[i, k], block.dof[i, k] = value_at(trial, region, node[e, k]) - own, -1
         for k in range(6):
             p, q = node[e, EDGES[k, 0]], node[e, EDGES[k, 1]]
             is_removed = ((p == a and q == b) or (p == b and q == a)) and not modes.dirichlet[e, k]
             block.local[i, 4 + k], block.dof[i, 4 + k] = modes.side[e, k, 0], 0 if is_removed else -1
-        region = mesh.elements.region[e]
         load = source_along(trial, region, a, b)
         part = add_element(mesh.position, trial, block, i, region, load, corners_of(node, e), BLOCK)
         magnitude, total = magnitude + part[0], total + part[1]
@@ -122,8 +122,9 @@ def gather_new(mesh, quadratic, count, known, own, base):
     # Dirichlet values, (-1, -1) for none.
     block, node, edges, unknowns = quadratic.block, mesh.cavity.new, known, 0
     for i in range(count):
+        region = mesh.cavity.region[i]
         for k in range(4):
-            block.local[i, k], block.dof[i, k] = quadratic.trial.value[node[i, k]] - own, -1
+            block.local[i, k], block.dof[i, k] = value_at(quadratic.trial, region, node[i, k]) - own, -1
         for k in range(6):
             p, q = node[i, EDGES[k, 0]], node[i, EDGES[k, 1]]
             row = find_edge(block, edges, p, q)

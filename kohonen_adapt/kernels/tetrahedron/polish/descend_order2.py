@@ -14,7 +14,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, HELD, INSIDE, POSITI
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, OPPOSITE, allowed, corner_of, star_quality
 from kohonen_adapt.kernels.tetrahedron.polish.cavity_order2 import add_correction
 from kohonen_adapt.kernels.tetrahedron.polish.descend import newton_step, rates_row, tangential
-from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, source_around
+from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, source_around, value_at
 from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import add_element, clear
 from kohonen_adapt.kernels.tetrahedron.surfaces import slid
 
@@ -38,21 +38,21 @@ def descend_nodes_order2(mesh, quadratic, order, floor):
 
 @inner_kernel
 def number_star(mesh, quadratic, v):
-    star, block, modes, value = mesh.star, quadratic.block, quadratic.modes, quadratic.trial.value
-    begin, own, count = star.start[v], value[v], 1
+    star, block, modes, trial = mesh.star, quadratic.block, quadratic.modes, quadratic.trial
+    begin, own, count = star.start[v], trial.value[v], 1
     if star.start[v + 1] - begin > block.local.shape[0]:
         return False
     for row in range(begin, star.start[v + 1]):
         j, e = row - begin, np.int64(star.element[row])
-        k = corner_of(mesh.elements.node, e, v)
+        k, region = corner_of(mesh.elements.node, e, v), mesh.elements.region[e]
         for i in range(10):
             block.dof[j, i] = -1
-        block.local[j, 0], block.dof[j, 0] = 0.0, 0
+        block.local[j, 0], block.dof[j, 0] = value_at(trial, region, v) - own, 0
         for i in range(6):
             block.local[j, 4 + i] = modes.side[e, EDGES_FROM[k, i], 0]
         for i in range(3):
             other = star.link[row, i]
-            block.local[j, 1 + i] = value[other] - own
+            block.local[j, 1 + i] = value_at(trial, region, other) - own
             if modes.dirichlet[e, EDGES_FROM[k, i]]:
                 continue
             s = 1

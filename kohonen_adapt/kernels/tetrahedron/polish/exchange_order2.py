@@ -18,7 +18,7 @@ from kohonen_adapt.kernels.tetrahedron.polish.cavity_order2 import (
     store_new,
 )
 from kohonen_adapt.kernels.tetrahedron.polish.descend_order2 import EDGE_OF
-from kohonen_adapt.kernels.tetrahedron.polish.energy import source_along
+from kohonen_adapt.kernels.tetrahedron.polish.energy import source_along, value_at
 from kohonen_adapt.kernels.tetrahedron.polish.energy_recycle import (
     SHRUNK,
     edge_between,
@@ -54,7 +54,8 @@ def write_element(mesh, quadratic, i, e, end, p, own, rows):
     mesh.cavity.region[i] = mesh.elements.region[e]
     for k in range(4):
         v = p if node[e, k] == end else np.int64(node[e, k])
-        mesh.cavity.new[i, k], block.local[i, k], block.dof[i, k] = v, quadratic.trial.value[v] - own, -1
+        mesh.cavity.new[i, k], block.dof[i, k] = v, -1
+        block.local[i, k] = value_at(quadratic.trial, mesh.cavity.region[i], v) - own
     for k in range(6):
         first, second = node[e, EDGES[k, 0]], node[e, EDGES[k, 1]]
         if first != end and second != end:
@@ -99,7 +100,8 @@ def gain_of_split(mesh, quadratic, shell, count, a, b, p):
     for row in range(rows):
         block.edge_dof[row] = -1 if block.edge_given[row] else unknowns
         unknowns += 0 if block.edge_given[row] else 1
-    trial.value[p] = 0.5 * (trial.value[a] + trial.value[b]) + middle
+    region = mesh.elements.region[e]  # edges between regions with different offsets are not split
+    trial.value[p] = 0.5 * (value_at(trial, region, a) + value_at(trial, region, b)) + middle
     for i in range(count):
         for j in range(2):
             end = a if j == 0 else b
