@@ -53,11 +53,6 @@ class ArgumentsInSpace:
         object.__setattr__(self, "coils", checked_coils(self.coils))
 
     @property
-    def has_polish_of_order_2(self) -> bool:
-        """True without an applied field, coils, and magnets that vary in a region."""
-        return self.free_field is None and not any(material.turns for material in self.materials.values())
-
-    @property
     def free_field(self) -> AppliedField | None:
         return sources_of(self.coils, self.applied_field)
 

@@ -25,11 +25,11 @@ from kohonen_adapt.magnetostatics.quantities.goals import check_goal, check_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.solid_estimation import (
     are_parallel,
+    arguments_of_goal,
     better_values,
     energy_indicators_in_space,
     goal_indicators_by_surplus,
     linearised_at,
-    primal_and_dual,
     quadratic_values,
     with_surplus,
 )
@@ -82,7 +82,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         0.5 to 1.1 times that of a mesh of as many nodes adapted for the energy (`benchmarks magnets`).
     order
         1, 2 (B is linear in every element, with the unknowns of `skfem.ElementTetP2`) or "auto", the default: 2, which
-        takes less time to an error, but 1 with applied fields, coils, magnets that vary inside or another estimator.
+        takes less time to an error, but 1 with another estimator.
     curved
         At order 2 `kohonen_adapt.adapt` puts the nodes inside edges onto curved surfaces and solves on a `MeshTet2`. An
         edge that would fold an element stays straight. On straight edges the error of H falls by the power 1.3 of the
@@ -130,8 +130,8 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
             check_goal(self.goal, 3, self.estimator)
 
     def _default_order(self) -> AutoOrder:
-        # Least time to an error of 1 %: python -m benchmarks forces-in-space
-        return AutoOrder(2 if self.estimator == "residual" and self.has_polish_of_order_2 else 1)
+        # Least time to an error: python -m benchmarks forces-in-space, and coils --team20
+        return AutoOrder(2 if self.estimator == "residual" else 1)
 
     @property
     def calibrated(self) -> bool:
@@ -214,7 +214,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         if self.goal is None:
             return energy_indicators_in_space(field, self.estimator, self._conditions(field), self.materials)
         if field.order > 1:
-            return goal_indicators_by_surplus(field, self.goal, self._conditions(field), self.method)
+            return goal_indicators_by_surplus(field, self._conditions(field), **self._pair(field, self.goal))
         return goal_oriented(mesh, **self._pair(field, self.goal))
 
     def goal_error(self, field: SolidField) -> float:
@@ -278,8 +278,8 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         return conditions_in_space(field.drive, self.potential or {}, field.planes)
 
     def _pair(self, field: SolidField, goal: Goal) -> dict[str, Any]:
-        if field.kept.get("goal") is not goal:  # indicators and the error of the goal have the same dual
-            pair = primal_and_dual(field, goal, self._conditions(field), self.materials, self.method)
+        if field.kept.get("goal") is not goal:  # indicators and the functional have the same dual
+            pair = arguments_of_goal(field, goal, self._conditions(field), self.materials, self.method)
             field.kept.update(goal=goal, pair=pair)
         return field.kept["pair"]
 
@@ -309,10 +309,10 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         ------
         NotOffered
             For nonlinear material with a remanence that varies in a region, and for iron that links a current. At order
-            2 for magnets that vary in a region and applied fields.
+            2 for all magnets that vary in a region.
         """
         ritz = functional_in_space(field, self._conditions, self.materials, self.functional_on)
         if self.goal is None:
             return ritz
-        shapes_only = self.order > 1 or not are_parallel(field, self._pair(field, self.goal)["dual"])
+        shapes_only = not are_parallel(field, self._pair(field, self.goal)["dual"])
         return replace(ritz, comparable=False, shapes_only=shapes_only)

@@ -27,6 +27,7 @@ from kohonen_adapt.problem.evaluation import Output
 
 __all__ = [
     "are_parallel",
+    "arguments_of_goal",
     "at_edges",
     "better_values",
     "energy_indicators_in_space",
@@ -143,7 +144,9 @@ def primal_and_dual(
 def are_parallel(field: LocalSolid, dual: Floats) -> bool:
     # The linkage of a single coil in linear material has an error proportional to the error of the energy, which the
     # polish decreases.
-    elements, weight = field.elements, np.sqrt(field.volume / field.reluctivity)
+    elements = field.elements
+    reluctivity = field.reluctivity if elements.order == 1 else field.reluctivity[elements.element]
+    weight = np.sqrt(elements.gradient_weights / reluctivity)
     one, other = (weight * elements.gradient(each) for each in (field.potential, dual))
     return float(np.sum(one * other)) ** 2 > PARALLEL**2 * float(np.sum(one**2) * np.sum(other**2))
 
@@ -172,11 +175,20 @@ def scale_at_edges(field: LocalSolid, materials: Mapping[str, Material]) -> Floa
     return np.where(at_edges(field.elements.mesh, _equal_materials(field, materials)), AT_EDGES, 1.0)
 
 
-def goal_indicators_by_surplus(field: LocalSolid, goal: Goal, conditions: Conditions, newton: Newton) -> Floats:
-    # The squares are the magnitudes of the residual of the dual, weighted by the error of the field.
+def arguments_of_goal(
+    field: LocalSolid, goal: Goal, conditions: Conditions, materials: Mapping[str, Material], newton: Newton
+) -> dict[str, Any]:
+    """Return the arguments of the goal indicators of an order."""
+    if field.order == 1:
+        return primal_and_dual(field, goal, conditions, materials, newton)
     elements, (_, load) = field.elements, goal.derivative(field)
     load = load if load.shape == elements.points.shape else load[:, elements.element]
-    dual = _dual(field, load, conditions, newton)
+    return {"dual": _dual(field, load, conditions, newton), "load": load}
+
+
+def goal_indicators_by_surplus(field: LocalSolid, conditions: Conditions, dual: Floats, load: Floats) -> Floats:
+    # The squares are the magnitudes of the residual of the dual, weighted by the error of the field.
+    elements = field.elements
     of_dual = linear_fit(elements, load - field.change_of_flux_density(elements.gradient(dual)))
     surplus, error = cubic_functions(field, conditions), cubic_error(field, conditions)[0]
     divergence = np.tile(np.einsum("cik,cik->k", of_dual, elements.hats), (4, 1))
@@ -217,7 +229,7 @@ def better_value(field: SolidField, better: SolidField, output: Output) -> float
         return found
     value = float(output(field))
     # The parts of a change cancel by chance on graded meshes.
-    return value + np.copysign(max(abs(found - value), better.error_of_energy * abs(value)), found - value)
+    return value + float(np.copysign(max(abs(found - value), better.error_of_energy * abs(value)), found - value))
 
 
 def at_edges(mesh: MeshTet, material: Ints) -> Mask:

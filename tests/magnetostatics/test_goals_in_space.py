@@ -49,7 +49,7 @@ def applied():
     def saddle(x):
         return 1e6 * np.stack((x[1], x[0], 0.0 * x[0]))
 
-    return cuboids(0.006), MagneticScalarPotential(parts, {"outer": 0.0}, applied_field=saddle)
+    return cuboids(0.006), MagneticScalarPotential(parts, {"outer": 0.0}, applied_field=saddle, order=1)
 
 
 def halved():
