@@ -153,7 +153,7 @@ WINDING = Coil(CORNERS, 0.01, 2.0 * HALF, AMPERE_TURNS)
 PROBLEMS = {
     "T0": MagneticScalarPotential(frame_materials(), *OUTSIDE, order=1),
     "coil": MagneticScalarPotential(
-        {"iron": Material(permeability=1000.0), "air": Material()}, *OUTSIDE, coils={"winding": WINDING}
+        {"iron": Material(permeability=1000.0), "air": Material()}, *OUTSIDE, order=1, coils={"winding": WINDING}
     ),
 }
 

@@ -2,20 +2,22 @@
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTet
 
 import kohonen_adapt as ka
-from benchmarks.checks import bracket, linkage, team20
+from benchmarks.checks import bracket, linkage, pot_magnet, team20
 from benchmarks.problems.coil_devices import electromagnet, electromagnet_problem, random_blocks, random_problem
 from benchmarks.table import Cell, aligned
 from kohonen_adapt.magnetostatics import Coil, MagneticScalarPotential
 
 RANDOM = 60
 ROUNDING = 1e-8  # of a functional with tabulated laws, relative to its terms
-NODES, PASSES = 4000, 5
+NODES, PASSES, ORDERS = 4000, 5, (1, 2)
 
 
 def fields(quick: bool) -> str:
@@ -51,9 +53,14 @@ def polish(quick: bool) -> str:
         "linear iron and a magnet in a box": (random_blocks(2), random_problem(2)),
     }
     nodes = 3000 if quick else NODES
-    rows = [[name, nodes, *compared(mesh, problem, nodes)] for name, (mesh, problem) in cases.items()]
-    header = ["polish beside coils", "nodes", "estimate", "polished", "ratio (target 0.8)", "seconds", "polished"]
-    return "\n\n".join([aligned(header, rows), certificates(10 if quick else RANDOM, beside_coil)])
+    rows = [
+        [name, order, nodes, *compared(mesh, replace(problem, order=order), nodes)]
+        for (name, (mesh, problem)), order in product(cases.items(), ORDERS)
+    ]
+    header = ["polish beside coils", "order", "nodes", "estimate", "polished", "ratio (target 0.8)"]
+    tables = [aligned([*header, "seconds", "polished"], rows)]
+    tables += [certificates(10 if quick else RANDOM, beside_coil, order) for order in ORDERS]
+    return "\n\n".join(tables)
 
 
 def beside_coil(seed: int) -> tuple[MeshTet, MagneticScalarPotential]:
@@ -72,10 +79,11 @@ def compared(mesh: MeshTet, problem: MagneticScalarPotential, nodes: int) -> lis
     return [*found, found[1] / found[0], *seconds]
 
 
-def certificates(count: int, made: Callable[[int], tuple[MeshTet, MagneticScalarPotential]]) -> str:
+def certificates(count: int, made: Callable[[int], tuple[MeshTet, MagneticScalarPotential]], order: int) -> str:
     """Random problems whose solutions are stationary before and after a polish that never raises the functional."""
     risen, falls, estimates = 0, [], []
     for mesh, problem in map(made, range(count)):
+        problem = replace(problem, order=order)
         polished = ka.polish(mesh, problem)  # raises ValueError if the solution is not stationary
         ka.polish(polished, problem, sweeps=1)
         fields = [problem.solve(each) for each in (mesh, polished)]
@@ -85,14 +93,14 @@ def certificates(count: int, made: Callable[[int], tuple[MeshTet, MagneticScalar
         falls.append((before - after) / size)
         norms = [np.linalg.norm(problem.indicators(each.mesh, each)) for each in fields]
         estimates.append(norms[1] / norms[0])
-    header = ["random problems", "risen functionals (target 0)", "fall, median", "estimate, median", "worst"]
+    header = ["random problems", "order", "risen functionals (target 0)", "fall, median", "estimate, median", "worst"]
     medians = float(np.median(falls)), float(np.median(estimates))
-    return aligned(header, [[f"{count}", risen, *medians, float(max(estimates))]])
+    return aligned(header, [[f"{count}", order, risen, *medians, float(max(estimates))]])
 
 
 def report(quick: bool, parts: Sequence[str] = ()) -> str:
-    """Those parts with the given names, or all but the two slowest."""
-    return "\n\n".join(PARTS[name](quick) for name in parts or [*PARTS][:-2])
+    """Those parts with the given names, or all but the three slowest."""
+    return "\n\n".join(PARTS[name](quick) for name in parts or [*PARTS][:-3])
 
 
 PARTS = {
@@ -100,7 +108,9 @@ PARTS = {
     "polish": polish,
     "bracket": bracket.report,
     "linkage": linkage.report,
+    "pot": pot_magnet.report,
     "team20": team20.report,
+    "tight": team20.tight,
     "finest": team20.finest,
     "million": bracket.million,
 }

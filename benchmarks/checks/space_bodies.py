@@ -58,7 +58,9 @@ class Diffusion:
 
 def report(seeds: Sequence[int], quick: bool) -> str:
     """Certificates of random magnets and steel, then what random bodies lose."""
-    return "\n\n".join([certificates(QUICK if quick else PROBLEMS, magnets), losses(QUICK if quick else BODIES)])
+    return "\n\n".join(
+        [certificates(QUICK if quick else PROBLEMS, magnets, order=2), losses(QUICK if quick else BODIES)]
+    )
 
 
 def magnets(seed: int) -> tuple[MeshTet, MagneticScalarPotential]:
