@@ -1,12 +1,13 @@
 """Hold force and flux linkage of a round magnet in space, adapted to a tolerance, against those around its axis."""
 
 import time
+from collections.abc import Callable
+from typing import Any
 
 import kohonen_adapt as ka
 from benchmarks.problems.pot_magnet import around_axis, in_space, mesh
 from benchmarks.table import Cell, aligned
 from kohonen_adapt.magnetostatics import FluxLinkage, Force
-from kohonen_adapt.problem.evaluation import Output
 
 FINE = 2e-4  # tolerance around the axis
 MOST = 40_000
@@ -16,7 +17,7 @@ def report(quick: bool) -> str:
     plane, solid = mesh(2), mesh(3)
     rows: list[list[Cell]] = []
     for ampere_turns in (2500.0,) if quick else (500.0, 2500.0):
-        plunger: dict[str, Output] = {"force": pull, "linkage": FluxLinkage({"winding": 1})}
+        plunger: dict[str, Callable[[Any], float]] = {"force": pull, "linkage": FluxLinkage({"winding": 1})}
         section = ka.adapt(plane, around_axis(ampere_turns), outputs=plunger, output_rtol=FINE)
         exact = {name: each.corrected for name, each in section.outputs.items()}
         for order in (1, 2):
@@ -27,9 +28,9 @@ def report(quick: bool) -> str:
 
 
 def in_a_quarter(
-    solid: object, ampere_turns: float, order: int, tolerance: float, exact: dict[str, float]
+    solid: Any, ampere_turns: float, order: int, tolerance: float, exact: dict[str, float]
 ) -> list[list[Cell]]:
-    outputs: dict[str, Output] = {
+    outputs: dict[str, Callable[[Any], float]] = {
         "force": Force("plate", (0.0, 0.0, -1.0)),
         "linkage": FluxLinkage({"winding": 1}),
     }
@@ -50,5 +51,5 @@ def in_a_quarter(
     ]
 
 
-def pull(field: object) -> float:
+def pull(field: Any) -> float:
     return -float(field.force("plate")[1])
