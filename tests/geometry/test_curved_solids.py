@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers.meshes import disk, ring, shells
 from helpers.solids import ball, boundary_facts, box, cut, extruded, named, scramble, split_edge
+from scipy.spatial import Delaunay
 from skfem import MeshTet, MeshTet2, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
@@ -131,6 +132,32 @@ def test_few_nodes_that_lie_near_a_cylinder_by_chance_stay_on_their_planes():
     faces = np.array([(0, 3, 4), (1, 5, 3), (2, 4, 5), (4, 3, 5), (0, 6, 3)])
     solid = MovableSolid.of(MeshTet(x.T, np.column_stack([faces, np.full(5, 7)]).T), Rules())
     assert np.all(solid.surfaces.shape == PLANE)
+
+
+def hull_of_sphere(count, seed):
+    """Tetrahedra from the centre of a sphere to the faces of the hull of nodes on the sphere, nearly even."""
+    i, noise = np.arange(count) + 0.5, np.random.default_rng(seed).normal(0.0, 0.12, (3, count))
+    z, angle = 1.0 - 2.0 * i / count, np.pi * (1.0 + np.sqrt(5.0)) * i
+    x = np.stack([np.sqrt(1.0 - z**2) * np.cos(angle), np.sqrt(1.0 - z**2) * np.sin(angle), z]) + noise
+    x = np.append(x / np.linalg.norm(x, axis=0), np.zeros((3, 1)), axis=1)
+    return MeshTet(x, Delaunay(x.T).simplices.T.astype(np.int64))
+
+
+@pytest.mark.parametrize(("count", "seed"), [(24, 1), (30, 5)])
+def test_single_faces_in_a_coarse_sphere_belong_to_the_sphere(count, seed):
+    mesh = hull_of_sphere(count, seed)
+    assert (turns(mesh) > np.radians(35.0)).any()
+    assert found(MovableSolid.of(mesh, Rules())) == {"spheres": 1}
+
+
+def turns(mesh):
+    """Angles between neighbouring outer faces of a convex body around the origin."""
+    faces = mesh.facets[:, mesh.boundary_facets()]
+    corners = mesh.p[:, faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0)
+    normal *= np.sign(np.sum(normal * corners.mean(axis=1), axis=0)) / np.linalg.norm(normal, axis=0)
+    common = (faces[:, None, :, None] == faces[None, :, None, :]).sum(axis=(0, 1))
+    return np.arccos(np.clip((normal.T @ normal)[common == 2], -1.0, 1.0))
 
 
 def test_wherever_nodes_slide_the_same_is_recognised_again():

@@ -41,7 +41,8 @@ def patches_of(faces: Faces, seams: Seams, position: Floats, surfaces: Mapping[s
     )
     plain = smooth & (one < 0)
     skin = Skin(position, faces.nodes, seams.faces[plain], seams.turn[plain], group)
-    rounds = rounds_among(skin, user_defined < 0)
+    pairs = seams.faces[same_label & (one < 0)]
+    rounds = with_steep_faces(skin, pairs, rounds_among(skin, user_defined < 0))
     for number, (part, _) in enumerate(rounds):
         group[part] = len(user_defined) + number
     patch = in_order(group)
@@ -180,6 +181,26 @@ def rounds_among(skin: Skin, faces: Mask) -> list[tuple[Ints, Round]]:
 
     accepted = {id(each) for number, each in enumerate(coarse) if is_one(number, each)} | set(map(id, sure))
     return [(part, each) for part, each in found if id(each) in accepted]
+
+
+def with_steep_faces(skin: Skin, pairs: Ints, rounds: list[tuple[Ints, Round]]) -> list[tuple[Ints, Round]]:
+    # Single faces of coarse spheres turn by a corner or more, and join a sphere to which two neighbours belong. `pairs`
+    # (j, 2) are the neighbours at all seams.
+    free, found = np.bincount(skin.plane)[skin.plane] == 1, list[tuple[Ints, Round]]()
+    for part, _ in rounds:
+        free[part] = False
+    for part, each in rounds:
+        inside, candidates = np.zeros(len(free), dtype=bool), free & near(skin, each) & (each.shape == SPHERE)
+        inside[part] = True
+        while candidates.any():
+            beside = np.bincount(pairs.ravel(), weights=inside[pairs[:, ::-1]].ravel(), minlength=len(free))
+            steep = candidates & ~inside & (beside >= 2)
+            if not steep.any():
+                break
+            inside |= steep
+        free &= ~inside
+        found.append((np.flatnonzero(inside), each))
+    return found
 
 
 def rounds_of_set(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
