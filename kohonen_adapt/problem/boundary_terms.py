@@ -158,8 +158,9 @@ class SurfaceTerms:
 def checked_surface(given: SurfaceTerms | None, unknowns: int, region: NDArray[np.int64] | None) -> None:
     if given is None:
         return
+    found = f"nodal of shape {np.shape(given.nodal)}" if isinstance(given, SurfaceTerms) else repr(given)
     if not isinstance(given, SurfaceTerms) or np.shape(given.nodal) != (unknowns, 2):
-        raise ValueError(f"surface of Ritz must be SurfaceTerms with nodal of shape ({unknowns}, 2); got {given!r}.")
+        raise ValueError(f"surface of Ritz must be SurfaceTerms with nodal of shape ({unknowns}, 2); got {found}.")
     needed = 1 if region is None else int(region.max(initial=0)) + 1
     if len(given.reduced) < needed:
         raise ValueError(f"reduced of SurfaceTerms must have {needed} entries; got {len(given.reduced)}.")
