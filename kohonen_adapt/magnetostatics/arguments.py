@@ -12,7 +12,7 @@ from kohonen_adapt.checks import is_number, listed, nearest_name
 from kohonen_adapt.geometry.plane.curves import Arc, Curve
 from kohonen_adapt.geometry.rules import checked_pair
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value
-from kohonen_adapt.magnetostatics.field_problem import check_elements
+from kohonen_adapt.magnetostatics.field_problem import check_elements, chosen_order
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
@@ -54,8 +54,7 @@ class Arguments:
     def __post_init__(self) -> None:
         self._check_kinds()
         self._check_fixed()
-        if isinstance(self.order, AutoOrder) or str(self.order) == "auto":
-            object.__setattr__(self, "order", self._default_order())
+        object.__setattr__(self, "order", chosen_order(self.order, self.estimator))
         check_elements(checked_order(self.order, ", or 'auto'"), self.curved, self.estimator)
         self._check_depth()
         self._check_sides()
@@ -142,10 +141,6 @@ class Arguments:
                 "potential must fix A on at least one boundary, for instance {'outer': 0.0}: "
                 f"otherwise A is known only up to a constant; got {self.potential!r}."
             )
-
-    def _default_order(self) -> AutoOrder:
-        # Least time to an error of 1 %, also for goals: python -m benchmarks goal-orders
-        return AutoOrder(2 if self.estimator == "residual" else 1)
 
     def _check_sides(self) -> None:
         valid = self.sides is None or isinstance(self.sides, Mapping)

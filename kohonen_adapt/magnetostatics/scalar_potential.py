@@ -16,7 +16,7 @@ from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
-from kohonen_adapt.magnetostatics.field_problem import FieldProblem, check_elements
+from kohonen_adapt.magnetostatics.field_problem import FieldProblem, check_elements, chosen_order
 from kohonen_adapt.magnetostatics.functional import functional_in_space
 from kohonen_adapt.magnetostatics.hypercircle import gap_indicators, with_currents_of
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
@@ -119,8 +119,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if isinstance(self.order, AutoOrder) or str(self.order) == "auto":
-            object.__setattr__(self, "order", self._default_order())
+        object.__setattr__(self, "order", chosen_order(self.order, self.estimator))
         if not is_count(self.order) or self.order not in ORDERS:
             raise ValueError(f"order of MagneticScalarPotential must be 1 or 2; got {self.order!r}.")
         if self.estimator not in ESTIMATORS:
@@ -128,10 +127,6 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         check_elements(self.order, self.curved, self.estimator)
         if self.goal is not None:
             check_goal(self.goal, 3, self.estimator)
-
-    def _default_order(self) -> AutoOrder:
-        # Least time to an error: python -m benchmarks forces-in-space, and coils --team20
-        return AutoOrder(2 if self.estimator == "residual" else 1)
 
     @property
     def calibrated(self) -> bool:
