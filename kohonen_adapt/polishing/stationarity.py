@@ -14,16 +14,12 @@ from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.measures import CurvedTetrahedra
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.polynomials import by_points, exact_reference, law_reference
-from kohonen_adapt.mesh.quadratic_in_space import (
-    function_slopes,
-    hierarchical,
-    hierarchical_loads,
-    unknowns_of_elements,
-)
-from kohonen_adapt.problem.boundary_terms import corner_values, nodal_terms, reduced_regions
+from kohonen_adapt.mesh.quadratic_in_space import function_slopes, hierarchical_loads
+from kohonen_adapt.problem.boundary_terms import nodal_terms
 from kohonen_adapt.problem.functional_in_space import (
     MEANS,
     at_curved_points,
+    coefficients_in_space,
     fields_at_corners,
     fluxes,
     loads_in_space,
@@ -209,16 +205,16 @@ def quadratic_derivatives(corners: Floats, coefficients: Floats, region: Ints, r
     return Derivatives((energy_term - flux_term - source_term).T, size.T, uncertainty.T)
 
 
-def check_in_space(ritz: Ritz, mesh: MeshTet, values: Floats, fixed: Mask) -> None:
-    corners, number, nodal = mesh.p[:, mesh.t], numbers_of(ritz, mesh.t.shape[1]), nodal_terms(ritz.surface)
-    unknowns = mesh.t if ritz.order == 1 else unknowns_of_elements(mesh, mesh.t)
-    local = corner_values(values, nodal, unknowns, reduced_regions(ritz.surface, number))
+def check_in_space(ritz: Ritz, mesh: MeshTet) -> None:
+    number, nodal = numbers_of(ritz, mesh.t.shape[1]), nodal_terms(ritz.surface)
+    unknowns, coefficients = coefficients_in_space(mesh, ritz, number)
     if ritz.order == 1:
-        parts, place = derivatives_in_space(corners, local, number, ritz), mesh.p.T
+        parts, place = derivatives_in_space(mesh.p[:, mesh.t], coefficients, number, ritz), mesh.p.T
     else:
-        parts = derivatives_of_order_2(mesh, hierarchical(local), number, ritz)
+        parts = derivatives_of_order_2(mesh, coefficients, number, ritz)
         place = np.vstack([mesh.p.T[: mesh.nvertices], mesh.p[:, mesh.edges].mean(axis=1).T])
-    total, size, doubt = sums(parts, unknowns.T, len(values))
+    fixed = np.asarray(ritz.fixed)
+    total, size, doubt = sums(parts, unknowns.T, len(fixed))
     if len(nodal):
         load = nodal[:, LOAD] if ritz.order == 1 else hierarchical_loads(mesh, nodal[:, LOAD])
         total, size = total - load, size + np.abs(load)

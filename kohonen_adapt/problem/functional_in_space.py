@@ -4,14 +4,20 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import ElementTetP1
+from skfem import ElementTetP1, MeshTet
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.basis import CURVED_RULE_IN_SPACE, LAW_RULE_IN_SPACE
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.measures import tangent_corners
-from kohonen_adapt.mesh.quadratic_in_space import function_slopes, quadratic_functions
+from kohonen_adapt.mesh.quadratic_in_space import (
+    function_slopes,
+    hierarchical,
+    quadratic_functions,
+    unknowns_of_elements,
+)
+from kohonen_adapt.problem.boundary_terms import corner_values, nodal_terms, reduced_regions
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_table, source_at, value_by_region
 
@@ -20,6 +26,7 @@ __all__ = [
     "LAW_WEIGHTS",
     "MEANS",
     "at_curved_points",
+    "coefficients_in_space",
     "density_in_space",
     "fields_at_corners",
     "fluxes",
@@ -38,6 +45,14 @@ OF_SLOPES, OF_SOURCE, OF_SOURCE_2 = 2, 7, 8
 CHUNK = 1 << 12  # elements whose points are evaluated at once
 LAW_POINTS, LAW_WEIGHTS = LAW_RULE_IN_SPACE
 MEANS = np.append(np.full(4, 1.0 / 4.0), np.full(6, 1.0 / 5.0))  # means of the functions
+
+
+def coefficients_in_space(mesh: MeshTet, ritz: Ritz, region: Ints) -> tuple[Ints, Floats]:
+    # unknowns of elements and coefficients of the functions, (4, m), at order 2 (10, m)
+    unknowns = mesh.t if ritz.order == 1 else unknowns_of_elements(mesh, mesh.t)
+    nodal, reduced = nodal_terms(ritz.surface), reduced_regions(ritz.surface, region)
+    local = corner_values(np.asarray(ritz.values), nodal, unknowns, reduced)
+    return unknowns, local if ritz.order == 1 else hierarchical(local)
 
 
 def value_in_space(corners: Floats, values: Floats, region: Ints, ritz: Ritz) -> float:

@@ -23,16 +23,13 @@ from kohonen_adapt.mesh.polynomials import (
     local_coefficients,
     modes_of,
 )
-from kohonen_adapt.mesh.quadratic_in_space import hierarchical, unknowns_of_elements
 from kohonen_adapt.problem.boundary_terms import (
-    corner_values,
     nodal_terms,
-    reduced_regions,
     robin_value,
     sides_of_boundary,
     surface_work,
 )
-from kohonen_adapt.problem.functional_in_space import value_in_space, value_of_order_2
+from kohonen_adapt.problem.functional_in_space import coefficients_in_space, value_in_space, value_of_order_2
 from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of, plane_only_term
 from kohonen_adapt.problem.tables import flux_at, flux_table, source_at, value_by_region
 
@@ -160,12 +157,10 @@ def functional_value(mesh: Mesh, ritz: Ritz) -> float:
             raise ValueError(f"Ritz cannot be evaluated on tetrahedra: {plane_only_term(ritz)}.")
         check_matches(ritz, mesh)
         region = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
-        values, nodal = np.asarray(ritz.values), nodal_terms(ritz.surface)
-        unknowns = mesh.t if ritz.order == 1 else unknowns_of_elements(mesh, mesh.t)
-        local = corner_values(values, nodal, unknowns, reduced_regions(ritz.surface, region))
-        corners, work = mesh.p[:, mesh.t], surface_work(values, nodal)
+        corners, (_, coefficients) = mesh.p[:, mesh.t], coefficients_in_space(mesh, ritz, region)
+        work = surface_work(np.asarray(ritz.values), nodal_terms(ritz.surface))
         if ritz.order == 1:
-            return value_in_space(corners, local, region, ritz) - work
+            return value_in_space(corners, coefficients, region, ritz) - work
         offset = CurvedTetrahedra(mesh).offset
-        return value_of_order_2(corners, offset, hierarchical(local), mesh.t, region, ritz) - work
+        return value_of_order_2(corners, offset, coefficients, mesh.t, region, ritz) - work
     return sum(value_of_part(mesh, part) for part in parts_of(ritz))

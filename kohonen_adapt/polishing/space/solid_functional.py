@@ -166,7 +166,7 @@ class SolidFunctional:
             If `of` raises, or if the functional is not stationary at the solution.
         """
         functional = cls.of(ritz, movable, mesh)
-        check_in_space(ritz, mesh, np.asarray(ritz.values), np.asarray(ritz.fixed))
+        check_in_space(ritz, mesh)
         return functional
 
     @property
