@@ -1,6 +1,5 @@
 """A pot magnet with a circular coil that pulls a plate: a quarter in space, and the section around its axis."""
 
-import contextlib
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -39,8 +38,7 @@ def mesh(dimension: int) -> Mesh:
     import gmsh  # an optional dependency
 
     gmsh.initialize(interruptible=False)
-    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
-        stack.callback(gmsh.finalize)
+    try:
         gmsh.option.setNumber("General.Terminal", 0)
         parts = {"pot": rectangles(gmsh, *POT), "plate": rectangles(gmsh, PLATE)}
         if dimension == 2:
@@ -54,9 +52,12 @@ def mesh(dimension: int) -> Mesh:
         gmsh.option.setNumber("Mesh.MeshSizeMax", 10.0 * dimension)
         gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 12)
         gmsh.model.mesh.generate(dimension)
-        path = str(Path(folder) / "pot.msh")
-        gmsh.write(path)
-        return ka.read_mesh(path, scale=1e-3)
+        with tempfile.TemporaryDirectory() as folder:
+            path = str(Path(folder) / "pot.msh")
+            gmsh.write(path)
+            return ka.read_mesh(path, scale=1e-3)
+    finally:
+        gmsh.finalize()
 
 
 def rectangles(gmsh: Any, *given: tuple[float, ...]) -> list[tuple[int, int]]:

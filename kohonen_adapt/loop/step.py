@@ -150,10 +150,10 @@ class Adaptation:
             density = equidistributing(record.mesh, record.indicators, order, norm)
             settings, number = self.settings, self.steps.number
             estimate, functional = record.estimate, solved.functional
-            steers = functional is not None and not functional.ritz.shapes_only
+            ritz = None if functional is None else functional.ritz
             # on a surface that holds its nodes in the polish only a density adds nodes
-            driven = functional is not None and functional.ritz.surface is not None
-            by_energy = steers and not driven and number > self.method.passes_by_density
+            steers = ritz is not None and not ritz.shapes_only and ritz.surface is None
+            by_energy = steers and number > self.method.passes_by_density
             nodes = settings.growth.nodes(number, functional is not None, record)
             drift = drift_of_nodes(self.method.dim, self.order) * nodes
             recycles = not by_energy or abs(nodes - self.movable.nnodes) > drift

@@ -41,8 +41,9 @@ def test_after_the_next_solve_the_functional_has_not_risen(seed, recycles, order
         gain = descend_and_recycle_in_space(movable, functional, trial, start, (2, 2))[1]
     else:
         gain = descend_in_space(movable, functional, trial, 3)
-        told = functional.value(movable.tetrahedralization, trial) if order == 1 else before - gain
-        assert told == pytest.approx(before - gain, abs=1e-8 * (abs(before) + field.energy))
+        if order == 1:  # at order 2 the values are not carried along
+            told = functional.value(movable.tetrahedralization, trial)
+            assert told == pytest.approx(before - gain, abs=1e-8 * (abs(before) + field.energy))
     _, _, again, after = solved(movable.mesh(), problem)
     assert gain > 0.0 and after <= before - gain + 1e-8 * (abs(before) + field.energy)
     assert again.comparable == functional.comparable

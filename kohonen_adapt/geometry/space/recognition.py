@@ -190,14 +190,15 @@ def with_steep_faces(skin: Skin, pairs: Ints, rounds: list[tuple[Ints, Round]]) 
     for part, _ in rounds:
         free[part] = False
     for part, each in rounds:
-        inside, candidates = np.zeros(len(free), dtype=bool), free & near(skin, each) & (each.shape == SPHERE)
-        inside[part] = True
-        while candidates.any():
+        inside = np.isin(np.arange(len(free)), part)
+        steep = free & near(skin, each) if each.shape == SPHERE else np.zeros_like(free)
+        while steep.any():
             beside = np.bincount(pairs.ravel(), weights=inside[pairs[:, ::-1]].ravel(), minlength=len(free))
-            steep = candidates & ~inside & (beside >= 2)
-            if not steep.any():
+            joins = steep & (beside >= 2)
+            if not joins.any():
                 break
-            inside |= steep
+            inside |= joins
+            steep &= ~joins
         free &= ~inside
         found.append((np.flatnonzero(inside), each))
     return found
