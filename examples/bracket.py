@@ -48,7 +48,7 @@ def draw(meshes, temperatures, path):
 
     figure = Figure(figsize=(12.0, 7.0), dpi=160, layout="constrained")
     for mesh, temperature, column in zip(meshes, temperatures, figure.subplots(2, 2).T, strict=True):
-        plot_surface(mesh, names="subdomains", view=(-60.0, 35.0), ax=column[0], unit="mm")
+        plot_surface(mesh, "subdomains", view=(-60.0, 35.0), ax=column[0], unit="mm")
         plot_slice(mesh, PLANE, temperature, label="temperature (K)", ax=column[1], unit="mm")
     figure.savefig(path)
 

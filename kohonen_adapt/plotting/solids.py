@@ -115,9 +115,8 @@ def plot_slice(
 
 def plot_surface(
     mesh: MeshTet,
-    values: ArrayLike | None = None,
+    values: ArrayLike | str = "boundaries",
     *,
-    names: str = "boundaries",
     view: tuple[float, float] = (-60.0, 25.0),
     label: str = "",
     norm: Normalize | None = None,
@@ -136,9 +135,7 @@ def plot_surface(
         The mesh.
     values
         Values (nelements,), or (nnodes,) or of order 2 (nunknowns,) as in `plot_slice`, of which each face shows the
-        mean. None colours names.
-    names
-        The names to colour, "boundaries" or "subdomains".
+        mean. "boundaries" or "subdomains" colours their names.
     view
         Direction of the viewer in degrees, as azimuth from x around z and elevation above the xy plane.
     label
@@ -160,7 +157,7 @@ def plot_surface(
     Raises
     ------
     ValueError
-        If `values` has the wrong shape, if `names` or the unit is unknown, or if `coils` are no list of coils.
+        If `values` has the wrong shape or is another text, if the unit is unknown, or if `coils` are no list of coils.
 
     Examples
     --------
@@ -170,13 +167,13 @@ def plot_surface(
     >>> plot_surface(mesh).figure.savefig("surface.png")
     """
     (mesh, shape), coils = _checked(mesh), listed_coils(coils)
-    if names not in ("boundaries", "subdomains"):
-        raise ValueError(f'names must be "boundaries" or "subdomains"; got {names!r}.')
+    if isinstance(values, str) and values not in ("boundaries", "subdomains"):
+        raise ValueError(f'values must be numbers, "boundaries" or "subdomains"; got {values!r}.')
     axes, camera = axes_of(ax, height=5.0), _camera(*view)
     rim = mesh.boundary_facets()
     faces, order, brightness = _faces(shape, rim, camera, in_unit(unit))
-    if values is None:
-        number, colours, labels = _named_colours(_on_rim(mesh, rim, names), len(rim))
+    if isinstance(values, str):
+        number, colours, labels = _named_colours(_on_rim(mesh, rim, values), len(rim))
         painted = colours[number]
         _add_legend(axes, colours, labels)
     else:

@@ -71,7 +71,7 @@ def test_only_faces_that_look_here_are_seen_and_near_ones_last():
 def test_the_surface_in_the_colours_of_names():
     axes = plotting.plot_surface(MESH)
     assert words(axes) == ["no name", "outer, with a corner", "with a corner", "sheet"]  # the wall is inside
-    assert sorted(words(plotting.plot_surface(MESH, names="subdomains")))[0] == "low"
+    assert sorted(words(plotting.plot_surface(MESH, "subdomains")))[0] == "low"
     axes = plotting.plot_surface(MESH, np.arange(MESH.t.shape[1]), label="number")
     assert axes.figure.axes[1].get_ylabel() == "number" and axes.get_legend() is None
 
@@ -84,8 +84,8 @@ def test_passes_are_filmed_in_a_cut(tmp_path):
 def test_what_is_refused():
     with pytest.raises(ValueError, match="a mesh of triangles is drawn by draw_mesh"):
         plotting.plot_surface(MeshTri())
-    with pytest.raises(ValueError, match='names must be "boundaries" or "subdomains"; got \'faces\''):
-        plotting.plot_surface(MESH, names="faces")
+    with pytest.raises(ValueError, match='values must be numbers, "boundaries" or "subdomains"; got \'faces\''):
+        plotting.plot_surface(MESH, "faces")
     with pytest.raises(ValueError, match="values must have shape"):
         plotting.plot_slice(MESH, MIDDLE, np.ones(3))
     with pytest.raises(ValueError, match="shown in a cut"):
