@@ -12,6 +12,10 @@ from benchmarks.checks.goal_orders import Case
 from benchmarks.checks.goal_orders import cases as goal_cases
 from benchmarks.peers.bisection import Bisection, mark_bulk
 from benchmarks.peers.orders_to_error import models
+from benchmarks.problems.l_shape import LShape, l_shaped_mesh
+from benchmarks.problems.orders import OfOrder
+from benchmarks.problems.orders import problem as of_order
+from benchmarks.problems.poisson_l import PoissonL
 from benchmarks.table import Cell, aligned
 from kohonen_adapt.magnetostatics import Field, Magnetostatics
 
@@ -20,6 +24,10 @@ GOAL_TOLERANCES = (1e-2, 1e-3, 1e-4)
 OWN_ORDERS = (1e-2, 3e-3, 1e-3)  # tolerances for order 2 alone and for refinement
 THETA = 0.25  # of the squared estimate, in the marking of refinement
 LAYERS, HIGHEST = 4, 8  # of the reference, on the mesh of each result
+COUNTED = ("auto", "adapt")  # runs whose errors are summed up
+OWN_TOLERANCES = {1: 1e-2, 2: 1e-3}  # of own problems, by order
+OWN_START = 4  # squares per unit of the coarse mesh
+SCALES = {("L", 1): 1.0 / 3.4, ("F", 1): 1.0 / 7.7, ("L", 2): 1.0 / 6.3, ("F", 2): 1.0 / 6.3}  # error over residual
 
 
 @dataclass(frozen=True)
@@ -27,9 +35,24 @@ class Run:
     seconds: float
     unknowns: int
     order: int
-    field: Field
+    field: Field | np.ndarray
     mesh: MeshTri
     estimate: float  # relative
+
+
+class Own:
+    """Problem L or F by scikit-fem's elements, with a calibrated estimate."""
+
+    calibrated = True
+
+    def __init__(self, letter: str, order: int) -> None:
+        linear: LShape | PoissonL = LShape() if letter == "L" else PoissonL()
+        self.problem: LShape | PoissonL | OfOrder = linear if order == 1 else of_order(letter, order)
+        self.name, self.order, self.scale = letter, order, SCALES[letter, order]
+        self.solve, self.ritz, self.energy_norm = self.problem.solve, self.problem.ritz, self.problem.energy_norm
+
+    def indicators(self, mesh: MeshTri, u: np.ndarray) -> np.ndarray:
+        return self.scale * self.problem.indicators(mesh, u)
 
 
 def report(seeds: Sequence[int], quick: bool) -> str:
@@ -38,8 +61,10 @@ def report(seeds: Sequence[int], quick: bool) -> str:
     tolerances, chosen = (TOLERANCES[:1], models()[:1]) if quick else (TOLERANCES, models())
     header = ["by tolerance", "rtol", "run", "s", "unknowns", "order", "estimate / tol", "error / tol"]
     rows = [row for model in chosen for row in _rows(model.name, model.start(), model.problem, tolerances)]
+    own = [Own(letter, order) for letter in "LF"[: 1 if quick else None] for order in OWN_TOLERANCES]
+    rows += [row for problem in own for row in _own_rows(problem)]
     goals = [row for case in goal_cases(1) for row in _goal_rows(case, GOAL_TOLERANCES[: 1 if quick else None])]
-    ratios = np.array([float(row[-1]) for row in [*rows, *goals] if row[2] == "auto" and row[-1] is not None])
+    ratios = np.array([float(row[-1]) for row in [*rows, *goals] if row[2] in COUNTED and row[-1] is not None])
     summary = (
         f"error / tolerance of {ratios.size} runs: median {np.median(ratios):.2f}, 95 % at most "
         f"{np.quantile(ratios, 0.95):.2f}, largest {ratios.max():.2f}"
@@ -59,6 +84,14 @@ def _rows(name: str, start: MeshTri, problem: Magnetostatics, tolerances: Sequen
             yield [name, rtol, label, found.seconds, found.unknowns, found.order, found.estimate / rtol, error]
 
 
+def _own_rows(problem: Own) -> Iterator[list[Cell]]:
+    rtol = OWN_TOLERANCES[problem.order]
+    for label, run in (("adapt", adapted), ("refined", refined)):
+        found = run(l_shaped_mesh(OWN_START), problem, rtol)
+        error = problem.problem.error(found.mesh, found.field) / problem.energy_norm(found.mesh, found.field) / rtol
+        yield [problem.name, rtol, label, found.seconds, found.unknowns, found.order, found.estimate / rtol, error]
+
+
 def _goal_rows(case: Case, tolerances: Sequence[float]) -> Iterator[list[Cell]]:
     problem = replace(case.problem, order="auto")
     for rtol in tolerances:
@@ -70,14 +103,14 @@ def _goal_rows(case: Case, tolerances: Sequence[float]) -> Iterator[list[Cell]]:
         yield [case.name, rtol, "auto", seconds, best.unknowns, best.order, estimated, error]
 
 
-def adapted(start: MeshTri, problem: Magnetostatics, rtol: float) -> Run:
+def adapted(start: MeshTri, problem: Magnetostatics | Own, rtol: float) -> Run:
     began = time.process_time()
     result = ka.adapt(start, problem, rtol=rtol)
     seconds, best = time.process_time() - began, result.best
     return Run(seconds, best.unknowns, best.order, result.solution, result.mesh, best.estimate / best.energy_norm)
 
 
-def refined(mesh: MeshTri, problem: Magnetostatics, rtol: float) -> Run:
+def refined(mesh: MeshTri, problem: Magnetostatics | Own, rtol: float) -> Run:
     """Bisect the elements that hold a fraction of the squared estimate, until it is within the tolerance."""
     began, state = time.process_time(), Bisection.of(mesh)
     while True:
@@ -87,7 +120,8 @@ def refined(mesh: MeshTri, problem: Magnetostatics, rtol: float) -> Run:
         estimate = float(np.linalg.norm(indicators)) / problem.energy_norm(mesh, field)
         if estimate <= rtol:
             seconds = time.process_time() - began
-            return Run(seconds, field.elements.doflocs.shape[1], field.order, field, mesh, estimate)
+            unknowns = field.size if isinstance(field, np.ndarray) else field.elements.doflocs.shape[1]
+            return Run(seconds, unknowns, problem.order, field, mesh, estimate)
         state = state.refined(mark_bulk(indicators, THETA))
 
 
