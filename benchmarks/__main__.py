@@ -148,6 +148,7 @@ def main() -> None:
     parser.add_argument("--finest", action="store_true", help="coils: the same force by order 2 only (3 minutes)")
     parser.add_argument("--linkage", action="store_true", help="coils: inductances only")
     parser.add_argument("--pot", action="store_true", help="coils: a pot magnet against its section only")
+    parser.add_argument("--torus", action="store_true", help="coils: bounds of a closed torus only")
     parser.add_argument("--bracket", action="store_true", help="coils: bounds by both potentials, and fluxes, only")
     parser.add_argument("--million", action="store_true", help="coils: one solution on a million edges, only")
     parser.add_argument("--fine", type=int, default=0, metavar="N", help="oracle CASE.toml: halve the elements N times")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from skfem import MeshTet
 
 import kohonen_adapt as ka
-from benchmarks.checks import bracket, linkage, pot_magnet, team20
+from benchmarks.checks import bracket, linkage, pot_magnet, team20, torus
 from benchmarks.problems.coil_devices import electromagnet, electromagnet_problem, random_blocks, random_problem
 from benchmarks.table import Cell, aligned
 from kohonen_adapt.magnetostatics import Coil, MagneticScalarPotential
@@ -107,6 +107,7 @@ PARTS = {
     "fields": fields,
     "polish": polish,
     "bracket": bracket.report,
+    "torus": torus.report,
     "linkage": linkage.report,
     "pot": pot_magnet.report,
     "team20": team20.report,
