@@ -1,6 +1,7 @@
 """Set up what holds for every test: compiled loops, hypothesis's profiles, and a quiet logger."""
 
 import logging
+import os
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -16,6 +17,8 @@ settings.register_profile("steady", derandomize=True, **STEADY)
 settings.register_profile("fresh", max_examples=1000, print_blob=True, **STEADY)
 settings.register_profile("ten-thousand", max_examples=19_300, print_blob=True, **STEADY)
 settings.load_profile("steady")
+
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # or every process that a test begins compiles all modules anew
 
 
 def pytest_sessionstart(session):
