@@ -10,6 +10,7 @@ from skfem import MeshTet
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_count
 from kohonen_adapt.estimators import goal_oriented
+from kohonen_adapt.geometry.space.movable_solid import with_round_edges
 from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace, conditions_in_space
 from kohonen_adapt.magnetostatics.equations.applied_field import drive_on
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
@@ -246,8 +247,9 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
     def improved(self, mesh: MeshTet, field: SolidField, outputs: Mapping[str, Output]) -> dict[str, float]:
         """Return better values of outputs.
 
-        At order 1 they are those of the quadratic field of the problem that is linearised at the field. At order 2 the
-        surplus of cubic functions is added, and the change is at least the relative error of the energy.
+        At order 1 they are those of the quadratic field of the problem that is linearised at the field, on curved edges
+        if `curved`. At order 2 the surplus of cubic functions is added, and the change is at least the relative error
+        of the energy.
 
         Parameters
         ----------
@@ -267,7 +269,8 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         if field.order > 1:
             return with_surplus(field, self._conditions(field), self.materials, self.method)
         quadratic = replace(self, order=2, goal=None, estimator="residual")
-        return linearised_at(field, *quadratic.functional_on(field.mesh), self.method)
+        mesh = with_round_edges(field.mesh) if self.curved else field.mesh  # faces cut off a part of round bodies
+        return linearised_at(field, *quadratic.functional_on(mesh), self.method)
 
     def _conditions(self, field: SolidField) -> Conditions:
         return conditions_in_space(field.drive, self.potential or {}, field.planes)

@@ -45,7 +45,7 @@ from kohonen_adapt.mesh.measures import with_edge_offsets
 from kohonen_adapt.mesh.names import boundary_of, turned
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 
-__all__ = ["MovableSolid"]
+__all__ = ["MovableSolid", "with_round_edges"]
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -250,3 +250,8 @@ def surfaces_of(patches: Patches, ridges: Ridges, samples: Samples) -> Surfaces:
         ridge_size=ridges.size,
         samples=samples,
     )
+
+
+def with_round_edges(mesh: MeshTet) -> MeshTet:
+    # with the nodes inside edges on the curved surfaces that are recognised
+    return MovableSolid.of(mesh, Rules(), curved=True).mesh()
