@@ -3,6 +3,9 @@
 import logging
 import os
 
+# Threads of linear algebra only slow down processes that share the cores; numpy reads the number when it is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import pytest
 from hypothesis import HealthCheck, settings
 

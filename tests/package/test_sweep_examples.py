@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 pytestmark = pytest.mark.slow
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-EVERY = {"motor": 3, "actuator": 3}  # of the 30 cases
+EVERY = {"motor": 3, "actuator": 5}  # of the 30 cases
 
 
 def begin(name, folder):
