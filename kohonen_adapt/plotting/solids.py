@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.checks import as_reals
+from kohonen_adapt.checks import as_reals, with_nearest_names
 from kohonen_adapt.display import in_unit
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.placement import listed_coils
@@ -113,6 +113,7 @@ def plot_slice(
     return axes
 
 
+@with_nearest_names({"names": "values"})
 def plot_surface(
     mesh: MeshTet,
     values: ArrayLike | str = "boundaries",

@@ -86,6 +86,8 @@ def test_what_is_refused():
         plotting.plot_surface(MeshTri())
     with pytest.raises(ValueError, match='values must be numbers, "boundaries" or "subdomains"; got \'faces\''):
         plotting.plot_surface(MESH, "faces")
+    with pytest.raises(TypeError, match=r"no argument 'names'\. Did you mean 'values'"):
+        plotting.plot_surface(MESH, names="subdomains")
     with pytest.raises(ValueError, match="values must have shape"):
         plotting.plot_slice(MESH, MIDDLE, np.ones(3))
     with pytest.raises(ValueError, match="shown in a cut"):
