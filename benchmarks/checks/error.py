@@ -129,7 +129,7 @@ def true_error(run: Run, problem: Magnetostatics) -> float | None:
     """Return the relative error in the energy norm, by functionals, of problems whose prescribed values are zero."""
     field, mesh = run.field, run.mesh
     corners = problem.singular_nodes(mesh, field)
-    fine = ka.refined_at(mesh, corners, layers=LAYERS) if corners.size else mesh
+    fine = ka.refined_at(mesh, corners, layers=LAYERS, periodic=problem.pairs) if corners.size else mesh
     best = problem.solve(fine, order=HIGHEST)
     squared = 2.0 * (functional(field) - functional(best))
     return float(np.sqrt(max(squared, 0.0) / best.squared_norm))
