@@ -80,16 +80,19 @@ def _rows(name: str, start: MeshTri, problem: Magnetostatics, tolerances: Sequen
             runs += [("order 2", adapted, second), ("refined", refined, second)]
         for label, run, stated in runs:
             found = run(start, stated, rtol)
-            error = true_error(found, second) / rtol
-            yield [name, rtol, label, found.seconds, found.unknowns, found.order, found.estimate / rtol, error]
+            yield _row(name, rtol, label, found, true_error(found, second))
 
 
 def _own_rows(problem: Own) -> Iterator[list[Cell]]:
     rtol = OWN_TOLERANCES[problem.order]
     for label, run in (("adapt", adapted), ("refined", refined)):
         found = run(l_shaped_mesh(OWN_START), problem, rtol)
-        error = problem.problem.error(found.mesh, found.field) / problem.energy_norm(found.mesh, found.field) / rtol
-        yield [problem.name, rtol, label, found.seconds, found.unknowns, found.order, found.estimate / rtol, error]
+        error = problem.problem.error(found.mesh, found.field) / problem.energy_norm(found.mesh, found.field)
+        yield _row(problem.name, rtol, label, found, error)
+
+
+def _row(name: str, rtol: float, label: str, found: Run, error: float) -> list[Cell]:
+    return [name, rtol, label, found.seconds, found.unknowns, found.order, found.estimate / rtol, error / rtol]
 
 
 def _goal_rows(case: Case, tolerances: Sequence[float]) -> Iterator[list[Cell]]:
@@ -125,7 +128,7 @@ def refined(mesh: MeshTri, problem: Magnetostatics | Own, rtol: float) -> Run:
         state = state.refined(mark_bulk(indicators, THETA))
 
 
-def true_error(run: Run, problem: Magnetostatics) -> float | None:
+def true_error(run: Run, problem: Magnetostatics) -> float:
     """Return the relative error in the energy norm, by functionals, of problems whose prescribed values are zero."""
     field, mesh = run.field, run.mesh
     corners = problem.singular_nodes(mesh, field)

@@ -8,7 +8,8 @@ import numpy as np
 from skfem import MeshTet
 
 import kohonen_adapt as ka
-from benchmarks.checks.bracket import MESHES, WIDTHS, bracketed, inductance
+from benchmarks.checks.bracket import MESHES, WIDTHS, adapted, bracketed, inductance
+from benchmarks.peers.space_remeshing import volumes
 from benchmarks.problems.torus import RADIUS, SECTION, mesh, problem
 from benchmarks.table import Cell, aligned
 
@@ -22,37 +23,27 @@ def report(quick: bool) -> str:
     exact = reference(CHORDS[15_000], 15_000) if quick else reference(FINEST, FINEST_NODES)
     rows: list[list[Cell]] = []
     for nodes in list(WIDTHS)[: 1 if quick else None]:
-        found = adapted(mesh(CHORDS[nodes], STEP), nodes)
-        low, high = bounds(found)
+        found = adapted(mesh(CHORDS[nodes], STEP), problem(), nodes)
+        (low, high), solid = inductance(found), found.scalar.mesh
         width = 2.0 * (high - low) / (high + low)
-        rows.append([CHORDS[nodes], found.nvertices, low, high, width, WIDTHS[nodes], share(found), exact])
+        rows.append([CHORDS[nodes], solid.nvertices, low, high, width, WIDTHS[nodes], share(solid), exact])
     count = 5 if quick else MESHES
     held = sum(holds(exact, random_mesh(seed)) for seed in range(count))
     header = ["torus: chords", "nodes", "lower", "upper", "width", "target", "cut off", "round, uH"]
     return f"{aligned(header, rows)}\nUp to the share cut off, the bounds hold it on {held} of {count} coarse meshes."
 
 
-def adapted(start: MeshTet, nodes: int) -> MeshTet:
-    return ka.adapt(start, problem(), target_nodes=nodes, passes=4).mesh
-
-
 def reference(chords: int, nodes: int) -> float:
-    fine = adapted(mesh(chords, STEP), nodes)
-    return float(np.mean(bounds(fine))) * (1.0 + share(fine))
-
-
-def bounds(solid: MeshTet) -> tuple[float, float]:
-    return inductance(bracketed(problem(), solid))
+    fine = adapted(mesh(chords, STEP), problem(), nodes)
+    return float(np.mean(inductance(fine))) * (1.0 + share(fine.scalar.mesh))
 
 
 def share(solid: MeshTet) -> float:
-    corners = solid.p[:, solid.t[:, np.asarray(solid.subdomains["iron"])]]
-    sides = (corners[:, 1:] - corners[:, :1]).transpose(2, 0, 1)
-    return float(1.0 - np.abs(np.linalg.det(sides)).sum() / 6.0 / VOLUME)
+    return float(1.0 - volumes(solid)[solid.subdomains["iron"]].sum() / VOLUME)
 
 
 def holds(exact: float, solid: MeshTet) -> bool:
-    low, high = bounds(solid)
+    low, high = inductance(bracketed(problem(), solid))
     return low <= exact and exact * (1.0 - share(solid)) <= high
 
 

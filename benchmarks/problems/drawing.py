@@ -1,11 +1,12 @@
 """Draw models out of named shapes in Gmsh, and mesh them."""
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from math import cos, sin
 from pathlib import Path
 
-from skfem import MeshTri
+from skfem import Mesh, MeshTri
 
 import kohonen_adapt as ka
 from benchmarks.problems.geometry import Gmsh
@@ -25,11 +26,7 @@ def meshed(
     are edge lengths at the outlines of what is named, the later for what two of them share. `rim` gives the name of an
     outer curve by its bounding box (xmin, ymin, xmax, ymax), or None; `facets` are numbers of equal ones on some.
     """
-    import gmsh
-
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with session() as gmsh:
         gmsh.option.setNumber("General.NumThreads", 1)
         parts = _cut(gmsh, draw(gmsh))
         for name, size in sizes.items():
@@ -37,10 +34,21 @@ def meshed(
         rims = _rims(gmsh, rim)
         for name, number in (facets or {}).items():
             gmsh.model.mesh.setTransfiniteCurve(rims[name][0], number + 1)
-        _group(gmsh, 2, {name: [tag for _, tag in own] for name, own in parts.items()})
-        _group(gmsh, 1, rims)
+        group(gmsh, 2, {name: [tag for _, tag in own] for name, own in parts.items()})
+        group(gmsh, 1, rims)
         gmsh.model.mesh.generate(2)
-        return _read(gmsh)
+        return read(gmsh)
+
+
+@contextmanager
+def session() -> Iterator[Gmsh]:
+    """Gmsh without output, from its start to its end."""
+    import gmsh  # an optional dependency
+
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        yield gmsh
     finally:
         gmsh.finalize()
 
@@ -82,13 +90,14 @@ def _rims(gmsh: Gmsh, rim: Callable[[float, float, float, float], str | None]) -
     return curves
 
 
-def _group(gmsh: Gmsh, dimension: int, groups: dict[str, list[int]]) -> None:
+def group(gmsh: Gmsh, dimension: int, groups: dict[str, list[int]]) -> None:
     for name, tags in groups.items():
         gmsh.model.addPhysicalGroup(dimension, tags, name=name)
 
 
-def _read(gmsh: Gmsh) -> MeshTri:
+def read(gmsh: Gmsh, scale: float = 1.0) -> Mesh:
+    """The mesh in metres, of a drawing in units of `scale`."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "drawing.msh")
         gmsh.write(str(path))
-        return ka.read_mesh(path)
+        return ka.read_mesh(path, scale=scale)

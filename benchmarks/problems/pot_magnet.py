@@ -1,13 +1,11 @@
 """A pot magnet with a circular coil that pulls a plate: a quarter in space, and the section around its axis."""
 
-import tempfile
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from skfem import Mesh
 
-import kohonen_adapt as ka
+from benchmarks.problems.drawing import read, session
 from kohonen_adapt.magnetostatics import Coil, Froehlich, MagneticScalarPotential, Magnetostatics, Material
 
 STEEL, AIR = Material(bh=Froehlich(2000.0, 1.8)), Material()
@@ -35,11 +33,7 @@ def around_axis(ampere_turns: float) -> Magnetostatics:
 
 def mesh(dimension: int) -> Mesh:
     """The section in the plane, or a quarter in space, in metres."""
-    import gmsh  # an optional dependency
-
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with session() as gmsh:
         parts = {"pot": rectangles(gmsh, *POT), "plate": rectangles(gmsh, PLATE)}
         if dimension == 2:
             parts["winding"] = rectangles(gmsh, WINDING)
@@ -52,12 +46,7 @@ def mesh(dimension: int) -> Mesh:
         gmsh.option.setNumber("Mesh.MeshSizeMax", 10.0 * dimension)
         gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 12)
         gmsh.model.mesh.generate(dimension)
-        with tempfile.TemporaryDirectory() as folder:
-            path = str(Path(folder) / "pot.msh")
-            gmsh.write(path)
-            return ka.read_mesh(path, scale=1e-3)
-    finally:
-        gmsh.finalize()
+        return read(gmsh, scale=1e-3)
 
 
 def rectangles(gmsh: Any, *given: tuple[float, ...]) -> list[tuple[int, int]]:
