@@ -5,6 +5,7 @@ import os
 
 # Threads of linear algebra only slow down processes that share the cores; numpy reads the number when it is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # or every process that a test begins compiles all modules anew
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -20,8 +21,6 @@ settings.register_profile("steady", derandomize=True, **STEADY)
 settings.register_profile("fresh", max_examples=1000, print_blob=True, **STEADY)
 settings.register_profile("ten-thousand", max_examples=19_300, print_blob=True, **STEADY)
 settings.load_profile("steady")
-
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # or every process that a test begins compiles all modules anew
 
 
 def pytest_sessionstart(session):

@@ -87,7 +87,8 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
     curved
         At order 2 `kohonen_adapt.adapt` puts the nodes inside edges onto curved surfaces and solves on a `MeshTet2`. An
         edge that would fold an element stays straight. On straight edges the error of H falls by the power 1.3 of the
-        element size around a ball, on curved edges by 2 (`benchmarks ball`).
+        element size around a ball, on curved edges by 2 (`benchmarks ball`). At order 1 errors of outputs and goals
+        are those to curved edges.
     coils
         Name to `Coil`. Windings lie in air, and need no elements of their own. Planes of symmetry cut whole coils. The
         fields of coils and `applied_field` are added.

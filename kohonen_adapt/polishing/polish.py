@@ -29,8 +29,8 @@ PLAN = (2, 2, 2, 2)
 #     L, N = 11 059     1.06   1.02   1.01   1.01
 #     C                 1.04   1.02   1.02   1.02
 MORE = (0, 6, 6)
-# The same after a shorter plan, while the mesh grows. By a tolerance, 2 in place of 6 take 0.78 of the time with 0.98
-# of the unknowns (geometric means of 19 runs at orders 2 and 3), and 1 and 3 take 0.77 and 0.85 with 1.09 and 1.01.
+# The same after a shorter plan, while the mesh grows. By a tolerance, 2 in place of 6 take 0.84 of the time at order 2
+# (geometric mean of 15 runs over refinement, `python -m benchmarks error`).
 MORE_IN_GROWTH = (0, 2, 2)
 PAYS = 0.01
 SETTLED = 0.01  # fraction of the nodes at order 1, below which a recycling is the last of its pass

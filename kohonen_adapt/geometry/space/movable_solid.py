@@ -129,16 +129,22 @@ class MovableSolid(Movable):
         )
 
     def mesh(self) -> MeshTet:
-        mesh = self._straight_mesh()
         if not self.curved:
-            return mesh
-        offset, flat = offsets_on_surfaces(mesh, self.tetrahedralization.elements, self.patches, self.input_edges)
-        if flat.any():
+            return self._straight_mesh()
+        mesh, straight, count = self._curved_mesh()
+        if straight:
             logger.info(
                 "%d of %d edges on curved surfaces stay straight, because curved ones would fold elements.",
-                *(np.count_nonzero(flat), np.count_nonzero(flat | offset.any(axis=0))),
+                *(straight, count),
             )
-        return with_edge_offsets(mesh, offset)
+        return mesh
+
+    def _curved_mesh(self) -> tuple[MeshTet, int, int]:
+        # and the numbers of edges on curved surfaces that stay straight, and of all
+        mesh = self._straight_mesh()
+        offset, flat = offsets_on_surfaces(mesh, self.tetrahedralization.elements, self.patches, self.input_edges)
+        counts = np.count_nonzero(flat), np.count_nonzero(flat | offset.any(axis=0))
+        return with_edge_offsets(mesh, offset), *(int(count) for count in counts)
 
     def _straight_mesh(self) -> MeshTet:
         mesh = self.tetrahedralization.to_mesh()
@@ -254,4 +260,5 @@ def surfaces_of(patches: Patches, ridges: Ridges, samples: Samples) -> Surfaces:
 
 def with_round_edges(mesh: MeshTet) -> MeshTet:
     # with the nodes inside edges on the curved surfaces that are recognised
-    return MovableSolid.of(mesh, Rules(), curved=True).mesh()
+    movable = MovableSolid.of(mesh, Rules(), curved=True)
+    return movable._curved_mesh()[0] if movable.curved else mesh
