@@ -134,7 +134,7 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
         far = ends_far(drive, prescribed, planes.values())
         crossed = self._crossed(edges, [plane.facets for plane in planes.values() if plane.kind == "normal"])
         conditions = conditions_on_edges(edges, np.setdiff1d(mesh.boundary_facets(), crossed))
-        load = edges.against_curls(drive.elements.mean(drive.at_points) + material.coercivity)
+        load = edges.against_curls(drive.mean + material.coercivity)
         load += prescribed_flux_load(edges, crossed, prescribed.values)
         zero = EdgeField(mesh, np.zeros(load.size), material, drive, planes, far=far)
         return CurlFunctional(edges, material, conditions, load), zero

@@ -14,6 +14,7 @@ __all__ = [
     "ascending",
     "count_unknowns",
     "edges_between",
+    "edges_of",
     "facets_opposite",
     "is_own_name",
     "keys_of",
@@ -78,6 +79,14 @@ def number_edges(mesh: Mesh) -> None:
     key, index = np.unique(keys_of(np.stack([start, end]), nnodes), return_inverse=True)
     mesh._edges = np.stack([key // nnodes, key % nnodes]).astype(mesh.t.dtype)
     mesh._t2e = index.reshape(start.shape)
+
+
+def edges_of(mesh: Mesh, elements: NDArray[np.integer] | NDArray[np.bool_]) -> NDArray[np.int64]:
+    # lower and higher nodes (2, k) of the edges of some tetrahedra, sorted
+    number_edges(mesh)
+    used = np.zeros(mesh.edges.shape[1], dtype=bool)
+    used[mesh.t2e[:, elements]] = True
+    return mesh.edges[:, used].astype(np.int64)
 
 
 def edges_between(mesh: Mesh, one: NDArray[np.integer], other: NDArray[np.integer]) -> NDArray[np.int64]:

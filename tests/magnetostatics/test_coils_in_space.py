@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from kohonen_adapt.kernels.coils import add_arcs, add_bars
 from kohonen_adapt.kernels.numba.compilation import interpreted
@@ -46,6 +47,19 @@ def test_the_curl_is_the_current_density_and_there_is_no_divergence(name):
     np.testing.assert_allclose(size, np.where(coil.contains(x), scale, 0.0), rtol=1e-9)
     assert np.abs(curl - density).max() < 2e-3 * scale and np.median(np.abs(curl - density)) < 1e-6 * scale
     assert np.abs(np.trace(slope)).max() < 1e-4 * scale
+
+
+@pytest.mark.parametrize("name", COILS)
+def test_the_distance_of_a_winding_is_a_lower_bound(name):
+    winding = COILS[name].winding
+    size = np.ptp(winding.samples, axis=1)
+    chord = 2e-3 * size.max()  # samples are on chords of arcs
+    x = winding.samples.mean(axis=1)[:, None] + np.random.default_rng(0).uniform(-2.0, 2.0, (3, 300)) * size[:, None]
+    nearest, _ = cKDTree(winding.samples.T).query(x.T)
+    distance = winding.distance(x)
+    assert np.all(distance <= nearest + chord)
+    assert np.median(distance / nearest) > 0.5
+    np.testing.assert_allclose(winding.distance(winding.samples), 0.0, atol=chord)
 
 
 @pytest.mark.parametrize("name", COILS)

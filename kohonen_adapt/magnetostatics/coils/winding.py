@@ -120,6 +120,12 @@ class Winding:
     def in_space(self, y: Floats, z: float) -> Floats:
         return self.origin[:, None] + self.frame[:2].T @ y.T + z * self.frame[2][:, None]
 
+    def distance(self, x: Floats) -> Floats:
+        # a lower bound of the distance of points (3, n) from the winding
+        local = self.local(x)
+        apart = np.min([least_distance(piece, local[:2], self.width) for piece in self.pieces], axis=0)
+        return np.hypot(apart, np.maximum(np.abs(local[2]) - 0.5 * self.height, 0.0))
+
     @cached_property
     def _core(self) -> Floats:
         # The polygon between the bars. Sectors of arcs are added or removed by `turns`.
@@ -193,6 +199,16 @@ class Winding:
                 radius = piece.radius - piece.turn * depth
                 points.append(piece.centre + radius * np.stack((np.cos(angle), np.sin(angle)), axis=1))
         return np.concatenate(points)
+
+
+def least_distance(piece: Bar | Arc, y: Floats, width: float) -> Floats:
+    # from the rectangle around a bar, or from the whole ring of an arc
+    if isinstance(piece, Arc):
+        radius = np.hypot(*(y - piece.centre[:, None]))
+        return np.maximum(np.abs(radius - piece.radius) - 0.5 * width, 0.0)
+    axes = np.stack((piece.along, piece.left))
+    corners, at = piece.corner @ axes.T, axes @ y
+    return np.hypot(*np.maximum(np.maximum(corners.min(axis=0)[:, None] - at, at - corners.max(axis=0)[:, None]), 0.0))
 
 
 def in_bar(bar: Bar, y: Floats, tolerance: float = 0.0) -> Mask:

@@ -139,7 +139,7 @@ def _nodal_matrix(matrix: csr_matrix, averages: csr_matrix, half: Floats, condit
 
 
 def _cycle_of(levels: list[Any]) -> Operator:
-    """Return a V-cycle with one step of Jacobi's method before and after the coarse level."""
+    # one step of Jacobi's method before and after the coarse level
     if len(levels) == 1:
         lowest = np.linalg.pinv(levels[0].A.toarray(), hermitian=True)
         return lambda right: lowest @ right

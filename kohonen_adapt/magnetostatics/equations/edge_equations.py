@@ -40,6 +40,12 @@ class EdgeDrive(Drive):
         values[:, outside] = self.edges.at(self.circulation, x, element) + offset
         return values
 
+    @property
+    def mean(self) -> Floats:
+        # T is linear in every element, (3, nelements)
+        mesh = self.edges.mesh
+        return self.at(mesh.p[:, mesh.t].mean(axis=1), np.arange(self.iron.size))
+
     def work_of_difference(self, density: Floats) -> float:
         """Return ``int (Hs - T) . B`` in J for a B without divergence, (3, nelements)."""
         if self.function is None:
