@@ -125,12 +125,12 @@ def _nodal_matrix(matrix: csr_matrix, averages: csr_matrix, half: Floats, condit
     Half the sum over the components is the matrix of ``int nu grad phi . grad phi``, because ``|curl(phi e)|`` is the
     part of grad phi across e.
     """
-    total: Any = 0.0
-    for component in half.T:
-        vectors = diags_array(component) @ averages
-        vectors = csr_matrix(vectors if conditions.join is None else conditions.join.T @ vectors)
-        total = total + 0.5 * (vectors.T @ (matrix @ vectors))
-    nodal = csr_matrix(total)
+    if conditions.join is not None:
+        matrix = csr_matrix(conditions.join @ matrix @ conditions.join.T)
+    columns = matrix.indices
+    products = sum(np.repeat(component, np.diff(matrix.indptr)) * component[columns] for component in half.T)
+    weighted = csr_matrix((0.5 * matrix.data * products, columns, matrix.indptr), matrix.shape)
+    nodal = csr_matrix(averages.T @ (weighted @ averages))
     diagonal = nodal.diagonal()
     shift = SHIFT * np.where(diagonal > 0.0, diagonal, diagonal.max(initial=1.0))
     nodal = csr_matrix(nodal + diags_array(shift))
