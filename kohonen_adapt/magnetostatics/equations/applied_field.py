@@ -244,7 +244,7 @@ def _groups_by_distance(start: Floats, edge: Floats, function: AppliedField) -> 
     distance = np.zeros(start.shape[1])
     if isinstance(function, Sources):
         distance = 2.0 * function.distance(start + 0.5 * edge)
-    group = np.searchsorted(list(GAUSS_POINTS.values()), distance / magnitude(edge), side="right") - 1
+    group = np.sum(np.outer(list(GAUSS_POINTS.values()), magnitude(edge)) <= distance, axis=0) - 1
     return {count: np.flatnonzero(group == k) for k, count in enumerate(GAUSS_POINTS)}
 
 
