@@ -68,12 +68,15 @@ def plural(what: str) -> str:
 def significant(value: float, digits: int) -> str:
     """Return a number with so many significant digits, trailing zeros kept.
 
+    Numbers below a million have no exponent, but may have more digits.
+
     Examples
     --------
-    >>> significant(-132.9997, 5), significant(2.0, 3), significant(12345.6, 5)
-    ('-133.00', '2.00', '12346')
+    >>> significant(-132.9997, 5), significant(2.0, 3), significant(123.4, 2)
+    ('-133.00', '2.00', '123')
     """
-    return f"{value:#.{digits}g}".removesuffix(".")
+    text = f"{value:#.{digits}g}".removesuffix(".")
+    return f"{value:.0f}" if "e+" in text and abs(value) < 1e6 else text
 
 
 def level_of_share(values: Floats, weights: Floats, share: float) -> float:

@@ -92,8 +92,8 @@ class Bracket:
         sure = "guaranteed" if self.guaranteed else f"no guarantee, because {' and '.join(self.reasons)}"
         if abs(self.source_error) > UNIFORM * abs(self.upper):
             share = 100.0 * abs(self.source_error) / max(abs(self.lower), abs(self.upper))
-            sure += f" up to the currents of the mesh, which change it by {share:.1g} % (included)"
-        return f"{name} between {first} and {last} J, {100.0 * self.width:.2g} % apart; {sure}"
+            sure += f" up to the currents of the mesh, which change it by {significant(share, 1)} % (included)"
+        return f"{name} between {first} and {last} J, {significant(100.0 * self.width, 2)} % apart; {sure}"
 
 
 def gap_indicators(scalar: LocalSolid, vector: EdgeField) -> Floats:
