@@ -26,9 +26,13 @@ class Quadratic:
         basis, nu, flux = self.constants(mesh)
         stiffness = BilinearForm(lambda u, v, w: nu * dot(grad(u), grad(v))).assemble(basis)
         load = LinearForm(lambda v, w: self.solid.source * v + dot(flux, grad(v))).assemble(basis)
+        return stiffness, load, self.given(basis)
+
+    def given(self, basis: Basis) -> np.ndarray:
+        """Mask of the unknowns whose values are given."""
         fixed = np.zeros(basis.N, dtype=bool)
         fixed[basis.get_dofs("given").flatten()] = True
-        return stiffness, load, fixed
+        return fixed
 
     def constants(self, mesh: MeshTet) -> tuple[Basis, np.ndarray, np.ndarray]:
         """The basis, and nu and flux of elements."""
@@ -101,6 +105,6 @@ class Quadratic:
 
     def ritz(self, mesh: MeshTet, u: np.ndarray) -> ka.Ritz:
         """The functional that the solution minimises."""
-        _, _, fixed = self.system(mesh)
+        fixed = self.given(self.constants(mesh)[0])
         constants = {"coefficient": TABLES[0], "source": self.solid.source, "flux": TABLES[1]}
         return ka.Ritz(u, fixed, **constants, region=self.solid.regions(mesh), order=2)
