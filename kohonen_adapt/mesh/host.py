@@ -14,7 +14,7 @@ __all__ = [
     "ascending",
     "count_unknowns",
     "edges_between",
-    "edges_of",
+    "edges_in",
     "facets_opposite",
     "is_own_name",
     "keys_of",
@@ -81,7 +81,7 @@ def number_edges(mesh: Mesh) -> None:
     mesh._t2e = index.reshape(start.shape)
 
 
-def edges_of(mesh: Mesh, elements: NDArray[np.integer] | NDArray[np.bool_]) -> NDArray[np.int64]:
+def edges_in(mesh: Mesh, elements: NDArray[np.integer] | NDArray[np.bool_]) -> NDArray[np.int64]:
     # lower and higher nodes (2, k) of the edges of some tetrahedra, sorted
     number_edges(mesh)
     used = np.zeros(mesh.edges.shape[1], dtype=bool)

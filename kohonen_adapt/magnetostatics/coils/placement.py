@@ -12,7 +12,7 @@ from kohonen_adapt.checks import point_text
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.materials.coefficients import subdomains_at
-from kohonen_adapt.mesh.host import edges_of
+from kohonen_adapt.mesh.host import edges_in
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.measures import magnitude
 
@@ -83,7 +83,7 @@ def _met_elements(mesh: MeshTet, rows: Ints, coil: Coil) -> Ints:
     in_winding = np.zeros(mesh.p.shape[1], dtype=bool)
     in_winding[nodes] = coil.contains(mesh.p[:, nodes])
     met = in_winding[t].any(axis=0) | coil.contains(mesh.p[:, t].mean(axis=1))
-    start, end = edges_of(mesh, rows)
+    start, end = edges_in(mesh, rows)
     size = np.linalg.norm(coil.path.max(axis=1) - coil.path.min(axis=1)) + coil.width + coil.height
     near = magnitude(mesh.p[:, start] - coil.path.mean(axis=1)[:, None]) < size + magnitude(
         mesh.p[:, end] - mesh.p[:, start]

@@ -17,7 +17,7 @@ from kohonen_adapt.magnetostatics.equations.tetrahedra import EDGES, Tetrahedra,
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, subdomains_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.cells import normals
-from kohonen_adapt.mesh.host import edges_of, number_edges, number_facets
+from kohonen_adapt.mesh.host import edges_in, number_edges, number_facets
 from kohonen_adapt.mesh.measures import hat_gradients, magnitude
 
 __all__ = [
@@ -35,6 +35,7 @@ PERMEABLE = 2.0
 # Gauss points along a segment: six have an error of 3e-5 at half its length from a wire. Fewer suffice farther away,
 # where the distance from the middle to all currents is at least a number of half lengths.
 GAUSS_POINTS = {6: 0.0, 4: 2.2, 3: 3.5, 2: 9.0}
+GAUSS_RULES = {count: np.polynomial.legendre.leggauss(count) for count in GAUSS_POINTS}
 LINKED = 0.01  # largest error of circulations along closed paths, relative to the range of the potential in iron
 FACE_EDGES = ((0, 1), (1, 2), (0, 2))  # the last in reverse orientation
 DEGREE = {1: 4, 2: 7}  # of the quadrature rule of facets, by order
@@ -173,7 +174,7 @@ def total_potential(mesh: MeshTet, iron: Mask, function: AppliedField) -> tuple[
     node. Edges outside the tree close paths. A circulation of Hs along an edge of this kind means that the path links a
     current. T, shape (3, nelements), has these circulations.
     """
-    lower, upper = edges_of(mesh, iron)
+    lower, upper = edges_in(mesh, iron)
     chi, nnodes = np.zeros(mesh.p.shape[1]), mesh.p.shape[1]
     if not lower.size:
         return chi, np.zeros((3, iron.size))
@@ -212,7 +213,7 @@ def aligned_potential(drive: Drive, before: Drive) -> Floats:
     nodes, corners = np.unique(old.t[:, before.iron]), np.unique(mesh.t[:, drive.iron])
     if drive.function is None or not corners.size:
         return chi
-    lower, upper = edges_of(mesh, drive.iron)
+    lower, upper = edges_in(mesh, drive.iron)
     graph = coo_array((np.ones(lower.size, dtype=np.int8), (lower, upper)), shape=(chi.size,) * 2)
     component = connected_components(graph, directed=False)[1]
     distance, nearest = cKDTree(old.p[:, nodes].T).query(mesh.p[:, corners].T)
@@ -228,22 +229,28 @@ def aligned_potential(drive: Drive, before: Drive) -> Floats:
 
 
 def circulations(start: Floats, end: Floats, function: AppliedField) -> tuple[Floats, Floats]:
-    """Return ``int Hs . dl`` and ``int |Hs| dl`` along segments, shape (n,) in A."""
-    circulation, absolute, edge = np.zeros(start.shape[1]), np.zeros(start.shape[1]), end - start
+    """Return ``int Hs . dl`` and ``int |Hs| dl`` along segments, shape (n,) in A.
+
+    The second has the terms of coils and of a further function added.
+    """
+    parts = function.parts if isinstance(function, Sources) else (function,)
+    circulation, absolute = np.sum([_circulations_of(start, end - start, part) for part in parts], axis=0)
+    return circulation, absolute
+
+
+def _circulations_of(start: Floats, edge: Floats, function: AppliedField) -> Floats:
+    found = np.zeros((2, start.shape[1]))
     for count, rows in _groups_by_distance(start, edge, function).items():
         first, along, size = start[:, rows], edge[:, rows], magnitude(edge[:, rows])
-        for point, weight in zip(*np.polynomial.legendre.leggauss(count), strict=True):
+        for point, weight in zip(*GAUSS_RULES[count], strict=True):
             values = field_at(function, first + 0.5 * (1.0 + point) * along)
-            circulation[rows] += 0.5 * weight * np.sum(values * along, axis=0)
-            absolute[rows] += 0.5 * weight * magnitude(values) * size
-    return circulation, absolute
+            found[:, rows] += 0.5 * weight * np.stack((np.sum(values * along, axis=0), magnitude(values) * size))
+    return found
 
 
 def _groups_by_distance(start: Floats, edge: Floats, function: AppliedField) -> dict[int, Ints]:
     # segments by their number of Gauss points
-    distance = np.zeros(start.shape[1])
-    if isinstance(function, Sources):
-        distance = 2.0 * function.distance(start + 0.5 * edge)
+    distance = 2.0 * function.distance(start + 0.5 * edge) if isinstance(function, Sources) else 0.0
     group = np.sum(np.outer(list(GAUSS_POINTS.values()), magnitude(edge)) <= distance, axis=0) - 1
     return {count: np.flatnonzero(group == k) for k, count in enumerate(GAUSS_POINTS)}
 

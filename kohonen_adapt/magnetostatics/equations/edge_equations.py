@@ -68,9 +68,10 @@ def edge_drive(edges: EdgeElements, iron: Mask, function: AppliedField | None) -
     chi, layer = total_potential(mesh, iron, function)
     across, inner = np.zeros(start.size), edges.unknowns[:, iron]
     across[inner] = np.sum(edges.directions[:, inner] * layer[:, None, iron], axis=0)
-    rest = np.setdiff1d(np.arange(start.size), inner)
+    outside = np.ones(start.size, dtype=bool)
+    outside[inner] = False
     circulation = chi[start] - chi[end] + across
-    circulation[rest] = circulations(mesh.p[:, start[rest]], mesh.p[:, end[rest]], function)[0]
+    circulation[outside] = circulations(mesh.p[:, start[outside]], mesh.p[:, end[outside]], function)[0]
     return EdgeDrive(elements, function, iron, chi, zeros, layer, edges, circulation)
 
 

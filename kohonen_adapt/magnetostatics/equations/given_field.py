@@ -57,10 +57,12 @@ class Sources:
         fields = [coil.field_strength(x) for coil in self.coils.values()]
         return np.sum(fields if self.applied is None else [*fields, field_at(self.applied, x)], axis=0)
 
+    @property
+    def parts(self) -> tuple[AppliedField, ...]:
+        return (self,) if self.applied is None else (Sources(self.coils, None), self.applied)
+
     def distance(self, x: Floats) -> Floats:
-        # a lower bound of the distance from all currents, 0 if a function gives a field
-        if self.applied is not None:
-            return np.zeros(x.shape[1])
+        # a lower bound of the distance from all coils
         return np.min([coil.winding.distance(x) for coil in self.coils.values()], axis=0)
 
     def without(self, name: str) -> AppliedField | None:
