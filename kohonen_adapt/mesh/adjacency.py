@@ -21,7 +21,15 @@ from kohonen_adapt.mesh.host import ascending, keys_of
 from kohonen_adapt.mesh.measures import edge_midside_offsets
 from kohonen_adapt.mesh.names import named_sets
 
-__all__ = ["check_overlap", "neighbours_of", "parts_of_regions", "positive", "refuse_overlap", "write_on_both_sides"]
+__all__ = [
+    "BoxTree",
+    "check_overlap",
+    "neighbours_of",
+    "parts_of_regions",
+    "positive",
+    "refuse_overlap",
+    "write_on_both_sides",
+]
 
 BRANCHES = 4  # boxes in each box of the tree
 FIRST, GROWTH, MOST = 16, 16, 2**16  # number of points at a time, few at first: stacked elements give many pairs

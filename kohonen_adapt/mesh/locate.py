@@ -1,6 +1,7 @@
 """Search for the elements that contain points, and interpolation at points."""
 
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -13,16 +14,18 @@ from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.kernels.tetrahedron import locate as of_tetrahedra
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle import locate as of_triangles
+from kohonen_adapt.mesh.adjacency import BoxTree
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.measures import check_curved_sides, isoparametric
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["SEARCHES", "Locator", "find_elements", "interpolate", "walk_to_elements"]
+__all__ = ["SEARCHES", "Locator", "elements_at", "find_elements", "interpolate", "walk_to_elements"]
 
 FEW = 5_000  # minimum number of points per thread
 CHUNK = 500_000  # points per compiled call, so that Ctrl-C takes effect within half a second
+NEAR = 1e-9  # of the size of the mesh or of an element, by which a point inside may lie outside by rounding errors
 
 Tessellation: TypeAlias = Triangulation | Tetrahedralization
 
@@ -178,6 +181,22 @@ def find_elements(mesh: Mesh, x: ArrayLike) -> NDArray[np.int32]:
         return found
     check_curved_sides(mesh)
     return isoparametric(mesh).locate(points.T, found)[0].astype(np.int32)
+
+
+def elements_at(mesh: Mesh, x: Floats) -> Ints:
+    # As `find_elements`, for few points on straight elements of a mesh that is known to be valid, without the grid.
+    cell, corners = cell_of(mesh), [np.take(mesh.p, row, axis=1) for row in mesh.t]
+    margin = NEAR * np.ptp(mesh.p, axis=1).max()
+    element, point = BoxTree(reduce(np.minimum, corners) - margin, reduce(np.maximum, corners) + margin).boxes_around(x)
+    around, least = mesh.p[:, mesh.t[:, element]], np.full(element.size, np.inf)
+    for corner in range(cell.dim + 1):  # barycentric coordinates
+        replaced = around.copy()
+        replaced[:, corner] = x[:, point]
+        least = np.minimum(least, cell.determinant(replaced) / cell.determinant(around))
+    found, order = np.full(x.shape[1], -1), np.argsort(least, kind="stable")
+    order = order[least[order] >= -NEAR]
+    found[point[order]] = element[order]
+    return found
 
 
 def interpolate(mesh: Mesh, values: ArrayLike, x: ArrayLike) -> Floats:

@@ -7,7 +7,7 @@ from scipy.interpolate import LinearNDInterpolator
 from skfem import MeshTri
 
 from kohonen_adapt import find_elements, interpolate
-from kohonen_adapt.mesh.locate import walk_to_elements
+from kohonen_adapt.mesh.locate import elements_at, walk_to_elements
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 BUILDS = {
@@ -36,12 +36,13 @@ def points_around(mesh, number=400, seed=0):
     return (low + (high - low) * np.random.default_rng(seed).uniform(-0.2, 1.2, (number, 2))).T
 
 
+@pytest.mark.parametrize("search", [find_elements, elements_at])
 @pytest.mark.parametrize("kind", BUILDS)
-def test_points_are_found_in_the_element_that_holds_them_and_nowhere_else(kind):
+def test_points_are_found_in_the_element_that_holds_them_and_nowhere_else(kind, search):
     mesh = BUILDS[kind]()
     x = points_around(mesh)
     depth = shares(mesh, x).min(axis=0)
-    found = find_elements(mesh, x)
+    found = search(mesh, x)
     clear = np.abs(depth.max(axis=0)) > 1e-8
     assert clear.sum() > 350
     np.testing.assert_array_equal(found[clear] >= 0, depth.max(axis=0)[clear] > 0)
@@ -50,11 +51,12 @@ def test_points_are_found_in_the_element_that_holds_them_and_nowhere_else(kind):
     assert 0 < len(inside) < 400
 
 
+@pytest.mark.parametrize("search", [find_elements, elements_at])
 @pytest.mark.parametrize("kind", BUILDS)
-def test_nodes_and_midpoints_lie_in_the_mesh(kind):
+def test_nodes_and_midpoints_lie_in_the_mesh(kind, search):
     mesh = BUILDS[kind]()
     x = np.hstack([mesh.p, mesh.p[:, mesh.facets].mean(axis=1)])
-    found = find_elements(mesh, x)
+    found = search(mesh, x)
     assert found.min() >= 0
     assert np.min(shares(mesh, x).min(axis=0)[found, np.arange(len(found))]) > -1e-9
 

@@ -13,7 +13,7 @@ from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.materials.coefficients import subdomains_at
 from kohonen_adapt.mesh.host import edges_in
-from kohonen_adapt.mesh.locate import find_elements
+from kohonen_adapt.mesh.locate import elements_at
 from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["check_placement", "checked_coils", "listed_coils"]
@@ -54,7 +54,7 @@ def check_placement(mesh: MeshTet, solid: Mask, coils: Mapping[str, Coil], mirro
         for plane, mirror in mirrors.items():
             _check_symmetry(mesh, name, samples, coils.values(), plane, mirror)
         inside = _folded(mesh, samples, mirrors.values())
-        element = find_elements(mesh, inside).astype(np.int64)
+        element = elements_at(mesh, inside)
         if np.any(element < 0):
             low, high = (point_text(end(mesh.p, axis=1)) for end in (np.min, np.max))
             raise ValueError(
