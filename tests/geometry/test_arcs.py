@@ -505,9 +505,9 @@ def test_after_any_number_of_calls_nodes_are_on_the_curve_that_was_given(kind, t
     curves, size, seen = curves_for(mesh), np.ptp(mesh.p), 0
     kind_of = outline_of(mesh, curves=curves).constraints.kind
     ends = {tuple(x) for x in mesh.p[:, kind_of == HELD].T}
-    for number in range(8):
+    for number in range(6):
         mesh = ka.relocate(mesh, wanderer(mesh, number), topology=topology, seed=number, curves=curves)
-        if number in (0, 2, 7):
+        if number in (0, 2, 5):
             outline = outline_of(mesh, curves=curves)
             own, sliding = outline.constraints.own_chain, outline.constraints.kind == SLIDING
             assert list(outline.curves) == list(curves)
