@@ -71,7 +71,7 @@ def edge_drive(edges: EdgeElements, iron: Mask, function: AppliedField | None) -
     outside = np.ones(start.size, dtype=bool)
     outside[inner] = False
     circulation = chi[start] - chi[end] + across
-    circulation[outside] = circulations(mesh.p[:, start[outside]], mesh.p[:, end[outside]], function)[0]
+    circulation[outside] = circulations(mesh.p, edges.nodes[:, outside], function)[0]
     return EdgeDrive(elements, function, iron, chi, zeros, layer, edges, circulation)
 
 
