@@ -17,6 +17,8 @@ MAX_NODES = 200_000  # largest mesh of a run with a tolerance, unless another is
 AIM = 0.9  # of the tolerance, because the error of adapted meshes is up to 1.15 times the estimate
 MAX_FACTOR = 3.0  # of the number of nodes per pass: the prediction from an ungraded mesh is coarse
 MISSED = 1.1  # least factor of the number of nodes after a pass that the prediction called large enough
+# Growth of the first pass, from which the next needs no more nodes than predicted: nodes placed anew gain much there.
+GREW = 1.5
 
 # Least number of nodes for the estimate of the last pass, and largest factor of the last pass. With fewer nodes or a
 # larger factor the polish does not always correct misplaced nodes. Cost of another pass: `python -m benchmarks growth`.
@@ -123,10 +125,13 @@ class GrowthByTolerance:
 
     def nodes(self, number: int, polished: bool, last: Pass) -> int:
         now, aim = int(last.mesh.nvertices), AIM * (self.tolerance(last) or 0.0)
-        wanted = predicted_nodes(last, aim, self.order, self.dim)
-        if wanted < MISSED * now and last.estimate > 0.0 and last.number > 0:
+        wanted, drifts = predicted_nodes(last, aim, self.order, self.dim), drift_of_nodes(self.dim, self.order) > 0.0
+        if last.number == 1 and now > GREW * self.start:
+            wanted = max(now, wanted)
+        elif last.number > 0 and last.estimate > 0.0 and (wanted < MISSED * now or drifts):
+            # Later passes gain little by placing, least of all at order 2 on tetrahedra.
             missing = (last.estimate / aim) ** (self.dim / self.order) if aim > 0.0 else inf
-            wanted = now * max(MISSED, missing)
+            wanted = max(wanted, now * max(MISSED, missing))
         least = now / MAX_FACTOR if self.removes else now
         return min(self.target, round(min(MAX_FACTOR * now, max(least, wanted))))
 
