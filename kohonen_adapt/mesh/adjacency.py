@@ -15,7 +15,7 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed, point_text
-from kohonen_adapt.mesh.cells import CELLS, Cell, cell_of
+from kohonen_adapt.mesh.cells import CELLS, cell_of
 from kohonen_adapt.mesh.curved import corners_of, is_second_order, midside_offsets
 from kohonen_adapt.mesh.host import ascending, keys_of
 from kohonen_adapt.mesh.measures import edge_midside_offsets
@@ -25,6 +25,7 @@ __all__ = [
     "BoxTree",
     "check_overlap",
     "neighbours_of",
+    "parts_at",
     "parts_of_regions",
     "positive",
     "refuse_overlap",
@@ -173,15 +174,19 @@ def are_inside(corners: Floats, x: Floats, margin: Floats) -> Mask:
     Elements have corners (d, d + 1, q), points are (d, q), and coordinates are of the order of 1.
     """
     dim = len(corners)
-    cell: Cell = CELLS[dim]
     extent = np.ptp(corners, axis=1).max(axis=0)
     least = (ROUNDING + 1.5 * margin) * extent ** (dim - 1)  # a side in the plane is at most sqrt(2) extents long
-    inside = np.ones(x.shape[1], dtype=np.bool_)
-    for corner in range(dim + 1):
+    return np.all(parts_at(corners, x) > least, axis=0)
+
+
+def parts_at(corners: Floats, x: Floats) -> Floats:
+    # determinants of the elements with one corner at the point, (d + 1, q): barycentric coordinates times determinants
+    cell, parts = CELLS[len(corners)], []
+    for corner in range(cell.dim + 1):
         replaced = corners.copy()
         replaced[:, corner] = x
-        inside &= cell.determinant(replaced) > least
-    return inside
+        parts.append(cell.determinant(replaced))
+    return np.stack(parts)
 
 
 def overlap_message(mesh: Mesh, element: int, other: int) -> str:

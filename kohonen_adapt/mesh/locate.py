@@ -14,7 +14,7 @@ from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.kernels.tetrahedron import locate as of_tetrahedra
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle import locate as of_triangles
-from kohonen_adapt.mesh.adjacency import BoxTree
+from kohonen_adapt.mesh.adjacency import BoxTree, parts_at
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.measures import check_curved_sides, isoparametric
@@ -185,14 +185,11 @@ def find_elements(mesh: Mesh, x: ArrayLike) -> NDArray[np.int32]:
 
 def elements_at(mesh: Mesh, x: Floats) -> Ints:
     # As `find_elements`, for few points on straight elements of a mesh that is known to be valid, without the grid.
-    cell, corners = cell_of(mesh), [np.take(mesh.p, row, axis=1) for row in mesh.t]
+    corners = [np.take(mesh.p, row, axis=1) for row in mesh.t]
     margin = NEAR * np.ptp(mesh.p, axis=1).max()
     element, point = BoxTree(reduce(np.minimum, corners) - margin, reduce(np.maximum, corners) + margin).boxes_around(x)
-    around, least = mesh.p[:, mesh.t[:, element]], np.full(element.size, np.inf)
-    for corner in range(cell.dim + 1):  # barycentric coordinates
-        replaced = around.copy()
-        replaced[:, corner] = x[:, point]
-        least = np.minimum(least, cell.determinant(replaced) / cell.determinant(around))
+    around = mesh.p[:, mesh.t[:, element]]
+    least = np.min(parts_at(around, x[:, point]) / cell_of(mesh).determinant(around), axis=0)
     found, order = np.full(x.shape[1], -1), np.argsort(least, kind="stable")
     order = order[least[order] >= -NEAR]
     found[point[order]] = element[order]

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -13,18 +12,17 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, Sources, field_at
+from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, Sources, circulations, field_at
 from kohonen_adapt.magnetostatics.equations.tetrahedra import EDGES, Tetrahedra, tetrahedra_on
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, subdomains_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.host import edges_in, number_edges, number_facets
-from kohonen_adapt.mesh.measures import hat_gradients, magnitude
+from kohonen_adapt.mesh.measures import hat_gradients
 
 __all__ = [
     "Drive",
     "aligned_potential",
-    "circulations",
     "drive_on",
     "permeable",
     "total_potential",
@@ -33,9 +31,6 @@ __all__ = [
 # Relative permeability above which an element is iron, where a reduced potential would cancel most of the applied
 # field.
 PERMEABLE = 2.0
-# Points of Lobatto's rules along a segment: seven have an error of 3e-5 at half its length from a wire. Fewer suffice
-# farther away, where the distance from the middle to all currents is at least a number of half lengths.
-LOBATTO_POINTS = {7: 0.0, 5: 2.2, 4: 3.5, 3: 9.0}
 LINKED = 0.01  # largest error of circulations along closed paths, relative to the range of the potential in iron
 FACE_EDGES = ((0, 1), (1, 2), (0, 2))  # the last in reverse orientation
 DEGREE = {1: 4, 2: 7}  # of the quadrature rule of facets, by order
@@ -227,62 +222,6 @@ def aligned_potential(drive: Drive, before: Drive) -> Floats:
         rows = np.unique(unknowns[:, component[unknowns[0]] == piece])
         chi[rows] += before.potential[start] - drop[0] - drive.potential[node]
     return chi
-
-
-class Rule(NamedTuple):
-    # on [0, 1]
-    inner: Floats
-    weights: Floats
-    at_ends: float
-
-    @classmethod
-    def gauss(cls, count: int) -> "Rule":
-        inner, weights = np.polynomial.legendre.leggauss(count)
-        return cls(0.5 * (1.0 + inner), 0.5 * weights, 0.0)
-
-    @classmethod
-    def lobatto(cls, count: int) -> "Rule":
-        legendre, at_ends = np.polynomial.legendre.Legendre.basis(count - 1), 1.0 / (count * (count - 1))
-        inner = np.real(legendre.deriv().roots())
-        return cls(0.5 * (1.0 + inner), at_ends / legendre(inner) ** 2, at_ends)
-
-
-# A function may be infinite at nodes. The fields of coils there serve several edges.
-OF_FUNCTIONS, OF_COILS = Rule.gauss(6), [Rule.lobatto(count) for count in LOBATTO_POINTS]
-
-
-def circulations(x: Floats, ends: Ints, function: AppliedField) -> tuple[Floats, Floats]:
-    """Return ``int Hs . dl`` and ``int |Hs| dl`` along segments, shape (n,) in A.
-
-    `ends` (2, n) are columns of the points x. The second integral has the terms of coils and of a further function
-    added.
-    """
-    parts = function.parts if isinstance(function, Sources) else (function,)
-    circulation, absolute = np.sum([_circulations_of(x, ends, part) for part in parts], axis=0)
-    return circulation, absolute
-
-
-def _circulations_of(x: Floats, ends: Ints, function: AppliedField) -> Floats:
-    start, edge = x[:, ends[0]], x[:, ends[1]] - x[:, ends[0]]
-    size, found = magnitude(edge), np.zeros((2, edge.shape[1]))
-    rules, group = [OF_FUNCTIONS], np.zeros(size.size, dtype=np.int64)
-    if isinstance(function, Sources):
-        distance = 2.0 * function.distance(start + 0.5 * edge)
-        rules, group = OF_COILS, np.sum(np.outer(list(LOBATTO_POINTS.values()), size) <= distance, axis=0) - 1
-        used, row = np.unique(ends, return_inverse=True)
-        at_nodes, weight = field_at(function, x[:, used]), np.array([rule.at_ends for rule in rules])[group]
-        for values in np.moveaxis(at_nodes[:, row.reshape(ends.shape)], 1, 0):
-            found += weight * _integrands(values, edge, size)
-    for k, rule in enumerate(rules):
-        rows = np.flatnonzero(group == k)
-        for at, weight in zip(rule.inner, rule.weights, strict=True):
-            values = field_at(function, start[:, rows] + at * edge[:, rows])
-            found[:, rows] += weight * _integrands(values, edge[:, rows], size[rows])
-    return found
-
-
-def _integrands(values: Floats, edge: Floats, size: Floats) -> Floats:
-    return np.stack((np.sum(values * edge, axis=0), magnitude(values) * size))
 
 
 def _linked_currents(component: Ints, circulation: Floats, chi: Floats, component_of_node: Ints) -> Floats:

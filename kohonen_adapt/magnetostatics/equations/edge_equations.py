@@ -8,10 +8,10 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.magnetostatics.equations.applied_field import Drive, circulations, total_potential
+from kohonen_adapt.magnetostatics.equations.applied_field import Drive, total_potential
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.edge_elements import EdgeElements
-from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, field_at
+from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, circulations, field_at
 from kohonen_adapt.magnetostatics.equations.system import Reduced
 from kohonen_adapt.magnetostatics.equations.tetrahedra import LinearTetrahedra
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients

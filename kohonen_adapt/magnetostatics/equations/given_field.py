@@ -2,17 +2,22 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.coils.coil import Coil
+from kohonen_adapt.mesh.measures import magnitude
 
-__all__ = ["AppliedField", "Sources", "checked_field", "field_at", "sources_of"]
+__all__ = ["AppliedField", "Sources", "checked_field", "circulations", "field_at", "sources_of"]
 
 AppliedField = Callable[[Floats], ArrayLike]
+
+# Points of Lobatto's rules along a segment: seven have an error of 3e-5 at half its length from a wire. Fewer suffice
+# farther away, where the distance from the middle to all currents is at least a number of half lengths.
+LOBATTO_POINTS = {7: 0.0, 5: 2.2, 4: 3.5, 3: 9.0}
 
 
 def checked_field(value: Any) -> AppliedField | None:
@@ -73,3 +78,59 @@ class Sources:
 def sources_of(coils: Mapping[str, Coil] | None, applied_field: Any) -> AppliedField | None:
     applied = checked_field(applied_field)
     return Sources(coils, applied) if coils else applied
+
+
+class Rule(NamedTuple):
+    # on [0, 1]
+    inner: Floats
+    weights: Floats
+    at_ends: float
+
+    @classmethod
+    def gauss(cls, count: int) -> "Rule":
+        inner, weights = np.polynomial.legendre.leggauss(count)
+        return cls(0.5 * (1.0 + inner), 0.5 * weights, 0.0)
+
+    @classmethod
+    def lobatto(cls, count: int) -> "Rule":
+        legendre, at_ends = np.polynomial.legendre.Legendre.basis(count - 1), 1.0 / (count * (count - 1))
+        inner = np.real(legendre.deriv().roots())
+        return cls(0.5 * (1.0 + inner), at_ends / legendre(inner) ** 2, at_ends)
+
+
+# A function may be infinite at nodes. The fields of coils there serve several edges.
+OF_FUNCTIONS, OF_COILS = Rule.gauss(6), [Rule.lobatto(count) for count in LOBATTO_POINTS]
+
+
+def circulations(x: Floats, ends: Ints, function: AppliedField) -> tuple[Floats, Floats]:
+    """Return ``int Hs . dl`` and ``int |Hs| dl`` along segments, shape (n,) in A.
+
+    `ends` (2, n) are columns of the points x. The second integral has the terms of coils and of a further function
+    added.
+    """
+    parts = function.parts if isinstance(function, Sources) else (function,)
+    circulation, absolute = np.sum([_circulations_of(x, ends, part) for part in parts], axis=0)
+    return circulation, absolute
+
+
+def _circulations_of(x: Floats, ends: Ints, function: AppliedField) -> Floats:
+    start, edge = x[:, ends[0]], x[:, ends[1]] - x[:, ends[0]]
+    size, found = magnitude(edge), np.zeros((2, edge.shape[1]))
+    rules, group = [OF_FUNCTIONS], np.zeros(size.size, dtype=np.int64)
+    if isinstance(function, Sources):
+        distance = 2.0 * function.distance(start + 0.5 * edge)
+        rules, group = OF_COILS, np.sum(np.outer(list(LOBATTO_POINTS.values()), size) <= distance, axis=0) - 1
+        used, row = np.unique(ends, return_inverse=True)
+        at_nodes, weight = field_at(function, x[:, used]), np.array([rule.at_ends for rule in rules])[group]
+        for values in np.moveaxis(at_nodes[:, row.reshape(ends.shape)], 1, 0):
+            found += weight * _integrands(values, edge, size)
+    for k, rule in enumerate(rules):
+        rows = np.flatnonzero(group == k)
+        for at, weight in zip(rule.inner, rule.weights, strict=True):
+            values = field_at(function, start[:, rows] + at * edge[:, rows])
+            found[:, rows] += weight * _integrands(values, edge[:, rows], size[rows])
+    return found
+
+
+def _integrands(values: Floats, edge: Floats, size: Floats) -> Floats:
+    return np.stack((np.sum(values * edge, axis=0), magnitude(values) * size))
