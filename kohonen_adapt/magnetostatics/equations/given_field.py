@@ -15,7 +15,7 @@ __all__ = ["AppliedField", "Sources", "checked_field", "circulations", "field_at
 
 AppliedField = Callable[[Floats], ArrayLike]
 
-# Points of Lobatto's rules along a segment: seven have an error of 3e-5 at half its length from a wire. Fewer suffice
+# Points of Lobatto's rules along a segment: seven have an error of 5e-5 at half its length from a wire. Fewer suffice
 # farther away, where the distance from the middle to all currents is at least a number of half lengths.
 LOBATTO_POINTS = {7: 0.0, 5: 2.2, 4: 3.5, 3: 9.0}
 
