@@ -6,6 +6,7 @@ time than more nodes, because the error falls exponentially (B. Guo and I. Babus
 
 import logging
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,13 @@ from kohonen_adapt.arrays import Ints
 from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.geometry.plane.corner_layers import with_layers
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.passes import Pass, Status, StepFailed
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.step import Adaptation, root_of_squares
 from kohonen_adapt.loop.stopping import Ending, StopTest, best_pass_text, count_text, failed_ending, interrupted_ending
 from kohonen_adapt.mesh.blended import is_folded
+from kohonen_adapt.mesh.curved import facet_midside_offsets
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.problem.evaluation import energy_norm, estimate, goal_error_of, goal_of, ritz_of, solve
@@ -100,7 +101,7 @@ def run_to_order(
         if stop.of_result.unreachable_text(result.history):
             return result
         try:
-            raised = at_orders(result, problem, adaptation, stop, orders)
+            raised = at_orders(result, problem, adaptation, stop, orders, history.best_curved)
         except (KeyboardInterrupt, StepFailed) as cause:
             ending = interrupted_ending(result.history, result.best)
             if isinstance(cause, StepFailed):
@@ -125,13 +126,18 @@ def is_met(result: AdaptResult, stop: StopTest) -> bool:
 
 
 def at_orders(
-    result: AdaptResult, problem: Problem, adaptation: Adaptation, stop: StopTest, orders: range
+    result: AdaptResult,
+    problem: Problem,
+    adaptation: Adaptation,
+    stop: StopTest,
+    orders: range,
+    curved: MovableMesh | None,
 ) -> AdaptResult:
     tolerance = stop.tolerance(result.best)
     wanted = result.estimate / tolerance if tolerance else np.inf
     order = next((order for order in orders if gain_of(order) > wanted), orders[-1])
     while True:
-        raised = at_order(result, problem, adaptation, stop, order)
+        raised = at_order(result, problem, adaptation, stop, order, curved)
         if raised.status is Status.CONVERGED or order >= orders[-1] or not tolerance:
             return raised
         if result.estimate < SMOOTH * raised.estimate:
@@ -139,12 +145,19 @@ def at_orders(
         order = min(orders[-1], order + (1 if raised.estimate < FINER**-2 * tolerance else 2))
 
 
-def at_order(result: AdaptResult, problem: Problem, adaptation: Adaptation, stop: StopTest, order: int) -> AdaptResult:
+def at_order(
+    result: AdaptResult,
+    problem: Problem,
+    adaptation: Adaptation,
+    stop: StopTest,
+    order: int,
+    curved: MovableMesh | None,
+) -> AdaptResult:
     steps, rules, layers = adaptation.steps, adaptation.settings.rules, order // 2
     steps.next_pass(len(result.history))
     with steps("relocate"):
         corners = corners_of_field(result, adaptation.problem)
-        whole, remark = on_whole_curves(result, adaptation.movable)
+        whole, remark = on_whole_curves(result.mesh, curved)
         mesh, nodes = with_layers(whole, corners, layers, rules.periodic, rules.curves)
         number_facets(mesh)
     with steps("solve"):
@@ -174,13 +187,15 @@ def at_order(result: AdaptResult, problem: Problem, adaptation: Adaptation, stop
     )
 
 
-def on_whole_curves(result: AdaptResult, movable: MovableMesh | MovableSolid) -> tuple[Mesh, str]:
+def on_whole_curves(flattened: Mesh, movable: MovableMesh | None) -> tuple[Mesh, str]:
     # The polish needs elements that are far from folded, and flattens sides on curves for this. Higher orders have
     # smaller errors than these sides.
-    if not isinstance(movable, MovableMesh) or not movable.curved or result.best is not result.history[-1]:
-        return result.mesh, ""
-    mesh = next((mesh for mesh in map(movable.mesh, LEAST_JACOBIANS) if not is_folded(mesh)), result.mesh)
-    distance = np.hypot(*(movable.mesh(-np.inf).doflocs - mesh.doflocs)).max()
+    if movable is None:
+        return flattened, ""
+    trials = chain([movable.mesh_with_free_sides()], map(movable.mesh, LEAST_JACOBIANS))
+    mesh = next((mesh for mesh in trials if not is_folded(mesh)), flattened)
+    exact, found = facet_midside_offsets(movable.mesh(-np.inf)), facet_midside_offsets(mesh)
+    distance = np.hypot(*np.where(exact.any(axis=0), exact - found, 0.0)).max()
     if distance <= FLAT * np.ptp(mesh.doflocs, axis=1).max():
         return mesh, ""
     return mesh, f" Sides are up to {distance:.2g} off their curves, which no estimate includes; use more nodes there."

@@ -7,6 +7,7 @@ from typing import Any
 
 from kohonen_adapt.checks import check_hook
 from kohonen_adapt.geometry.movable import Work
+from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.passes import Pass, Status, StepFailed, Steps
 from kohonen_adapt.loop.result import AdaptResult
@@ -115,7 +116,7 @@ class History:
         # The mesh is set to the mesh of this pass. Return None if no pass is stored.
         last = None
         for record in self._checkpoint.passes(self._adaptation.movable) if self._checkpoint else ():
-            last = Solved(record, UNSOLVED)
+            last = Solved(record, UNSOLVED, curved=self._adaptation.curved_mesh())
             self._record(last)
             if not self.running:
                 return last
@@ -149,6 +150,11 @@ class History:
         self._steps.next_pass(len(passes))
         stalled = self._adaptation.method.stalls(passes)
         self._ending = self._stop(passes, self._passes.best.record, self.growing, stalled)
+
+    @property
+    def best_curved(self) -> MovableMesh | None:
+        """The movable mesh of the best pass if sides are curved."""
+        return self._passes.best.curved
 
     def reopened(self) -> Solved | None:
         """Return the last pass of a loop that ended, so that passes can go on."""

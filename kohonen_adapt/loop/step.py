@@ -56,11 +56,14 @@ class Solved:
         Solution returned by the problem, or `UNSOLVED` for a pass of an earlier process.
     functional
         Functional for the polish, or None.
+    curved
+        Copy of the movable mesh if sides are curved, else None.
     """
 
     record: Pass
     solution: Any
     functional: Functional | None = None
+    curved: MovableMesh | None = None
 
 
 @dataclass(frozen=True)
@@ -135,14 +138,18 @@ class Adaptation:
             output_errors=self.output_errors(mesh, solution, outputs, unknowns, before.record if before else None),
             seconds=self.steps.seconds,  # last, because outputs add their time
         )
-        return Solved(record, solution, functional)
+        return Solved(record, solution, functional, self.curved_mesh())
 
     def assess_again(self, record: Pass) -> Solved:
         # Raises ValueError if indicators or signs of outputs differ from the stored values, which means another
         # problem.
         solution = solve_again(self.problem, record.mesh, record.indicators)
         check_signs(record.outputs, self.outputs(solution))
-        return Solved(record, solution, self._functional(record.mesh, solution, record.share)[0])
+        return Solved(record, solution, self._functional(record.mesh, solution, record.share)[0], self.curved_mesh())
+
+    def curved_mesh(self) -> MovableMesh | None:
+        movable = self.movable
+        return movable.copy() if isinstance(movable, MovableMesh) and movable.curved else None
 
     def relocate(self, solved: Solved) -> Moved[Any]:
         with self.steps("relocate"):

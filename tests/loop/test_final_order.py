@@ -11,6 +11,7 @@ from helpers.meshes import square
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from benchmarks.problems.round_magnet import RoundMagnet
 from kohonen_adapt.magnetostatics import Force, Magnetostatics, Material
 
 
@@ -125,3 +126,29 @@ def test_corners_at_coarse_curves_lose_their_layers_and_not_the_order():
     problem = Magnetostatics(materials, {"outer": 0.0}, order=5)
     result = ka.adapt(mesh, problem, passes=1)
     assert spoke.size and result.solution.order == 5, result.message
+
+
+@pytest.mark.parametrize("near", [1.16, 1.15, 1.12, 1.1])  # below 1.155 arcs cross straight sides of the air's elements
+def test_sides_on_curves_stay_there_where_others_are_close(near):
+    given = RoundMagnet()
+    mesh = mesh_close_to_a_circle(near * given.place[1])
+    result = ka.adapt(mesh, given.problem(6), passes=0, curves=given.curves)
+    lacking = np.sqrt(1.0 - result.solution.squared_norm * 4e-7 * np.pi / given.norm())
+    assert lacking < 1e-3 and "off their curves" not in result.message
+    norm = given.problem(6).energy_norm(result.mesh, result.solution)
+    assert result.estimate / norm == pytest.approx(lacking, rel=0.1)
+
+
+def mesh_close_to_a_circle(radius):
+    turn = np.exp(2j * np.pi / 6 * np.arange(6))
+    magnet, air = [[6, k, (k + 1) % 6] for k in range(6)], []
+    for k in range(6):
+        rim, next_rim, inner, next_inner = k, (k + 1) % 6, 7 + k, 7 + (k + 1) % 6
+        outer = 13 + (2 * k + np.arange(4)) % 12
+        air += [[rim, inner, next_rim], [next_rim, inner, outer[2]], [next_rim, outer[2], next_inner]]
+        air += [[inner, outer[1], outer[2]], [next_inner, outer[2], outer[3]]]
+    half = np.exp(1j * np.pi / 6)
+    z = np.concatenate([0.4 * turn, [0.0], radius * half * turn, np.exp(1j * np.pi / 6 * np.arange(12))])
+    mesh = MeshTri(np.stack([z.real, z.imag]), np.array(magnet + air).T)
+    mesh = mesh.with_subdomains({"magnet": np.arange(6), "air": np.arange(6, mesh.t.shape[1])})
+    return mesh.with_boundaries({"rim": np.flatnonzero((mesh.facets < 6).all(axis=0)), "outer": mesh.boundary_facets()})

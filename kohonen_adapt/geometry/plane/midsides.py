@@ -9,10 +9,13 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.chains import parameters_of, points_on, signed_distances
 from kohonen_adapt.kernels.triangle.arrays import STRAIGHT, Constraints
 from kohonen_adapt.kernels.triangle.polish.by_points import MIN_JACOBIAN
-from kohonen_adapt.mesh.curved import jacobian_coefficients
+from kohonen_adapt.mesh.curved import AFTER, BEFORE, jacobian_coefficients
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["MIN_JACOBIAN", "offsets_on_curves"]
+__all__ = ["MIN_JACOBIAN", "offsets_on_curves", "offsets_with_free_sides"]
+
+CROWDED = 0.1  # relative determinant of an element whose free sides make way for its curved sides
+RISES = np.arange(0.05, 0.31, 0.05)  # midside offsets of free sides, relative to their lengths
 
 
 def offsets_on_curves(triangulation: Triangulation, constraints: Constraints, least: float = MIN_JACOBIAN) -> Floats:
@@ -32,6 +35,33 @@ def offsets_on_curves(triangulation: Triangulation, constraints: Constraints, le
     rows = np.flatnonzero(curved.any(axis=1))
     offsets[rows] *= limit_factors(triangulation, constraints, rows, offsets[rows], least)[:, :, None]
     return offsets
+
+
+def offsets_with_free_sides(triangulation: Triangulation, constraints: Constraints) -> Floats:
+    """Return the midside offsets of all sides, exact on curves, (m, 3, 2)."""
+    # Sides inside regions are curved where an element would be folded.
+    elements, offsets = triangulation.elements, offsets_on_curves(triangulation, constraints, -np.inf)
+    corners = triangulation.position[elements.node]
+    for e in np.flatnonzero(relative_determinants(corners, offsets) < CROWDED):
+        best, found = relative_determinants(corners[[e]], offsets[[e]])[0], None
+        free = np.flatnonzero((elements.chain[e] < 0) & (elements.neighbour[e] >= 0))
+        for k in (*free[:, None], free):
+            there, side = across(triangulation, np.full(k.size, e), k)
+            rows, (x, y) = np.append(e, there), (corners[e, np.take(AFTER, k)] - corners[e, np.take(BEFORE, k)]).T
+            for rise in RISES:
+                trial = offsets[rows]
+                trial[0, k] = trial[np.arange(1, rows.size), side] = rise * np.stack([-y, x], axis=1)
+                least = relative_determinants(corners[rows], trial).min()
+                if least > best:
+                    best, found = least, (rows, trial)
+        if found:
+            offsets[found[0]] = found[1]
+    return offsets
+
+
+def relative_determinants(corners: Floats, offsets: Floats) -> Floats:
+    straight = jacobian_coefficients(corners, np.zeros_like(offsets))[:, 0]
+    return jacobian_coefficients(corners, offsets).min(axis=1) / straight
 
 
 def across(triangulation: Triangulation, e: Ints, k: Ints) -> tuple[Ints, Ints]:

@@ -12,7 +12,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.geometry.movable import Movable, arrays_of
 from kohonen_adapt.geometry.plane.layers import set_levels
-from kohonen_adapt.geometry.plane.midsides import MIN_JACOBIAN, offsets_on_curves
+from kohonen_adapt.geometry.plane.midsides import MIN_JACOBIAN, offsets_on_curves, offsets_with_free_sides
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.geometry.rules import Rules, check_for, floor_of
 from kohonen_adapt.kernels.arrays import KernelMesh
@@ -92,12 +92,19 @@ class MovableMesh(Movable):
         return KernelMesh(tri.position, tri.elements, tri.star, self.constraints)
 
     def mesh(self, least: float = MIN_JACOBIAN) -> MeshTri:
+        return self._with_offsets(self.midside_offsets(least))
+
+    def mesh_with_free_sides(self) -> MeshTri:
+        """Return the mesh with exact sides on curves."""
+        return self._with_offsets(offsets_with_free_sides(self.triangulation, self.constraints))
+
+    def _with_offsets(self, offsets: Floats) -> MeshTri:
         mesh = self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)
         if not self.curved:
             return mesh
-        facet, offset = facets_opposite(mesh, self.triangulation.elements.node), np.zeros((2, mesh.facets.shape[1]))
-        offset[:, facet] = np.moveaxis(self.midside_offsets(least), 2, 0)
-        return with_midside_offsets(mesh, offset)
+        facet, of_facet = facets_opposite(mesh, self.triangulation.elements.node), np.zeros((2, mesh.facets.shape[1]))
+        of_facet[:, facet] = np.moveaxis(offsets, 2, 0)
+        return with_midside_offsets(mesh, of_facet)
 
     def start(self) -> MeshTri:
         return self.mesh() if self.curved else self.input_mesh
