@@ -19,10 +19,9 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.passes import Pass, Status, StepFailed
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.step import Adaptation, root_of_squares
+from kohonen_adapt.loop.step import FLAT, Adaptation, root_of_squares
 from kohonen_adapt.loop.stopping import Ending, StopTest, best_pass_text, count_text, failed_ending, interrupted_ending
 from kohonen_adapt.mesh.blended import is_folded
-from kohonen_adapt.mesh.curved import facet_midside_offsets
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.problem.evaluation import energy_norm, estimate, goal_error_of, goal_of, ritz_of, solve
@@ -43,7 +42,6 @@ GAINS = {4: 8.0, 5: 17.0, 6: 34.0, 7: 60.0, 8: 100.0}
 SMOOTH = 2.0  # least gain of a raised order; below, the solution is not smooth and the passes go on alone
 SAFE = 0.8  # of the tolerance of passes before a higher order
 LEAST_JACOBIANS = 0.003, 0.01, 0.03, 0.05, 0.07, 0.1  # of elements, relative to straight ones, in order of trial
-FLAT = 1e-6  # distance of a flattened side from its curve, relative to the mesh, from which a remark is made
 FINER = 0.7  # of the tolerance of the passes after a raised order that did not suffice, at most
 
 
@@ -194,8 +192,7 @@ def on_whole_curves(flattened: Mesh, movable: MovableMesh | None) -> tuple[Mesh,
         return flattened, ""
     trials = chain([movable.mesh_with_free_sides()], map(movable.mesh, LEAST_JACOBIANS))
     mesh = next((mesh for mesh in trials if not is_folded(mesh)), flattened)
-    exact, found = facet_midside_offsets(movable.mesh(-np.inf)), facet_midside_offsets(mesh)
-    distance = np.hypot(*np.where(exact.any(axis=0), exact - found, 0.0)).max()
+    distance = movable.flattened(mesh)
     if distance <= FLAT * np.ptp(mesh.doflocs, axis=1).max():
         return mesh, ""
     return mesh, f" Sides are up to {distance:.2g} off their curves, which no estimate includes; use more nodes there."
@@ -219,7 +216,7 @@ def assessed(result: AdaptResult, problem: Problem, adaptation: Adaptation, mesh
         goal = goal_of(problem, solution)
         error = None if goal is None else goal_error_of(problem, solution)
         outputs, unknowns = adaptation.outputs(solution), count_unknowns(mesh, order_of(problem))
-        errors = replace(adaptation, problem=problem).output_errors(mesh, solution, outputs, unknowns, best)
+        errors = replace(adaptation, problem=problem).output_errors(mesh, solution, None, outputs, unknowns, best)
     qualities, total = quality(mesh), root_of_squares(indicators)
     return replace(
         best,

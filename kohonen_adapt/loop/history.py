@@ -192,7 +192,7 @@ class History:
         result = self._with_goal_error(self._result(ending))
         if result.status is not Status.STALLED:
             return result
-        better = self._adaptation.better_outputs(result.mesh, result.solution)
+        better = self._adaptation.better_outputs(result.mesh, result.solution, self._passes.best.curved)
         remark = outputs_remark(result.history[0], result.best, better)
         return replace(result, message=f"{result.message} {remark}".rstrip())
 
@@ -201,7 +201,7 @@ class History:
         if best.goal is None or best.goal_error is not None:
             return result
         self._steps.begin(best.number, "estimate the error of the goal")
-        error, trouble = self._adaptation.goal_error(result.solution)
+        error, trouble = self._adaptation.goal_error(self._passes.best)
         if trouble:
             return replace(result, message=f"{result.message} The error of the goal could not be estimated: {trouble}.")
         known = replace(best, goal_error=error)

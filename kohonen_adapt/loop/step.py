@@ -15,6 +15,7 @@ from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass, Steps
 from kohonen_adapt.loop.settings import Settings
+from kohonen_adapt.mesh.curved import least_determinants
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.polishing.energy_tables import VariesInside
@@ -35,9 +36,13 @@ from kohonen_adapt.problem.protocol import NotOffered, Problem, goal_unit_of, is
 from kohonen_adapt.som.density import equidistributing
 from kohonen_adapt.som.relocation_record import Moved
 
-__all__ = ["UNSOLVED", "Adaptation", "Solved", "functional_of", "root_of_squares"]
+__all__ = ["FLAT", "UNSOLVED", "Adaptation", "Solved", "functional_of", "root_of_squares"]
 
 GROWING_ENTRIES = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
+
+FLAT = 1e-6  # distance of a flattened side from its curve, relative to the mesh, up to which the side is exact
+
+NEARLY_EXACT = 0.03  # relative determinant of elements that exact sides would fold
 
 TWICE = 1.8  # factor of the unknowns from which the difference of two passes bounds the error of an output
 
@@ -109,9 +114,11 @@ class Adaptation:
             share = before.functional.share if before and before.functional else None
             functional, value, unpolished = self._functional(mesh, solution, share)
             goal = goal_of(self.problem, solution)
-            error = goal_error_of(self.problem, solution) if self.settings.estimated.goal else None
+            curved = self.curved_mesh()
+            error = self._goal_error(mesh, solution, curved) if self.settings.estimated.goal else None
         qualities, length = quality(mesh), 1.0 if norm_of(self.problem) == "energy" else area(mesh) ** (1 / mesh.dim())
         outputs, unknowns = self.outputs(solution), count_unknowns(mesh, self.order)
+        previous = before.record if before else None
         record = Pass(
             **vars(moved.work(self.movable, polish_gain) if moved else Work()),
             number=before.record.number + 1 if before else 0,
@@ -135,10 +142,10 @@ class Adaptation:
             goal_unit="" if goal is None else goal_unit_of(self.problem),
             sagitta=self.movable.sagitta(),
             outputs=outputs,
-            output_errors=self.output_errors(mesh, solution, outputs, unknowns, before.record if before else None),
+            output_errors=self.output_errors(mesh, solution, curved, outputs, unknowns, previous),
             seconds=self.steps.seconds,  # last, because outputs add their time
         )
-        return Solved(record, solution, functional, self.curved_mesh())
+        return Solved(record, solution, functional, curved)
 
     def assess_again(self, record: Pass) -> Solved:
         # Raises ValueError if indicators or signs of outputs differ from the stored values, which means another
@@ -150,6 +157,16 @@ class Adaptation:
     def curved_mesh(self) -> MovableMesh | None:
         movable = self.movable
         return movable.copy() if isinstance(movable, MovableMesh) and movable.curved else None
+
+    def on_curves(self, mesh: Mesh, solution: Any, curved: MovableMesh | None) -> Any:
+        # The polish flattens sides on curves. Goals and outputs change, and estimates on the mesh do not include this.
+        if curved is None or curved.flattened(mesh) <= FLAT * np.ptp(mesh.doflocs, axis=1).max():
+            return solution
+        exact = curved.mesh_with_free_sides()
+        if not least_determinants(exact).min() > 0.0:
+            exact = curved.mesh(NEARLY_EXACT)
+        number_facets(exact)
+        return solve(self.problem, exact, mesh, solution)
 
     def relocate(self, solved: Solved) -> Moved[Any]:
         with self.steps("relocate"):
@@ -178,28 +195,45 @@ class Adaptation:
             return replace(moved, recycled=recycled), gain
 
     def output_errors(
-        self, mesh: Mesh, solution: Any, outputs: Mapping[str, float], unknowns: int, before: Pass | None
+        self,
+        mesh: Mesh,
+        solution: Any,
+        curved: MovableMesh | None,
+        outputs: Mapping[str, float],
+        unknowns: int,
+        before: Pass | None,
     ) -> dict[str, float]:
         # They are the differences from better values, or else from a pass with half the unknowns.
         if not self.settings.estimated.outputs:
             return {}
-        better = self.better_outputs(mesh, solution)
+        better = self.better_outputs(mesh, solution, curved)
         if not better and before is not None and unknowns >= TWICE * before.unknowns:
             return {name: value - before.outputs[name] for name, value in outputs.items()}
         return {name: better[name] - value for name, value in outputs.items() if name in better}
 
-    def better_outputs(self, mesh: Mesh, solution: Any) -> dict[str, float]:
+    def better_outputs(self, mesh: Mesh, solution: Any, curved: MovableMesh | None) -> dict[str, float]:
         outputs = self.settings.outputs
         try:
-            return improved(self.problem, mesh, solution, outputs) if outputs else {}
+            better = improved(self.problem, mesh, solution, outputs) if outputs else {}
+            exact = self.on_curves(mesh, solution, curved) if better else solution
+            if exact is solution:
+                return better
+            return {name: value + outputs[name](exact) - outputs[name](solution) for name, value in better.items()}
         except (Exception, KeyboardInterrupt):  # a missing remark is no reason to lose the result
             return {}
 
-    def goal_error(self, solution: Any) -> tuple[float | None, str]:
+    def goal_error(self, solved: Solved) -> tuple[float | None, str]:
         try:
-            return goal_error_of(self.problem, solution), ""
+            return self._goal_error(solved.record.mesh, solved.solution, solved.curved), ""
         except (Exception, KeyboardInterrupt) as error:  # an unknown error is no reason to lose the result
             return None, ": ".join([type(error).__name__, *str(error).splitlines()[:1]]).rstrip(".")
+
+    def _goal_error(self, mesh: Mesh, solution: Any, curved: MovableMesh | None) -> float:
+        error, exact = goal_error_of(self.problem, solution), self.on_curves(mesh, solution, curved)
+        return error if exact is solution else error + self._goal(exact) - self._goal(solution)
+
+    def _goal(self, solution: Any) -> float:
+        return goal_of(self.problem, solution) or 0.0
 
     def _functional(
         self, mesh: Mesh, solution: Any, share: float | None

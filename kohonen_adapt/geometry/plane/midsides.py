@@ -15,7 +15,7 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 __all__ = ["MIN_JACOBIAN", "offsets_on_curves", "offsets_with_free_sides"]
 
 CROWDED = 0.1  # relative determinant of an element whose free sides make way for its curved sides
-RISES = np.arange(0.05, 0.31, 0.05)  # midside offsets of free sides, relative to their lengths
+RISES = np.arange(16) / 50  # midside offsets added to free sides, relative to their lengths
 
 
 def offsets_on_curves(triangulation: Triangulation, constraints: Constraints, least: float = MIN_JACOBIAN) -> Floats:
@@ -43,19 +43,16 @@ def offsets_with_free_sides(triangulation: Triangulation, constraints: Constrain
     elements, offsets = triangulation.elements, offsets_on_curves(triangulation, constraints, -np.inf)
     corners = triangulation.position[elements.node]
     for e in np.flatnonzero(relative_determinants(corners, offsets) < CROWDED):
-        best, found = relative_determinants(corners[[e]], offsets[[e]])[0], None
         free = np.flatnonzero((elements.chain[e] < 0) & (elements.neighbour[e] >= 0))
-        for k in (*free[:, None], free):
-            there, side = across(triangulation, np.full(k.size, e), k)
-            rows, (x, y) = np.append(e, there), (corners[e, np.take(AFTER, k)] - corners[e, np.take(BEFORE, k)]).T
-            for rise in RISES:
-                trial = offsets[rows]
-                trial[0, k] = trial[np.arange(1, rows.size), side] = rise * np.stack([-y, x], axis=1)
-                least = relative_determinants(corners[rows], trial).min()
-                if least > best:
-                    best, found = least, (rows, trial)
-        if found:
-            offsets[found[0]] = found[1]
+        there, side = across(triangulation, np.full(free.size, e), free)
+        rows, others = np.append(e, there), np.arange(1, 1 + free.size)
+        rises = np.stack(np.meshgrid(*[RISES] * free.size), axis=-1).reshape(-1, free.size, 1)
+        outward = (corners[e, np.take(AFTER, free)] - corners[e, np.take(BEFORE, free)])[:, ::-1] * [-1.0, 1.0]
+        trials = np.repeat(offsets[rows][None], len(rises), axis=0)  # (trials, rows, 3, 2)
+        trials[:, 0, free] += rises * outward
+        trials[:, others, side] += rises * outward
+        least = relative_determinants(np.tile(corners[rows], (len(rises), 1, 1)), trials.reshape(-1, 3, 2))
+        offsets[rows] = trials[np.argmax(least.reshape(len(rises), -1).min(axis=1))]
     return offsets
 
 

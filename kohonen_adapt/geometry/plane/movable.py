@@ -98,6 +98,11 @@ class MovableMesh(Movable):
         """Return the mesh with exact sides on curves."""
         return self._with_offsets(offsets_with_free_sides(self.triangulation, self.constraints))
 
+    def flattened(self, mesh: MeshTri) -> float:
+        """Return the largest distance of midside nodes of a mesh from their curves."""
+        exact, found = facet_midside_offsets(self.mesh(-np.inf)), facet_midside_offsets(mesh)
+        return float(np.hypot(*np.where(exact.any(axis=0), exact - found, 0.0)).max())
+
     def _with_offsets(self, offsets: Floats) -> MeshTri:
         mesh = self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)
         if not self.curved:
