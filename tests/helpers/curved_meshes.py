@@ -80,18 +80,3 @@ def write_second_order(path, mesh, middles, *, version, seed=0):
         lines += [f"{d} {tag} {kind} 1\n{k} {' '.join(row)}" for k, (d, kind, tag, row) in enumerate(elements, 1)]
     path.write_text("\n".join([*lines, "$EndElements", ""]))
     return path
-
-
-def mesh_close_to_a_circle(radius):
-    turn = np.exp(2j * np.pi / 6 * np.arange(6))
-    magnet, air = [[6, k, (k + 1) % 6] for k in range(6)], []
-    for k in range(6):
-        rim, next_rim, inner, next_inner = k, (k + 1) % 6, 7 + k, 7 + (k + 1) % 6
-        outer = 13 + (2 * k + np.arange(4)) % 12
-        air += [[rim, inner, next_rim], [next_rim, inner, outer[2]], [next_rim, outer[2], next_inner]]
-        air += [[inner, outer[1], outer[2]], [next_inner, outer[2], outer[3]]]
-    half = np.exp(1j * np.pi / 6)
-    z = np.concatenate([0.4 * turn, [0.0], radius * half * turn, np.exp(1j * np.pi / 6 * np.arange(12))])
-    mesh = MeshTri(np.stack([z.real, z.imag]), np.array(magnet + air).T)
-    mesh = mesh.with_subdomains({"magnet": np.arange(6), "air": np.arange(6, mesh.t.shape[1])})
-    return mesh.with_boundaries({"rim": np.flatnonzero((mesh.facets < 6).all(axis=0)), "outer": mesh.boundary_facets()})

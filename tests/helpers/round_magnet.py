@@ -17,6 +17,8 @@ SHIFT, SIZE = 0.3, 0.4
 CENTRE = SHIFT * (1 - SIZE**2) / (1 - (SHIFT * SIZE) ** 2)
 RADIUS = SIZE * (1 - SHIFT**2) / (1 - (SHIFT * SIZE) ** 2)
 CURVES = {"rim": ka.Arc((CENTRE, 0.0), RADIUS), "outer": ka.Arc((0.0, 0.0), 1.0)}
+CENTRED_CURVES = {"rim": ka.Arc((0.0, 0.0), SIZE), "outer": ka.Arc((0.0, 0.0), 1.0)}
+CENTRED_SQUARED_NORM = 0.5 * np.pi * SIZE**2 * (1 - SIZE**2) / MU0
 SQUARED_NORM = 0.5 * np.pi * RADIUS**2 * (1 - RADIUS**2 / (1 - CENTRE**2) ** 2) / MU0
 
 
@@ -53,3 +55,19 @@ def magnet_problem(order, curved=True):
 def magnet_error(field):
     """Relative to the energy norm, by what its square lacks; on chords the slivers count, too."""
     return float(np.sqrt(abs(1.0 - field.squared_norm / SQUARED_NORM)))
+
+
+def crowded_magnet_mesh(close):
+    """Six facets about the origin and nodes at `close` radii: below 1.155 arcs cross straight sides."""
+    turn = np.exp(2j * np.pi / 6 * np.arange(6))
+    magnet, air = [[6, k, (k + 1) % 6] for k in range(6)], []
+    for k in range(6):
+        rim, next_rim, inner, next_inner = k, (k + 1) % 6, 7 + k, 7 + (k + 1) % 6
+        outer = 13 + (2 * k + np.arange(4)) % 12
+        air += [[rim, inner, next_rim], [next_rim, inner, outer[2]], [next_rim, outer[2], next_inner]]
+        air += [[inner, outer[1], outer[2]], [next_inner, outer[2], outer[3]]]
+    half = np.exp(1j * np.pi / 6)
+    z = np.concatenate([SIZE * turn, [0.0], close * SIZE * half * turn, np.exp(1j * np.pi / 6 * np.arange(12))])
+    mesh = MeshTri(np.stack([z.real, z.imag]), np.array(magnet + air).T)
+    mesh = mesh.with_subdomains({"magnet": np.arange(6), "air": np.arange(6, mesh.t.shape[1])})
+    return mesh.with_boundaries({"rim": np.flatnonzero((mesh.facets < 6).all(axis=0)), "outer": mesh.boundary_facets()})

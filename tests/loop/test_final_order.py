@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.curved_meshes import curved_annulus, mesh_close_to_a_circle
+from helpers.curved_meshes import curved_annulus
 from helpers.devices import two_magnets
 from helpers.exact_fields import RECTANGLE, rectangle_mesh, sheet_field, smooth_field, smooth_potential, true_error
 from helpers.meshes import square
+from helpers.round_magnet import CENTRED_CURVES, CENTRED_SQUARED_NORM, crowded_magnet_mesh, magnet_problem
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from benchmarks.problems.round_magnet import RoundMagnet
 from kohonen_adapt.magnetostatics import Force, Magnetostatics, Material
 
 
@@ -128,12 +128,11 @@ def test_corners_at_coarse_curves_lose_their_layers_and_not_the_order():
     assert spoke.size and result.solution.order == 5, result.message
 
 
-@pytest.mark.parametrize("near", [1.16, 1.15, 1.12, 1.1])  # below 1.155 arcs cross straight sides of the air's elements
-def test_sides_on_curves_stay_there_where_others_are_close(near):
-    given = RoundMagnet()
-    mesh = mesh_close_to_a_circle(near * given.place[1])
-    result = ka.adapt(mesh, given.problem(6), passes=0, curves=given.curves)
-    lacking = np.sqrt(1.0 - result.solution.squared_norm * 4e-7 * np.pi / given.norm())
+@pytest.mark.parametrize("close", [1.16, 1.15, 1.12, 1.1])
+def test_sides_on_curves_stay_there_where_others_are_close(close):
+    problem = magnet_problem(6)
+    result = ka.adapt(crowded_magnet_mesh(close), problem, passes=0, curves=CENTRED_CURVES)
+    lacking = np.sqrt(1.0 - result.solution.squared_norm / CENTRED_SQUARED_NORM)
     assert lacking < 1e-3 and "off their curves" not in result.message
-    norm = given.problem(6).energy_norm(result.mesh, result.solution)
+    norm = problem.energy_norm(result.mesh, result.solution)
     assert result.estimate / norm == pytest.approx(lacking, rel=0.1)

@@ -2,12 +2,19 @@
 
 import numpy as np
 import pytest
-from helpers.curved_meshes import mesh_close_to_a_circle
-from helpers.round_magnet import CURVES, curved_magnet_mesh, magnet_error, magnet_mesh, magnet_problem
+from helpers.round_magnet import (
+    CENTRED_CURVES,
+    CENTRED_SQUARED_NORM,
+    CURVES,
+    crowded_magnet_mesh,
+    curved_magnet_mesh,
+    magnet_error,
+    magnet_mesh,
+    magnet_problem,
+)
 from skfem import Basis, ElementTriP2, MeshTri, MeshTri2
 
 import kohonen_adapt as ka
-from benchmarks.problems.round_magnet import RoundMagnet
 from kohonen_adapt import Rules, find_elements
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
@@ -97,15 +104,13 @@ def test_solutions_are_carried_from_curved_to_curved_meshes(order):
 
 @pytest.mark.parametrize("order", [2, 3])
 def test_errors_of_outputs_include_sides_that_are_flattened_for_the_polish(order):
-    given = RoundMagnet()
-    mesh = mesh_close_to_a_circle(1.12 * given.place[1])
     result = ka.adapt(
-        mesh,
-        given.problem(order),
+        crowded_magnet_mesh(1.12),
+        magnet_problem(order),
         passes=0,
-        curves=given.curves,
-        outputs={"norm": lambda field: field.squared_norm * 4e-7 * np.pi},
+        curves=CENTRED_CURVES,
+        outputs={"norm": lambda field: field.squared_norm},
         output_rtol=1e-6,
     )
-    error = result.outputs["norm"].error
-    assert error == pytest.approx(given.norm() - result.outputs["norm"].value, rel=0.1)
+    value, error = result.outputs["norm"].value, result.outputs["norm"].error
+    assert error == pytest.approx(CENTRED_SQUARED_NORM - value, rel=0.1)
