@@ -19,7 +19,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.passes import Pass, Status, StepFailed
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.step import FLAT, Adaptation, root_of_squares
+from kohonen_adapt.loop.step import Adaptation, root_of_squares
 from kohonen_adapt.loop.stopping import Ending, StopTest, best_pass_text, count_text, failed_ending, interrupted_ending
 from kohonen_adapt.mesh.blended import is_folded
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
@@ -193,7 +193,7 @@ def on_whole_curves(flattened: Mesh, movable: MovableMesh | None) -> tuple[Mesh,
     trials = chain([movable.mesh_with_free_sides()], map(movable.mesh, LEAST_JACOBIANS))
     mesh = next((mesh for mesh in trials if not is_folded(mesh)), flattened)
     distance = movable.flattened(mesh)
-    if distance <= FLAT * np.ptp(mesh.doflocs, axis=1).max():
+    if not distance:
         return mesh, ""
     return mesh, f" Sides are up to {distance:.2g} off their curves, which no estimate includes; use more nodes there."
 

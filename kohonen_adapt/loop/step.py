@@ -36,11 +36,9 @@ from kohonen_adapt.problem.protocol import NotOffered, Problem, goal_unit_of, is
 from kohonen_adapt.som.density import equidistributing
 from kohonen_adapt.som.relocation_record import Moved
 
-__all__ = ["FLAT", "UNSOLVED", "Adaptation", "Solved", "functional_of", "root_of_squares"]
+__all__ = ["UNSOLVED", "Adaptation", "Solved", "functional_of", "root_of_squares"]
 
 GROWING_ENTRIES = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
-
-FLAT = 1e-6  # distance of a flattened side from its curve, relative to the mesh, up to which the side is exact
 
 NEARLY_EXACT = 0.03  # relative determinant of elements that exact sides would fold
 
@@ -160,7 +158,7 @@ class Adaptation:
 
     def on_curves(self, mesh: Mesh, solution: Any, curved: MovableMesh | None) -> Any:
         # The polish flattens sides on curves. Goals and outputs change, and estimates on the mesh do not include this.
-        if curved is None or curved.flattened(mesh) <= FLAT * np.ptp(mesh.doflocs, axis=1).max():
+        if curved is None or not curved.flattened(mesh):
             return solution
         exact = curved.mesh_with_free_sides()
         if not least_determinants(exact).min() > 0.0:

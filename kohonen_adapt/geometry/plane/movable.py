@@ -34,6 +34,8 @@ STATE_NAMES = (
     *("constraints.kind", "constraints.chain", "constraints.parameter", "constraints.inner"),
 )
 
+FLAT = 1e-6  # distance of a midside node from its curve, relative to the mesh, up to which the side is exact
+
 
 @dataclass
 class MovableMesh(Movable):
@@ -101,7 +103,8 @@ class MovableMesh(Movable):
     def flattened(self, mesh: MeshTri) -> float:
         """Return the largest distance of midside nodes of a mesh from their curves."""
         exact, found = facet_midside_offsets(self.mesh(-np.inf)), facet_midside_offsets(mesh)
-        return float(np.hypot(*np.where(exact.any(axis=0), exact - found, 0.0)).max())
+        distance = float(np.hypot(*np.where(exact.any(axis=0), exact - found, 0.0)).max())
+        return distance if distance > FLAT * np.ptp(mesh.doflocs, axis=1).max() else 0.0
 
     def _with_offsets(self, offsets: Floats) -> MeshTri:
         mesh = self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)
