@@ -12,6 +12,7 @@ from kohonen_adapt.magnetostatics.equations.applied_field import permeable
 from kohonen_adapt.magnetostatics.equations.auxiliary import EdgeSolver
 from kohonen_adapt.magnetostatics.equations.edge_elements import (
     EdgeElements,
+    Stiffness,
     conditions_on_edges,
     open_surfaces,
     prescribed_flux_load,
@@ -23,6 +24,7 @@ from kohonen_adapt.magnetostatics.equations.newton import (
     NewtonStep,
     refuse_unconverged,
 )
+from kohonen_adapt.magnetostatics.equations.tetrahedra import LinearTetrahedra
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
 from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
@@ -128,7 +130,7 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
         """
         mesh = corners_of(mesh)
         material, planes = self.given_on(mesh)
-        edges = EdgeElements(mesh)
+        edges = EdgeElements(LinearTetrahedra(mesh, varies=self.free_field is not None))
         drive = edge_drive(edges, permeable(material), self.free_field)
         prescribed = conditions_in_space(drive, self.potential or {}, planes)
         far = ends_far(drive, prescribed, planes.values())
@@ -137,7 +139,7 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
         load = edges.against_curls(drive.mean + material.coercivity)
         load += prescribed_flux_load(edges, crossed, prescribed.values)
         zero = EdgeField(mesh, np.zeros(load.size), material, drive, planes, far=far)
-        return CurlFunctional(edges, material, conditions, load), zero
+        return CurlFunctional(edges, material, conditions, load, Stiffness(edges, conditions.free)), zero
 
     def _crossed(self, edges: EdgeElements, normal: list[Ints]) -> Ints:
         # outer facets that the flux may cross

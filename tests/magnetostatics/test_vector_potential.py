@@ -7,6 +7,7 @@ import pytest
 from helpers.magnet_solids import blocks, dipole, graded, nested_balls
 from helpers.sheets import MU0
 from helpers.solids import box, named
+from scipy.sparse import csc_array
 from skfem import MeshTet
 from skfem.generic_utils import OrientedBoundary
 
@@ -188,6 +189,29 @@ def test_all_preconditioners_give_the_same_field(magnets, monkeypatch):
         for other in (Auxiliary(problem.materials, outside).solve(mesh), *others):
             assert np.isclose(field.energy, other.energy, rtol=1e-9)
             assert np.allclose(field.flux_density, other.flux_density, atol=1e-5)
+
+
+def test_the_hessian_is_the_slope_of_the_residual(magnets):
+    problem = MagneticVectorPotential({"magnet": MAGNET, "iron": STEEL, "air": AIR}, {"outer": 0.0})
+    functional, _ = problem.functional_on(magnets[0])
+    free, rng = functional.conditions.free, np.random.default_rng(0)
+    u, change = problem.solve(magnets[0]).unknown, np.zeros(functional.load.size)
+    change[free] = rng.normal(size=free.size)
+    size = 1e-6 * np.abs(u).max()
+    after, before = (functional.residual(u + sign * size * change)[0] for sign in (1.0, -1.0))
+    product = functional.hessian(u).matrix @ change[free]
+    assert np.allclose(product, (after - before) / (2.0 * size), atol=1e-6 * np.abs(product).max())
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-6])
+def test_conjugate_gradients_meet_their_tolerance(rtol):
+    rng = np.random.default_rng(1)
+    for spread in (0.5, 2.0, 4.0):  # of the eigenvalues, in powers of ten
+        vectors, _ = np.linalg.qr(rng.normal(size=(200, 200)))
+        matrix = csc_array(vectors * 10.0 ** rng.uniform(-spread, 0.0, 200) @ vectors.T)
+        exact = rng.normal(size=200)
+        error = EdgeSolver(rtol=rtol).solve(matrix, matrix @ exact) - exact
+        assert error @ matrix @ error <= (2.0 * rtol) ** 2 * (exact @ matrix @ exact)
 
 
 def test_adapt_takes_a_vector_potential(magnets):

@@ -122,7 +122,8 @@ def drive_on(
     if function is None:
         return Drive(elements, None, np.zeros_like(iron), zeros, zeros, np.zeros((3, iron.size)))
     load = _flux_out(elements, np.where(iron, 0.0, 1.0 / coefficients.reluctivity), function, closed)
-    at_nodes, layer = total_potential(mesh, iron, function)
+    along, _ = circulations(mesh.p, edges_in(mesh, iron), function)
+    at_nodes, layer = total_potential(mesh, iron, along)
     chi = _at_unknowns(elements, at_nodes, iron, function)
     return Drive(elements, function, iron, chi, load, layer)
 
@@ -162,18 +163,18 @@ def _at_unknowns(elements: Tetrahedra, chi: Floats, iron: Mask, function: Applie
     return values
 
 
-def total_potential(mesh: MeshTet, iron: Mask, function: AppliedField) -> tuple[Floats, Floats]:
+def total_potential(mesh: MeshTet, iron: Mask, along: Floats) -> tuple[Floats, Floats]:
     """Return chi with ``Hs = -grad chi + T`` in iron and 0 elsewhere, and T.
 
-    chi, shape (nnodes,), is integrated along a tree that spans the edges of every piece of iron, from 0 at its first
-    node. Edges outside the tree close paths. A circulation of Hs along an edge of this kind means that the path links a
-    current. T, shape (3, nelements), has these circulations.
+    `along` has the circulations of Hs along the edges of iron. chi, shape (nnodes,), is integrated along a tree that
+    spans the edges of every piece of iron, from 0 at its first node. Edges outside the tree close paths. A circulation
+    of Hs along an edge of this kind means that the path links a current. T, shape (3, nelements), has these
+    circulations.
     """
-    lower, upper = ends = edges_in(mesh, iron)
+    lower, upper = edges_in(mesh, iron)
     chi, nnodes = np.zeros(mesh.p.shape[1]), mesh.p.shape[1]
     if not lower.size:
         return chi, np.zeros((3, iron.size))
-    along, _ = circulations(mesh.p, ends, function)
     graph = coo_array((np.ones(lower.size, dtype=np.int8), (lower, upper)), shape=(nnodes, nnodes)).tocsr()
     _, component = connected_components(graph, directed=False)
     key = lower * nnodes + upper

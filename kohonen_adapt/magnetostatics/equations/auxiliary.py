@@ -20,7 +20,7 @@ __all__ = ["EdgeSolver"]
 SHIFT = 1e-8  # of the diagonal of the auxiliary matrix, which is singular without prescribed values
 DAMPING = 0.5  # of Jacobi's method on the levels of the auxiliary matrix
 RELAXATION = 1.3  # of Gauss and Seidel's method: 1.0 takes 6 to 15 % more steps, and 1.6 up to 30 %
-DELAY = 10  # steps after which the error of a step is known
+FALL = 1e4  # of the error squared, in the last steps, whose rate is used
 ROUNDING = 1e-28  # residual that is rounding error, relative, squared
 
 logger = logging.getLogger("kohonen_adapt")
@@ -42,7 +42,7 @@ class EdgeSolver(Solver):
     # steps rise with the mesh.
     large: int = 500_000
     most_iterations: int = 10_000
-    rtol: float = 1e-5  # of B in the energy norm; the error of the energy is its square
+    rtol: float = 1e-6  # of B in the energy norm; the error of the energy is its square
     floor: float = 0.0  # right-hand side that is rounding error
     edges: EdgeElements | None = None
     conditions: Conditions | None = None
@@ -54,8 +54,8 @@ class EdgeSolver(Solver):
         auxiliary = self._auxiliary(symmetric) if right.size > self.large else None
         if auxiliary is None:
             swept = _Swept(symmetric)
-            inner, steps = self._conjugate_gradients(swept.product, swept.forward(swept.scale * right), np.copy)
-            solution = swept.scale * swept.backward(inner)
+            inner, steps = self._conjugate_gradients(swept.product, swept.forward(right), swept.precondition)
+            solution = swept.backward(inner)
         else:
             solution, steps = self._conjugate_gradients(lambda x: symmetric @ x, right, auxiliary)
         logger.debug("Conjugate gradients: %d steps for %d unknowns", steps, right.size)
@@ -67,18 +67,21 @@ class EdgeSolver(Solver):
         return solution
 
     def _conjugate_gradients(self, product: Operator, right: Floats, precondition: Operator) -> tuple[Floats, int]:
-        # The error squared falls by a known amount in every step (Hestenes and Stiefel, J. Res. NBS 49, 1952).
+        # The error squared falls by a known amount in every step (Hestenes and Stiefel, J. Res. NBS 49, 1952). The rest
+        # is at most the last fall times the largest ratio of both in steps before (after Meurant, Papez and Tichy,
+        # Numer. Algorithms 88, 2021).
         solution, residual, direction = np.zeros_like(right), right.copy(), np.zeros_like(right)
         falls, total, size, first = list[float](), 0.0, 1.0, 0.0
         while len(falls) < self.most_iterations:
-            if len(falls) >= DELAY and sum(falls[-DELAY:]) <= self.rtol**2 * total:
+            if falls and falls[-1] <= self.rtol**2 * total and _rest_after(falls) <= self.rtol**2 * total:
                 break
             corrected = precondition(residual)
             last, size = size, float(residual @ corrected)
             first = first or size
             if size <= ROUNDING * first:
                 break
-            direction = corrected + (size / last if falls else 0.0) * direction
+            direction *= size / last if falls else 0.0
+            direction += corrected
             image = product(direction)
             length = size / float(direction @ image)
             solution += length * direction
@@ -119,6 +122,13 @@ class EdgeSolver(Solver):
         return precondition
 
 
+def _rest_after(falls: list[float]) -> float:
+    fall = np.array(falls)
+    start = np.max(np.flatnonzero(fall >= FALL * fall[-1]), initial=0)
+    rest = np.cumsum(fall[:start:-1])[::-1]
+    return float(fall[-1] * np.max(rest / fall[start:-1], initial=0.0))
+
+
 def _nodal_matrix(matrix: csr_matrix, averages: csr_matrix, half: Floats, conditions: Conditions) -> csr_matrix:
     """Return the matrix of nodal vectors, the same for x, y and z.
 
@@ -155,14 +165,15 @@ def _cycle_of(levels: list[Any]) -> Operator:
 
 
 class _Swept:
-    # Equations between the halves of a sweep of Gauss and Seidel, scaled to a unit diagonal. A product costs as much as
-    # one with the matrix (Eisenstat, SIAM J. Sci. Stat. Comput. 2, 1981).
+    # Equations between the halves of a sweep of Gauss and Seidel. A product costs as much as one with the matrix
+    # (Eisenstat, SIAM J. Sci. Stat. Comput. 2, 1981).
 
     def __init__(self, matrix: csr_matrix) -> None:
+        row, column = np.repeat(np.arange(matrix.shape[0], dtype=np.int32), np.diff(matrix.indptr)), matrix.indices
         diagonal = matrix.diagonal()
-        self.scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-        row, column = np.repeat(np.arange(diagonal.size), np.diff(matrix.indptr)), matrix.indices
-        values = np.where(row == column, 1.0 / RELAXATION, matrix.data * self.scale[row] * self.scale[column])
+        self._diagonal = np.where(diagonal > 0.0, diagonal, 1.0)
+        values = matrix.data.copy()
+        values[row == column] = self._diagonal / RELAXATION
 
         def triangle(kept: Mask) -> csr_matrix:
             start = np.append(0, np.cumsum(np.bincount(row[kept], minlength=diagonal.size)))
@@ -170,9 +181,12 @@ class _Swept:
 
         self.forward, self.backward = _substitutions(triangle(column <= row), triangle(column >= row))
 
+    def precondition(self, x: Floats) -> Floats:
+        return self._diagonal * x
+
     def product(self, x: Floats) -> Floats:
         after = self.backward(x)
-        return after + self.forward(x + (1.0 - 2.0 / RELAXATION) * after)
+        return after + self.forward(x + (1.0 - 2.0 / RELAXATION) * self._diagonal * after)
 
 
 def _substitutions(lower: csr_matrix, upper: csr_matrix) -> tuple[Operator, Operator]:

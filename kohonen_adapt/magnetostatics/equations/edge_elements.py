@@ -6,20 +6,34 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array, csr_array, hstack
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 from scipy.sparse.linalg import splu
-from skfem import MeshTet
+from skfem.refdom import RefTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.magnetostatics.equations.tetrahedra import EDGES
+from kohonen_adapt.magnetostatics.equations.tetrahedra import EDGES, LinearTetrahedra
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.host import keys_of, number_edges, number_facets
-from kohonen_adapt.mesh.measures import area, hat_gradients
 
-__all__ = ["FACET_SIGNS", "EdgeElements", "conditions_on_edges", "open_surfaces", "prescribed_flux_load"]
+__all__ = [
+    "FACET_SIGNS",
+    "EdgeElements",
+    "Stiffness",
+    "conditions_on_edges",
+    "open_surfaces",
+    "prescribed_flux_load",
+]
 
 CYCLIC = ((1, 2), (2, 0), (0, 1))
-UPPER = np.triu_indices(6)
 FACET_EDGES = ((0, 1), (1, 2), (0, 2))
+SAME, OPPOSITE = np.tile(np.arange(6), (2, 1)), np.array([[0, 1, 2], [5, 3, 4]])  # pairs of edges of an element
+# of both edges of a facet at a corner, in the order of `RefTet.facets`
+AT_CORNERS = np.transpose(
+    [
+        np.flatnonzero([corner in edge and set(edge) <= set(facet) for edge in RefTet.edges])
+        for facet in RefTet.facets
+        for corner in facet
+    ]
+)
 FACET_SIGNS = np.array([1.0, 1.0, -1.0])  # of a path around a facet with ascending nodes
 
 
@@ -35,19 +49,20 @@ class EdgeElements:
     nodes: Ints  # (2, nedges): lower and higher node of every edge
     unknowns: Ints  # (6, nelements): edges of every element
 
-    def __init__(self, mesh: MeshTet) -> None:
-        number_facets(mesh)
-        number_edges(mesh)
-        self.mesh, self.nodes, self.unknowns = mesh, mesh.edges, mesh.t2e
-        self._sign = np.where(np.less(*mesh.t[EDGES]), 1.0, -1.0)
+    def __init__(self, elements: LinearTetrahedra) -> None:
+        self.elements, self.mesh = elements, elements.mesh
+        number_facets(self.mesh)
+        number_edges(self.mesh)
+        self.nodes, self.unknowns = self.mesh.edges, self.mesh.t2e
+        self._sign = np.where(np.less(*self.mesh.t[EDGES]), 1.0, -1.0)
 
-    @cached_property
+    @property
     def volumes(self) -> Floats:
-        return area(self.mesh)
+        return self.elements.volumes
 
-    @cached_property
+    @property
     def hats(self) -> Floats:
-        return hat_gradients(self.mesh)
+        return self.elements.hats
 
     @cached_property
     def curls(self) -> Floats:
@@ -66,30 +81,14 @@ class EdgeElements:
         functions = barycentric[first] * hats[:, second] - barycentric[second] * hats[:, first]
         return np.einsum("cin,in->cn", functions, self._sign[:, element] * a[self.unknowns[:, element]])
 
+    def mean(self, a: Floats) -> Floats:
+        first, second = EDGES
+        slopes = self.hats[:, second] - self.hats[:, first]
+        return np.einsum("cik,ik->ck", slopes, 0.25 * self._sign * a[self.unknowns])
+
     def against_curls(self, strength: Floats) -> Floats:
         terms = np.einsum("cik,ck->ik", self.curls, strength * self.volumes)
         return np.bincount(self.unknowns.ravel(), terms.ravel(), self.nodes.shape[1]).astype(np.float64)
-
-    def stiffness(self, free: Ints, across: Floats, along: tuple[Floats, Floats] | None = None) -> csr_array:
-        """Return the matrix of ``int nu curl w . curl w`` of the free edges.
-
-        `across` is nu of every element. `along` is a second coefficient and the unit vectors, shape (3, nelements), in
-        whose direction it applies.
-        """
-        weight, index = across * self.volumes, np.full(self.nodes.shape[1], -1, dtype=np.int32)
-        index[free] = np.arange(free.size)
-        curls, (first, second) = self.curls, UPPER
-        values = weight * np.einsum("cik,cik->ik", curls[:, first], curls[:, second])
-        if along is not None:
-            slope = np.einsum("ck,cik->ik", along[1], curls)
-            values += (along[0] * self.volumes - weight) * slope[first] * slope[second]
-        start, end = index[self.unknowns[first]], index[self.unknowns[second]]
-        inner = (start >= 0) & (end >= 0)
-        start, end = np.minimum(start, end)[inner], np.maximum(start, end)[inner]
-        # Symmetric: products are computed once, and terms on the diagonal, which are added twice, have half their size.
-        values = np.where(np.equal(*UPPER)[:, None], 0.5 * values, values)[inner]
-        upper = coo_array((values, (start, end)), shape=(free.size, free.size)).tocsr()
-        return upper + upper.T.tocsr()
 
     @cached_property
     def gradient(self) -> csr_array:
@@ -115,6 +114,65 @@ class EdgeElements:
         corners = np.sort(self.mesh.facets[:, facets], axis=0)
         outward = self.mesh.p[:, corners[0]] - self.mesh.p[:, self.mesh.t[:, self.mesh.f2t[0, facets]]].mean(axis=1)
         return np.sum(normals(self.mesh.p.T, corners.T).T * outward, axis=0) > 0.0
+
+
+class Stiffness:
+    """Matrix of ``int nu curl w . curl w`` of the free edges.
+
+    It has one entry for both edges at a corner of a facet, and one for opposite edges of an element. The pattern is
+    computed once for all nu.
+    """
+
+    def __init__(self, edges: EdgeElements, free: Ints) -> None:
+        self._edges, self._free = edges, free
+
+    @cached_property
+    def _entry(self) -> Ints:
+        # of the pairs `AT_CORNERS` in every element, (12, nelements)
+        mesh, found = self._edges.mesh, list[Ints]()
+        for facet, corners in enumerate(RefTet.facets):
+            for corner in corners:
+                others = [other for other in corners if other != corner]
+                found.append(3 * mesh.t2f[facet] + np.sum(mesh.t[others] < mesh.t[corner], axis=0))
+        return np.stack(found)
+
+    @cached_property
+    def _pattern(self) -> csr_array:
+        # the matrix with places in `values` as entries
+        edges, count = self._edges, self._free.size
+        index = np.full(edges.nodes.shape[1], -1, dtype=np.int32)
+        index[self._free] = np.arange(count)
+        ends = np.empty((2, 3 * edges.mesh.facets.shape[1]), dtype=np.int32)
+        ends[:, self._entry] = index[edges.unknowns[AT_CORNERS]]
+        opposite = index[edges.unknowns[OPPOSITE]].reshape(2, -1)
+        start, end = np.concatenate((ends, opposite), axis=1)
+        inner = np.flatnonzero((start >= 0) & (end >= 0)).astype(np.int32)
+        start, end, diagonal = start[inner], end[inner], np.arange(count, dtype=np.int32)
+        place = np.concatenate((count + inner, count + inner, diagonal))
+        indices = np.concatenate((start, end, diagonal)), np.concatenate((end, start, diagonal))
+        return coo_array((place, indices), shape=(count, count)).tocsr()
+
+    def matrix(self, across: Floats, along: tuple[Floats, Floats] | None = None) -> csr_array:
+        """Return the matrix for nu in every element.
+
+        `across` is nu. `along` is a second coefficient and the unit vectors, shape (3, nelements), in whose direction
+        it applies.
+        """
+        edges, pattern = self._edges, self._pattern
+        forms = [(across * edges.volumes, edges.curls)]
+        if along is not None:
+            slope = np.einsum("ck,cik->ik", along[1], edges.curls)
+            forms.append(((along[0] - across) * edges.volumes, slope[None]))
+        same, at_corners, opposite = (_products(forms, pairs) for pairs in (SAME, AT_CORNERS, OPPOSITE))
+        diagonal = np.bincount(edges.unknowns.ravel(), same.ravel(), edges.nodes.shape[1])[self._free]
+        on_facets = np.bincount(self._entry.ravel(), at_corners.ravel(), 3 * edges.mesh.facets.shape[1])
+        values = np.concatenate((diagonal, on_facets, opposite.ravel()))
+        return csr_array((values[pattern.data], pattern.indices, pattern.indptr), shape=pattern.shape)
+
+
+def _products(forms: list[tuple[Floats, Floats]], pairs: Ints) -> Floats:
+    # sum of ``weight a_i . a_j`` for pairs of local edges, (npairs, nelements)
+    return np.stack([sum(w * np.einsum("ck,ck->k", a[:, i], a[:, j]) for w, a in forms) for i, j in pairs.T])
 
 
 def conditions_on_edges(edges: EdgeElements, closed: Ints) -> Conditions:

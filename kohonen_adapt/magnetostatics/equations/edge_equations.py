@@ -10,10 +10,9 @@ from skfem.refdom import RefTet
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, total_potential
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.magnetostatics.equations.edge_elements import EdgeElements
+from kohonen_adapt.magnetostatics.equations.edge_elements import EdgeElements, Stiffness
 from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, circulations, field_at
 from kohonen_adapt.magnetostatics.equations.system import Reduced
-from kohonen_adapt.magnetostatics.equations.tetrahedra import LinearTetrahedra
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.mesh.measures import magnitude, unit_vectors
 
@@ -42,9 +41,11 @@ class EdgeDrive(Drive):
 
     @property
     def mean(self) -> Floats:
-        # T is linear in every element, (3, nelements)
-        mesh = self.edges.mesh
-        return self.at(mesh.p[:, mesh.t].mean(axis=1), np.arange(self.iron.size))
+        # (3, nelements)
+        if self.function is None:
+            return np.zeros((3, self.iron.size))
+        outside = self.edges.mean(self.circulation) + self.elements.gradient(self.potential)
+        return np.where(self.iron, self.layer, outside)
 
     def work_of_difference(self, density: Floats) -> float:
         """Return ``int (Hs - T) . B`` in J for a B without divergence, (3, nelements)."""
@@ -60,18 +61,15 @@ class EdgeDrive(Drive):
 
 
 def edge_drive(edges: EdgeElements, iron: Mask, function: AppliedField | None) -> EdgeDrive:
-    mesh, (start, end) = edges.mesh, edges.nodes
-    elements, zeros = LinearTetrahedra(mesh, varies=function is not None), np.zeros(mesh.p.shape[1])
-    circulation, layer = np.zeros(start.size), np.zeros((3, iron.size))
+    mesh, elements, zeros = edges.mesh, edges.elements, np.zeros(edges.mesh.p.shape[1])
     if function is None:
-        return EdgeDrive(elements, None, np.zeros_like(iron), zeros, zeros, layer, edges, circulation)
-    chi, layer = total_potential(mesh, iron, function)
-    across, inner = np.zeros(start.size), edges.unknowns[:, iron]
-    across[inner] = np.sum(edges.directions[:, inner] * layer[:, None, iron], axis=0)
-    outside = np.ones(start.size, dtype=bool)
-    outside[inner] = False
-    circulation = chi[start] - chi[end] + across
-    circulation[outside] = circulations(mesh.p, edges.nodes[:, outside], function)[0]
+        none = np.zeros(edges.nodes.shape[1])
+        return EdgeDrive(elements, None, np.zeros_like(iron), zeros, zeros, np.zeros((3, iron.size)), edges, none)
+    circulation, _ = circulations(mesh.p, edges.nodes, function)
+    of_iron = edges.unknowns[:, iron]
+    chi, layer = total_potential(mesh, iron, circulation[np.unique(of_iron)])
+    start, end = edges.nodes[:, of_iron]
+    circulation[of_iron] = chi[start] - chi[end] + np.sum(edges.directions[:, of_iron] * layer[:, None, iron], axis=0)
     return EdgeDrive(elements, function, iron, chi, zeros, layer, edges, circulation)
 
 
@@ -87,6 +85,7 @@ class CurlFunctional:
     coefficients: Coefficients
     conditions: Conditions
     load: Floats  # (nedges,) in A
+    stiffness: Stiffness
 
     def at_zero_field(self) -> Self:
         return replace(self, coefficients=replace(self.coefficients, nonlinear_materials=()))
@@ -109,9 +108,8 @@ class CurlFunctional:
         return (self.edges.against_curls(strength) - self.load)[self.conditions.free]
 
     def hessian(self, u: Floats) -> Reduced:
-        free = self.conditions.free
         if not self.coefficients.nonlinear_materials:
-            return Reduced(self.edges.stiffness(free, self.coefficients.reluctivity).T)
+            return Reduced(self.stiffness.matrix(self.coefficients.reluctivity).T)
         density = self.edges.curl(u)
         secant, differential = self.coefficients.reluctivities(density)
-        return Reduced(self.edges.stiffness(free, secant, (differential, unit_vectors(density))).T)
+        return Reduced(self.stiffness.matrix(secant, (differential, unit_vectors(density))).T)
