@@ -169,15 +169,17 @@ class _Swept:
     # (Eisenstat, SIAM J. Sci. Stat. Comput. 2, 1981).
 
     def __init__(self, matrix: csr_matrix) -> None:
-        row, column = np.repeat(np.arange(matrix.shape[0], dtype=np.int32), np.diff(matrix.indptr)), matrix.indices
+        count, column = np.diff(matrix.indptr), matrix.indices
+        row = np.repeat(np.arange(count.size, dtype=np.int32), count)
         diagonal = matrix.diagonal()
         self._diagonal = np.where(diagonal > 0.0, diagonal, 1.0)
+        self._between = (1.0 - 2.0 / RELAXATION) * self._diagonal
         values = matrix.data.copy()
         values[row == column] = self._diagonal / RELAXATION
 
         def triangle(kept: Mask) -> csr_matrix:
-            start = np.append(0, np.cumsum(np.bincount(row[kept], minlength=diagonal.size)))
-            return csr_matrix((values[kept], column[kept].astype(np.int32), start.astype(np.int32)), matrix.shape)
+            start = np.append(0, np.cumsum(kept, dtype=np.int32))[matrix.indptr]
+            return csr_matrix((values[kept], column[kept], start), matrix.shape)
 
         self.forward, self.backward = _substitutions(triangle(column <= row), triangle(column >= row))
 
@@ -186,7 +188,10 @@ class _Swept:
 
     def product(self, x: Floats) -> Floats:
         after = self.backward(x)
-        return after + self.forward(x + (1.0 - 2.0 / RELAXATION) * self._diagonal * after)
+        between = self._between * after
+        between += x
+        after += self.forward(between)
+        return after
 
 
 def _substitutions(lower: csr_matrix, upper: csr_matrix) -> tuple[Operator, Operator]:

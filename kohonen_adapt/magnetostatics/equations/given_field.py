@@ -126,9 +126,10 @@ def _circulations_of(x: Floats, ends: Ints, function: AppliedField) -> Floats:
             found += weight * _integrands(values, edge, size)
     for k, rule in enumerate(rules):
         rows = np.flatnonzero(group == k)
+        first, along, length, total = start[:, rows], edge[:, rows], size[rows], found[:, rows]
         for at, weight in zip(rule.inner, rule.weights, strict=True):
-            values = field_at(function, start[:, rows] + at * edge[:, rows])
-            found[:, rows] += weight * _integrands(values, edge[:, rows], size[rows])
+            total += weight * _integrands(field_at(function, first + at * along), along, length)
+        found[:, rows] = total
     return found
 
 
