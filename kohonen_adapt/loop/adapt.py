@@ -22,7 +22,7 @@ from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass, Steps
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.settings import PASSES, PASSES_TO_TOLERANCE, ErrorsWanted, Settings, Tolerance
+from kohonen_adapt.loop.settings import PASSES, PASSES_TO_TOLERANCE, Settings, Tolerance
 from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.mesh.motions import Pair
@@ -219,12 +219,11 @@ def adapt(
     check_mesh(mesh, curved=True, inverted=True, space=True)
     given = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, curves, (), layers, surfaces)
     rules = rules_for(problem, mesh, given, periodic)
-    errors = ErrorsWanted(goal_rtol is not None, output_rtol is not None)
     constant = Growth.of(int(mesh.nvertices), None, stop.passes, False)
     checked = check_outputs(outputs, output_rtol)
     if stop.max_nodes is not None:
         problem = aimed(problem, checked, stop.of_result)
-    settings = Settings(rules, schedule, seed, polish, constant, checked, rtol, errors)
+    settings = Settings(rules, schedule, seed, polish, constant, checked, stop.of_result)
     return run(mesh, problem, stop, settings, target_nodes, checkpoint, interim, Steps(progress))
 
 

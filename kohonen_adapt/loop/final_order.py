@@ -212,7 +212,7 @@ def assessed(result: AdaptResult, problem: Problem, adaptation: Adaptation, mesh
     best, last = result.best, result.history[-1]
     with adaptation.steps("estimate"):
         indicators = estimate(problem, mesh, solution)
-        norm = energy_norm(problem, mesh, solution, adaptation.settings.rtol)
+        norm = energy_norm(problem, mesh, solution, adaptation.settings.tolerance.rtol)
         goal = goal_of(problem, solution)
         error = None if goal is None else goal_error_of(problem, solution)
         outputs, unknowns = adaptation.outputs(solution), count_unknowns(mesh, order_of(problem))

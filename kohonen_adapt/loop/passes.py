@@ -58,7 +58,8 @@ class Pass(Work):
     unknowns
         Number of unknowns, Dirichlet values included. At order 1 the number of nodes.
     estimate
-        Square root of the sum of the squared indicators.
+        Square root of the sum of the squared indicators. Within `rtol` or `atol` it includes what sides miss of their
+        curves at orders 2 and 3.
     worth
         Error measure that compares passes if the functional cannot: the estimated error in the problem's norm.
     energy_norm

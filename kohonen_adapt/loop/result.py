@@ -49,7 +49,8 @@ class AdaptResult:
     indicators
         Unsquared indicators of this solution, shape (nelements,).
     estimate
-        Square root of the sum of the squared indicators.
+        Square root of the sum of the squared indicators. Within `rtol` or `atol` it includes what sides miss of their
+        curves at orders 2 and 3.
     history
         All passes in order. ``history[0]`` is the input.
     status

@@ -1,7 +1,7 @@
 """Settings of an adaptation, with its tolerances."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from hashlib import sha256
 from typing import Any
 
@@ -24,7 +24,6 @@ __all__ = [
     "ONLY_ENDS",
     "PASSES",
     "PASSES_TO_TOLERANCE",
-    "ErrorsWanted",
     "Settings",
     "Tolerance",
     "fingerprint",
@@ -54,12 +53,6 @@ ZERO_OUTPUTS = (
 
 
 @dataclass(frozen=True)
-class ErrorsWanted:
-    goal: bool = False
-    outputs: bool = False
-
-
-@dataclass(frozen=True)
 class Settings:
     rules: Rules
     schedule: Schedule | None
@@ -67,8 +60,7 @@ class Settings:
     polish: bool
     growth: NodeCounts = field(metadata={"argument": "target_nodes"})
     outputs: Mapping[str, Output]
-    rtol: float | None = field(default=None, metadata=ONLY_ENDS)
-    estimated: ErrorsWanted = field(default=ErrorsWanted(), metadata=ONLY_ENDS)
+    tolerance: "Tolerance" = field(default_factory=lambda: Tolerance(), metadata=ONLY_ENDS)
 
     def __post_init__(self) -> None:
         check_training(self.schedule, self.seed)
@@ -161,6 +153,12 @@ class Tolerance:
     def __bool__(self) -> bool:
         return any(each is not None for each in (self.rtol, self.atol, self.output_rtol, self.goal_rtol))
 
+    def of_energy(self, norm: float | None) -> float | None:
+        # allowed error in the energy norm, None without a tolerance
+        if self.rtol is None and self.atol is None:
+            return None
+        return (self.atol or 0.0) + (self.rtol or 0.0) * (norm or 0.0)
+
     def only_outputs(self, outputs: Iterable[str]) -> list[str]:
         """Return the outputs with a tolerance if nothing else has one."""
         others = (self.rtol, self.atol, self.goal_rtol)
@@ -185,9 +183,8 @@ class Tolerance:
         The error of goals and outputs falls like the square of the estimate, so that their tolerances are stated as
         estimates, too. An output of unknown error takes twice the unknowns.
         """
-        allowed = list[float]()
-        if self.rtol is not None or self.atol is not None:
-            allowed.append((self.atol or 0.0) + (self.rtol or 0.0) * (last.energy_norm or 0.0))
+        of_energy = self.of_energy(last.energy_norm)
+        allowed = [] if of_energy is None else [of_energy]
         if self.goal_rtol is not None and last.goal is not None and last.goal_error is not None:
             error = max(abs(last.goal_error), CHANCE * last.estimate**2)
             allowed.append(last.estimate * np.sqrt(self.goal_rtol * abs(last.goal) / error) if error else np.inf)
@@ -210,9 +207,7 @@ class Tolerance:
         return " and ".join([*reached, *self._errors_text(last)])
 
     def _of_estimate(self, last: Pass) -> list[str]:
-        if self.rtol is None and self.atol is None:
-            return []
-        tolerance = replace(self, goal_rtol=None, output_rtol=None).estimate(last)
+        tolerance = self.of_energy(last.energy_norm)
         return [] if tolerance is None else [_tolerance_text(tolerance, last)]
 
     def _errors_text(self, last: Pass) -> list[str]:

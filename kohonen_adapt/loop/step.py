@@ -24,6 +24,7 @@ from kohonen_adapt.problem.evaluation import (
     check_signs,
     energy_norm,
     estimate,
+    functional_of_solution,
     goal_error_of,
     goal_of,
     improved,
@@ -32,13 +33,24 @@ from kohonen_adapt.problem.evaluation import (
     solve,
     solve_again,
 )
-from kohonen_adapt.problem.protocol import NotOffered, Problem, goal_unit_of, is_calibrated, norm_of, order_of
+from kohonen_adapt.problem.protocol import (
+    AtOrder,
+    NotOffered,
+    Problem,
+    goal_unit_of,
+    has_method,
+    is_calibrated,
+    norm_of,
+    order_of,
+)
 from kohonen_adapt.som.density import equidistributing
 from kohonen_adapt.som.relocation_record import Moved
 
 __all__ = ["UNSOLVED", "Adaptation", "Solved", "functional_of", "root_of_squares"]
 
 GROWING_ENTRIES = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
+
+PARABOLIC = 3  # order whose parabolas cut off more than its elements miss
 
 NEARLY_EXACT = 0.03  # relative determinant of elements that exact sides would fold
 
@@ -108,12 +120,15 @@ class Adaptation:
             solution = solve(self.problem, mesh, *((before.record.mesh, before.solution) if before else ()))
         with self.steps("estimate"):
             indicators = estimate(self.problem, mesh, solution)
-            norm = energy_norm(self.problem, mesh, solution, self.settings.rtol)
+            norm = energy_norm(self.problem, mesh, solution, self.settings.tolerance.rtol)
             share = before.functional.share if before and before.functional else None
             functional, value, unpolished = self._functional(mesh, solution, share)
             goal = goal_of(self.problem, solution)
             curved = self.curved_mesh()
-            error = self._goal_error(mesh, solution, curved) if self.settings.estimated.goal else None
+            error = None if self.settings.tolerance.goal_rtol is None else self._goal_error(mesh, solution, curved)
+            total = root_of_squares(indicators)
+            if goal is None and total <= (self.settings.tolerance.of_energy(norm) or 0.0):
+                total = self._error_with_sides(total, mesh, solution, curved)
         qualities, length = quality(mesh), 1.0 if norm_of(self.problem) == "energy" else area(mesh) ** (1 / mesh.dim())
         outputs, unknowns = self.outputs(solution), count_unknowns(mesh, self.order)
         previous = before.record if before else None
@@ -125,7 +140,7 @@ class Adaptation:
             nodes=indices_in_input(before, moved, self.movable.nnodes, self.settings.growth.start),
             order=int(self.order),
             unknowns=unknowns,
-            estimate=root_of_squares(indicators),
+            estimate=total,
             worth=root_of_squares(length * indicators),
             energy_norm=norm,
             calibrated=is_calibrated(self.problem),
@@ -156,22 +171,35 @@ class Adaptation:
         movable = self.movable
         return movable.copy() if isinstance(movable, MovableMesh) and movable.curved else None
 
-    def on_curves(self, mesh: Mesh, solution: Any, curved: MovableMesh | None) -> Any:
-        # The polish flattens sides on curves. Goals and outputs change, and estimates on the mesh do not include this.
+    def on_curves(self, mesh: Mesh, solution: Any, curved: MovableMesh | None) -> tuple[Mesh, Any]:
+        # The polish flattens sides on curves. Estimates on the mesh do not include this.
         if curved is None or not curved.flattened(mesh):
-            return solution
-        exact = curved.mesh_with_free_sides()
-        if not least_determinants(exact).min() > 0.0:
-            exact = curved.mesh(NEARLY_EXACT)
-        number_facets(exact)
-        return solve(self.problem, exact, mesh, solution)
+            return mesh, solution
+        exact = exact_sides(curved)
+        return exact, solve(self.problem, exact, mesh, solution)
+
+    def _error_with_sides(self, error: float, mesh: Mesh, solution: Any, curved: MovableMesh | None) -> float:
+        # The functional exceeds its minimum by half the squared error, and rises by sides off their curves. Parabolas
+        # are off at all orders, by a share of the error that rises with the order. Exact curves are for orders above 3.
+        problem = self.problem
+        if curved is not None and self.order == PARABOLIC and has_method(problem, "on_curves"):
+            exact = exact_sides(curved)
+            problem = AtOrder(problem.on_curves(self.settings.rules.curves or {}), PARABOLIC + 1)  # type: ignore[attr-defined]
+            on_exact = solve(problem, exact, mesh, solution)
+        else:
+            exact, on_exact = self.on_curves(mesh, solution, curved)
+        if on_exact is solution:
+            return error
+        change = functional_of_solution(problem, exact, on_exact) - functional_of_solution(self.problem, mesh, solution)
+        difference = float(np.sqrt(2.0 * abs(change)))
+        return max(error, difference) if order_of(problem) > self.order else float(np.hypot(error, difference))
 
     def relocate(self, solved: Solved) -> Moved[Any]:
         with self.steps("relocate"):
             record, order, norm = solved.record, order_of(self.problem), norm_of(self.problem)
             density = equidistributing(record.mesh, record.indicators, order, norm)
             settings, number = self.settings, self.steps.number
-            estimate, functional = record.estimate, solved.functional
+            estimate, functional = root_of_squares(record.indicators), solved.functional
             ritz = None if functional is None else functional.ritz
             # on a surface that holds its nodes in the polish only a density adds nodes
             steers = ritz is not None and not ritz.shapes_only and ritz.surface is None
@@ -202,7 +230,7 @@ class Adaptation:
         before: Pass | None,
     ) -> dict[str, float]:
         # They are the differences from better values, or else from a pass with half the unknowns.
-        if not self.settings.estimated.outputs:
+        if self.settings.tolerance.output_rtol is None:
             return {}
         better = self.better_outputs(mesh, solution, curved)
         if not better and before is not None and unknowns >= TWICE * before.unknowns:
@@ -213,7 +241,7 @@ class Adaptation:
         outputs = self.settings.outputs
         try:
             better = improved(self.problem, mesh, solution, outputs) if outputs else {}
-            exact = self.on_curves(mesh, solution, curved) if better else solution
+            exact = self.on_curves(mesh, solution, curved)[1] if better else solution
             if exact is solution:
                 return better
             return {name: value + outputs[name](exact) - outputs[name](solution) for name, value in better.items()}
@@ -227,7 +255,7 @@ class Adaptation:
             return None, ": ".join([type(error).__name__, *str(error).splitlines()[:1]]).rstrip(".")
 
     def _goal_error(self, mesh: Mesh, solution: Any, curved: MovableMesh | None) -> float:
-        error, exact = goal_error_of(self.problem, solution), self.on_curves(mesh, solution, curved)
+        error, (_, exact) = goal_error_of(self.problem, solution), self.on_curves(mesh, solution, curved)
         return error if exact is solution else error + self._goal(exact) - self._goal(solution)
 
     def _goal(self, solution: Any) -> float:
@@ -246,6 +274,14 @@ class Adaptation:
             with self.steps("estimate", f"output {name!r}"):
                 values[name] = output_value(name, function, solution)
         return values
+
+
+def exact_sides(curved: MovableMesh) -> Mesh:
+    exact = curved.mesh_with_free_sides()
+    if not least_determinants(exact).min() > 0.0:
+        exact = curved.mesh(NEARLY_EXACT)
+    number_facets(exact)
+    return exact
 
 
 def functional_of(

@@ -195,6 +195,36 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
             return goal_indicators(field, self.goal, self.boundaries, self.method)
         return energy_indicators(mesh, field, self.estimator, self.boundaries, self.materials, self.method)
 
+    def functional(self, mesh: MeshTri, field: Field) -> float:
+        """Return the functional that a solution minimises.
+
+        The functional exceeds its minimum by half the squared error.
+
+        Parameters
+        ----------
+        mesh, field
+            As in `indicators`.
+
+        Returns
+        -------
+        float
+            As `NewtonStep.functional`, less the value for B = 0, so that it does not rise with the area of magnets. The
+            error is that in `energy_norm`, for nonlinear material as described in `ritz`.
+
+        Examples
+        --------
+        >>> import skfem
+        >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
+        >>> mesh = skfem.MeshTri().refined(3).with_subdomains({"coil": lambda x: x[0] > -1.0}).with_defaults()
+        >>> sides = dict.fromkeys(("left", "right", "bottom", "top"), 0.0)
+        >>> problem = Magnetostatics({"coil": Material(current_density=1e6)}, sides, order=2)
+        >>> field = problem.solve(mesh)  # the functional is minus half the squared norm if A is 0 on the boundary
+        >>> round(problem.functional(mesh, field) / problem.energy_norm(mesh, field) ** 2, 6)
+        -0.5
+        """
+        energy = self._energy_on(mesh, field.order)
+        return energy.value(field.unknown)[0] - energy.value(0.0 * field.unknown)[0]
+
     def on_curves(self, curves: Mapping[str, Curve]) -> Self:
         """Return the problem with more curves in `sides`.
 

@@ -26,6 +26,7 @@ __all__ = [
     "curves_of",
     "energy_norm",
     "estimate",
+    "functional_of_solution",
     "goal_error_of",
     "goal_of",
     "has_goal",
@@ -100,6 +101,14 @@ def energy_norm(problem: Problem, mesh: Mesh, solution: Any, rtol: float | None 
     if not 0.0 <= value < np.inf:
         raise ValueError(f"energy_norm of the problem must be a finite number >= 0; got {value}.")
     return value
+
+
+def functional_of_solution(problem: Problem, mesh: Mesh, solution: Any) -> float:
+    # by default of a linear problem with homogeneous conditions
+    try:
+        return float(optional_method(problem, "functional")(mesh, solution))
+    except NotOffered:
+        return -0.5 * (energy_norm(problem, mesh, solution) or 0.0) ** 2
 
 
 def ritz_of(problem: Problem, mesh: Mesh, solution: Any) -> Ritz:

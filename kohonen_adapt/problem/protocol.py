@@ -49,6 +49,7 @@ ATTRIBUTES = {
 METHODS = {
     "solve_from": "mesh, old_mesh, old_solution",
     "energy_norm": "mesh, solution",
+    "functional": "mesh, solution",
     "ritz": "mesh, solution",
     "curves": "mesh",
     "improved": "mesh, solution, outputs",
@@ -100,6 +101,8 @@ class Problem(Protocol):
     ``curves(mesh)``                              curves of boundaries by name, see ``Rules.curves``
     ``solve_from(mesh, old_mesh, old_solution)``  warm start, called instead of ``solve`` except for the first mesh
     ``energy_norm(mesh, solution)``               energy norm of the solution, a float
+    ``functional(mesh, solution)``                value of the functional that the solution minimises, a float; for the
+                                                  share of curves in errors of orders 2 and 3
     ``ritz(mesh, solution)``                      functional that the solution minimises, a `Ritz`; the polish needs it
     ``singular_nodes(mesh, solution)``            numbers of the nodes that get layers; default: from ``ritz``
     ``goal(solution)``                            value of a goal, a float, see below
