@@ -38,8 +38,8 @@ class EdgeSolver(Solver):
     45, 2007), and the number of steps hardly grows with the mesh.
     """
 
-    # At 98 000 edges sweeps take 0.7 times the time of the auxiliary space (`benchmarks coils --bracket`), but their
-    # steps rise with the mesh.
+    # At 98 000 edges sweeps take 0.6 to 0.9 times the time of the auxiliary space (`benchmarks coils --bracket`), but
+    # their steps rise with the mesh.
     large: int = 500_000
     most_iterations: int = 10_000
     rtol: float = 1e-6  # of B in the energy norm; the error of the energy is its square
