@@ -6,7 +6,6 @@ time than more nodes, because the error falls exponentially (B. Guo and I. Babus
 
 import logging
 from dataclasses import dataclass, replace
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -19,9 +18,8 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.passes import Pass, Status, StepFailed
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.step import Adaptation, root_of_squares
+from kohonen_adapt.loop.step import Adaptation, on_whole_curves, root_of_squares
 from kohonen_adapt.loop.stopping import Ending, StopTest, best_pass_text, count_text, failed_ending, interrupted_ending
-from kohonen_adapt.mesh.blended import is_folded
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.problem.evaluation import energy_norm, estimate, goal_error_of, goal_of, ritz_of, solve
@@ -41,7 +39,6 @@ OF_GOAL = 10.0  # tolerance of passes for goals, as a multiple of the tolerance 
 GAINS = {4: 8.0, 5: 17.0, 6: 34.0, 7: 60.0, 8: 100.0}
 SMOOTH = 2.0  # least gain of a raised order; below, the solution is not smooth and the passes go on alone
 SAFE = 0.8  # of the tolerance of passes before a higher order
-LEAST_JACOBIANS = 0.003, 0.01, 0.03, 0.05, 0.07, 0.1  # of elements, relative to straight ones, in order of trial
 FINER = 0.7  # of the tolerance of the passes after a raised order that did not suffice, at most
 
 
@@ -155,7 +152,10 @@ def at_order(
     steps.next_pass(len(result.history))
     with steps("relocate"):
         corners = corners_of_field(result, adaptation.problem)
-        whole, remark = on_whole_curves(result.mesh, curved)
+        whole, remark = result.mesh, ""
+        if curved is not None:
+            whole = on_whole_curves(result.mesh, curved)
+            remark = remark_on_sides(curved.flattened(whole))
         mesh, nodes = with_layers(whole, corners, layers, rules.periodic, rules.curves)
         number_facets(mesh)
     with steps("solve"):
@@ -185,17 +185,10 @@ def at_order(
     )
 
 
-def on_whole_curves(flattened: Mesh, movable: MovableMesh | None) -> tuple[Mesh, str]:
-    # The polish needs elements that are far from folded, and flattens sides on curves for this. Higher orders have
-    # smaller errors than these sides.
-    if movable is None:
-        return flattened, ""
-    trials = chain([movable.mesh_with_free_sides()], map(movable.mesh, LEAST_JACOBIANS))
-    mesh = next((mesh for mesh in trials if not is_folded(mesh)), flattened)
-    distance = movable.flattened(mesh)
+def remark_on_sides(distance: float) -> str:
     if not distance:
-        return mesh, ""
-    return mesh, f" Sides are up to {distance:.2g} off their curves, which no estimate includes; use more nodes there."
+        return ""
+    return f" Sides are up to {distance:.2g} off their curves, which no estimate includes; use more nodes there."
 
 
 def corners_of_field(result: AdaptResult, problem: Problem) -> Ints:

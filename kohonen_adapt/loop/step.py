@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass, Steps
 from kohonen_adapt.loop.settings import Settings
+from kohonen_adapt.mesh.blended import is_folded
 from kohonen_adapt.mesh.curved import least_determinants
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import area, quality
@@ -42,15 +44,18 @@ from kohonen_adapt.problem.protocol import (
     is_calibrated,
     norm_of,
     order_of,
+    takes_order,
 )
 from kohonen_adapt.som.density import equidistributing
 from kohonen_adapt.som.relocation_record import Moved
 
-__all__ = ["UNSOLVED", "Adaptation", "Solved", "functional_of", "root_of_squares"]
+__all__ = ["UNSOLVED", "Adaptation", "Solved", "functional_of", "on_whole_curves", "root_of_squares"]
 
 GROWING_ENTRIES = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
 
 PARABOLIC = 3  # order whose parabolas cut off more than its elements miss
+
+LEAST_JACOBIANS = 0.003, 0.01, 0.03, 0.05, 0.07, 0.1  # of elements, relative to straight ones, in order of trial
 
 NEARLY_EXACT = 0.03  # relative determinant of elements that exact sides would fold
 
@@ -175,15 +180,19 @@ class Adaptation:
         # The polish flattens sides on curves. Estimates on the mesh do not include this.
         if curved is None or not curved.flattened(mesh):
             return mesh, solution
-        exact = exact_sides(curved)
+        exact = curved.mesh_with_free_sides()
+        if not least_determinants(exact).min() > 0.0:
+            exact = curved.mesh(NEARLY_EXACT)
+        number_facets(exact)
         return exact, solve(self.problem, exact, mesh, solution)
 
     def _error_with_sides(self, error: float, mesh: Mesh, solution: Any, curved: MovableMesh | None) -> float:
         # The functional exceeds its minimum by half the squared error, and rises by sides off their curves. Parabolas
         # are off at all orders, by a share of the error that rises with the order. Exact curves are for orders above 3.
         problem = self.problem
-        if curved is not None and self.order == PARABOLIC and has_method(problem, "on_curves"):
-            exact = exact_sides(curved)
+        if curved and self.order == PARABOLIC and takes_order(problem) and has_method(problem, "on_curves"):
+            exact = on_whole_curves(mesh, curved)
+            number_facets(exact)
             problem = AtOrder(problem.on_curves(self.settings.rules.curves or {}), PARABOLIC + 1)  # type: ignore[attr-defined]
             on_exact = solve(problem, exact, mesh, solution)
         else:
@@ -276,12 +285,11 @@ class Adaptation:
         return values
 
 
-def exact_sides(curved: MovableMesh) -> Mesh:
-    exact = curved.mesh_with_free_sides()
-    if not least_determinants(exact).min() > 0.0:
-        exact = curved.mesh(NEARLY_EXACT)
-    number_facets(exact)
-    return exact
+def on_whole_curves(flattened: Mesh, movable: MovableMesh) -> Mesh:
+    # The polish needs elements that are far from folded, and flattens sides on curves for this. Higher orders have
+    # smaller errors than these sides.
+    trials = chain([movable.mesh_with_free_sides()], map(movable.mesh, LEAST_JACOBIANS))
+    return next((mesh for mesh in trials if not is_folded(mesh)), flattened)
 
 
 def functional_of(

@@ -35,6 +35,7 @@ __all__ = [
     "order_of",
     "pairs_of",
     "points_of",
+    "takes_order",
 ]
 
 ATTRIBUTES = {
@@ -281,8 +282,12 @@ class AutoOrder(int):
     """Order that follows the tolerance of `adapt`, or else its value."""
 
 
+def takes_order(problem: Problem) -> bool:
+    return orders_of(problem) is not None and "order" in signature(problem.solve).parameters  # or overridden
+
+
 def final_orders(problem: Problem, has_tolerance: bool) -> range:
-    if orders_of(problem) is None or "order" not in signature(problem.solve).parameters:  # overridden by a subclass
+    if not takes_order(problem):
         return range(0)
     highest, order = (orders_of(problem) or (1, 1))[1], order_of(problem)
     if isinstance(order, AutoOrder) and order >= OF_PASSES:
