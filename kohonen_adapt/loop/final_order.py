@@ -18,7 +18,8 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.passes import Pass, Status, StepFailed
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.step import Adaptation, on_whole_curves, root_of_squares
+from kohonen_adapt.loop.sides import Sides, on_whole_curves
+from kohonen_adapt.loop.step import Adaptation, root_of_squares
 from kohonen_adapt.loop.stopping import Ending, StopTest, best_pass_text, count_text, failed_ending, interrupted_ending
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import quality
@@ -209,7 +210,7 @@ def assessed(result: AdaptResult, problem: Problem, adaptation: Adaptation, mesh
         goal = goal_of(problem, solution)
         error = None if goal is None else goal_error_of(problem, solution)
         outputs, unknowns = adaptation.outputs(solution), count_unknowns(mesh, order_of(problem))
-        errors = replace(adaptation, problem=problem).output_errors(mesh, solution, None, outputs, unknowns, best)
+        errors = adaptation.output_errors(Sides(problem, mesh, solution), outputs, unknowns, best)
     qualities, total = quality(mesh), root_of_squares(indicators)
     return replace(
         best,

@@ -11,6 +11,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.passes import Pass, Status, StepFailed, Steps
 from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.loop.sides import Sides
 from kohonen_adapt.loop.step import UNSOLVED, Adaptation, Solved
 from kohonen_adapt.loop.stopping import (
     Ending,
@@ -192,7 +193,8 @@ class History:
         result = self._with_goal_error(self._result(ending))
         if result.status is not Status.STALLED:
             return result
-        better = self._adaptation.better_outputs(result.mesh, result.solution, self._passes.best.curved)
+        sides = Sides(adaptation.problem, result.mesh, result.solution, self._passes.best.curved)
+        better = adaptation.better_outputs(sides)
         remark = outputs_remark(result.history[0], result.best, better)
         return replace(result, message=f"{result.message} {remark}".rstrip())
 

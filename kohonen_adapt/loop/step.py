@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -16,8 +15,7 @@ from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass, Steps
 from kohonen_adapt.loop.settings import Settings
-from kohonen_adapt.mesh.blended import is_folded
-from kohonen_adapt.mesh.curved import least_determinants
+from kohonen_adapt.loop.sides import Sides
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.polishing.energy_tables import VariesInside
@@ -26,7 +24,6 @@ from kohonen_adapt.problem.evaluation import (
     check_signs,
     energy_norm,
     estimate,
-    functional_of_solution,
     goal_error_of,
     goal_of,
     improved,
@@ -36,28 +33,19 @@ from kohonen_adapt.problem.evaluation import (
     solve_again,
 )
 from kohonen_adapt.problem.protocol import (
-    AtOrder,
     NotOffered,
     Problem,
     goal_unit_of,
-    has_method,
     is_calibrated,
     norm_of,
     order_of,
-    takes_order,
 )
 from kohonen_adapt.som.density import equidistributing
 from kohonen_adapt.som.relocation_record import Moved
 
-__all__ = ["UNSOLVED", "Adaptation", "Solved", "functional_of", "on_whole_curves", "root_of_squares"]
+__all__ = ["UNSOLVED", "Adaptation", "Solved", "functional_of", "root_of_squares"]
 
 GROWING_ENTRIES = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
-
-PARABOLIC = 3  # order whose parabolas cut off more than its elements miss
-
-LEAST_JACOBIANS = 0.003, 0.01, 0.03, 0.05, 0.07, 0.1  # of elements, relative to straight ones, in order of trial
-
-NEARLY_EXACT = 0.03  # relative determinant of elements that exact sides would fold
 
 TWICE = 1.8  # factor of the unknowns from which the difference of two passes bounds the error of an output
 
@@ -129,11 +117,11 @@ class Adaptation:
             share = before.functional.share if before and before.functional else None
             functional, value, unpolished = self._functional(mesh, solution, share)
             goal = goal_of(self.problem, solution)
-            curved = self.curved_mesh()
-            error = None if self.settings.tolerance.goal_rtol is None else self._goal_error(mesh, solution, curved)
+            sides = Sides(self.problem, mesh, solution, self.curved_mesh())
+            error = None if self.settings.tolerance.goal_rtol is None else goal_error(sides)
             total = root_of_squares(indicators)
             if goal is None and total <= (self.settings.tolerance.of_energy(norm) or 0.0):
-                total = self._error_with_sides(total, mesh, solution, curved)
+                total = sides.error_with_sides(total, self.settings.rules.curves)
         qualities, length = quality(mesh), 1.0 if norm_of(self.problem) == "energy" else area(mesh) ** (1 / mesh.dim())
         outputs, unknowns = self.outputs(solution), count_unknowns(mesh, self.order)
         previous = before.record if before else None
@@ -160,10 +148,10 @@ class Adaptation:
             goal_unit="" if goal is None else goal_unit_of(self.problem),
             sagitta=self.movable.sagitta(),
             outputs=outputs,
-            output_errors=self.output_errors(mesh, solution, curved, outputs, unknowns, previous),
+            output_errors=self.output_errors(sides, outputs, unknowns, previous),
             seconds=self.steps.seconds,  # last, because outputs add their time
         )
-        return Solved(record, solution, functional, curved)
+        return Solved(record, solution, functional, sides.curved)
 
     def assess_again(self, record: Pass) -> Solved:
         # Raises ValueError if indicators or signs of outputs differ from the stored values, which means another
@@ -175,33 +163,6 @@ class Adaptation:
     def curved_mesh(self) -> MovableMesh | None:
         movable = self.movable
         return movable.copy() if isinstance(movable, MovableMesh) and movable.curved else None
-
-    def on_curves(self, mesh: Mesh, solution: Any, curved: MovableMesh | None) -> tuple[Mesh, Any]:
-        # The polish flattens sides on curves. Estimates on the mesh do not include this.
-        if curved is None or not curved.flattened(mesh):
-            return mesh, solution
-        exact = curved.mesh_with_free_sides()
-        if not least_determinants(exact).min() > 0.0:
-            exact = curved.mesh(NEARLY_EXACT)
-        number_facets(exact)
-        return exact, solve(self.problem, exact, mesh, solution)
-
-    def _error_with_sides(self, error: float, mesh: Mesh, solution: Any, curved: MovableMesh | None) -> float:
-        # The functional exceeds its minimum by half the squared error, and rises by sides off their curves. Parabolas
-        # are off at all orders, by a share of the error that rises with the order. Exact curves are for orders above 3.
-        problem = self.problem
-        if curved and self.order == PARABOLIC and takes_order(problem) and has_method(problem, "on_curves"):
-            exact = on_whole_curves(mesh, curved)
-            number_facets(exact)
-            problem = AtOrder(problem.on_curves(self.settings.rules.curves or {}), PARABOLIC + 1)  # type: ignore[attr-defined]
-            on_exact = solve(problem, exact, mesh, solution)
-        else:
-            exact, on_exact = self.on_curves(mesh, solution, curved)
-        if on_exact is solution:
-            return error
-        change = functional_of_solution(problem, exact, on_exact) - functional_of_solution(self.problem, mesh, solution)
-        difference = float(np.sqrt(2.0 * abs(change)))
-        return max(error, difference) if order_of(problem) > self.order else float(np.hypot(error, difference))
 
     def relocate(self, solved: Solved) -> Moved[Any]:
         with self.steps("relocate"):
@@ -230,27 +191,21 @@ class Adaptation:
             return replace(moved, recycled=recycled), gain
 
     def output_errors(
-        self,
-        mesh: Mesh,
-        solution: Any,
-        curved: MovableMesh | None,
-        outputs: Mapping[str, float],
-        unknowns: int,
-        before: Pass | None,
+        self, sides: Sides, outputs: Mapping[str, float], unknowns: int, before: Pass | None
     ) -> dict[str, float]:
         # They are the differences from better values, or else from a pass with half the unknowns.
         if self.settings.tolerance.output_rtol is None:
             return {}
-        better = self.better_outputs(mesh, solution, curved)
+        better = self.better_outputs(sides)
         if not better and before is not None and unknowns >= TWICE * before.unknowns:
             return {name: value - before.outputs[name] for name, value in outputs.items()}
         return {name: better[name] - value for name, value in outputs.items() if name in better}
 
-    def better_outputs(self, mesh: Mesh, solution: Any, curved: MovableMesh | None) -> dict[str, float]:
-        outputs = self.settings.outputs
+    def better_outputs(self, sides: Sides) -> dict[str, float]:
+        outputs, solution = self.settings.outputs, sides.solution
         try:
-            better = improved(self.problem, mesh, solution, outputs) if outputs else {}
-            exact = self.on_curves(mesh, solution, curved)[1] if better else solution
+            better = improved(sides.problem, sides.mesh, solution, outputs) if outputs else {}
+            exact = sides.exact[1] if better else solution
             if exact is solution:
                 return better
             return {name: value + outputs[name](exact) - outputs[name](solution) for name, value in better.items()}
@@ -259,16 +214,9 @@ class Adaptation:
 
     def goal_error(self, solved: Solved) -> tuple[float | None, str]:
         try:
-            return self._goal_error(solved.record.mesh, solved.solution, solved.curved), ""
+            return goal_error(Sides(self.problem, solved.record.mesh, solved.solution, solved.curved)), ""
         except (Exception, KeyboardInterrupt) as error:  # an unknown error is no reason to lose the result
             return None, ": ".join([type(error).__name__, *str(error).splitlines()[:1]]).rstrip(".")
-
-    def _goal_error(self, mesh: Mesh, solution: Any, curved: MovableMesh | None) -> float:
-        error, (_, exact) = goal_error_of(self.problem, solution), self.on_curves(mesh, solution, curved)
-        return error if exact is solution else error + self._goal(exact) - self._goal(solution)
-
-    def _goal(self, solution: Any) -> float:
-        return goal_of(self.problem, solution) or 0.0
 
     def _functional(
         self, mesh: Mesh, solution: Any, share: float | None
@@ -285,11 +233,12 @@ class Adaptation:
         return values
 
 
-def on_whole_curves(flattened: Mesh, movable: MovableMesh) -> Mesh:
-    # The polish needs elements that are far from folded, and flattens sides on curves for this. Higher orders have
-    # smaller errors than these sides.
-    trials = chain([movable.mesh_with_free_sides()], map(movable.mesh, LEAST_JACOBIANS))
-    return next((mesh for mesh in trials if not is_folded(mesh)), flattened)
+def goal_error(sides: Sides) -> float:
+    error, (_, exact) = goal_error_of(sides.problem, sides.solution), sides.exact
+    if exact is sides.solution:
+        return error
+    goal, on_exact = (goal_of(sides.problem, solution) or 0.0 for solution in (sides.solution, exact))
+    return error + on_exact - goal
 
 
 def functional_of(
