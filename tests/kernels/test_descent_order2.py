@@ -32,7 +32,9 @@ from kohonen_adapt.polishing.space.curved_sides import CurvedEdges
 number_star, derivatives, remove_edge = (interpreted(loop) for loop in (number_star, derivatives, remove_edge))
 
 FLOOR = 0.2
-STRAIGHT = CurvedEdges(np.zeros(1, dtype=np.int32), np.zeros(0, dtype=np.int32), np.zeros((0, 3)))
+STRAIGHT = CurvedEdges(
+    np.zeros(1, dtype=np.int32), np.zeros(0, dtype=np.int32), np.zeros((0, 3)), np.zeros(0, dtype=np.int32)
+)
 SLOPE = np.array([0.0, 1.5, -0.5])  # of the values along the face x = 0
 LAWS = [None, (None, Rising(0.3)), (Rising(3.0), Rising())]  # of the two regions
 
@@ -131,7 +133,7 @@ def curved_around(at, v):
     offset = np.tile(np.random.default_rng(0).uniform(-size, size, (len(ends), 3)), (2, 1))
     order = np.lexsort(both.T[::-1])
     start = np.searchsorted(both[order, 0], np.arange(len(at.mesh.position) + 1)).astype(np.int32)
-    return CurvedEdges(start, both[order, 1].astype(np.int32), offset[order])
+    return CurvedEdges(start, both[order, 1].astype(np.int32), offset[order], np.full(len(order), -1, dtype=np.int32))
 
 
 @pytest.mark.parametrize("laws", LAWS[::2])

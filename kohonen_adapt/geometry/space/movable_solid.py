@@ -131,20 +131,19 @@ class MovableSolid(Movable):
     def mesh(self) -> MeshTet:
         if not self.curved:
             return self._straight_mesh()
-        mesh, straight, count = self._curved_mesh()
-        if straight:
+        mesh, straight, count = self.curved_mesh()
+        if straight.any():
             logger.info(
                 "%d of %d edges on curved surfaces stay straight, because curved ones would fold elements.",
-                *(straight, count),
+                *(np.count_nonzero(straight), count),
             )
         return mesh
 
-    def _curved_mesh(self) -> tuple[MeshTet, int, int]:
-        # and the numbers of edges on curved surfaces that stay straight, and of all
+    def curved_mesh(self) -> tuple[MeshTet, Mask, int]:
+        # and the edges on curved surfaces that stay straight, (nedges,), and the number of all
         mesh = self._straight_mesh()
         offset, flat = offsets_on_surfaces(mesh, self.tetrahedralization.elements, self.patches, self.input_edges)
-        counts = np.count_nonzero(flat), np.count_nonzero(flat | offset.any(axis=0))
-        return with_edge_offsets(mesh, offset), *(int(count) for count in counts)
+        return with_edge_offsets(mesh, offset), flat, int(np.count_nonzero(flat | offset.any(axis=0)))
 
     def _straight_mesh(self) -> MeshTet:
         mesh = self.tetrahedralization.to_mesh()
@@ -261,4 +260,4 @@ def surfaces_of(patches: Patches, ridges: Ridges, samples: Samples) -> Surfaces:
 def with_round_edges(mesh: MeshTet) -> MeshTet:
     # with the nodes inside edges on the curved surfaces that are recognised
     movable = MovableSolid.of(mesh, Rules(), curved=True)
-    return movable._curved_mesh()[0] if movable.curved else mesh
+    return movable.curved_mesh()[0] if movable.curved else mesh

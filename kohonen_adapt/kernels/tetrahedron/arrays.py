@@ -221,6 +221,7 @@ class SolidBlock(NamedTuple):
     curve_start: np.ndarray  # (n + 1,) int32: first curved edge of every node
     curve_end: np.ndarray  # (k,) int32: far end of every curved edge, each edge twice
     curve_offset: np.ndarray  # (k, 3): midside offset of every curved edge
+    curve_place: np.ndarray  # (k,) int32: patch, or ridge after the patches, that the edge follows, -1 for none
     curve_point: np.ndarray  # (q, 4): barycentric coordinates of the quadrature points of curved elements without a law
     curve_weight: np.ndarray  # (q,): weights with sum 1
     offset: np.ndarray  # (6, 3): midside offsets of an element
@@ -258,6 +259,7 @@ class SolidBlock(NamedTuple):
             curves[0],
             curves[1],
             curves[2],
+            curves[3],
             rule[0],
             rule[1],
             np.empty((6, 3)),

@@ -4,30 +4,47 @@ A P1 function on a mesh whose faces are inscribed in a sphere, cylinder or cone 
 The functional of the true domain is that of the mesh plus, for every sliver, ``S = volume (psi_true -
 psi_face)(grad u)``, with the gradient of the element that covers the sliver or is extended into the sliver. A
 linear Dirichlet function on an outer surface is extended as given. The polish adds ``S + |S|``, as
-`kernels/tetrahedron/polish/slivers.py` explains.
+`kernels/tetrahedron/polish/slivers.py` explains. At order 2 faces are quadratic, and S is that of
+`kernels/tetrahedron/polish/curved_order2.py`.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.patches import Patches
-from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, NO_SURFACE, SPHERE, SolidBlock, Tetrahedra
+from kohonen_adapt.kernels.tetrahedron.arrays import (
+    CONE,
+    CYLINDER,
+    NO_SURFACE,
+    ON_RIDGE,
+    PLANE,
+    SPHERE,
+    SolidBlock,
+    Tetrahedra,
+)
+from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import FACE_POINTS, FACE_WEIGHTS
 from kohonen_adapt.mesh.basis import CURVED_RULE_IN_SPACE
 from kohonen_adapt.mesh.cells import FACES, TETRAHEDRON
-from kohonen_adapt.mesh.host import keys_of
-from kohonen_adapt.mesh.measures import EDGES, edge_midside_offsets
+from kohonen_adapt.mesh.host import edges_between, keys_of
+from kohonen_adapt.mesh.measures import EDGES, edge_midside_offsets, tangent_corners
+from kohonen_adapt.mesh.quadratic_in_space import function_slopes, quadratic_functions
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
+from kohonen_adapt.polishing.stationarity import secants
 from kohonen_adapt.problem.boundary_terms import corner_values, reduced_regions
-from kohonen_adapt.problem.functional_in_space import LAW_POINTS, LAW_WEIGHTS, density_in_space
+from kohonen_adapt.problem.functional_in_space import LAW_POINTS, LAW_WEIGHTS, density_in_space, fluxes, shifted_slope
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import value_by_region
 
 __all__ = ["CurvedEdges", "CurvedFaces"]
+
+
+ROUND = SPHERE, CYLINDER, CONE
 
 
 @dataclass(frozen=True)
@@ -56,6 +73,12 @@ class CurvedFaces:
     rate: Floats
 
     @classmethod
+    def of_order_2(cls, patches: Patches, ritz: Ritz, number: Ints, constant: Mask, rate: Floats) -> "CurvedFaces":
+        # `constant` selects patches without Dirichlet values, or with a constant one
+        counted = constant & np.isin(patches.shape, ROUND) & (not callable(ritz.source))
+        return cls(patches, ritz, number, counted, np.zeros_like(counted), rate)
+
+    @classmethod
     def of(
         cls,
         tet: Tetrahedralization,
@@ -74,7 +97,7 @@ class CurvedFaces:
         linear Dirichlet values.
         """
         elements, values = tet.elements, np.asarray(ritz.values)
-        counted = linear & np.isin(patches.shape, (SPHERE, CYLINDER, CONE))
+        counted = linear & np.isin(patches.shape, ROUND)
         e, k = np.nonzero(np.append(counted, False)[elements.patch] & (elements.node[:, :1] >= 0))
         patch, across = elements.patch[e, k], elements.neighbour[e, k]
         outer = is_outside(tet.position, elements, patches, e, k)
@@ -112,6 +135,33 @@ class CurvedFaces:
         own_density = density_in_space(slope, own, self.ritz)
         return float(2.0 * volume @ np.maximum(np.where(outer, change - own_density, own_density), 0.0))
 
+    def value_of_order_2(self, position: Floats, elements: Tetrahedra, coefficients: Floats, offset: Floats) -> float:
+        # The sum of S + abs(S) of `curved_order2` over all faces. Of the elements in use are coefficients (10, m) and
+        # midside offsets (3, 6, m).
+        used, found = np.flatnonzero(elements.node[:, 0] >= 0), np.zeros(elements.node.shape)
+        for k in range(4 if self.counted.any() else 0):
+            rows = np.flatnonzero(np.append(self.counted, False)[elements.patch[used, k]])
+            corners, offsets = position.T[:, elements.node[used[rows]].T], offset[:, :, rows]
+            own = coefficients[:, rows]
+            region, patch = self.number[elements.region[used[rows]]], elements.patch[used[rows], k]
+            for point, weight in zip(np.insert(FACE_POINTS, k, 0.0, axis=1), FACE_WEIGHTS, strict=True):
+                tangent = tangent_corners(corners, offsets, point[:, None])
+                x = 0.5 * np.einsum("k,dkm->dm", point, tangent + corners)
+                move = self.patches.project(patch, x.T).T - x
+                normal = -0.5 * TETRAHEDRON.determinant(tangent) * TETRAHEDRON.hat_gradients(tangent)[:, k]
+                slope = np.einsum("dkm,km->dm", function_slopes(tangent, point), own)
+                source = value_by_region(np.asarray(self.ritz.source), region) * (quadratic_functions(point) @ own)
+                density, shifted = density_in_space(slope, region, self.ritz), shifted_slope(slope, region, self.ritz)
+                secant = secants(shifted[:, None], np.ones(()), region, self.ritz)[0]
+                field = secant * shifted - fluxes(region, self.ritz)
+                across = np.sum(field * normal, axis=0) * np.sum(slope * move, axis=0)
+                found[used[rows], k] += weight * ((density - source) * np.sum(move * normal, axis=0) - across)
+        e, faces = np.nonzero(found)
+        across = elements.neighbour[e, faces]
+        back = np.argmax(elements.neighbour[across] == e[:, None], axis=1)
+        total = found[e, faces] + np.where(across >= 0, found[across, back], 0.0)
+        return float(np.sum((total + np.abs(total))[(across < 0) | (e < across)]))
+
 
 def is_outside(position: Floats, elements: Tetrahedra, patches: Patches, e: Ints, k: Ints) -> Mask:
     corners = position[np.take_along_axis(elements.node[e], FACES[k], axis=1)]
@@ -121,7 +171,7 @@ def is_outside(position: Floats, elements: Tetrahedra, patches: Patches, e: Ints
 
 
 def volumes(position: Floats, elements: Tetrahedra, patches: Patches, e: Ints, k: Ints) -> Floats:
-    """Return the volumes between faces and surfaces, (f,), for a parabolic height."""
+    # between faces and surfaces, (f,), for a parabolic height
     corners, patch = position[np.take_along_axis(elements.node[e], FACES[k], axis=1)], elements.patch[e, k]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     height = np.zeros(len(e))
@@ -136,22 +186,24 @@ class CurvedEdges(NamedTuple):
     start: NDArray[np.int32]  # (n + 1,)
     end: NDArray[np.int32]  # (k,)
     offset: Floats  # (k, 3)
+    place: NDArray[np.int32]  # (k,)
 
     @classmethod
     def of(cls, movable: MovableSolid, nodes: int) -> "CurvedEdges":
         # for up to `nodes` nodes
         if not movable.curved:
-            return cls(np.zeros(1, dtype=np.int32), np.zeros(0, dtype=np.int32), np.zeros((0, 3)))
-        mesh = movable.mesh()
-        offset = edge_midside_offsets(mesh)
-        rows = np.flatnonzero(offset.any(axis=0))
+            none = np.zeros(0, dtype=np.int32)
+            return cls(np.zeros(1, dtype=np.int32), none, np.zeros((0, 3)), none)
+        mesh, straight, _ = movable.curved_mesh()
+        offset, place = edge_midside_offsets(mesh), np.where(straight, -1, places_of_edges(movable, mesh))
+        rows = np.flatnonzero(offset.any(axis=0) | (place >= 0))
         one, other = mesh.edges[:, np.append(rows, rows)]
         one[rows.size :], other[rows.size :] = mesh.edges[::-1, rows]
         order = np.lexsort((other, one))
         start = np.searchsorted(one[order], np.arange(nodes + 1)).astype(np.int32)
-        return cls(
-            start, other[order].astype(np.int32), np.ascontiguousarray(offset[:, np.append(rows, rows)[order]].T)
-        )
+        edge = np.append(rows, rows)[order]
+        end, own = other[order].astype(np.int32), np.ascontiguousarray(offset[:, edge].T)
+        return cls(start, end, own, place[edge].astype(np.int32))
 
     def on(self, node: Ints) -> Floats:
         # of elements with nodes (4, m), (3, 6, m)
@@ -163,5 +215,26 @@ class CurvedEdges(NamedTuple):
         row = np.searchsorted(known, key).clip(max=known.size - 1)
         return np.where(known[row] == key, self.offset.T[:, row], 0.0)
 
+    def copy(self) -> Self:
+        return self._replace(offset=self.offset.copy())
+
+    def at_nodes(self, count: int) -> Mask:
+        return np.diff(self.start) > 0 if self.end.size else np.zeros(count, dtype=np.bool_)
+
     def block(self) -> SolidBlock:
         return SolidBlock.of(LAW_POINTS, LAW_WEIGHTS, self, CURVED_RULE_IN_SPACE)
+
+
+def places_of_edges(movable: MovableSolid, mesh: MeshTet) -> Ints:
+    # The curved patch of every edge, (nedges,), or the ridge of an edge on several patches, numbered after the patches.
+    # -1 without a curved patch, and between two corners.
+    patches, freedom, elements = movable.patches, movable.freedom, movable.tetrahedralization.elements
+    e, k = np.nonzero((elements.patch >= 0) & (elements.node[:, :1] >= 0))
+    nodes, count = np.take_along_axis(elements.node[e], FACES[k], axis=1), len(patches.shape)
+    edge = edges_between(mesh, nodes, np.roll(nodes, -1, axis=1))
+    edge, patch = np.divmod(np.unique(edge * np.int64(count) + elements.patch[e, k][:, None]), count)
+    found, curved = np.full(mesh.edges.shape[1], -1), patches.shape[patch] != PLANE
+    found[edge[curved]] = patch[curved]
+    ridge = np.where(freedom.number == ON_RIDGE, freedom.place + count, -1)[mesh.edges].max(axis=0)
+    several = (np.bincount(edge, minlength=len(found)) > 1) & (found >= 0)
+    return np.where(several, ridge, found)

@@ -86,7 +86,8 @@ class QuadraticDescent(Descent):
         return cls(opened, functional, own, movable.floor, movable.flips, used, modes, size, curves)
 
     def copy(self) -> Self:
-        return replace(super().copy(), modes=Modes(*(array.copy() for array in self.modes)), price=self.price.copy())
+        modes, curves = Modes(*(array.copy() for array in self.modes)), self.curves.copy()
+        return replace(super().copy(), modes=modes, curves=curves, blocks={}, price=self.price.copy())
 
     def value(self) -> float:
         mesh = self.opened.mesh
@@ -125,9 +126,9 @@ class QuadraticDescent(Descent):
 
     def weigh(self) -> tuple[Offers, Ints, Ints]:
         mesh, floor = self.opened.mesh, self.floor**3
-        offers = offers_of(mesh, self.functional, self.trial)._replace(
-            open=~self.functional.held[: self.functional.patches]
-        )
+        offers = offers_of(mesh, self.functional, self.trial)
+        plane = (mesh.surfaces.shape == PLANE) & ~self.functional.held[: self.functional.patches]
+        offers = offers._replace(open=plane, removable=offers.removable & ~self.curves.at_nodes(len(mesh.position)))
         count = len(mesh.position)
         cuts, rows = even_cuts(count, max(FEW, count // SCRATCH_ROWS)), (len(mesh.position), len(mesh.elements.node))
         own = [mesh, *(mesh._replace(cavity=Cavity.of(*rows)) for _ in cuts[2:])]

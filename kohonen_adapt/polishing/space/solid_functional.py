@@ -72,9 +72,9 @@ class SolidFunctional:
         Patches and ridges with Dirichlet values, (p + r,) bool.
     held
         Patches and ridges whose nodes do not slide and are not recycled, (p + r,) bool: patches with offsets or loads,
-        curved patches whose slivers are not counted, Dirichlet values that are not linear or not on all nodes, and
-        patches without an inner node whose nodes all have Dirichlet values, which may or may not be Dirichlet patches.
-        Ridges of held patches are held.
+        curved patches whose slivers are not counted, Dirichlet values that are not linear or not on all nodes, at
+        order 2 not constant beside curved patches, and patches without an inner node whose nodes all have Dirichlet
+        values, which may or may not be Dirichlet patches. Ridges of held patches are held.
     driven
         Patches with offsets or loads, (p,) bool.
     rate
@@ -135,15 +135,24 @@ class SolidFunctional:
         patches, curved = len(surfaces.shape), surfaces.shape != PLANE
         if len(nodal):
             driven |= with_loads(tet, movable.freedom, solution.surface, patches)
-        linear = (~on.unknown & (~on.dirichlet | on.linear))[:patches] & (ritz.order == 1) & ~driven
-        faces = CurvedFaces.of(tet, movable.patches, ritz, number, linear, on.dirichlet[:patches], on.rate[:patches])
-        rims = (surfaces.ridge_shape != LINE) & ~np.append(curved, False)[surfaces.meets].any(axis=1)
+        constant = on.linear & ~on.rate.any(axis=1)
+        if ritz.order == 1:
+            free = (~on.unknown & (~on.dirichlet | on.linear))[:patches] & ~driven
+            parts = free, on.dirichlet[:patches], on.rate[:patches]
+            faces = CurvedFaces.of(tet, movable.patches, ritz, number, *parts)
+        else:
+            free = (~on.unknown & (~on.dirichlet | constant))[:patches] & ~driven & movable.curved
+            faces = CurvedFaces.of_order_2(movable.patches, ritz, number, free, on.rate[:patches])
+        at_curved = np.append(curved, False)[surfaces.meets].any(axis=1)
+        rims = (surfaces.ridge_shape != LINE) & ~at_curved
         uncounted = np.append(curved & ~faces.counted, rims)
         held = uncounted | (on.dirichlet & ~on.linear) | on.unknown
         held[:patches] |= driven
         held[patches:] |= np.append(held[:patches], False)[surfaces.meets].any(axis=1)
+        held[patches:] |= at_curved & (on.dirichlet & ~constant)[patches:] & (ritz.order == 2)
         same_space = not (
             uncounted.any()
+            or (ritz.order == 2 and curved.any())
             or np.any(on.dirichlet & ~on.linear)
             or np.any(solution.fixed & (movable.freedom.number == INSIDE))
             or np.any(nodal[:, OFFSET])
@@ -224,7 +233,8 @@ class SolidFunctional:
         if trial.modes is not None:  # without the work of loads, whose values do not change
             coefficients = np.vstack([on_corners, trial.modes.side[used, :, 0].T])
             offset = np.zeros((3, 6, node.shape[1])) if curves is None else curves.on(node)
-            return value_of_order_2(position.T[:, node], offset, coefficients, node, number, self.ritz)
+            own = value_of_order_2(position.T[:, node], offset, coefficients, node, number, self.ritz)
+            return own + self.faces.value_of_order_2(position, elements, coefficients, offset)
         own = value_in_space(position.T[:, node], on_corners, number, self.ritz) - surface_work(values, trial.surface)
         return own + self.faces.value(position, elements, values, trial.surface)
 

@@ -5,6 +5,8 @@ moves to where the minimum over these unknowns is lower. With a law the minimum 
 by the functional itself.
 """
 
+import math
+
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import HALVINGS
@@ -13,10 +15,16 @@ from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, HELD, INSIDE, POSITION, UNKNOWNS, VALUE
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, OPPOSITE, allowed, corner_of, star_quality
 from kohonen_adapt.kernels.tetrahedron.polish.cavity_order2 import add_correction
+from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import (
+    SHORT,
+    follow_surfaces,
+    has_curves,
+    slivers_at,
+)
 from kohonen_adapt.kernels.tetrahedron.polish.descend import newton_step, rates_row, tangential
 from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, source_around, value_at
 from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import add_element, clear
-from kohonen_adapt.kernels.tetrahedron.surfaces import slid
+from kohonen_adapt.kernels.tetrahedron.surfaces import slid, within_reach
 
 EDGE_OF = np.full((4, 4), -1)  # edge between two corners
 EDGE_OF[EDGES[:, 0], EDGES[:, 1]] = EDGE_OF[EDGES[:, 1], EDGES[:, 0]] = np.arange(6)
@@ -135,16 +143,19 @@ def move_node(mesh, quadratic, v, floor):
     if not solved:
         return 0.0
     take_correction(block, first)
-    by_law, further = has_law(mesh, trial, v), 0.0
-    if by_law:
+    by_law, further, slivers = has_law(mesh, trial, v), 0.0, 0.0
+    on_curve = not held and has_curves(block, v)
+    if by_law or on_curve:
         gain = settle(mesh, quadratic, v, first, total)
     if not held:
         if freedom.number[v] != INSIDE:
             gradient, hessian = tangential(mesh, v, gradient, hessian)
-        step = newton_step(gradient, hessian)
+        if on_curve:
+            slivers, gradient = slivers_at(mesh, quadratic, v), gradient_on_curve(mesh, quadratic, v)
+        step, now = newton_step(gradient, hessian), total - gain + slivers
         if -(step[0] * gradient[0] + step[1] * gradient[1] + step[2] * gradient[2]) > ROUNDING * magnitude:
-            further = search(mesh, quadratic, v, step, rate, (total - gain, ROUNDING * magnitude), floor, by_law)
-    if further > 0.0 or not by_law:
+            further = search(mesh, quadratic, v, step, rate, (now, ROUNDING * magnitude), floor, (by_law, on_curve))
+    if further > 0.0 or not (by_law or on_curve):
         change_star(mesh, quadratic, v, first)
     return gain + further
 
@@ -180,17 +191,19 @@ def corrected(mesh, quadratic, v, first):
 
 
 @inner_kernel
-def search(mesh, quadratic, v, step, rate, now, floor, by_law):
+def search(mesh, quadratic, v, step, rate, now, floor, kind):
     # `now` is the functional with eliminated unknowns, and its rounding error. The result is the decrease by a move,
     # 0 if v stays. After a move `correction` belongs to the new position, and a Dirichlet value has followed.
     position, star, trial, block = mesh.position, mesh.star, quadratic.trial, quadratic.block
     px, py, pz, own = position[v, 0], position[v, 1], position[v, 2], trial.value[v]
     first, relative, (dx, dy, dz) = 1 if trial.fixed[v] else 0, block.local[0, 0], step
-    before = star_quality(position, star, v, px, py, pz, -np.inf)
+    before, (by_law, on_curve) = star_quality(position, star, v, px, py, pz, -np.inf), kind
     for _ in range(HALVINGS + 1):
         x, y, z = slid(position, mesh.constraints, v, dx, dy, dz)
-        if allowed(star_quality(position, star, v, x, y, z, min(floor, before)), before, floor):
-            position[v, 0], position[v, 1], position[v, 2] = x, y, z
+        if allowed(star_quality(position, star, v, x, y, z, min(floor, before)), before, floor) and (
+            not on_curve or turns_little(mesh, v, x, y, z)
+        ):
+            put(mesh, block, v, (x, y, z), on_curve)
             w = rate[0] * (x - px) + rate[1] * (y - py) + rate[2] * (z - pz)
             set_own(mesh, block, v, relative + w)
             _, total, _, _ = derivatives(mesh, quadratic, v, BLOCK)
@@ -199,15 +212,53 @@ def search(mesh, quadratic, v, step, rate, now, floor, by_law):
             if by_law:
                 take_correction(block, first)
                 least = corrected(mesh, quadratic, v, first)
+            if on_curve:
+                least += slivers_at(mesh, quadratic, v)
             gain = now[0] - least
             if solved and gain > now[1]:
                 take_correction(block, first)
                 trial.value[v] = own + w
                 return gain
-            position[v, 0], position[v, 1], position[v, 2] = px, py, pz
+            put(mesh, block, v, (px, py, pz), on_curve)
             set_own(mesh, block, v, relative)
         dx, dy, dz = 0.5 * dx, 0.5 * dy, 0.5 * dz
     return 0.0
+
+
+@inner_kernel
+def turns_little(mesh, v, x, y, z):
+    return within_reach(mesh.position, mesh.elements, mesh.star, mesh.constraints.surfaces, v, x, y, z)
+
+
+@inner_kernel
+def put(mesh, block, v, at, on_curve):
+    mesh.position[v, 0], mesh.position[v, 1], mesh.position[v, 2] = at
+    if on_curve:
+        follow_surfaces(mesh.position, mesh.constraints.surfaces, block, v)
+
+
+@inner_kernel
+def gradient_on_curve(mesh, quadratic, v):
+    # by central differences along the surface, since edges follow
+    position, other = mesh.position, mesh.star.link[mesh.star.start[v], 0]
+    px, py, pz = position[v, 0], position[v, 1], position[v, 2]
+    dx, dy, dz = position[other, 0] - px, position[other, 1] - py, position[other, 2] - pz
+    h = SHORT * math.sqrt(dx * dx + dy * dy + dz * dz)
+    gx = level_after(mesh, quadratic, v, (h, 0.0, 0.0)) - level_after(mesh, quadratic, v, (-h, 0.0, 0.0))
+    gy = level_after(mesh, quadratic, v, (0.0, h, 0.0)) - level_after(mesh, quadratic, v, (0.0, -h, 0.0))
+    gz = level_after(mesh, quadratic, v, (0.0, 0.0, h)) - level_after(mesh, quadratic, v, (0.0, 0.0, -h))
+    return 0.5 * gx / h, 0.5 * gy / h, 0.5 * gz / h
+
+
+@inner_kernel
+def level_after(mesh, quadratic, v, step):
+    # functional of the star and its slivers after a step along the surface, which is undone
+    position, block = mesh.position, quadratic.block
+    before = position[v, 0], position[v, 1], position[v, 2]
+    put(mesh, block, v, slid(position, mesh.constraints, v, step[0], step[1], step[2]), True)
+    level = derivatives(mesh, quadratic, v, VALUE)[1] + slivers_at(mesh, quadratic, v)
+    put(mesh, block, v, before, True)
+    return level
 
 
 @inner_kernel
