@@ -137,8 +137,11 @@ class StopTest:
 def with_remarks(ending: Ending, passes: Passes, best: Pass, settings: Settings, norm: str) -> Ending:
     remarks = [_choice_remark(passes, best), _resolution_remark(passes, best), _polish_remark(passes, settings, norm)]
     if ending.status in UNINTERRUPTED:
-        drift = drift_of_nodes(passes[-1].mesh.dim(), passes[-1].order)
-        remarks.append(settings.growth.shortfall_message(passes[-1].mesh.nvertices, drift))
+        first, last = passes[0], passes[-1]
+        drift, nodes = drift_of_nodes(last.mesh.dim(), last.order), last.mesh.nvertices
+        if drift:  # recycling by energy keeps the unknowns, not the nodes
+            nodes = max(nodes, round(first.mesh.nvertices * last.unknowns / first.unknowns))
+        remarks.append(settings.growth.shortfall_message(nodes, drift))
     return replace(ending, message=" ".join([ending.message, *filter(None, remarks)]))
 
 

@@ -20,24 +20,24 @@ from kohonen_adapt.kernels.tetrahedron.polish.exchange_order2 import (
     weigh_collapses_order2,
     weigh_splits_order2,
 )
+from kohonen_adapt.kernels.tetrahedron.polish.swap_by_energy import enter_changed
 from kohonen_adapt.kernels.tetrahedron.polish.swap_order2 import swap_downhill_order2
-from kohonen_adapt.kernels.tetrahedron.swap import enter_worse
 from kohonen_adapt.kernels.threads import Nodes, even_cuts, shared
 from kohonen_adapt.mesh.host import ascending, keys_of
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.space.curved_sides import CurvedEdges
-from kohonen_adapt.polishing.space.descent import Descent, offers_of, on_patches
+from kohonen_adapt.polishing.space.descent import CHANGED, Descent, offers_of, on_patches
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.space.surface_values import EDGES_OF_FACES
 
 __all__ = ["QuadraticDescent"]
 
-ANY_QUALITY = 2.0  # above the quality of all elements
 LOOKS = 10_000  # elements per compiled call, because Ctrl-C is handled between calls only
 FEW, PART = 1_000, 5_000  # nodes per thread at least, and per compiled call
 SPLITS = 10_000  # edges per compiled call
 SPARE, MORE = 4, 2 * SCRATCH_ROWS  # spare rows per node (inverse), and further spare rows
-EXCHANGES = 3  # per recycling
+EXCHANGES = 3  # at most per recycling
+MANY = 0.02  # splits over nodes, below which an exchange is the last of its recycling
 MARGIN = 1.2  # smallest gain of a split per unknown, relative to the cost of its collapses
 
 
@@ -112,10 +112,11 @@ class QuadraticDescent(Descent):
         self.sample_source()
         mesh, queue, charge = self.opened.mesh, self.opened.queue, self.charge()
         free = (mesh.surfaces.shape == PLANE) & ~self.functional.held[: self.functional.patches]
-        enter_worse(mesh, queue, ANY_QUALITY)
+        enter_changed(mesh, self.trial, queue, self.seen, CHANGED)
 
         def swap(part: OpenTetrahedra, own: Queue) -> float:
-            return float(swap_downhill_order2(part, self.quadratic(), own, free, charge, self.floor**3, LOOKS)[1])
+            parts = part, self.quadratic(), own, self.seen
+            return float(swap_downhill_order2(*parts, free, charge, self.floor**3, LOOKS)[1])
 
         return parts.work_off(queue, swap)
 
@@ -161,7 +162,7 @@ class QuadraticDescent(Descent):
         self.sample_source()
         mesh, total, decrease = self.opened.mesh, 0, 0.0
         for _ in range(EXCHANGES):
-            offers, edges, nodes = self.weigh()
+            before, (offers, edges, nodes) = total, self.weigh()
             ends = mesh.elements.node[edges[:, None] // 6, EDGES[edges % 6, :2]]
             gains, state = offers.gain.ravel()[edges], np.array([self.added(), 0])
             for first in range(0, len(edges), SPLITS):
@@ -169,6 +170,8 @@ class QuadraticDescent(Descent):
                 lists = ends[rows], gains[rows], nodes, state
                 splits, _, fall = exchange_order2(mesh, self.quadratic(), offers, *lists, MARGIN, self.floor**3)
                 total, decrease = total + splits, decrease + fall
+            if total - before <= MANY * np.count_nonzero(mesh.pool.anchor >= 0):
+                break
         return total, decrease
 
 

@@ -8,7 +8,7 @@ more, because the number of unknowns would increase otherwise.
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, element_quality
+from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, element_quality, element_volumes
 from kohonen_adapt.kernels.tetrahedron.polish.cavity_order2 import (
     are_new,
     energy_of_old,
@@ -19,6 +19,7 @@ from kohonen_adapt.kernels.tetrahedron.polish.cavity_order2 import (
     store_new,
 )
 from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING
+from kohonen_adapt.kernels.tetrahedron.polish.swap_by_energy import ENERGY, SIX_VOLUMES, energy_seen
 from kohonen_adapt.kernels.tetrahedron.surgery import NOWHERE, replace
 from kohonen_adapt.kernels.tetrahedron.swap import (
     RULED_OUT,
@@ -154,7 +155,7 @@ def swap_at(mesh, quadratic, queue, open_patch, e, floor, charge):
 
 
 @kernel
-def swap_downhill_order2(mesh, quadratic, queue, open_patch, charge, floor, limit):
+def swap_downhill_order2(mesh, quadratic, queue, seen, open_patch, charge, floor, limit):
     """Search up to `limit` waiting elements, and swap while the functional decreases.
 
     Returned are the number of swaps and the decrease. Arguments are as in `swap_downhill`. `charge` is the decrease
@@ -167,6 +168,8 @@ def swap_downhill_order2(mesh, quadratic, queue, open_patch, charge, floor, limi
         e = take_first(queue)
         if mesh.elements.node[e, 0] < 0:
             continue
+        seen[e, SIX_VOLUMES] = element_volumes(mesh.position, mesh.elements.node, e)
+        seen[e, ENERGY] = energy_seen(mesh, quadratic.trial, e)[0]
         made, gain = swap_at(mesh, quadratic, queue, open_patch, e, floor, charge)
         for i in range(made if quadratic.trial.source.shape[0] == 0 else 0):
             enter(queue, np.int64(mesh.cavity.made[i]))
