@@ -171,13 +171,13 @@ def test_examples_run(name, tmp_path, monkeypatch):
 
 
 def shared_state():
-    """What the package's modules hold that can change, but for idle threads."""
+    """What the package's modules hold that can change, but for idle threads and the loops to compile ahead."""
     return {
         f"{module}.{name}": copy.copy(value)
         for module in [module for module in sys.modules if module.startswith("kohonen_adapt")]
         for name, value in vars(sys.modules[module]).items()
         if isinstance(value, dict | list | set | bytearray)
-        and name not in ("_pools", "__builtins__", "__warningregistry__")
+        and name not in ("_pools", "expected", "__builtins__", "__warningregistry__")
     }
 
 
