@@ -6,7 +6,9 @@ import numpy as np
 from scipy.special import eval_gegenbauer, eval_legendre
 from skfem import MeshTet
 
+from helpers.meshes import disk
 from helpers.sheets import MU0
+from helpers.solids import extruded
 
 
 def nested_balls(cells, rim=2.0):
@@ -79,3 +81,11 @@ class LoopAndBall:
         r = np.linalg.norm(x, axis=0)
         along = x[2] / np.where(r > 0.0, r, 1.0)
         return sum(c * r**p * eval_legendre(n, along) for c, p, n in zip(factor, power, self.n, strict=True))
+
+
+def bar():
+    """A round bar in a round tube, the ends of both plane."""
+    mesh = extruded(disk(6, 1.0), 3)
+    inside = np.hypot(*mesh.p[:2, mesh.t].mean(axis=1)) < 0.5
+    mesh = mesh.with_boundaries({"outer": lambda x: np.hypot(*x[:2]) > 0.9})
+    return mesh.with_subdomains({"ball": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})

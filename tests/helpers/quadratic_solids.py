@@ -147,3 +147,12 @@ def functional(position, node, local, constants, laws=None):
                 stored[e] = law.energy(np.linalg.norm(slope[e] - s[e]))
         total += weight * six @ (stored - f * value - np.sum(g * slope, axis=1))
     return total
+
+
+def slivers(descent):
+    """What quadratic faces cut off curved surfaces, in a descent of order 2."""
+    elements, trial = descent.opened.mesh.elements, descent.trial
+    used = elements.node[:, 0] >= 0
+    local = np.hstack([trial.value[elements.node[used]], descent.modes.side[used, :, 0]])
+    offset = descent.curves.on(elements.node[used].T)
+    return descent.functional.faces.value_of_order_2(descent.opened.mesh.position, elements, local.T, offset)

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from helpers.diffusion_solids import Diffusion, Rising
-from helpers.magnet_solids import nested_balls
-from helpers.meshes import disk
-from helpers.solids import extruded, volumes
+from helpers.magnet_solids import bar, nested_balls
+from helpers.solids import volumes
 from skfem import MeshTet
 
 import kohonen_adapt as ka
@@ -22,14 +21,6 @@ from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.problem.functional_value import functional_value
 
 LAWS = {"linear": (), "laws": (Rising(2.0), None), "laws outside": (None, Rising())}
-
-
-def bar():
-    """A round bar in a round tube, the ends of both plane."""
-    mesh = extruded(disk(6, 1.0), 3)
-    inside = np.hypot(*mesh.p[:2, mesh.t].mean(axis=1)) < 0.5
-    mesh = mesh.with_boundaries({"outer": lambda x: np.hypot(*x[:2]) > 0.9})
-    return mesh.with_subdomains({"ball": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
 
 
 MESHES = {"ball": lambda: nested_balls(2), "bar": bar}

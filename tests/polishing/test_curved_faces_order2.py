@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.magnet_solids import nested_balls
-from helpers.meshes import disk
-from helpers.solids import extruded
+from helpers.magnet_solids import bar, nested_balls
+from helpers.quadratic_solids import slivers
 
 import kohonen_adapt as ka
 from kohonen_adapt import Ritz, Rules
@@ -24,14 +23,6 @@ from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 IRON = Material(50.0)
 SATURATED = Material(bh=Froehlich(2000.0, 1.8))
 MAGNET = Material(5.0, remanence=(1.0, 0.0, 0.5))
-
-
-def bar():
-    """A round bar in a round tube, the ends of both plane."""
-    mesh = extruded(disk(6, 1.0), 3)
-    inside = np.hypot(*mesh.p[:2, mesh.t].mean(axis=1)) < 0.5
-    mesh = mesh.with_boundaries({"outer": lambda x: np.hypot(*x[:2]) > 0.9})
-    return mesh.with_subdomains({"ball": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
 
 
 MESHES = {"ball": lambda: nested_balls(2), "bar": bar}
@@ -54,14 +45,6 @@ def descent_on(mesh, ritz):
 
 def curved(name):
     return ka.adapt(MESHES[name](), problem_of(IRON), passes=0).mesh
-
-
-def slivers(descent):
-    elements, trial = descent.opened.mesh.elements, descent.trial
-    used = elements.node[:, 0] >= 0
-    local = np.hstack([trial.value[elements.node[used]], descent.modes.side[used, :, 0]])
-    offset = descent.curves.on(elements.node[used].T)
-    return descent.functional.faces.value_of_order_2(descent.opened.mesh.position, elements, local.T, offset)
 
 
 def volume(mesh, name):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers.magnet_solids import nested_balls
 from helpers.poisson_solids import fichera
-from helpers.quadratic_solids import NonlinearQuadratic, QuadraticDiffusion
+from helpers.quadratic_solids import NonlinearQuadratic, QuadraticDiffusion, slivers
 from helpers.solids import ball, boundary_facts, halved_cube, volumes
 
 import kohonen_adapt as ka
@@ -181,14 +181,6 @@ def test_wrong_solutions_with_laws_are_refused():
     solution[row] += 0.5 * np.ptp(solution) + 1.0
     with pytest.raises(ValueError, match=r"not stationary for its Ritz: at \("):
         SolidFunctional.of_solution(problem.ritz(mesh, solution), movable, mesh)
-
-
-def slivers(descent):
-    elements, trial = descent.opened.mesh.elements, descent.trial
-    used = elements.node[:, 0] >= 0
-    local = np.hstack([trial.value[elements.node[used]], descent.modes.side[used, :, 0]])
-    offset = descent.curves.on(elements.node[used].T)
-    return descent.functional.faces.value_of_order_2(descent.opened.mesh.position, elements, local.T, offset)
 
 
 def test_the_polish_lowers_the_functional_of_curved_elements_by_what_it_says():
