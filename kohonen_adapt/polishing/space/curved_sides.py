@@ -156,7 +156,7 @@ class CurvedFaces:
                 field = secant * shifted - fluxes(region, self.ritz)
                 across = np.sum(field * normal, axis=0) * np.sum(slope * move, axis=0)
                 found[used[rows], k] += weight * ((density - source) * np.sum(move * normal, axis=0) - across)
-        e, faces = np.nonzero(found)
+        e, faces = np.nonzero(np.append(self.counted, False)[elements.patch] & (elements.node[:, :1] >= 0))
         across = elements.neighbour[e, faces]
         back = np.argmax(elements.neighbour[across] == e[:, None], axis=1)
         total = found[e, faces] + np.where(across >= 0, found[across, back], 0.0)
