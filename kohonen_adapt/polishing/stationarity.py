@@ -25,6 +25,7 @@ from kohonen_adapt.problem.functional_in_space import (
     loads_in_space,
     quadratic_loads,
     rules,
+    secants,
     shifted_slope,
 )
 from kohonen_adapt.problem.functional_value import elements_by_rule, flux_on, source_on, source_points
@@ -125,21 +126,6 @@ def loads(
             points.value[kind],
         )
     return 0.5 * (weight[:, None] * np.abs(doubled_area) * source).T @ value
-
-
-def secants(gradient: Floats, x: Floats, region: Ints, ritz: Ritz) -> Floats:
-    """Return the secant coefficients H(b) / b for gradients (d, points, m).
-
-    Around an axis `x` contains the distances of the points from the axis.
-    """
-    secant = np.broadcast_to(value_by_region(np.asarray(ritz.coefficient), region) / x, gradient.shape[1:]).copy()
-    distance = np.broadcast_to(x, secant.shape)
-    for index, law in enumerate(ritz.laws):
-        if law is not None:
-            rows = region == index
-            size = np.maximum(np.linalg.norm(gradient[:, :, rows], axis=0), np.finfo(float).tiny)
-            secant[:, rows] = law.field_strength(size / distance[:, rows]) / size
-    return secant
 
 
 def derivatives_in_space(corners: Floats, values: Floats, region: Ints, ritz: Ritz) -> Derivatives:

@@ -34,6 +34,7 @@ __all__ = [
     "quadratic_loads",
     "quadratic_value",
     "rules",
+    "secants",
     "shifted_slope",
     "value_in_space",
     "value_of_order_2",
@@ -96,6 +97,21 @@ def shifted_slope(slope: Floats, region: Ints, ritz: Ritz) -> Floats:
     table = flux_table(np.asarray(ritz.shift), TETRAHEDRON.dim)
     shift = np.stack([value_by_region(part, region) * np.ones(slope.shape[1]) for part in table])
     return slope - np.where(nonlinear[region] if ritz.laws else False, shift, 0.0)
+
+
+def secants(gradient: Floats, x: Floats, region: Ints, ritz: Ritz) -> Floats:
+    """Return the secant coefficients H(b) / b for gradients (d, points, m).
+
+    Around an axis `x` contains the distances of the points from the axis.
+    """
+    secant = np.broadcast_to(value_by_region(np.asarray(ritz.coefficient), region) / x, gradient.shape[1:]).copy()
+    distance = np.broadcast_to(x, secant.shape)
+    for index, law in enumerate(ritz.laws):
+        if law is not None:
+            rows = region == index
+            size = np.maximum(np.linalg.norm(gradient[:, :, rows], axis=0), np.finfo(float).tiny)
+            secant[:, rows] = law.field_strength(size / distance[:, rows]) / size
+    return secant
 
 
 def quadratic_value(corners: Floats, coefficients: Floats, node: Ints, region: Ints, ritz: Ritz) -> float:

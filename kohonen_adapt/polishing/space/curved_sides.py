@@ -35,9 +35,15 @@ from kohonen_adapt.mesh.host import edges_between, keys_of
 from kohonen_adapt.mesh.measures import EDGES, edge_midside_offsets, tangent_corners
 from kohonen_adapt.mesh.quadratic_in_space import function_slopes, quadratic_functions
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
-from kohonen_adapt.polishing.stationarity import secants
 from kohonen_adapt.problem.boundary_terms import corner_values, reduced_regions
-from kohonen_adapt.problem.functional_in_space import LAW_POINTS, LAW_WEIGHTS, density_in_space, fluxes, shifted_slope
+from kohonen_adapt.problem.functional_in_space import (
+    LAW_POINTS,
+    LAW_WEIGHTS,
+    density_in_space,
+    fluxes,
+    secants,
+    shifted_slope,
+)
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import value_by_region
 
@@ -73,10 +79,12 @@ class CurvedFaces:
     rate: Floats
 
     @classmethod
-    def of_order_2(cls, patches: Patches, ritz: Ritz, number: Ints, constant: Mask, rate: Floats) -> "CurvedFaces":
-        # `constant` selects patches without Dirichlet values, or with a constant one
-        counted = constant & np.isin(patches.shape, ROUND) & (not callable(ritz.source))
-        return cls(patches, ritz, number, counted, np.zeros_like(counted), rate)
+    def of_order_2(
+        cls, patches: Patches, ritz: Ritz, number: Ints, free: Mask, dirichlet: Mask, rate: Floats, curved: bool
+    ) -> "CurvedFaces":
+        # `free` selects patches without Dirichlet values, or with a constant one
+        counted = free & np.isin(patches.shape, ROUND) & (curved and not callable(ritz.source))
+        return cls(patches, ritz, number, counted, counted & dirichlet, rate)
 
     @classmethod
     def of(

@@ -135,21 +135,17 @@ class SolidFunctional:
         patches, curved = len(surfaces.shape), surfaces.shape != PLANE
         if len(nodal):
             driven |= with_loads(tet, movable.freedom, solution.surface, patches)
-        constant = on.linear & ~on.rate.any(axis=1)
-        if ritz.order == 1:
-            free = (~on.unknown & (~on.dirichlet | on.linear))[:patches] & ~driven
-            parts = free, on.dirichlet[:patches], on.rate[:patches]
-            faces = CurvedFaces.of(tet, movable.patches, ritz, number, *parts)
-        else:
-            free = (~on.unknown & (~on.dirichlet | constant))[:patches] & ~driven & movable.curved
-            faces = CurvedFaces.of_order_2(movable.patches, ritz, number, free, on.rate[:patches])
+        followed = on.linear & ((ritz.order == 1) | ~on.rate.any(axis=1))  # at order 2 constant ones
+        free = (~on.unknown & (~on.dirichlet | followed))[:patches] & ~driven
+        parts = movable.patches, ritz, number, free, on.dirichlet[:patches], on.rate[:patches]
+        faces = CurvedFaces.of(tet, *parts) if ritz.order == 1 else CurvedFaces.of_order_2(*parts, movable.curved)
         at_curved = np.append(curved, False)[surfaces.meets].any(axis=1)
         rims = (surfaces.ridge_shape != LINE) & ~at_curved
         uncounted = np.append(curved & ~faces.counted, rims)
         held = uncounted | (on.dirichlet & ~on.linear) | on.unknown
         held[:patches] |= driven
         held[patches:] |= np.append(held[:patches], False)[surfaces.meets].any(axis=1)
-        held[patches:] |= at_curved & (on.dirichlet & ~constant)[patches:] & (ritz.order == 2)
+        held[patches:] |= at_curved & (on.dirichlet & ~followed)[patches:]
         same_space = not (
             uncounted.any()
             or (ritz.order == 2 and curved.any())
