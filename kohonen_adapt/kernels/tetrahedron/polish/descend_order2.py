@@ -21,10 +21,10 @@ from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import (
     has_curves,
     slivers_at,
 )
-from kohonen_adapt.kernels.tetrahedron.polish.descend import newton_step, rates_row, tangential
+from kohonen_adapt.kernels.tetrahedron.polish.descend import newton_step, rates_row, tangential, turn_allowed
 from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, source_around, value_at
 from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import add_element, clear
-from kohonen_adapt.kernels.tetrahedron.surfaces import slid, within_reach
+from kohonen_adapt.kernels.tetrahedron.surfaces import slid
 
 EDGE_OF = np.full((4, 4), -1)  # edge between two corners
 EDGE_OF[EDGES[:, 0], EDGES[:, 1]] = EDGE_OF[EDGES[:, 1], EDGES[:, 0]] = np.arange(6)
@@ -200,9 +200,8 @@ def search(mesh, quadratic, v, step, rate, now, floor, kind):
     before, (by_law, on_curve) = star_quality(position, star, v, px, py, pz, -np.inf), kind
     for _ in range(HALVINGS + 1):
         x, y, z = slid(position, mesh.constraints, v, dx, dy, dz)
-        if allowed(star_quality(position, star, v, x, y, z, min(floor, before)), before, floor) and (
-            not on_curve or turns_little(mesh, v, x, y, z)
-        ):
+        worst = star_quality(position, star, v, x, y, z, min(floor, before))
+        if allowed(worst, before, floor) and turn_allowed(mesh, v, on_curve, x, y, z):
             put(mesh, block, v, (x, y, z), on_curve)
             w = rate[0] * (x - px) + rate[1] * (y - py) + rate[2] * (z - pz)
             set_own(mesh, block, v, relative + w)
@@ -223,11 +222,6 @@ def search(mesh, quadratic, v, step, rate, now, floor, kind):
             set_own(mesh, block, v, relative)
         dx, dy, dz = 0.5 * dx, 0.5 * dy, 0.5 * dz
     return 0.0
-
-
-@inner_kernel
-def turns_little(mesh, v, x, y, z):
-    return within_reach(mesh.position, mesh.elements, mesh.star, mesh.constraints.surfaces, v, x, y, z)
 
 
 @inner_kernel
