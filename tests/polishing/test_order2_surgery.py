@@ -89,6 +89,17 @@ def test_swaps_and_exchanges_happen():
     assert swapped > 3 and exchanged > 10
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_the_price_of_a_sample_is_near_the_price_of_all_nodes(seed):
+    mesh, problem = graded(seed, (13, 13, 12))
+    solid = MovableSolid.of(mesh, Rules())
+    functional = SolidFunctional.of(problem.ritz(mesh, problem.solve(mesh)), solid, mesh)
+    descent = descent_of(solid, functional, functional.solution.copy())
+    of_sample = descent.charge()
+    descent.weigh(np.arange(mesh.nvertices))
+    assert of_sample != descent.charge() and of_sample == pytest.approx(descent.charge(), rel=0.2)
+
+
 @pytest.mark.parametrize("seed", range(10))
 def test_a_round_keeps_the_body_and_lowers_the_functional_of_the_next_solution(seed):
     mesh, problem, solid, functional, _ = start(seed)

@@ -103,10 +103,8 @@ SPACE: dict[str, tuple[Entry, ...]] = {
         Entry(descend_order2.descend_nodes_order2, KERNEL_MESH, QUADRATIC, I1, float64),
         Entry(swap_by_energy.enter_changed, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, float64),
         Entry(swap_order2.swap_downhill_order2, OPEN_TETRAHEDRA, QUADRATIC, QUEUE, R2, B1, float64, float64, int64),
-        Entry(exchange_order2.weigh_splits_order2, OPEN_TETRAHEDRA, QUADRATIC, OFFERS, int64, float64, int64, int64),
-        Entry(
-            exchange_order2.weigh_collapses_order2, OPEN_TETRAHEDRA, QUADRATIC, OFFERS, float64, float64, int64, int64
-        ),
+        Entry(exchange_order2.weigh_splits_order2, OPEN_TETRAHEDRA, QUADRATIC, OFFERS, int64, float64, L1),
+        Entry(exchange_order2.weigh_collapses_order2, OPEN_TETRAHEDRA, QUADRATIC, OFFERS, float64, float64, L1),
         Entry(exchange_order2.exchange_order2, OPEN_TETRAHEDRA, QUADRATIC, OFFERS, I2, R1, L1, L1, float64, float64),
     ),
     "space carrying": (

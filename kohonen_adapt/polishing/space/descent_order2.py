@@ -36,6 +36,7 @@ LOOKS = 10_000  # elements per compiled call, because Ctrl-C is handled between 
 FEW, PART = 1_000, 5_000  # nodes per thread at least, and per compiled call
 SPLITS = 10_000  # edges per compiled call
 SPARE, MORE = 4, 2 * SCRATCH_ROWS  # spare rows per node (inverse), and further spare rows
+FRACTION, SAMPLE, SEED = 7, 500, 0  # of nodes for the price of the first swaps (inverse), least number, random seed
 EXCHANGES = 3  # at most per recycling
 MANY = 0.02  # splits over nodes, below which an exchange is the last of its recycling
 MARGIN = 1.2  # smallest gain of a split per unknown, relative to the cost of its collapses
@@ -122,31 +123,34 @@ class QuadraticDescent(Descent):
 
     def charge(self) -> float:
         if np.isnan(self.price[0]):
-            self.weigh()
+            nodes = nodes_of(self.opened.mesh)
+            sample = np.random.default_rng(SEED).permutation(nodes)[: max(SAMPLE, len(nodes) // FRACTION)]
+            self.weigh(np.sort(sample))
         return float(self.price[0])
 
-    def weigh(self) -> tuple[Offers, Ints, Ints]:
+    def weigh(self, weighed: Ints) -> tuple[Offers, Ints, Ints]:
+        # The price follows from the gains and costs at the weighed nodes.
         mesh, floor = self.opened.mesh, self.floor**3
         offers = offers_of(mesh, self.functional, self.trial)
         plane = (mesh.surfaces.shape == PLANE) & ~self.functional.held[: self.functional.patches]
         offers = offers._replace(open=plane, removable=offers.removable & ~self.curves.at_nodes(len(mesh.position)))
-        count = len(mesh.position)
-        cuts, rows = even_cuts(count, max(FEW, count // SCRATCH_ROWS)), (len(mesh.position), len(mesh.elements.node))
+        count, rows = len(weighed), (len(mesh.position), len(mesh.elements.node))
+        cuts = even_cuts(count, max(FEW, count // SCRATCH_ROWS))
         own = [mesh, *(mesh._replace(cavity=Cavity.of(*rows)) for _ in cuts[2:])]
         spare = mesh.pool.free_nodes[mesh.pool.height[0] - len(cuts) : mesh.pool.height[0]]
 
         def weigh_edges(thread: int, first: int, last: int) -> None:
             for v in range(first, last, PART):
-                part = v, min(v + PART, last)
-                weigh_splits_order2(own[thread], self.quadratic(), offers, int(spare[thread]), floor, *part)
+                part = weighed[v : min(v + PART, last)]
+                weigh_splits_order2(own[thread], self.quadratic(), offers, int(spare[thread]), floor, part)
 
         shared(weigh_edges, cuts)
         most = float(offers.gain.max())
 
         def weigh_nodes(thread: int, first: int, last: int) -> None:
             for v in range(first, last, PART):
-                part = v, min(v + PART, last)
-                weigh_collapses_order2(own[thread], self.quadratic(), offers, most, floor, *part)
+                part = weighed[v : min(v + PART, last)]
+                weigh_collapses_order2(own[thread], self.quadratic(), offers, most, floor, part)
 
         shared(weigh_nodes, cuts)
         edges, nodes = sorted_below(-offers.gain.ravel(), 0.0), sorted_below(offers.cost, most)
@@ -162,7 +166,7 @@ class QuadraticDescent(Descent):
         self.sample_source()
         mesh, total, decrease = self.opened.mesh, 0, 0.0
         for _ in range(EXCHANGES):
-            before, (offers, edges, nodes) = total, self.weigh()
+            before, (offers, edges, nodes) = total, self.weigh(nodes_of(mesh))
             ends = mesh.elements.node[edges[:, None] // 6, EDGES[edges % 6, :2]]
             gains, state = offers.gain.ravel()[edges], np.array([self.added(), 0])
             for first in range(0, len(edges), SPLITS):
@@ -170,7 +174,7 @@ class QuadraticDescent(Descent):
                 lists = ends[rows], gains[rows], nodes, state
                 splits, _, fall = exchange_order2(mesh, self.quadratic(), offers, *lists, MARGIN, self.floor**3)
                 total, decrease = total + splits, decrease + fall
-            if total - before <= MANY * np.count_nonzero(mesh.pool.anchor >= 0):
+            if total - before <= MANY * len(nodes_of(mesh)):
                 break
         return total, decrease
 
@@ -190,4 +194,8 @@ def size_of(mesh: OpenTetrahedra) -> int:
     # By Euler's formula V - E + F - T is constant, and 2 F = 4 T + B with B outer faces, so V + E is 2 V + T + B / 2.
     used = mesh.elements.node[:, 0] >= 0
     outer = int(np.count_nonzero(mesh.elements.neighbour[used] < 0))
-    return 2 * int(np.count_nonzero(mesh.pool.anchor >= 0)) + int(np.count_nonzero(used)) + outer // 2
+    return 2 * len(nodes_of(mesh)) + int(np.count_nonzero(used)) + outer // 2
+
+
+def nodes_of(mesh: OpenTetrahedra) -> Ints:
+    return np.flatnonzero(mesh.pool.anchor >= 0)

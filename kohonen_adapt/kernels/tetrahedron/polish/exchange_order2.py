@@ -113,18 +113,19 @@ def gain_of_split(mesh, quadratic, shell, count, a, b, p):
 
 
 @kernel
-def weigh_splits_order2(mesh, quadratic, offers, p, floor, first, last):
-    """Compute the gains per unknown of splits, in the layout of `weigh_splits`.
+def weigh_splits_order2(mesh, quadratic, offers, p, floor, nodes):
+    """Compute the gains per unknown of splits of edges at `nodes`.
 
-    Row p of the nodes is scratch.
+    Row p of the positions is scratch.
     """
     cavity, position = mesh.cavity, mesh.position
-    for v in range(first, last):
+    for i in range(len(nodes)):
+        v = np.int64(nodes[i])
         if mesh.pool.anchor[v] < 0:
             continue
         count = gather_around(mesh, v, cavity.old)
-        for i in range(list_neighbours(mesh, v, count)):
-            w = np.int64(cavity.made[i])
+        for j in range(list_neighbours(mesh, v, count)):
+            w = np.int64(cavity.made[j])
             if w < v:
                 continue
             shell = list_shell(mesh, count, w)
@@ -206,8 +207,9 @@ def cheapest_collapse(mesh, quadratic, v, most, floor):
 
 
 @kernel
-def weigh_collapses_order2(mesh, quadratic, offers, most, floor, first, last):
-    for v in range(first, last):
+def weigh_collapses_order2(mesh, quadratic, offers, most, floor, nodes):
+    for i in range(len(nodes)):
+        v = np.int64(nodes[i])
         offers.cost[v] = np.inf
         if offers.removable[v]:
             offers.cost[v] = cheapest_collapse(mesh, quadratic, v, most, floor)[0]
