@@ -15,6 +15,7 @@ from kohonen_adapt.kernels.tetrahedron.entries import SPACE
 from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equilibrate, patch_scratch
 from kohonen_adapt.mesh.locate import interpolate
 from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.plane_descent import PlaneDescent
 from kohonen_adapt.polishing.polish import descend_and_recycle
 from kohonen_adapt.polishing.transfer import transferred
 from kohonen_adapt.problem.ritz import Ritz
@@ -95,7 +96,7 @@ def _polish(mesh: MeshTri, ritz: Ritz) -> None:
     functional = Functional.of(ritz, movable, mesh)
     recycled = unchanged(movable.triangulation)
     trial = transferred(functional, movable.copy(), movable, recycled.start_element)
-    descend_and_recycle(movable, functional, trial, recycled, plan=(1, 1))
+    descend_and_recycle(PlaneDescent(movable, functional, trial, recycled), plan=(1, 1))
 
 
 def _equilibrate() -> None:

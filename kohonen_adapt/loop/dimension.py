@@ -4,13 +4,14 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.geometry.held_nodes import reasons_in_plane, reasons_in_space
-from kohonen_adapt.geometry.movable import unchanged
+from kohonen_adapt.geometry.movable import Recycled, unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.stopping import stalls_by_estimate, stalls_by_functional
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, cell_of
+from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.chords import longest_on_arcs
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.held_nodes import (
@@ -19,15 +20,10 @@ from kohonen_adapt.polishing.held_nodes import (
     polish_reasons,
     polish_reasons_in_space,
 )
-from kohonen_adapt.polishing.polish import PLAN, SWEEPS, descend, descend_and_recycle, loops_of
-from kohonen_adapt.polishing.space.polish_in_space import (
-    PLAN_IN_SPACE,
-    descend_and_recycle_in_space,
-    descend_in_space,
-)
-from kohonen_adapt.polishing.space.polish_in_space import (
-    loops_in_space as polish_loops,
-)
+from kohonen_adapt.polishing.plane_descent import PlaneDescent
+from kohonen_adapt.polishing.polish import Descent
+from kohonen_adapt.polishing.space.descent import SpaceDescent
+from kohonen_adapt.polishing.space.descent_order2 import QuadraticDescent
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.space.transfer_in_space import transferred_in_space
 from kohonen_adapt.polishing.transfer import transferred
@@ -49,22 +45,23 @@ __all__ = ["PlaneMethod", "SpaceMethod", "method_of"]
 class PlaneMethod(Method):
     dim = TRIANGLE.dim
     passes_by_density = 3
-    plan, sweeps = PLAN, SWEEPS
     transfer_kernels = ("carrying",)
     open = staticmethod(MovableMesh.of)
-    polish_kernels = staticmethod(loops_of)
     relocate = staticmethod(move)
     functional = staticmethod(Functional.of_solution)
     carry = staticmethod(transferred)
     reasons = staticmethod(reasons_in_plane)
     held_in_polish = staticmethod(held_by_polish)
     polish_reasons = staticmethod(polish_reasons)
-    descend = staticmethod(descend)
-    polish = staticmethod(descend_and_recycle)
+    descent = staticmethod(PlaneDescent)
     stalls = staticmethod(stalls_by_estimate)
 
     def moving_kernels(self, topology: str, schedule: Schedule | None) -> tuple[str, ...]:
         return loops_in_plane(topology)
+
+    def polish_kernels(self, problem: Problem) -> tuple[str, ...]:
+        higher = order_of(problem) > 1 or getattr(problem, "axisymmetric", False)
+        return "ground", "polish of higher order" if higher else "polish"
 
     def move(
         self,
@@ -97,22 +94,27 @@ class PlaneMethod(Method):
 class SpaceMethod(Method):
     dim = TETRAHEDRON.dim
     passes_by_density = 2
-    plan, sweeps = PLAN_IN_SPACE, SWEEPS
     transfer_kernels = ("space carrying",)
     open = staticmethod(MovableSolid.of)
-    polish_kernels = staticmethod(polish_loops)
     relocate = staticmethod(move_in_space)
     functional = staticmethod(SolidFunctional.of_solution)
     carry = staticmethod(transferred_in_space)
     reasons = staticmethod(reasons_in_space)
     held_in_polish = staticmethod(held_by_polish_in_space)
     polish_reasons = staticmethod(polish_reasons_in_space)
-    descend = staticmethod(descend_in_space)
-    polish = staticmethod(descend_and_recycle_in_space)
     stalls = staticmethod(stalls_by_functional)
 
     def moving_kernels(self, topology: str, schedule: Schedule | None) -> tuple[str, ...]:
         return *loops_in_space(topology, schedule), "space locating"
+
+    def polish_kernels(self, problem: Problem) -> tuple[str, ...]:
+        return "space ground", "space moves", "space polish of order 2" if order_of(problem) == 2 else "space polish"
+
+    def descent(
+        self, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, recycled: Recycled
+    ) -> Descent:
+        kind = SpaceDescent if trial.affine else QuadraticDescent
+        return kind.of(movable, functional, trial, recycled)
 
     def move(
         self,

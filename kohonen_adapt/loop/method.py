@@ -1,7 +1,7 @@
 """Parts of the adaptive loop that depend on the dimension of the mesh."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,6 +13,7 @@ from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
+from kohonen_adapt.polishing.polish import Descent
 from kohonen_adapt.problem.protocol import Problem
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.relocation_record import Moved
@@ -30,10 +31,6 @@ class Method(ABC):
         Dimension of the meshes.
     passes_by_density
         Number of passes with recycling by density; later passes recycle by energy alone.
-    plan
-        Sweeps of the polish in a pass, with recycling by energy between the entries.
-    sweeps
-        Sweeps of the polish in a pass without recycling.
     """
 
     dim: ClassVar[int]
@@ -41,8 +38,6 @@ class Method(ABC):
     # pass to positions from which the energy removes them again. For the measured optimum run
     # `python -m benchmarks space-passes`.
     passes_by_density: ClassVar[int]
-    plan: ClassVar[tuple[int, ...]]
-    sweeps: ClassVar[int]
 
     @abstractmethod
     def open(self, mesh: Mesh, rules: Rules, curved: bool | None) -> Any:
@@ -112,14 +107,8 @@ class Method(ABC):
         """Return why the polish alone holds each node, else an empty string."""
 
     @abstractmethod
-    def descend(self, movable: Any, functional: Any, trial: Any, sweeps: int) -> float:
-        """Sweep nodes and edges, and return the decrease of the functional."""
-
-    @abstractmethod
-    def polish(
-        self, movable: Any, functional: Any, trial: Any, recycled: Recycled, plan: Sequence[int]
-    ) -> tuple[Recycled, float]:
-        """Polish after a plan, and return recycled nodes and decrease."""
+    def descent(self, movable: Any, functional: Any, trial: Any, recycled: Recycled) -> Descent:
+        """Return the descent for the polish, which changes `movable`."""
 
     @abstractmethod
     def stalls(self, passes: tuple[Pass, ...]) -> bool: ...

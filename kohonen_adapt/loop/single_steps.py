@@ -9,6 +9,7 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import check_count, with_nearest_names
+from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.plane.surgery import with_layers
 from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules, check_for, with_pinned
@@ -18,7 +19,7 @@ from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.motions import Pair
-from kohonen_adapt.polishing.polish import SWEEPS
+from kohonen_adapt.polishing.polish import SWEEPS, descend_and_recycle
 from kohonen_adapt.problem.evaluation import ritz_of
 from kohonen_adapt.problem.protocol import (
     NotOffered,
@@ -227,7 +228,8 @@ def polish(
         functional = method.functional(ritz_of(problem, mesh, problem.solve(mesh)), movable, mesh)
     except NotOffered as reason:
         raise without_functional(reason) from None
-    method.descend(movable, functional, functional.solution.copy(), sweeps)
+    start = unchanged(movable.tessellation)
+    descend_and_recycle(method.descent(movable, functional, functional.solution.copy(), start), (sweeps,))
     return movable.mesh()
 
 

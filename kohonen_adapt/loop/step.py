@@ -20,6 +20,7 @@ from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.polishing.energy_tables import VariesInside
 from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.polish import PLAN, SWEEPS, descend_and_recycle
 from kohonen_adapt.problem.evaluation import (
     check_signs,
     energy_norm,
@@ -103,7 +104,7 @@ class Adaptation:
 
     def plan(self, functional: Functional) -> tuple[int, ...]:
         recycles = self.settings.rules.topology == "recycle" and not functional.ritz.shapes_only
-        plan = self.method.plan if recycles else (self.method.sweeps,)
+        plan = PLAN if recycles else (SWEEPS,)
         return plan[:GROWING_ENTRIES] if self.settings.growth.grows_after(self.steps.number) else plan
 
     def assess(self, before: Solved | None = None, moved: Moved[Any] | None = None, polish_gain: float = 0.0) -> Solved:
@@ -187,7 +188,8 @@ class Adaptation:
                 return moved, 0.0
             functional = solved.functional
             trial = self.method.carry(functional, moved.before, self.movable, moved.recycled.start_element)
-            recycled, gain = self.method.polish(self.movable, functional, trial, moved.recycled, self.plan(functional))
+            descent = self.method.descent(self.movable, functional, trial, moved.recycled)
+            recycled, gain = descend_and_recycle(descent, self.plan(functional))
             return replace(moved, recycled=recycled), gain
 
     def output_errors(

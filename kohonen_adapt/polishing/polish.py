@@ -1,44 +1,17 @@
-"""Descent of the energy of triangles in parallel sweeps, with recycling of nodes."""
+"""Descent of the energy in sweeps, with recycling of nodes."""
 
 from collections.abc import Sequence
-
-import numpy as np
+from typing import Protocol, Self
 
 from kohonen_adapt.geometry.movable import Recycled
-from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.kernels.ordering import along_curve, mark_interior, parts_along
-from kohonen_adapt.kernels.threads import even_cuts, shared, shared_in_parts
-from kohonen_adapt.kernels.triangle.arrays import HELD
-from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.polishing.curve_nodes import descend_curves
-from kohonen_adapt.polishing.elements import UNKNOWNS
-from kohonen_adapt.polishing.energy_recycling import Exchange, recycle_by_energy
-from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.loops import Linear
-from kohonen_adapt.polishing.paired_stars import Freedom, descend_pairs, set_partners
-from kohonen_adapt.problem.protocol import Problem, order_of
 
-__all__ = ["PLAN", "SWEEPS", "descend", "descend_and_recycle", "loops_of", "sweep"]
+__all__ = ["PLAN", "SETTLED", "SWEEPS", "Descent", "descend_and_recycle"]
 
-# Sweeps before, between and after the recyclings. Three groups instead of two lower the error on F by 1 %.
+# Sweeps before, between and after the recyclings. Three groups instead of two lower the error on F by 1 %. On
+# tetrahedra, after three passes on E, F and M, the error is 1 to 4 % higher with (4, 4), and mostly 1 % higher with
+# (4, 4, 4).
 PLAN = (2, 2, 2, 2)
-# Further recyclings by order, each with the last number of sweeps, while the decrease exceeds PAYS times the gains of
-# splits of all edges (an estimate of the distance to the minimum, for few and for many nodes that carry the distance).
-# Error after two passes divided by the error after four, at order 3, with 0 / 3 / 6 / 10 further recyclings:
-#     L, N = 2827       1.03   1.04   1.00   1.02
-#     L, N = 11 059     1.06   1.02   1.01   1.01
-#     C                 1.04   1.02   1.02   1.02
-MORE = (0, 6, 6)
-# The same after a shorter plan, while the mesh grows. By a tolerance, 2 in place of 6 take 0.84 of the time at order 2
-# (geometric mean of 15 runs over refinement, `python -m benchmarks error`).
-MORE_IN_GROWTH = (0, 2, 2)
-PAYS = 0.01
-SETTLED = 0.01  # fraction of the nodes at order 1, below which a recycling is the last of its pass
-RESAMPLE = 2  # sweeps between two samplings of a varying flux
-# Sweeps between two samplings of a varying source. With 2, order 3 gains nothing in half the problems of `own-source`.
-RESAMPLE_SOURCE = 1
-
-PART = 5_000  # unknowns per part, so many that few nodes are at the cuts
+SETTLED = 0.01  # fraction of the nodes at order 1 and on tetrahedra, below which a recycling is the last of its pass
 
 # Medians of five seeds after four passes of map and polish (`python -m benchmarks sweeps`), by number of sweeps:
 #                                    0       4       8      12      16      32
@@ -50,118 +23,42 @@ PART = 5_000  # unknowns per part, so many that few nodes are at the cuts
 SWEEPS = 8
 
 
-def descend_and_recycle(
-    movable: MovableMesh, functional: Functional, trial: TrialFunction, recycled: Recycled, plan: Sequence[int] = PLAN
-) -> tuple[Recycled, float]:
+class Descent(Protocol):
+    """Descent of a functional on triangles or tetrahedra, at any order.
+
+    Steps that raise the functional are undone. Every step returns the descent after the step, since the step may
+    replace the arrays, with the decrease of the functional.
+    """
+
+    # Sweep nodes and swap elements.
+    def descend_checked(self, sweeps: int, swap_first: bool) -> tuple[Self, float]: ...
+
+    # Recycle and sweep. Returned last is whether a further recycling pays.
+    def recycle_checked(self, sweeps: int, swap_first: bool) -> tuple[Self, float, bool]: ...
+
+    # Most recyclings after the whole plan, or after a shorter plan while the mesh grows.
+    def further(self, whole: bool) -> int: ...
+
+    # Write the result to the movable mesh, and return all recycled nodes.
+    def close(self) -> Recycled: ...
+
+
+def descend_and_recycle(descent: Descent, plan: Sequence[int] = PLAN) -> tuple[Recycled, float]:
     """Sweep by the numbers in `plan`, with recycling by energy between the numbers.
 
-    At order 2 and 3 up to `MORE` recyclings and sweeps follow, after a shorter plan up to `MORE_IN_GROWTH`. Returned
-    are all recycled nodes, including those of `recycled`, and the decrease of the functional. A plan of one number
-    keeps all nodes.
+    Further recyclings follow while they pay, each with the last number of sweeps. Returned are all recycled nodes,
+    including earlier ones, and the decrease of the functional. A plan of one number keeps all nodes. Elements are
+    swapped before the first sweep if nodes are recycled, so that useless nodes are detected earlier.
     """
     swap_first = pays = len(plan) > 1
-    gain = descend(movable, functional, trial, plan[0], swap_first)
-    for sweeps, planned in recyclings(plan, functional.ritz.order):
+    further = descent.further(len(plan) >= len(PLAN)) if pays else 0
+    descent, gain = descent.descend_checked(plan[0], swap_first)
+    for number, sweeps in enumerate([*plan[1:], *[plan[-1]] * further], start=1):
         if pays:
-            exchange = recycle_downhill(movable, functional, trial, recycled)
-            pays = still_pays(exchange, recycled, movable.nnodes, functional.ritz.order)
-            trial, recycled, gain = exchange.trial, exchange.recycled, gain + exchange.decrease
-        elif not planned:
+            descent, decrease, pays = descent.recycle_checked(sweeps, swap_first)
+        elif number < len(plan):
+            descent, decrease = descent.descend_checked(sweeps, swap_first)
+        else:
             break
-        gain += descend(movable, functional, trial, sweeps, swap_first)
-    return recycled, gain
-
-
-def recyclings(plan: Sequence[int], order: int) -> list[tuple[int, bool]]:
-    further = MORE if len(plan) >= len(PLAN) else MORE_IN_GROWTH
-    more = further[order - 1] if len(plan) > 1 else 0
-    return [(sweeps, True) for sweeps in plan[1:]] + [(plan[-1], False)] * more
-
-
-def still_pays(exchange: Exchange, before: Recycled, nodes: int, order: int) -> bool:
-    if order == 1:
-        return exchange.recycled.splits - before.splits > SETTLED * nodes
-    return exchange.decrease > PAYS * exchange.offered
-
-
-def descend(
-    movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int = SWEEPS, swap_first: bool = False
-) -> float:
-    # Sampled sources and fluxes hold near the sampled positions only. They are sampled again every few sweeps, which
-    # are undone if the functional has not decreased. The same holds with slivers between chords and curves, which the
-    # kernels do not include.
-    if not functional.is_approximate:
-        return sweep(movable, functional, trial, sweeps, swap_first)
-    total, interval = 0.0, RESAMPLE_SOURCE if functional.has_varying_source else RESAMPLE
-    for done in range(0, sweeps, interval):
-        state, old = {name: array.copy() for name, array in movable.state().items()}, trial.copy()
-        before = functional.value(movable.triangulation, trial)
-        gain = sweep(movable, functional, trial, min(interval, sweeps - done), swap_first)
-        gain += descend_curves(movable, functional, trial)
-        full_decrease = before - functional.value(movable.triangulation, trial)
-        if not full_decrease > 0.0:
-            movable.restore(state)
-            trial.restore(old)
-            break
-        total += min(gain, full_decrease)
-    return total
-
-
-def recycle_downhill(
-    movable: MovableMesh, functional: Functional, trial: TrialFunction, recycled: Recycled
-) -> Exchange:
-    if not functional.is_approximate:
-        return recycle_by_energy(movable, functional, trial, recycled)
-    state, before = movable.state(), functional.value(movable.triangulation, trial)
-    done = recycle_by_energy(movable, functional, trial, recycled)
-    full_decrease = before - functional.value(movable.triangulation, done.trial)
-    if full_decrease > 0.0:
-        return done._replace(decrease=min(done.decrease, full_decrease))
-    movable.restore(state)
-    return Exchange(trial, recycled, 0.0, done.offered)
-
-
-def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int, swap_first: bool) -> float:
-    # Edges are flipped after the nodes of every sweep. With `swap_first` they are also flipped before the first
-    # sweep, so that useless nodes are detected earlier. The decrease excludes the gain of better values on Robin
-    # boundaries.
-    outline, gain = movable.outline, 0.0
-    freedom = Freedom(functional.kinds(outline, trial.fixed), trial.fixed, functional.sign)
-    # pairs, Robin nodes and nodes on chords are excluded, because their star is not the whole functional
-    pairs, on_robin = outline.constraints.periodic.partner >= 0, functional.boundary.nodes(movable.triangulation)
-    constraints = outline.constraints._replace(kind=np.where(pairs, HELD, freedom.kind).astype(np.int8))
-    if pairs.any():
-        set_partners(movable, trial, functional.sign)
-    excluded = pairs | on_robin | functional.chords.moving(movable.triangulation)
-    mesh = movable.kernel_mesh()._replace(constraints=constraints)
-    loops = functional.loops(movable, trial._replace(fixed=trial.fixed | excluded), mesh)
-    order = along_curve(movable.triangulation.position).astype(np.int32)
-    parts = max(1, len(order) // (PART // UNKNOWNS[functional.ritz.order - 1]))
-    part, interior = parts_along(order, len(order), parts), np.empty(len(order), dtype=np.bool_)
-    if swap_first:
-        gain += flip_downhill(movable, loops)
-    for _ in range(sweeps):
-        mark_interior(movable.triangulation.star, part, 1, interior, np.empty_like(order))
-        gain += shared_in_parts(loops.descend_nodes, order, (part, interior))
-        gain += descend_pairs(movable, loops, freedom)
-        gain += flip_downhill(movable, loops)
-        offsets = movable.midside_offsets() if movable.curved else None
-        functional.improve_on_boundary(movable.triangulation, trial, offsets)
-    return gain
-
-
-def loops_of(problem: Problem) -> tuple[str, ...]:
-    higher = order_of(problem) > 1 or getattr(problem, "axisymmetric", False)
-    return "ground", "polish of higher order" if higher else "polish"
-
-
-def flip_downhill(movable: MovableMesh, loops: Linear) -> float:
-    if not movable.flips:
-        return 0.0
-    gainful = np.empty(len(movable.triangulation.elements.node), dtype=np.bool_)
-    cuts = even_cuts(len(gainful), loops.few)
-    shared(lambda thread, first, last: loops.descend_flips(thread, first, last, gainful, True), cuts)
-    gain, flips = loops.descend_flips(0, 0, len(gainful), gainful, False)
-    if flips:
-        movable.triangulation.refill_star()
-    return gain
+        gain += decrease
+    return descent.close(), gain

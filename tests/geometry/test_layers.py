@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from helpers.descents import descend
 from helpers.examples import examples
 from helpers.meshes import area_of, centres, inset
 from hypothesis import given
@@ -16,7 +17,6 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.polish import descend
 
 
 def grid(low, high, rows, length=3.0, width=0.3, columns=24):
@@ -215,7 +215,7 @@ def test_the_polish_keeps_layers_that_it_would_lose():
         ritz = problem.ritz(mesh, field)
         functional = Functional.of(ritz, movable)
         values, fixed = 1e3 * np.sin(40.0 * mesh.p[0] + 9.0 * mesh.p[1]), np.array(ritz.fixed)
-        descend(movable, functional, TrialFunction(values, fixed, None), sweeps=20)
+        descend(movable, functional, TrialFunction(values, fixed, None), 20)
         return movable.mesh()
 
     assert layers_of(polished(None)) == 1

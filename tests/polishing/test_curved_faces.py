@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.descents import descent_of
 from helpers.diffusion_solids import Diffusion, Rising
 from helpers.magnet_solids import bar, nested_balls
 from helpers.solids import volumes
@@ -16,7 +17,6 @@ from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, Constraints
 from kohonen_adapt.kernels.tetrahedron.polish.descend import with_slivers
 from kohonen_adapt.kernels.tetrahedron.surfaces import slid
 from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Material
-from kohonen_adapt.polishing.space.polish_in_space import Descent
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.problem.functional_value import functional_value
 
@@ -68,7 +68,7 @@ def test_slivers_of_a_linear_function_have_the_volume_that_the_mesh_lacks():
 def test_stars_know_what_a_move_does_to_the_whole(name, laws):
     mesh = MESHES[name]()
     movable, functional = settled(mesh, LAWS[laws], seed=3)
-    descent = Descent.of(movable, functional, functional.solution.copy())
+    descent = descent_of(movable, functional)
     opened, trial = descent.opened.mesh, descent.trial
     told, go = interpreted(with_slivers), interpreted(slid)
     freedom = functional.freedom(opened.freedom, trial.fixed)
@@ -93,7 +93,7 @@ def test_stars_know_what_a_move_does_to_the_whole(name, laws):
 @pytest.mark.parametrize("name", MESHES)
 def test_sweeps_lower_what_they_say_and_nodes_slide_on_their_surfaces(name, laws):
     movable, functional = settled(MESHES[name](), LAWS[laws])
-    descent, slides = Descent.of(movable, functional, functional.solution.copy()), on_curves(functional, movable)
+    descent, slides = descent_of(movable, functional), on_curves(functional, movable)
     parts, before = descent.opened.parts(), descent.value()
     freedom = functional.freedom(descent.opened.mesh.freedom, descent.trial.fixed)
     start = descent.opened.mesh.position.copy()

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.descents import descent_of
 from helpers.magnet_solids import bar, nested_balls
 from helpers.quadratic_solids import slivers
 
@@ -17,7 +18,6 @@ from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import slivers_at
 from kohonen_adapt.kernels.tetrahedron.polish.descend_order2 import number_star
 from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Material
 from kohonen_adapt.mesh.measures import area, edge_midside_offsets
-from kohonen_adapt.polishing.space.descent_order2 import QuadraticDescent
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 
 IRON = Material(50.0)
@@ -39,7 +39,7 @@ def problem_of(material, outer=along):
 def descent_on(mesh, ritz):
     movable = MovableSolid.of(mesh, Rules())
     functional = SolidFunctional.of(ritz, movable, mesh)
-    descent = QuadraticDescent.of(movable, functional, functional.solution.copy())
+    descent = descent_of(movable, functional)
     return movable, replace(descent, swaps=False)
 
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from helpers.descents import descent_of
 from helpers.examples import examples
 from helpers.meshes import inset, junction, l_shape, perturbed
 from hypothesis import given
@@ -22,7 +23,8 @@ from kohonen_adapt.kernels.triangle.polish.sweep_higher import descend_nodes_hig
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.polish import descend_and_recycle, sweep
+from kohonen_adapt.polishing.plane_descent import sweep
+from kohonen_adapt.polishing.polish import descend_and_recycle
 
 ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}
 MESHES = {"inset": lambda: perturbed(inset(8), 1), "junction": lambda: perturbed(junction(8), 2)}
@@ -78,7 +80,7 @@ def test_the_sum_falls_by_no_less_than_the_gain(name, order, seed, share):
 def polished(mesh, ritz):
     """Position and elements after moves, flips and recycling."""
     at = Setting(mesh, ritz)
-    descend_and_recycle(at.movable, at.functional, at.trial, unchanged(at.movable.triangulation))
+    descend_and_recycle(descent_of(at.movable, at.functional, at.trial))
     return at.movable.triangulation.position, at.movable.triangulation.elements.node
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.descents import descend
 from helpers.meshes import l_shape, perturbed
 from helpers.scalar_problems import Corner, loaded, magnet, magnet_mesh
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
@@ -17,7 +18,6 @@ from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.mesh.polynomials import evaluated, local_coefficients, modes_of
 from kohonen_adapt.polishing.energy_recycling import compute_gains, offers_of, recycle_by_energy, with_spare_rows
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.polish import descend
 from kohonen_adapt.polishing.transfer import transferred
 from kohonen_adapt.problem.functional_value import functional_value
 

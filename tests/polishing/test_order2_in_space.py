@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.descents import descent_of
 from helpers.magnet_solids import nested_balls
 from helpers.poisson_solids import fichera
 from helpers.quadratic_solids import NonlinearQuadratic, QuadraticDiffusion, slivers
@@ -11,8 +12,7 @@ import kohonen_adapt as ka
 from kohonen_adapt import NotOffered, Ritz, Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.magnetostatics import MagneticScalarPotential, Material
-from kohonen_adapt.polishing.space.descent_order2 import QuadraticDescent
-from kohonen_adapt.polishing.space.polish_in_space import descend_in_space
+from kohonen_adapt.polishing.polish import descend_and_recycle
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.problem.functional_value import functional_value
 
@@ -66,7 +66,7 @@ def test_after_the_next_solve_the_functional_has_fallen_as_much(tens):
         movable = MovableSolid.of(mesh, Rules())
         functional = SolidFunctional.of(ritz, movable, mesh)
         before = functional_value(mesh, ritz)
-        gain = descend_in_space(movable, functional, functional.solution.copy(), 3)
+        gain = descend_and_recycle(descent_of(movable, functional), (3,))[1]
         near = 1e-11 * (np.abs(ritz.values).max() * np.abs(before) + 1.0)
         after = movable.mesh()
         assert functional.comparable and gain >= 0.0
@@ -158,7 +158,7 @@ def test_with_laws_the_functional_falls_as_much_as_told(four):
         ritz = problem.ritz(mesh, problem.solve(mesh))
         movable = MovableSolid.of(mesh, Rules())
         functional = SolidFunctional.of_solution(ritz, movable, mesh)
-        descent = QuadraticDescent.of(movable, functional, functional.solution.copy())
+        descent = descent_of(movable, functional)
         before = start = functional_value(mesh, ritz)
         assert descent.value() == pytest.approx(before, rel=1e-12)
         for sweeps in (2, 0, 2):
@@ -189,7 +189,7 @@ def test_the_polish_lowers_the_functional_of_curved_elements_by_what_it_says():
     movable, field = MovableSolid.of(mesh, Rules()), problem.solve(mesh)
     ritz = problem.ritz(mesh, field)
     functional = SolidFunctional.of_solution(ritz, movable, mesh)
-    descent = QuadraticDescent.of(movable, functional, functional.solution)
+    descent = descent_of(movable, functional)
     before = descent.value()
     assert before - slivers(descent) == pytest.approx(functional_value(mesh, ritz), rel=1e-12)
     descent, gain = descent.descend_checked(2, True)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.descents import descent_of
 from helpers.examples import examples
 from helpers.quadratic_solids import PAIRS, QuadraticDiffusion
 from helpers.random_solids import flat_solids
@@ -13,11 +14,10 @@ from skfem import MeshTet
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
-from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
-from kohonen_adapt.polishing.space.polish_in_space import descend_and_recycle_in_space, descent_of
+from kohonen_adapt.polishing.polish import descend_and_recycle
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.problem.functional_value import functional_value
 
@@ -40,7 +40,7 @@ def start(seed):
     mesh, problem = graded(seed)
     solid = MovableSolid.of(mesh, Rules())
     functional = SolidFunctional.of(problem.ritz(mesh, problem.solve(mesh)), solid, mesh)
-    return mesh, problem, solid, functional, descent_of(solid, functional, functional.solution.copy())
+    return mesh, problem, solid, functional, descent_of(solid, functional)
 
 
 def is_continuous(descent):
@@ -94,7 +94,7 @@ def test_the_price_of_a_sample_is_near_the_price_of_all_nodes(seed):
     mesh, problem = graded(seed, (13, 13, 12))
     solid = MovableSolid.of(mesh, Rules())
     functional = SolidFunctional.of(problem.ritz(mesh, problem.solve(mesh)), solid, mesh)
-    descent = descent_of(solid, functional, functional.solution.copy())
+    descent = descent_of(solid, functional)
     of_sample = descent.charge()
     descent.weigh(np.arange(mesh.nvertices))
     assert of_sample != descent.charge() and of_sample == pytest.approx(descent.charge(), rel=0.2)
@@ -103,8 +103,8 @@ def test_the_price_of_a_sample_is_near_the_price_of_all_nodes(seed):
 @pytest.mark.parametrize("seed", range(10))
 def test_a_round_keeps_the_body_and_lowers_the_functional_of_the_next_solution(seed):
     mesh, problem, solid, functional, _ = start(seed)
-    before, begin = functional_value(mesh, functional.ritz), unchanged(solid.tetrahedralization)
-    recycled, gain = descend_and_recycle_in_space(solid, functional, functional.solution.copy(), begin, (2, 2))
+    before = functional_value(mesh, functional.ritz)
+    recycled, gain = descend_and_recycle(descent_of(solid, functional), (2, 2))
     after, old = solid.mesh(), recycled.old
     ritz = problem.ritz(after, problem.solve(after))
     near = 1e-11 * (np.abs(ritz.values).max() * abs(before) + 1.0)
@@ -131,8 +131,7 @@ def test_the_number_of_threads_changes_nothing(monkeypatch):
         mesh, problem = graded(1, (12, 12, 12))
         solid = MovableSolid.of(mesh, Rules())
         functional = SolidFunctional.of(problem.ritz(mesh, np.zeros(count_unknowns(mesh, 2))), solid, mesh)
-        begin = unchanged(solid.tetrahedralization)
-        descend_and_recycle_in_space(solid, functional, functional.solution.copy(), begin, (2, 2))
+        descend_and_recycle(descent_of(solid, functional), (2, 2))
         meshes.append(solid.mesh())
     np.testing.assert_array_equal(meshes[0].p, meshes[1].p)
     np.testing.assert_array_equal(meshes[0].t, meshes[1].t)
@@ -151,8 +150,7 @@ def test_random_bodies_keep_volumes_names_surfaces_and_quality(case, zero_outsid
     values = np.where(fixed, 0.0, rng.normal(size=unknowns))
     solid = MovableSolid.of(mesh, Rules())
     functional = SolidFunctional.of(ka.Ritz(values, fixed, 1.0, source=1.0, order=2), solid, mesh)
-    begin = unchanged(solid.tetrahedralization)
-    gain = descend_and_recycle_in_space(solid, functional, functional.solution.copy(), begin, (2, 2))[1]
+    gain = descend_and_recycle(descent_of(solid, functional), (2, 2))[1]
     after = solid.mesh()
     old, new = Tetrahedralization.of(mesh), Tetrahedralization.of(after)
     assert gain >= 0.0 and new.volumes().min() > 0.0

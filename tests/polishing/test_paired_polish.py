@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.descents import descend
 from helpers.devices import STEEL, machine
 from helpers.meshes import apart, disk, perturbed, ring, square
 from skfem import MeshTri
@@ -18,7 +19,6 @@ from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import Freedom, descend_pairs, set_partners
-from kohonen_adapt.polishing.polish import descend
 from kohonen_adapt.problem.functional_value import functional_value
 
 LINES = {"left": (0, 0), "right": (0, 1), "low": (1, 0), "top": (1, 1)}

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.descents import descend
 from helpers.devices import shielded
 from helpers.meshes import disk as hexagonal_disk
 from helpers.meshes import perturbed
@@ -19,7 +20,6 @@ from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.curved import with_midside_offsets
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.polish import descend
 from kohonen_adapt.problem.functional_value import functional_value
 
 ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.descents import descend
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 
 from kohonen_adapt import Ritz, Rules
@@ -16,7 +17,6 @@ from kohonen_adapt.kernels.triangle.polish import descend_higher as kernels
 from kohonen_adapt.mesh.curved import jacobian_coefficients
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.polish import descend
 from kohonen_adapt.problem.functional_value import functional_value
 
 ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from helpers.boxes import qualities
 from helpers.boxes import volumes as volumes_of
+from helpers.descents import descent_of
 from helpers.examples import examples
 from helpers.solids import box, cut, l_shape, two_regions, volumes
 from hypothesis import given
@@ -14,16 +15,21 @@ from skfem import MeshTet
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.arrays import padded
-from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, SOURCE_24TH
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.magnetostatics import Froehlich
 from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.polishing.polish import descend_and_recycle
 from kohonen_adapt.polishing.space import descent
-from kohonen_adapt.polishing.space.descent import compute_gains, offers_of, recycle_in_space, swap_in_space
-from kohonen_adapt.polishing.space.polish_in_space import Descent, descend_and_recycle_in_space
+from kohonen_adapt.polishing.space.descent import (
+    SpaceDescent,
+    compute_gains,
+    offers_of,
+    recycle_in_space,
+    swap_in_space,
+)
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 
 FLOOR = 0.2
@@ -145,7 +151,7 @@ def test_no_exchange_raises_the_functional_where_none_is_to_be_won_back(seed, mo
 
 
 def test_exchanges_that_sweeps_do_not_win_back_are_undone(monkeypatch):
-    at, exchange = Setting(perturbed(box(4), 1), 1), Descent.recycle
+    at, exchange = Setting(perturbed(box(4), 1), 1), SpaceDescent.recycle
     swapped, undone, pairs = at.movable.copy(), at.movable.copy(), []
     told = at.swap()
     at.opened.write_back(swapped)
@@ -154,9 +160,8 @@ def test_exchanges_that_sweeps_do_not_win_back_are_undone(monkeypatch):
         pairs.append(exchange(descent)[0])
         return pairs[-1], -1e3
 
-    monkeypatch.setattr(Descent, "recycle", dear)
-    start = unchanged(undone.tetrahedralization)
-    recycled, gain = descend_and_recycle_in_space(undone, at.functional, at.functional.solution.copy(), start, (0, 0))
+    monkeypatch.setattr(SpaceDescent, "recycle", dear)
+    recycled, gain = descend_and_recycle(descent_of(undone, at.functional), (0, 0))
     assert pairs[0] > 0 and len(pairs) == 1
     assert recycled.splits == recycled.collapses == 0 and gain == told > 0.0
     for one, other in zip(undone.state().values(), swapped.state().values(), strict=True):

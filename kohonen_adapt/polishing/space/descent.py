@@ -1,6 +1,6 @@
 """Descent of a functional of order 1 on tetrahedra, with swaps and recycling."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
 import numpy as np
@@ -29,9 +29,10 @@ from kohonen_adapt.kernels.tetrahedron.polish.energy_recycle import exchange, we
 from kohonen_adapt.kernels.tetrahedron.polish.swap_by_energy import enter_changed, swap_downhill
 from kohonen_adapt.kernels.threads import Nodes, even_cuts, shared
 from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.polishing.polish import SETTLED
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 
-__all__ = ["Descent", "offers_of", "on_patches", "recycle_in_space", "swap_in_space"]
+__all__ = ["SpaceDescent", "offers_of", "on_patches", "recycle_in_space", "swap_in_space", "with_origins"]
 
 LOOKS = 50_000  # elements per compiled call, at most 0.5 s, because Ctrl-C is handled between calls only
 FEW = 1_000  # nodes per thread at least
@@ -124,12 +125,22 @@ def compute_gains(mesh: OpenTetrahedra, trial: Trial, offers: Offers, floor: flo
     return most
 
 
+def with_origins(opened: OpenSolid, recycled: Recycled) -> OpenSolid:
+    origins, n = opened.mesh.origins, len(recycled.old)
+    origins.old[:n], origins.start_element[:n] = recycled.old, recycled.start_element
+    return opened
+
+
 @dataclass(frozen=True)
-class Descent:
+class SpaceDescent:
     """Descent of a functional on an open mesh of tetrahedra.
 
     Attributes
     ----------
+    movable
+        Mesh before the descent, which changes at the close.
+    recycled
+        Nodes recycled before.
     opened
         Mesh with spare rows, which changes.
     functional
@@ -142,33 +153,36 @@ class Descent:
         True if elements may be swapped.
     seen
         Volume and energy of elements at their last search for swaps, (rows, 2).
+    pairs
+        Number of recycled nodes.
     """
 
+    movable: MovableSolid
+    recycled: Recycled
     opened: OpenSolid
     functional: SolidFunctional
     trial: Trial
     floor: float
     swaps: bool
     seen: Floats
+    pairs: int = field(default=0, kw_only=True)
 
     sweeps_per_swap: ClassVar[int] = 1
 
     @classmethod
-    def of(cls, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction) -> "Descent":
-        opened = OpenSolid.of(movable, np.ones(movable.nnodes))
+    def of(
+        cls, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, recycled: Recycled
+    ) -> "SpaceDescent":
+        opened = with_origins(OpenSolid.of(movable, np.ones(movable.nnodes)), recycled)
         rows = len(opened.mesh.position)
         surface = padded(trial.surface, rows, 0.0) if len(trial.surface) else trial.surface
         own = functional.trial(padded(trial.values, rows, 0.0), padded(trial.fixed, rows, False), surface)
         seen = np.zeros((len(opened.mesh.elements.node), 2))
-        return cls(opened, functional, own, movable.floor, movable.flips, seen)
+        return cls(movable, recycled, opened, functional, own, movable.floor, movable.flips, seen)
 
     def copy(self) -> Self:
         trial = self.trial._replace(value=self.trial.value.copy(), fixed=self.trial.fixed.copy())
         return replace(self, opened=self.opened.copy(), trial=trial, seen=self.seen.copy())
-
-    def set_origins(self, recycled: Recycled) -> None:
-        origins, n = self.opened.mesh.origins, len(recycled.old)
-        origins.old[:n], origins.start_element[:n] = recycled.old, recycled.start_element
 
     def descend(self, sweeps: int, swap_first: bool) -> float:
         freedom = self.functional.freedom(self.opened.mesh.freedom, self.trial.fixed, self.trial.surface)
@@ -195,6 +209,28 @@ class Descent:
         self.descend(sweeps, swap_first)
         decrease = before.value() - self.value()
         return (self, decrease) if decrease > 0.0 else (before, 0.0)
+
+    def recycle_checked(self, sweeps: int, swap_first: bool) -> tuple[Self, float, bool]:
+        # A recycling may raise the functional, since sweeps and swaps lower the functional afterwards.
+        before = self.copy()
+        pairs, decrease = self.recycle()
+        decrease += self.descend(sweeps, swap_first)
+        if self.functional.is_approximate:
+            decrease = before.value() - self.value()
+        if decrease < 0.0:
+            return before, 0.0, False
+        return replace(self, pairs=self.pairs + pairs), decrease, pairs > SETTLED * self.movable.nnodes
+
+    def further(self, whole: bool) -> int:
+        return 0
+
+    def close(self) -> Recycled:
+        # Recycled meshes are numbered along a space-filling curve. At order 2 not as many nodes are removed as added.
+        nodes, origins, recycled = self.movable.nnodes, self.opened.mesh.origins, self.recycled
+        rows = self.opened.write_back(self.movable, renumbered=self.pairs > 0)
+        collapses = recycled.collapses + self.pairs + nodes - len(rows)
+        ancestry = {"old": origins.old[rows], "start_element": origins.start_element[rows]}
+        return replace(recycled, splits=recycled.splits + self.pairs, collapses=collapses, **ancestry)
 
     def value(self) -> float:
         function = TrialFunction(self.trial.value, self.trial.fixed, None, surface=self.trial.surface)

@@ -7,6 +7,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask, padded, sorted_below
+from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.geometry.space.thread_parts import Parts
@@ -26,7 +27,7 @@ from kohonen_adapt.kernels.threads import Nodes, even_cuts, shared
 from kohonen_adapt.mesh.host import ascending, keys_of
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.space.curved_sides import CurvedEdges
-from kohonen_adapt.polishing.space.descent import CHANGED, Descent, offers_of, on_patches
+from kohonen_adapt.polishing.space.descent import CHANGED, SpaceDescent, offers_of, on_patches, with_origins
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.space.surface_values import EDGES_OF_FACES
 
@@ -43,7 +44,7 @@ MARGIN = 1.2  # smallest gain of a split per unknown, relative to the cost of it
 
 
 @dataclass(frozen=True)
-class QuadraticDescent(Descent):
+class QuadraticDescent(SpaceDescent):
     """Descent of a functional of order 2 on an open mesh of tetrahedra.
 
     Attributes
@@ -70,10 +71,13 @@ class QuadraticDescent(Descent):
     sweeps_per_swap: ClassVar[int] = 2
 
     @classmethod
-    def of(cls, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction) -> "QuadraticDescent":
+    def of(
+        cls, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, recycled: Recycled
+    ) -> "QuadraticDescent":
         if trial.modes is None:
             raise TypeError("a descent of order 2 requires coefficients of edges")
-        opened = OpenSolid.of(movable, np.ones(movable.nnodes), movable.nnodes + movable.nnodes // SPARE + MORE)
+        spare = movable.nnodes + movable.nnodes // SPARE + MORE
+        opened = with_origins(OpenSolid.of(movable, np.ones(movable.nnodes), spare), recycled)
         nodes, elements = len(opened.mesh.position), len(opened.mesh.elements.node)
         modes = Modes(*(padded(array, elements, 0) for array in trial.modes))
         fixed, surface = padded(trial.fixed, nodes, False), trial.surface
@@ -82,9 +86,8 @@ class QuadraticDescent(Descent):
             fixed |= on_patches(opened.mesh, functional.driven)
             modes.dirichlet[:] |= edges_of_patches(opened.mesh, functional.driven)
         own = functional.trial(padded(trial.values, nodes, 0.0), fixed, surface)
-        curves, used = CurvedEdges.of(movable, nodes), np.zeros((elements, 2))
-        size = size_of(opened.mesh)
-        return cls(opened, functional, own, movable.floor, movable.flips, used, modes, size, curves)
+        common = movable, recycled, opened, functional, own, movable.floor, movable.flips, np.zeros((elements, 2))
+        return cls(*common, modes, size_of(opened.mesh), CurvedEdges.of(movable, nodes))
 
     def copy(self) -> Self:
         modes, curves = Modes(*(array.copy() for array in self.modes)), self.curves.copy()

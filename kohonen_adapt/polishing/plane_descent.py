@@ -1,0 +1,152 @@
+"""Descent of the energy of triangles in parallel sweeps."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from kohonen_adapt.geometry.movable import Recycled
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.kernels.ordering import along_curve, mark_interior, parts_along
+from kohonen_adapt.kernels.threads import even_cuts, shared, shared_in_parts
+from kohonen_adapt.kernels.triangle.arrays import HELD
+from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.polishing.curve_nodes import descend_curves
+from kohonen_adapt.polishing.elements import UNKNOWNS
+from kohonen_adapt.polishing.energy_recycling import Exchange, recycle_by_energy
+from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.loops import Linear
+from kohonen_adapt.polishing.paired_stars import Freedom, descend_pairs, set_partners
+from kohonen_adapt.polishing.polish import SETTLED
+
+__all__ = ["PlaneDescent", "sweep"]
+
+# Further recyclings by order, each with the last number of sweeps, while the decrease exceeds PAYS times the gains of
+# splits of all edges (an estimate of the distance to the minimum, for few and for many nodes that carry the distance).
+# Error after two passes divided by the error after four, at order 3, with 0 / 3 / 6 / 10 further recyclings:
+#     L, N = 2827       1.03   1.04   1.00   1.02
+#     L, N = 11 059     1.06   1.02   1.01   1.01
+#     C                 1.04   1.02   1.02   1.02
+MORE = (0, 6, 6)
+# The same after a shorter plan, while the mesh grows. By a tolerance, 2 in place of 6 take 0.84 of the time at order 2
+# (geometric mean of 15 runs over refinement, `python -m benchmarks error`).
+MORE_IN_GROWTH = (0, 2, 2)
+PAYS = 0.01
+RESAMPLE = 2  # sweeps between two samplings of a varying flux
+# Sweeps between two samplings of a varying source. With 2, order 3 gains nothing in half the problems of `own-source`.
+RESAMPLE_SOURCE = 1
+
+PART = 5_000  # unknowns per part, so many that few nodes are at the cuts
+
+
+@dataclass(frozen=True)
+class PlaneDescent:
+    """Descent of a functional on triangles.
+
+    Attributes
+    ----------
+    movable
+        Mesh, which changes.
+    functional
+        Functional to minimise.
+    trial
+        Function, which changes.
+    recycled
+        Nodes recycled so far.
+    """
+
+    movable: MovableMesh
+    functional: Functional
+    trial: TrialFunction
+    recycled: Recycled
+
+    def further(self, whole: bool) -> int:
+        return (MORE if whole else MORE_IN_GROWTH)[self.functional.ritz.order - 1]
+
+    def descend_checked(self, sweeps: int, swap_first: bool) -> tuple[Self, float]:
+        # Sampled sources and fluxes hold near the sampled positions only. They are sampled again every few sweeps,
+        # which are undone if the functional has not decreased. The same holds with slivers between chords and curves,
+        # which the kernels do not include.
+        movable, functional, trial = self.movable, self.functional, self.trial
+        if not functional.is_approximate:
+            return self, sweep(movable, functional, trial, sweeps, swap_first)
+        total, interval = 0.0, RESAMPLE_SOURCE if functional.has_varying_source else RESAMPLE
+        for done in range(0, sweeps, interval):
+            state, old = {name: array.copy() for name, array in movable.state().items()}, trial.copy()
+            before = functional.value(movable.triangulation, trial)
+            gain = sweep(movable, functional, trial, min(interval, sweeps - done), swap_first)
+            gain += descend_curves(movable, functional, trial)
+            full_decrease = before - functional.value(movable.triangulation, trial)
+            if not full_decrease > 0.0:
+                movable.restore(state)
+                trial.restore(old)
+                break
+            total += min(gain, full_decrease)
+        return self, total
+
+    def recycle_checked(self, sweeps: int, swap_first: bool) -> tuple[Self, float, bool]:
+        exchange = self.recycle()
+        after = replace(self, trial=exchange.trial, recycled=exchange.recycled)
+        decrease = exchange.decrease + after.descend_checked(sweeps, swap_first)[1]
+        return after, decrease, self.still_pays(exchange)
+
+    def recycle(self) -> Exchange:
+        movable, functional, trial = self.movable, self.functional, self.trial
+        if not functional.is_approximate:
+            return recycle_by_energy(movable, functional, trial, self.recycled)
+        state, before = movable.state(), functional.value(movable.triangulation, trial)
+        done = recycle_by_energy(movable, functional, trial, self.recycled)
+        full_decrease = before - functional.value(movable.triangulation, done.trial)
+        if full_decrease > 0.0:
+            return done._replace(decrease=min(done.decrease, full_decrease))
+        movable.restore(state)
+        return Exchange(trial, self.recycled, 0.0, done.offered)
+
+    def still_pays(self, exchange: Exchange) -> bool:
+        if self.functional.ritz.order == 1:
+            return exchange.recycled.splits - self.recycled.splits > SETTLED * self.movable.nnodes
+        return exchange.decrease > PAYS * exchange.offered
+
+    def close(self) -> Recycled:
+        return self.recycled
+
+
+def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int, swap_first: bool) -> float:
+    # Edges are flipped after the nodes of every sweep. With `swap_first` they are also flipped before the first
+    # sweep, so that useless nodes are detected earlier. The decrease excludes the gain of better values on Robin
+    # boundaries.
+    outline, gain = movable.outline, 0.0
+    freedom = Freedom(functional.kinds(outline, trial.fixed), trial.fixed, functional.sign)
+    # pairs, Robin nodes and nodes on chords are excluded, because their star is not the whole functional
+    pairs, on_robin = outline.constraints.periodic.partner >= 0, functional.boundary.nodes(movable.triangulation)
+    constraints = outline.constraints._replace(kind=np.where(pairs, HELD, freedom.kind).astype(np.int8))
+    if pairs.any():
+        set_partners(movable, trial, functional.sign)
+    excluded = pairs | on_robin | functional.chords.moving(movable.triangulation)
+    mesh = movable.kernel_mesh()._replace(constraints=constraints)
+    loops = functional.loops(movable, trial._replace(fixed=trial.fixed | excluded), mesh)
+    order = along_curve(movable.triangulation.position).astype(np.int32)
+    parts = max(1, len(order) // (PART // UNKNOWNS[functional.ritz.order - 1]))
+    part, interior = parts_along(order, len(order), parts), np.empty(len(order), dtype=np.bool_)
+    if swap_first:
+        gain += flip_downhill(movable, loops)
+    for _ in range(sweeps):
+        mark_interior(movable.triangulation.star, part, 1, interior, np.empty_like(order))
+        gain += shared_in_parts(loops.descend_nodes, order, (part, interior))
+        gain += descend_pairs(movable, loops, freedom)
+        gain += flip_downhill(movable, loops)
+        offsets = movable.midside_offsets() if movable.curved else None
+        functional.improve_on_boundary(movable.triangulation, trial, offsets)
+    return gain
+
+
+def flip_downhill(movable: MovableMesh, loops: Linear) -> float:
+    if not movable.flips:
+        return 0.0
+    gainful = np.empty(len(movable.triangulation.elements.node), dtype=np.bool_)
+    cuts = even_cuts(len(gainful), loops.few)
+    shared(lambda thread, first, last: loops.descend_flips(thread, first, last, gainful, True), cuts)
+    gain, flips = loops.descend_flips(0, 0, len(gainful), gainful, False)
+    if flips:
+        movable.triangulation.refill_star()
+    return gain
