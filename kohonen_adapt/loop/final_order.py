@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from skfem import Mesh
+from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.geometry.movable import Work
@@ -149,30 +149,20 @@ def at_order(
     order: int,
     curved: MovableMesh | None,
 ) -> AdaptResult:
-    steps, rules, layers = adaptation.steps, adaptation.settings.rules, order // 2
+    steps, layers = adaptation.steps, order // 2
     steps.next_pass(len(result.history))
     with steps("relocate"):
-        corners = corners_of_field(result, adaptation.problem)
-        whole, remark = result.mesh, ""
-        if curved is not None:
-            whole = on_whole_curves(result.mesh, curved)
-            remark = remark_on_sides(curved.flattened(whole))
-        mesh, nodes = with_layers(whole, corners, layers, rules.periodic, rules.curves)
-        number_facets(mesh)
+        mesh, corners, remark = layered(result, adaptation, layers, curved)
     with steps("solve"):
         if has_method(problem, "on_curves"):
-            problem = problem.on_curves(rules.curves or {})  # type: ignore[attr-defined]
+            problem = problem.on_curves(adaptation.settings.rules.curves or {})  # type: ignore[attr-defined]
         problem = AtOrder(problem, order)
         solution = solve(problem, mesh, result.mesh, result.solution)
     record = replace(assessed(result, problem, adaptation, mesh, solution), seconds=steps.seconds)
     history = (*result.history, record)
-    ending = stop(history, record, False, False)
-    on_layers = f" on {layers} layers at {nodes.size} corners" if nodes.size else ""
+    ending = ending_at_order(history, result.status, stop)
+    on_layers = f" on {layers} layers at {corners} corners" if corners else ""
     made = f"Solved with order {order}{on_layers}, {record.unknowns} unknowns."
-    if ending is None or ending.status is not Status.CONVERGED:
-        status = result.status if stop.tolerance(record) is None else Status.MAX_PASSES
-        text = f"Stopped after {count_text(history)}{stop.of_result.missed_text(record)}"
-        ending = Ending(status, f"{text}. {best_pass_text(record)}")
     return replace(
         result,
         mesh=mesh,
@@ -184,6 +174,28 @@ def at_order(
         message=f"{ending.message} {made}{remark}",
         nodes=record.nodes,
     )
+
+
+def layered(
+    result: AdaptResult, adaptation: Adaptation, layers: int, curved: MovableMesh | None
+) -> tuple[MeshTri, int, str]:
+    # Returned are the mesh with layers, the number of corners with layers, and a remark.
+    rules, corners = adaptation.settings.rules, corners_of_field(result, adaptation.problem)
+    whole, remark = result.mesh, ""
+    if curved is not None:
+        whole = on_whole_curves(result.mesh, curved)
+        remark = remark_on_sides(curved.flattened(whole))
+    mesh, nodes = with_layers(whole, corners, layers, rules.periodic, rules.curves)
+    number_facets(mesh)
+    return mesh, nodes.size, remark
+
+
+def ending_at_order(history: tuple[Pass, ...], status: Status, stop: StopTest) -> Ending:
+    record, ending = history[-1], stop(history, history[-1], False, False)
+    if ending is not None and ending.status is Status.CONVERGED:
+        return ending
+    text = f"Stopped after {count_text(history)}{stop.of_result.missed_text(record)}"
+    return Ending(status if stop.tolerance(record) is None else Status.MAX_PASSES, f"{text}. {best_pass_text(record)}")
 
 
 def remark_on_sides(distance: float) -> str:

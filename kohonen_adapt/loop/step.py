@@ -113,46 +113,54 @@ class Adaptation:
             number_facets(mesh)  # faster than scikit-fem, which numbers them otherwise in the solver
             solution = solve(self.problem, mesh, *((before.record.mesh, before.solution) if before else ()))
         with self.steps("estimate"):
-            indicators = estimate(self.problem, mesh, solution)
-            norm = energy_norm(self.problem, mesh, solution, self.settings.tolerance.rtol)
+            sides = Sides(self.problem, mesh, solution, self.curved_mesh())
+            estimated = self.estimated(sides)
             share = before.functional.share if before and before.functional else None
             functional, value, unpolished = self._functional(mesh, solution, share)
-            goal = goal_of(self.problem, solution)
-            sides = Sides(self.problem, mesh, solution, self.curved_mesh())
-            error = None if self.settings.tolerance.goal_rtol is None else goal_error(sides)
-            total = root_of_squares(indicators)
-            if goal is None and total <= (self.settings.tolerance.of_energy(norm) or 0.0):
-                total = sides.error_with_sides(total, self.settings.rules.curves)
-        qualities, length = quality(mesh), 1.0 if norm_of(self.problem) == "energy" else area(mesh) ** (1 / mesh.dim())
+        qualities = quality(mesh)
         outputs, unknowns = self.outputs(solution), count_unknowns(mesh, self.order)
         previous = before.record if before else None
         record = Pass(
             **vars(moved.work(self.movable, polish_gain) if moved else Work()),
+            **estimated,
             number=before.record.number + 1 if before else 0,
             mesh=mesh,
-            indicators=indicators,
             nodes=indices_in_input(before, moved, self.movable.nnodes, self.settings.growth.start),
             order=int(self.order),
             unknowns=unknowns,
-            estimate=total,
-            worth=root_of_squares(length * indicators),
-            energy_norm=norm,
-            calibrated=is_calibrated(self.problem),
             min_quality=float(qualities.min()),
             mean_quality=float(qualities.mean()),
             functional=value,
             comparable=functional is not None and functional.comparable,
             share=functional.share if functional else None,
             unpolished=unpolished,
-            goal=goal,
-            goal_error=error,
-            goal_unit="" if goal is None else goal_unit_of(self.problem),
             sagitta=self.movable.sagitta(),
             outputs=outputs,
             output_errors=self.output_errors(sides, outputs, unknowns, previous),
             seconds=self.steps.seconds,  # last, because outputs add their time
         )
         return Solved(record, solution, functional, sides.curved)
+
+    def estimated(self, sides: Sides) -> dict[str, Any]:
+        # fields of a `Pass`
+        problem, mesh, solution, tolerance = sides.problem, sides.mesh, sides.solution, self.settings.tolerance
+        indicators = estimate(problem, mesh, solution)
+        norm, goal = energy_norm(problem, mesh, solution, tolerance.rtol), goal_of(problem, solution)
+        total, length = root_of_squares(indicators), 1.0
+        if norm_of(problem) != "energy":
+            length = area(mesh) ** (1 / mesh.dim())
+        if goal is None and total <= (tolerance.of_energy(norm) or 0.0):
+            total = sides.error_with_sides(total, self.settings.rules.curves)
+        return {
+            "indicators": indicators,
+            "estimate": total,
+            "worth": root_of_squares(length * indicators),
+            "energy_norm": norm,
+            "calibrated": is_calibrated(problem),
+            "goal": goal,
+            "goal_error": None if tolerance.goal_rtol is None else goal_error(sides),
+            "goal_unit": "" if goal is None else goal_unit_of(problem),
+        }
 
     def assess_again(self, record: Pass) -> Solved:
         # Raises ValueError if indicators or signs of outputs differ from the stored values, which means another
