@@ -16,6 +16,8 @@ __all__ = ["MAX_NODES", "Growth", "GrowthByTolerance", "NodeCounts", "drift_of_n
 MAX_NODES = 200_000  # largest mesh of a run with a tolerance, unless another is given
 AIM = 0.9  # of the tolerance, because the error of adapted meshes is up to 1.15 times the estimate
 MAX_FACTOR = 3.0  # of the number of nodes per pass: the prediction from an ungraded mesh is coarse
+# Least growth on tetrahedra of order 2 after a pass with a growth by GREW, if the error requires as much.
+REGROWN = 1.25
 MISSED = 1.1  # least factor of the number of nodes after a pass that the prediction called large enough
 # Growth of the first pass, from which the next needs no more nodes than predicted: nodes placed anew gain much there.
 GREW = 1.5
@@ -129,9 +131,12 @@ class GrowthByTolerance:
         if last.number == 1 and now > GREW * self.start:
             wanted = max(now, wanted)
         elif last.number > 0 and last.estimate > 0.0 and (wanted < MISSED * now or drifts):
-            # Later passes gain little by placing, least of all at order 2 on tetrahedra.
-            missing = (last.estimate / aim) ** (self.dim / self.order) if aim > 0.0 else inf
-            wanted = max(wanted, now * max(MISSED, missing))
+            # Later passes gain little by placing, least of all at order 2 on tetrahedra, unless many nodes are new.
+            missing = max(MISSED, (last.estimate / aim) ** (self.dim / self.order) if aim > 0.0 else inf)
+            required = now * missing
+            if drifts and now > GREW * (now - last.splits + last.collapses):
+                required = max(now * min(missing, REGROWN), (wanted * required**2) ** (1.0 / 3.0))
+            wanted = max(wanted, required)
         least = now / MAX_FACTOR if self.removes else now
         return min(self.target, round(min(MAX_FACTOR * now, max(least, wanted))))
 

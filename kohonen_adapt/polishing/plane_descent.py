@@ -84,7 +84,7 @@ class PlaneDescent:
             total += min(gain, full_decrease)
         return self, total
 
-    def recycle_checked(self, sweeps: int, swap_first: bool) -> tuple[Self, float, bool]:
+    def recycle_checked(self, sweeps: int, swap_first: bool, whole: bool) -> tuple[Self, float, bool]:
         exchange = self.recycle()
         after = replace(self, trial=exchange.trial, recycled=exchange.recycled)
         decrease = exchange.decrease + after.descend_checked(sweeps, swap_first)[1]

@@ -33,10 +33,11 @@ class Descent(Protocol):
     # Sweep nodes and swap elements.
     def descend_checked(self, sweeps: int, swap_first: bool) -> tuple[Self, float]: ...
 
-    # Recycle and sweep. Returned last is whether a further recycling pays.
-    def recycle_checked(self, sweeps: int, swap_first: bool) -> tuple[Self, float, bool]: ...
+    # Recycle and sweep, with less effort if the plan is not `whole`, because the mesh grows. Returned last is whether a
+    # further recycling pays.
+    def recycle_checked(self, sweeps: int, swap_first: bool, whole: bool) -> tuple[Self, float, bool]: ...
 
-    # Most recyclings after the whole plan, or after a shorter plan while the mesh grows.
+    # Most recyclings after the plan.
     def further(self, whole: bool) -> int: ...
 
     # Write the result to the movable mesh, and return all recycled nodes.
@@ -51,11 +52,12 @@ def descend_and_recycle(descent: Descent, plan: Sequence[int] = PLAN) -> tuple[R
     swapped before the first sweep if nodes are recycled, so that useless nodes are detected earlier.
     """
     swap_first = pays = len(plan) > 1
-    further = descent.further(len(plan) >= len(PLAN)) if pays else 0
+    whole = len(plan) >= len(PLAN)
+    further = descent.further(whole) if pays else 0
     descent, gain = descent.descend_checked(plan[0], swap_first)
     for number, sweeps in enumerate([*plan[1:], *[plan[-1]] * further], start=1):
         if pays:
-            descent, decrease, pays = descent.recycle_checked(sweeps, swap_first)
+            descent, decrease, pays = descent.recycle_checked(sweeps, swap_first, whole)
         elif number < len(plan):
             descent, decrease = descent.descend_checked(sweeps, swap_first)
         else:

@@ -6,12 +6,13 @@ from helpers.devices import two_magnets
 from helpers.exact_fields import RECTANGLE, rectangle_mesh
 from helpers.meshes import l_shape, square
 from helpers.scalar_problems import Corner
+from helpers.solids import box
 from hypothesis import given
 from hypothesis import strategies as st
 
 import kohonen_adapt as ka
 from kohonen_adapt.loop.growth import predicted_nodes
-from kohonen_adapt.magnetostatics import FluxDensityAt, Force, Magnetostatics
+from kohonen_adapt.magnetostatics import FluxDensityAt, Force, MagneticScalarPotential, Magnetostatics, Material
 
 
 def magnet(**more):
@@ -39,6 +40,20 @@ def test_a_fine_mesh_gives_nodes_away():
     assert result.status is ka.Status.CONVERGED
     assert ka.adapt(mesh, magnet(order=2), passes=0).estimate > result.best.energy_norm * 0.01
     assert result.mesh.nvertices < 0.5 * mesh.nvertices
+
+
+@pytest.mark.parametrize("rtol", [0.06, 0.04])
+def test_tetrahedra_of_order_2_grow_no_more_than_the_tolerance_asks(rtol):
+    def inside(x):
+        return np.all(np.abs(x - 0.5) < 0.26, axis=0)
+
+    mesh = box(4).with_subdomains({"magnet": inside, "air": lambda x: ~inside(x)})
+    mesh = mesh.with_boundaries({"outer": mesh.boundary_facets()})
+    materials = {"magnet": Material(1.05, remanence=(0.0, 0.0, 1.0)), "air": Material()}
+    problem = MagneticScalarPotential(materials, {"outer": 0.0}, order=2)
+    result = ka.adapt(mesh, problem, rtol=rtol)
+    assert result.status is ka.Status.CONVERGED
+    assert 0.6 * rtol < result.estimate / result.best.energy_norm <= rtol
 
 
 def test_an_input_within_the_tolerance_is_given_back():

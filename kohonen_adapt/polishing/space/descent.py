@@ -210,10 +210,10 @@ class SpaceDescent:
         decrease = before.value() - self.value()
         return (self, decrease) if decrease > 0.0 else (before, 0.0)
 
-    def recycle_checked(self, sweeps: int, swap_first: bool) -> tuple[Self, float, bool]:
+    def recycle_checked(self, sweeps: int, swap_first: bool, whole: bool) -> tuple[Self, float, bool]:
         # A recycling may raise the functional, since sweeps and swaps lower the functional afterwards.
         before = self.copy()
-        pairs, decrease = self.recycle()
+        pairs, decrease = self.recycle(whole)
         decrease += self.descend(sweeps, swap_first)
         if self.functional.is_approximate:
             decrease = before.value() - self.value()
@@ -242,7 +242,7 @@ class SpaceDescent:
         self.sample_source()
         return swap_in_space(self.opened, parts, self.functional, self.trial, self.seen, self.floor)
 
-    def recycle(self) -> tuple[int, float]:
+    def recycle(self, whole: bool = True) -> tuple[int, float]:
         self.sample_source()
         return recycle_in_space(self.opened, self.functional, self.trial, self.floor)
 

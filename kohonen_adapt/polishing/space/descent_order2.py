@@ -38,7 +38,8 @@ FEW, PART = 1_000, 5_000  # nodes per thread at least, and per compiled call
 SPLITS = 10_000  # edges per compiled call
 SPARE, MORE = 4, 2 * SCRATCH_ROWS  # spare rows per node (inverse), and further spare rows
 FRACTION, SAMPLE, SEED = 7, 500, 0  # of nodes for the price of the first swaps (inverse), least number, random seed
-EXCHANGES = 3  # at most per recycling
+# Most exchanges per recycling of a whole plan. Otherwise one is made, because later nodes undo the effect of more.
+EXCHANGES = 3
 MANY = 0.02  # splits over nodes, below which an exchange is the last of its recycling
 MARGIN = 1.2  # smallest gain of a split per unknown, relative to the cost of its collapses
 
@@ -165,10 +166,10 @@ class QuadraticDescent(SpaceDescent):
     def added(self) -> int:
         return size_of(self.opened.mesh) - self.size
 
-    def recycle(self) -> tuple[int, float]:
+    def recycle(self, whole: bool = True) -> tuple[int, float]:
         self.sample_source()
         mesh, total, decrease = self.opened.mesh, 0, 0.0
-        for _ in range(EXCHANGES):
+        for _ in range(EXCHANGES if whole else 1):
             before, (offers, edges, nodes) = total, self.weigh(nodes_of(mesh))
             ends = mesh.elements.node[edges[:, None] // 6, EDGES[edges % 6, :2]]
             gains, state = offers.gain.ravel()[edges], np.array([self.added(), 0])
