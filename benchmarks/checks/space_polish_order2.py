@@ -14,13 +14,15 @@ CASES = ((EDGE, 8), (CUBE, 12), (FICHERA, 6), (MAGNET, 4))  # cells per unit
 QUICK = 2
 GRADING, ROUNDS, SWEEPS, PASSES = 4, 3, 4, 4
 RATE = 2.0 / 3.0  # of the error over unknowns
+STEPS, MOST_STEPS = 1.0 / 3.0, 1.45  # rate of steps of conjugate gradients over unknowns, and limit of their ratio
 
 
 def report(seeds: Sequence[int], quick: bool) -> str:
     """Unknowns and errors of graded meshes, and the factors by which a polish lowers these at equal unknowns.
 
     The graded mesh is that of `adapt` by the density alone. Three calls of the polish follow, without and with swaps,
-    each with its solution, and `adapt` from the same uniform mesh. Processor time is that of `adapt`, warm.
+    each with its solution, and `adapt` from the same uniform mesh. Processor time is that of `adapt`, warm. Last are
+    the steps of conjugate gradients after `adapt` over those of the graded mesh, at equal unknowns.
     """
     rows = []
     for solid, cells in CASES[: QUICK if quick else None]:
@@ -35,17 +37,19 @@ def report(seeds: Sequence[int], quick: bool) -> str:
             result = ka.adapt(mesh, problem, passes=PASSES, seed=seed)
             end = measured(problem, result.mesh)
             seconds = time.process_time() - begin
-            rows.append([solid.name, *start, *factors, factor(start, end), *end, seconds])
-    head = ["", "N", "graded", "sweeps", "and swaps", "adapt", "N", "error", "s"]
+            steps = end[2] / start[2] * (start[0] / end[0]) ** STEPS
+            rows.append([solid.name, *start[:2], *factors, factor(start, end), *end[:2], seconds, steps])
+    head = ["", "N", "graded", "sweeps", "and swaps", "adapt", "N", "error", "s", f"CG (limit {MOST_STEPS})"]
     return aligned(head, rows)
 
 
-def measured(problem: Quadratic, mesh: MeshTet) -> tuple[int, float]:
-    """Unknowns and error."""
-    return mesh.nvertices + mesh.nedges, problem.error(mesh, problem.solve(mesh))
+def measured(problem: Quadratic, mesh: MeshTet) -> tuple[int, float, int]:
+    """Unknowns, error, and steps of conjugate gradients."""
+    u, steps = problem.solve_and_count(mesh)
+    return mesh.nvertices + mesh.nedges, problem.error(mesh, u), steps
 
 
-def factor(before: tuple[int, float], after: tuple[int, float]) -> float:
+def factor(before: tuple[int, float, int], after: tuple[int, float, int]) -> float:
     """Of the errors, at equal unknowns."""
     return before[1] / after[1] * (before[0] / after[0]) ** RATE
 

@@ -42,12 +42,19 @@ class Quadratic:
 
     def solve(self, mesh: MeshTet) -> np.ndarray:
         """The solution at the unknowns."""
+        return self.solve_and_count(mesh)[0]
+
+    def solve_and_count(self, mesh: MeshTet) -> tuple[np.ndarray, int]:
+        """The solution at the unknowns, and the steps of conjugate gradients with the diagonal."""
+        steps = list[None]()
         stiffness, load, fixed = self.system(mesh)
         matrix, right, u, free = condense(stiffness, load, D=np.flatnonzero(fixed))
-        u[free], failed = cg(matrix, right, rtol=CLOSE, M=jacobi(matrix), maxiter=10_000)
+        u[free], failed = cg(
+            matrix, right, rtol=CLOSE, M=jacobi(matrix), maxiter=10_000, callback=lambda _: steps.append(None)
+        )
         if failed:
             raise RuntimeError(f"conjugate gradients did not come to {CLOSE:g} with {right.size} unknowns.")
-        return u
+        return u, len(steps)
 
     def error(self, mesh: MeshTet, u: np.ndarray) -> float:
         """Of a solution, in the energy norm."""
