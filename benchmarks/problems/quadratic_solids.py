@@ -23,10 +23,14 @@ class Quadratic:
 
     def system(self, mesh: MeshTet) -> tuple[csr_array, np.ndarray, np.ndarray]:
         """Stiffness, load, and the mask of the given values."""
-        basis, nu, flux = self.constants(mesh)
+        basis, nu, _ = self.constants(mesh)
         stiffness = BilinearForm(lambda u, v, w: nu * dot(grad(u), grad(v))).assemble(basis)
-        load = LinearForm(lambda v, w: self.solid.source * v + dot(flux, grad(v))).assemble(basis)
-        return stiffness, load, self.given(basis)
+        return stiffness, self.load(mesh), self.given(basis)
+
+    def load(self, mesh: MeshTet) -> np.ndarray:
+        """Source and flux against all functions; times a solution, the square of its energy norm."""
+        basis, _, flux = self.constants(mesh)
+        return LinearForm(lambda v, w: self.solid.source * v + dot(flux, grad(v))).assemble(basis)
 
     def given(self, basis: Basis) -> np.ndarray:
         """Mask of the unknowns whose values are given."""
@@ -58,8 +62,11 @@ class Quadratic:
 
     def error(self, mesh: MeshTet, u: np.ndarray) -> float:
         """Of a solution, in the energy norm."""
-        _, load, _ = self.system(mesh)
-        return float(np.sqrt(max(0.0, 2.0 * (-0.5 * load @ u - self.solid.energy))))
+        return float(np.sqrt(max(0.0, 2.0 * (-0.5 * self.load(mesh) @ u - self.solid.energy))))
+
+    def energy_norm(self, mesh: MeshTet, u: np.ndarray) -> float:
+        """Of a solution."""
+        return float(np.sqrt(self.load(mesh) @ u))
 
     def indicators(self, mesh: MeshTet, u: np.ndarray) -> np.ndarray:
         """The residual in elements and the jumps of the normal flux at corners of facets, weighted as at order 1."""
