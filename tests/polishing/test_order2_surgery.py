@@ -136,7 +136,7 @@ def test_the_number_of_threads_changes_nothing(monkeypatch):
     np.testing.assert_array_equal(meshes[0].t, meshes[1].t)
 
 
-@examples(25)
+@examples(100)
 @given(flat_solids(), st.booleans())
 def test_random_bodies_keep_volumes_names_surfaces_and_quality(case, zero_outside):
     mesh, _, _ = case
