@@ -156,8 +156,8 @@ def test_exchanges_that_sweeps_do_not_win_back_are_undone(monkeypatch):
     told = at.swap()
     at.opened.write_back(swapped)
 
-    def dear(descent):
-        pairs.append(exchange(descent)[0])
+    def dear(descent, whole):
+        pairs.append(exchange(descent, whole)[0])
         return pairs[-1], -1e3
 
     monkeypatch.setattr(SpaceDescent, "recycle", dear)
