@@ -121,8 +121,6 @@ def weigh_splits_order2(mesh, quadratic, offers, p, floor, nodes):
     cavity, position = mesh.cavity, mesh.position
     for i in range(len(nodes)):
         v = np.int64(nodes[i])
-        if mesh.pool.anchor[v] < 0:
-            continue
         count = gather_around(mesh, v, cavity.old)
         for j in range(list_neighbours(mesh, v, count)):
             w = np.int64(cavity.made[j])
