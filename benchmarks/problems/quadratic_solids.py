@@ -23,13 +23,12 @@ class Quadratic:
 
     def system(self, mesh: MeshTet) -> tuple[csr_array, np.ndarray, np.ndarray]:
         """Stiffness, load, and the mask of the given values."""
-        basis, nu, _ = self.constants(mesh)
+        basis, nu, flux = self.constants(mesh)
         stiffness = BilinearForm(lambda u, v, w: nu * dot(grad(u), grad(v))).assemble(basis)
-        return stiffness, self.load(mesh), self.given(basis)
+        return stiffness, self.load(basis, flux), self.given(basis)
 
-    def load(self, mesh: MeshTet) -> np.ndarray:
-        """Source and flux against all functions; times a solution, the square of its energy norm."""
-        basis, _, flux = self.constants(mesh)
+    def load(self, basis: Basis, flux: np.ndarray) -> np.ndarray:
+        """Source and flux against all functions."""
         return LinearForm(lambda v, w: self.solid.source * v + dot(flux, grad(v))).assemble(basis)
 
     def given(self, basis: Basis) -> np.ndarray:
@@ -62,11 +61,12 @@ class Quadratic:
 
     def error(self, mesh: MeshTet, u: np.ndarray) -> float:
         """Of a solution, in the energy norm."""
-        return float(np.sqrt(max(0.0, 2.0 * (-0.5 * self.load(mesh) @ u - self.solid.energy))))
+        return float(np.sqrt(max(0.0, 2.0 * (-0.5 * self.work(mesh, u) - self.solid.energy))))
 
-    def energy_norm(self, mesh: MeshTet, u: np.ndarray) -> float:
-        """Of a solution."""
-        return float(np.sqrt(self.load(mesh) @ u))
+    def work(self, mesh: MeshTet, u: np.ndarray) -> float:
+        """The load times a solution, which is the square of its energy norm."""
+        basis, _, flux = self.constants(mesh)
+        return float(self.load(basis, flux) @ u)
 
     def indicators(self, mesh: MeshTet, u: np.ndarray) -> np.ndarray:
         """The residual in elements and the jumps of the normal flux at corners of facets, weighted as at order 1."""

@@ -158,6 +158,10 @@ class Solid:
         x, slope = np.asarray(basis.global_coordinates()), basis.interpolate(u).grad
         return float(np.sqrt(np.sum(((slope + (x - 0.5) / WIDTH**2 * bump(x)) ** 2).sum(axis=0) * basis.dx)))
 
+    def work(self, mesh: MeshTet, u: np.ndarray) -> float:
+        """The load times a solution, which is the square of its energy norm if u is zero where it is given."""
+        return float(self.system(mesh)[1] @ u)
+
     def indicators(self, mesh: MeshTet, u: np.ndarray) -> np.ndarray:
         """The residual estimate of every element."""
         nu, flux = (table[..., self.regions(mesh)] for table in TABLES)
