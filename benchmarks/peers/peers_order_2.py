@@ -26,6 +26,8 @@ TARGET_OF_TIME = 0.6  # of Mmg3d's
 RATE = 2.0 / 3.0  # of the error over unknowns
 FLOORS = (0.2, 0.1)
 MMG = "Mmg3d"
+Solved = tuple[MeshTet, np.ndarray]
+Method = Callable[[int], Solved]  # by seed
 HEADER = ("unknowns", "error", "of the limit", "least quality", "CPU s")
 
 
@@ -64,43 +66,49 @@ def to_limit(
     return aligned(["to the limit: floor", "passes", "error", "limit", "CPU s", "Mmg3d's", "ratio", "target"], rows)
 
 
-def methods(problem: Quadratic, start: MeshTet, unknowns: int) -> dict[str, Callable[[int], MeshTet]]:
-    """Meshes by seed: refinement and Mmg3d, and this package without a polish and with floors of the quality."""
-    found: dict[str, Callable[[int], MeshTet]] = {"refined by scikit-fem": lambda _: refined(problem, unknowns)}
+def methods(problem: Quadratic, start: MeshTet, unknowns: int) -> dict[str, Method]:
+    """Refinement and Mmg3d, and this package without a polish and with floors of the quality."""
+    found: dict[str, Method] = {"refined by scikit-fem": lambda _: refined(problem, unknowns)}
     if not wheels.missing("mmgpy"):
-        found[MMG] = lambda _: adapted(problem, start, sizes, mmg_in_space)
+        found[MMG] = lambda _: remeshed(problem, start)
     found["this package, graded"] = partial(ours, problem, start, PASSES, False, FLOORS[0])
     for floor in FLOORS:
         found[f"this package, floor {floor}"] = partial(ours, problem, start, PASSES, True, floor)
     return found
 
 
-def ours(problem: Quadratic, start: MeshTet, passes: int, polish: bool, floor: float, seed: int) -> MeshTet:
+def ours(problem: Quadratic, start: MeshTet, passes: int, polish: bool, floor: float, seed: int) -> Solved:
     """What this package makes of the start."""
-    return ka.adapt(start, problem, passes=passes, polish=polish, min_quality=floor, seed=seed).mesh
+    result = ka.adapt(start, problem, passes=passes, polish=polish, min_quality=floor, seed=seed)
+    return result.mesh, result.solution
 
 
-def described(problem: Quadratic, method: Callable[[int], MeshTet], seed: int, unknowns: int) -> tuple[float, ...]:
-    """Unknowns, error scaled to `unknowns`, least quality, and processor time with the last solve."""
+def remeshed(problem: Quadratic, start: MeshTet) -> Solved:
+    """What Mmg3d's loop makes of the start, which ends with a mesh that is not solved yet."""
+    mesh = problem.solid.named(adapted(problem, start, sizes, mmg_in_space))
+    return mesh, problem.solve(mesh)
+
+
+def described(problem: Quadratic, method: Method, seed: int, unknowns: int) -> tuple[float, ...]:
+    """Unknowns, error scaled to `unknowns`, least quality, and processor time with all solves."""
     began = time.process_time()
-    mesh = problem.solid.named(method(seed))
-    u = problem.solve(mesh)
+    mesh, u = method(seed)
     seconds, count = time.process_time() - began, u.size
     return count, problem.error(mesh, u) * (count / unknowns) ** RATE, float(ka.quality(mesh).min()), seconds
 
 
-def refined(problem: Quadratic, unknowns: int) -> MeshTet:
+def refined(problem: Quadratic, unknowns: int) -> Solved:
     """scikit-fem's adaptive refinement of the coarsest mesh, where it comes nearest to a number of unknowns.
 
     Names are asked of the problem again for every solution, as in `peers_in_space`.
     """
-    mesh, meshes = problem.solid.coarsest(), list[tuple[float, MeshTet]]()
+    mesh, meshes = problem.solid.coarsest(), list[Solved]()
     while True:
         named = problem.solid.named(mesh)
         u = problem.solve(named)
-        meshes.append((abs(np.log(u.size / unknowns)), named))
+        meshes.append((named, u))
         if u.size >= unknowns:
-            return min(meshes, key=lambda each: each[0])[1]
+            return min(meshes, key=lambda each: abs(np.log(each[1].size / unknowns)))
         eta = problem.indicators(named, u) ** 2
         order = np.argsort(-eta)
         last = np.searchsorted(np.cumsum(eta[order]), BULK * eta.sum())
