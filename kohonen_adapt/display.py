@@ -24,6 +24,7 @@ __all__ = [
     "plural",
     "significant",
     "straight_and_curved",
+    "straight_and_curved_elements",
 ]
 
 UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
@@ -52,9 +53,24 @@ def straight_and_curved(mesh: MeshTri, facets: Ints) -> tuple[Ints, Floats]:
     """Return straight facets, and points on the curved facets, (2, PARTS + 1, n)."""
     off = facet_midside_offsets(mesh)[:, facets]
     curved = np.any(off, axis=0)
-    share = np.linspace(0.0, 1.0, PARTS + 1)[:, None]
-    (a, b), bow = np.moveaxis(mesh.p[:, mesh.facets[:, facets[curved]]], 1, 0)[:, :, None], off[:, None, curved]
-    return facets[~curved], (1.0 - share) * a + share * b + 4.0 * share * (1.0 - share) * bow
+    a, b = np.moveaxis(mesh.p[:, mesh.facets[:, facets[curved]]], 1, 0)
+    return facets[~curved], _on_parabolas(a, b, off[:, curved]).transpose(1, 0, 2)
+
+
+def straight_and_curved_elements(mesh: MeshTri) -> tuple[Ints, Ints, Floats]:
+    # outlines of shape (n, 3 PARTS, 2) of the curved elements
+    off = midside_offsets(mesh)
+    curved = np.any(off, axis=(1, 2))
+    corners = mesh.p[:, mesh.t[:, curved]].T  # (n, 3, 2)
+    points = _on_parabolas(corners, np.roll(corners, -1, axis=1), np.roll(off[curved], 1, axis=1))
+    outlines = points[:-1].transpose(1, 2, 0, 3).reshape(-1, 3 * PARTS, 2)
+    return np.flatnonzero(~curved), np.flatnonzero(curved), outlines
+
+
+def _on_parabolas(start: Floats, end: Floats, bow: Floats) -> Floats:
+    # points of all parabolas along the first axis
+    share = np.linspace(0.0, 1.0, PARTS + 1).reshape(-1, *(1 for _ in start.shape))
+    return (1.0 - share) * start + share * end + 4.0 * share * (1.0 - share) * bow
 
 
 def counted(count: int, what: str) -> str:

@@ -303,11 +303,9 @@ def plot_bh(law: Law, ax: Axes | None = None) -> Axes:
 
 
 def axes_of(axes_or_none: Axes | None, *, height: float = 4.4) -> Axes:
-    return (
-        Figure(figsize=(6.4, height), dpi=160, layout="constrained").subplots()
-        if axes_or_none is None
-        else axes_or_none
-    )
+    if axes_or_none is None:
+        return Figure(figsize=(6.4, height), dpi=160, layout="compressed").subplots()
+    return axes_or_none
 
 
 def _rule(axes: Axes) -> None:

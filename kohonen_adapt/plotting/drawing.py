@@ -1,9 +1,11 @@
 """Drawings of meshes, element values and field lines on matplotlib axes."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.collections import Collection
+from matplotlib.collections import Collection, PolyCollection
 from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
@@ -22,6 +24,7 @@ from kohonen_adapt.display import (
     level_of_share,
     outlined_facets,
     straight_and_curved,
+    straight_and_curved_elements,
 )
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.measures import area
@@ -253,15 +256,19 @@ def draw_elements(
         values = _on_finer_lattice(mesh, values)
         fine = divided(mesh, divisions_of(len(values)))
         x, y = in_unit(unit) * fine.p
-        look = {"shading": "gouraud", "rasterized": True}
-        return axes.tripcolor(x, y, fine.t.T, values.ravel(), norm=norm, cmap=colours, **look)
-    if is_second_order(mesh):
-        mesh, values = divided(mesh, PARTS), np.tile(values, PARTS**2)
-    x, y = in_unit(unit) * mesh.p
+        return axes.tripcolor(
+            x, y, fine.t.T, values.ravel(), norm=norm, cmap=colours, shading="gouraud", rasterized=True
+        )
     # Edges in the colour of the element close the light gaps of antialiasing.
-    return axes.tripcolor(
-        x, y, mesh.t.T, facecolors=values, norm=norm, cmap=colours, edgecolors="face", linewidths=0.2, rasterized=True
-    )
+    look: Any = {"norm": norm, "cmap": colours, "edgecolors": "face", "linewidths": 0.2, "rasterized": True}
+    if is_second_order(mesh):
+        straight, curved, outlines = straight_and_curved_elements(mesh)
+        polygons = [in_unit(unit) * outline for outline in (*mesh.p[:, mesh.t[:, straight]].T, *outlines)]
+        shades = PolyCollection(polygons, array=values[np.concatenate([straight, curved])], **look)
+        axes.add_collection(shades, autolim=False)
+        return shades
+    x, y = in_unit(unit) * mesh.p
+    return axes.tripcolor(x, y, mesh.t.T, facecolors=values, **look)
 
 
 def _draw_facets(axes: Axes, mesh: MeshTri, facets: Ints, unit: str, colour: str, width: float) -> None:
