@@ -141,13 +141,14 @@ def value_of_order_2(
 
 def curved_value(corners: Floats, offset: Floats, coefficients: Floats, region: Ints, ritz: Ritz) -> float:
     # The same for curved elements, with midside offsets (3, 6, m) in the order of scikit-fem.
-    total = np.zeros(coefficients.shape[1])
+    # Laws are evaluated for all points at once.
+    total, found = 0.0, list[tuple[Floats, Floats, Ints]]()
     for six, slopes, functions, source, rows in at_curved_points(corners, offset, region, ritz):
-        slope = np.einsum("dkm,km->dm", slopes, coefficients[:, rows])
-        total[rows] += six * (
-            density_in_space(slope, region[rows], ritz) - source * (functions @ coefficients[:, rows])
-        )
-    return float(np.sum(total))
+        own = coefficients[:, rows]
+        found.append((six, np.einsum("dkm,km->dm", slopes, own), region[rows]))
+        total -= float(six @ (source * (functions @ own)))
+    weights, slope, regions = (np.concatenate(each, axis=-1) for each in zip(*found, strict=True))
+    return total + float(weights @ density_in_space(slope, regions, ritz))
 
 
 def at_curved_points(

@@ -28,6 +28,7 @@ VACUUM_RELUCTIVITY = 1.0 / VACUUM_PERMEABILITY  # m/H
 
 EPSILON = float(np.finfo(float).eps)
 MOST_STEPS = 200  # of the inversion of a law; 100 bisections suffice
+FREE_STEPS = 2  # of Newton's method for all values, after which most have converged
 PIECES = 512  # of the table of a law from which its inversion starts
 
 
@@ -283,8 +284,13 @@ def flux_density_of(law: Law, h: Floats) -> Floats:
     grid = top * np.arange(PIECES + 1) / PIECES
     strength = np.asarray(law.field_strength(grid))
     piece = np.clip(np.searchsorted(strength, target, side="right") - 1, 0, PIECES - 1)
-    low, high, found = grid[piece], grid[piece + 1], np.interp(target, strength, grid)
-    change, rows = high - low, np.flatnonzero(target > 0.0)  # rows are not converged
+    low, high, lowest = grid[piece], grid[piece + 1], strength[piece]
+    found = low + (target - lowest) * ((high - low) / (strength[piece + 1] - lowest))
+    for _ in range(FREE_STEPS):
+        found = np.clip(found - (law.field_strength(found) - target) / law.slope(found), low, high)
+    slope = law.slope(found)
+    far = np.abs(law.field_strength(found) - target) > 2.0 * EPSILON * (found * slope + target)
+    change, rows = high - low, np.flatnonzero(far)  # rows are not converged
     for _ in range(MOST_STEPS):
         b, slope = found[rows], law.slope(found[rows])
         residual = law.field_strength(b) - target[rows]
