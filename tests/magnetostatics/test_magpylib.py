@@ -41,10 +41,10 @@ def cuboid(name, length):
 @pytest.fixture(scope="module")
 def field():
     places = {name: sides(centre, half) for name, (centre, half, _) in MAGNETS.items()}
-    mesh = box(*2 * [np.linspace(-0.03, 0.03, 121)], places)
+    mesh = box(*2 * [np.linspace(-0.03, 0.03, 61)], places)
     materials = {name: Material(remanence=(MU0 * m[0], MU0 * m[1])) for name, (_, _, m) in MAGNETS.items()}
     problem = Magnetostatics({**materials, "air": Material()}, potential={"outer": potential})
-    return ka.adapt(mesh, problem).solution
+    return ka.adapt(mesh, problem, passes=2).solution
 
 
 def test_flux_density(field):
