@@ -1,6 +1,7 @@
 """Damped Newton's method for convex functionals."""
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, Self
 
@@ -11,7 +12,7 @@ from kohonen_adapt.magnetostatics.equations.system import Reduced, Solver
 
 __all__ = ["TOLERANCE", "Convex", "Newton", "NewtonStep", "NotConverged", "refuse_unconverged"]
 
-TOLERANCE = 1e-8  # of the relative residual and of the relative update
+TOLERANCE = 1e-8  # of the relative residual and of the relative change by all further steps
 DESCENT = 1e-4  # fraction of the descent predicted by the slope that a step must reach (Armijo)
 LEAST_DAMPING = 2.0**-40  # least damping
 PATIENCE = 4  # steps without a new least functional
@@ -70,17 +71,21 @@ class NewtonStep:
     functional
         ``int (int H . dB) - J A`` after the step, in J/m (axisymmetric: J); in space the co-energy ``int (int B . dH)``
         in J.
+    remaining
+        Estimate of the change by all further steps, like `update`: the geometric series of the last two updates if
+        whole steps shrink to less than half, else the update.
     """
 
     residual: float
     update: float
     damping: float
     functional: float
+    remaining: float
 
     @property
     def converged(self) -> bool:
-        """True if residual and update are at most `TOLERANCE`."""
-        return self.residual <= TOLERANCE and self.update <= TOLERANCE
+        """True if residual and remaining change are at most `TOLERANCE`."""
+        return self.residual <= TOLERANCE and self.remaining <= TOLERANCE
 
 
 class NotConverged(np.linalg.LinAlgError):
@@ -155,7 +160,7 @@ class Newton:
                 break
             after = u + change
             functional, rounding = energy.value(after)
-            step = _recorded(energy, after, change, energy.residual(after), 1.0, functional)
+            step = _recorded(energy, after, change, energy.residual(after), 1.0, functional, steps[-1:])
             if alone and step.residual > SLOW * steps[-1].residual:
                 pause *= 2
                 wait = pause
@@ -192,7 +197,7 @@ class Newton:
             damping, level = _damping(energy, u, step, float(gradient @ step[free]), level)
             u = u + damping * step
             gradient, size = energy.residual(u)
-            steps.append(_recorded(energy, u, damping * step, (gradient, size), damping, level[0]))
+            steps.append(_recorded(energy, u, damping * step, (gradient, size), damping, level[0], steps[-1:]))
             if damping < LEAST_DAMPING:
                 break
         return u, tuple(steps)
@@ -210,16 +215,29 @@ def _damping(
 
 
 def _recorded(
-    energy: Convex, u: Floats, change: Floats, residual: tuple[Floats, float], damping: float, functional: float
+    energy: Convex,
+    u: Floats,
+    change: Floats,
+    residual: tuple[Floats, float],
+    damping: float,
+    functional: float,
+    last: Sequence[NewtonStep],
 ) -> NewtonStep:
     gradient, size = residual
     relative = _norm(energy.conditions.to_classes(gradient)) / max(size, np.finfo(float).tiny)
-    step = NewtonStep(relative, _norm(change) / max(_norm(u), np.finfo(float).tiny), damping, functional)
+    update = _norm(change) / max(_norm(u), np.finfo(float).tiny)
+    step = NewtonStep(relative, update, damping, functional, _remaining(update, damping, last))
     logger.debug(
         "Newton step: relative residual %.2e, relative update %.2e, damping %g, functional %.9g",
         *(step.residual, step.update, damping, functional),
     )
     return step
+
+
+def _remaining(update: float, damping: float, last: Sequence[NewtonStep]) -> float:
+    if not last or min(damping, last[0].damping) < 1.0 or update >= 0.5 * last[0].update:
+        return update
+    return update**2 / (last[0].update - update)
 
 
 def _norm(values: Floats) -> float:
