@@ -21,7 +21,7 @@ except ImportError:  # numba 0.61
     from numba.core.caching import _InTreeCacheLocator as InTreeCacheLocator
     from numba.core.caching import _UserProvidedCacheLocator as UserProvidedCacheLocator
 
-__all__ = ["KernelCache", "is_cacheable", "is_cached"]
+__all__ = ["DeferredCache", "is_cacheable", "is_cached"]
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -135,6 +135,20 @@ class _ReadOnlyLocator(InTreeCacheLocator):
 
 class _KernelCode(CompileResultCacheImpl):
     _locator_classes: ClassVar = [*CompileResultCacheImpl._locator_classes, _ReadOnlyLocator]
+
+
+class DeferredCache:
+    # A `KernelCache` from its first use on. numba tries to write a file for each, which is a third of the import.
+
+    def __init__(self, function: Callable, compiler: str) -> None:
+        self._arguments = function, compiler
+
+    @functools.cached_property
+    def _cache(self) -> "KernelCache":
+        return KernelCache(*self._arguments)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._cache, name)
 
 
 class KernelCache(FunctionCache):

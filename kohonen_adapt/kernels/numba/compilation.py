@@ -17,7 +17,7 @@ if not PLAIN:
     from kohonen_adapt.kernels.numba.compiler import InnerCompiler, KernelCompiler, Loop
     from kohonen_adapt.kernels.numba.fast_records import RecordType, register
 if CACHED:
-    from kohonen_adapt.kernels.numba.cache import KernelCache
+    from kohonen_adapt.kernels.numba.cache import DeferredCache
 
 __all__ = ["expect", "expected", "inner_kernel", "interpreted", "kernel", "number_of_threads", "record", "record_type"]
 
@@ -87,5 +87,5 @@ def _compiled(function: Callable, inner: bool) -> Callable:
         options = {**OPTIONS, "no_cpython_wrapper": inner}
         loop = Loop(function, targetoptions=options, pipeline_class=InnerCompiler if inner else KernelCompiler)
     if CACHED:
-        loop._cache = KernelCache(function, "plain" if PLAIN else "fast")
+        loop._cache = DeferredCache(function, "plain" if PLAIN else "fast")
     return loop
