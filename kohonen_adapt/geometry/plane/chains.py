@@ -8,7 +8,7 @@ import logging
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy  # loads `scipy.interpolate` at its first use
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.curves import NEAR, Arc, Curve, Line, projected, size_of
@@ -162,7 +162,7 @@ def spline_knots(curve: Curve, nodes: Floats, closed: bool, name: str) -> Floats
                 "Name what is on either side of it apart."
             )
         parameter = np.append(0.0, np.cumsum(steps))
-        spline = CubicSpline(parameter, points, bc_type="periodic" if closed else "not-a-knot")
+        spline = scipy.interpolate.CubicSpline(parameter, points, bc_type="periodic" if closed else "not-a-knot")
         middle = spline(0.5 * (parameter[1:] + parameter[:-1]))
         distance = np.max(np.abs(projected(curve, middle, name) - middle))
         if distance <= FINE * size_of(nodes) or 2 * samples > most:
@@ -188,7 +188,7 @@ def knots_through(nodes: Floats, offset: Floats, closed: bool) -> Floats:
     if closed:
         points[-1] = points[0]
     length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
-    spline = CubicSpline(length, points, bc_type="periodic" if closed else "not-a-knot")
+    spline = scipy.interpolate.CubicSpline(length, points, bc_type="periodic" if closed else "not-a-knot")
     start, middle, end = (rows[:, None] for rows in (length[:-1:2], length[1::2], length[2::2]))
     fraction = np.arange(2 * SPANS) / SPANS
     along = np.where(fraction <= 1.0, start + fraction * (middle - start), middle + (fraction - 1.0) * (end - middle))

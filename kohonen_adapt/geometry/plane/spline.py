@@ -6,8 +6,8 @@ from math import factorial
 from typing import NamedTuple
 
 import numpy as np
+import scipy  # loads `scipy.interpolate` at its first use
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline, PPoly
 from scipy.spatial import cKDTree
 from skfem import MeshTri
 from skfem.mesh import MeshTri1
@@ -192,7 +192,7 @@ class Spline:
 
 
 class Samples(NamedTuple):
-    curve: PPoly  # pieces in a row, each followed by an interval that is no part of the curve
+    curve: "scipy.interpolate.PPoly"  # pieces in a row, each followed by an interval that is no part of the curve
     t: Floats  # (s,) ascending
     before: Ints  # (s,) neighbours on the same piece; at its ends the sample itself
     after: Ints
@@ -210,14 +210,14 @@ def _sampled(pieces: Sequence[Floats], closed: Sequence[bool]) -> Samples:
     cubics, knots, parameters, reach = [], [], [], 0.0
     for piece, chord, loop in zip(points, chords, closed, strict=True):
         own = np.append(0.0, np.cumsum(chord)) / total
-        spline = CubicSpline(own, piece.T, bc_type="periodic" if loop else "not-a-knot")
+        spline = scipy.interpolate.CubicSpline(own, piece.T, bc_type="periodic" if loop else "not-a-knot")
         at_end = [spline(own[-1], order) / factorial(order) for order in (3, 2, 1)]
         cubics += [spline.c, np.stack([*at_end, piece[:, -1]])[:, None]]
         t, far = _refined(spline, own)
         knots.append(start + own)
         parameters.append(start + t)
         start, reach = knots[-1][-1] + 1.0 / len(points), max(reach, far)
-    curve = PPoly(np.concatenate(cubics, axis=1), np.append(np.concatenate(knots), start))
+    curve = scipy.interpolate.PPoly(np.concatenate(cubics, axis=1), np.append(np.concatenate(knots), start))
     t, first = np.concatenate(parameters), np.cumsum([0, *map(len, parameters)])
     before, after = np.arange(len(t)) - 1, np.arange(len(t)) + 1
     before[first[:-1]] += 1
@@ -225,7 +225,7 @@ def _sampled(pieces: Sequence[Floats], closed: Sequence[bool]) -> Samples:
     return Samples(curve, t, before, after, curve(t), reach, cKDTree(curve(t)))
 
 
-def _refined(spline: CubicSpline, t: Floats) -> tuple[Floats, float]:
+def _refined(spline: "scipy.interpolate.CubicSpline", t: Floats) -> tuple[Floats, float]:
     """Return parameters between which a piece is nearly straight, and the reach.
 
     The distance of the curve from a chord is at most an eighth of the second derivative times the squared interval. The

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy  # loads `scipy.interpolate` at its first use
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, VACUUM_RELUCTIVITY, Continued
@@ -63,10 +63,10 @@ class Table(Continued):
         self._interpolate(*array.T)
 
     def _interpolate(self, b: Floats, h: Floats) -> None:
-        slope, secant = PchipInterpolator(b, h).derivative()(b), np.diff(h) / np.diff(b)
+        slope, secant = scipy.interpolate.PchipInterpolator(b, h).derivative()(b), np.diff(h) / np.diff(b)
         # scipy's end slope can be zero, an infinite permeability. Up to 3 secants the curve remains monotone.
         slope[[0, -1]] = np.clip(slope[[0, -1]], 0.5 * secant[[0, -1]], 3.0 * secant[[0, -1]])
-        curve = CubicHermiteSpline(b, h, slope)
+        curve = scipy.interpolate.CubicHermiteSpline(b, h, slope)
         functions = {"_strength": curve, "_slope": curve.derivative(), "_energy": curve.antiderivative()}
         for name, function in functions.items():
             object.__setattr__(self, name, function)

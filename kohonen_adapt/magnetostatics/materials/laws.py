@@ -6,7 +6,7 @@ from math import pi
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy  # loads `scipy.optimize` at its first use
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_number
@@ -117,7 +117,8 @@ class Brauer(Continued):
                 f"m/H; got {self.k1 + self.k2:g}. Are they in other units?"
             )
         bound = np.sqrt(np.log(VACUUM_RELUCTIVITY / self.k2) / self.k3)
-        object.__setattr__(self, "end", brentq(lambda b: float(self._slope(b)) - VACUUM_RELUCTIVITY, 0.0, bound))
+        end = scipy.optimize.brentq(lambda b: float(self._slope(b)) - VACUUM_RELUCTIVITY, 0.0, bound)
+        object.__setattr__(self, "end", end)
 
     def _strength(self, b: Floats) -> Floats:
         return (self.k1 + self.k2 * np.exp(self.k3 * b**2)) * b
