@@ -146,9 +146,9 @@ def curved_value(corners: Floats, offset: Floats, coefficients: Floats, region: 
     for six, slopes, functions, source, rows in at_curved_points(corners, offset, region, ritz):
         own = coefficients[:, rows]
         found.append((six, np.einsum("dkm,km->dm", slopes, own), region[rows]))
-        total -= float(six @ (source * (functions @ own)))
+        total -= float(np.sum(six * source * (functions @ own)))
     weights, slope, regions = (np.concatenate(each, axis=-1) for each in zip(*found, strict=True))
-    return total + float(weights @ density_in_space(slope, regions, ritz))
+    return total + float(np.sum(weights * density_in_space(slope, regions, ritz)))
 
 
 def at_curved_points(
