@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.processes import wait_until
+from scipy.interpolate import CubicSpline
 
 pytestmark = pytest.mark.slow
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-EVERY = {"motor": 3, "actuator": 10}  # of the 30 cases
+EVERY = {"motor": 3, "actuator": 5}  # of the 30 cases
 
 
 def begin(name, folder):
@@ -90,8 +91,9 @@ def test_torque_repeats_after_a_slot_pitch(motor):
     assert torque[:pitch].mean() == pytest.approx(41.98, rel=2e-3)  # the electric power of examples/motor.py
 
 
-def test_force_is_between_the_differences_of_the_co_energy(actuator):
+def test_force_is_the_slope_of_the_co_energy(actuator):
     """F = dW'/dgap at constant current, though one is told by the field around the plunger, the other by all of it."""
     gap, force, coenergy = actuator["gap_mm"], actuator["force (N)"], actuator["co-energy (J)"]
-    differences = np.diff(coenergy) / (1e-3 * np.diff(gap))
-    assert np.all(force < 0) and np.all((force[:-1] < differences) & (differences < force[1:]))
+    slope = CubicSpline(np.log(gap), coenergy)(np.log(gap), 1) / (gap * 1e-3)
+    np.testing.assert_allclose(force[2:-2], slope[2:-2], rtol=0.02)
+    assert np.all(force < 0) and np.all(np.diff(force) > 0)
