@@ -263,7 +263,8 @@ def draw_elements(
     look: Any = {"norm": norm, "cmap": colours, "edgecolors": "face", "linewidths": 0.2, "rasterized": True}
     if is_second_order(mesh):
         straight, curved, outlines = straight_and_curved_elements(mesh)
-        polygons = [in_unit(unit) * outline for outline in (*mesh.p[:, mesh.t[:, straight]].T, *outlines)]
+        triangles, scale = mesh.p[:, mesh.t[:, straight]].T, in_unit(unit)
+        polygons = [*(scale * triangles), *(scale * outlines)]
         shades = PolyCollection(polygons, array=values[np.concatenate([straight, curved])], **look)
         axes.add_collection(shades, autolim=False)
         return shades

@@ -293,6 +293,8 @@ def flux_density_of(law: Law, h: Floats) -> Floats:
     far = np.abs(law.field_strength(found) - target) > 2.0 * EPSILON * (found * slope + target)
     change, rows = high - low, np.flatnonzero(far)  # rows are not converged
     for _ in range(MOST_STEPS):
+        if not rows.size:
+            break
         b, slope = found[rows], law.slope(found[rows])
         residual = law.field_strength(b) - target[rows]
         lower, upper = np.where(residual < 0.0, b, low[rows]), np.where(residual < 0.0, high[rows], b)
@@ -303,8 +305,6 @@ def flux_density_of(law: Law, h: Floats) -> Floats:
         middle = 0.5 * (lower + upper)
         new, step = np.where(bisected, middle, b - step), np.where(bisected, b - middle, step)
         change[rows], low[rows], high[rows], rows = step, lower, upper, rows[going]
-        if not rows.size:
-            break
         found[rows] = new[going]
     return np.asarray(found).reshape(np.shape(h))
 
