@@ -138,7 +138,7 @@ class _KernelCode(CompileResultCacheImpl):
 
 
 class DeferredCache:
-    # A `KernelCache` from its first use on. numba tries to write a file for each, which is a third of the import.
+    # A `KernelCache`, made at its first use, because numba tries to write a file for each and a run uses few of them.
 
     def __init__(self, function: Callable, compiler: str) -> None:
         self._arguments = function, compiler
