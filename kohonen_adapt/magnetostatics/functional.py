@@ -208,7 +208,7 @@ def surface_terms(
         moved = functional_on(mesh)[1]
         return nodal_terms(moved, conditions_of(moved), aligned_potential(moved.drive, drive))
 
-    return SurfaceTerms(nodal_terms(field, conditions_of(field), drive.potential), reduced, on_mesh)
+    return SurfaceTerms(nodal_terms(field, conditions_of(field), drive.potential), reduced, on_mesh, drive.function)
 
 
 def nodal_terms(field: SolidField, conditions: Conditions, potential: Floats) -> Floats:

@@ -15,8 +15,10 @@ from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.names import named
 
 __all__ = [
+    "AppliedField",
     "Robin",
     "SurfaceTerms",
+    "applied_field",
     "checked_conditions",
     "checked_surface",
     "corner_values",
@@ -29,6 +31,7 @@ __all__ = [
 ]
 
 Load = float | Callable[[Floats], ArrayLike]
+AppliedField = Callable[[Floats], ArrayLike]
 Robin = Mapping[str, tuple[float, Load]]
 
 AT, WEIGHTS = (0.5 * (part + shift) for part, shift in zip(np.polynomial.legendre.leggauss(6), (1.0, 0.0), strict=True))
@@ -148,11 +151,15 @@ class SurfaceTerms:
         Reduced regions by their number in `Ritz`, shape (nregions,).
     on_mesh
         Function of a mesh with the same subdomains that returns `nodal` there, for the same potential.
+    applied
+        None, or the applied field Hs, a function of x, shape (3, n), whose loads in reduced regions are ``coefficient
+        int Hs . n v dS`` and which is minus the gradient of the offset along surfaces. Nodes slide on flat faces then.
     """
 
     nodal: Floats
     reduced: NDArray[np.bool_]
     on_mesh: Callable[[MeshTet], Floats]
+    applied: AppliedField | None = None
 
 
 def checked_surface(given: SurfaceTerms | None, unknowns: int, region: NDArray[np.int64] | None) -> None:
@@ -164,6 +171,10 @@ def checked_surface(given: SurfaceTerms | None, unknowns: int, region: NDArray[n
     needed = 1 if region is None else int(region.max(initial=0)) + 1
     if len(given.reduced) < needed:
         raise ValueError(f"reduced of SurfaceTerms must have {needed} entries; got {len(given.reduced)}.")
+
+
+def applied_field(surface: SurfaceTerms | None) -> AppliedField | None:
+    return None if surface is None else surface.applied
 
 
 def nodal_terms(surface: SurfaceTerms | None) -> Floats:

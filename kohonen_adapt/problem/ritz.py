@@ -143,8 +143,8 @@ class Ritz:
         0.0 for none, a constant, shape (3,), or one per region number, shape (3, nregions). Regions without a law
         ignore it.
     surface
-        None, or the offsets and loads of `kohonen_adapt.problem.boundary_terms.SurfaceTerms`. The polish does not move
-        nodes of surfaces with offsets or loads.
+        None, or the offsets and loads of `kohonen_adapt.problem.boundary_terms.SurfaceTerms`. The polish moves
+        nodes of surfaces with offsets or loads at order 1 on flat faces in an applied field.
 
     Notes
     -----

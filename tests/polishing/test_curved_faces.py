@@ -14,7 +14,7 @@ from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, Constraints
-from kohonen_adapt.kernels.tetrahedron.polish.descend import with_slivers
+from kohonen_adapt.kernels.tetrahedron.polish.star_values import with_slivers
 from kohonen_adapt.kernels.tetrahedron.surfaces import slid
 from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Material
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional

@@ -1,17 +1,20 @@
 """The polish of iron and magnets in applied fields: the functional falls by what is told, and what is driven stays."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 from helpers.descents import descent_of
-from helpers.driven_solids import block_mesh, dipole, loop, random_problem, uniform
+from helpers.driven_solids import PARTS, block_mesh, dipole, loop, random_problem, uniform
 from skfem import Basis, ElementTetP1, ElementTetP2, MeshTet
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.kernels.tetrahedron.arrays import AT_X, FIELD_X, FOLLOWS, GRADIENT_XX
+from kohonen_adapt.kernels.tetrahedron.polish.applied_field import add_loads
 from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Material
 from kohonen_adapt.polishing.polish import descend_and_recycle
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
@@ -20,6 +23,7 @@ from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.som.relocate import move_in_space
 
 both_orders = pytest.mark.parametrize("order", [1, 2])
+GRADIENT = np.array([[200.0, 120.0, -80.0], [120.0, -500.0, 60.0], [-80.0, 60.0, 300.0]])  # of a field in A/m^2
 AIR, STEEL = Material(), Froehlich(2000.0, 1.9)
 IRON = {"iron": Material(1000.0), "block": Material(500.0), "air": AIR}
 
@@ -79,11 +83,84 @@ def coenergy(mesh, values, offset, order):
     return total
 
 
-@both_orders
-def test_nodes_on_driven_faces_stay_and_others_move(order):
+def linear(x):
+    """Without a curl and a divergence."""
+    return np.array([[300.0], [-200.0], [500.0]]) + GRADIENT @ x
+
+
+def test_nodes_slide_on_iron_and_magnets_and_leave_the_corners():
+    """Of a linear field, offsets and loads after the descent are those of the moved mesh."""
+    problem = MagneticScalarPotential(IRON, {"outer": 0.0}, applied_field=linear, order=1)
+    mesh = block_mesh(0)
+    _, movable, functional, _ = solved(mesh, problem)
+    surface = np.unique(mesh.t[:, np.concatenate([mesh.subdomains[name] for name in ("iron", "block")])])
+    surface = np.intersect1d(surface, np.unique(mesh.t[:, mesh.subdomains["air"]]))
+    descent = descent_of(movable, functional)
+    descent.descend(3, False)
+    told, trial = descent.value(), descent.trial
+    descent.close()
+    after = movable.mesh()
+    step = np.linalg.norm(after.p - mesh.p, axis=0)
+    assert np.mean(step[surface] > 1e-3) > 0.4
+    for name, (low, high) in PARTS.items():
+        corners = [np.argmin(np.abs(mesh.p.T - corner).sum(axis=1)) for corner in product(*zip(low, high, strict=True))]
+        assert not step[corners].any()
+        volume = np.linalg.det(np.diff(after.p[:, after.t[:, after.subdomains[name]]], axis=1).T).sum() / 6.0
+        assert abs(volume) == pytest.approx(np.prod(np.subtract(high, low)), rel=1e-12)
+    again = problem.ritz(after, problem.solve(after)).surface.nodal
+    np.testing.assert_allclose(trial.surface[surface, 0], again[surface, 0], atol=1e-9 * np.ptp(again[:, 0]))
+    values = trial.value[: after.nvertices]
+    exact = functional_value(after, replace(problem.ritz(after, problem.solve(after)), values=values))
+    assert told == pytest.approx(exact, rel=1e-9)
+
+
+def test_loads_of_faces_are_exact_for_quadratic_fields():
+    """As those by quadrature on flat faces inside, without nodes of the outer boundary."""
+
+    def cubic(x):
+        return 1e3 * np.stack(
+            [x[0] ** 2 - x[1] ** 2 - x[0] * x[2], -2.0 * x[0] * x[1] + x[1] * x[2], (x[1] ** 2 - x[0] ** 2) / 2.0]
+        )
+
+    def derivatives(x):
+        rows = [2.0 * x[0] - x[2], -2.0 * x[1], -x[0], -2.0 * x[0] + x[2], x[1], 0.0 * x[0]]
+        return 1e3 * np.stack(rows, axis=1)
+
+    problem, mesh = MagneticScalarPotential(IRON, {"outer": 0.0}, applied_field=cubic, order=1), block_mesh(2)
+    field, movable, functional, _ = solved(mesh, problem)
+    descent = descent_of(movable, functional)
+    mesh_in_use, applied = descent.opened.mesh, descent.trial.applied
+    rows = np.flatnonzero(applied[:, FOLLOWS])
+    np.testing.assert_allclose(applied[rows, FIELD_X:GRADIENT_XX], cubic(mesh.p[:, rows]).T, atol=1e-2)
+    applied[rows, FIELD_X:GRADIENT_XX] = cubic(mesh.p[:, rows]).T
+    applied[rows, GRADIENT_XX:AT_X] = derivatives(mesh.p[:, rows])
+    load = np.zeros(len(mesh_in_use.position))
+    add_loads(mesh_in_use, descent.trial, load)
+    inner = np.setdiff1d(rows, mesh.boundary_nodes())
+    assert inner.size > 100
+    np.testing.assert_allclose(load[inner], field.drive.load[inner], atol=1e-9 * np.abs(field.drive.load).max())
+
+
+def test_offsets_follow_the_field_of_a_loop():
+    """Half a radius away the circulation along the way of a node is that along edges of iron."""
+    applied = loop(1e4, 0.8, (0.1, 0.3, 1.2))
+    problem, mesh = MagneticScalarPotential(IRON, {"outer": 0.0}, applied_field=applied, order=1), block_mesh(1)
+    _, movable, functional, _ = solved(mesh, problem)
+    descent = descent_of(movable, functional)
+    descent.descend(2, False)
+    descent.close()
+    after, trial = movable.mesh(), descent.trial
+    own = problem.ritz(mesh, problem.solve(mesh)).surface.on_mesh(after)[:, 0]
+    rows = np.flatnonzero(trial.applied[: own.size, FOLLOWS])
+    error = np.abs(trial.surface[rows, 0] - own[rows]) / np.ptp(own[rows])
+    assert np.linalg.norm(after.p - mesh.p, axis=0)[rows].max() > 0.05
+    assert error.max() < 1e-4
+
+
+def test_at_order_2_nodes_on_driven_faces_stay_and_others_move():
     mesh, applied = block_mesh(0), loop(1e5, 0.8, (0.1, 0.3, 1.2))
     materials = {"iron": Material(bh=STEEL), "block": Material(remanence=(0.0, 0.0, 1.0)), "air": AIR}
-    problem = MagneticScalarPotential(materials, {"outer": 0.0}, applied_field=applied, order=order)
+    problem = MagneticScalarPotential(materials, {"outer": 0.0}, applied_field=applied, order=2)
     after = ka.polish(mesh, problem, sweeps=2, topology="fixed")
     of_iron = np.unique(mesh.t[:, mesh.subdomains["iron"]])
     of_rest = np.unique(mesh.t[:, np.concatenate([mesh.subdomains[name] for name in ("block", "air")])])

@@ -31,6 +31,7 @@ from kohonen_adapt.kernels.tetrahedron import (
     train,
 )
 from kohonen_adapt.kernels.tetrahedron.polish import (
+    applied_field,
     descend,
     descend_order2,
     energy_recycle,
@@ -53,7 +54,7 @@ CAVITY = record_type(arrays.Cavity, (L1, L1, L1, I1, I1, I1, I2, I1, I2, I1, I2,
 OPEN_TETRAHEDRA = record_type(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, FREEDOM, POOL, ORIGINS, CAVITY))
 QUEUE = record_type(arrays.Queue, (int8[::1], I1, L1))
 LAWS = record_type(functionals.Laws, (I1, int64, R3))
-TRIAL = record_type(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, R2, R2))
+TRIAL = record_type(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, B1, R2, R2, R2))
 SOLID_BLOCK = record_type(
     arrays.SolidBlock,
     (L1, R2, I2, boolean[:, ::1], I2, R1, I1, B1, R2, R2, R2, R2, R1, R2, R1, R2, R1, R2, R3, R3, R2)
@@ -93,6 +94,7 @@ SPACE: dict[str, tuple[Entry, ...]] = {
     ),
     "space polish": (
         Entry(descend.descend_nodes, KERNEL_MESH, TRIAL, I1, float64),
+        Entry(applied_field.add_loads, OPEN_TETRAHEDRA, TRIAL, R1),
         Entry(swap_by_energy.enter_changed, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, float64),
         Entry(swap_by_energy.swap_downhill, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, B1, float64, int64),
         Entry(energy_recycle.weigh_splits, OPEN_TETRAHEDRA, TRIAL, OFFERS, float64, int64, int64),

@@ -1,19 +1,18 @@
 """Field of coils and of a function, applied to a problem in space."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.mesh.measures import magnitude
+from kohonen_adapt.problem.boundary_terms import AppliedField
 
 __all__ = ["AppliedField", "Sources", "checked_field", "circulations", "field_at", "sources_of"]
 
-AppliedField = Callable[[Floats], ArrayLike]
 
 # Points of Lobatto's rules along a segment: seven have an error of 5e-5 at half its length from a wire. Fewer suffice
 # farther away, where the distance from the middle to all currents is at least a number of half lengths.

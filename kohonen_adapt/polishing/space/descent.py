@@ -12,6 +12,7 @@ from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.geometry.space.thread_parts import Parts
 from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.tetrahedron.arrays import (
+    FOLLOWS,
     HELD,
     INSIDE,
     PLANE,
@@ -30,7 +31,9 @@ from kohonen_adapt.kernels.tetrahedron.polish.swap_by_energy import enter_change
 from kohonen_adapt.kernels.threads import Nodes, even_cuts, shared
 from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.polish import SETTLED
+from kohonen_adapt.polishing.space.applied_field import renew_field, start_field, with_loads_of_faces
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
+from kohonen_adapt.problem.boundary_terms import applied_field
 
 __all__ = ["SpaceDescent", "offers_of", "on_patches", "recycle_in_space", "swap_in_space", "with_origins"]
 
@@ -87,6 +90,8 @@ def recycle_in_space(opened: OpenSolid, functional: SolidFunctional, trial: Tria
 def offers_of(mesh: OpenTetrahedra, functional: SolidFunctional, trial: Trial) -> Offers:
     patches, rows = slice(functional.patches), len(mesh.position)
     removable = (functional.freedom(mesh.freedom, trial.fixed, trial.surface).number != HELD) & (mesh.pool.anchor >= 0)
+    if len(trial.applied):
+        removable &= trial.applied[:, FOLLOWS] == 0.0
     lone = trial.fixed & ~on_patches(mesh, functional.dirichlet[patches] | functional.driven)
     is_open = ~(functional.held | functional.dirichlet)[patches]
     gain, cost = np.zeros((len(mesh.elements.node), 6)), np.full(rows, np.inf)
@@ -177,11 +182,14 @@ class SpaceDescent:
         rows = len(opened.mesh.position)
         surface = padded(trial.surface, rows, 0.0) if len(trial.surface) else trial.surface
         own = functional.trial(padded(trial.values, rows, 0.0), padded(trial.fixed, rows, False), surface)
-        seen = np.zeros((len(opened.mesh.elements.node), 2))
+        seen, applied = np.zeros((len(opened.mesh.elements.node), 2)), applied_field(functional.ritz.surface)
+        if len(own.applied) and applied is not None:
+            start_field(opened.mesh, own, applied)
         return cls(movable, recycled, opened, functional, own, movable.floor, movable.flips, seen)
 
     def copy(self) -> Self:
-        trial = self.trial._replace(value=self.trial.value.copy(), fixed=self.trial.fixed.copy())
+        names = ("value", "fixed", "surface", "applied")
+        trial = self.trial._replace(**{name: getattr(self.trial, name).copy() for name in names})
         return replace(self, opened=self.opened.copy(), trial=trial, seen=self.seen.copy())
 
     def descend(self, sweeps: int, swap_first: bool) -> float:
@@ -192,7 +200,7 @@ class SpaceDescent:
             gain += self.sweep(parts, freedom)
             if (k + 1) % self.sweeps_per_swap == 0 or k + 1 == sweeps:
                 gain += self.swap(parts)
-        return gain
+        return gain + self.renew_field()
 
     def descend_checked(self, sweeps: int, swap_first: bool) -> tuple[Self, float]:
         """Return the descent after some sweeps, and the decrease of the functional.
@@ -233,7 +241,8 @@ class SpaceDescent:
         return replace(recycled, splits=recycled.splits + self.pairs, collapses=collapses, **ancestry)
 
     def value(self) -> float:
-        function = TrialFunction(self.trial.value, self.trial.fixed, None, surface=self.trial.surface)
+        surface = with_loads_of_faces(self.opened.mesh, self.trial)
+        function = TrialFunction(self.trial.value, self.trial.fixed, None, surface=surface)
         return self.functional.value_on(self.opened.mesh.position, self.opened.mesh.elements, function)
 
     def swap(self, parts: Parts) -> float:
@@ -248,6 +257,15 @@ class SpaceDescent:
 
     def sample_source(self) -> None:
         self.functional.sample_source(self.opened.mesh.position, self.opened.mesh.elements, self.trial)
+
+    def renew_field(self) -> float:
+        # returns the decrease of the functional
+        applied = applied_field(self.functional.ritz.surface)
+        if not len(self.trial.applied) or applied is None:
+            return 0.0
+        before = self.value()
+        renew_field(self.opened.mesh, self.trial, applied)
+        return before - self.value()
 
     def sweep(self, parts: Parts, freedom: Freedom) -> float:
         mesh, star = self.opened.mesh, self.opened.star()

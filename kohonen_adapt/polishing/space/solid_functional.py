@@ -15,6 +15,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     INSIDE,
     LINE,
     LOAD,
+    NO_APPLIED,
     NO_SURFACE,
     OFFSET,
     ON_PATCH,
@@ -29,10 +30,17 @@ from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.mesh.quadratic_in_space import hierarchical, hierarchical_loads, unknowns_of_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import Tables, constants_of, laws_of_regions, numbers_of_regions
+from kohonen_adapt.polishing.space.applied_field import sliding_places
 from kohonen_adapt.polishing.space.curved_sides import CurvedEdges, CurvedFaces
-from kohonen_adapt.polishing.space.surface_values import dirichlet_on, sides_of, with_loads
+from kohonen_adapt.polishing.space.surface_values import dirichlet_on, outer_patches, sides_of, with_loads
 from kohonen_adapt.polishing.stationarity import check_in_space
-from kohonen_adapt.problem.boundary_terms import corner_values, nodal_terms, reduced_regions, surface_work
+from kohonen_adapt.problem.boundary_terms import (
+    applied_field,
+    corner_values,
+    nodal_terms,
+    reduced_regions,
+    surface_work,
+)
 from kohonen_adapt.problem.functional_in_space import (
     fields_at_corners,
     loads_in_space,
@@ -77,6 +85,8 @@ class SolidFunctional:
         values, which may or may not be Dirichlet patches. Ridges of held patches are held.
     driven
         Patches with offsets or loads, (p,) bool.
+    slides
+        Patches and ridges with loads whose nodes slide nevertheless, (p + r,) bool.
     rate
         Gradient of the Dirichlet values along patches and ridges, (p + r, 3), valid where `dirichlet` and not `held`.
     comparable
@@ -100,6 +110,7 @@ class SolidFunctional:
     dirichlet: Mask
     held: Mask
     driven: Mask
+    slides: Mask
     rate: Floats
     comparable: bool
     law: NDArray[np.int32]
@@ -143,9 +154,12 @@ class SolidFunctional:
         rims = (surfaces.ridge_shape != LINE) & ~at_curved
         uncounted = np.append(curved & ~faces.counted, rims)
         held = uncounted | (on.dirichlet & ~on.linear) | on.unknown
+        barred = held | on.dirichlet | (ritz.order > 1) | (applied_field(ritz.surface) is None)
+        barred[:patches] |= outer_patches(tet, patches)
         held[:patches] |= driven
         held[patches:] |= np.append(held[:patches], False)[surfaces.meets].any(axis=1)
         held[patches:] |= at_curved & (on.dirichlet & ~followed)[patches:]
+        slides = sliding_places(surfaces, driven, barred, held)
         same_space = not (
             uncounted.any()
             or (ritz.order == 2 and curved.any())
@@ -156,7 +170,7 @@ class SolidFunctional:
         shift = np.atleast_2d(flux_table(np.asarray(ritz.shift), TETRAHEDRON.dim).T)
         shift = shift[number if len(shift) > 1 else np.zeros_like(number)]
         data = np.hstack([constants_of(ritz, number, TETRAHEDRON.dim), shift, reduced[:, None]]) / PARTS
-        places, comparable = (on.dirichlet, held, driven, on.rate), ritz.comparable and same_space
+        places, comparable = (on.dirichlet, held, driven, slides, on.rate), ritz.comparable and same_space
         return cls(solution, ritz, number, data, patches, *places, comparable, law, tables, faces)
 
     @classmethod
@@ -185,17 +199,18 @@ class SolidFunctional:
     def trial(self, values: Floats, fixed: Mask, surface: Floats = NO_SURFACE) -> Trial:
         """Return the function for the kernels, which change `values` (n,) in place.
 
-        A varying source is 0 until `sample_source`. `surface` has offsets and loads, (n, 2), or no rows.
+        A varying source is 0 until `sample_source`. `surface` has offsets and loads, (n, 2), or no rows. Where nodes
+        slide in an applied field it needs `start_field`.
         """
         laws = Laws(self.law, self.tables.first, self.tables.energy)
         source = np.zeros((len(values) if self.has_varying_source else 0, len(self.number)))
-        return Trial(values, fixed, self.data, laws, self.rate, self.faces.counted, self.faces.follows, source, surface)
+        loaded = self.slides[: self.patches]
+        applied = np.zeros((len(values) if loaded.any() else 0, NO_APPLIED.shape[1]))
+        patches = self.faces.counted, self.faces.follows, loaded
+        return Trial(values, fixed, self.data, laws, self.rate, *patches, source, surface, applied)
 
     def sample_source(self, position: Floats, elements: Tetrahedra, trial: Trial) -> None:
-        """Set a varying source per node and region, weighted by the shape function.
-
-        The nodal loads equal those of the functional.
-        """
+        # A varying source per node and region is weighted by the shape function, so that nodal loads are exact.
         if not callable(self.ritz.source):
             return
         used = elements.node[:, 0] >= 0
@@ -208,13 +223,14 @@ class SolidFunctional:
 
     def freedom(self, freedom: Freedom, fixed: Mask, surface: Floats = NO_SURFACE) -> Freedom:
         number = freedom.number
-        held = freedom.pinned | ((number == INSIDE) & fixed)
-        if len(surface):
-            held |= surface[:, LOAD] != 0.0
+        held, slides = freedom.pinned | ((number == INSIDE) & fixed), np.zeros(len(number), dtype=np.bool_)
         for kind, first in ((ON_PATCH, 0), (ON_RIDGE, self.patches)):
             rows = number == kind
             place = freedom.place[rows] + first
-            held[rows] |= self.held[place] | (fixed[rows] & ~self.dirichlet[place])
+            slides[rows] = self.slides[place]
+            held[rows] |= (self.held[place] & ~slides[rows]) | (fixed[rows] & ~self.dirichlet[place])
+        if len(surface):
+            held |= (surface[:, LOAD] != 0.0) & ~slides
         return freedom._replace(number=np.where(held, HELD, number).astype(number.dtype))
 
     def value(self, tetrahedralization: Tetrahedralization, trial: TrialFunction) -> float:

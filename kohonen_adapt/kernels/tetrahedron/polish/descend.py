@@ -25,7 +25,7 @@ from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,
     INSIDE,
-    LOAD,
+    OFFSET,
     ON_PATCH,
     SHIFT_X,
     SHIFT_Y,
@@ -35,14 +35,16 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     SIXTH_FLUX_Z,
     TWELFTH_COEFFICIENT,
 )
-from kohonen_adapt.kernels.tetrahedron.geometry import allowed, sum_of_squares
-from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, shifted, source_around, value_at
+from kohonen_adapt.kernels.tetrahedron.geometry import allowed, squared_distance, sum_of_squares
+from kohonen_adapt.kernels.tetrahedron.polish.applied_field import follows_field, rise_at
+from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, source_around, value_at
 from kohonen_adapt.kernels.tetrahedron.polish.slivers import has_slivers, sliver_gradient, slivers_around
+from kohonen_adapt.kernels.tetrahedron.polish.star_values import best_value, improve_value, least_near, with_slivers
 from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance, slid, tangent_of_ridge, within_reach
 
 OVERSTEP = 1.6  # over-relaxation of Newton's step, because neighbours move afterwards
-TRIES = 4  # halvings of a Newton step of a value in nonlinear material
 LEAST_CURVATURE = 0.3  # smallest eigenvalue used, relative to the largest; limits the step
+STEP = 1e-4  # of differences, relative to an edge
 TURNS = 24  # Jacobi rotations, three per cycle of axes
 DIAGONAL = 1e-20  # sum of squared off-diagonal entries at convergence, relative to the squared norm
 
@@ -156,98 +158,9 @@ def derivatives(mesh, trial, v):
 
 
 @inner_kernel
-def parabola(mesh, trial, v, x, y, z, w):
-    """Return functional, derivatives by w (first, second), and worst cubed quality.
-
-    Node v is at (x, y, z) with its value changed by w. Values are relative to the value of v as in `derivatives`.
-    Without laws the functional is a parabola in w.
-    """
-    position, star, data = mesh.position, mesh.star, trial.data
-    total = by_w = ww = 0.0
-    worst = 2.0
-    for j in range(star.start[v], star.start[v + 1]):
-        a, b, c = star.link[j, 0], star.link[j, 1], star.link[j, 2]
-        region = mesh.elements.region[star.element[j]]
-        own = value_at(trial, region, v) + w
-        ax, ay, az = position[a, 0] - x, position[a, 1] - y, position[a, 2] - z
-        bx, by, bz = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
-        cx, cy, cz = position[c, 0] - x, position[c, 1] - y, position[c, 2] - z
-        alpha, beta, gamma = value_at(trial, region, a), value_at(trial, region, b), value_at(trial, region, c)
-        alpha, beta, gamma = alpha - own, beta - own, gamma - own
-        px, py, pz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
-        qx, qy, qz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax
-        rx, ry, rz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        six = ax * px + ay * py + az * pz
-        squares = sum_of_squares(ax, ay, az, bx, by, bz, cx, cy, cz)
-        quality = 432.0 * six * abs(six) / (squares * squares * squares)
-        if not quality >= worst:
-            worst = quality
-        sx, sy, sz = px + qx + rx, py + qy + ry, pz + qz + rz
-        nx = alpha * px + beta * qx + gamma * rx
-        ny = alpha * py + beta * qy + gamma * ry
-        nz = alpha * pz + beta * qz + gamma * rz
-        mx, my, mz = shifted(trial, region, six, nx, ny, nz)
-        square, along = mx * mx + my * my + mz * mz, mx * sx + my * sy + mz * sz
-        load, law = source_around(trial, region, v) * six, trial.laws.number[region]
-        fx, fy, fz = data[region, SIXTH_FLUX_X], data[region, SIXTH_FLUX_Y], data[region, SIXTH_FLUX_Z]
-        weight = 2.0 * data[region, TWELFTH_COEFFICIENT] / six
-        if law >= 0:
-            density, rate, curve = energy_density(trial.laws, law, square / (six * six))
-            weight = rate / (3.0 * six)
-            total += six * density / 6.0
-            ww += 2.0 * curve * along * along / (3.0 * six * six * six)
-        else:
-            total += 0.5 * weight * square
-        total -= load * (alpha + beta + gamma + 4.0 * w) + fx * nx + fy * ny + fz * nz
-        by_w -= weight * along + load - fx * sx - fy * sy - fz * sz
-        ww += weight * (sx * sx + sy * sy + sz * sz)
-    return total, by_w, ww, worst
-
-
-@inner_kernel
-def with_slivers(mesh, trial, v, x, y, z, w, curved):
-    c, r, k, worst = parabola(mesh, trial, v, x, y, z, w)
-    if trial.surface.shape[0] > 0:
-        c, r = c - trial.surface[v, LOAD] * w, r - trial.surface[v, LOAD]
-    if curved:
-        more, by_w, ww = slivers_around(mesh, trial, v, x, y, z, w)
-        c, r, k = c + more, r + by_w, k + ww
-    return c, r, k, worst
-
-
-@inner_kernel
-def best_value(mesh, trial, v, place, w, nonlinear, curved):
-    """Return the least functional of the star, the value change, and the quality.
-
-    For nonlinear material the candidates are w and one Newton step from w.
-    """
-    x, y, z = place
-    c, r, k, worst = with_slivers(mesh, trial, v, x, y, z, w, curved)
-    further = w - r / k
-    least = c - 0.5 * r * r / k
-    if nonlinear:
-        least = with_slivers(mesh, trial, v, x, y, z, further, curved)[0]
-        if not least < c:
-            return c, w, worst
-    return least, further, worst
-
-
-@inner_kernel
-def improve_value(mesh, trial, v, curved):
-    x, y, z = mesh.position[v, 0], mesh.position[v, 1], mesh.position[v, 2]
-    c, r, k, _ = with_slivers(mesh, trial, v, x, y, z, 0.0, curved)
-    w = -r / k
-    for _ in range(TRIES):
-        least = with_slivers(mesh, trial, v, x, y, z, w, curved)[0]
-        if least <= c:
-            trial.value[v] += w
-            return c - least
-        w *= 0.5
-    return 0.0
-
-
-@inner_kernel
 def move_node(mesh, trial, v, floor):
+    if follows_field(trial, v):
+        return slide_in_field(mesh, trial, v, floor)
     position, freedom, given = mesh.position, mesh.constraints.freedom, trial.fixed[v]
     (magnitude, total, before, nonlinear), gradient, by_w, hessian, mixed, ww = derivatives(mesh, trial, v)
     curved = has_slivers(mesh, trial, v)
@@ -294,6 +207,47 @@ def move_node(mesh, trial, v, floor):
         return improve_value(mesh, trial, v, curved)
     trial.value[v] += unmoved
     return total - now
+
+
+@inner_kernel
+def slide_in_field(mesh, trial, v, floor):
+    if has_slivers(mesh, trial, v):
+        return improve_value(mesh, trial, v, True)
+    px, py, pz = mesh.position[v, 0], mesh.position[v, 1], mesh.position[v, 2]
+    total, _, _, before = with_slivers(mesh, trial, v, px, py, pz, 0.0, False)
+    now, unmoved, _ = best_value(mesh, trial, v, (px, py, pz), 0.0, True, False)
+    gradient, hessian = differences(mesh, trial, v, unmoved)
+    gradient, hessian = tangential(mesh, v, gradient, hessian)
+    dx, dy, dz = newton_step(gradient, hessian)
+    for _ in range(HALVINGS + 1):
+        x, y, z = slid(mesh.position, mesh.constraints, v, dx, dy, dz)
+        least, w, worst = best_value(mesh, trial, v, (x, y, z), unmoved, True, False)
+        if allowed(worst, before, floor) and now - least > ROUNDING * abs(total):
+            trial.surface[v, OFFSET] -= rise_at(mesh, trial, v, x, y, z)
+            mesh.position[v, 0], mesh.position[v, 1], mesh.position[v, 2] = x, y, z
+            trial.value[v] += w
+            return total - least
+        dx, dy, dz = 0.5 * dx, 0.5 * dy, 0.5 * dz
+    return improve_value(mesh, trial, v, False)
+
+
+@inner_kernel
+def differences(mesh, trial, v, w):
+    # gradient and Hessian of the functional by the position of v, with the best value near w
+    other = mesh.star.link[mesh.star.start[v], 0]
+    x, y, z = mesh.position[v, 0], mesh.position[v, 1], mesh.position[v, 2]
+    h = STEP * math.sqrt(squared_distance(mesh.position, v, other))
+    now = least_near(mesh, trial, v, x, y, z, w)
+    right, left = least_near(mesh, trial, v, x + h, y, z, w), least_near(mesh, trial, v, x - h, y, z, w)
+    far, near = least_near(mesh, trial, v, x, y + h, z, w), least_near(mesh, trial, v, x, y - h, z, w)
+    above, below = least_near(mesh, trial, v, x, y, z + h, w), least_near(mesh, trial, v, x, y, z - h, w)
+    xy = least_near(mesh, trial, v, x + h, y + h, z, w) - right - far + now
+    xz = least_near(mesh, trial, v, x + h, y, z + h, w) - right - above + now
+    yz = least_near(mesh, trial, v, x, y + h, z + h, w) - far - above + now
+    half, square = 0.5 / h, 1.0 / (h * h)
+    xx, yy, zz = right - 2.0 * now + left, far - 2.0 * now + near, above - 2.0 * now + below
+    hessian = square * xx, square * xy, square * xz, square * yy, square * yz, square * zz
+    return (half * (right - left), half * (far - near), half * (above - below)), hessian
 
 
 @inner_kernel
