@@ -12,7 +12,7 @@ from kohonen_adapt.checks import is_count
 from kohonen_adapt.estimators import goal_oriented
 from kohonen_adapt.geometry.space.movable_solid import with_round_edges
 from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace, conditions_in_space
-from kohonen_adapt.magnetostatics.equations.applied_field import drive_on
+from kohonen_adapt.magnetostatics.equations.applied_field import Drive, drive_on
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
@@ -154,19 +154,19 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         energy, field = self.functional_on(mesh)
         steps = tuple[NewtonStep, ...]()
         if energy.coefficients.nonlinear_materials:
-            unknown, steps = self.method.descend_coenergy(energy, self._start(mesh, energy))
+            unknown, steps = self.method.descend_coenergy(energy, self._start(mesh, energy, field.drive))
         else:
             unknown = self.method.linear(energy)
         result = replace(field, unknown=unknown, newton=steps)
         refuse_unconverged(result)
         return result
 
-    def _start(self, mesh: MeshTet, energy: CoenergyFunctional) -> Floats | None:
+    def _start(self, mesh: MeshTet, energy: CoenergyFunctional, drive: Drive) -> Floats | None:
         # The solution of order 1 on the same mesh. A start from another mesh takes more steps, because the
         # interpolation error of the small H in iron is a B deep in saturation.
         if self.order == 1:
             return None
-        linear, _ = replace(self, order=1, goal=None).functional_on(corners_of(mesh))
+        linear, _ = replace(self, order=1, goal=None)._functional(corners_of(mesh), drive)
         return quadratic_values(self.method.descend_coenergy(linear)[0], energy)
 
     def check(self, mesh: MeshTet) -> None:
@@ -192,10 +192,13 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         ValueError
             As in `solve`.
         """
+        return self._functional(mesh)
+
+    def _functional(self, mesh: MeshTet, known: Drive | None = None) -> tuple[CoenergyFunctional, SolidField]:
         material, planes = self.given_on(mesh, self.order)
         parallel = [plane.facets for plane in planes.values() if plane.kind == "parallel"]
         closed = np.concatenate([np.zeros(0, dtype=np.int64), *parallel])
-        drive = drive_on(mesh, material, self.free_field, closed, self.order)
+        drive = drive_on(mesh, material, self.free_field, closed, self.order, known)
         conditions = conditions_in_space(drive, self.potential or {}, planes)
         energy = CoenergyFunctional.of(drive, material, conditions)
         field = SolidField(
@@ -271,7 +274,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
             return with_surplus(field, self._conditions(field), self.materials, self.method)
         quadratic = replace(self, order=2, goal=None, estimator="residual")
         mesh = with_round_edges(field.mesh) if self.curved else field.mesh  # faces cut off a part of round bodies
-        return linearised_at(field, *quadratic.functional_on(mesh), self.method)
+        return linearised_at(field, *quadratic._functional(mesh, field.drive), self.method)
 
     def _conditions(self, field: SolidField) -> Conditions:
         return conditions_in_space(field.drive, self.potential or {}, field.planes)

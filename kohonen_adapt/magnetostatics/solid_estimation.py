@@ -44,6 +44,7 @@ RESIDUAL_SCALE = 1.0 / 3.6  # the unscaled estimate is 3.5 to 3.8 times the erro
 AT_EDGES = 1.5
 TURNED = 1.0  # least measure of a turn at an edge: twice the square of the sine, of 45 degrees
 PARALLEL = 0.99  # least cosine of the angle between potential and dual for a polish by the energy
+ROUGH = 1e-6  # residual of conjugate gradients in a better solution, which serves differences of values only
 STEP = 1e-4  # of central differences, relative to the size of an element
 
 
@@ -251,7 +252,7 @@ def quadratic_values(values: Floats, energy: CoenergyFunctional) -> Floats:
 
 
 def linearised_at(field: LocalSolid, energy: CoenergyFunctional, quadratic: SolidField, newton: Newton) -> SolidField:
-    start = quadratic_values(field.unknown, energy)
+    start, newton = quadratic_values(field.unknown, energy), replace(newton, solver=replace(newton.solver, rtol=ROUGH))
     return replace(quadratic, unknown=start + newton.full_step(energy, start, energy.residual(start)[0]))
 
 

@@ -114,16 +114,25 @@ def permeable(coefficients: Coefficients) -> Mask:
 
 
 def drive_on(
-    mesh: MeshTet, coefficients: Coefficients, function: AppliedField | None, closed: Ints, order: int
+    mesh: MeshTet,
+    coefficients: Coefficients,
+    function: AppliedField | None,
+    closed: Ints,
+    order: int,
+    known: Drive | None = None,
 ) -> Drive:
+    # `known` is of another order on the same nodes, where chi is the same.
     elements = tetrahedra_on(mesh, order, function is not None, coefficients.nonlinear)
     mesh, zeros = elements.mesh, np.zeros(elements.doflocs.shape[1])
     iron = permeable(coefficients)
     if function is None:
         return Drive(elements, None, np.zeros_like(iron), zeros, zeros, np.zeros((3, iron.size)))
     load = _flux_out(elements, np.where(iron, 0.0, 1.0 / coefficients.reluctivity), function, closed)
-    along, _ = circulations(mesh.p, edges_in(mesh, iron), function)
-    at_nodes, layer = total_potential(mesh, iron, along)
+    if known is None:
+        along, _ = circulations(mesh.p, edges_in(mesh, iron), function)
+        at_nodes, layer = total_potential(mesh, iron, along)
+    else:
+        at_nodes, layer = known.potential[: mesh.p.shape[1]], known.layer
     chi = _at_unknowns(elements, at_nodes, iron, function)
     return Drive(elements, function, iron, chi, load, layer)
 

@@ -65,12 +65,15 @@ class Solver:
         Number of unknowns above which multigrid is used.
     most_iterations
         Maximum number of iterations of conjugate gradients; 20 to 30 are usual.
+    rtol
+        Largest residual of conjugate gradients, relative to the right-hand side.
     """
 
     # Direct against multigrid on square grids (`benchmarks large`): 101 761 unknowns 0.4 - 0.9 s against 1.1 - 3.1 s,
     # 408 321 unknowns 3.9 - 10.1 s against 3.7 - 5.1 s, 808 201 unknowns 28 s against 7 s.
     large: int = 300_000
     most_iterations: int = 200
+    rtol: float = TOLERANCE
 
     def solve(self, matrix: csc_array, right: Floats, prolongation: csr_array | None = None) -> Floats:
         solution = self.by_multigrid(matrix, right, prolongation) if right.size > self.large else None
@@ -89,12 +92,12 @@ class Solver:
             return None
         csr, iterations = as_csr(matrix), self.most_iterations
         if prolongation is None:
-            solution = aggregated(csr).solve(right, tol=TOLERANCE, maxiter=iterations, accel="cg")
+            solution = aggregated(csr).solve(right, tol=self.rtol, maxiter=iterations, accel="cg")
         else:
             cycle = LinearOperator(csr.shape, matvec=two_level_cycle(csr, prolongation), dtype=np.float64)
-            solution, _ = cg(csr, right, rtol=TOLERANCE, maxiter=iterations, M=cycle)
+            solution, _ = cg(csr, right, rtol=self.rtol, maxiter=iterations, M=cycle)
         residual = np.linalg.norm(right - csr @ solution)
-        return solution if residual <= 10.0 * TOLERANCE * np.linalg.norm(right) else None
+        return solution if residual <= 10.0 * self.rtol * np.linalg.norm(right) else None
 
 
 def as_csr(matrix: csc_array) -> csr_matrix:
