@@ -15,6 +15,7 @@ from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.names import named
 
 __all__ = [
+    "FACET_DEGREE",
     "AppliedField",
     "Robin",
     "SurfaceTerms",
@@ -34,6 +35,7 @@ Load = float | Callable[[Floats], ArrayLike]
 AppliedField = Callable[[Floats], ArrayLike]
 Robin = Mapping[str, tuple[float, Load]]
 
+FACET_DEGREE = 4  # of the quadrature rule of an applied field on facets, at order 1
 AT, WEIGHTS = (0.5 * (part + shift) for part, shift in zip(np.polynomial.legendre.leggauss(6), (1.0, 0.0), strict=True))
 
 

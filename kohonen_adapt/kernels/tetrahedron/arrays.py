@@ -31,11 +31,12 @@ SHIFT_X, SHIFT_Y, SHIFT_Z, REDUCED = range(5, 9)
 OFFSET, LOAD = range(2)  # columns of `Trial.surface`
 NO_SURFACE = np.zeros((0, 2))  # `Trial.surface` of functions without offsets and loads
 
-# Columns of `Trial.applied`: 1 for nodes of `loaded` patches, the applied field and its derivatives, and their place.
+# Columns of `Trial.applied`: 1 for nodes of `loaded` patches, the applied field and its derivatives, their place, and
+# the part of `LOAD` that corrects the work of faces.
 FOLLOWS, FIELD_X, FIELD_Y, FIELD_Z = range(4)
 GRADIENT_XX, GRADIENT_XY, GRADIENT_XZ, GRADIENT_YY, GRADIENT_YZ, GRADIENT_ZZ = range(4, 10)
-AT_X, AT_Y, AT_Z = range(10, 13)
-NO_APPLIED = np.zeros((0, 13))
+AT_X, AT_Y, AT_Z, CORRECTION = range(10, 14)
+NO_APPLIED = np.zeros((0, 14))
 
 # Levels of derivatives at order 2: none, by unknowns, and by the position of corner 0.
 VALUE, BLOCK, POSITION = range(3)
@@ -194,7 +195,7 @@ class Trial(NamedTuple):
     loaded: np.ndarray  # (p,) bool: flat patches with the work of an applied field
     source: np.ndarray  # (n, regions): varying source / 24 around every node, otherwise (0, regions)
     surface: np.ndarray  # (n, 2): offset of the value in reduced regions and load off `loaded` patches, (0, 2) for none
-    applied: np.ndarray = NO_APPLIED  # (n, 13), (0, 13) without `loaded` patches
+    applied: np.ndarray = NO_APPLIED  # (n, 14), (0, 14) without `loaded` patches
 
 
 @record

@@ -19,6 +19,7 @@ from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.host import edges_in, number_edges, number_facets
 from kohonen_adapt.mesh.measures import hat_gradients
+from kohonen_adapt.problem.boundary_terms import FACET_DEGREE
 
 __all__ = [
     "Drive",
@@ -33,7 +34,7 @@ __all__ = [
 PERMEABLE = 2.0
 LINKED = 0.01  # largest error of circulations along closed paths, relative to the range of the potential in iron
 FACE_EDGES = ((0, 1), (1, 2), (0, 2))  # the last in reverse orientation
-DEGREE = {1: 4, 2: 7}  # of the quadrature rule of facets, by order
+DEGREE = {1: FACET_DEGREE, 2: 7}  # of the quadrature rule of facets, by order
 TOLERANCE = 1e-9  # tolerance of equality, relative to the permeability of vacuum
 NO_CURRENT = 0.002  # allowed circulation around a face without current, relative to the integral of |Hs|
 

@@ -1,10 +1,13 @@
 """Sliding of nodes on iron and magnets in an applied field, at order 1."""
 
 import numpy as np
+from skfem.quadrature import get_quadrature
+from skfem.refdom import RefTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     AT_X,
+    CORRECTION,
     FIELD_X,
     FOLLOWS,
     GRADIENT_XX,
@@ -12,20 +15,22 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     LOAD,
     OFFSET,
     PLANE,
+    REDUCED,
+    TWELFTH_COEFFICIENT,
     OpenTetrahedra,
     Surfaces,
     Trial,
 )
 from kohonen_adapt.kernels.tetrahedron.polish.applied_field import add_loads
 from kohonen_adapt.mesh.cells import FACES
-from kohonen_adapt.problem.boundary_terms import AppliedField
+from kohonen_adapt.problem.boundary_terms import FACET_DEGREE, AppliedField
 
 __all__ = ["renew_field", "sliding_places", "start_field", "with_loads_of_faces"]
 
 # Corners of a tetrahedron, at which the mean of a harmonic function is its value in the middle.
 STENCIL = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
 SPREAD = 0.05  # of the stencil, relative to the shortest edge
-FIELD, GRADIENT, AT = slice(FIELD_X, GRADIENT_XX), slice(GRADIENT_XX, AT_X), slice(AT_X, None)
+FIELD, GRADIENT, AT = slice(FIELD_X, GRADIENT_XX), slice(GRADIENT_XX, AT_X), slice(AT_X, CORRECTION)
 UPPER = np.triu_indices(3)
 
 
@@ -40,17 +45,21 @@ def sliding_places(surfaces: Surfaces, driven: Mask, barred: Mask, held: Mask) -
 
 
 def start_field(mesh: OpenTetrahedra, trial: Trial, function: AppliedField) -> None:
-    # The kernels add the loads of faces, so that the rest is left in the arrays.
+    # The kernels add the work of faces, so that the rest is left in the arrays.
     rows = np.unique(_faces(mesh, trial.loaded))
     trial.applied[rows, FOLLOWS] = 1.0
     _sample(mesh, trial, function, rows)
-    trial.surface[:, LOAD] -= _loads(mesh, trial)
+    own = _loads(mesh, trial)
+    trial.surface[:, LOAD] -= own
+    trial.applied[:, CORRECTION] = _loads_by_quadrature(mesh, trial, function) - own
 
 
 def renew_field(mesh: OpenTetrahedra, trial: Trial, function: AppliedField) -> None:
-    # Evaluate the field where nodes have moved, and correct offsets there.
+    # Evaluate the field where nodes have moved, and correct offsets and loads, as they are in the next solution.
     applied, at = trial.applied, mesh.position
     rows = np.flatnonzero((applied[:, FOLLOWS] != 0.0) & np.any(applied[:, AT] != at, axis=1))
+    if not rows.size:
+        return
     step, before = at[rows] - applied[rows, AT], applied[rows, GRADIENT]
     old = applied[rows, FIELD]
     _sample(mesh, trial, function, rows)
@@ -58,6 +67,9 @@ def renew_field(mesh: OpenTetrahedra, trial: Trial, function: AppliedField) -> N
     start, end = _second(before, step), _second(applied[rows, GRADIENT], step)
     change = 0.5 * np.sum((applied[rows, FIELD] - old) * step, axis=1) - (5.0 * start + end) / 12.0
     trial.surface[rows, OFFSET] -= change
+    correction = _loads_by_quadrature(mesh, trial, function) - _loads(mesh, trial)
+    trial.surface[:, LOAD] += correction - applied[:, CORRECTION]
+    applied[:, CORRECTION] = correction
 
 
 def with_loads_of_faces(mesh: OpenTetrahedra, trial: Trial) -> Floats:
@@ -74,14 +86,30 @@ def _loads(mesh: OpenTetrahedra, trial: Trial) -> Floats:
     return load
 
 
+def _loads_by_quadrature(mesh: OpenTetrahedra, trial: Trial, function: AppliedField) -> Floats:
+    e, k = _rows_of_faces(mesh, trial.loaded)
+    outside = trial.data[mesh.elements.region[e], REDUCED] != 0.0
+    e, k = e[outside], k[outside]
+    node, mu = mesh.elements.node[e[:, None], FACES[k]], 12.0 * trial.data[mesh.elements.region[e], TWELFTH_COEFFICIENT]
+    a, b, c = np.moveaxis(mesh.position[node], 1, 0)
+    normal = np.cross(b - a, c - a)
+    inward = np.sum(normal * (mesh.position[mesh.elements.node[e, k]] - a), axis=1) > 0.0
+    normal *= np.where(inward, -mu, mu)[:, None]
+    load, (points, weights) = np.zeros(len(mesh.position)), get_quadrature(RefTri, FACET_DEGREE)
+    for (s, t), weight in zip(points.T, weights, strict=True):
+        barycentric = np.array([1.0 - s - t, s, t])
+        field = np.asarray(function(np.einsum("i,kic->ck", barycentric, mesh.position[node])), dtype=float)
+        terms = weight * np.sum(normal * field.T, axis=1)[:, None] * barycentric
+        load += np.bincount(node.ravel(), terms.ravel(), load.size)
+    return load
+
+
 def _second(gradient: Floats, step: Floats) -> Floats:
     twice = np.where(UPPER[0] == UPPER[1], 1.0, 2.0)
     return np.sum(twice * gradient * step[:, UPPER[0]] * step[:, UPPER[1]], axis=1)
 
 
 def _sample(mesh: OpenTetrahedra, trial: Trial, function: AppliedField, rows: Ints) -> None:
-    if not rows.size:
-        return
     x = mesh.position[rows]
     width = SPREAD * _shortest(mesh, _faces(mesh, trial.loaded))[rows, None]
     points = x[:, None] + width[:, None] * STENCIL
@@ -93,8 +121,13 @@ def _sample(mesh: OpenTetrahedra, trial: Trial, function: AppliedField, rows: In
 
 
 def _faces(mesh: OpenTetrahedra, patches: Mask) -> Ints:
-    e, k = np.nonzero((mesh.elements.node[:, :1] >= 0) & np.append(patches, False)[mesh.elements.patch])
+    e, k = _rows_of_faces(mesh, patches)
     return mesh.elements.node[e[:, None], FACES[k]]
+
+
+def _rows_of_faces(mesh: OpenTetrahedra, patches: Mask) -> tuple[Ints, Ints]:
+    e, k = np.nonzero((mesh.elements.node[:, :1] >= 0) & np.append(patches, False)[mesh.elements.patch])
+    return e, k
 
 
 def _shortest(mesh: OpenTetrahedra, faces: Ints) -> Floats:

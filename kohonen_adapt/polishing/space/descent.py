@@ -200,7 +200,8 @@ class SpaceDescent:
             gain += self.sweep(parts, freedom)
             if (k + 1) % self.sweeps_per_swap == 0 or k + 1 == sweeps:
                 gain += self.swap(parts)
-        return gain + self.renew_field()
+        self.renew_field()
+        return gain
 
     def descend_checked(self, sweeps: int, swap_first: bool) -> tuple[Self, float]:
         """Return the descent after some sweeps, and the decrease of the functional.
@@ -258,14 +259,10 @@ class SpaceDescent:
     def sample_source(self) -> None:
         self.functional.sample_source(self.opened.mesh.position, self.opened.mesh.elements, self.trial)
 
-    def renew_field(self) -> float:
-        # returns the decrease of the functional
+    def renew_field(self) -> None:
         applied = applied_field(self.functional.ritz.surface)
-        if not len(self.trial.applied) or applied is None:
-            return 0.0
-        before = self.value()
-        renew_field(self.opened.mesh, self.trial, applied)
-        return before - self.value()
+        if len(self.trial.applied) and applied is not None:
+            renew_field(self.opened.mesh, self.trial, applied)
 
     def sweep(self, parts: Parts, freedom: Freedom) -> float:
         mesh, star = self.opened.mesh, self.opened.star()

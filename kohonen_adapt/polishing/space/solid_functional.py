@@ -190,7 +190,7 @@ class SolidFunctional:
 
     @property
     def is_approximate(self) -> bool:
-        return self.has_varying_source or bool(self.faces.counted.any())
+        return self.has_varying_source or bool(self.faces.counted.any() or self.slides.any())
 
     @property
     def has_varying_source(self) -> bool:
