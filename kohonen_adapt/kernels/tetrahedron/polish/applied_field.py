@@ -25,8 +25,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.kernels.tetrahedron.geometry import OPPOSITE
 from kohonen_adapt.kernels.tetrahedron.polish.energy import value_at
-
-NOWHERE = (-1, 0.0, 0.0, 0.0)  # `moved` without a node: (node, x, y, z)
+from kohonen_adapt.kernels.tetrahedron.polish.slivers import UNMOVED, position_of
 
 
 @inner_kernel
@@ -61,13 +60,6 @@ def rise_at(mesh, trial, v, x, y, z):
 
 
 @inner_kernel
-def place_of(position, node, moved):
-    if node == moved[0]:
-        return moved[1], moved[2], moved[3]
-    return position[node, 0], position[node, 1], position[node, 2]
-
-
-@inner_kernel
 def across_face(applied, node, at, normal):
     # the flux of Hs at a node through a face, and its derivatives by the place
     dx, dy, dz = at[0] - applied[node, AT_X], at[1] - applied[node, AT_Y], at[2] - applied[node, AT_Z]
@@ -89,8 +81,12 @@ def loads_of_face(mesh, trial, e, k, moved):
     # mu int Hs . n v dS on face k of e, with n out of e, for the functions v of the corners
     node, position, applied = mesh.elements.node, mesh.position, trial.applied
     first, second, third = node[e, OPPOSITE[k, 0]], node[e, OPPOSITE[k, 1]], node[e, OPPOSITE[k, 2]]
-    a, b, c = place_of(position, first, moved), place_of(position, second, moved), place_of(position, third, moved)
-    top = place_of(position, node[e, k], moved)
+    a, b, c = (
+        position_of(position, first, moved),
+        position_of(position, second, moved),
+        position_of(position, third, moved),
+    )
+    top = position_of(position, node[e, k], moved)
     ux, uy, uz, vx, vy, vz = b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2]
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     mu = 12.0 * trial.data[mesh.elements.region[e], TWELFTH_COEFFICIENT]
@@ -120,7 +116,7 @@ def work_around(mesh, trial, v, x, y, z, change):
     # The work on faces around v, and the derivative by the value of v. Node v is at (x, y, z), with `change` added to
     # the value outside iron.
     total = by_w = 0.0
-    node, moved = mesh.elements.node, (v, x, y, z)
+    node, moved = mesh.elements.node, (v, x, y, z, 0.0)
     for row in range(mesh.star.start[v], mesh.star.start[v + 1]):
         e = mesh.star.element[row]
         for k in range(4):
@@ -141,6 +137,6 @@ def add_loads(mesh, trial, load):
         if node[e, 0] >= 0:
             for k in range(4):
                 if is_loaded(mesh, trial, e, k):
-                    loads = loads_of_face(mesh, trial, e, k, NOWHERE)
+                    loads = loads_of_face(mesh, trial, e, k, UNMOVED)
                     for corner in range(3):
                         load[node[e, OPPOSITE[k, corner]]] += loads[corner]
