@@ -23,6 +23,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.kernels.tetrahedron.polish.applied_field import add_loads
 from kohonen_adapt.mesh.cells import FACES
+from kohonen_adapt.polishing.space.surface_values import faces_on
 from kohonen_adapt.problem.boundary_terms import FACET_DEGREE, AppliedField
 
 __all__ = ["renew_field", "sliding_places", "start_field", "with_loads_of_faces"]
@@ -87,7 +88,7 @@ def _loads(mesh: OpenTetrahedra, trial: Trial) -> Floats:
 
 
 def _loads_by_quadrature(mesh: OpenTetrahedra, trial: Trial, function: AppliedField) -> Floats:
-    e, k = _rows_of_faces(mesh, trial.loaded)
+    e, k = faces_on(mesh, trial.loaded)
     outside = trial.data[mesh.elements.region[e], REDUCED] != 0.0
     e, k = e[outside], k[outside]
     node, mu = mesh.elements.node[e[:, None], FACES[k]], 12.0 * trial.data[mesh.elements.region[e], TWELFTH_COEFFICIENT]
@@ -121,13 +122,8 @@ def _sample(mesh: OpenTetrahedra, trial: Trial, function: AppliedField, rows: In
 
 
 def _faces(mesh: OpenTetrahedra, patches: Mask) -> Ints:
-    e, k = _rows_of_faces(mesh, patches)
+    e, k = faces_on(mesh, patches)
     return mesh.elements.node[e[:, None], FACES[k]]
-
-
-def _rows_of_faces(mesh: OpenTetrahedra, patches: Mask) -> tuple[Ints, Ints]:
-    e, k = np.nonzero((mesh.elements.node[:, :1] >= 0) & np.append(patches, False)[mesh.elements.patch])
-    return e, k
 
 
 def _shortest(mesh: OpenTetrahedra, faces: Ints) -> Floats:

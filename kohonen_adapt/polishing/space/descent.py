@@ -33,6 +33,7 @@ from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.polish import SETTLED
 from kohonen_adapt.polishing.space.applied_field import renew_field, start_field, with_loads_of_faces
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
+from kohonen_adapt.polishing.space.surface_values import faces_on
 from kohonen_adapt.problem.boundary_terms import applied_field
 
 __all__ = ["SpaceDescent", "offers_of", "on_patches", "recycle_in_space", "swap_in_space", "with_origins"]
@@ -99,8 +100,7 @@ def offers_of(mesh: OpenTetrahedra, functional: SolidFunctional, trial: Trial) -
 
 
 def on_patches(mesh: OpenTetrahedra, some: Mask) -> Mask:
-    found, patch = np.zeros(len(mesh.position), dtype=np.bool_), mesh.elements.patch
-    e, k = np.nonzero((mesh.elements.node[:, :1] >= 0) & np.append(some, False)[patch])
+    found, (e, k) = np.zeros(len(mesh.position), dtype=np.bool_), faces_on(mesh, some)
     found[mesh.elements.node[e[:, None], OPPOSITE[k]]] = True
     return found
 

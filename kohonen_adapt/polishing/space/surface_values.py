@@ -6,7 +6,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Modes
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, LOAD, ON_PATCH, ON_RIDGE, Freedom, Surfaces
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, LOAD, ON_PATCH, ON_RIDGE, Freedom, OpenTetrahedra, Surfaces
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.mesh.cells import FACES
 from kohonen_adapt.mesh.polynomials import TrialFunction
@@ -14,7 +14,7 @@ from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import LINEAR
 from kohonen_adapt.problem.boundary_terms import corner_values
 
-__all__ = ["EDGES_OF_FACES", "DirichletValues", "dirichlet_on", "outer_patches", "sides_of", "with_loads"]
+__all__ = ["EDGES_OF_FACES", "DirichletValues", "dirichlet_on", "faces_on", "outer_patches", "sides_of", "with_loads"]
 
 # Edges of the face opposite to each corner, (4, 3).
 EDGES_OF_FACES = np.array([np.flatnonzero((EDGES[:, :2] != k).all(axis=1)) for k in range(4)])
@@ -94,6 +94,12 @@ def with_loads(tet: Tetrahedralization, freedom: Freedom, nodal: Floats, patches
     sliding = np.bincount(freedom.place[slides], minlength=patches)
     found = np.bincount(freedom.place[slides & loaded], minlength=patches)
     return (found > 0) | ((sliding == 0) & (without == 0))
+
+
+def faces_on(mesh: OpenTetrahedra, patches: Mask) -> tuple[Ints, Ints]:
+    # elements and opposite corners of the faces on some patches
+    e, k = np.nonzero((mesh.elements.node[:, :1] >= 0) & np.append(patches, False)[mesh.elements.patch])
+    return e, k
 
 
 def nodes_of_patches(tet: Tetrahedralization) -> tuple[Ints, Ints]:
