@@ -19,8 +19,7 @@ MAX_FACTOR = 3.0  # of the number of nodes per pass: the prediction from an ungr
 # Least growth on tetrahedra of order 2 after a pass with a growth by GREW, if the error requires as much.
 REGROWN = 1.25
 MISSED = 1.1  # least factor of the number of nodes after a pass that the prediction called large enough
-# Growth of the first pass, from which the next needs no more nodes than predicted: nodes placed anew gain much there.
-GREW = 1.5
+GREW = 1.5  # growth of a pass, from which the next gains much by placing the new nodes
 
 # Least number of nodes for the estimate of the last pass, and largest factor of the last pass. With fewer nodes or a
 # larger factor the polish does not always correct misplaced nodes. Cost of another pass: `python -m benchmarks growth`.
@@ -128,10 +127,9 @@ class GrowthByTolerance:
     def nodes(self, number: int, polished: bool, last: Pass) -> int:
         now, aim = int(last.mesh.nvertices), AIM * (self.tolerance(last) or 0.0)
         wanted, drifts = predicted_nodes(last, aim, self.order, self.dim), drift_of_nodes(self.dim, self.order) > 0.0
-        if last.number == 1 and now > GREW * self.start:
-            wanted = max(now, wanted)
-        elif last.number > 0 and last.estimate > 0.0 and (wanted < MISSED * now or drifts):
-            # Later passes gain little by placing, least of all at order 2 on tetrahedra, unless many nodes are new.
+        if last.number > 1 and last.estimate > 0.0 and (wanted < MISSED * now or drifts):
+            # After two passes the mesh is graded: further passes gain little by placing, least of all at order 2 on
+            # tetrahedra, unless many nodes are new. After the first pass the prediction is closer.
             missing = max(MISSED, (last.estimate / aim) ** (self.dim / self.order) if aim > 0.0 else inf)
             required = now * missing
             if drifts and now > GREW * (now - last.splits + last.collapses):
