@@ -92,7 +92,11 @@ def reference(order: int, degree: int) -> Reference:
     barycentric = np.stack([1.0 - points.sum(axis=0), *points], axis=1)
     mean = [*[1.0 / 6.0] * 3, *[EVEN / 24.0] * 3, 0.0, 0.0, 0.0, BUBBLE / 120.0]
     slope = np.ascontiguousarray(slopes_at(barycentric, order))
-    return Reference(slope, 2.0 * weights, np.array(mean[: slope.shape[1]]), halves(order), weights.size)
+    weights = 2.0 * weights
+    products = np.einsum("q,qir,qjs->ijrs", weights, slope, slope)
+    both = np.stack([products[..., 0, 0], products[..., 0, 1] + products[..., 1, 0], products[..., 1, 1]], axis=2)
+    means = np.array(mean[: slope.shape[1]]), np.einsum("q,qir->ir", weights, slope)
+    return Reference(slope, weights, *means, both, halves(order), weights.size)
 
 
 def exact_reference(order: int) -> Reference:

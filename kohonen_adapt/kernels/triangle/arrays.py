@@ -213,6 +213,8 @@ class Reference(NamedTuple):
     slope: np.ndarray  # (points, functions, 2): gradients
     weight: np.ndarray  # (points,): quadrature weights, with sum 1 for each of both rules
     mean: np.ndarray  # (functions,): integrals
+    mean_slope: np.ndarray  # (functions, 2): means of the gradients
+    product: np.ndarray  # (functions, functions, 3): means of g1 h1, g1 h2 + g2 h1 and g2 h2 of gradients g and h
     halves: np.ndarray  # (2, functions, functions): coefficients on (p, 0, 1) and (p, 2, 0), p the midpoint of 1 and 2
     plain: int  # number of points of the rule for linear elements, followed by the points for nonlinear elements
 
