@@ -58,40 +58,41 @@ def energy_density(laws, law, s):
 
 @inner_kernel
 def eliminate(stiffness, rest, mixed, columns, first, count):
-    """Replace the stiffness from row `first` up to `count` by its Cholesky factor L.
+    """Replace the stiffness from row `first` up to `count` by a triangular factor L.
 
-    `rest` and the first `columns` columns of `mixed` are multiplied by L^-1. Return True if the stiffness is positive
-    definite, and the squared norm of the new `rest`.
+    The stiffness is ``L^T L``. `rest` and the first `columns` columns of `mixed` are multiplied by L^-T. Return True if
+    the stiffness is positive definite, and the squared norm of the new `rest`.
     """
+    # The last unknown first: eliminating the first, the value of the node, would fill the sparse stiffness.
     square = 0.0
-    for i in range(first, count):
-        for j in range(first, i):
-            product = stiffness[i, j]
-            for k in range(first, j):
-                product -= stiffness[i, k] * stiffness[j, k]
-            product /= stiffness[j, j]
-            stiffness[i, j] = product
-            rest[i] -= product * rest[j]
-            for d in range(columns):
-                mixed[i, d] -= product * mixed[j, d]
-        diagonal = stiffness[i, i]
-        for k in range(first, i):
-            diagonal -= stiffness[i, k] * stiffness[i, k]
+    for k in range(count - 1, first - 1, -1):
+        diagonal = stiffness[k, k]
         if not diagonal > 0.0:
             return False, 0.0
         diagonal = math.sqrt(diagonal)
-        stiffness[i, i] = diagonal
-        rest[i] /= diagonal
+        inverse = 1.0 / diagonal
+        stiffness[k, k] = diagonal
+        rest[k] *= inverse
+        square += rest[k] * rest[k]
         for d in range(columns):
-            mixed[i, d] /= diagonal
-        square += rest[i] * rest[i]
+            mixed[k, d] *= inverse
+        for i in range(first, k):
+            stiffness[k, i] *= inverse
+            factor = stiffness[k, i]
+            if factor == 0.0:
+                continue
+            rest[i] -= factor * rest[k]
+            for d in range(columns):
+                mixed[i, d] -= factor * mixed[k, d]
+            for j in range(first, i + 1):
+                stiffness[i, j] -= factor * stiffness[k, j]
     return True, square
 
 
 @inner_kernel
-def substitute_back(stiffness, values, first, count):
-    for i in range(count - 1, first - 1, -1):
+def substitute(stiffness, values, first, count):
+    for i in range(first, count):
         value = values[i]
-        for k in range(i + 1, count):
-            value -= stiffness[k, i] * values[k]
+        for k in range(first, i):
+            value -= stiffness[i, k] * values[k]
         values[i] = value / stiffness[i, i]

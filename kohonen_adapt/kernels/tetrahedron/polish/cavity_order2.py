@@ -6,7 +6,7 @@ coefficients of new edges are eliminated, with all other unknowns fixed, and sto
 
 import numpy as np
 
-from kohonen_adapt.kernels.functionals import eliminate, substitute_back
+from kohonen_adapt.kernels.functionals import eliminate, substitute
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, UNKNOWNS, VALUE
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, gather_edge
@@ -151,7 +151,7 @@ def solve_unknowns(block):
     count = block.unknowns[0]
     for i in range(count):
         block.correction[i] = -block.rest[i]
-    substitute_back(block.stiffness, block.correction, 0, count)
+    substitute(block.stiffness, block.correction, 0, count)
 
 
 @inner_kernel

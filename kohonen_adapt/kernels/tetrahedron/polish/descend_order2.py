@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import HALVINGS
-from kohonen_adapt.kernels.functionals import eliminate, substitute_back
+from kohonen_adapt.kernels.functionals import eliminate, substitute
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, HELD, INSIDE, POSITION, UNKNOWNS, VALUE
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, OPPOSITE, allowed, corner_of, star_quality
@@ -266,7 +266,7 @@ def take_correction(block, first):
     count = block.unknowns[0]
     for i in range(first, count):
         block.correction[i] = -block.rest[i]
-    substitute_back(block.stiffness, block.correction, first, count)
+    substitute(block.stiffness, block.correction, first, count)
 
 
 @inner_kernel

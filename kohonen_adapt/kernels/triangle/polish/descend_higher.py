@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import KernelMesh, Modes
-from kohonen_adapt.kernels.functionals import eliminate, substitute_back
+from kohonen_adapt.kernels.functionals import eliminate, substitute
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, record
 from kohonen_adapt.kernels.triangle.arrays import (
     CONSTANTS,
@@ -295,8 +295,8 @@ def solve_upper(block, first, step_x, step_y):
     mixed, count = block.mixed, block.unknowns[0]
     for i in range(first, count):
         block.correction[i], block.response[i] = -block.rest[i], -step_x * mixed[i, 0] - step_y * mixed[i, 1]
-    substitute_back(block.stiffness, block.correction, first, count)
-    substitute_back(block.stiffness, block.response, first, count)
+    substitute(block.stiffness, block.correction, first, count)
+    substitute(block.stiffness, block.response, first, count)
 
 
 @inner_kernel
