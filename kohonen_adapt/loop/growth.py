@@ -127,12 +127,12 @@ class GrowthByTolerance:
     def nodes(self, number: int, polished: bool, last: Pass) -> int:
         now, aim = int(last.mesh.nvertices), AIM * (self.tolerance(last) or 0.0)
         wanted, drifts = predicted_nodes(last, aim, self.order, self.dim), drift_of_nodes(self.dim, self.order) > 0.0
-        if last.number > 1 and last.estimate > 0.0 and (wanted < MISSED * now or drifts):
-            # After two passes the mesh is graded: further passes gain little by placing, least of all at order 2 on
-            # tetrahedra, unless many nodes are new. After the first pass the prediction is closer.
+        grew = now > GREW * (now - last.splits + last.collapses)
+        if last.number > 1 and last.estimate > 0.0 and (drifts or (not grew and wanted < MISSED * now)):
+            # Passes after those that add few nodes gain little by placing, least of all at order 2 on tetrahedra.
             missing = max(MISSED, (last.estimate / aim) ** (self.dim / self.order) if aim > 0.0 else inf)
             required = now * missing
-            if drifts and now > GREW * (now - last.splits + last.collapses):
+            if grew:
                 required = max(now * min(missing, REGROWN), (wanted * required**2) ** (1.0 / 3.0))
             wanted = max(wanted, required)
         least = now / MAX_FACTOR if self.removes else now
