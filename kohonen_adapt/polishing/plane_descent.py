@@ -28,9 +28,8 @@ __all__ = ["PlaneDescent", "sweep"]
 #     L, N = 11 059     1.06   1.02   1.01   1.01
 #     C                 1.04   1.02   1.02   1.02
 MORE = (0, 6, 6)
-# The same after a shorter plan, while the mesh grows. By a tolerance, 2 in place of 6 take 0.84 of the time at order 2
-# (geometric mean of 15 runs over refinement, `python -m benchmarks error`).
-MORE_IN_GROWTH = (0, 2, 2)
+# The same after a shorter plan, while the mesh grows.
+MORE_IN_GROWTH = (0, 1, 0)
 PAYS = 0.01
 RESAMPLE = 2  # sweeps between two samplings of a varying flux
 # Sweeps between two samplings of a varying source. With 2, order 3 gains nothing in half the problems of `own-source`.
