@@ -43,11 +43,14 @@ def test_the_polish_lowers_the_error_by_a_tenth_and_more(order, natural):
 def test_adapt_recycles_nodes_by_it_and_compares_passes(order):
     problem = of_order(order)
     exact = problem.energy(SQUARE.refined(2), 3)
-    result = ka.adapt(SQUARE, problem, passes=2)
-    assert result.error is None and not any(step.unpolished for step in result.history)
-    assert all(step.polish_gain > 0.0 for step in result.history[1:])
-    assert result.best.functional == min(step.functional for step in result.history)
-    assert error(problem, result.mesh, exact) < (0.75, 0.75, 0.97)[order - 1] * error(problem, SQUARE, exact)
+    errors = []
+    for seed in range(5):
+        result = ka.adapt(SQUARE, problem, passes=2, seed=seed)
+        assert result.error is None and not any(step.unpolished for step in result.history)
+        assert all(step.polish_gain > 0.0 for step in result.history[1:])
+        assert result.best.functional == min(step.functional for step in result.history)
+        errors.append(error(problem, result.mesh, exact))
+    assert np.mean(errors) < (0.75, 0.75, 0.97)[order - 1] * error(problem, SQUARE, exact)
 
 
 def test_a_constant_and_a_function_of_that_value_come_to_the_same():
