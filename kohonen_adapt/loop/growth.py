@@ -22,6 +22,9 @@ MAX_FACTOR = 3.0  # of the number of nodes per pass: the prediction from an ungr
 # Least growth on tetrahedra of order 2 after a pass with a growth by GREW, if the error requires as much.
 REGROWN = 1.25
 MISSED = 1.1  # least factor of the number of nodes after a pass that the prediction called large enough
+# Largest number of nodes in the first pass, as a multiple of the predicted number for the estimate of the input. More
+# nodes on an ungraded mesh, as on M to 0.1 % at order 2, take half as long again (`python -m benchmarks error`).
+FIRST = 10.0
 GREW = 1.5  # growth of a pass, from which the next gains much by placing the new nodes
 
 # Least number of nodes for the estimate of the last pass, and largest factor of the last pass. With fewer nodes or a
@@ -138,6 +141,8 @@ class GrowthByTolerance:
             if grew:
                 required = max(now * min(missing, REGROWN), (wanted * required**2) ** (1.0 / 3.0))
             wanted = max(wanted, required)
+        if last.number == 0:
+            wanted = min(wanted, FIRST * predicted_nodes(last, last.estimate, self.order, self.dim))
         least = now / MAX_FACTOR if self.removes else now
         return min(self.target, round(min(MAX_FACTOR * now, max(least, wanted))))
 
