@@ -105,7 +105,8 @@ def test_b_is_told_right_within_the_tolerance(order, goal_rtol):
     told = result.outputs["goal"]
     assert result.status is ka.Status.CONVERGED and "T, estimated error" in result.message
     assert abs(told.value - exact) < 1.25 * goal_rtol * abs(exact)
-    assert abs(told.corrected - exact) < 0.5 * abs(told.value - exact)
+    resolved = 0.01 * goal_rtol * abs(exact)  # of an error of the value that is smaller, half is by chance
+    assert abs(told.corrected - exact) < max(0.5 * abs(told.value - exact), resolved)
 
 
 # --- refused -----------------------------------------------------------------------------------------------------
