@@ -1,6 +1,7 @@
 """How many nodes every pass has: all in the end, never fewer than before, and by when."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import kohonen_adapt as ka
-from kohonen_adapt.loop.growth import MAX_LAST_FACTOR, MIN_PLACING_NODES, Growth
+from kohonen_adapt.loop.growth import MAX_LAST_FACTOR, MIN_PLACING_NODES, Growth, GrowthByTolerance
 
 
 class Plain:
@@ -45,6 +46,29 @@ def test_the_mesh_before_the_last_knows_enough_to_place_its_nodes(start, more, p
     some = Growth.of(start, start + more, passes, corrected=True)
     assert every.nodes(passes - 1) == some.nodes(passes - 1, polished=False) == every.target
     assert some.nodes(passes - 1) >= min(some.target, max(MIN_PLACING_NODES, some.target / MAX_LAST_FACTOR))
+
+
+@given(
+    st.sampled_from([(1, 2), (2, 2), (3, 2), (1, 3), (2, 3)]),
+    st.integers(2, 11),
+    st.lists(st.floats(1e-6, 1.0), min_size=8, max_size=40),
+    st.floats(1.001, 50.0),
+    st.floats(0.3, 1.0),
+)
+def test_nodes_are_not_taken_away_above_the_tolerance(degree, number, indicators, excess, kept):
+    # Few large indicators predict fewer nodes than the mesh has: so would passes take nodes away and add them in turns.
+    (order, dim), count = degree, len(indicators)
+    splits, estimate = round((1.0 - kept) * count), float(np.linalg.norm(indicators))
+    last = SimpleNamespace(
+        mesh=SimpleNamespace(nvertices=count),
+        number=number,
+        estimate=estimate,
+        indicators=np.array(indicators),
+        splits=splits,
+        collapses=0,
+    )
+    growth = GrowthByTolerance(count, 10**6, lambda _: estimate / excess, order, dim, removes=True)
+    assert growth.nodes(number + 1, True, last) >= count
 
 
 def test_without_a_target_nodes_stay_as_many():
