@@ -1,4 +1,4 @@
-"""Compare errors with the tolerances that `adapt` was given, and the time with that of refinement by refinement."""
+"""Compare errors with the tolerances that `adapt` was given, and the time with that of refinement and bisection."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence

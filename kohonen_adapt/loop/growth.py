@@ -133,18 +133,23 @@ class GrowthByTolerance:
     def nodes(self, number: int, polished: bool, last: Pass) -> int:
         now, aim = int(last.mesh.nvertices), (self.tolerance(last) or 0.0) * (AIM if self.order < 3 else AIM_AT_ORDER_3)
         wanted, drifts = predicted_nodes(last, aim, self.order, self.dim), drift_of_nodes(self.dim, self.order) > 0.0
-        grew = now > GREW * (now - last.splits + last.collapses)
-        if last.number > 1 and last.estimate > 0.0 and (drifts or wanted < MISSED * now):
-            # If few nodes are new, the next pass gains little by placing, least of all at order 2 on tetrahedra.
-            missing = max(MISSED, (last.estimate / aim) ** (self.dim / self.order) if aim > 0.0 else inf)
-            required = now * missing
-            if grew and drifts:
-                required = max(now * min(missing, REGROWN), (wanted * required**2) ** (1.0 / 3.0))
-            wanted = max(wanted, now if grew and not drifts else required)
         if last.number == 0:
             wanted = min(wanted, FIRST * predicted_nodes(last, last.estimate, self.order, self.dim))
+        elif last.number > 1 and last.estimate > 0.0 and (drifts or wanted < MISSED * now):
+            wanted = max(wanted, self._required_nodes(last, aim, wanted, drifts))
         least = now / MAX_FACTOR if self.removes else now
         return min(self.target, round(min(MAX_FACTOR * now, max(least, wanted))))
+
+    def _required_nodes(self, last: Pass, aim: float, wanted: float, drifts: bool) -> float:
+        now = int(last.mesh.nvertices)
+        grew = now > GREW * (now - last.splits + last.collapses)
+        if grew and not drifts:
+            return now
+        # If few nodes are new, the next pass gains little by placing, least of all at order 2 on tetrahedra.
+        missing = max(MISSED, (last.estimate / aim) ** (self.dim / self.order) if aim > 0.0 else inf)
+        if grew:
+            return max(now * min(missing, REGROWN), (wanted * (now * missing) ** 2) ** (1.0 / 3.0))
+        return now * missing
 
     def grows_after(self, number: int) -> bool:
         return True
