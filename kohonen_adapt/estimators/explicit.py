@@ -157,6 +157,8 @@ def recovery(
     weighted by area or volume (Zienkiewicz and Zhu, Int. J. Numer. Meth. Eng. 24, 1987). Averages are taken separately
     in each region, a connected set of elements of equal reluctivity and flux. Averages across materials would smooth
     the true jump at an interface and overestimate the error there, without bound as the ratio of the materials grows.
+    If most regions are single elements, as with a coefficient that varies from element to element, connected elements
+    of this kind are one region.
 
     Parameters
     ----------
@@ -169,7 +171,8 @@ def recovery(
     Returns
     -------
     ndarray (nelements,)
-        As in `residual`. Zero in a region of a single element, because its average is the flux itself.
+        As in `residual`. Zero in a region of a single element, because its average is the flux itself, unless most
+        regions are such.
 
     Raises
     ------
@@ -235,6 +238,16 @@ def _data(discrete: DiscreteFlux, region: ArrayLike | None) -> NDArray[Any]:
 
 
 def _regions(mesh: Mesh, data: NDArray[Any]) -> Ints:
+    # A coefficient of every element, as of a nonlinear law, would give averages that are the fluxes themselves.
+    number = _equal_and_connected(mesh, data)
+    size = np.bincount(number)
+    alone = size[number] == 1
+    if 2 * np.count_nonzero(alone) <= size.size:
+        return number
+    return _equal_and_connected(mesh, np.where(alone, -1, number)[None])
+
+
+def _equal_and_connected(mesh: Mesh, data: NDArray[Any]) -> Ints:
     nelements = mesh.t.shape[1]
     one, other = mesh.f2t[:, mesh.f2t[1] >= 0]
     same = np.all(data[:, one] == data[:, other], axis=0)

@@ -105,7 +105,7 @@ def run_to_order(
             return replace(result, status=ending.status, message=ending.message, error=ending.error)
         tolerance = stop.tolerance(raised.best)
         more = result.history[-1].number < stop.passes and result.status is Status.CONVERGED
-        if raised.status is Status.CONVERGED or tolerance is None or not more:
+        if raised.status is Status.CONVERGED or tolerance is None or not (more and raised.estimate):
             history.report(raised)
             return raised
         missing = tolerance / raised.estimate

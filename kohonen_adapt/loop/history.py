@@ -52,7 +52,7 @@ class BestPasses:
         if self.least_error is None or self.lowest_functional is None:
             return BestPasses((solved.record,), solved, solved, solved)
         record, least, lowest = solved.record, self.least_error, self.lowest_functional
-        least = solved if record.worth < least.record.worth else least
+        least = solved if has_less_error(record, least.record) else least
         lowest = solved if has_lower_functional(record, lowest.record) else lowest
         return BestPasses((*self.passes, record), solved, least, lowest)
 
@@ -67,6 +67,12 @@ class BestPasses:
         if best is None:
             raise RuntimeError("the history has no pass.")
         return best
+
+
+def has_less_error(step: Pass, best: Pass) -> bool:
+    # indicators that are all zero do not compare passes
+    now, least = step.worth, best.worth
+    return now < least or (now == least == 0.0 and step.unknowns > best.unknowns)
 
 
 def has_lower_functional(step: Pass, best: Pass) -> bool:

@@ -21,11 +21,11 @@ TIMED = ("solve", "estimate", "relocate", "polish")
 class Status(StrEnum):
     """Reason for the end of the loop.
 
-    ``CONVERGED``: the tolerance is met, or every indicator is zero. ``MAX_PASSES``: all requested passes are done.
-    ``STALLED``: the last passes improved nothing. ``NOT_MOVED``: no node could move. ``STOPPED``: the callback returned
-    True, the user pressed Ctrl-C, or the result is interim. ``MAX_NODES``: the mesh has the largest number of nodes and
-    the tolerance is not met. ``FAILED``: an exception was raised after the input mesh
-    was estimated, see ``AdaptResult.error``.
+    ``CONVERGED``: the tolerances are met, or every indicator is zero and no tolerance of a goal or an output is missed.
+    ``MAX_PASSES``: all requested passes are done. ``STALLED``: the last passes improved nothing. ``NOT_MOVED``: no node
+    could move. ``STOPPED``: the callback returned True, the user pressed Ctrl-C, or the result is interim.
+    ``MAX_NODES``: the mesh has the largest number of nodes and the tolerance is not met. ``FAILED``: an exception was
+    raised after the input mesh was estimated, see ``AdaptResult.error``.
     """
 
     CONVERGED = auto()

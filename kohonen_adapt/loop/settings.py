@@ -177,6 +177,16 @@ class Tolerance:
     def knows_errors(self, last: Pass) -> bool:
         return self.output_rtol is None or self._output_tolerances(last.outputs).keys() <= last.output_errors.keys()
 
+    def is_met_by_values(self, last: Pass) -> bool:
+        # by the estimated errors of goal and outputs
+        found = [
+            (tolerance, last.outputs[name], last.output_errors.get(name))
+            for name, tolerance in self._output_tolerances(last.outputs).items()
+        ]
+        if self.goal_rtol is not None:
+            found.append((self.goal_rtol, last.goal or 0.0, last.goal_error))
+        return all(error is not None and abs(error) <= tolerance * abs(value) for tolerance, value, error in found)
+
     def estimate(self, last: Pass) -> float | None:
         """Return the allowed estimate of a pass, None without a tolerance.
 
@@ -190,8 +200,9 @@ class Tolerance:
             allowed.append(last.estimate * np.sqrt(self.goal_rtol * abs(last.goal) / error) if error else np.inf)
         for name, tolerance in self._output_tolerances(last.outputs).items():
             value, error = abs(last.outputs[name]), abs(last.output_errors.get(name, np.inf))
-            ratio = tolerance * value / error if error > 0.0 else np.inf
-            allowed.append(last.estimate * (np.sqrt(ratio) if name in last.output_errors else UNKNOWN))
+            ratio = np.sqrt(tolerance * value / error) if error > 0.0 else np.inf
+            ratio = ratio if name in last.output_errors else UNKNOWN
+            allowed.append(last.estimate * ratio if ratio < np.inf else np.inf)
         return float(min(allowed)) if allowed else None
 
     def _output_tolerances(self, outputs: Iterable[str]) -> dict[str, float]:
@@ -204,13 +215,13 @@ class Tolerance:
         reached = [
             f"estimate {last.estimate_text}{doubt} within the tolerance {text}" for text in self._of_estimate(last)
         ]
-        return " and ".join([*reached, *self._errors_text(last)])
+        return " and ".join([*reached, *self.errors_text(last)])
 
     def _of_estimate(self, last: Pass) -> list[str]:
         tolerance = self.of_energy(last.energy_norm)
         return [] if tolerance is None else [_tolerance_text(tolerance, last)]
 
-    def _errors_text(self, last: Pass) -> list[str]:
+    def errors_text(self, last: Pass) -> list[str]:
         texts, goal, error = [], last.goal, last.goal_error
         if self.goal_rtol is not None and goal is not None and error is not None:
             text = f"{percent(abs(error / goal))} " if goal else f"{abs(error):.3g} "
@@ -225,7 +236,7 @@ class Tolerance:
 
     def missed_text(self, last: Pass) -> str:
         missed = [f"the tolerance {text} (estimate {last.estimate_text})" for text in self._of_estimate(last)]
-        missed += [f"the tolerance of {text}" for text in self._errors_text(last)]
+        missed += [f"the tolerance of {text}" for text in self.errors_text(last)]
         return f" without reaching {' and '.join(missed)}" if missed else ""
 
 

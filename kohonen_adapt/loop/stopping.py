@@ -85,8 +85,9 @@ class StopTest:
         """
         last, count, result = passes[-1], count_text(passes), best_pass_text(best)
         returned = self.callback(last) if self.callback else None
-        if last.estimate == 0.0:
-            return Ending(Status.CONVERGED, f"Converged after {count}: all indicators are zero.")
+        if last.estimate == 0.0 and self.of_result.is_met_by_values(last):
+            reasons = " and ".join(["all indicators are zero", *self.of_result.errors_text(last)])
+            return Ending(Status.CONVERGED, f"Converged after {count}: {reasons}.")
         if self._is_met(passes):
             return Ending(Status.CONVERGED, f"Converged after {count}: {self.of_result.reached_text(last)}. {result}")
         # Only True stops the loop, because many callbacks return a path or a list by accident.
@@ -123,7 +124,7 @@ class StopTest:
 
     def _is_met(self, passes: Passes) -> bool:
         tolerance, last = self.tolerance(passes[-1]), passes[-1]
-        if tolerance is not None and last.estimate > tolerance:
+        if last.estimate == 0.0 or (tolerance is not None and last.estimate > tolerance):
             return False
         if self.of_passes is None:
             return tolerance is not None and self.of_result.knows_errors(last)

@@ -12,7 +12,9 @@ from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.problem.protocol import AutoOrder, NotOffered
 
-__all__ = ["FieldProblem", "check_elements", "chosen_order"]
+__all__ = ["FieldProblem", "check_elements", "chosen_order", "scaled_to", "vanish"]
+
+ROUNDING = 1e-12  # sum of the indicators of a goal, relative to its value, that rounding errors make
 
 
 MeshKind = TypeVar("MeshKind", bound=Mesh)
@@ -72,8 +74,9 @@ class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
 
         For nonlinear material the norm is that of the linearised problem, ``sqrt(int dH/dB |B - B_h|^2)``, in space
         ``sqrt(int dB/dH |H - H_h|^2)``. With a goal the sum of squares exceeds the error, because contributions of
-        opposite sign do not cancel. Of order 2 and 3 the indicators of a goal are the roots of the products of the
-        residual estimates of field and dual.
+        opposite sign do not cancel. A goal that does not depend on the potential, such as the force between a coil and
+        a magnet of permeability 1, has indicators of the energy, scaled to `goal_error`. Of order 2 and 3 the
+        indicators of a goal are the roots of the products of the residual estimates of field and dual.
 
         Parameters
         ----------
@@ -145,6 +148,15 @@ class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
         if self.goal is not None:
             raise NotOffered("the error of a goal is no fraction of the energy")
         return float(np.sqrt(field.squared_norm))
+
+
+def vanish(of_goal: Floats, goal: float) -> bool:
+    return float(np.sum(of_goal**2)) <= ROUNDING * abs(goal)
+
+
+def scaled_to(indicators: Floats, error: float) -> Floats:
+    size = float(np.linalg.norm(indicators))
+    return indicators * (np.sqrt(abs(error)) / size) if size else indicators
 
 
 def chosen_order(order: int, estimator: str) -> int:

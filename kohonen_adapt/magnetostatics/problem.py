@@ -17,7 +17,7 @@ from kohonen_adapt.magnetostatics.equations.high_orders import BY_LAGRANGE, elem
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.estimation import energy_indicators, goal_indicators
-from kohonen_adapt.magnetostatics.field_problem import FieldProblem
+from kohonen_adapt.magnetostatics.field_problem import FieldProblem, scaled_to, vanish
 from kohonen_adapt.magnetostatics.functional import functional_for
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.quantities.field import Field
@@ -192,8 +192,11 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:
         if self.goal is not None:
-            return goal_indicators(field, self.goal, self.boundaries, self.method)
-        return energy_indicators(mesh, field, self.estimator, self.boundaries, self.materials, self.method)
+            found = goal_indicators(field, self.goal, self.boundaries, self.method)
+            if not vanish(found, self.goal(field)):
+                return found
+        of_energy = energy_indicators(mesh, field, self.estimator, self.boundaries, self.materials, self.method)
+        return of_energy if self.goal is None else scaled_to(of_energy, self.goal_error(field))
 
     def functional(self, mesh: MeshTri, field: Field) -> float:
         """Return the functional that a solution minimises.

@@ -17,7 +17,7 @@ from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
-from kohonen_adapt.magnetostatics.field_problem import FieldProblem, check_elements, chosen_order
+from kohonen_adapt.magnetostatics.field_problem import FieldProblem, check_elements, chosen_order, scaled_to, vanish
 from kohonen_adapt.magnetostatics.functional import functional_in_space
 from kohonen_adapt.magnetostatics.hypercircle import gap_indicators, with_currents_of
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
@@ -213,9 +213,14 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
             return gap_indicators(with_currents_of(vector, field), vector)
         if self.goal is None:
             return energy_indicators_in_space(field, self.estimator, self._conditions(field), self.materials)
-        if field.order > 1:
-            return goal_indicators_by_surplus(field, self._conditions(field), **self._pair(field, self.goal))
-        return goal_oriented(mesh, **self._pair(field, self.goal))
+        conditions, pair = self._conditions(field), self._pair(field, self.goal)
+        found = (
+            goal_indicators_by_surplus(field, conditions, **pair) if field.order > 1 else goal_oriented(mesh, **pair)
+        )
+        if not vanish(found, self.goal(field)):
+            return found
+        of_energy = energy_indicators_in_space(field, "residual", conditions, self.materials)
+        return scaled_to(of_energy, self.goal_error(field))
 
     def goal_error(self, field: SolidField) -> float:
         if self.goal is None:
@@ -253,7 +258,8 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
 
         At order 1 they are those of the quadratic field of the problem that is linearised at the field, on curved edges
         if `curved`. At order 2 the surplus of cubic functions is added, and the change is at least the relative error
-        of the energy.
+        of the energy, times the part of the value that changes with the potential. The integrals of coils over magnets
+        and iron have a finer quadrature.
 
         Parameters
         ----------

@@ -22,7 +22,7 @@ from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid, Strength
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.mesh.cells import normals
-from kohonen_adapt.mesh.measures import inner_points, magnitude, unit_vectors
+from kohonen_adapt.mesh.measures import CurvedTetrahedra, inner_points, magnitude, unit_vectors
 from kohonen_adapt.problem.evaluation import Output
 
 __all__ = [
@@ -46,6 +46,8 @@ TURNED = 1.0  # least measure of a turn at an edge: twice the square of the sine
 PARALLEL = 0.99  # least cosine of the angle between potential and dual for a polish by the energy
 ROUGH = 1e-6  # residual of conjugate gradients in a better solution, which serves differences of values only
 STEP = 1e-4  # of central differences, relative to the size of an element
+FINE = 5  # degree of a quadrature in elements near coils
+SLIGHT = 1e-4  # relative change of a potential
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -57,6 +59,11 @@ class EnrichedField(SolidField):
 
     def at(self, x: Floats, element: Ints) -> Strength:
         return self._added(super().at(x, element), element)
+
+    def magnetisation_in(self, inside: Mask) -> tuple[Floats, Floats]:
+        # The quadrature of the elements is a part of the error near coils.
+        x, element, volumes = CurvedTetrahedra(self.mesh).quadrature(np.flatnonzero(inside), FINE)
+        return x, self.at(x, element).magnetisation * volumes
 
     def reaction_at(self, x: Floats, element: Ints) -> Floats:
         return super().reaction_at(x, element) - VACUUM_PERMEABILITY * self.cubic_slope(x, element)
@@ -228,9 +235,16 @@ def better_value(field: SolidField, better: SolidField, output: Output) -> float
     found = float(output(better))
     if not isinstance(better, EnrichedField):
         return found
-    value = float(output(field))
     # The parts of a change cancel by chance on graded meshes.
-    return value + float(np.copysign(max(abs(found - value), better.error_of_energy * abs(value)), found - value))
+    value = float(output(field))
+    least = better.error_of_energy * part_by_potential(field, value, output)
+    return value + float(np.copysign(max(abs(found - value), least), found - value))
+
+
+def part_by_potential(field: SolidField, value: float, output: Output) -> float:
+    # The fields of coils in free space and remanences have no error, and may be most of a value.
+    less = float(output(replace(field, unknown=(1.0 - SLIGHT) * field.unknown)))
+    return min(abs(value), abs(value - less) / SLIGHT)
 
 
 def at_edges(mesh: MeshTet, material: Ints) -> Mask:

@@ -248,6 +248,14 @@ class CurvedTetrahedra(CurvedElements):
         corner = self.p[:, self.t[:, element]]
         return TETRAHEDRON.hat_gradients(tangent_corners(corner, self.offset[:, :, element], barycentric))
 
+    def quadrature(self, rows: Ints, degree: int) -> tuple[Floats, Ints, Floats]:
+        # points (3, n) in some elements, their elements and volumes
+        barycentric, weight = tetrahedron_rule(degree)
+        element, at = np.tile(rows, weight.size), np.repeat(barycentric.T, rows.size, axis=1)
+        corners = tangent_corners(self.p[:, self.t[:, element]], self.offset[:, :, element], at)
+        volumes = np.abs(TETRAHEDRON.determinant(corners)) / 6.0
+        return self.points(element, at), element, np.repeat(weight, rows.size) * volumes
+
 
 def isoparametric(mesh: Mesh) -> Isoparametric | CurvedTetrahedra:
     return CurvedTetrahedra(mesh) if len(mesh.p) == 3 else Isoparametric(mesh)

@@ -85,6 +85,19 @@ def test_recovery_agrees_with_its_slow_twin(seed):
     np.testing.assert_allclose(fast, slow_recovery(mesh, potential, reluctivity, flux, reluctivity), rtol=1e-10)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_recovery_with_a_coefficient_of_every_element_averages_over_them(seed):
+    """Each element alone would have the indicator 0, for instance with the secant coefficient of a law."""
+    rng = np.random.default_rng(seed)
+    mesh = MeshTri().refined(3)
+    u, varying = rng.normal(size=mesh.nvertices), 1.0 + 1e-3 * rng.random(mesh.nelements)
+    inside = mesh.p[0, mesh.t].mean(axis=0) < 0.5
+    beside = np.where(inside, varying, 100.0)  # a law beside air
+    for coefficient, region in ((varying, np.zeros(mesh.nelements, dtype=int)), (beside, inside.astype(int))):
+        with_region = estimators.recovery(mesh, u, coefficient, region=region)
+        np.testing.assert_allclose(estimators.recovery(mesh, u, coefficient), with_region)
+
+
 def test_recovery_keeps_separate_bodies_of_one_material_apart():
     """Two iron bodies that touch in a single node: the averages there must not mix them."""
     mesh = MeshTri.init_tensor(np.linspace(-1, 1, 5), np.linspace(-1, 1, 5))

@@ -444,6 +444,16 @@ def test_indicators_that_are_all_zero_have_converged(number):
     assert result.message == f"Converged after {number} pass{'' if number else 'es'}: all indicators are zero."
 
 
+@pytest.mark.parametrize(("values", "converges"), [((1.0, 1.2, 1.21), True), ((1.0, 2.0, 3.0), False)])
+def test_indicators_that_are_all_zero_do_not_meet_the_tolerance_of_an_output(values, converges):
+    result = adapt(MESH, Script([0.0] * 3), passes=2, outputs={"force": script_of(*values)}, output_rtol=0.01)
+    assert [step.number for step in result.history] == [0, 1, 2]
+    assert result.status is (Status.CONVERGED if converges else Status.MAX_PASSES)
+    assert result.best.number == 2 and result.best.unknowns > result.history[0].unknowns
+    said = "Converged after 2 passes: all indicators are zero and force 1.21, estimated error 0.8264 % (asked 1 %)."
+    assert (result.message == said) == converges
+
+
 @pytest.mark.parametrize(
     ("script", "length"),
     [

@@ -9,6 +9,7 @@ import pytest
 from helpers.magnet_solids import blocks
 from scipy.special import ellipe, ellipk
 
+import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Coil, FluxLinkage, Force, MagneticScalarPotential, Material, Torque
 
 MU0 = 4e-7 * np.pi
@@ -117,6 +118,26 @@ def test_a_magnet_is_a_coil_on_its_surface(space):
     force, torque = of_coil.force("winding"), of_coil.torque("winding", centre)
     np.testing.assert_allclose(of_magnet.force("winding"), force, atol=2e-3 * np.abs(force).max())
     np.testing.assert_allclose(of_magnet.torque("winding", centre), torque, atol=2e-3 * np.abs(torque).max())
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_the_error_of_a_force_that_does_not_depend_on_the_potential(order):
+    """A magnet of permeability 1 is a coil on its surface, so the quadrature beside the winding is all of the error."""
+    (x, y, low), (_, _, high) = BLOCK
+    path = [[x, -x, -x, x], [y, y, -y, -y], [0.5 * (low + high)] * 4]
+    sheet, ring = (
+        Coil(path, 1e-4, high - low, (high - low) / MU0),
+        Coil.circular((0.0, 0.0, 1.4), AXIS, 0.6, (0.2, 0.2), 1e3),
+    )
+    exact = problem(AIR, {"winding": ring, "sheet": sheet}).solve(COARSE).force("winding")[2]
+    goal = Force("winding", AXIS)
+    given = replace(problem(Material(remanence=(0.0, 0.0, 1.0)), {"winding": ring}, goal=goal), order=order)
+    field = given.solve(box())
+    estimated, error = given.goal_error(field), exact - goal(field)
+    assert 0.7 < estimated / error < 1.3
+    indicators = given.indicators(field.mesh, field)
+    assert np.sum(indicators**2) == pytest.approx(abs(estimated))
+    assert ka.adapt(box(), given, goal_rtol=0.1 * abs(estimated / exact), passes=0).status is not ka.Status.CONVERGED
 
 
 def test_the_force_on_a_magnet_in_a_bore_is_opposite_to_the_force_on_the_coil():

@@ -91,16 +91,13 @@ class OfCoil:
         path = self._coil.path
         return bool(np.abs(self._motion.at(path)).max() <= PLAIN * np.abs(self.motion.at(path)).max())
 
-    @cached_property
-    def _rows(self) -> Mask:
-        field = self.field
-        magnetic = np.abs(field.reluctivity * VACUUM_PERMEABILITY - 1.0) > PLAIN
-        return (magnetic | field.remanence.any(axis=0))[field.elements.element]
+    @property
+    def _magnetised(self) -> Mask:
+        magnetic = np.abs(self.field.reluctivity * VACUUM_PERMEABILITY - 1.0) > PLAIN
+        return np.asarray(magnetic | self.field.remanence.any(axis=0))
 
-    @cached_property
-    def _weight(self) -> Floats:
-        # (3, n) at the quadrature points of magnetised material
-        x, total = self.field.at_quadrature.x[:, self._rows], np.zeros((3, np.count_nonzero(self._rows)))
+    def _weight_at(self, x: Floats) -> Floats:
+        total = np.zeros_like(x)
         for g in self._orbit[1]:
             total += self._images.pulled(self._unit_field(self._images.points(x, g)), g)
         return self._meshed * len(self._orbit[0]) * total
@@ -113,14 +110,13 @@ class OfCoil:
     def value(self) -> float:
         if self.vanishes:
             return 0.0
-        at, rows = self.field.at_quadrature, self._rows
-        magnetisation = at.flux_density[:, rows] - VACUUM_PERMEABILITY * at.field_strength[:, rows]
-        volumes = self.field.point_volumes[rows]
-        return self._meshed * self._in_free_space() + float(np.sum(volumes * magnetisation * self._weight))
+        x, magnetisation = self.field.magnetisation_in(self._magnetised)
+        return self._meshed * self._in_free_space() + float(np.sum(magnetisation * self._weight_at(x)))
 
     def load(self) -> Floats:
-        weight = np.zeros_like(self.field.elements.points)
-        weight[:, self._rows] = self._weight
+        elements = self.field.elements
+        weight, rows = np.zeros_like(elements.points), self._magnetised[elements.element]
+        weight[:, rows] = self._weight_at(elements.points[:, rows])
         return self.field.load_of(weight) + VACUUM_PERMEABILITY * weight
 
     def _in_free_space(self) -> float:

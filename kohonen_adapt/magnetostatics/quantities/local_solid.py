@@ -39,6 +39,10 @@ class Strength(PointValues):
     def flux_density(self) -> Floats:
         return self.permeabilities[0] * (self.field_strength + self.coefficients.coercivity)
 
+    @property
+    def magnetisation(self) -> Floats:
+        return self.flux_density - VACUUM_PERMEABILITY * self.field_strength
+
     def change_of_flux_density(self, change: Floats) -> Floats:
         """Return the change of B in T by a small change of H in A/m, both (3, n).
 
@@ -130,6 +134,11 @@ class LocalSolid(MagneticField):
     @property
     def volume(self) -> Floats:
         return self.elements.volumes
+
+    def magnetisation_in(self, inside: Mask) -> tuple[Floats, Floats]:
+        # mu0 M in T times volumes at the points of a quadrature in some elements, with the points, (3, n) each
+        rows, at = inside[self.elements.element], self.at_quadrature
+        return at.x[:, rows], at.magnetisation[:, rows] * self.point_volumes[rows]
 
     def points_inside(self, x: ArrayLike) -> tuple[Floats, Ints, Mask]:
         # of x: points in the mesh, their elements, and where they are among all
