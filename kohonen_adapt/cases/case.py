@@ -1,6 +1,6 @@
 """Settings of a case, completed from its mesh file."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +14,7 @@ from skfem import Mesh, MeshTri
 
 from kohonen_adapt.cases.drawing import Drawing
 from kohonen_adapt.cases.tables import Quantity
-from kohonen_adapt.cases.turning import turned_materials
+from kohonen_adapt.cases.turning import Turn, turned_materials
 from kohonen_adapt.geometry.plane.curves import Arc, Line
 from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.io import Groups, read_groups, read_mesh
@@ -27,6 +27,7 @@ from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
 from kohonen_adapt.mesh.cells import TETRAHEDRON, check_kind
 from kohonen_adapt.mesh.curved import corners_of, is_second_order
+from kohonen_adapt.mesh.motions import Pair
 
 __all__ = ["Case", "keys_of_space", "remedy_in_plane"]
 
@@ -50,7 +51,7 @@ class Case:
     outputs
         Name to a function of the field.
     turn
-        Subdomain to the angle, in degrees, of its rotation about the origin.
+        Subdomains that turn together to the angle, in degrees, of their rotation about the origin.
     rim
         Name for the whole rim of the mesh; empty if the file has names for the rim.
     bracket
@@ -64,7 +65,7 @@ class Case:
     base_problem: Magnetostatics | MagneticScalarPotential
     adapt: dict[str, Any]
     outputs: dict[str, Quantity]
-    turn: dict[str, float] = field(default_factory=dict)
+    turn: Turn = field(default_factory=dict)
     rim: str = ""
     bracket: bool = False
     file: str = ""
@@ -192,6 +193,13 @@ class Case:
         return f"{unit}/m" if flat else unit
 
     @property
+    def pairs(self) -> Sequence[Pair]:
+        """Periodic and antiperiodic pairs of boundaries."""
+        problem = self.base_problem
+        own: Sequence[Pair] = problem.pairs if isinstance(problem, Magnetostatics) else ()
+        return self.adapt.get("periodic", own)
+
+    @property
     def pinned(self) -> list[int | str]:
         """Names and node numbers of pinned nodes."""
         given = self.adapt.get("pinned", [])
@@ -240,7 +248,7 @@ class Case:
         bore_curves = dict[str, Arc | Line | Spline]()
         for each in self.outputs.values():
             bore_curves |= bores(mesh, each.bodies, each.centre) if each.centre is not None else {}
-        paired = {name for pair in self.adapt.get("periodic", self.problem.pairs) for name in pair[:2]}
+        paired = {name for pair in self.pairs for name in pair[:2]}
         file_curves = {} if self.turn or is_second_order(mesh) else curves_in_file(self.mesh_file, mesh, self.scale)
         for name, curve in (file_curves | bore_curves).items():
             facets = np.asarray(mesh.boundaries[name])
@@ -249,7 +257,7 @@ class Case:
         return given | ({"curves": curves} if curves else {})
 
 
-def _check_turn(mesh: Mesh, turn: dict[str, float]) -> None:
+def _check_turn(mesh: Mesh, turn: Turn) -> None:
     if type(mesh) is TETRAHEDRON.mesh and turn:
         raise ValueError("turn is for meshes of triangles only; draw the turned part at its angle.")
 

@@ -59,7 +59,7 @@ def fitting_mesh(case: Case) -> MeshTri:
     _check_dimension(case.base_problem, drawn)
     if case.bracket and cell_of(drawn) is TRIANGLE:
         raise ValueError("bracket: for meshes of tetrahedra only, but the mesh is one of triangles. Remove the key.")
-    mesh = turned_mesh(drawn, case.turn)
+    mesh = turned_mesh(drawn, case.turn, case.pairs)
     if len(case.pins(mesh)) < len(case.pins(drawn)):
         raise ValueError("turn must not move groups of points; the mesh file has some in a turned subdomain.")
     with locate_errors("mesh"):

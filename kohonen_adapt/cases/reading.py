@@ -24,6 +24,7 @@ from kohonen_adapt.cases.readers import (
     table_of,
 )
 from kohonen_adapt.cases.tables import PAIRS, coil, goal, material_in, quantity, schedule, shape
+from kohonen_adapt.cases.turning import turn
 from kohonen_adapt.checks import listed, nearest_name
 from kohonen_adapt.io import MSH_VERSION
 from kohonen_adapt.loop.adapt import adapt
@@ -129,7 +130,7 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
         **PROBLEM,
         "adapt": lambda value, location: read_table(value, ADAPT, location),
         "outputs": table_of(quantity),
-        "turn": table_of(NUMBER),
+        "turn": turn,
         "rim": TEXT,
         "bracket": FLAG,
     }
@@ -138,7 +139,7 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
     except UnknownKeyError as error:
         raise ValueError(f"{error}{_table_hint(error.key, readers)}") from None
     problem = _problem(values)
-    options, outputs, turn = (values.get(key, {}) for key in ("adapt", "outputs", "turn"))
+    options, outputs, turns = (values.get(key, {}) for key in ("adapt", "outputs", "turn"))
     _check_outputs(options.get("output_rtol"), outputs, problem)
     return Case(
         values["mesh"],
@@ -146,7 +147,7 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
         problem,
         options,
         outputs,
-        turn,
+        turns,
         values.get("rim", ""),
         values.get("bracket", False),
     )

@@ -1,49 +1,86 @@
 """Rotation of subdomains and their magnets by the angles of a case."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from math import radians
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.cases.readers import NUMBER, TEXT, list_of, read_table, table_of
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector
-from kohonen_adapt.mesh.motions import Rotation, inverse, moved
+from kohonen_adapt.mesh.motions import Pair, Rotation, inverse, moved
 from kohonen_adapt.mesh.names import named
-from kohonen_adapt.mesh.turning import turned
+from kohonen_adapt.mesh.turning import elements_of, turned
 
-__all__ = ["turned_materials", "turned_mesh"]
+__all__ = ["Turn", "turn", "turned_materials", "turned_mesh"]
+
+Turn = Mapping[tuple[str, ...], float]  # subdomains that turn together to their angle in degrees
+
+PARTS = {"parts": list_of(TEXT), "degrees": NUMBER}
+RIM = "\0rim"  # in no file
 
 
-def turned_mesh(mesh: MeshTri, turn: Mapping[str, float]) -> MeshTri:
-    """Return the mesh with subdomains turned about the origin, angles in degrees.
+def turn(given: Any, location: str) -> Turn:
+    if isinstance(given, dict) and "parts" in given:
+        values = read_table(given, PARTS, location, required=tuple(PARTS))
+        return {tuple(values["parts"]): values["degrees"]}
+    return {(name,): degrees for name, degrees in table_of(NUMBER)(given, location).items()}
+
+
+def turned_mesh(mesh: MeshTri, turn: Turn, pairs: Iterable[Pair]) -> MeshTri:
+    """Return the mesh with subdomains turned about the origin.
+
+    Arcs of the circle of rotation that are new on the boundary of a sector belong to the side of a pair, periodic or
+    antiperiodic, that they connect.
 
     Raises
     ------
     ValueError
-        If `turned` refuses a rotation, or a part of a sector is turned out of the sector: its new sides then have no
-        names for periodic conditions.
+        If `turned` refuses a rotation, or a part is turned out of a sector without pairs.
     """
-    for name, degrees in turn.items():
+    sides = [name for pair in pairs for name in pair[:2]]
+    for names, degrees in turn.items():
         try:
-            after = turned(mesh, name, radians(degrees))
+            mesh = with_arcs_on(sides, turned(_with_rim(mesh), names, radians(degrees)))
         except ValueError as error:
-            raise ValueError(f"turn.{name}: {error}") from None
-        if len(after.boundary_facets()) != len(mesh.boundary_facets()):
-            raise ValueError(
-                f"turn.{name} must stay in the mesh; {degrees:g} degrees turn it out of its sector. Take a mesh of the "
-                "whole machine, or name the new sides yourself, as examples/motor.py does."
-            )
-        mesh = after
+            raise ValueError(f"turn{f'.{names[0]}' if len(names) == 1 else ''}: {error}") from None
     return mesh
 
 
-def turned_materials(
-    materials: Mapping[str, Material], mesh: MeshTri, turn: Mapping[str, float]
-) -> dict[str, Material]:
+def _with_rim(mesh: MeshTri) -> MeshTri:
+    return mesh.with_boundaries({**(mesh.boundaries or {}), RIM: mesh.boundary_facets()})
+
+
+def with_arcs_on(sides: Iterable[str], mesh: MeshTri) -> MeshTri:
+    boundaries = dict(mesh.boundaries or {})
+    arcs = np.setdiff1d(mesh.boundary_facets(), boundaries.pop(RIM))
+    for arc in _connected(mesh, arcs):
+        ends = mesh.facets[:, arc]
+        touched = [name for name in sides if np.isin(mesh.facets[:, named(boundaries, name, "boundary")], ends).any()]
+        if len(set(touched)) != 1:
+            raise ValueError(
+                "the angle turns it out of the mesh, which is a sector without a pair of sides there. Give the sides "
+                "as periodic or antiperiodic, or take a mesh of the whole machine."
+            )
+        boundaries[touched[0]] = np.union1d(boundaries[touched[0]], arc)
+    return replace(mesh, _boundaries=boundaries)
+
+
+def _connected(mesh: MeshTri, facets: Ints) -> list[Ints]:
+    nodes, index = np.unique(mesh.facets[:, facets], return_inverse=True)
+    one, other = index.reshape(2, -1)
+    graph = coo_array((np.ones(one.size), (one, other)), shape=(nodes.size,) * 2)
+    count, label = connected_components(graph, directed=False)
+    return [facets[label[one] == k] for k in range(count)]
+
+
+def turned_materials(materials: Mapping[str, Material], mesh: MeshTri, turn: Turn) -> dict[str, Material]:
     """Return the materials, with magnets in turned subdomains turned, too.
 
     Raises
@@ -52,9 +89,8 @@ def turned_materials(
         If only a part of a magnet is turned.
     """
     found = dict(materials)
-    for name, degrees in turn.items():
-        turns = np.zeros(mesh.t.shape[1], dtype=bool)
-        turns[named(mesh.subdomains, name, "subdomain")] = True
+    for names, degrees in turn.items():
+        turns = elements_of(mesh, names)
         found = {key: _turned(key, each, mesh, turns, Rotation(radians(degrees))) for key, each in found.items()}
     return found
 

@@ -1,15 +1,15 @@
 """Description of a mesh and of its faults."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from itertools import combinations
+from collections.abc import Callable, Collection, Iterator, Mapping
+from itertools import chain, combinations
 from typing import Any
 
 import numpy as np
 from skfem import Mesh, MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.checks import point_text
+from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.commands.plan import seams, size_text, unit_doubts
 from kohonen_adapt.display import counted, plural
 from kohonen_adapt.geometry.plane.arcs import possible_arcs
@@ -131,11 +131,24 @@ def points_described(groups: Groups) -> list[str]:
     return [f"point '{name}': {shown} m" for name, shown in places.items()]
 
 
-def _memberships(mesh: Mesh) -> Ints:
+def _memberships(mesh: Mesh, without: Collection[str] = ()) -> Ints:
     count = np.zeros(mesh.t.shape[1], dtype=np.int64)
-    for rows in named_sets(mesh.subdomains).values():
-        count[rows] += 1
+    for name, rows in named_sets(mesh.subdomains).items():
+        count[rows] += name not in without
     return count
+
+
+def unions(mesh: Mesh) -> dict[str, list[str]]:
+    # The subdomains that consist of others: all that turns in a machine, or a second name. They need no material.
+    sets, found = (
+        {name: set(rows.tolist()) for name, rows in named_sets(mesh.subdomains).items()},
+        dict[str, list[str]](),
+    )
+    for name in sorted(sets, key=lambda name: len(sets[name]), reverse=True):
+        parts = [other for other in sets if other not in (name, *found) and sets[other] <= sets[name]]
+        if parts and set.union(*(sets[part] for part in parts)) == sets[name]:
+            found[name] = sorted(parts)
+    return found
 
 
 def _middle(mesh: Mesh, element: int | np.signedinteger[Any]) -> str:
@@ -160,9 +173,14 @@ def moving(mesh: Mesh, surfaces: Mapping[str, Surface] | None = None) -> tuple[l
     rules = Rules(surfaces=surfaces or None)
     if cell_of(mesh) is TETRAHEDRON:
         solid = MovableSolid.of(mesh, rules)
-        return surfaces_described(solid), doubtful_patches(solid)
+        return surfaces_described(solid), chain(doubtful_patches(solid), _of_unions(mesh))
     movable = MovableMesh.of(mesh, rules)
-    return outlines_described(movable), hints(movable)
+    return outlines_described(movable), chain(hints(movable), _of_unions(mesh))
+
+
+def _of_unions(mesh: Mesh) -> Iterator[str]:
+    for name, parts in unions(mesh).items():
+        yield f"subdomain '{name}' consists of {listed(parts)}: give materials to these, or to '{name}' alone."
 
 
 def held_described(mesh: Mesh, surfaces: Mapping[str, Surface]) -> list[str]:
@@ -260,7 +278,7 @@ def coarse_arcs(movable: MovableMesh) -> Iterator[str]:
 
 
 def _names(mesh: Mesh) -> Iterator[str]:
-    count, name, (inside, around) = _memberships(mesh), plural(cell_of(mesh).name), GROUPS[len(mesh.p)]
+    count, name, (inside, around) = _memberships(mesh, unions(mesh)), plural(cell_of(mesh).name), GROUPS[len(mesh.p)]
     for which, text in ((count == 0, "no subdomain"), (count > 1, "more than one subdomain")):
         if which.any():
             yield (

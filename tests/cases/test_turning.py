@@ -121,6 +121,10 @@ def test_a_case_without_turn_does_not_look_at_its_mesh(tmp_path):
         ({"rotor": 5.0}, r"turn.rotor: angle must be whole steps .* \(10 degrees\) each"),
         ({"rotr": 0.0}, "turn.rotr: subdomain 'rotr' is not in the mesh"),
         ({"coil": 10.0}, "turn.coil: what turns and the rest must meet on circles"),
+        ({"parts": ["rotor", "coils"], "degrees": 10.0}, "turn: subdomain 'coils' is not in the mesh"),
+        ({"parts": ["rotor"]}, "turn.degrees is missing; it is required."),
+        ({"parts": ["rotor"], "rotor": 10.0}, "'turn.rotor' is not a key of a case"),
+        ({"parts": "rotor", "degrees": 10.0}, r"turn.parts must be \[text in quotes, ...\]"),
         ({"rotor": "10"}, "turn.rotor must be a finite number; got '10'. Write it without quotes."),
     ],
 )
@@ -136,12 +140,55 @@ def test_a_magnet_turns_as_a_whole(folder):
         _ = case_in(folder, turn={"rotor": 10.0}).problem
 
 
-def test_a_part_is_not_turned_out_of_a_sector(folder):
+def sector():
+    """A quarter of the machine, from "right" to "left", without a name for all that turns."""
     mesh = machine()
-    sector = np.flatnonzero((mesh.p[:, mesh.t].mean(axis=1) > 0.0).all(axis=0))
-    ka.write_mesh(folder / "machine.msh", mesh.restrict(sector))
-    with pytest.raises(ValueError, match=r"turn.rotor must stay in the mesh; 10 degrees turn it out of its sector"):
-        fitting_mesh(case_in(folder, turn={"rotor": 10.0}))
+    mesh = mesh.restrict(np.flatnonzero((mesh.p[:, mesh.t].mean(axis=1) > 0.0).all(axis=0)))
+    mesh = mesh.with_boundaries({"right": lambda x: x[1] < 1e-9, "left": lambda x: x[0] < 1e-9})
+    x = mesh.p[:, mesh.t].mean(axis=1)
+    air, inner = mesh.subdomains["air"], np.flatnonzero(np.hypot(*x) < 0.5)
+    names = {"outer_air": np.setdiff1d(air, inner), "inner_air": np.intersect1d(air, inner)}
+    names |= {name: mesh.subdomains[name] for name in ("magnet", "coil")}
+    return MeshTri(mesh.p, mesh.t, _boundaries=mesh.boundaries, _subdomains=names)
+
+
+def of_sector(folder, degrees, **changes):
+    materials = {name: {} for name in ("coil", "inner_air", "outer_air")}
+    materials["magnet"] = {"remanence": {"pattern": "halbach", "magnitude": 1.0, "pole_pairs": 2}}
+    turn = {"parts": ["magnet", "inner_air"], "degrees": degrees}
+    changes = {"antiperiodic": [["right", "left"]], "materials": materials, "turn": turn, **changes}
+    return case_in(folder, **changes)
+
+
+@pytest.mark.parametrize("degrees", [10.0, -30.0, 80.0])
+def test_a_rotor_turns_out_of_a_sector(degrees, folder):
+    """The pole turns by whole steps, and what leaves the sector is that of the next pole with the other sign."""
+    ka.write_mesh(folder / "machine.msh", sector())
+    (_, before), (mesh, after) = (solved(of_sector(folder, angle)) for angle in (0.0, degrees))
+    assert mesh.boundaries.keys() == {"outer", "right", "left"}
+    named = np.concatenate([np.asarray(rows) for rows in mesh.boundaries.values()])
+    np.testing.assert_array_equal(np.sort(named), np.sort(mesh.boundary_facets()))
+    assert after.energy == pytest.approx(before.energy, rel=1e-10)
+    radius, angle = np.array([0.2, 0.42, 0.47, 0.61, 0.75]), np.radians([33.0, 51.0, 46.0, 22.0, 67.0])
+    turned_back = angle - np.radians(degrees)
+    poles = np.where(radius < 0.5, 0, np.floor(turned_back / (0.5 * np.pi)))  # the rotor leaves the sector
+    there = np.where(radius < 0.5, angle + np.radians(degrees), angle)
+    here = np.where(radius < 0.5, angle, turned_back - poles * 0.5 * np.pi)
+    now, then = (
+        field.flux_density_at(radius * np.stack([np.cos(at), np.sin(at)]))
+        for field, at in ((after, there), (before, here))
+    )
+    turn = there - here
+    then = (-1.0) ** poles * np.stack(
+        [np.cos(turn) * then[0] - np.sin(turn) * then[1], np.sin(turn) * then[0] + np.cos(turn) * then[1]]
+    )
+    np.testing.assert_allclose(now, then, rtol=0, atol=1e-9)
+
+
+def test_a_rotor_turns_out_of_a_sector_with_sides_only(folder):
+    ka.write_mesh(folder / "machine.msh", sector())
+    with pytest.raises(ValueError, match="turn: the angle turns it out of the mesh, which is a sector without a pair"):
+        fitting_mesh(of_sector(folder, 10.0, antiperiodic=[]))
 
 
 def test_a_sweep_turns_the_rotor(folder):

@@ -87,6 +87,15 @@ def test_names_that_overlap_or_lack(tmp_path, capsys):
     assert "- no boundary has a name, so a case cannot set a potential" in said
 
 
+def test_a_subdomain_that_consists_of_others_is_no_fault(tmp_path, capsys):
+    """All that turns, for `[turn]` of a case, or a second name."""
+    half = {"left": lambda x: x[0] < 0.5, "right": lambda x: x[0] > 0.5}
+    mesh = square(8).with_subdomains(half | {"all": lambda x: x[0] > -1.0, "right_half": half["right"]})
+    said = said_of(mesh.with_boundaries({"rim": mesh.boundary_facets()}), tmp_path, capsys)
+    assert said.endswith("\nNo faults found.\n")
+    assert "hint: subdomain 'all' consists of 'left', 'right'" in said
+
+
 def test_a_slit_is_a_seam():
     (found,) = [fault for fault in faults(whole(slit(4))) if "coincident rim node" in fault]
     assert "Unless a slit is intended, merge them" in found
