@@ -189,7 +189,8 @@ class _Passes:
             for name, error in step.output_errors.items()
             if step.outputs[name]
         )
-        self.terminal.say(f"pass {step.number}: {self.known}{errors}, {sum(step.seconds.values()):.2f} s")
+        compiling = f" and {step.compile_seconds:.0f} s of compiling" if step.compile_seconds >= 1.0 else ""
+        self.terminal.say(f"pass {step.number}: {self.known}{errors}, {sum(step.seconds.values()):.2f} s{compiling}")
 
 
 def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:

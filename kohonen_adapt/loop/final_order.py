@@ -158,7 +158,8 @@ def at_order(
             problem = problem.on_curves(adaptation.settings.rules.curves or {})  # type: ignore[attr-defined]
         problem = AtOrder(problem, order)
         solution = solve(problem, mesh, result.mesh, result.solution)
-    record = replace(assessed(result, problem, adaptation, mesh, solution), seconds=steps.seconds)
+    record = assessed(result, problem, adaptation, mesh, solution)
+    record = replace(record, seconds=steps.seconds, compile_seconds=steps.compile_seconds)
     history = (*result.history, record)
     ending = ending_at_order(history, result.status, stop)
     on_layers = f" on {layers} layers at {corners} corners" if corners else ""

@@ -12,6 +12,7 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import check_hook
 from kohonen_adapt.geometry.movable import Work, shown
+from kohonen_adapt.kernels.numba.clock import seconds_compiling
 
 __all__ = ["Pass", "Status", "StepFailed", "Steps"]
 
@@ -70,6 +71,9 @@ class Pass(Work):
         Quality of the elements: 1 for an equilateral triangle, 0 for a flat triangle.
     seconds
         Wall time in s: keys ``solve`` and ``estimate`` for this mesh, ``relocate`` and ``polish`` for the steps before.
+        Without `compile_seconds`.
+    compile_seconds
+        Wall time in s of compiling loops in these steps.
     functional
         Value of the Ritz functional in the problem's unit of energy, None without a polish or with a functional that
         only shapes elements.
@@ -124,6 +128,7 @@ class Pass(Work):
     min_quality: float = field(metadata=shown("min quality", ".2f"))
     mean_quality: float = field(metadata=shown("mean quality", ".2f"))
     seconds: dict[str, float] = field(default_factory=dict)
+    compile_seconds: float = 0.0
     functional: float | None = None
     comparable: bool = False
     share: float | None = None
@@ -165,6 +170,8 @@ class Steps:
         Index of the pass in progress.
     has_solved
         True after the first solve of this process, when a failure no longer leaves the loop without a result.
+    compile_seconds
+        Wall time in s of compiling in this pass, not part of `seconds`.
     """
 
     def __init__(self, progress: Callable[[int, str], Any] | None = None) -> None:
@@ -172,13 +179,14 @@ class Steps:
         self.number, self.has_solved = 0, False
         self._progress = progress
         self._seconds: dict[str, float] = {}
+        self.compile_seconds = 0.0
 
     @property
     def seconds(self) -> dict[str, float]:
         return {step: self._seconds.get(step, 0.0) for step in TIMED}
 
     def next_pass(self, number: int) -> None:
-        self.number, self._seconds = number, {}
+        self.number, self._seconds, self.compile_seconds = number, {}, 0.0
 
     def begin(self, number: int, step: str) -> None:
         if self._progress is not None:
@@ -190,11 +198,13 @@ class Steps:
         # `label` instead of the step if given.
         number = self.number if number is None else number
         self.begin(number, step)
-        start = perf_counter()
+        start, compiled = perf_counter(), seconds_compiling()
         try:
             yield
         except Exception as error:
             if not self.has_solved:
                 raise
             raise StepFailed(label or step, number) from error
-        self._seconds[step] = self._seconds.get(step, 0.0) + perf_counter() - start
+        compiled = seconds_compiling() - compiled
+        self._seconds[step] = self._seconds.get(step, 0.0) + perf_counter() - start - compiled
+        self.compile_seconds += compiled

@@ -138,6 +138,7 @@ class Adaptation:
             outputs=outputs,
             output_errors=self.output_errors(sides, outputs, unknowns, previous),
             seconds=self.steps.seconds,  # last, because outputs add their time
+            compile_seconds=self.steps.compile_seconds,
         )
         return Solved(record, solution, functional, sides.curved)
 

@@ -113,7 +113,7 @@ def test_damaged_files_of_the_cache_are_missing_ones(kernels):
     before = {}
     for number in range(count):
         suffix = ("nbi", "nbc")[number % 2]
-        (file,) = kernels.parent.glob(f"cache/*/loops.loop_{number}-*.{suffix}")
+        (file,) = kernels.parent.glob(f"cache/*/*/loops.loop_{number}-*.{suffix}")
         before[file] = file.read_bytes()
         file.write_bytes(list(DAMAGES.values())[number // 2](before[file]))
     done = run(kernels, code=code)
@@ -124,7 +124,7 @@ def test_damaged_files_of_the_cache_are_missing_ones(kernels):
 
 def test_a_folder_in_place_of_a_file_of_the_cache_is_a_missing_one(kernels):
     run(kernels)
-    for file in list(kernels.parent.glob("cache/*/*.nb*")):
+    for file in list(kernels.parent.glob("cache/*/*/*.nb*")):
         file.unlink()
         file.mkdir()
     done = run(kernels)
@@ -144,7 +144,7 @@ def test_a_full_disk_while_compiling_is_said_once_and_ends_nothing(kernels):
     assert done.stdout.split() == ["3.0", "0"]
     (line,) = done.stderr.splitlines()
     assert line.startswith(SAID + str(kernels.parent / "cache")) and line.endswith(f" (File too large), {REMEDY}")
-    assert not [file for file in kernels.parent.glob("cache/*/*") if "nb" in file.name]
+    assert not [file for file in kernels.parent.glob("cache/*/*/*") if "nb" in file.name]
     assert run(kernels).stdout.split() == ["3.0", "0"]
     assert run(kernels).stdout.split() == ["3.0", "1"]
 

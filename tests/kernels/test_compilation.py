@@ -1,6 +1,7 @@
 """No machine code outlives a kernel that it was made from."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -45,10 +46,10 @@ def kernels(tmp_path):
     return folder
 
 
-def run(kernels, arguments="(1.0,)"):
+def run(kernels, arguments="(1.0,)", cache=None):
     """What the caller gives in a process of its own, and how often it was found in the cache and not found."""
     code = RUN.format(package=kernels.name, arguments=arguments)
-    environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache or kernels.parent / "cache")}
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=kernels.parent, env=environment, capture_output=True, text=True, check=True
     )
@@ -56,24 +57,42 @@ def run(kernels, arguments="(1.0,)"):
     return [float(value) for value in values], int(hits), int(misses)
 
 
-def code_in(kernels):
-    return {path.name for path in (kernels / "__pycache__").glob("caller.scaled*.nbc")}
+def files_of(cache, loop):
+    return list(cache.glob(f"kernels-*/*/{loop}*.nbc"))
 
 
-def test_an_edited_kernel_is_seen_in_its_caller_and_no_code_of_the_old_one_is_left(kernels):
+def test_an_edited_kernel_is_seen_in_its_caller(kernels):
     assert run(kernels, "(1.0, 1)") == ([2.0, 2.0], 0, 2)
-    first = code_in(kernels)
     for path in kernels.glob("*.py"):
         os.utime(path, (1e9, 1e9))  # which changes nothing
     assert run(kernels) == ([2.0], 1, 0)
     (kernels / "callee.py").write_text(CALLEE.format(factor=3))
     assert run(kernels) == ([3.0], 0, 1)
     assert run(kernels, "(1.0, 1)") == ([3.0, 3.0], 1, 1)
-    now = code_in(kernels)
-    assert len(first) == len(now) == 2 and not now & first
     (kernels / "callee.py").write_text(CALLEE.format(factor=2))
-    assert run(kernels, "(1, 1.0)") == ([2.0, 2.0], 0, 2)
-    assert code_in(kernels) == first  # named by signature, whichever came first
+    assert run(kernels, "(1, 1.0)") == ([2.0, 2.0], 2, 0)
+
+
+def test_copies_of_the_same_kernels_share_their_code_wherever_they_lie(kernels, tmp_path):
+    elsewhere = tmp_path / "a clone" / "beside it" / kernels.name
+    shutil.copytree(kernels, elsewhere)
+    cache = tmp_path / "cache"
+    assert run(kernels, cache=cache) == ([2.0], 0, 1)
+    assert run(elsewhere, cache=cache) == ([2.0], 1, 0)
+    (elsewhere / "callee.py").write_text(CALLEE.format(factor=3))
+    assert run(elsewhere, cache=cache) == ([3.0], 0, 1)
+    assert run(kernels, cache=cache) == ([2.0], 1, 0)
+
+
+def test_the_code_of_kernels_not_used_for_longest_goes_first(kernels, tmp_path):
+    cache = tmp_path / "cache"
+    for factor in range(2, 12):
+        (kernels / "callee.py").write_text(CALLEE.format(factor=factor))
+        assert run(kernels, cache=cache) == ([factor], 0, 1)
+    assert len(files_of(cache, "caller.scaled")) == 8
+    assert run(kernels, cache=cache) == ([11.0], 1, 0)
+    (kernels / "callee.py").write_text(CALLEE.format(factor=2))
+    assert run(kernels, cache=cache) == ([2.0], 0, 1)
 
 
 @fast_compiler_only
@@ -81,7 +100,7 @@ def test_a_loop_is_compiled_once_whatever_integers_it_is_called_with(kernels):
     (kernels / "callee.py").write_text(TIMES)
     (kernels / "caller.py").write_text(MANY_TIMES)
     assert run(kernels, "(1.0, 2.0)") == ([9.0, 15.0], 0, 1)
-    assert len(list((kernels / "__pycache__").glob("callee.times*.nbc"))) == 1
+    assert len(files_of(kernels.parent / "cache", "callee.times")) == 1
 
 
 def test_an_index_of_types_that_are_gone_is_an_empty_one(kernels):

@@ -27,7 +27,9 @@ logger = logging.getLogger("kohonen_adapt")
 progress = logging.getLogger("kohonen_adapt.compiling")
 
 KERNELS = "kohonen_adapt.kernels."
-SECONDS = 0.6  # per entry on one core, for the first message
+# Work per loop beside the instructions of its bytecode and of the loops inside, found by timing every entry. Announced
+# and measured times: `python -m benchmarks warmup`.
+INSTRUCTIONS = 200
 
 # Program of the second process. A package without `__init__` makes the import of the kernels fast, from the folder of
 # the running package. The process ends with this process, when its standard input is closed.
@@ -58,9 +60,12 @@ def compile_each(names: Iterable[str]) -> None:
 
 class _Compiling(event.Listener):
     def __init__(self) -> None:
-        self._remaining: set[str] = set()
+        self._work: dict[str, int] = {}  # of loops to be compiled, in instructions
+        self._count = 0
         self._total = 0
         self._start = 0.0
+        self._announcement = ""
+        self._processes = 1
         self._depth = 0
         self._collects = True
 
@@ -70,8 +75,8 @@ class _Compiling(event.Listener):
             gc.disable()  # numba's objects are not freed, and the collector takes 5 % of the time
         self._depth += 1
         function = event.data["dispatcher"].py_func
-        if self._depth == 1 and function.__module__.startswith(KERNELS) and name_of(function) not in self._remaining:
-            self._begin(name_of(function), is_cacheable(event.data["dispatcher"]))
+        if self._depth == 1 and function.__module__.startswith(KERNELS) and name_of(function) not in self._work:
+            self._begin(event.data["dispatcher"])
 
     def on_end(self, event: Any) -> None:
         self._depth -= 1
@@ -79,21 +84,23 @@ class _Compiling(event.Listener):
             if self._collects:
                 _count_as_old()
                 gc.enable()
-            self._finish(name_of(event.data["dispatcher"].py_func))
+            name = name_of(event.data["dispatcher"].py_func)
+            self._announce(name)
+            self._finish(name)
 
-    def _begin(self, name: str, once: bool) -> None:
-        """Start the second process on all `expected` groups and the group of this loop.
-
-        `once` is True if code can be stored on disk, without which a second process is useless.
-        """
+    def _begin(self, loop: Any) -> None:
+        # A second process compiles all `expected` groups and the group of `loop`, unless code cannot be stored.
+        name, once = name_of(loop.py_func), is_cacheable(loop)
         expected.update(chapter for chapter in ENTRIES if any(name == entry.name for entry in ENTRIES[chapter]))
         entries = [entry for chapter in ENTRIES if chapter in expected for entry in ENTRIES[chapter]]
         missing = [entry for entry in entries if not is_cached(entry.loop, entry.types)]
-        self._remaining = {name, *(entry.name for entry in missing)}
-        self._total, self._start = len(self._remaining), time.perf_counter()
+        self._work = _instructions({name: loop} | {entry.name: entry.loop for entry in missing})
+        self._count = len(self._work)
+        self._total = sum(self._work.values())
+        self._start = time.perf_counter()
         in_parallel = len(missing) > 1 and number_of_threads() > 1 and once and self._start_second_process(missing)
-        seconds = max(1.0, SECONDS * self._total / (2 if in_parallel else 1))
-        logger.warning("compiling loops of kohonen_adapt%s (%d, about %.0f s)", ", once" * once, self._total, seconds)
+        self._processes = 2 if in_parallel else 1
+        self._announcement = f"compiling loops of kohonen_adapt{', once' * once} ({self._count}, about %.0f s)"
 
     def _start_second_process(self, missing: list[Entry]) -> bool:
         names, package = [entry.name for entry in reversed(missing)], str(Path(__file__).parents[2])
@@ -114,12 +121,34 @@ class _Compiling(event.Listener):
             self._finish(line.strip())
         process.wait()
 
+    def _announce(self, name: str) -> None:
+        if self._announcement:
+            # the first loop shows the speed of this machine
+            elapsed = time.perf_counter() - self._start
+            seconds = elapsed * max(1.0, self._total / self._work[name] / self._processes)
+            logger.warning(self._announcement, max(1.0, seconds))
+            self._announcement = ""
+
     def _finish(self, name: str) -> None:
-        if name in self._remaining:
-            self._remaining.discard(name)
-            done, left = self._total - len(self._remaining), len(self._remaining)
-            seconds = (time.perf_counter() - self._start) / done * left
-            progress.info("compiled %d of %d loops, about %.0f s left", done, self._total, seconds)
+        if self._work.pop(name, None) is not None:
+            done, left = self._count - len(self._work), sum(self._work.values())
+            seconds = (time.perf_counter() - self._start) / (self._total - left) * left
+            progress.info("compiled %d of %d loops, about %.0f s left", done, self._count, seconds)
+
+
+def _instructions(loops: dict[str, Any]) -> dict[str, int]:
+    # of every loop, and of the inner loops at their first caller
+    counted: set[Any] = set()
+    return {name: INSTRUCTIONS + _instructions_of(loop.py_func, counted) for name, loop in loops.items()}
+
+
+def _instructions_of(function: Any, counted: set[Any]) -> int:
+    if function in counted:
+        return 0
+    counted.add(function)
+    called = (function.__globals__.get(name) for name in function.__code__.co_names)
+    inner = sum(_instructions_of(loop.py_func, counted) for loop in called if hasattr(loop, "py_func"))
+    return len(function.__code__.co_code) // 2 + inner
 
 
 def _count_as_old() -> None:

@@ -4,6 +4,7 @@ import functools
 import logging
 import os
 import pickle
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from hashlib import blake2b
@@ -14,17 +15,21 @@ from typing import Any, ClassVar
 import numba
 from numba import config
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
+from numba.misc.appdirs import AppDirs
+
+from kohonen_adapt.kernels.numba.switch import PLAIN  # known before the switch imports this file
 
 try:
-    from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator
+    from numba.core.caching import InTreeCacheLocator
 except ImportError:  # numba 0.61
     from numba.core.caching import _InTreeCacheLocator as InTreeCacheLocator
-    from numba.core.caching import _UserProvidedCacheLocator as UserProvidedCacheLocator
 
 __all__ = ["DeferredCache", "is_cacheable", "is_cached"]
 
 logger = logging.getLogger("kohonen_adapt")
 
+PREFIX = "kernels-"
+KEPT = 8  # states of the kernels, of at most 40 MB each
 SEAL = 16  # bytes of the hash at the beginning of a file of machine code
 
 NOT_CACHED = (
@@ -45,15 +50,29 @@ def is_cacheable(loop: Any) -> bool:
 
 
 @functools.cache
-def _contents_of_all_kernels(compiler: str) -> str:
-    """Return a hash of all files of kernels and the name of the compiler.
-
-    numba checks only the file of a function, although code of functions called from other files is linked into it.
-    """
+def _contents_of_all_kernels() -> str:
+    # numba checks only the file of a function, although code of other files is linked
+    compiler = f"{'plain' if PLAIN else 'fast'} {numba.__version__}"
     folder, found = Path(__file__).parents[1], blake2b(compiler.encode(), digest_size=16)
     for path in sorted(folder.rglob("*.py")):
         found.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return found.hexdigest()
+
+
+@functools.cache
+def _shared_folder() -> Path:
+    # the same for every copy of the package that has these kernels
+    root = config.CACHE_DIR or AppDirs(appname="kohonen_adapt", appauthor=False).user_cache_dir
+    folder = Path(root) / f"{PREFIX}{_contents_of_all_kernels()}"
+    with suppress(OSError):  # as the last use, for `_remove_oldest`
+        os.utime(folder)
+    return folder
+
+
+def _remove_oldest(root: Path) -> None:
+    found = [(path.stat().st_mtime, path) for path in root.glob(f"{PREFIX}*") if path.is_dir()]
+    for _, path in sorted(found)[:-KEPT]:
+        shutil.rmtree(path, ignore_errors=True)
 
 
 class _KernelFiles(IndexDataCacheFile):
@@ -81,8 +100,6 @@ class _KernelFiles(IndexDataCacheFile):
         A name determines the code, so a concurrent process that reads the index finds the right code.
         """
         overloads = self._load_index()
-        if not overloads:
-            self._remove_code_of_other_kernels()
         digest = blake2b(repr((self._source_stamp, key)).encode(), digest_size=8).digest()
         name = self._data_name(int.from_bytes(digest, "big"))
         self._save_data(name, data)
@@ -105,11 +122,6 @@ class _KernelFiles(IndexDataCacheFile):
             yield content
             stream.write(_seal(content.getvalue()) + content.getvalue())
 
-    def _remove_code_of_other_kernels(self) -> None:
-        for path in Path(self._cache_path).glob(self._index_name.removesuffix("nbi") + "*.nbc"):
-            with suppress(OSError):
-                path.unlink()
-
 
 def _seal(content: bytes) -> bytes:
     return blake2b(content, digest_size=SEAL).digest()
@@ -122,30 +134,38 @@ def _unsealed(path: str) -> bytes:
     return sealed[SEAL:]
 
 
-class _ReadOnlyLocator(InTreeCacheLocator):
+class _SharedLocator(InTreeCacheLocator):
     def __init__(self, py_func: Any, py_file: str) -> None:
         super().__init__(py_func, py_file)
-        if config.CACHE_DIR:
-            self._cache_path = UserProvidedCacheLocator(py_func, py_file).get_cache_path()
+        self._shared = _shared_folder()
+        self._cache_path = str(self._shared / py_func.__module__)
 
+    def ensure_cache_path(self) -> None:
+        if not self._shared.exists():
+            self._shared.mkdir(parents=True, exist_ok=True)
+            _remove_oldest(self._shared.parent)
+        super().ensure_cache_path()
+
+
+class _ReadOnlyLocator(_SharedLocator):
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> "_ReadOnlyLocator":
         return cls(py_func, py_file)
 
 
 class _KernelCode(CompileResultCacheImpl):
-    _locator_classes: ClassVar = [*CompileResultCacheImpl._locator_classes, _ReadOnlyLocator]
+    _locator_classes: ClassVar = [_SharedLocator, *CompileResultCacheImpl._locator_classes, _ReadOnlyLocator]
 
 
 class DeferredCache:
     # A `KernelCache`, made at its first use, because numba tries to write a file for each and a run uses few of them.
 
-    def __init__(self, function: Callable, compiler: str) -> None:
-        self._arguments = function, compiler
+    def __init__(self, function: Callable) -> None:
+        self._function = function
 
     @functools.cached_property
     def _cache(self) -> "KernelCache":
-        return KernelCache(*self._arguments)
+        return KernelCache(self._function)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._cache, name)
@@ -160,9 +180,9 @@ class KernelCache(FunctionCache):
     _impl_class = _KernelCode
     _warned = False
 
-    def __init__(self, function: Callable, compiler: str) -> None:
+    def __init__(self, function: Callable) -> None:
         super().__init__(function)
-        self._cache_file = _KernelFiles(self.cache_path, self._impl.filename_base, _contents_of_all_kernels(compiler))
+        self._cache_file = _KernelFiles(self.cache_path, self._impl.filename_base, _contents_of_all_kernels())
 
     def save_overload(self, sig: Any, data: Any) -> None:
         try:

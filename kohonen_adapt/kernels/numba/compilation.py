@@ -87,5 +87,5 @@ def _compiled(function: Callable, inner: bool) -> Callable:
         options = {**OPTIONS, "no_cpython_wrapper": inner}
         loop = Loop(function, targetoptions=options, pipeline_class=InnerCompiler if inner else KernelCompiler)
     if CACHED:
-        loop._cache = DeferredCache(function, "plain" if PLAIN else "fast")
+        loop._cache = DeferredCache(function)
     return loop
