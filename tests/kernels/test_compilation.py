@@ -86,13 +86,13 @@ def test_copies_of_the_same_kernels_share_their_code_wherever_they_lie(kernels, 
 
 def test_the_code_of_kernels_not_used_for_longest_goes_first(kernels, tmp_path):
     cache = tmp_path / "cache"
-    for factor in range(2, 12):
-        (kernels / "callee.py").write_text(CALLEE.format(factor=factor))
-        assert run(kernels, cache=cache) == ([factor], 0, 1)
-    assert len(files_of(cache, "caller.scaled")) == 8
-    assert run(kernels, cache=cache) == ([11.0], 1, 0)
-    (kernels / "callee.py").write_text(CALLEE.format(factor=2))
+    for age in range(10):
+        (cache / f"kernels-{age}").mkdir(parents=True)
+        os.utime(cache / f"kernels-{age}", (1e9 - age, 1e9 - age))
     assert run(kernels, cache=cache) == ([2.0], 0, 1)
+    assert {path.name for path in cache.iterdir()} >= {f"kernels-{age}" for age in range(7)}
+    assert len(list(cache.iterdir())) == 8
+    assert run(kernels, cache=cache) == ([2.0], 1, 0)
 
 
 @fast_compiler_only
