@@ -7,7 +7,7 @@ import shlex
 import sys
 import warnings
 from collections import ChainMap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,11 +23,11 @@ from kohonen_adapt.cases.template import case_text
 from kohonen_adapt.commands.arguments import command_parser, options_of, options_text, writable_folder
 from kohonen_adapt.commands.check import described, faults, held_described, moving, points_described
 from kohonen_adapt.commands.pictures import write_overview, write_pictures
-from kohonen_adapt.commands.plan import case_doubts, coil_sentences, plan_sentence, unit_doubts
+from kohonen_adapt.commands.plan import case_doubts, coil_sentences, plan_lines, unit_doubts
 from kohonen_adapt.commands.relocate import relocate_file
 from kohonen_adapt.commands.run import CaseRun, curve_sentence, results_of, write_fields
 from kohonen_adapt.commands.sweep import sweep_case
-from kohonen_adapt.commands.terminal import Terminal, drawn, let_signals_end_the_process
+from kohonen_adapt.commands.terminal import Terminal, drawn, let_signals_end_the_process, without_broken_pipes
 from kohonen_adapt.display import counted
 from kohonen_adapt.files import remove_drafts, whole_file
 from kohonen_adapt.io import read_groups, read_mesh
@@ -53,6 +53,7 @@ EXAMPLES = (PACKAGE / "data", PACKAGE.parent / "examples")
 DONE, FAILED, WRONG_USE = 0, 1, 2
 
 
+@without_broken_pipes()
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command.
 
@@ -128,7 +129,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
         terminal.say(f"Continuing after pass {finished - 1}, the last finished pass in {folder}.")
     resume = ["kohonen-adapt", "run", str(arguments.case), *options_text(options), "--resume", str(folder)]
     terminal.say(f"The best pass so far is always in {folder}. To continue after an interruption: {shlex.join(resume)}")
-    terminal.say(plan_sentence(case, mesh))
+    _say_lines(terminal, plan_lines(case, mesh))
     result = run.result()
     terminal.say(result)
     # a resumed run has only the meshes
@@ -139,9 +140,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     text = options_text(options)
     pictures = drawn(terminal, folder, lambda: write_pictures(case, before, result, folder, text, bracket))
     terminal.say(f"Files in {folder}: {', '.join([*results_of(result), *(pictures or [])])}.")
-    for sentence in (goal_sentence(result.best), *bracket_sentences(bracket), curve_sentence(case, result)):
-        if sentence:
-            terminal.say(sentence)
+    _say_lines(terminal, (goal_sentence(result.best), *bracket_sentences(bracket), curve_sentence(case, result)))
     if result.status is Status.FAILED:
         terminal.complain(result.message)
     terminal.repeat_warnings()
@@ -160,9 +159,14 @@ def _read_mesh(case: Case, path: Path, terminal: Terminal) -> Mesh:
 def _say_plan(case: Case, mesh: Mesh, path: Path, terminal: Terminal) -> int:
     found = f"{counted(len(terminal.warnings), 'warning')}, see above" if terminal.warnings else "no faults found"
     terminal.say(f"{path}: {found}; '{case.mesh}' has {mesh.nvertices} nodes.")
-    for sentence in (*coil_sentences(case), plan_sentence(case, mesh)):
-        terminal.say(sentence)
+    _say_lines(terminal, (*coil_sentences(case), *plan_lines(case, mesh)))
     return DONE
+
+
+def _say_lines(terminal: Terminal, lines: Iterable[str]) -> None:
+    for line in lines:
+        if line:
+            terminal.say(line)
 
 
 @dataclass

@@ -23,13 +23,15 @@ from kohonen_adapt.loop.settings import PASSES, PASSES_TO_TOLERANCE
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
-from kohonen_adapt.magnetostatics.quantities.goal import Goal
+from kohonen_adapt.magnetostatics.quantities.goal import Goal, VectorGoal
 from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
 from kohonen_adapt.mesh.cells import TETRAHEDRON, check_kind
 from kohonen_adapt.mesh.curved import corners_of, is_second_order
 from kohonen_adapt.mesh.motions import Pair
 
-__all__ = ["Case", "keys_of_space", "remedy_in_plane"]
+__all__ = ["Case", "error_in_plane", "keys_of_space"]
+
+OF_THREE = " of three components"
 
 TOLERANCES = ("rtol", "atol", "output_rtol", "goal_rtol")
 
@@ -194,7 +196,6 @@ class Case:
 
     @property
     def pairs(self) -> Sequence[Pair]:
-        """Periodic and antiperiodic pairs of boundaries."""
         problem = self.base_problem
         own: Sequence[Pair] = problem.pairs if isinstance(problem, Magnetostatics) else ()
         return self.adapt.get("periodic", own)
@@ -307,16 +308,21 @@ def keys_of_space(materials: Mapping[str, Material], given: Mapping[str, Any]) -
     }
     vectors["applied_field"] = given.get("applied_field")
     found = [key for key, each in vectors.items() if isinstance(each, tuple) and len(each) == 3]
-    found += ["goal"] if getattr(given.get("goal"), "dimension", 2) == 3 else []
-    found = [f"{key} of three components" for key in found]
+    goal = given.get("goal")
+    found += [f"goal.{goal.vector}"] if isinstance(goal, VectorGoal) and goal.dimension == 3 else []
+    found = [f"{key}{OF_THREE}" for key in found]
     found += ["the estimator 'bracket'"] if given.get("estimator") == "bracket" else []
     return found + [key for key in ("symmetry", "coils") if key in given]
 
 
-def remedy_in_plane(keys: list[str]) -> str:
-    if "coils" in keys:
-        return (
-            " A coil in the plane is a subdomain with ampere_turns; in space ampere_turns is a key of [coils.NAME], "
-            "and the coil has no subdomain."
-        )
-    return " Vectors in the plane have two components, [x, y]."
+def error_in_plane(keys: list[str], reason: str) -> ValueError:
+    vectors = [key.removesuffix(OF_THREE) for key in keys if key.endswith(OF_THREE)]
+    if vectors and len(vectors) == len(keys):
+        return ValueError(f"{', '.join(vectors)}: expected [x, y], because {reason}; got three components.")
+    remedy = (
+        " A coil in the plane is a subdomain with ampere_turns; in space ampere_turns is a key of [coils.NAME], "
+        "and the coil has no subdomain."
+    )
+    return ValueError(
+        f"{reason}, but the case has {', '.join(keys) or 'symmetry'}, for tetrahedra.{remedy * ('coils' in keys)}"
+    )

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from skfem import Mesh, MeshTri
 
-from kohonen_adapt.cases.case import Case, keys_of_space, remedy_in_plane
+from kohonen_adapt.cases.case import Case, error_in_plane, keys_of_space
 from kohonen_adapt.cases.potentials import TabulatedPotential
 from kohonen_adapt.cases.readers import locate_errors
 from kohonen_adapt.cases.turning import turned_mesh
@@ -97,10 +97,7 @@ def _check_file(path: Path) -> None:
 def _check_dimension(problem: Magnetostatics | MagneticScalarPotential, mesh: Mesh) -> None:
     if isinstance(problem, MagneticScalarPotential) and cell_of(mesh) is TRIANGLE:
         keys = keys_of_space(problem.materials, {key: value for key, value in vars(problem).items() if value})
-        raise ValueError(
-            f"the mesh is one of triangles, but the case has {', '.join(keys) or 'symmetry'}, for tetrahedra."
-            f"{remedy_in_plane(keys)}"
-        )
+        raise error_in_plane(keys, "the mesh is one of triangles")
 
 
 def _check_names(case: Case, mesh: MeshTri) -> None:

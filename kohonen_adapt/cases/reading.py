@@ -7,7 +7,7 @@ from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from kohonen_adapt.cases.case import Case, keys_of_space, remedy_in_plane
+from kohonen_adapt.cases.case import Case, error_in_plane, keys_of_space
 from kohonen_adapt.cases.drawing import mesh_in
 from kohonen_adapt.cases.potentials import POTENTIAL
 from kohonen_adapt.cases.readers import (
@@ -171,9 +171,8 @@ def _problem(values: Mapping[str, Any]) -> Magnetostatics | MagneticScalarPotent
         return Magnetostatics(values["materials"], **{key: values[key] for key in PROBLEM if key in values})
     flat = sorted(key for key in values if key in PROBLEM and key not in SPACE)
     if flat:
-        raise ValueError(
-            f"{', '.join(flat)}: for meshes of triangles only, but the case has {', '.join(solid)}, for tetrahedra."
-            f"{remedy_in_plane(solid)}"
+        raise error_in_plane(
+            solid, f"{', '.join(flat)} {'is' if len(flat) == 1 else 'are'} for meshes of triangles only"
         )
     return MagneticScalarPotential(
         values["materials"], **{key: values[key] for key in SPACE if key in values and key != "materials"}

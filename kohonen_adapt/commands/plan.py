@@ -1,6 +1,7 @@
 """Sentences for the user about the work of a case, and about likely mistakes."""
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -10,19 +11,33 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.cases.case import Case
-from kohonen_adapt.checks import point_text
+from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.loop.growth import MAX_NODES
 from kohonen_adapt.loop.settings import percent
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
+from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.host import keys_of
 from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.problem.protocol import at_order_of_passes, final_orders, order_of
 
-__all__ = ["allowed_errors", "case_doubts", "coil_sentences", "plan_sentence", "seams", "size_text", "unit_doubts"]
+__all__ = [
+    "allowed_errors",
+    "case_doubts",
+    "coil_sentences",
+    "plan_lines",
+    "plan_sentence",
+    "seams",
+    "size_text",
+    "unit_doubts",
+]
+
+
+def plan_lines(case: Case, mesh: Mesh) -> list[str]:
+    return [plan_sentence(case, mesh), *(f"hint: {hint}" for hint in case_hints(case))]
 
 
 def plan_sentence(case: Case, mesh: Mesh) -> str:
@@ -43,6 +58,28 @@ def coil_sentences(case: Case) -> Iterator[str]:
             f"{point_text(low)} to {point_text(high)} m, section {coil.width:g} x {coil.height:g} m, "
             f"{density:.4g} A/m^2."
         )
+
+
+def case_hints(case: Case) -> Iterator[str]:
+    problem = case.problem
+    currents = ampere_turns_of(problem)
+    if idle := [name for name, current in currents.items() if current == 0.0]:
+        yield f"ampere_turns of {listed(idle)} is 0, so that no current flows there."
+    sources: list[Any] = [
+        *currents.values(),
+        *(problem.potential or {}).values(),
+        getattr(problem, "applied_field", None),
+    ]
+    for material in problem.materials.values():
+        sources += [material.current_density, material.coercivity, material.remanence]
+    if not any(source is not None and (callable(source) or np.any(source)) for source in sources):
+        yield "no current, magnet, applied field or potential other than 0 is given, so that the field is zero."
+
+
+def ampere_turns_of(problem: Magnetostatics | MagneticScalarPotential) -> Mapping[str, float]:
+    if isinstance(problem, Magnetostatics):
+        return problem.ampere_turns or {}
+    return {name: coil.ampere_turns for name, coil in (problem.coils or {}).items()}
 
 
 def allowed_errors(case: Case) -> str:

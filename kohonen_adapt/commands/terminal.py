@@ -4,13 +4,14 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO, TypeVar
 
 PROGRESS = "kohonen_adapt.compiling"  # the logger of `kernels/ahead.py`
 
-__all__ = ["Terminal", "drawn", "let_signals_end_the_process"]
+__all__ = ["Terminal", "drawn", "let_signals_end_the_process", "without_broken_pipes"]
 
 Drawn = TypeVar("Drawn")
 
@@ -63,8 +64,28 @@ class Terminal(logging.Handler):
     def _write_line(self, text: object, stream: TextIO) -> None:
         if self._shown:
             self.show("")
-        stream.write(f"{text}\n")
-        stream.flush()
+        try:
+            stream.write(f"{text}\n")
+            stream.flush()
+        except BrokenPipeError:
+            discard(stream)
+
+
+def discard(stream: TextIO) -> None:
+    # The reader of a pipe, such as `head`, has ended. Results are written all the same.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+@contextmanager
+def without_broken_pipes() -> Iterator[None]:
+    try:
+        yield
+    finally:  # argparse leaves its text to the end of the process
+        for stream in (sys.stdout, sys.stderr):
+            try:
+                stream.flush()
+            except BrokenPipeError:
+                discard(stream)
 
 
 def drawn(

@@ -87,7 +87,8 @@ class Ritz:
     fixed
         Mask of the Dirichlet values, shape (nunknowns,).
     coefficient
-        Positive constant, or one value per region number, shape (nregions,).
+        Positive constant, or one value per region number, shape (nregions,). Required also with laws, where the value
+        of a region with a law has no effect.
     source
         Constant, or one value per region number, shape (nregions,). A source that varies inside regions is a function
         of x, shape (2, n) or (3, n), and of the region numbers there, shape (n,), that returns shape (n,) and is smooth
@@ -187,7 +188,7 @@ class Ritz:
 
     values: ArrayLike
     fixed: ArrayLike
-    coefficient: ArrayLike
+    coefficient: ArrayLike = ()
     source: Source = 0.0
     flux: Flux = 0.0
     region: ArrayLike | None = None
@@ -216,6 +217,11 @@ class Ritz:
             raise ValueError(
                 f"fixed of Ritz must be bool of shape (nunknowns,) = {values.shape}; got {fixed.dtype} of shape "
                 f"{fixed.shape}. To convert indices, use numpy.isin(numpy.arange(nunknowns), indices)."
+            )
+        if np.shape(self.coefficient) == (0,):
+            raise ValueError(
+                "coefficient of Ritz is missing: a positive constant, or one value per region number. A law replaces "
+                "the value of its region; if every region has a law, give coefficient=1.0."
             )
         coefficient = checked_constants("coefficient", self.coefficient, (), region)
         if not np.all(coefficient > 0.0):

@@ -1,5 +1,10 @@
 """Careless mistakes of engineers, and what `check` and `run` say about them."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from helpers.mesh_files import gmsh_session, needs_gmsh
@@ -150,17 +155,59 @@ def test_check_counts_what_it_found(tmp_path, capsys):
     assert "No faults found" not in said
 
 
+@pytest.mark.parametrize(
+    ("toml", "hints"),
+    [
+        (CASE, ["no current, magnet, applied field or potential other than 0 is given, so that the field is zero."]),
+        (CASE.replace("outer = 0.0", "outer = 1.0"), []),
+        (CASE.replace("1000.0", "1.0\nremanence = [0.0, 1.2]"), []),
+        (CASE.replace("1000.0", '1.0\nremanence = {pattern = "radial", magnitude = 1.2}'), []),
+        (CASE.replace("1000.0", "1.0\ncurrent_density = 1e6"), []),
+        (CASE + "[ampere_turns]\niron = 1.0", []),
+        (
+            CASE.replace("outer = 0.0", "outer = 1.0") + "[ampere_turns]\niron = 0.0",
+            ["ampere_turns of 'iron' is 0, so that no current flows there."],
+        ),
+    ],
+)
+def test_a_case_without_current_gets_a_hint(toml, hints, said_of_case):
+    status, said = said_of_case(bar_in_air(), toml)
+    assert status == 0 and "no faults found" in said
+    assert [line.removeprefix("hint: ") for line in said.splitlines() if line.startswith("hint: ")] == hints
+
+
+@pytest.mark.parametrize("command", ["--help", "check it.msh", "check it.toml", "run it.toml --out out", "run no.toml"])
+def test_a_reader_that_ends_early_breaks_no_pipe(command, tmp_path):
+    """As `head` does; the files are written all the same."""
+    ka.write_mesh(tmp_path / "it.msh", bar_in_air())
+    (tmp_path / "it.toml").write_text(CASE.replace("passes = 1", "passes = 0"))
+    words = [sys.executable, "-m", "kohonen_adapt", *command.split()]
+    paths = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
+    with subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path, env=os.environ | {"PYTHONPATH": paths}
+    ) as process:
+        process.stdout.close()
+        process.stdout = None
+        said = process.communicate()[1].decode()
+    assert process.returncode == (2 if "no.toml" in command else 0)
+    assert "Broken pipe" not in said and "BrokenPipe" not in said
+    assert (tmp_path / "out" / "adapted.msh").exists() == ("--out" in command)
+
+
 MAGNET_IN_SPACE = CASE.replace("1000.0", "1.05\nremanence = [0.0, 1.2, 0.0]")
 PLACE = "centre = [0, 0, 0], axis = [0, 0, 1], radius = 1, section = [1, 1], ampere_turns = 1"
 NAMES = {
     "remanence in space": (
         MAGNET_IN_SPACE,
-        "the mesh is one of triangles, but the case has materials.iron.remanence of three components, for tetrahedra. "
-        "Vectors in the plane have two components, [x, y].",
+        "materials.iron.remanence: expected [x, y], because the mesh is one of triangles; got three components.",
     ),
     "remanence in space beside a key of the plane": (
         "depth = 2.0\n" + MAGNET_IN_SPACE,
-        "depth: for meshes of triangles only, but the case has materials.iron.remanence of three components, for tet",
+        "materials.iron.remanence: expected [x, y], because depth is for meshes of triangles only; got three compo",
+    ),
+    "direction in space": (
+        'goal = {quantity = "force", body = "iron", direction = [0.0, 1.0, 0.0]}\n' + CASE,
+        "goal.direction: expected [x, y], because the mesh is one of triangles; got three components.",
     ),
     "coil in space": (
         f"coils.w = {{shape = 'circular', {PLACE}}}\n" + CASE,

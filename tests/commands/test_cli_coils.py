@@ -88,7 +88,7 @@ def test_coils_are_for_tetrahedra(folder, capsys):
     text = CASE.replace("COIL", next(iter(SHAPES))).replace("[materials.limb]", "depth = 2.0\n[materials.limb]")
     (folder / "case.toml").write_text(text)
     assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 2
-    assert "depth: for meshes of triangles only, but the case has coils, for tetrahedra" in capsys.readouterr().err
+    assert "depth is for meshes of triangles only, but the case has coils, for tetrahedra" in capsys.readouterr().err
 
 
 def test_a_case_with_a_coil_is_solved(folder):

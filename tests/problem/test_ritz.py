@@ -36,6 +36,7 @@ def functional_for(mesh, values, fixed):
             (ZEROS, FIXED[:3], 1.0),
             r"fixed of Ritz must be bool of shape .* = \(4,\); got bool of shape \(3,\)",
         ),
+        ((ZEROS, FIXED), r"coefficient of Ritz is missing: .* if every region has a law, give coefficient=1\.0\."),
         ((ZEROS, FIXED, 0.0), r"coefficient of Ritz must be > 0; got 0\.0\."),
         ((ZEROS, FIXED, [1.0, -2.0], 0.0, (0.0, 0.0), REGION), r"coefficient of Ritz must be > 0; got -2\.0\."),
         ((ZEROS, FIXED, "iron"), r"coefficient of Ritz must be real numbers"),

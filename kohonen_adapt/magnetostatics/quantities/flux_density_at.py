@@ -165,7 +165,7 @@ class FluxDensityAt(VectorGoal):
     direction: tuple[float, ...]
     radius: float | None = None
     unit: ClassVar[str] = "T"
-    _vector: ClassVar[str] = "direction"
+    vector: ClassVar[str] = "direction"
 
     def __post_init__(self) -> None:
         point = checked_point("x of FluxDensityAt", self.x, POINT, SIZES)

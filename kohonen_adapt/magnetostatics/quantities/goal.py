@@ -40,11 +40,11 @@ class Goal(Protocol):
 
 
 class VectorGoal(Goal):
-    _vector: ClassVar[str]  # name of an attribute with as many components as the field has dimensions
+    vector: ClassVar[str]  # name of an attribute with as many components as the field has dimensions
 
     @property
     def dimension(self) -> int:
-        return len(getattr(self, self._vector))
+        return len(getattr(self, self.vector))
 
     def check_dimension(self, dim: int) -> None:
         if self.dimension != dim:

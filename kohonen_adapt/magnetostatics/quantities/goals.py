@@ -124,7 +124,7 @@ class Force(_ComponentGoal):
     body: Names
     direction: tuple[float, ...]
     unit: ClassVar[str] = "N"
-    _vector: ClassVar[str] = "direction"
+    vector: ClassVar[str] = "direction"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "direction", unit_vector("direction of Force", self.direction))
@@ -172,7 +172,7 @@ class Torque(_ComponentGoal):
     centre: tuple[float, ...] = (0.0, 0.0)
     axis: tuple[float, ...] | None = None
     unit: ClassVar[str] = "N m"
-    _vector: ClassVar[str] = "centre"
+    vector: ClassVar[str] = "centre"
 
     def __post_init__(self) -> None:
         centre = checked_point("centre of Torque", self.centre, POINT, SIZES)
