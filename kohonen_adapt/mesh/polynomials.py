@@ -80,10 +80,13 @@ class TrialFunction(NamedTuple):
     def all_modes(self) -> tuple[Modes, ...]:
         return tuple(one.modes for one in (self, self.dual) if one is not None and one.modes is not None)
 
-    def restore(self, values: "TrialFunction") -> None:
-        self.values[:] = values.values
-        if self.dual is not None and values.dual is not None:
-            self.dual.restore(values.dual)
+    def restore(self, before: "TrialFunction") -> None:
+        self.values[:] = before.values
+        if self.modes is not None and before.modes is not None:
+            for array, values in zip(self.modes, before.modes, strict=True):
+                array[:] = values
+        if self.dual is not None and before.dual is not None:
+            self.dual.restore(before.dual)
 
 
 @cache

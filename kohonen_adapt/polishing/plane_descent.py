@@ -71,17 +71,26 @@ class PlaneDescent:
             return self, sweep(movable, functional, trial, sweeps, swap_first)
         total, interval = 0.0, RESAMPLE_SOURCE if functional.has_varying_source else RESAMPLE
         for done in range(0, sweeps, interval):
-            state, old = {name: array.copy() for name, array in movable.state().items()}, trial.copy()
-            before = functional.value(movable.triangulation, trial)
-            gain = sweep(movable, functional, trial, min(interval, sweeps - done), swap_first)
-            gain += descend_curves(movable, functional, trial)
-            full_decrease = before - functional.value(movable.triangulation, trial)
-            if not full_decrease > 0.0:
-                movable.restore(state)
-                trial.restore(old)
+            ways = dict.fromkeys([(swap_first, True), (False, True), (False, False)])
+            gains = (self.descend_sampled(min(interval, sweeps - done), *way) for way in ways)
+            gain = next((gain for gain in gains if gain > 0.0), 0.0)
+            if not gain:
                 break
-            total += min(gain, full_decrease)
+            total += gain
         return self, total
+
+    def descend_sampled(self, sweeps: int, swap_first: bool, flips: bool) -> float:
+        movable, functional, trial = self.movable, self.functional, self.trial
+        state, old = {name: array.copy() for name, array in movable.state().items()}, trial.copy()
+        before = functional.value(movable.triangulation, trial)
+        gain = sweep(movable, functional, trial, sweeps, swap_first, flips)
+        gain += descend_curves(movable, functional, trial)
+        full_decrease = before - functional.value(movable.triangulation, trial)
+        if full_decrease > 0.0:
+            return min(gain, full_decrease)
+        movable.restore(state)
+        trial.restore(old)
+        return 0.0
 
     def recycle_checked(self, sweeps: int, swap_first: bool, whole: bool) -> tuple[Self, float, bool]:
         exchange = self.recycle()
@@ -110,7 +119,14 @@ class PlaneDescent:
         return self.recycled
 
 
-def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sweeps: int, swap_first: bool) -> float:
+def sweep(
+    movable: MovableMesh,
+    functional: Functional,
+    trial: TrialFunction,
+    sweeps: int,
+    swap_first: bool,
+    flips: bool = True,
+) -> float:
     # Edges are flipped after the nodes of every sweep. With `swap_first` they are also flipped before the first
     # sweep, so that useless nodes are detected earlier. The decrease excludes the gain of better values on Robin
     # boundaries.
@@ -133,7 +149,7 @@ def sweep(movable: MovableMesh, functional: Functional, trial: TrialFunction, sw
         mark_interior(movable.triangulation.star, part, 1, interior, np.empty_like(order))
         gain += shared_in_parts(loops.descend_nodes, order, (part, interior))
         gain += descend_pairs(movable, loops, freedom)
-        gain += flip_downhill(movable, loops)
+        gain += flip_downhill(movable, loops) if flips else 0.0
         offsets = movable.midside_offsets() if movable.curved else None
         functional.improve_on_boundary(movable.triangulation, trial, offsets)
     return gain

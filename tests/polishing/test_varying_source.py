@@ -50,7 +50,7 @@ def test_adapt_recycles_nodes_by_it_and_compares_passes(order):
         assert all(step.polish_gain > 0.0 for step in result.history[1:])
         assert result.best.functional == min(step.functional for step in result.history)
         errors.append(error(problem, result.mesh, exact))
-    assert np.mean(errors) < (0.75, 0.75, 0.97)[order - 1] * error(problem, SQUARE, exact)
+    assert np.mean(errors) < (0.75, 0.75, 0.8)[order - 1] * error(problem, SQUARE, exact)
 
 
 def test_a_constant_and_a_function_of_that_value_come_to_the_same():
