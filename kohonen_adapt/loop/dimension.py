@@ -4,7 +4,7 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.geometry.held_nodes import reasons_in_plane, reasons_in_space
-from kohonen_adapt.geometry.movable import Recycled, unchanged
+from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.method import Method
@@ -35,8 +35,10 @@ from kohonen_adapt.som.relocate import (
     loops_in_space,
     move,
     move_in_space,
+    split_edges,
+    split_edges_in_space,
 )
-from kohonen_adapt.som.relocation_record import Moved, why_still
+from kohonen_adapt.som.relocation_record import Moved
 from kohonen_adapt.som.schedule import Schedule
 
 __all__ = ["PlaneMethod", "SpaceMethod", "method_of"]
@@ -48,6 +50,7 @@ class PlaneMethod(Method):
     transfer_kernels = ("carrying",)
     open = staticmethod(MovableMesh.of)
     relocate = staticmethod(move)
+    split = staticmethod(split_edges)
     functional = staticmethod(Functional.of_solution)
     carry = staticmethod(transferred)
     reasons = staticmethod(reasons_in_plane)
@@ -97,6 +100,7 @@ class SpaceMethod(Method):
     transfer_kernels = ("space carrying",)
     open = staticmethod(MovableSolid.of)
     relocate = staticmethod(move_in_space)
+    split = staticmethod(split_edges_in_space)
     functional = staticmethod(SolidFunctional.of_solution)
     carry = staticmethod(transferred_in_space)
     reasons = staticmethod(reasons_in_space)
@@ -128,8 +132,7 @@ class SpaceMethod(Method):
         recycles: bool,
     ) -> Moved[MovableSolid]:
         if not recycles:  # the map would shorten the long elements that lower the energy
-            why = why_still(movable, settings.schedule)
-            return Moved(movable.copy(), unchanged(movable.tetrahedralization), (), why)
+            return self.split(movable, density, movable.nnodes)
         topology, rng = settings.rules.topology, settings.rng(number)
         return move_in_space(movable, density, settings.schedule, topology, rng, nodes)
 

@@ -112,7 +112,8 @@ def run_to_order(
         smooth = result.estimate > SMOOTH * raised.estimate
         grading.lower(result.best, min(FINER, missing) if smooth else tolerance / result.estimate)
         logger.info("order %d has %.3g times the tolerance; passes go on", raised.best.order, 1.0 / missing)
-        result = run_loop(adaptation, history, history.reopened())
+        history.reopen()
+        result = run_loop(adaptation, history)
     return result
 
 

@@ -9,6 +9,7 @@ from kohonen_adapt.checks import check_hook
 from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.loop.checkpoint import Checkpoint
+from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.passes import Pass, Status, StepFailed, Steps
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.sides import Sides
@@ -20,6 +21,7 @@ from kohonen_adapt.loop.stopping import (
     interim_ending,
     interrupted_ending,
     outputs_remark,
+    stalled_ending,
     unmoved_ending,
     with_remarks,
 )
@@ -41,12 +43,15 @@ class BestPasses:
         Last pass, from which the next one may start warm.
     least_error, lowest_functional
         Pass with the least error measure, and pass with the lowest functional.
+    last_by_energy
+        True if the last pass started from the best mesh, and was polished without density and map.
     """
 
     passes: tuple[Pass, ...] = ()
     last: Solved | None = None
     least_error: Solved | None = None
     lowest_functional: Solved | None = None
+    last_by_energy: bool = False
 
     def with_pass(self, solved: Solved) -> "BestPasses":
         if self.least_error is None or self.lowest_functional is None:
@@ -54,7 +59,7 @@ class BestPasses:
         record, least, lowest = solved.record, self.least_error, self.lowest_functional
         least = solved if has_less_error(record, least.record) else least
         lowest = solved if has_lower_functional(record, lowest.record) else lowest
-        return BestPasses((*self.passes, record), solved, least, lowest)
+        return BestPasses((*self.passes, record), solved, least, lowest, self.returns_to_best)
 
     def with_solution(self, before: Solved, now: Solved) -> "BestPasses":
         names = ("last", "least_error", "lowest_functional")
@@ -67,6 +72,19 @@ class BestPasses:
         if best is None:
             raise RuntimeError("the history has no pass.")
         return best
+
+    @property
+    def returns_to_best(self) -> bool:
+        # True for the next pass if the last pass is worse than the best one, with as many unknowns
+        last, best = self.passes[-1], self.best.record
+        if last is best or last.unpolished or not (last.calibrated or all(step.comparable for step in self.passes)):
+            return False
+        return last.unknowns >= (1.0 - drift_of_nodes(last.mesh.dim(), last.order)) * best.unknowns
+
+    @property
+    def owes_pass(self) -> bool:
+        # True if the polish of the best mesh alone has not been tried since a pass was worse
+        return self.returns_to_best and not self.last_by_energy
 
 
 def has_less_error(step: Pass, best: Pass) -> bool:
@@ -119,23 +137,43 @@ class History:
     def running(self) -> bool:
         return self._ending is None
 
-    def resumed(self) -> Solved | None:
-        # The mesh is set to the mesh of this pass. Return None if no pass is stored.
-        last = None
-        for record in self._checkpoint.passes(self._adaptation.movable) if self._checkpoint else ():
-            last = Solved(record, UNSOLVED, curved=self._adaptation.curved_mesh())
-            self._record(last)
-            if not self.running:
-                return last
-        if last is None:
-            return None
-        self._steps.begin(last.record.number, "solve again")
-        solved = self._adaptation.assess_again(last.record)
-        self._passes = self._passes.with_solution(last, solved)
-        self._steps.has_solved = True
-        return solved
+    @property
+    def by_energy(self) -> bool:
+        return self._passes.returns_to_best
 
-    def add(self, solved: Solved) -> Solved:
+    def has_passes(self) -> bool:
+        # passes of the checkpoint are loaded
+        return bool(self._passes.passes) or self._resumed()
+
+    def _resumed(self) -> bool:
+        for record in self._checkpoint.passes(self._adaptation.movable) if self._checkpoint else ():
+            self._record(self._adaptation.unsolved(record))
+            if not self.running:
+                return True
+        last = self._passes.last
+        if last is None:
+            return False
+        self._steps.begin(last.record.number, "solve again")
+        self._passes = self._passes.with_solution(last, self._adaptation.assess_again(last.record))
+        self._steps.has_solved = True
+        return True
+
+    def start(self) -> Solved:
+        # The movable mesh is set to the mesh of the returned pass.
+        last = self._passes.last
+        if last is None:
+            raise RuntimeError("the history has no pass.")
+        if not self.by_energy:
+            return last
+        best = self._passes.best
+        self._adaptation.movable.restore(best.state)
+        if best.solution is UNSOLVED:
+            with self._steps("solve again", number=best.record.number):
+                solved = self._adaptation.assess_again(best.record)
+            self._passes = self._passes.with_solution(best, solved)
+        return self._passes.best
+
+    def add(self, solved: Solved) -> None:
         self._passes = self._passes.with_pass(solved)
         self._steps.has_solved = True
         if self._interim:
@@ -146,7 +184,6 @@ class History:
             with self._steps("checkpoint", f"checkpoint of pass {number}", number):
                 self._checkpoint.write(solved.record, self._adaptation.movable)
         self._test()
-        return solved
 
     def _record(self, solved: Solved) -> None:
         self._passes = self._passes.with_pass(solved)
@@ -156,24 +193,24 @@ class History:
         passes = self._passes.passes
         self._steps.next_pass(len(passes))
         stalled = self._adaptation.method.stalls(passes)
-        self._ending = self._stop(passes, self._passes.best.record, self.growing, stalled)
+        owes_pass = self._passes.owes_pass
+        self._ending = self._stop(passes, self._passes.best.record, self.growing, stalled, owes_pass)
 
     @property
     def best_curved(self) -> MovableMesh | None:
         """The movable mesh of the best pass if sides are curved."""
         return self._passes.best.curved
 
-    def reopened(self) -> Solved | None:
-        """Return the last pass of a loop that ended, so that passes can go on."""
+    def reopen(self) -> None:
         self._ending = None
-        return self._passes.last
 
     def report(self, result: AdaptResult) -> None:
         if self._interim:
             self._interim(result)
 
     def end_unmoved(self, work: Work) -> None:
-        self._ending = unmoved_ending(work, self._passes.best.record)
+        best = self._passes.best.record
+        self._ending = stalled_ending(best) if self.by_energy else unmoved_ending(work, best)
 
     @contextmanager
     def catching_failures(self) -> Iterator[None]:
@@ -242,15 +279,17 @@ class History:
         )
 
 
-def run_loop(adaptation: Adaptation, history: History, solved: Solved | None = None) -> AdaptResult:
+def run_loop(adaptation: Adaptation, history: History) -> AdaptResult:
     movable = adaptation.movable
     with history.catching_failures():
-        solved = solved or history.resumed() or history.add(adaptation.assess())
+        if not history.has_passes():
+            history.add(adaptation.assess())
         while history.running:
-            moved = adaptation.relocate(solved)
-            moved, gain = adaptation.polish(solved, moved)
+            start = history.start()
+            moved = adaptation.relocate(start, history.by_energy)
+            moved, gain = adaptation.polish(start, moved)
             if moved.changed(movable) or history.growing:
-                solved = history.add(adaptation.assess(solved, moved, gain))
+                history.add(adaptation.assess(start, moved, gain))
             else:
                 history.end_unmoved(moved.work(movable, gain))
     return history.result()

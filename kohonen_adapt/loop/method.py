@@ -84,6 +84,10 @@ class Method(ABC):
         """
 
     @abstractmethod
+    def split(self, movable: Any, density: Floats, nodes: int) -> Moved[Any]:
+        """Split edges up to `nodes` nodes, where the density (nelements,) is largest, and move no node."""
+
+    @abstractmethod
     def functional(self, ritz: Ritz, movable: Any, mesh: Mesh) -> Any:
         """Return the functional that the polish lowers, for a solution on `mesh`."""
 

@@ -1,10 +1,11 @@
 """Steps of a pass, which solve, estimate, relocate and polish."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -67,12 +68,15 @@ class Solved:
         Functional for the polish, or None.
     curved
         Copy of the movable mesh if sides are curved, else None.
+    state
+        Copies of the arrays of the movable mesh.
     """
 
     record: Pass
     solution: Any
     functional: Functional | None = None
     curved: MovableMesh | None = None
+    state: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -123,7 +127,7 @@ class Adaptation:
         record = Pass(
             **vars(moved.work(self.movable, polish_gain) if moved else Work()),
             **estimated,
-            number=before.record.number + 1 if before else 0,
+            number=self.steps.number,
             mesh=mesh,
             nodes=indices_in_input(before, moved, self.movable.nnodes, self.settings.growth.start),
             order=int(self.order),
@@ -140,7 +144,7 @@ class Adaptation:
             seconds=self.steps.seconds,  # last, because outputs add their time
             compile_seconds=self.steps.compile_seconds,
         )
-        return Solved(record, solution, functional, sides.curved)
+        return Solved(record, solution, functional, sides.curved, self.state())
 
     def estimated(self, sides: Sides) -> dict[str, Any]:
         # fields of a `Pass`
@@ -168,13 +172,20 @@ class Adaptation:
         # problem.
         solution = solve_again(self.problem, record.mesh, record.indicators)
         check_signs(record.outputs, self.outputs(solution))
-        return Solved(record, solution, self._functional(record.mesh, solution, record.share)[0], self.curved_mesh())
+        functional = self._functional(record.mesh, solution, record.share)[0]
+        return Solved(record, solution, functional, self.curved_mesh(), self.state())
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        return {name: array.copy() for name, array in self.movable.state().items()}
+
+    def unsolved(self, record: Pass) -> Solved:
+        return Solved(record, UNSOLVED, None, self.curved_mesh(), self.state())
 
     def curved_mesh(self) -> MovableMesh | None:
         movable = self.movable
         return movable.copy() if isinstance(movable, MovableMesh) and movable.curved else None
 
-    def relocate(self, solved: Solved) -> Moved[Any]:
+    def relocate(self, solved: Solved, by_energy: bool) -> Moved[Any]:
         with self.steps("relocate"):
             record, order, norm = solved.record, order_of(self.problem), norm_of(self.problem)
             density = equidistributing(record.mesh, record.indicators, order, norm)
@@ -183,12 +194,15 @@ class Adaptation:
             ritz = None if functional is None else functional.ritz
             # on a surface that holds its nodes in the polish only a density adds nodes
             steers = ritz is not None and not ritz.shapes_only and ritz.surface is None
-            by_energy = steers and number > self.method.passes_by_density
+            exchanges_by_energy = by_energy or (steers and number > self.method.passes_by_density)
             nodes = settings.growth.nodes(number, functional is not None, record)
             drift = drift_of_nodes(self.method.dim, self.order) * nodes
-            recycles = not by_energy or abs(nodes - self.movable.nnodes) > drift
+            recycles = not exchanges_by_energy or abs(nodes - self.movable.nnodes) > drift
             held = None if functional is None else self.method.held_in_polish(self.movable, functional)
-            moved = self.method.move(self.movable, density, functional, estimate, settings, number, nodes, recycles)
+            if by_energy:
+                moved = self.method.split(self.movable, density, nodes if recycles else self.movable.nnodes)
+            else:
+                moved = self.method.move(self.movable, density, functional, estimate, settings, number, nodes, recycles)
             return moved if held is None else replace(moved, held_in_polish=int(held.sum()))
 
     def polish(self, solved: Solved, moved: Moved[Any]) -> tuple[Moved[Any], float]:

@@ -23,6 +23,7 @@ __all__ = [
     "interim_ending",
     "interrupted_ending",
     "outputs_remark",
+    "stalled_ending",
     "stalls_by_estimate",
     "stalls_by_functional",
     "unmoved_ending",
@@ -78,10 +79,13 @@ class StopTest:
         check_count("passes", self.passes)
         check_hook("callback", self.callback, "the pass")
 
-    def __call__(self, passes: Passes, best: Pass, growing: bool, stalled: bool) -> Ending | None:
+    def __call__(
+        self, passes: Passes, best: Pass, growing: bool, stalled: bool, owes_pass: bool = False
+    ) -> Ending | None:
         """Return the ending after the last pass, or None to continue.
 
-        While the mesh is `growing`, unmoved nodes or a stall do not end the loop.
+        While the mesh is `growing`, unmoved nodes or a stall do not end the loop. A loop that `owes_pass` has not tried
+        the polish alone after a worse pass: it is not stalled, and has one more pass if the input is the best.
         """
         last, count, result = passes[-1], count_text(passes), best_pass_text(best)
         returned = self.callback(last) if self.callback else None
@@ -99,10 +103,11 @@ class StopTest:
             return Ending(Status.STALLED, f"Stopped after {count}: {unreachable} {result}")
         if self.max_nodes is not None and last.mesh.nvertices >= FULL * self.max_nodes:
             return self._largest(last, count, result)
-        if stalled and not growing:
-            stall = f"Stalled: the last {STALL_PASSES} passes improved the result by less than {percent(STALL_GAIN)}."
-            return Ending(Status.STALLED, f"{stall} {result} Use more nodes (`target_nodes`) for a smaller error.")
-        return self._all_passes(last, count, result) if last.number == self.passes else None
+        if stalled and not growing and not owes_pass:
+            return stalled_ending(best)
+        if last.number < self.passes or (owes_pass and best.number == 0):
+            return None
+        return self._all_passes(last, count, result)
 
     def _all_passes(self, last: Pass, count: str, result: str) -> Ending:
         if last.number == 0:
@@ -207,6 +212,12 @@ def _polish_remark(passes: Passes, settings: Settings, norm: str) -> str:
         "The polish skipped nodes on curved boundaries, on iron in an applied field, or with Dirichlet values that are "
         "inside or not linear along a boundary. Passes were compared by the estimate."
     )
+
+
+def stalled_ending(best: Pass) -> Ending:
+    stall = f"Stalled: the last {STALL_PASSES} passes improved the result by less than {percent(STALL_GAIN)}."
+    remedy = "Use more nodes (`target_nodes`) for a smaller error."
+    return Ending(Status.STALLED, f"{stall} {best_pass_text(best)} {remedy}")
 
 
 def unmoved_ending(work: Work, best: Pass) -> Ending:

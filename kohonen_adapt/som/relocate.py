@@ -31,7 +31,15 @@ from kohonen_adapt.som.training_points import Density, density_of, source_of
 
 logger = logging.getLogger("kohonen_adapt")
 
-__all__ = ["loops_in_plane", "loops_in_space", "move", "move_in_space", "report_sagitta"]
+__all__ = [
+    "loops_in_plane",
+    "loops_in_space",
+    "move",
+    "move_in_space",
+    "report_sagitta",
+    "split_edges",
+    "split_edges_in_space",
+]
 
 # Logarithm of the mean mass per node of a patch, above which mass must travel the width of the patch.
 MISMATCH = 0.6
@@ -81,6 +89,14 @@ def move(
                 wanted.refit(movable.triangulation, before.triangulation, recycled.start_element)
             trainer.smooth(wanted, schedule.sweeps)
     return Moved(before, recycled, errors, why_still(movable, schedule), trainer.refused)
+
+
+def split_edges(movable: MovableMesh, density: Floats, nodes: int) -> Moved[MovableMesh]:
+    before = movable.copy()
+    recycled = unchanged(before.triangulation)
+    if nodes > movable.nnodes:
+        recycled = recycle_nodes(movable, density_of(movable.triangulation, density).at_nodes(), nodes, pairs=False)
+    return Moved(before, recycled, (), why_still(movable, None))
 
 
 def radius_for(trainer: Trainer, wanted: Density, topology: str, recycled: Recycled) -> int | None:
@@ -149,6 +165,15 @@ def move_in_space(
     return Moved(before, recycled, errors, why_still(movable, schedule), refused)
 
 
+def split_edges_in_space(movable: MovableSolid, density: Floats, nodes: int) -> Moved[MovableSolid]:
+    before = movable.copy()
+    recycled = unchanged(before.tetrahedralization)
+    if nodes > movable.nnodes:
+        wanted = density_in_space(before.tetrahedralization, density)
+        recycled = rearrange(movable, wanted, "fixed", 0, nodes, swaps=False)  # swaps would raise the energy
+    return Moved(before, recycled, (), why_still(movable, None))
+
+
 def starts_in_space(before: MovableSolid, now: MovableSolid) -> Ints:
     middle, old = before.tetrahedralization.centroids(), before.tetrahedralization.elements.region
     node, region = now.tetrahedralization.elements.node, now.tetrahedralization.elements.region
@@ -167,6 +192,7 @@ def rearrange(
     sweeps: int | None = None,
     nodes: int = 0,
     refused: Ints | None = None,
+    swaps: bool = True,
 ) -> Recycled:
     """Recycle nodes, swap elements and smooth, in place, as `topology` allows.
 
@@ -176,12 +202,12 @@ def rearrange(
     pairs, target = topology == "recycle", nodes or movable.nnodes
     target = target if pairs else max(target, movable.nnodes)
     movable.project_nodes()
-    opened = OpenSolid.of(movable, density.at_nodes(), target)
-    if movable.flips:
+    opened, swaps = OpenSolid.of(movable, density.at_nodes(), target), swaps and movable.flips
+    if swaps:
         opened.swap()
     splits = collapses = 0
     if pairs or target > movable.nnodes:
-        splits, collapses = exchange(opened, movable, target, RATIO if pairs else np.inf)
+        splits, collapses = exchange(opened, movable.floor, swaps, target, RATIO if pairs else np.inf)
     counts = smooth(opened, density, SWEEPS[topology] if sweeps is None else sweeps, movable)
     if refused is not None:
         refused += counts
@@ -190,8 +216,8 @@ def rearrange(
     return Recycled(opened.mesh.origins.old[rows], opened.mesh.origins.start_element[rows], splits, collapses)
 
 
-def exchange(opened: OpenSolid, movable: MovableSolid, target: int, ratio: float) -> tuple[int, int]:
-    mesh, rows, floor = opened.mesh, 2 * len(opened.mesh.elements.node), cubed(movable.floor)
+def exchange(opened: OpenSolid, floor: float, swaps: bool, target: int, ratio: float) -> tuple[int, int]:
+    mesh, rows = opened.mesh, 2 * len(opened.mesh.elements.node)
     heaps = Heap.of(rows), Heap.of(rows)
     splits = collapses = 0
     for _ in range(ROUNDS):
@@ -199,11 +225,11 @@ def exchange(opened: OpenSolid, movable: MovableSolid, target: int, ratio: float
         at_first, finished = splits, False
         while not finished:
             missing = target - len(opened.nodes())
-            more, fewer, finished = recycle(mesh, opened.queue, *heaps, missing, ratio, floor, PAIRS)
+            more, fewer, finished = recycle(mesh, opened.queue, *heaps, missing, ratio, cubed(floor), PAIRS)
             splits, collapses = splits + more, collapses + fewer
         if ratio < np.inf and splits - at_first > MIXED * len(mesh.position):  # without this nodes keep their numbers
             opened.renumber()
-        if movable.flips:
+        if swaps:
             opened.swap()
         if splits - at_first <= SETTLED * len(mesh.position):
             break
