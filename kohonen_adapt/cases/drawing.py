@@ -1,14 +1,16 @@
 """Drawings of Gmsh with parameters, as the meshes of cases."""
 
+import re
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from kohonen_adapt.cases.readers import NUMBER, TEXT, Kind, Reader
+from kohonen_adapt.cases.drawing_script import Script
+from kohonen_adapt.cases.readers import NUMBER, TEXT, Kind, Reader, locate_errors
 from kohonen_adapt.checks import nearest_name
 
 __all__ = ["Drawing", "mesh_in"]
@@ -28,10 +30,13 @@ class Drawing:
         The drawing.
     parameters
         Constants of the drawing (``DefineConstant``) to the values that replace those of the drawing.
+    trusted
+        True to let the drawing run programs and write files.
     """
 
     file: Path
     parameters: Mapping[str, float]
+    trusted: bool = False
 
     @property
     def name(self) -> str:
@@ -48,12 +53,13 @@ class Drawing:
         """Draw and mesh in another process, and write the mesh to a Gmsh file.
 
         The same drawing, parameters and version of Gmsh give the same file. The mesh is of tetrahedra if the drawing
-        has a volume.
+        has a volume. Gmsh gets a copy of the drawing that can only draw, unless the drawing is trusted.
 
         Raises
         ------
         ValueError
-            If there is no drawing or no Gmsh, the drawing does not use a parameter, or Gmsh fails.
+            If there is no drawing or no Gmsh, the drawing is not trusted and has words that may run programs or write
+            files, the drawing does not use a parameter, or Gmsh fails.
         """
         if not self.file.is_file():
             beside = [file.name for file in self.file.parent.glob(f"*{SUFFIX}")]
@@ -64,9 +70,25 @@ class Drawing:
         if find_spec("gmsh") is None:
             raise ValueError('mesh.drawing needs Gmsh, which is not installed: pip install "kohonen-adapt[draw]".')
         values = [text for name, value in self.parameters.items() for text in (name, repr(value))]
-        command = [sys.executable, "-P", str(SCRIPT), str(self.file.resolve()), str(path), *values]
+        drawing, origins = self._prepared(path.with_suffix(SUFFIX))
+        command = [sys.executable, "-P", str(SCRIPT), drawing, path.name, *values]
         if reason := _error_of(command, path):
-            raise ValueError(f"mesh.drawing '{self}': {reason}")
+            raise ValueError(f"mesh.drawing '{self}': {_with_origin(reason, drawing, origins)}")
+
+    def _prepared(self, copy: Path) -> tuple[str, Sequence[tuple[Path, int]]]:
+        # Returns the drawing for Gmsh, and the file and line of each of its lines.
+        if self.trusted:
+            return str(self.file.resolve()), ()
+        with locate_errors(f"mesh.drawing '{self}'"):
+            return copy.name, Script.read(self.file).write(copy)
+
+
+def _with_origin(reason: str, drawing: str, origins: Sequence[tuple[Path, int]]) -> str:
+    found = re.search(rf"'{re.escape(drawing)}', line (\d+)", reason)
+    if found is None or not 0 < int(found[1]) <= len(origins):
+        return reason
+    file, line = origins[int(found[1]) - 1]
+    return reason.replace(found[0], f"'{file}', line {line}")
 
 
 def _error_of(command: list[str], path: Path) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from kohonen_adapt.cases.case import Case, error_in_plane, keys_of_space
-from kohonen_adapt.cases.drawing import mesh_in
+from kohonen_adapt.cases.drawing import Drawing, mesh_in
 from kohonen_adapt.cases.potentials import POTENTIAL
 from kohonen_adapt.cases.readers import (
     FLAG,
@@ -124,6 +124,7 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
     """
     readers: dict[str, Reader] = {
         "mesh": mesh_in(folder),
+        "trusted": FLAG,
         "scale": NUMBER,
         "materials": table_of(material_in(folder)),
         **SPACE,
@@ -142,7 +143,7 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
     options, outputs, turns = (values.get(key, {}) for key in ("adapt", "outputs", "turn"))
     _check_outputs(options.get("output_rtol"), outputs, problem)
     return Case(
-        values["mesh"],
+        _trusting(values["mesh"], values.get("trusted")),
         values.get("scale", 1.0),
         problem,
         options,
@@ -151,6 +152,14 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
         values.get("rim", ""),
         values.get("bracket", False),
     )
+
+
+def _trusting(mesh: Path | Drawing, trusted: bool | None) -> Path | Drawing:
+    if trusted is None:
+        return mesh
+    if not isinstance(mesh, Drawing):
+        raise ValueError('trusted is for a drawing, mesh = {drawing = "NAME.geo"}; a mesh file runs nothing.')
+    return replace(mesh, trusted=trusted)
 
 
 def _check_outputs(output_rtol: Any, outputs: Mapping[str, Any], problem: Any) -> None:

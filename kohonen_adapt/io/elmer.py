@@ -116,7 +116,6 @@ def write_elmer(folder: Path, mesh: Mesh, subdomains: Sets, boundaries: Sets, gr
 
 
 def _numbered(sets: Sets, dimension: int, count: int, numbers: Mapping[tuple[int, str], int]) -> Ints:
-    """Return the number of the set of each item, 0 for none, shape (count,)."""
     number = np.zeros(count, np.int64)
     for name, items in sets.items():
         taken = number[np.asarray(items)].max(initial=0)

@@ -69,7 +69,7 @@ def _section(head: str, name: str, columns: int) -> Floats:
 
 
 def _blocks(head: str, elements: Ints) -> Iterator[tuple[int, str, Ints, Ints]]:
-    """Yield (type, name, nodes, numbers) of blocks, and of several labels of a block."""
+    # (type, name, nodes, numbers) of blocks, and of several labels of a block
     names = ["", *re.findall(r'<BlockName>\s*=\s*"([^"]*)"', head)]
     block = _section(head, "NumBlockLabels", 3)[:, 2].astype(np.int64)
     label, number = elements[:, 3], np.arange(len(elements))

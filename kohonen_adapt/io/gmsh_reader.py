@@ -117,7 +117,7 @@ def _names(data: bytes) -> dict[tuple[int, int], str]:
 
 
 def _entities(section: Numbers) -> dict[tuple[int, int], Ints]:
-    """Return groups by entity (dimension, tag), with negative numbers if reversed."""
+    # groups by entity (dimension, tag), with negative numbers if reversed
     groups = {}
     for dimension, count in enumerate(section.ints(4, SIZE)):
         for _ in range(count):

@@ -205,7 +205,7 @@ def _kind(block: Any) -> int:
 
 
 def _all_sets(mesh: Any, points: Floats) -> Iterator[tuple[int, str, Ints, Ints]]:
-    """Yield (type, name, nodes, numbers) of all cells, and of the cells of every set."""
+    # (type, name, nodes, numbers) of all cells, and of the cells of every set
     first = 0
     for k, block in enumerate(mesh.cells):
         if block.type == LAGRANGE:

@@ -114,7 +114,7 @@ def test_a_constant_may_be_scaled_in_place(tmp_path):
         (PLANE, {"width": 9.0}, "width has no effect, because the drawing sets width. Write DefineConstant[ width ="),
         (PLANE + "Point(9) = {0,;\n", {}, "line 8: syntax error (;)"),
         (PLANE + 'Error("the gap is too wide");\n', {"gap": 9.0}, "Gmsh reports: the gap is too wide"),
-        (PLANE + 'Merge "none.step";\n', {}, "Gmsh reports: Unable to open file"),
+        (PLANE + 'Merge "none.step";\n', {}, "'plate.geo', line 8: \"none.step\" is not there."),
         (PLANE + "Exit;\n", {}, "Gmsh wrote no mesh (exit code 0)."),
         ("Delete { Surface{1}; }\n", {}, "the drawing has no surface to mesh."),
     ],
