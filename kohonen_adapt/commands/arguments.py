@@ -177,9 +177,10 @@ def _add_sweep(commands: Any) -> None:
     sweep = commands.add_parser(
         "sweep",
         help="adapt a case for many values of its keys, in parallel, and tabulate its outputs",
-        description="Adapt a case for every combination of values of some of its keys, and write sweep.csv (one row "
-        "per combination, with the outputs of the case) and sweep.png (outputs over the first key, one curve per "
-        "combination of the others). Ctrl-C stops the sweep at once; finished combinations are kept, and --resume "
+        description="Adapt a case for every combination of values of some of its keys, and write sweep.csv "
+        "and sweep.json (one row per combination, with the outputs of the case, their estimated and allowed errors, "
+        "and what missed its tolerance) and sweep.png (outputs over the first key, one curve per combination of the "
+        "others, with error bars). Ctrl-C stops the sweep at once; finished combinations are kept, and --resume "
         "continues. The exit status is 1 if a combination failed.",
     )
     sweep.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries, outputs and options")

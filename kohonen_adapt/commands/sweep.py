@@ -1,13 +1,14 @@
 """Adaptation of a case for many values of its keys."""
 
 import argparse
+import json
 import re
 import shlex
 import tomllib
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields
 from hashlib import blake2b
 from pathlib import Path
 from typing import Any
@@ -20,18 +21,23 @@ from kohonen_adapt.cases.drawing import Drawing
 from kohonen_adapt.cases.readers import locate_errors
 from kohonen_adapt.cases.reading import case_of, read_case, with_options
 from kohonen_adapt.commands.arguments import options_of, options_text, refuse_link, writable_folder
+from kohonen_adapt.commands.plan import plan_sentence
 from kohonen_adapt.commands.terminal import Terminal, drawn
-from kohonen_adapt.files import remove_drafts, save_figure
+from kohonen_adapt.files import remove_drafts, save_figure, write_whole
 from kohonen_adapt.loop.adapt import adapt
+from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.loop.settings import Tolerance
+from kohonen_adapt.loop.table import with_unit
 from kohonen_adapt.precompile import compile_missing
-from kohonen_adapt.sweeps.cases import SweepResult
+from kohonen_adapt.sweeps.cases import ASKED, ERROR, SweepResult
 from kohonen_adapt.sweeps.pool import LocalPool
 from kohonen_adapt.sweeps.sweep import sweep
 
 __all__ = ["sweep_case"]
 
 TABLE, PICTURE = "sweep.csv", "sweep.png"
-ERROR = "error of "  # before the names of outputs
+SUMMARY = "sweep.json"
+STATUS, MISSED = "status", "missed"  # columns
 CASES = "cases"  # subfolder of the finished cases
 
 OVER = re.compile(r"(.+)=([^=:]+):([^=:]+):([^=:]+)")
@@ -69,14 +75,18 @@ class CaseOutputs:
         content = b"".join(file.read_bytes() for file in files if file.is_file())
         return cls(path.resolve(), case.text, blake2b(content, digest_size=16).hexdigest(), options or {})
 
-    def __call__(self, **values: float) -> dict[str, float]:
+    def __call__(self, **values: float) -> dict[str, float | str]:
         case = self.case(values)
         mesh = fitting_mesh(case)
-        result = adapt(mesh, case.problem, outputs=case.labelled_outputs, **case.options(mesh))
+        options = case.options(mesh)
+        result = adapt(mesh, case.problem, outputs=case.labelled_outputs, **options)
         if result.error:
             raise result.error
-        best = result.best
-        return best.outputs | {f"{ERROR}{name}": error for name, error in best.output_errors.items()}
+        tolerance = Tolerance(**{each.name: options.get(each.name) for each in fields(Tolerance)})
+        return with_errors(result, tolerance) | {
+            STATUS: result.status.value,
+            MISSED: ", ".join(tolerance.missed(result.best)),
+        }
 
     def case(self, values: Mapping[str, float]) -> Case:
         given = with_options(tomllib.loads(self.text), self.options)
@@ -85,18 +95,31 @@ class CaseOutputs:
         return case_of(given, self.file.parent)
 
 
+def with_errors(result: AdaptResult, tolerance: Tolerance) -> dict[str, float | str]:
+    # errors that are not known, or not limited, are left out
+    found, asked = dict[str, float | str](), tolerance.of_values(result.best)
+    for name, each in result.outputs.items():
+        label = with_unit(name, result.best) if name == "goal" else name
+        found[label] = each.value
+        found |= {} if each.error is None else {f"{ERROR}{label}": each.error}
+        found |= {f"{ASKED}{label}": asked[name]} if name in asked else {}
+    return found
+
+
 def sweep_case(arguments: argparse.Namespace, terminal: Terminal) -> int:
     if arguments.out is None and arguments.resume is None:
         raise ValueError("sweep expected --out DIR (folder for the results) or --resume DIR.")
     options = options_of(arguments)
     outputs, grid = CaseOutputs.of(arguments.case, options), dict(map(_values, arguments.over))
     terminal.show("read")
+    start = outputs.case({name: values[0] for name, values in grid.items()})
     with locate_errors(arguments.case):
-        fitting_mesh(outputs.case({name: values[0] for name, values in grid.items()}))
+        mesh = fitting_mesh(start)
     folder = _begun(arguments)
     over = [f"--over={each}" for each in arguments.over]
     command = ["kohonen-adapt", "sweep", str(arguments.case), *over, *options_text(options)]
     terminal.say(f"To continue after an interruption: {shlex.join([*command, '--resume', str(folder)])}")
+    terminal.say(plan_sentence(start, mesh).replace("Plan", "Plan of every case", 1))
 
     def show_progress(done: int, count: int) -> None:
         terminal.show(f"{done} of {count} cases")
@@ -104,22 +127,39 @@ def sweep_case(arguments: argparse.Namespace, terminal: Terminal) -> int:
     with _executor(arguments) as executor:
         result = sweep(outputs, grid, executor=executor, folder=folder / CASES, progress=show_progress)
     result.to_csv(folder / TABLE)
+    write_whole(folder / SUMMARY, json.dumps([*records(result)], indent=1).encode())
     terminal.say(result)
     picture = drawn(terminal, folder, lambda: _draw(result, folder), "the picture")
-    terminal.say(f"Files in {folder}: {', '.join([TABLE, *(picture or [])])}.")
-    failed = sum(error is not None for error in result.errors)
+    terminal.say(f"Files in {folder}: {', '.join([TABLE, SUMMARY, *(picture or [])])}.")
+    failed, count = sum(error is not None for error in result.errors), len(result.errors)
+    if missed := _missed(result):
+        terminal.warn(f"{len(missed)} of {count} cases missed a tolerance: {'; '.join(missed)}.")
     if failed:
-        terminal.complain(f"{failed} of {len(result.errors)} cases failed; --resume tries them again.")
+        terminal.complain(f"{failed} of {count} cases failed; --resume tries them again.")
     return int(failed > 0)
+
+
+def _missed(result: SweepResult) -> list[str]:
+    if MISSED not in result.outputs:  # every case failed
+        return []
+    return [f"case {number} ({each})" for number, each in enumerate(result.table[MISSED].tolist()) if each]
+
+
+def records(result: SweepResult) -> Iterator[dict[str, Any]]:
+    for row, error in zip(result.table, result.errors, strict=True):
+        record = {
+            name: row[name].item() if isinstance(row[name], np.generic) else row[name] for name in row.dtype.names
+        }
+        known = {name: value for name, value in record.items() if not (isinstance(value, float) and np.isnan(value))}
+        yield known | ({} if error is None else {"error": f"{type(error).__name__}: {error}"})
 
 
 def _draw(result: SweepResult, folder: Path) -> list[str]:
     from kohonen_adapt.plotting import sweep_figure  # needs matplotlib
 
-    drawn_outputs = tuple(name for name in result.outputs if not name.startswith(ERROR))
-    if not drawn_outputs:
+    if not set(result.outputs) - {STATUS, MISSED}:
         return []
-    save_figure(folder / PICTURE, sweep_figure(replace(result, outputs=drawn_outputs)))
+    save_figure(folder / PICTURE, sweep_figure(result))
     return [PICTURE]
 
 
@@ -127,21 +167,22 @@ def _begun(arguments: argparse.Namespace) -> Path:
     folder: Path = arguments.resume or writable_folder(arguments.out)
     cases = folder / CASES
     refuse_link(cases)
-    if arguments.resume and not cases.is_dir():
+    stopped_early = folder.is_dir() and not any(folder.iterdir())  # before the first case
+    if arguments.resume and not (cases.is_dir() or stopped_early):
         raise FileNotFoundError(
             f"--resume expected the folder of an earlier sweep; '{folder}' has no folder '{CASES}'. Start with --out "
             f"{folder}."
         )
     remove_drafts(folder)  # of killed processes
     if cases.is_dir() and not arguments.resume:
-        if not (folder / TABLE).exists():
+        if any(cases.glob("case-*.json")) and not (folder / TABLE).exists():
             raise FileExistsError(
                 f"'{folder}' has cases of an unfinished sweep: continue with --resume {folder}, or delete '{cases}' to "
                 "start anew."
             )
         # the table last, because a folder with a table is a finished sweep
         for file in [*sorted(cases.glob("*.json")), folder / TABLE]:
-            file.unlink()
+            file.unlink(missing_ok=True)
     return folder
 
 

@@ -162,7 +162,7 @@ class Tolerance:
     def only_outputs(self, outputs: Iterable[str]) -> list[str]:
         """Return the outputs with a tolerance if nothing else has one."""
         others = (self.rtol, self.atol, self.goal_rtol)
-        return [] if any(each is not None for each in others) else list(self._output_tolerances(outputs))
+        return [] if any(each is not None for each in others) else list(self._fractions(outputs))
 
     def unreachable_text(self, passes: Sequence[Pass]) -> str:
         """Return a sentence on values that stay below their errors, or an empty string."""
@@ -171,21 +171,29 @@ class Tolerance:
             return ""
         if self.goal_rtol is not None and last.goal is not None and abs(last.goal) < last.estimate**2:
             return ZERO_GOAL
-        names = [repr(name) for name in self._output_tolerances(last.outputs) if _vanishes(name, graded)]
+        names = [repr(name) for name in self._fractions(last.outputs) if _vanishes(name, graded)]
         return ZERO_OUTPUTS.format(" and ".join(names)) if names else ""
 
     def knows_errors(self, last: Pass) -> bool:
-        return self.output_rtol is None or self._output_tolerances(last.outputs).keys() <= last.output_errors.keys()
+        return self.output_rtol is None or self._fractions(last.outputs).keys() <= last.output_errors.keys()
 
-    def is_met_by_values(self, last: Pass) -> bool:
-        # by the estimated errors of goal and outputs
-        found = [
-            (tolerance, last.outputs[name], last.output_errors.get(name))
-            for name, tolerance in self._output_tolerances(last.outputs).items()
-        ]
-        if self.goal_rtol is not None:
-            found.append((self.goal_rtol, last.goal or 0.0, last.goal_error))
-        return all(error is not None and abs(error) <= tolerance * abs(value) for tolerance, value, error in found)
+    def of_values(self, last: Pass) -> dict[str, float]:
+        # allowed errors of outputs by name, and of the goal under "goal", in their units
+        found = {name: fraction * abs(last.outputs[name]) for name, fraction in self._fractions(last.outputs).items()}
+        if self.goal_rtol is not None and last.goal is not None:
+            found["goal"] = self.goal_rtol * abs(last.goal)
+        return found
+
+    def missed_values(self, last: Pass) -> list[str]:
+        known = last.output_errors | ({} if last.goal_error is None else {"goal": last.goal_error})
+        allowed = self.of_values(last)
+        return [name for name, error in allowed.items() if name not in known or abs(known[name]) > error]
+
+    def missed(self, last: Pass) -> list[str]:
+        """Return the names of missed tolerances, "energy" for the energy norm."""
+        of_energy = self.of_energy(last.energy_norm)
+        over = of_energy is not None and last.estimate > of_energy
+        return [*(["energy"] if over else []), *self.missed_values(last)]
 
     def estimate(self, last: Pass) -> float | None:
         """Return the allowed estimate of a pass, None without a tolerance.
@@ -198,14 +206,14 @@ class Tolerance:
         if self.goal_rtol is not None and last.goal is not None and last.goal_error is not None:
             error = max(abs(last.goal_error), CHANCE * last.estimate**2)
             allowed.append(last.estimate * np.sqrt(self.goal_rtol * abs(last.goal) / error) if error else np.inf)
-        for name, tolerance in self._output_tolerances(last.outputs).items():
+        for name, tolerance in self._fractions(last.outputs).items():
             value, error = abs(last.outputs[name]), abs(last.output_errors.get(name, np.inf))
             ratio = np.sqrt(tolerance * value / error) if error > 0.0 else np.inf
             ratio = ratio if name in last.output_errors else UNKNOWN
             allowed.append(last.estimate * ratio if ratio < np.inf else np.inf)
         return float(min(allowed)) if allowed else None
 
-    def _output_tolerances(self, outputs: Iterable[str]) -> dict[str, float]:
+    def _fractions(self, outputs: Iterable[str]) -> dict[str, float]:
         if isinstance(self.output_rtol, Mapping):
             return dict(self.output_rtol)
         return {} if self.output_rtol is None else dict.fromkeys(outputs, self.output_rtol)
@@ -226,7 +234,7 @@ class Tolerance:
         if self.goal_rtol is not None and goal is not None and error is not None:
             text = f"{percent(abs(error / goal))} " if goal else f"{abs(error):.3g} "
             texts.append(f"goal {goal:.6g} {last.goal_unit}, estimated error {text}(asked {percent(self.goal_rtol)})")
-        for name, tolerance in self._output_tolerances(last.outputs).items():
+        for name, tolerance in self._fractions(last.outputs).items():
             value, error = last.outputs[name], last.output_errors.get(name)
             text = "error unknown" if error is None else f"estimated error {abs(error):.3g}"
             if error is not None and value:

@@ -89,7 +89,7 @@ class StopTest:
         """
         last, count, result = passes[-1], count_text(passes), best_pass_text(best)
         returned = self.callback(last) if self.callback else None
-        if last.estimate == 0.0 and self.of_result.is_met_by_values(last):
+        if last.estimate == 0.0 and not self.of_result.missed_values(last):
             reasons = " and ".join(["all indicators are zero", *self.of_result.errors_text(last)])
             return Ending(Status.CONVERGED, f"Converged after {count}: {reasons}.")
         if self._is_met(passes):

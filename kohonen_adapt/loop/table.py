@@ -28,6 +28,7 @@ __all__ = [
     "table_blocks",
     "table_columns",
     "table_lines",
+    "with_unit",
     "word_for_estimate",
 ]
 

@@ -14,7 +14,7 @@ from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.slicing import CutBy
 from kohonen_adapt.plotting.charts import draw_passes
 from kohonen_adapt.plotting.drawing import draw_field_lines, draw_indicators, draw_mesh, indicator_scale
-from kohonen_adapt.sweeps.cases import SweepResult, shown
+from kohonen_adapt.sweeps.cases import ASKED, ERROR, SweepResult, shown
 
 __all__ = ["adaptation_figure", "sweep_figure"]
 
@@ -97,7 +97,8 @@ def adaptation_figure(
 def sweep_figure(result: SweepResult) -> Figure:
     """Draw every output of a sweep over the first parameter.
 
-    Each output has a panel of its own, with one curve for every combination of the remaining parameters.
+    Each output has a panel of its own, with one curve for every combination of the remaining parameters. Outputs that
+    are texts have none, and an output "error of NAME" is drawn as error bars of the output NAME.
 
     Parameters
     ----------
@@ -114,17 +115,23 @@ def sweep_figure(result: SweepResult) -> Figure:
     ValueError
         If the result has no outputs, for instance because every case failed.
     """
-    if not result.outputs:
+    outputs = _drawn_outputs(result)
+    if not outputs:
         raise ValueError("a sweep must have outputs to be drawn; every case of this one ended with an error.")
-    columns = min(COLUMNS, len(result.outputs))
-    rows = -(-len(result.outputs) // columns)
+    columns = min(COLUMNS, len(outputs))
+    rows = -(-len(outputs) // columns)
     figure = Figure(figsize=(5.5 * columns, 4.5 * rows), dpi=100, layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes, output in zip(panels, result.outputs, strict=False):
+    for axes, output in zip(panels, outputs, strict=False):
         _draw_output(axes, result, output)
-    for axes in panels[len(result.outputs) :]:
+    for axes in panels[len(outputs) :]:
         axes.remove()
     return figure
+
+
+def _drawn_outputs(result: SweepResult) -> list[str]:
+    of_errors = {f"{prefix}{name}" for name in result.outputs for prefix in (ERROR, ASKED)}
+    return [name for name in result.outputs if name not in of_errors and result.table[name].dtype != object]
 
 
 def _draw_output(axes: Axes, result: SweepResult, output: str) -> None:
@@ -133,14 +140,10 @@ def _draw_output(axes: Axes, result: SweepResult, output: str) -> None:
     colours = colormaps["viridis"](np.linspace(0.0, 0.9, len(curves)))
     named = set(np.linspace(0, len(curves) - 1, min(NAMED, len(curves))).round().astype(int).tolist())
     for number, ((label, cases), colour) in enumerate(zip(curves.items(), colours, strict=True)):
-        axes.plot(
-            result.table[first][cases],
-            result.table[output][cases],
-            "o-",
-            color=colour,
-            label=label if number in named else None,
-            markersize=4,
-        )
+        x, y, error = result.table[first][cases], result.table[output][cases], f"{ERROR}{output}"
+        axes.plot(x, y, "o-", color=colour, label=label if number in named else None, markersize=4)
+        if error in result.outputs:
+            axes.errorbar(x, y, np.abs(result.table[error][cases]), fmt="none", ecolor=colour, capsize=3)
     axes.set(xlabel=first, ylabel=output)
     axes.grid(alpha=0.3)
     if len(curves) > 1:

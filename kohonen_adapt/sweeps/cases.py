@@ -17,13 +17,28 @@ from numpy.typing import NDArray
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.table import DASH, Columns, table_blocks
 
-__all__ = ["SECONDS", "VALUE", "Case", "Outcome", "SweepResult", "Value", "compute", "list_cases", "shown", "tabulated"]
+__all__ = [
+    "ASKED",
+    "ERROR",
+    "SECONDS",
+    "VALUE",
+    "Case",
+    "Outcome",
+    "SweepResult",
+    "Value",
+    "compute",
+    "list_cases",
+    "shown",
+    "tabulated",
+]
 
 Value = bool | int | float | str
 Case = dict[str, Value]
+Outputs = dict[str, float | str]
 
 SECONDS = "seconds"  # reserved column of the table, not allowed as a parameter or an output
 VALUE = "value"  # name of the output of a function that returns a single number
+ERROR, ASKED = "error of ", "asked error of "  # before the names of outputs, of their estimated and allowed errors
 
 
 def list_cases(given: Any) -> list[Case]:
@@ -80,14 +95,14 @@ class Outcome:
     Attributes
     ----------
     outputs
-        Values by name; empty after an error.
+        Numbers and texts by name; empty after an error.
     seconds
         Duration in seconds.
     error
         The exception raised by the function, or None.
     """
 
-    outputs: dict[str, float]
+    outputs: Outputs
     seconds: float
     error: Exception | None = None
 
@@ -101,14 +116,17 @@ def compute(function: Callable[..., Any], case: Case) -> Outcome:
     return Outcome(outputs, time.perf_counter() - start)
 
 
-def _outputs(returned: Any, case: Case) -> dict[str, float]:
+def _outputs(returned: Any, case: Case) -> Outputs:
     given = returned if isinstance(returned, Mapping) else {VALUE: returned}
+    kinds = SupportsFloat | str if given is returned else SupportsFloat
     for name, value in given.items():
-        if not isinstance(name, str) or not isinstance(value, SupportsFloat):
-            raise TypeError(f"the function must return a number, or names and their numbers; got {returned!r}.")
+        if not isinstance(name, str) or not isinstance(value, kinds):
+            raise TypeError(
+                f"the function must return a number, or names and their numbers or texts; got {returned!r}."
+            )
         if name in ("", SECONDS, *case):
             raise ValueError(f"the function must name its outputs otherwise than parameters and seconds; got {name!r}.")
-    return {name: float(value) for name, value in given.items()}
+    return {name: value if isinstance(value, str) else float(value) for name, value in given.items()}
 
 
 def _portable(error: BaseException) -> Exception:
@@ -138,7 +156,7 @@ class SweepResult:
         Names of the outputs; ``("value",)`` if the function returns a single number.
     table
         Structured array (ncases,) with parameters, outputs and ``"seconds"``, in the order of the cases. For instance
-        ``table["torque"]`` is an array of floats. Outputs of a case that has none are nan.
+        ``table["torque"]`` is an array of floats. Outputs of a case that has none are nan, and texts empty.
     errors
         For every case the exception raised, or None.
     """
@@ -184,7 +202,7 @@ class SweepResult:
 def shown(value: Value) -> str:
     if isinstance(value, float):
         return DASH if np.isnan(value) else f"{value:.6g}"
-    return str(value)
+    return str(value) or DASH
 
 
 def _said(error: Exception) -> str:
@@ -195,12 +213,19 @@ def tabulated(cases: list[Case], outcomes: list[Outcome]) -> SweepResult:
     parameters = tuple(cases[0])
     outputs = tuple(dict.fromkeys(name for outcome in outcomes for name in outcome.outputs))
     columns = {name: _values([case[name] for case in cases]) for name in parameters}
-    columns |= {name: np.array([outcome.outputs.get(name, np.nan) for outcome in outcomes]) for name in outputs}
+    columns |= {name: _column_of(name, outcomes) for name in outputs}
     columns[SECONDS] = np.array([outcome.seconds for outcome in outcomes])
     table = np.empty(len(cases), dtype=[(name, column.dtype) for name, column in columns.items()])
     for name, column in columns.items():
         table[name] = column
     return SweepResult(parameters, outputs, table, tuple(outcome.error for outcome in outcomes))
+
+
+def _column_of(name: str, outcomes: list[Outcome]) -> NDArray[Any]:
+    given = [outcome.outputs.get(name) for outcome in outcomes]
+    if any(isinstance(value, str) for value in given):
+        return np.array(["" if value is None else value for value in given], dtype=object)
+    return np.array([np.nan if value is None else value for value in given])
 
 
 def _values(given: list[Value]) -> NDArray[Any]:

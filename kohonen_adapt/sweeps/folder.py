@@ -98,7 +98,7 @@ def _check(folder: Path, before: dict[str, Any], now: dict[str, Any]) -> None:
 def _outcome(file: Path) -> Outcome:
     given = _read(file)
     try:
-        outputs = {name: float(value) for name, value in given["outputs"].items()}
+        outputs = {name: value if isinstance(value, str) else float(value) for name, value in given["outputs"].items()}
         return Outcome(outputs, float(given[SECONDS]))
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise _damaged(file, error) from error

@@ -30,8 +30,8 @@ def sweep(
     Parameters
     ----------
     function
-        Called as ``function(**case)``; returns a number, or a mapping of names to numbers. An exception is stored as
-        the error of the case and does not stop the sweep.
+        Called as ``function(**case)``; returns a number, or a mapping of names to numbers and texts. An exception is
+        stored as the error of the case and does not stop the sweep.
     cases
         A sequence of mappings with the same keys, one for every case, or a mapping of names to sequences of values. The
         latter means all combinations, and the last parameter changes fastest. Values are numbers, texts or truth

@@ -1,6 +1,7 @@
 """The command `sweep`: a case for many values of its keys, as a table and a picture, cut short and gone on with."""
 
 import csv
+import json
 import os
 import signal
 import subprocess
@@ -64,8 +65,10 @@ def test_every_combination_is_a_row_and_a_point(case, tmp_path, capsys):
     assert cli.main(["sweep", str(case), *OVER, "--jobs", "2", "-o", str(tmp_path / "out")]) == 0
     table = rows(tmp_path / "out")
     assert list(table[0]) == [
-        *("materials.core.permeability", "materials.core.current_density", "stored (J/m)", "pull (N/m)", "error"),
+        *("materials.core.permeability", "materials.core.current_density", "stored (J/m)", "pull (N/m)"),
+        *("status", "missed", "error"),
     ]
+    assert {row["status"] for row in table} == {"max_passes"} and not any(row["missed"] for row in table)
     values = [tuple(float(row[name]) for name in list(row)[:2]) for row in table]
     assert values == [(mu, j) for mu in (10.0, 505.0, 1000.0) for j in (0.0, 1e6)]
     (tmp_path / "last.toml").write_text(CASE.replace("current_density = 0.0", "current_density = 1e6"))
@@ -74,8 +77,9 @@ def test_every_combination_is_a_row_and_a_point(case, tmp_path, capsys):
     assert {name: float(table[-1][name]) for name in result.best.outputs} == result.best.outputs
     assert (tmp_path / "out" / "sweep.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     said = capsys.readouterr().out
+    assert "\nPlan of every case: at most 1 pass without a tolerance (rtol), with 81 nodes of order 2.\n" in said
     assert said.startswith(f"To continue after an interruption: kohonen-adapt sweep {case} --over=materials.core.")
-    assert "stored (J/m)" in said and said.endswith(f"Files in {tmp_path / 'out'}: sweep.csv, sweep.png.\n")
+    assert "stored (J/m)" in said and said.endswith(f"Files in {tmp_path / 'out'}: sweep.csv, sweep.json, sweep.png.\n")
 
 
 def test_a_case_with_an_error_ends_no_sweep(case, tmp_path, capsys):
@@ -90,8 +94,40 @@ def test_a_case_with_an_error_ends_no_sweep(case, tmp_path, capsys):
 def test_without_matplotlib_there_is_the_table(case, tmp_path, monkeypatch, capsys):
     without_matplotlib(monkeypatch)
     assert cli.main(["sweep", str(case), "--over=scale=1e-3:2e-3:2", "--out", str(tmp_path / "out")]) == 0
-    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["cases", "sweep.csv"]
+    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["cases", "sweep.csv", "sweep.json"]
     assert 'pip install "kohonen-adapt[plot]"' in capsys.readouterr().out
+
+
+def test_a_missed_tolerance_is_told(case, tmp_path, capsys):
+    """The error of an output, what is asked of it, and how every case ended, as in a run."""
+    options = "passes = 0\noutput_rtol = {stored = 0.1, pull = 1e-9}\nrtol = 1e-9"
+    case.write_text(CASE.replace("passes = 1", options).replace("current_density = 0.0", "current_density = 1e6"))
+    assert sweep(case, "--over", "materials.core.permeability=10:1000:2", "--out", tmp_path / "out") == 0
+    table, records = rows(tmp_path / "out"), json.loads((tmp_path / "out" / "sweep.json").read_text())
+    for row, record in zip(table, records, strict=True):
+        assert row["status"] == record["status"] == "max_passes"
+        assert row["missed"] == record["missed"] == "energy, pull (N/m)"
+        assert float(row["asked error of stored (J/m)"]) == pytest.approx(0.1 * float(row["stored (J/m)"]))
+        assert float(row["error of pull (N/m)"]) == record["error of pull (N/m)"] != 0.0
+        assert abs(float(row["error of stored (J/m)"])) < float(row["asked error of stored (J/m)"])
+    said = capsys.readouterr().err
+    assert "2 of 2 cases missed a tolerance: case 0 (energy, pull (N/m)); case 1 (energy, pull (N/m))." in said
+
+
+def test_a_goal_is_an_output_of_a_sweep(case, tmp_path):
+    goal = 'goal = {quantity = "energy", part = "core"}\n'
+    case.write_text(goal + CASE.replace("passes = 1", "goal_rtol = 0.1"))
+    assert sweep(case, "--over", "materials.core.permeability=10:1000:2", "--out", tmp_path / "out") == 0
+    for row in rows(tmp_path / "out"):
+        assert row["status"] == "converged" and row["missed"] == ""
+        assert abs(float(row["error of goal (J/m)"])) <= float(row["asked error of goal (J/m)"])
+        assert float(row["asked error of goal (J/m)"]) == pytest.approx(0.1 * float(row["goal (J/m)"]))
+
+
+def test_a_sweep_that_was_stopped_before_its_first_case(case, tmp_path):
+    (tmp_path / "out").mkdir()
+    over = ["--over", "materials.core.permeability=10:1000:2"]
+    assert sweep(case, *over, "--resume", tmp_path / "out") == 0 and len(rows(tmp_path / "out")) == 2
 
 
 @pytest.mark.parametrize(
@@ -198,12 +234,13 @@ def permeabilities(case, count):
     """The rows of as many permeabilities, computed in this process."""
     outputs = CaseOutputs.of(case)
     values = [{"materials.core.permeability": value} for value in np.linspace(10.0, 1000.0, count).tolist()]
-    return [over | outputs(**over) for over in values]
+    results = [over | outputs(**over) for over in values]
+    return [{name: value for name, value in each.items() if not isinstance(value, str)} for each in results]
 
 
 def numbers(folder):
     """The table without times, and with no error in it."""
-    return [{name: float(value) for name, value in row.items() if value} for row in rows(folder)]
+    return [{name: float(value) for name, value in row.items() if value and name != "status"} for row in rows(folder)]
 
 
 @pytest.mark.slow

@@ -53,7 +53,7 @@ def dies_at_two(x):
 
 
 def returns(x):
-    return {1: "text", 2: {"a": "text"}, 3: {"seconds": 1.0}, 4: {"x": 1.0}, 5: None, 6: np.float32(0.5), 7: {}}[x]
+    return {1: "text", 2: {"a": None}, 3: {"seconds": 1.0}, 4: {"x": 1.0}, 5: None, 6: np.float32(0.5), 7: {}}[x]
 
 
 def relocated(x, y):

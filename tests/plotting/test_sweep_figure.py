@@ -24,6 +24,13 @@ def test_every_output_over_the_first_parameter():
     np.testing.assert_array_equal(curves["y = 1.5, name = a"], [[1.0, 1.5], [2.0, 3.0], [3.0, 4.5]])
 
 
+def test_errors_are_bars():
+    result = swept(lambda x: {"y": x**2, "error of y": -0.1 * x, "asked error of y": 1.0, "kind": "text"}, x=[1.0, 2.0])
+    (axes,) = sweep_figure(result).axes
+    bars = axes.collections[0].get_segments()
+    np.testing.assert_allclose(bars, [[[1.0, 0.9], [1.0, 1.1]], [[2.0, 3.8], [2.0, 4.2]]])
+
+
 def test_one_parameter_is_one_curve_without_a_legend():
     (axes,) = sweep_figure(swept(lambda x: x**2, x=[1, 2, 3])).axes
     assert len(axes.lines) == 1 and axes.get_legend() is None

@@ -114,11 +114,22 @@ def test_a_failing_case_ends_no_sweep():
 def test_what_a_function_may_return():
     result = here(swept.returns, {"x": [1, 2, 3, 4, 5, 6, 7, 8]})
     said = [str(error) for error in result.errors]
-    assert said[0] == "the function must return a number, or names and their numbers; got 'text'."
-    assert said[1].endswith("got {'a': 'text'}.") and said[4].endswith("got None.")
+    assert said[0] == "the function must return a number, or names and their numbers or texts; got 'text'."
+    assert said[1].endswith("got {'a': None}.") and said[4].endswith("got None.")
     assert "otherwise than parameters and seconds; got 'seconds'" in said[2] and "got 'x'" in said[3]
     assert result.errors[5] is None and result.table["value"][5] == 0.5 and result.errors[6] is None
     assert isinstance(result.errors[7], KeyError)
+
+
+def test_texts_are_outputs_with_a_name(tmp_path):
+    def kind(x):
+        return {"kind": "even" if x % 2 == 0 else "odd", "half": x / 2} if x else 1 / 0
+
+    for _ in range(2):  # from the function and from the folder
+        result = here(kind, {"x": [1, 0, 2]}, folder=tmp_path)
+        assert result.table["kind"].tolist() == ["odd", "", "even"]
+        np.testing.assert_array_equal(result.table["half"], [0.5, np.nan, 1.0])
+    assert str(result).splitlines()[2].split()[:4] == ["1", "0", "-", "-"]
 
 
 def test_a_table_where_nothing_went_well():
