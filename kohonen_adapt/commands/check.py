@@ -231,7 +231,7 @@ def faults(mesh: Mesh, scale: float = 1.0) -> Iterator[str]:
 
 def hints(movable: MovableMesh) -> Iterator[str]:
     yield from thin_parts(movable)
-    yield from coarse_arcs(movable)
+    yield from (arc.advice() for arc in possible_arcs(movable))
 
 
 def thin_parts(movable: MovableMesh) -> Iterator[str]:
@@ -261,20 +261,6 @@ def perimeter(triangulation: Triangulation, own: Mask) -> float:
     e, k = np.nonzero(own[:, None] & ((across < 0) | ~own[across]))
     a, b = triangulation.elements.ends(e, k)
     return float(np.sum(np.hypot(*(triangulation.position[b] - triangulation.position[a]).T)))
-
-
-def coarse_arcs(movable: MovableMesh) -> Iterator[str]:
-    for names, nodes, turn, (x, y), radius in possible_arcs(movable):
-        key, at = names[0] if names else "NAME", f"({x:.9g}, {y:.9g})"
-        called, first = (
-            (f"boundary '{key}'", "") if names else ("a boundary without a name", "name it (by a group of lines) and ")
-        )
-        yield (
-            f"{called} has {nodes} nodes on a circle of radius {radius:.6g} m about {at} m and turns by up to "
-            f"{np.rad2deg(turn):.3g} degrees at each. It is treated as a polygon, with new nodes on its sides. If it "
-            f'is a circle, {first}adapt with curves={{"{key}": ka.Arc({at}, {radius:.9g})}}, in a case '
-            f'adapt.curves.{key} = {{curve = "arc", centre = [{at[1:-1]}], radius = {radius:.9g}}}.'
-        )
 
 
 def _names(mesh: Mesh) -> Iterator[str]:

@@ -64,7 +64,9 @@ class Rules:
         Curves of named boundaries, by name: `Line`, `Arc`, `Spline`, or any object with a method ``project(x (2, n)) ->
         (2, n)``. Without a curve, six or more nodes on a circle (within 1e-3 of its radius, with turns of less than 35
         degrees) are recognised as an arc, and four or five nodes if another boundary or interface is an arc about the
-        same centre; other turns are corners. A spline through points of a circle is treated as the circle.
+        same centre; other turns are corners. Nodes of a circle count together across junctions with other boundaries
+        and interfaces, which stay corners, and so do parts of two facets or more across gaps. Pinned corners keep a
+        polygon. A spline through points of a circle is treated as the circle.
     periodic
         Pairs of boundary names, as ``[("left", "right")]``, for periodic and antiperiodic conditions. A translation or
         rotation must map the nodes of the first boundary onto the nodes of the second; the moved nodes still match. If

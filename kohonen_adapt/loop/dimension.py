@@ -1,11 +1,15 @@
 """Parts of the adaptive loop for triangles and for tetrahedra."""
 
+import logging
+
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.geometry.held_nodes import reasons_in_plane, reasons_in_space
 from kohonen_adapt.geometry.movable import Recycled
+from kohonen_adapt.geometry.plane.arcs import possible_arcs
 from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.settings import Settings
@@ -41,14 +45,24 @@ from kohonen_adapt.som.relocate import (
 from kohonen_adapt.som.relocation_record import Moved
 from kohonen_adapt.som.schedule import Schedule
 
+logger = logging.getLogger("kohonen_adapt")
+
 __all__ = ["PlaneMethod", "SpaceMethod", "method_of"]
+
+
+def opened_in_plane(mesh: Mesh, rules: Rules, curved: bool | None) -> MovableMesh:
+    movable = MovableMesh.of(mesh, rules, curved)
+    for arc in possible_arcs(movable):
+        if arc.is_cut:  # of other polygons only `check` reports
+            logger.warning("%s", arc.advice())
+    return movable
 
 
 class PlaneMethod(Method):
     dim = TRIANGLE.dim
     passes_by_density = 3
     transfer_kernels = ("carrying",)
-    open = staticmethod(MovableMesh.of)
+    open = staticmethod(opened_in_plane)
     relocate = staticmethod(move)
     split = staticmethod(split_edges)
     functional = staticmethod(Functional.of_solution)

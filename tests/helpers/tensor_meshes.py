@@ -49,7 +49,7 @@ def sector(radii, angles, parts, pitch=2 * np.pi):
     r, phi = mesh.p[:, mesh.t].mean(axis=1)
     phi = phi % pitch
     inside = {name: (r > a) & (r < b) & (phi > c) & (phi < d) for name, (a, b, c, d) in parts.items()}
-    inside["air"] = ~np.any(list(inside.values()), axis=0)
+    inside["air"] = ~np.any([np.zeros(len(r), dtype=bool), *inside.values()], axis=0)
     ends = {"bore": (0, radii[0]), "outer": (0, radii[-1]), "right": (1, angles[0]), "left": (1, angles[-1])}
     sides = {
         name: mesh.facets_satisfying(lambda x, k=k, v=v: np.abs(x[k] - v) < 1e-12) for name, (k, v) in ends.items()

@@ -121,7 +121,7 @@ def test_check_says_that_a_coarse_bore_is_taken_for_a_polygon(tmp_path, capsys):
     assert cli.main(["check", str(tmp_path / "it.msh")]) == 0
     hints = [line for line in capsys.readouterr().out.splitlines() if line.startswith("hint: boundary 'inner'")]
     assert hints == [
-        "hint: boundary 'inner' has 10 nodes on a circle of radius 0.01 m about (0, 0) m and turns by up to 36 degrees "
+        "hint: boundary 'inner' has 10 nodes on a circle of radius 0.01 about (0, 0) and turns by up to 36 degrees "
         "at each. It is treated as a polygon, with new nodes on its sides. If it is a circle, adapt with "
         'curves={"inner": ka.Arc((0, 0), 0.01)}, in a case adapt.curves.inner = {curve = "arc", centre = [0, 0], '
         "radius = 0.01}."

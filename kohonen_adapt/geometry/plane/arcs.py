@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Ints
-from kohonen_adapt.geometry.plane.cutting import fitted_circle, turning_angles
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.geometry.plane.cutting import CLOSE, FEWEST, fitted_circle, turning_angles
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.polylines import (
     constrained_facets,
@@ -16,6 +16,7 @@ from kohonen_adapt.geometry.plane.polylines import (
     trace_facets,
     without_noise,
 )
+from kohonen_adapt.geometry.plane.recognition import trace_across_junctions
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.triangle.arrays import ROUND, STRAIGHT
 from kohonen_adapt.mesh.curved import is_second_order, refined
@@ -26,6 +27,10 @@ __all__ = ["PossibleArc", "possible_arcs", "refined_on_arcs"]
 
 CIRCULAR = 1e-6  # maximum distance of a corner from the circle, relative to the radius
 SHARPEST = np.deg2rad(75.0)  # maximum turn at a corner: a pentagon turns by 72 degrees, a square by 90
+SHARPEST_CUT = np.deg2rad(
+    55.0
+)  # with radial sides at the corners, because a hexagon turns into these by 60 degrees, too
+STRAIGHTEST = np.deg2rad(0.1)  # minimum turn: finer polygons differ less from their circle than meshes need
 FACETS = 3  # minimum number of facets: any three nodes are on a circle
 
 
@@ -71,29 +76,49 @@ class PossibleArc(NamedTuple):
     turn: float  # largest turn at a corner in radians
     centre: tuple[float, float]
     radius: float
+    is_cut: bool  # True if other boundaries or interfaces end in the polygon
+
+    def advice(self) -> str:
+        key, at = self.names[0] if self.names else "NAME", "({:.9g}, {:.9g})".format(*self.centre)
+        called = f"boundary '{key}'" if self.names else "a boundary without a name"
+        first = "" if self.names else "name it (by a group of lines) and "
+        return (
+            f"{called} has {self.nodes} nodes on a circle of radius {self.radius:.6g} about {at} and turns by up to "
+            f"{np.rad2deg(self.turn):.3g} degrees at each. It is treated as a polygon, with new nodes on its sides. If "
+            f'it is a circle, {first}adapt with curves={{"{key}": ka.Arc({at}, {self.radius:.9g})}}, in a case '
+            f'adapt.curves.{key} = {{curve = "arc", centre = [{at[1:-1]}], radius = {self.radius:.9g}}}.'
+        )
 
 
 def possible_arcs(movable: MovableMesh) -> Iterator[PossibleArc]:
     triangulation, outline = movable.triangulation, movable.outline
     facets, position = constrained_facets(triangulation.mesh, triangulation.elements), triangulation.position
     joints = joints_of(facets, position, np.ones(len(facets.element), dtype=bool))
-    polylines = trace_facets(facets, joints, outline.pinned)
     chain = triangulation.elements.chain[facets.element, facets.corner]
     alone = np.bincount(chain, minlength=len(outline.straight)) == 1
     single = (alone & (outline.constraints.chains.shape == STRAIGHT) & (outline.curve_index < 0))[chain]
-    for first, last in zip(polylines.start[:-1].tolist(), (polylines.start[1:] - 1).tolist(), strict=True):
-        rows = polylines.facet[first:last]
-        if last - first < FACETS or not single[rows].all():
-            continue
-        turns = turning_angles(position, polylines.node[first : last + 1])
-        nodes = (
-            polylines.node[first:last]
-            if polylines.node[first] == polylines.node[last]
-            else polylines.node[first : last + 1]
-        )
-        x, y, radius = without_noise(np.array([fitted_circle(position, nodes, 0, len(nodes) - 1)]))[0].tolist()
-        distance = np.abs(np.hypot(*(position[nodes] - (x, y)).T) - radius)
-        one_way = abs(np.sign(turns).sum()) == len(turns) and np.abs(turns).max() < SHARPEST
-        if one_way and distance.max() <= CIRCULAR * radius:
-            names = [name for name, side in facets.sides.items() if np.all(side[rows] > 0)]
-            yield PossibleArc(names, len(nodes), float(np.abs(turns).max()), (x, y), radius)
+    whole = trace_facets(facets, joints, outline.pinned), FACETS, False
+    across = trace_across_junctions(facets.nodes, position, outline.pinned, SHARPEST_CUT), FEWEST - 1, True
+    seen = set[int]()
+    for polylines, fewest, is_cut in (whole, across):
+        for first, last in zip(polylines.start[:-1].tolist(), (polylines.start[1:] - 1).tolist(), strict=True):
+            rows = polylines.facet[first:last]
+            if last - first < fewest or not single[rows].all() or not seen.isdisjoint(rows.tolist()):
+                continue
+            nodes, sides = polylines.node[first : last + 1], facets.sides.items()
+            names = [name for name, side in sides if np.all(side[rows] > 0)]
+            if found := possible_arc(position, nodes, names, is_cut):
+                seen.update(rows.tolist())
+                yield found
+
+
+def possible_arc(position: Floats, nodes: Ints, names: list[str], is_cut: bool) -> PossibleArc | None:
+    turns = turning_angles(position, nodes)
+    nodes = nodes[:-1] if nodes[0] == nodes[-1] else nodes
+    x, y, radius = without_noise(np.array([fitted_circle(position, nodes, 0, len(nodes) - 1)]))[0].tolist()
+    distance, turn = np.abs(np.hypot(*(position[nodes] - (x, y)).T) - radius).max(), float(np.abs(turns).max())
+    one_way = abs(np.sign(turns).sum()) == len(turns)
+    sagitta = radius * turn**2 / 8.0
+    if not (one_way and STRAIGHTEST < turn < SHARPEST and distance <= min(CIRCULAR * radius, CLOSE * sagitta)):
+        return None
+    return PossibleArc(names, len(nodes), turn, (x, y), radius, is_cut)

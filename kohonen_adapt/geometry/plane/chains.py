@@ -12,8 +12,9 @@ import scipy  # loads `scipy.interpolate` at its first use
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.curves import NEAR, Arc, Curve, Line, projected, size_of
-from kohonen_adapt.geometry.plane.cutting import FEWEST_FACETS, lengths_and_angles
+from kohonen_adapt.geometry.plane.cutting import lengths_and_angles
 from kohonen_adapt.geometry.plane.polylines import BY_MIDSIDES, Polylines, Segments, nodes_of
+from kohonen_adapt.geometry.plane.recognition import fewest_facets
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.arrays import (
     AT,
@@ -45,7 +46,6 @@ __all__ = [
 ]
 
 MAX_TURN = np.deg2rad(30.0)  # maximum turn of the tangent along a facet
-FACETS = 5  # minimum number of facets of an arc that can be recognised again; FEWEST_FACETS for a coarse arc
 LONGEST = 1.5  # maximum facet of a coarse arc that is user-defined or has midside nodes, relative to the mean facet
 SAMPLES = (8, 512)  # samples of a curve per facet, at first and at most
 POSITION, DERIVATIVE = slice(AT_X, AT_Y + 1), slice(RATE_X, RATE_Y + 1)  # columns of knots
@@ -118,10 +118,11 @@ def set_arcs(table: Chains, segments: Segments, angle: Floats, longest: Floats) 
     table.length[is_round] = radius * full
     coarse = np.clip(LONGEST * full / segments.facets[is_round], MAX_TURN, 0.5 * np.pi)
     # arcs defined by the user or by midside nodes need not be recognised again
-    fewest = np.where(segments.facets[is_round] < FACETS, FEWEST_FACETS, FACETS)
-    widest = np.where(segments.curve[is_round] != -1, coarse, np.minimum(MAX_TURN, full / fewest))
-    table.reach[is_round] = 2.0 * radius * np.sin(0.5 * widest)
-    table.merged[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(0.5 * MAX_TURN, full / fewest))
+    own = full / fewest_facets(segments.facets[is_round])
+    widest = np.where(np.isnan(segments.widest[is_round]), own, segments.widest[is_round])
+    reach = np.where(segments.curve[is_round] != -1, coarse, np.minimum(MAX_TURN, widest))
+    table.reach[is_round] = 2.0 * radius * np.sin(0.5 * reach)
+    table.merged[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(0.5 * MAX_TURN, widest))
     chord = np.maximum(table.reach, longest)[is_round]
     table.sagitta[is_round] = chord**2 / (4.0 * radius) + NEAR * radius  # at least twice the sagitta
 

@@ -34,7 +34,12 @@ from kohonen_adapt.geometry.plane.polylines import (
     joints_of,
     trace_facets,
 )
-from kohonen_adapt.geometry.plane.recognition import centres_of, joints_on_curves, midsides_of, with_coarse_arcs
+from kohonen_adapt.geometry.plane.recognition import (
+    arcs_across_junctions,
+    joints_on_curves,
+    midsides_of,
+    with_arcs_across_junctions,
+)
 from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.geometry.rules import Rules, checked_curves, pinned_nodes
 from kohonen_adapt.kernels.triangle.arrays import (
@@ -98,6 +103,8 @@ class Outline:
         curve = midsides.curve_index(curve_of_facets(facets.sides, len(facets.element), curves))
         joints = joints_of(facets, triangulation.position, on_lines_and_arcs(curve, curves), midsides.offset)
         joints, circle = joints_on_curves(joints, facets, triangulation.position, midsides, curve)
+        if not midsides.any_curved:
+            circle = arcs_across_junctions(facets, triangulation.position, curve, curves, pinned, pairs)
         polylines, segments, sliding = cut_in_pairs(triangulation, facets, joints, pairs, pinned, curve, curves, circle)
         chains = chains_of(triangulation.position, polylines, segments, curves, midsides.offset)
         chain = np.empty(len(facets.element), dtype=np.int32)
@@ -212,12 +219,12 @@ def cut_in_pairs(
             "a periodic boundary cannot have a curve, too: its pieces must be straight or arcs of circles, which need "
             "none. Leave its curve out, or draw its midside nodes to their chords."
         )
-    stops, centres = pinned.copy(), centres_of(pairs.motions)
+    stops = pinned.copy()
     while True:
         polylines, segments = cut_into_segments(
             triangulation.position, trace_facets(facets, joints, stops), curve, curves, circle
         )
-        segments = with_coarse_arcs(triangulation.position, polylines.node, segments, centres)
+        segments = with_arcs_across_junctions(polylines, segments, circle)
         sliding = np.zeros(triangulation.nnodes, dtype=bool)
         sliding[polylines.node[segments.slots]] = True
         sliding[polylines.node[np.stack([segments.first, segments.last])[:, ~segments.closed]]] = False

@@ -28,6 +28,7 @@ __all__ = [
     "Segments",
     "angles_between",
     "constrained_facets",
+    "continuations",
     "cut_into_segments",
     "joined_ends",
     "joints_of",
@@ -85,6 +86,7 @@ class Segments(NamedTuple):
     rows: Ints  # (p, 4) slots of the first and last node, 1 if an arc, 1 if closed
     circle: Floats  # (p, 3) centre and radius of arcs
     curve: Ints  # (p,) index of the user-defined curve, -1 for none, `BY_MIDSIDES` if curved by midside nodes
+    widest: Floats  # (p,) largest angle of a facet in radians, for a part of an arc across junctions, nan for others
 
     @property
     def first(self) -> Ints:
@@ -146,6 +148,28 @@ def trace_facets(facets: Facets, joints: Joints, stops: Mask) -> Polylines:
     return trace_polylines(facets.nodes, through)
 
 
+def continuations(edges: Ints, position: Floats, stops: Mask, sharpest: float) -> tuple[Ints, Ints]:
+    # Edges continue each other with the smallest turn below `sharpest`, also where more edges end, but not at nodes of
+    # the mask `stops`, shape (n,). Returns the ends (m, 2) of the edges as new numbers, equal only where two edges
+    # continue each other, and the node of every number.
+    flat, number = edges.ravel(), np.arange(edges.size)
+    direction = position[edges[:, ::-1].ravel()] - position[flat]
+    order = np.argsort(flat, kind="stable")
+    order = order[~stops[flat[order]]]
+    found, shift = [np.empty((0, 2), dtype=np.int64)], 1
+    while shift < len(order) and np.any(same := flat[order[shift:]] == flat[order[:-shift]]):
+        found.append(np.stack([order[:-shift][same], order[shift:][same]], axis=1))
+        shift += 1
+    pairs = np.concatenate(found)
+    turn = angles_between(direction[pairs[:, 0]], direction[pairs[:, 1]])
+    free = np.ones(len(flat), dtype=bool)
+    for one, other in pairs[np.argsort(turn, kind="stable")][: np.sum(turn < sharpest)].tolist():
+        if free[one] and free[other]:
+            free[[one, other]], number[other] = False, one
+    used, ends = np.unique(number, return_inverse=True)
+    return ends.reshape(-1, 2), flat[used]
+
+
 def polylines_of(edges: Ints, position: Floats) -> list[Polyline]:
     """Join edges into polylines that end at corners of 35 degrees or more.
 
@@ -205,17 +229,17 @@ def trace_polylines(ends: Ints, through: Ints) -> Polylines:
 def cut_into_segments(
     position: Floats, polylines: Polylines, curve: Ints, curves: Mapping[str, Curve], circle_of_facet: Floats
 ) -> tuple[Polylines, Segments]:
-    # Facets with the curve index `BY_MIDSIDES` are not cut; `circle_of_facet`, shape (f, 3), are their circles, nan
-    # for none.
+    # Facets with the curve index `BY_MIDSIDES` are not cut; the first columns of `circle_of_facet`, shape (f, 4), are
+    # their circles, nan for none.
     node, facet = polylines.node.copy(), polylines.facet.copy()
     of_polyline = curve[facet[polylines.start[:-1]]]
     most = len(facet) + len(of_polyline)
     rows, circle = np.zeros((most, 4), dtype=np.int64), np.zeros((most, 3))
     count = cut_polylines(position, node, facet, polylines.start, polylines.closed, of_polyline != -1, rows, circle)
     first = facet[rows[:count, FIRST]]
-    segments = Segments(rows[:count], without_noise(circle[:count]), curve[first])
-    on_arc = ~np.isnan(circle_of_facet[first, 0])
-    segments.rows[on_arc, IS_ROUND], segments.circle[on_arc] = 1, circle_of_facet[first[on_arc]]
+    segments = Segments(rows[:count], without_noise(circle[:count]), curve[first], np.full(count, np.nan))
+    on_arc = (segments.curve == BY_MIDSIDES) & ~np.isnan(circle_of_facet[first, 0])
+    segments.rows[on_arc, IS_ROUND], segments.circle[on_arc] = 1, circle_of_facet[first[on_arc], :3]
     for p in np.flatnonzero(segments.curve >= 0).tolist():
         name, shape = list(curves.items())[segments.curve[p]]
         check_near(nodes_of(position, node, segments, p), shape, name)

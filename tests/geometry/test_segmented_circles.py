@@ -1,0 +1,218 @@
+"""Circles that radial interfaces cut into pieces of one to three facets, and polygons that are cut alike."""
+
+import numpy as np
+import pytest
+from helpers.meshes import circle, shells, without_flat_elements
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial import Delaunay
+from skfem import MeshTri
+from test_arcs import circles, outline_of
+from test_coarse_arcs import polygon
+
+import kohonen_adapt as ka
+from kohonen_adapt.kernels.triangle.arrays import HELD, ROUND
+from kohonen_adapt.magnetostatics import Magnetostatics, Material
+
+RADII = 0.5, 1.0, 2.0, 3.0
+
+
+def at(angle):
+    return np.stack([np.cos(angle), np.sin(angle)])
+
+
+def segmented(around, corners, cut=(1,), rim=None):
+    """Rings with interfaces at RADII[1:3] times a closed curve (2, n), and those of `cut` cut at the nodes `corners`.
+
+    Rings and their sectors have regions of their own, "b3" the fourth sector of the middle ring.
+    """
+    n, layers = around.shape[1], 2
+    mesh = shells([*(radius * around for radius in RADII[:3]), RADII[3] * (around if rim is None else rim)], layers)
+    row, column = mesh.t // n, mesh.t % n
+    ring = row.min(axis=0) // layers
+    first = np.where(column.max(axis=0) - column.min(axis=0) > 1, n - 1, column.min(axis=0))
+    sector = np.searchsorted(corners, first, side="right") - 1
+    sector[sector < 0] = len(corners) - 1
+    names = np.array([f"{'abc'[r]}{s if r in cut else ''}" for r, s in zip(ring, sector, strict=True)])
+    return mesh.with_subdomains({str(name): np.flatnonzero(names == name) for name in np.unique(names)})
+
+
+def angle_on(mesh, radius, **options):
+    """The angle of all arcs of a radius about the origin, and the numbers of nodes of the mesh that are held there."""
+    outline = outline_of(mesh, **options)
+    chains = outline.constraints.chains
+    left = np.stack([-chains.direction[:, 1], chains.direction[:, 0]])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        centre = chains.origin.T + left / chains.curvature
+    right = (chains.shape == ROUND) & (np.hypot(*centre) < 1e-3 * radius)
+    right[right] = np.abs(np.abs(chains.curvature[right]) * radius - 1) < 1e-3
+    held = (outline.constraints.kind == HELD) & (np.abs(np.hypot(*mesh.p) - radius) < 1e-3 * radius)
+    return np.sum(chains.length[right]) / radius, np.flatnonzero(held)
+
+
+def cut_ring(facets, sectors=16, cut=(1,)):
+    return segmented(circle(facets * sectors, 0.1), facets * np.arange(sectors), cut)
+
+
+@pytest.mark.parametrize("cut", [(1,), (0, 1), (1, 2), (0, 1, 2)])
+@pytest.mark.parametrize("facets", [1, 2, 3])
+def test_all_nodes_of_a_circle_count_together(facets, cut):
+    mesh = cut_ring(facets, cut=cut)
+    for radius in RADII[1:3]:
+        angle, held = angle_on(mesh, radius)
+        assert angle == pytest.approx(2 * np.pi, rel=1e-12)
+        assert len(held) == 16
+
+
+@st.composite
+def sectors(draw):
+    """Numbers of facets of sectors, and angles of the nodes, with less than 35 degrees at every node."""
+    counts = draw(st.lists(st.integers(1, 3), min_size=6, max_size=20))
+    total = sum(counts)
+    steps = np.array(draw(st.lists(st.floats(1.0, 1.4), min_size=total, max_size=total)))
+    return counts, draw(st.floats(0, 6)) + 2 * np.pi * np.append(0, np.cumsum(steps))[:-1] / steps.sum()
+
+
+@given(sectors(), st.floats(-1e-4, 1e-4))
+def test_uneven_circles_are_round_and_nodes_within_a_thousandth_count(drawn, noise):
+    counts, angle = drawn
+    gap = np.diff(np.append(angle, angle[0] + 2 * np.pi))
+    sharp = np.degrees(0.5 * (gap + np.roll(gap, 1)).max()) >= 34.9
+    off = 1 + noise * np.cos(7 * np.arange(len(angle)))
+    mesh = segmented(off * at(angle), np.cumsum([0, *counts[:-1]]))
+    for radius in RADII[1:3]:
+        assert sharp or angle_on(mesh, radius)[0] == pytest.approx(2 * np.pi, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("sides", "cuts"),
+    [(3, 8), (4, 4), (4, 6), (5, 3), (6, 2), (6, 3), (8, 2), (8, 3), (10, 2), (10, 3), (12, 2), (20, 3)],
+)
+@pytest.mark.parametrize("every", [1, 2])
+def test_polygons_that_are_cut_stay_polygons(sides, cuts, every):
+    """Radial interfaces end at their corners, or at all nodes of their sides, too; the rim is round."""
+    count = sides * cuts
+    mesh = segmented(polygon(sides, cuts), np.arange(0, count, cuts if every == 1 else 1), rim=circle(count))
+    found = circles(mesh)
+    assert np.all(found[:, 2] == pytest.approx(3.0)) and len(found) == (count > 10)
+
+
+@given(st.integers(6, 30), st.floats(1.15, 4), st.floats(0, 6))
+def test_ellipses_that_are_cut_stay_as_they_are(count, ratio, begin):
+    mesh = segmented(np.array([[ratio], [1.0]]) * circle(count, begin), np.arange(count))
+    assert len(circles(mesh)) == 0
+
+
+@given(st.integers(2, 9), st.data())
+def test_corners_of_rectangles_on_a_circle_stay_corners(rectangles, data):
+    """Turned rectangles with one centre: all their corners are on one circle, and turn by 90 degrees."""
+    angle = data.draw(st.floats(0.2, 1.3))
+    corner = at(np.array([angle, np.pi - angle, np.pi + angle, -angle]))
+    side = np.arange(rectangles) / rectangles
+    around = np.concatenate([corner[:, [k]] * (1 - side) + corner[:, [(k + 1) % 4]] * side for k in range(4)], axis=1)
+    mesh = segmented(around, np.arange(4) * rectangles)
+    assert len(circles(mesh)) == 0
+
+
+def test_pinned_corners_keep_a_polygon():
+    mesh = cut_ring(1)
+    _, held = angle_on(mesh, 1.0)
+    assert angle_on(mesh, 1.0, pinned=held)[0] == 0.0
+    assert angle_on(mesh, 2.0, pinned=held)[0] == pytest.approx(2 * np.pi)
+
+
+@pytest.mark.parametrize("tip", ["round", "pointed"])
+def test_teeth_of_two_facets_are_round_where_they_are_on_one_circle(tip):
+    """Six teeth, between which there is no side on the circle; on pointed ones the middle is off it."""
+    middle = 1.0 if tip == "round" else 1.02
+    angle = (np.arange(6)[:, None] * np.pi / 3 + np.array([-0.3, 0.0, 0.3, 0.35, 0.52, 0.69])).ravel()
+    radius = np.tile([1.0, middle, 1.0, 0.7, 0.7, 0.7], 6)
+    mesh = shells([0.4 * at(angle), radius * at(angle), 3.0 * at(angle)], 2)
+    row = mesh.t.min(axis=0) // 36
+    mesh = mesh.with_subdomains({"teeth": np.flatnonzero(row < 2), "air": np.flatnonzero(row >= 2)})
+    angle, _ = angle_on(mesh, 1.0)
+    assert angle == (pytest.approx(6 * 0.6) if tip == "round" else 0.0)
+
+
+@pytest.mark.parametrize("facets", [1, 2, 3])
+@pytest.mark.parametrize("topology", ["flip", "recycle"])
+def test_nodes_slide_on_such_circles_and_new_ones_are_on_them(facets, topology):
+    mesh = cut_ring(facets)
+    corners = {tuple(x) for x in np.round(mesh.p[:, angle_on(mesh, 2.0)[1]].T, 9)}
+    moved = mesh
+    for number in range(3):
+        moved = ka.relocate(
+            moved, lambda x: 1e-3 + np.exp(-20 * np.hypot(*(x - [[2], [0]]))), topology=topology, seed=number
+        )
+        for radius in RADII[1:3]:
+            assert angle_on(moved, radius)[0] == pytest.approx(2 * np.pi, rel=1e-9)
+    near = np.abs(np.hypot(*moved.p) - 2.0) < 1e-9
+    assert np.sum(near) > 16 * facets if topology == "recycle" else np.sum(near) == 16 * facets
+    assert corners <= {tuple(x) for x in np.round(moved.p[:, near].T, 9)}
+
+
+def octagon():
+    return segmented(circle(8), np.arange(8), rim=circle(8))
+
+
+def test_coarser_ones_are_named_with_the_remedy(caplog):
+    mesh = octagon()
+    line = np.all(np.abs(np.hypot(*mesh.p[:, mesh.facets]) - 1.0) < 1e-9, axis=0)
+    mesh = mesh.with_boundaries({"bore": np.flatnonzero(line)})
+    ka.relocate(mesh, np.ones(mesh.t.shape[1]))
+    said = [message for message in caplog.messages if "8 nodes on a circle of radius" in message]
+    assert len(said) == 2
+    assert "boundary 'bore' has 8 nodes on a circle of radius 1 about (0, 0) and turns by up to 45 degrees" in said[0]
+    assert 'adapt with curves={"bore": ka.Arc((0, 0), 1)}, in a case adapt.curves.bore = ' in said[0]
+    caplog.clear()
+    given = {"bore": ka.Arc((0.0, 0.0), 1.0)}
+    assert angle_on(mesh, 1.0, curves=given)[0] == pytest.approx(2 * np.pi)
+    ka.relocate(mesh, np.ones(mesh.t.shape[1]), curves=given)
+    assert not any("boundary 'bore'" in message for message in caplog.messages)
+
+
+@pytest.mark.parametrize("mesh", [cut_ring(1), segmented(polygon(6, 2), np.arange(0, 12, 2), rim=circle(12))])
+def test_nothing_is_said_of_round_ones_and_of_hexagons(mesh, caplog):
+    ka.relocate(mesh, np.ones(mesh.t.shape[1]))
+    assert not any("circle of radius" in message for message in caplog.messages)
+
+
+def filled(mesh, n):
+    """Such a mesh with its hole meshed, too, as the region "bore"."""
+    ticks = np.linspace(-0.45, 0.45, 9)
+    inside = np.stack(np.meshgrid(ticks, ticks)).reshape(2, -1)
+    inside = inside[:, np.hypot(*inside) < 0.46]
+    p, t = np.hstack([mesh.p, inside]), Delaunay(np.hstack([mesh.p[:, :n], inside]).T).simplices.T
+    t = np.where(t >= n, t - n + mesh.p.shape[1], t)
+    core = np.arange(mesh.t.shape[1], mesh.t.shape[1] + t.shape[1])
+    whole = without_flat_elements(p, np.hstack([mesh.t, t]))
+    rim = whole.facets_satisfying(lambda x: np.hypot(*x) > 2.9, boundaries_only=True)
+    return MeshTri(whole.p, whole.t, {"rim": rim}, mesh.subdomains | {"bore": core})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("facets", [1, 2, 3])
+def test_the_field_in_a_ring_of_magnets(facets):
+    """At 1c0817b8 it was .34 % off with one facet per sector, and .08 % told."""
+    count = 32
+    mesh = filled(segmented(circle(facets * count, -np.pi / count), facets * np.arange(count)), facets * count)
+    angle = 2 * np.pi * np.arange(count) / count
+    parts = {f"b{k}": Material(remanence=tuple(1.2 * at(2 * a))) for k, a in enumerate(angle)}
+    problem = Magnetostatics(parts | {name: Material() for name in ("a", "bore", "c")}, open_boundary="rim")
+    result = ka.adapt(mesh, problem, rtol=1e-3)
+    exact = 1.2 * np.log(2) * np.sin(2 * np.pi / count) / (2 * np.pi / count)
+    assert result.status == "converged"
+    assert np.hypot(*result.solution.flux_density_at(np.zeros((2, 1))))[0] == pytest.approx(exact, rel=1e-4)
+
+
+@pytest.mark.parametrize("facets", [1, 2])
+def test_the_field_in_a_cylinder_that_is_cut_on_both_sides(facets):
+    """A cylinder of permeability 5 in a uniform field of 1 T; every sector has its own name, in it and around it."""
+    count, mu = 16, 5.0
+    corners = facets * np.arange(count)
+    mesh = filled(segmented(circle(facets * count, 0.1), corners, cut=(0, 1)), facets * count)
+    share = (mu - 1) / (mu + 1)
+    parts = {name: Material(permeability=mu if name[0] == "a" or name == "bore" else 1.0) for name in mesh.subdomains}
+    problem = Magnetostatics(parts, potential={"rim": lambda x: x[1] * (1 + share / np.sum(x**2, axis=0))})
+    field = ka.adapt(mesh, problem, rtol=1e-3).solution
+    np.testing.assert_allclose(field.flux_density_at(np.zeros((2, 1)))[:, 0], [1 + share, 0], atol=2e-4)
