@@ -124,7 +124,6 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
     """
     readers: dict[str, Reader] = {
         "mesh": mesh_in(folder),
-        "trusted": FLAG,
         "scale": NUMBER,
         "materials": table_of(material_in(folder)),
         **SPACE,
@@ -134,6 +133,7 @@ def case_of(given: Mapping[str, Any], folder: Path) -> Case:
         "turn": turn,
         "rim": TEXT,
         "bracket": FLAG,
+        "trusted": FLAG,
     }
     try:
         values = read_table(given, readers, "", required=("mesh", "materials"))

@@ -11,6 +11,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.cases.readers import (
+    FLAG,
     POINT,
     POINTS,
     TEXT,
@@ -21,6 +22,7 @@ from kohonen_adapt.cases.readers import (
     list_of,
     make_from_table,
     make_named,
+    read_table,
 )
 from kohonen_adapt.checks import point_text
 from kohonen_adapt.geometry.plane.curves import Arc, Line
@@ -105,14 +107,17 @@ def _law(given: Any, location: str, folder: Path) -> Law:
             f'{location} must be a list of [B, H], the name of a file, or a law as {{law = "brauer", ...}}; '
             f"got {given!r}."
         )
+    if "file" in given:
+        values = read_table(given, {"file": TEXT, "smooth": FLAG}, location)
+        return _read(folder / values["file"], location, values.get("smooth", False))
     return make_named(LAWS, "law", given, location)
 
 
-def _read(path: Path, location: str) -> Table:
+def _read(path: Path, location: str, smooth: bool = False) -> Table:
     # Reading a device or a pipe might never end.
     try:
         if path.is_file():
-            return read_bh(path)
+            return read_bh(path, smooth=smooth)
     except (OSError, ValueError) as error:
         raise ValueError(f"{location}: {error}") from None
     raise ValueError(f"{location} must name a file with a table of B and H; there is none at '{path}'.")

@@ -221,6 +221,16 @@ def test_a_curve_from_a_file_beside_the_case(tmp_path):
     assert law.points[1] == (1.0, 500.0)
 
 
+def test_a_noisy_curve_from_a_file_is_smoothed_if_the_case_asks(tmp_path):
+    (tmp_path / "steel.csv").write_text("B, H\n1.0, 500\n0.9, 600\n1.5, 3000\n1.9, 20000\n2.2, 200000\n")
+    (tmp_path / "case.toml").write_text(changed("permeability = 1000.0", 'bh = "steel.csv"'))
+    with pytest.raises(ValueError, match=r"in a case bh = \{file = \"NAME\", smooth = true\}"):
+        read_case(tmp_path / "case.toml")
+    (tmp_path / "case.toml").write_text(changed("permeability = 1000.0", 'bh = {file = "steel.csv", smooth = true}'))
+    law = read_case(tmp_path / "case.toml").problem.materials["iron"].bh
+    assert law.points[1] == pytest.approx((0.95, 550.0))
+
+
 def wrong(old, new, *said):
     return pytest.param(changed(old, new), said, id=new.replace("\n", " ")[:40])
 

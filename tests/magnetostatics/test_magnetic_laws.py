@@ -221,3 +221,50 @@ def test_the_energy_of_froehlich_is_the_same_from_both_sides_of_its_series():
     b = 0.021 * (1.0 + np.array([-1e-7, 1e-7]))
     below, above = law.energy(b)
     assert above - below == pytest.approx(law.field_strength(np.float64(0.021)) * (b[1] - b[0]), rel=1e-3)
+
+
+def measured(seed, noise):
+    """B and H of a law with noise in both, in another order, and the law."""
+    rng, law = np.random.default_rng(seed), Froehlich(4000.0, 2.0)
+    b = np.concatenate([np.linspace(0.05, 1.9, 40), np.linspace(1.95, 2.3, 20)])
+    points = np.column_stack([b, law.field_strength(b)]) * (1.0 + noise * rng.standard_normal((60, 2)))
+    return rng.permutation(points), law
+
+
+@pytest.mark.parametrize("noise", [0.002, 0.01, 0.03])
+def test_measured_points_with_noise_are_smoothed_to_the_law_within_a_few_times_their_noise(noise):
+    errors = []
+    for seed in range(5):
+        points, law = measured(seed, noise)
+        table = Table(points, smooth=True)
+        assert np.all(np.diff(table.points, axis=0) > 0.0) and table.points[0] == (0.0, 0.0)
+        assert np.all(table.slope(B) > 0.0) and table.slope(B).max() <= 1 / MU0 * (1 + 1e-12)
+        h = np.geomspace(20.0, 2e5, 100)
+        errors.append(np.abs(flux_density_of(table, h) / flux_density_of(law, h) - 1.0).max())
+    assert np.median(errors) < 5.0 * noise
+
+
+def test_smoothing_keeps_the_points_of_a_smooth_table():
+    assert Table(STEEL, smooth=True) == Table(STEEL)
+    assert Table(STEEL[::-1], smooth=True) == Table(STEEL)
+
+
+def test_a_step_back_in_saturation_does_not_end_the_table():
+    """Of three points with almost one B, the slope between two would be taken for that of vacuum."""
+    points = [(0.9, 120.0), (1.3, 300.0), (1.30001, 500.0), (1.29999, 900.0), (1.5, 1000.0), (1.9, 17e3), (2.1, 75e3)]
+    assert Table(points, smooth=True).end > 1.9
+
+
+def test_noise_in_a_file_is_refused_with_its_remedy(tmp_path):
+    path = tmp_path / "steel.csv"
+    path.write_text("H, B\n60, 0.4\n120, 0.91\n125, 0.9\n300, 1.3\n1000, 1.5\n17000, 1.9\n75000, 2.1\n")
+    with pytest.raises(ValueError, match=r"0\.91 T, 120 A/m precedes 0\.9 T, 125 A/m\..*read_bh\(path, smooth=True\)"):
+        read_bh(path)
+    b, h = np.transpose(read_bh(path, smooth=True).points)
+    np.testing.assert_allclose(b[1:4], [0.4, 0.905, 1.3])
+    np.testing.assert_allclose(h[1:4], [60.0, 122.5, 300.0])
+
+
+def test_a_hysteresis_loop_is_not_smoothed():
+    with pytest.raises(ValueError, match=r"B and H of at least 0; got -0\.5 T, -50 A/m"):
+        Table([(-0.5, -50.0), (0.5, 50.0), (1.0, 90.0)], smooth=True)

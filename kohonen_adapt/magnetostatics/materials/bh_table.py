@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy  # loads `scipy.interpolate` at its first use
+import scipy  # loads its modules at their first use
 from numpy.typing import ArrayLike
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, VACUUM_RELUCTIVITY, Continued
 
 __all__ = ["Table", "read_bh"]
@@ -21,6 +21,10 @@ LARGEST_POLARISATION = 3.0
 LARGEST_PERMEABILITY = 2e5
 STEEL = 1.7
 
+SMOOTH = (
+    "For measured points with noise: read_bh(path, smooth=True) or Table(points, smooth=True), in a case "
+    'bh = {file = "NAME", smooth = true}.'
+)
 SHOWN = 60  # characters of an invalid line in a message
 SATURATED = (
     100.0  # relative differential permeability at the end of a table, above which the table is far from saturation
@@ -39,12 +43,16 @@ class Table(Continued):
     ----------
     points : (n, 2)
         B in T and H in A/m, both strictly increasing from (0, 0), which is added if missing.
+    smooth
+        Take measured points with noise, in any order. The polarisation B - mu0 H is made to rise with H by isotonic
+        regression (pool adjacent violators), and the points of a pool are replaced by their mean. In saturation, at
+        relative differential permeabilities below 100, points are pooled until dB/dH falls with H, too.
 
     Raises
     ------
     ValueError
-        For other shapes, a single point, points that are not finite, negative or not increasing, and magnitudes typical
-        of gauss or oersted.
+        For other shapes, a single point, points that are not finite, negative or, unless `smooth`, not increasing, and
+        magnitudes typical of gauss or oersted.
 
     Examples
     --------
@@ -57,8 +65,8 @@ class Table(Continued):
 
     points: tuple[tuple[float, float], ...]
 
-    def __init__(self, points: ArrayLike) -> None:
-        array = _checked(points)
+    def __init__(self, points: ArrayLike, smooth: bool = False) -> None:
+        array = _checked(points, smooth)
         object.__setattr__(self, "points", tuple((float(b), float(h)) for b, h in array))
         self._interpolate(*array.T)
 
@@ -92,7 +100,7 @@ class Table(Continued):
             )
 
 
-def read_bh(path: str | Path) -> Table:
+def read_bh(path: str | Path, *, smooth: bool = False) -> Table:
     r"""Read a table of B and H from a text file.
 
     The file has two columns, B in T and H in A/m, separated by commas, semicolons, tabs or blanks. Between semicolons
@@ -103,6 +111,8 @@ def read_bh(path: str | Path) -> Table:
     ----------
     path
         The file.
+    smooth
+        Take measured points with noise, which do not rise from line to line, as `Table` does.
 
     Returns
     -------
@@ -136,7 +146,7 @@ def read_bh(path: str | Path) -> Table:
     rows = [_row(path, line_number, line) for line_number, line in lines[heading:]]
     table = np.array(rows).reshape(-1, 2)
     try:
-        return Table(table[:, ::-1] if swapped else table)
+        return Table(table[:, ::-1] if swapped else table, smooth)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -159,7 +169,7 @@ def _numbers(line: str) -> list[float] | None:
         return None
 
 
-def _checked(points: Any) -> Floats:
+def _checked(points: Any, smooth: bool) -> Floats:
     try:
         array = np.array(points, dtype=float)
     except (TypeError, ValueError):
@@ -169,6 +179,7 @@ def _checked(points: Any) -> Floats:
     if not np.all(np.isfinite(array)):
         row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
         raise ValueError(f"bh must be finite; row {row} is {array[row].tolist()}.")
+    array = _smoothed(array) if smooth else array
     if len(array) and np.any(array[0] != 0.0):
         array = np.vstack(([0.0, 0.0], array))
     if len(array) < 3:
@@ -188,8 +199,34 @@ def _check_increasing(array: Floats) -> None:
         (b, h), (after_b, after_h) = array[row], array[row + 1]
         raise ValueError(
             f"bh must have B and H strictly increasing from (0, 0); {b:g} T, {h:g} A/m precedes {after_b:g} T, "
-            f"{after_h:g} A/m."
+            f"{after_h:g} A/m. {SMOOTH}"
         )
+
+
+def _smoothed(array: Floats) -> Floats:
+    if np.any(array < 0.0):
+        b, h = array[np.argmax((array < 0.0).any(axis=1))]
+        raise ValueError(f"bh to be smoothed must have B and H of at least 0; got {b:g} T, {h:g} A/m.")
+    h, place, count = np.unique(array[:, 1], return_inverse=True, return_counts=True)
+    b = np.bincount(place, array[:, 0]) / count
+    pools = scipy.optimize.isotonic_regression(b - VACUUM_PERMEABILITY * h, weights=count).blocks[:-1]
+    points = _pooled(np.column_stack([b, h, count]), pools)
+    points = points[(points[:, 0] > VACUUM_PERMEABILITY * points[:, 1]) & (points[:, 1] > 0.0)]
+    while len(points) > 2:
+        b, h, _ = np.vstack([np.zeros(3), points]).T
+        permeability = np.diff(b) / np.diff(h) / VACUUM_PERMEABILITY
+        later = np.append(np.maximum.accumulate(permeability[:0:-1])[::-1], 0.0)
+        flat = np.flatnonzero((permeability < np.minimum(later, SATURATED))[1:])
+        if not len(flat):
+            break
+        points = _pooled(points, np.delete(np.arange(len(points)), flat[0] + 1))
+    return points[:, :2]
+
+
+def _pooled(points: Floats, starts: Ints) -> Floats:
+    # Columns are B, H and the number of measured points.
+    count = np.add.reduceat(points[:, 2], starts)
+    return np.column_stack([np.add.reduceat(points[:, :2] * points[:, 2:], starts) / count[:, None], count])
 
 
 def _check_units(b: Floats, h: Floats) -> None:
