@@ -9,6 +9,7 @@ import warnings
 from collections import ChainMap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from kohonen_adapt.cases.readers import locate_errors
 from kohonen_adapt.cases.reading import read_case
 from kohonen_adapt.cases.template import case_text
 from kohonen_adapt.commands.arguments import command_parser, options_of, options_text, writable_folder
-from kohonen_adapt.commands.check import described, faults, held_described, moving, points_described
+from kohonen_adapt.commands.check import described, faults, held_described, hints_of_mesh, moving, points_described
 from kohonen_adapt.commands.pictures import write_overview, write_pictures
 from kohonen_adapt.commands.plan import case_doubts, coil_sentences, plan_lines, unit_doubts
 from kohonen_adapt.commands.relocate import relocate_file
@@ -223,9 +224,10 @@ def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     corners = corners_of(mesh)
     groups = read_groups(arguments.mesh, scale=arguments.scale)
     terminal.say("\n".join([*described(corners), *points_described(groups)]))
-    found = list(faults(corners, arguments.scale))
+    found = list(faults(corners))
     lines, hinted = moving(mesh, dict(ChainMap(*arguments.surfaces)))
-    terminal.say("\n".join([*lines, *(f"hint: {hint}" for hint in hinted)]))
+    all_hints = chain(hints_of_mesh(corners, arguments.scale), hinted)
+    terminal.say("\n".join([*lines, *(f"hint: {hint}" for hint in all_hints)]))
     if arguments.nodes:
         terminal.say("\n".join(held_described(mesh, dict(ChainMap(*arguments.surfaces)))))
     for fault in found:

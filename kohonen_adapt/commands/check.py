@@ -1,11 +1,12 @@
 """Description of a mesh and of its faults."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
-from itertools import chain, combinations
+from collections.abc import Callable, Iterator, Mapping
+from itertools import combinations
 from typing import Any
 
 import numpy as np
+import scipy  # loads `scipy.optimize` at its first use
 from skfem import Mesh, MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
@@ -34,6 +35,7 @@ __all__ = [
     "faults",
     "held_described",
     "hints",
+    "hints_of_mesh",
     "moving",
     "outlines_described",
     "points_described",
@@ -131,10 +133,10 @@ def points_described(groups: Groups) -> list[str]:
     return [f"point '{name}': {shown} m" for name, shown in places.items()]
 
 
-def _memberships(mesh: Mesh, without: Collection[str] = ()) -> Ints:
+def _memberships(mesh: Mesh) -> Ints:
     count = np.zeros(mesh.t.shape[1], dtype=np.int64)
-    for name, rows in named_sets(mesh.subdomains).items():
-        count[rows] += name not in without
+    for rows in named_sets(mesh.subdomains).values():
+        count[rows] += 1
     return count
 
 
@@ -173,14 +175,9 @@ def moving(mesh: Mesh, surfaces: Mapping[str, Surface] | None = None) -> tuple[l
     rules = Rules(surfaces=surfaces or None)
     if cell_of(mesh) is TETRAHEDRON:
         solid = MovableSolid.of(mesh, rules)
-        return surfaces_described(solid), chain(doubtful_patches(solid), _of_unions(mesh))
+        return surfaces_described(solid), doubtful_patches(solid)
     movable = MovableMesh.of(mesh, rules)
-    return outlines_described(movable), chain(hints(movable), _of_unions(mesh))
-
-
-def _of_unions(mesh: Mesh) -> Iterator[str]:
-    for name, parts in unions(mesh).items():
-        yield f"subdomain '{name}' consists of {listed(parts)}: give materials to these, or to '{name}' alone."
+    return outlines_described(movable), hints(movable)
 
 
 def held_described(mesh: Mesh, surfaces: Mapping[str, Surface]) -> list[str]:
@@ -212,13 +209,24 @@ def _radii(radii: Floats) -> str:
     return f" (radius {text} m)"
 
 
-def faults(mesh: Mesh, scale: float = 1.0) -> Iterator[str]:
-    yield from unit_doubts(mesh, scale)
+def faults(mesh: Mesh) -> Iterator[str]:
+    # A run refuses a mesh with a fault, or its result is wrong. Hints do not change the exit status.
     yield from _names(mesh)
     for nodes, called, remedy in seams(mesh):
         if len(nodes):
             places = ", ".join(map(point_text, mesh.p[:, nodes[:SHOWN]].T))
             yield f"{counted(len(nodes), called)}, at {places}{', ...' if len(nodes) > SHOWN else ''}{remedy}"
+
+
+def hints_of_mesh(mesh: Mesh, scale: float = 1.0) -> Iterator[str]:
+    yield from unit_doubts(mesh, scale)
+    for name, parts in unions(mesh).items():
+        yield f"subdomain '{name}' consists of {listed(parts)}: give materials to these, or to '{name}' alone."
+    if not named_sets(mesh.boundaries):
+        yield (
+            'no boundary has a name: for a potential, write rim = "outer" above all tables of a case to name the whole '
+            f"rim, or give the rim a physical group of {GROUPS[len(mesh.p)][1]}."
+        )
     value, cell = quality(mesh), cell_of(mesh)
     least = floor_of(Rules(), cell.dim)
     if bad := np.sum(value < least):
@@ -264,8 +272,13 @@ def perimeter(triangulation: Triangulation, own: Mask) -> float:
 
 
 def _names(mesh: Mesh) -> Iterator[str]:
-    count, name, (inside, around) = _memberships(mesh, unions(mesh)), plural(cell_of(mesh).name), GROUPS[len(mesh.p)]
-    for which, text in ((count == 0, "no subdomain"), (count > 1, "more than one subdomain")):
+    sets = named_sets(mesh.subdomains)
+    is_in = np.zeros((len(sets), mesh.t.shape[1]), dtype=bool)
+    for own, rows in zip(is_in, sets.values(), strict=True):
+        own[rows] = True
+    count, name, inside = is_in.sum(axis=0), plural(cell_of(mesh).name), GROUPS[len(mesh.p)][0]
+    overlap = (count > 1) & ~_can_be_covered(is_in[:, count > 0])
+    for which, text in ((count == 0, "no subdomain"), (overlap, "more than one subdomain")):
         if which.any():
             yield (
                 f"{np.sum(which)} {name} are in {text}, one near {_middle(mesh, np.argmax(which))}: a case needs "
@@ -276,5 +289,13 @@ def _names(mesh: Mesh) -> Iterator[str]:
         check_names_written(mesh)
     except ValueError as error:
         yield str(error)
-    if not named_sets(mesh.boundaries):
-        yield f"no boundary has a name, so a case cannot set a potential: give the rim a physical group of {around}."
+
+
+def _can_be_covered(is_in: Mask) -> bool:
+    # True if some of the subdomains, shape (k, nelements), contain every element exactly once
+    if not is_in.size:
+        return True
+    once = scipy.optimize.LinearConstraint(np.unique(is_in, axis=1).T.astype(float), 1.0, 1.0)
+    count, bounds = len(is_in), scipy.optimize.Bounds(0.0, 1.0)
+    found = scipy.optimize.milp(np.zeros(count), integrality=np.ones(count), bounds=bounds, constraints=once)
+    return bool(found.success)

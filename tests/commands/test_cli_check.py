@@ -1,18 +1,21 @@
 """The command `check`: what it says of good meshes and of every kind of fault."""
 
 import re
+from itertools import chain, combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.mesh_files import two_rooms
 from helpers.meshes import disk, named, slit, square
+from hypothesis import given
+from hypothesis import strategies as st
 from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt import __main__ as cli
-from kohonen_adapt.commands.check import faults, thin_parts
+from kohonen_adapt.commands.check import faults, hints, hints_of_mesh, thin_parts
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -71,20 +74,53 @@ def test_the_smallest_angle(tmp_path, capsys):
     assert "smallest angle: 45 degrees" in said_of(whole(square(2)), tmp_path, capsys)
 
 
-def test_millimetres(capsys):
-    assert cli.main(["check", str(EXAMPLES / "c_core.msh")]) == 1
-    said = capsys.readouterr().out
-    assert (
-        "- the mesh is 140 x 140 m: that looks like millimetres. If so, --scale 1e-3 (scale = 1e-3 in a case)." in said
-    )
+@pytest.mark.parametrize(("scale", "doubt"), [("1", "that looks like millimetres"), ("5", "a scale of 5 looks too")])
+def test_a_large_mesh_is_no_fault(scale, doubt, capsys):
+    assert cli.main(["check", str(EXAMPLES / "c_core.msh"), "--scale", scale]) == 0
+    assert f"hint: the mesh is {140 * int(scale)} x {140 * int(scale)} m: {doubt}" in capsys.readouterr().out
 
 
 def test_names_that_overlap_or_lack(tmp_path, capsys):
     said = said_of(two_rooms(), tmp_path, capsys)
-    assert "in two or more" in said and re.search(r"- \d+ triangles are in more than one subdomain, one near \(", said)
+    assert "in two or more" in said and said.endswith("\nNo faults found.\n")  # "left" and "right side" are enough
+    mesh = two_rooms()
+    few = {name: mesh.subdomains[name] for name in ("left", "low")}
+    said = said_of(MeshTri(mesh.p, mesh.t, mesh.boundaries, few), tmp_path, capsys)
+    assert re.search(r"- \d+ triangles are in no subdomain, one near \(", said)
+    assert re.search(r"- \d+ triangles are in more than one subdomain, one near \(", said)
     said = said_of(square(4), tmp_path, capsys)
     assert "- 32 triangles are in no subdomain, one near (" in said
-    assert "- no boundary has a name, so a case cannot set a potential" in said
+    assert 'hint: no boundary has a name: for a potential, write rim = "outer"' in said
+
+
+@given(st.lists(st.lists(st.integers(0, 5), min_size=1, max_size=3, unique=True), min_size=1, max_size=6))
+def test_names_that_overlap_are_no_fault_where_some_are_enough(names):
+    """Six squares in a row, in all names that are drawn, which are enough if some name every square once."""
+    mesh = MeshTri.init_tensor(np.arange(7.0), np.arange(2.0))
+    square_of = mesh.p[0, mesh.t].mean(axis=0).astype(int)
+    sets = {str(k): np.flatnonzero(np.isin(square_of, squares)) for k, squares in enumerate(names)}
+    chosen = [sorted(chain(*part)) for r in range(1, 7) for part in combinations(names, r)]
+    said = " ".join(faults(mesh.with_subdomains(sets)))
+    assert ("more than one" in said) == (sorted(set(chain(*names))) not in chosen)
+
+
+def test_two_labels_of_one_block_are_no_fault(tmp_path, capsys):
+    """The reader of FEMM names both and the block: no more than one name may get a material."""
+    mesh = square(4).with_subdomains({"copper 1": lambda x: x[0] < 0.5, "copper 2": lambda x: x[0] > 0.5})
+    mesh = mesh.with_subdomains({"copper": np.arange(32)}).with_boundaries({"rim": mesh.boundary_facets()})
+    assert said_of(mesh, tmp_path, capsys).endswith("\nNo faults found.\n")
+
+
+@pytest.mark.parametrize("off", [1e-7, 1e-6, 1e-5])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_straight_side_is_no_circle(off, seed):
+    """A side 2 m long that is straight but for the digits of a file: "a circle of radius 13658 m"."""
+    mesh = MeshTri.init_tensor(np.linspace(0, 2, 5), np.linspace(0, 1, 4))
+    floor, p = np.flatnonzero(mesh.p[1] == 0.0), mesh.p.copy()
+    for bend in (np.random.default_rng(seed).uniform(-1, 1, 5), (p[0, floor] - 1) ** 2):
+        p[1, floor] = off * bend
+        found = hints(MovableMesh.of(whole(MeshTri(p, mesh.t)), Rules()))
+        assert not any("circle" in hint for hint in found)
 
 
 def test_a_subdomain_that_consists_of_others_is_no_fault(tmp_path, capsys):
@@ -117,7 +153,7 @@ def test_pinched_nodes():
 
 def test_bad_elements():
     mesh = whole(MeshTri.init_tensor(np.linspace(0, 1, 5), np.linspace(0, 0.01, 3)))
-    (found,) = [fault for fault in faults(mesh) if "quality" in fault]
+    (found,) = [hint for hint in hints_of_mesh(mesh) if "quality" in hint]
     assert found.startswith("16 triangles have a quality below 0.3, the default of min_quality; the worst, ")
 
 

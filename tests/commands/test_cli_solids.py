@@ -79,7 +79,7 @@ def test_names_that_are_missing(tmp_path, capsys):
 def test_a_unit_that_is_doubtful_and_bad_elements(tmp_path, capsys):
     said = said_of(whole(box(1, 1, 1, high=(9.0, 9.0, 0.3))), tmp_path, capsys)
     assert "the mesh is 9 x 9 x 0.3 m: that looks like millimetres." in said
-    assert re.search(r"- 6 tetrahedra have a quality below 0\.2, the default of min_quality; the worst", said)
+    assert re.search(r"hint: 6 tetrahedra have a quality below 0\.2, the default of min_quality; the worst", said)
 
 
 def found(mesh):
