@@ -1,6 +1,7 @@
 """Units, outlines and number formats shared by plots and reports."""
 
 from collections.abc import Sequence
+from math import floor, log10
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,7 @@ from kohonen_adapt.mesh.names import codes_of_names, named_sets
 
 __all__ = [
     "PARTS",
+    "by_error",
     "counted",
     "decades_of",
     "divided",
@@ -32,6 +34,9 @@ UNITS = {"": 1.0, "m": 1.0, "mm": 1e3}
 
 PARTS = 8
 """Straight segments that draw a curved side."""
+
+MOST_DIGITS, OF_UNKNOWN_ERROR = 8, 5
+"""Most significant digits of a number with an error, and digits of a number of unknown error."""
 
 DECADES, MOST_DECADES = 3, 6
 """Least and largest number of decades of a colour scale below the largest indicator."""
@@ -93,6 +98,16 @@ def significant(value: float, digits: int) -> str:
     """
     text = f"{value:#.{digits}g}".removesuffix(".")
     return f"{value:.0f}" if "e+" in text and abs(value) < 1e6 else text
+
+
+def by_error(value: float, error: float | None) -> str:
+    # down to the second digit of the error, of 2 to 8 significant digits
+    if error is None:
+        return significant(value, OF_UNKNOWN_ERROR)
+    if not error or not value:
+        return significant(value, MOST_DIGITS if not error else 2)
+    digits = floor(log10(abs(value))) - floor(log10(abs(error))) + 2
+    return significant(value, min(max(digits, 2), MOST_DIGITS))
 
 
 def level_of_share(values: Floats, weights: Floats, share: float) -> float:

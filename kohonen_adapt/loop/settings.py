@@ -11,6 +11,7 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.checks import check_fraction, check_tolerance
+from kohonen_adapt.display import by_error
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.loop.growth import Growth, GrowthByTolerance, NodeCounts
@@ -233,13 +234,14 @@ class Tolerance:
         texts, goal, error = [], last.goal, last.goal_error
         if self.goal_rtol is not None and goal is not None and error is not None:
             text = f"{percent(abs(error / goal))} " if goal else f"{abs(error):.3g} "
-            texts.append(f"goal {goal:.6g} {last.goal_unit}, estimated error {text}(asked {percent(self.goal_rtol)})")
+            goal_text = f"{by_error(goal, error)} {last.goal_unit}".rstrip()
+            texts.append(f"goal {goal_text}, estimated error {text}(asked {percent(self.goal_rtol)})")
         for name, tolerance in self._fractions(last.outputs).items():
             value, error = last.outputs[name], last.output_errors.get(name)
             text = "error unknown" if error is None else f"estimated error {abs(error):.3g}"
             if error is not None and value:
                 text = f"estimated error {percent(abs(error / value))}"
-            texts.append(f"{name} {value:.6g}, {text} (asked {percent(tolerance)})")
+            texts.append(f"{name} {by_error(value, error)}, {text} (asked {percent(tolerance)})")
         return texts
 
     def missed_text(self, last: Pass) -> str:

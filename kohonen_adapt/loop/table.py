@@ -7,14 +7,13 @@ from itertools import chain, pairwise
 from math import floor, log10
 from typing import Any
 
-from kohonen_adapt.display import significant
+from kohonen_adapt.display import by_error, significant
 from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.loop.passes import Pass
 
 __all__ = [
     "DASH",
-    "GOAL_DIGITS",
-    "OUTPUT_DIGITS",
+    "ERROR_DIGITS",
     "Columns",
     "change_of_output",
     "changes_sign",
@@ -23,6 +22,7 @@ __all__ = [
     "estimate_word",
     "goal_figures",
     "goal_sentence",
+    "goal_texts",
     "html_table",
     "pass_figures",
     "table_blocks",
@@ -36,8 +36,7 @@ WIDTH = 120  # characters; further columns are printed as a second table below
 GAP = "  "
 DASH = "-"
 SIGN_CHANGE = "sign"
-GOAL_DIGITS = (8, 2, 8, 4)  # of the value, its error, their sum and the estimate
-OUTPUT_DIGITS = 5  # of outputs of unknown error
+ERROR_DIGITS = 2
 GOAL_FIELDS = ("goal", "goal_error", "goal_unit")  # replaced by `goal_figures`
 
 Columns = list[tuple[str, list[str]]]
@@ -75,13 +74,18 @@ def goal_figures(step: Pass) -> dict[str, float | None]:
 def goal_sentence(step: Pass) -> str:
     if step.goal is None:
         return ""
-    value, error, total, _ = (
-        None if figure is None else f"{significant(figure, digits)} {step.goal_unit}".rstrip()
-        for figure, digits in zip(goal_figures(step).values(), GOAL_DIGITS, strict=True)
-    )
-    if error is None:
-        return f"The goal is {value}; its error is not estimated."
-    return f"The goal is {value}, with an estimated error of {error}: the exact value is near {total}."
+    texts = goal_texts(step)
+    if len(texts) == 1:
+        return f"The goal is {texts[0]}; its error is not estimated."
+    return "The goal is {}, with an estimated error of {}: the exact value is near {}.".format(*texts)
+
+
+def goal_texts(step: Pass) -> list[str]:
+    # the value, and if known its error and the corrected value
+    value, error, total = list(goal_figures(step).values())[:3]
+    texts = [by_error(each, error) for each in (value, total) if each is not None]
+    texts[1:1] = [] if error is None else [significant(error, ERROR_DIGITS)]
+    return [f"{text} {step.goal_unit}".rstrip() for text in texts]
 
 
 def with_unit(name: str, step: Pass) -> str:
@@ -172,12 +176,27 @@ def _goal_columns(history: tuple[Pass, ...]) -> list[Columns]:
     if history[0].goal is None:
         return []
     figures = [goal_figures(step) for step in history]
-    forms = zip(figures[0], GOAL_DIGITS[:-1], strict=False)  # the estimate has its column in `_solution_columns`
-    return [[(title.replace("goal error", "error"), _rounded(title, digits, figures)) for title, digits in forms]]
+    value, error, total, _ = figures[0]  # the estimate has its column in `_solution_columns`
+    least = _least([row[error] for row in figures])
+    return [
+        [
+            (value, _by_error([row[value] for row in figures], least)),
+            (error.replace("goal error", "error"), _significant([row[error] for row in figures])),
+            (total, _by_error([row[total] for row in figures], least)),
+        ]
+    ]
 
 
-def _rounded(title: str, digits: int, rows: Sequence[dict[str, float | None]]) -> list[str]:
-    return [DASH if (value := row[title]) is None else significant(value, digits) for row in rows]
+def _least(errors: Iterable[float | None]) -> float | None:
+    return min((abs(error) for error in errors if error is not None), default=None)
+
+
+def _by_error(values: Iterable[float | None], error: float | None) -> list[str]:
+    return [DASH if value is None else by_error(value, error) for value in values]
+
+
+def _significant(values: Iterable[float | None]) -> list[str]:
+    return [DASH if value is None else significant(value, ERROR_DIGITS) for value in values]
 
 
 def _output_columns(history: tuple[Pass, ...]) -> list[Columns]:
@@ -186,18 +205,17 @@ def _output_columns(history: tuple[Pass, ...]) -> list[Columns]:
 
 def _columns_of_output(name: str, history: tuple[Pass, ...]) -> Columns:
     values, errors = [step.outputs[name] for step in history], [step.output_errors.get(name) for step in history]
-    changes = ("Delta %", [DASH, *map(_output_change, values, values[1:])])
-    if all(error is None for error in errors):
-        return [(name, [significant(value, OUTPUT_DIGITS) for value in values]), changes]
-    digits, of_error, of_sum, _ = GOAL_DIGITS
+    least, changes = _least(errors), ("Delta %", [DASH, *map(_output_change, values, values[1:])])
+    if least is None:
+        return [(name, _by_error(values, None)), changes]
     pairs = list(zip(values, errors, strict=True))
     relative = [None if error is None or not value else 100.0 * error / abs(value) for value, error in pairs]
     corrected = [None if error is None else value + error for value, error in pairs]
     return [
-        (name, [significant(value, digits) for value in values]),
+        (name, _by_error(values, least)),
         changes,
-        ("error %", [DASH if error is None else significant(error, of_error) for error in relative]),
-        ("corrected", [DASH if value is None else significant(value, of_sum) for value in corrected]),
+        ("error %", _significant(relative)),
+        ("corrected", _by_error(corrected, least)),
     ]
 
 

@@ -4,20 +4,19 @@ import platform
 import re
 from importlib.metadata import PackageNotFoundError, version
 
-from kohonen_adapt.display import counted, significant
+from kohonen_adapt.display import by_error, counted, significant
 from kohonen_adapt.kernels.threads import number_of_threads
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.table import (
-    GOAL_DIGITS,
-    OUTPUT_DIGITS,
+    ERROR_DIGITS,
     change_of_output,
     changes_sign,
     energy_error,
     energy_norm_error,
     estimate_word,
-    goal_figures,
     goal_sentence,
+    goal_texts,
 )
 from kohonen_adapt.magnetostatics.hypercircle import Bracket
 from kohonen_adapt.version import __version__
@@ -65,23 +64,18 @@ def bracket_sentences(bracket: Bracket | None) -> list[str]:
 
 
 def _of_goal(step: Pass) -> list[tuple[str, str]]:
-    named = zip(("goal", "error of the goal", "goal + error"), goal_figures(step).values(), GOAL_DIGITS, strict=False)
-    return [
-        (name, f"{significant(value, count)} {step.goal_unit}".rstrip())
-        for name, value, count in named
-        if value is not None
-    ]
+    texts = [] if step.goal is None else goal_texts(step)
+    return list(zip(("goal", "error of the goal", "goal + error"), texts, strict=False))
 
 
 def _figures_of_output(name: str, step: Pass) -> list[tuple[str, str]]:
     value, error = step.outputs[name], step.output_errors.get(name)
     if error is None:
-        return [(name, significant(value, OUTPUT_DIGITS))]
-    digits, of_error, of_sum, _ = GOAL_DIGITS
+        return [(name, by_error(value, None))]
     return [
-        (name, significant(value, digits)),
-        (f"error of {name}", significant(error, of_error)),
-        (f"corrected {name}", significant(value + error, of_sum)),
+        (name, by_error(value, error)),
+        (f"error of {name}", significant(error, ERROR_DIGITS)),
+        (f"corrected {name}", by_error(value + error, error)),
     ]
 
 
@@ -118,24 +112,25 @@ def _from_to(first: int, last: int) -> str:
 
 def _of_output(name: str, first: Pass, last: Pass) -> str:
     before, after = first.outputs[name], last.outputs[name]
+    error = last.output_errors.get(name)
+    shown = [f"{value:.5g}" if error is None else by_error(value, error) for value in (before, after)]
     if last is first:
-        return f"{name} is {after:.5g}.{_error_of_output(name, last)}"
+        return f"{name} is {shown[1]}.{_error_of_output(name, last)}"
     change, text = change_of_output(before, after), ""
     if changes_sign(before, after):
         text = ", so it changed its sign"
     elif change is not None:
         text = f", by {change:+.3g}\u00a0%{' in magnitude' if before < 0.0 else ''}"
-    return f"{name} went from {before:.5g} to {after:.5g}{text}.{_error_of_output(name, last)}"
+    return f"{name} went from {shown[0]} to {shown[1]}{text}.{_error_of_output(name, last)}"
 
 
 def _error_of_output(name: str, step: Pass) -> str:
     value, error = step.outputs[name], step.output_errors.get(name)
     if error is None:
         return ""
-    _, of_error, of_sum, _ = GOAL_DIGITS
     percent = f" ({100.0 * abs(error / value):.2g}\u00a0%)" if value else ""
-    corrected = significant(value + error, of_sum)
-    return f" Its estimated error is {significant(error, of_error)}{percent}: the exact value is near {corrected}."
+    corrected, text = by_error(value + error, error), significant(error, ERROR_DIGITS)
+    return f" Its estimated error is {text}{percent}: the exact value is near {corrected}."
 
 
 def versions() -> dict[str, str]:

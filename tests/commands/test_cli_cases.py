@@ -179,7 +179,8 @@ def test_a_case_gives_what_python_gives(name, run, tmp_path, capsys):
             problem.goal(result.solution),
             problem.goal(result.solution) + problem.goal_error(result.solution),
         )
-        assert (float(told[1]), float(told[4])) == pytest.approx((value, better), rel=1e-5)
+        digit = 0.06 * abs(problem.goal_error(result.solution))  # the error is printed with two
+        assert (float(told[1]), float(told[4])) == pytest.approx((value, better), abs=digit)
         best = next(row for row in rows if row[f"goal error ({told[2]})"])
         assert float(best[f"goal + error ({told[2]})"]) == pytest.approx(better, rel=1e-9)
         assert (
@@ -320,7 +321,8 @@ def test_keys_of_a_pattern_can_be_swept(tmp_path):
     swept = CaseOutputs.of(tmp_path / "case.toml")(**{"materials.core.remanence.degrees": 30.0})
     (tmp_path / "case.toml").write_text(case_text(CASES["parallel"].toml))
     it = read_case(tmp_path / "case.toml")
-    assert swept == ka.adapt(fitting_mesh(it), it.problem, outputs=it.labelled_outputs, passes=2).best.outputs
+    outputs = ka.adapt(fitting_mesh(it), it.problem, outputs=it.labelled_outputs, passes=2).best.outputs
+    assert swept == outputs | {"status": "max_passes", "missed": ""}
 
 
 # What `init` writes.

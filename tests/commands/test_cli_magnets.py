@@ -96,7 +96,8 @@ def test_run_adapts_as_python_does(folder, capsys):
     assert float(last["output pull (N)"]) == pytest.approx(field.force("magnet")[2], rel=1e-6)
     assert float(last["output through (Wb)"]) == pytest.approx(field.flux("z-"), rel=1e-6)
     told = re.search(r"The goal is (\S+) N, with .* N: the exact value is near (\S+) N\.", said).groups()
-    assert np.allclose(np.array(told, float), pull(field) + np.array([0.0, problem.goal_error(field)]), rtol=1e-5)
+    error = problem.goal_error(field)  # printed with two digits
+    assert np.allclose(np.array(told, float), pull(field) + np.array([0.0, error]), atol=0.06 * abs(error))
     fields = meshio.read(folder / "out" / "adapted.vtu")
     np.testing.assert_allclose(fields.point_data["phi (A)"], field.potential, atol=1e-6)
     assert fields.cell_data["B (T)"][0].shape[1] == 3
@@ -124,7 +125,7 @@ def test_init_writes_a_case_that_runs(folder, capsys):
     [
         ("[0.0, 0.0, 1.2]", "[0.0, 1.2]", "remanence of 'magnet' must have three components"),
         ('"normal"', '"odd"', "symmetry of 'z-' must be 'parallel' or 'normal'"),
-        ('scale = 1e-3', "scale = 1e-3\ndepth = 0.1", "depth: for meshes of triangles only"),
+        ('scale = 1e-3', "scale = 1e-3\ndepth = 0.1", "depth is for meshes of triangles only"),
         ('"flux"\nsurface', '"flux_linkage"\ncoil', "'z-' is no coil of the problem; its coils are none"),
         ('surface = "z-"', 'surface = "air"', "flux has 'air', which is no surface of the mesh"),
         ('"z-" = "normal"', '"magnet" = "normal"', "symmetry has 'magnet', which is no surface"),

@@ -9,6 +9,7 @@ from helpers.worlds import without_matplotlib
 import kohonen_adapt as ka
 from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import read_case
+from kohonen_adapt.display import by_error
 
 CASE = """
 mesh = "mesh.msh"
@@ -119,7 +120,7 @@ def test_tolerances_of_the_command_replace_those_of_the_case(run, tmp_path):
         value, error = float(last[f"output {name}"]), float(last[f"error of output {name}"])
         assert 0.0 < abs(error) <= 1e-4 * abs(value)
         assert float(last[f"corrected output {name}"]) == value + error
-        assert f"{name} {value:.6g}, estimated error" in said and "(asked 0.01 %)" in said
+        assert f"{name} {by_error(value, error)}, estimated error" in said and "(asked 0.01 %)" in said
     assert said.count("  error %") == said.count("  corrected") == 2 and ", error of stored (J/m) " in said
     report = (out / "report.html").read_text(encoding="utf-8")
     assert f"kohonen-adapt run case.toml {options} --out out" in report

@@ -6,6 +6,7 @@ import pytest
 from helpers.stand_ins import MESH, Script, adapt, script_of
 
 import kohonen_adapt as ka
+from kohonen_adapt.display import by_error
 from kohonen_adapt.geometry.movable import shown
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.loop.checkpoint import Checkpoint
@@ -207,14 +208,32 @@ def test_small_errors_have_two_digits():
     assert [line.split()[4] for line in smaller[1:3]] == ["40.0000", "0.0012"]
 
 
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (-0.74301742, 0.0067, "-0.7430"),
+        (-0.74301742, -2e-4, "-0.74302"),
+        (-133.4, 0.0125, "-133.400"),
+        (123456.0, 2e4, "123456"),  # no exponent below a million
+        (0.002, 1.0, "0.0020"),
+        (1.0 / 3.0, 1e-12, "0.33333333"),
+        (1.0 / 3.0, 0.0, "0.33333333"),
+        (0.0, 0.1, "0.0"),
+        (2.0, None, "2.0000"),
+    ],
+)
+def test_numbers_have_the_digits_that_their_error_allows(value, error, text):
+    assert by_error(value, error) == text
+
+
 def test_outputs_of_known_error_have_their_errors_and_corrected_values():
     outputs = {"force": script_of(2.0, 4.0), "zero": script_of(0.0, 0.0)}
     before, after = adapt(MESH, Script([4.0, 2.0]), passes=1, outputs=outputs).history
     known = replace(after, output_errors={"force": -0.01, "zero": 0.5})
     force, zero = table_columns((before, known))[-3:-1]
-    assert force[0] == ("force", ["2.0000000", "4.0000000"])
-    assert force[2:] == [("error %", ["-", "-0.25"]), ("corrected", ["-", "3.9900000"])]
-    assert zero[2:] == [("error %", ["-", "-"]), ("corrected", ["-", "0.50000000"])]
+    assert force[0] == ("force", ["2.000", "4.000"])
+    assert force[2:] == [("error %", ["-", "-0.25"]), ("corrected", ["-", "3.990"])]
+    assert zero[2:] == [("error %", ["-", "-"]), ("corrected", ["-", "0.50"])]
     figures = pass_figures(known)
     assert (figures["error of output force"], figures["corrected output force"]) == (-0.01, 3.99)
     assert "corrected output force" not in pass_figures(before)

@@ -44,8 +44,8 @@ def test_a_goal_its_error_and_their_sum_are_in_the_table_with_units():
         "error (N)",
     ]
     assert "goal + error (N)" in lines[0]
-    assert "0.013" in lines[2] and "-132.98749" in lines[2]
-    assert "-133.40000" in lines[1] and "-132.99999" in lines[2] and "0.013" not in lines[1] + lines[3]
+    assert "0.013" in lines[2] and "-132.987" in lines[2]
+    assert "-133.400" in lines[1] and "-133.000" in lines[2] and "0.013" not in lines[1] + lines[3]
 
 
 def test_the_estimate_of_a_goal_is_in_its_unit():

@@ -227,16 +227,16 @@ def test_the_headline_is_the_goal_and_the_ending_is_in_words():
     found = a_result(last.mesh, history)
     figures = key_figures(found)
     assert figures[:5] == [
-        ("goal", "-133.00000 N"),
+        ("goal", "-133.000 N"),
         ("error of the goal", "0.013 N"),
-        ("goal + error", "-132.98750 N"),
+        ("goal + error", "-132.988 N"),
         ("estimate before", "4 N"),
         ("estimate after", "1 N"),
     ]
     assert "max passes" not in dict(figures).values()
     assert dict(figures)["ending"] == "maximum number of passes"
     assert (
-        "The goal is -133.00000 N, with an estimated error of 0.013 N: the exact value is near -132.98750 N."
+        "The goal is -133.000 N, with an estimated error of 0.013 N: the exact value is near -132.988 N."
     ) in sentences(found)
 
 
