@@ -91,8 +91,8 @@ def adapt(
     A pass solves the problem, estimates the error of every element, relocates the nodes by a Kohonen map towards equal
     errors of all elements, and polishes: nodes move, and are recycled, to lower the energy of the solution interpolated
     onto the moved mesh. The mesh after the last pass is solved and estimated as well, so `passes` relocations cost
-    ``passes + 1`` solves. After a pass that is worse than the best one, the next starts from the best mesh and lowers
-    the energy alone, without the map. The result is the best mesh of the run, the input included.
+    ``passes + 1`` solves. After a pass that is worse than the best pass, the next pass starts from the best mesh and
+    lowers the energy alone, without the map. The result is the best mesh of the run, the input included.
 
     Most runs need the first six keywords at most. By purpose:
 
@@ -111,7 +111,7 @@ def adapt(
         unsquared error indicators in the energy norm. The optional methods and attributes are listed in `Problem`.
     passes
         Maximum number of relocations, by default 12 with a tolerance and 4 without. With 0 the input is solved and
-        estimated only. One more pass, which lowers the energy alone, follows if the input is better than the only one.
+        estimated only. A single pass that is worse than the input is followed by a pass without the map.
     rtol
         Relative tolerance. The loop stops if the estimate is at most ``atol + rtol * energy norm``. The problem needs
         the method ``energy_norm``. Without `target_nodes` the number of nodes follows the tolerance, up and down by at

@@ -85,7 +85,7 @@ class Method(ABC):
 
     @abstractmethod
     def split(self, movable: Any, density: Floats, nodes: int) -> Moved[Any]:
-        """Split edges up to `nodes` nodes, where the density (nelements,) is largest, and move no node."""
+        """Split edges up to `nodes` nodes where the density (nelements,) is largest."""
 
     @abstractmethod
     def functional(self, ritz: Ritz, movable: Any, mesh: Mesh) -> Any:
