@@ -224,7 +224,7 @@ def assessed(result: AdaptResult, problem: Problem, adaptation: Adaptation, mesh
         goal = goal_of(problem, solution)
         error = None if goal is None else goal_error_of(problem, solution)
         outputs, unknowns = adaptation.outputs(solution), count_unknowns(mesh, order_of(problem))
-        errors = adaptation.output_errors(Sides(problem, mesh, solution), outputs, unknowns, best)
+        errors, unimproved = adaptation.output_errors(Sides(problem, mesh, solution), outputs, unknowns, best)
     qualities, total = quality(mesh), root_of_squares(indicators)
     return replace(
         best,
@@ -247,4 +247,5 @@ def assessed(result: AdaptResult, problem: Problem, adaptation: Adaptation, mesh
         goal_error=error,
         outputs=outputs,
         output_errors=errors,
+        unimproved=unimproved,
     )

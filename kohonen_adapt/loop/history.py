@@ -22,6 +22,7 @@ from kohonen_adapt.loop.stopping import (
     interrupted_ending,
     outputs_remark,
     stalled_ending,
+    unimproved_remark,
     unmoved_ending,
     with_remarks,
 )
@@ -228,17 +229,24 @@ class History:
         # The last pass replaces the best pass of a resumed run if the best pass cannot be solved again.
         with self.catching_failures():
             self._solve_best()
+        with self.catching_failures():
+            return self._with_worse_outputs(self._with_goal_error(self._ended()))
+        return self._ended()
+
+    def _ended(self) -> AdaptResult:
         if self._ending is None:
             raise RuntimeError("the loop has not ended.")
-        adaptation, best = self._adaptation, self._passes.best.record
+        adaptation, passes = self._adaptation, self._passes
         norm = norm_of(adaptation.problem)
-        ending = with_remarks(self._ending, self._passes.passes, best, adaptation.settings, norm)
-        result = self._with_goal_error(self._result(ending))
+        return self._result(with_remarks(self._ending, passes.passes, passes.best.record, adaptation.settings, norm))
+
+    def _with_worse_outputs(self, result: AdaptResult) -> AdaptResult:
         if result.status is not Status.STALLED:
             return result
-        sides = Sides(adaptation.problem, result.mesh, result.solution, self._passes.best.curved)
-        better = adaptation.better_outputs(sides)
-        remark = outputs_remark(result.history[0], result.best, better)
+        sides = Sides(self._adaptation.problem, result.mesh, result.solution, self._passes.best.curved)
+        better, trouble = self._adaptation.better_outputs(sides)
+        remark = unimproved_remark("" if result.best.unimproved else trouble)
+        remark = remark or outputs_remark(result.history[0], result.best, better)
         return replace(result, message=f"{result.message} {remark}".rstrip())
 
     def _with_goal_error(self, result: AdaptResult) -> AdaptResult:

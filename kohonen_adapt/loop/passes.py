@@ -14,7 +14,7 @@ from kohonen_adapt.checks import check_hook
 from kohonen_adapt.geometry.movable import Work, shown
 from kohonen_adapt.kernels.numba.clock import seconds_compiling
 
-__all__ = ["Pass", "Status", "StepFailed", "Steps"]
+__all__ = ["Pass", "Status", "StepFailed", "Steps", "text_of"]
 
 TIMED = ("solve", "estimate", "relocate", "polish")
 
@@ -94,6 +94,8 @@ class Pass(Work):
         Values of the requested outputs by name.
     output_errors
         Estimated signed errors of the outputs by name, if they have a tolerance and the errors are known.
+    unimproved
+        Exception of the method ``improved`` of the problem in words, or an empty string.
     quantization_errors
         Mean distance of the training points to their winners in mesh units, for each epoch of the relocation. Empty for
         the input.
@@ -139,6 +141,7 @@ class Pass(Work):
     sagitta: float = 0.0
     outputs: dict[str, float] = field(default_factory=dict)
     output_errors: dict[str, float] = field(default_factory=dict)
+    unimproved: str = ""
 
     @property
     def shown_estimate(self) -> float:
@@ -159,6 +162,10 @@ class StepFailed(Exception):
     def __init__(self, step: str, number: int) -> None:
         super().__init__(step, number)
         self.step, self.number = step, number
+
+
+def text_of(error: BaseException | None) -> str:
+    return ": ".join([type(error).__name__, *str(error).splitlines()[:1]]).rstrip(".")
 
 
 class Steps:

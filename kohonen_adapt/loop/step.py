@@ -14,7 +14,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.method import Method
-from kohonen_adapt.loop.passes import Pass, Steps
+from kohonen_adapt.loop.passes import Pass, Steps, text_of
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.sides import Sides
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
@@ -123,7 +123,7 @@ class Adaptation:
             functional, value, unpolished = self._functional(mesh, solution, share)
         qualities = quality(mesh)
         outputs, unknowns = self.outputs(solution), count_unknowns(mesh, self.order)
-        previous = before.record if before else None
+        output_errors, unimproved = self.output_errors(sides, outputs, unknowns, before.record if before else None)
         record = Pass(
             **vars(moved.work(self.movable, polish_gain) if moved else Work()),
             **estimated,
@@ -140,7 +140,8 @@ class Adaptation:
             unpolished=unpolished,
             sagitta=self.movable.sagitta(),
             outputs=outputs,
-            output_errors=self.output_errors(sides, outputs, unknowns, previous),
+            output_errors=output_errors,
+            unimproved=unimproved,
             seconds=self.steps.seconds,  # last, because outputs add their time
             compile_seconds=self.steps.compile_seconds,
         )
@@ -217,31 +218,35 @@ class Adaptation:
 
     def output_errors(
         self, sides: Sides, outputs: Mapping[str, float], unknowns: int, before: Pass | None
-    ) -> dict[str, float]:
-        # They are the differences from better values, or else from a pass with half the unknowns.
+    ) -> tuple[dict[str, float], str]:
+        # They are the differences from better values, or else from a pass with half the unknowns. Returned last is the
+        # error of the method for better values.
         if self.settings.tolerance.output_rtol is None:
-            return {}
-        better = self.better_outputs(sides)
+            return {}, ""
+        better, trouble = self.better_outputs(sides)
         if not better and before is not None and unknowns >= TWICE * before.unknowns:
-            return {name: value - before.outputs[name] for name, value in outputs.items()}
-        return {name: better[name] - value for name, value in outputs.items() if name in better}
+            return {name: value - before.outputs[name] for name, value in outputs.items()}, trouble
+        return {name: better[name] - value for name, value in outputs.items() if name in better}, trouble
 
-    def better_outputs(self, sides: Sides) -> dict[str, float]:
+    def better_outputs(self, sides: Sides) -> tuple[dict[str, float], str]:
         outputs, solution = self.settings.outputs, sides.solution
         try:
             better = improved(sides.problem, sides.mesh, solution, outputs) if outputs else {}
             exact = sides.exact[1] if better else solution
             if exact is solution:
-                return better
-            return {name: value + outputs[name](exact) - outputs[name](solution) for name, value in better.items()}
-        except (Exception, KeyboardInterrupt):  # a missing remark is no reason to lose the result
-            return {}
+                return better, ""
+            changes = {name: outputs[name](exact) - outputs[name](solution) for name in better}
+            return {name: value + changes[name] for name, value in better.items()}, ""
+        except NotOffered:
+            return {}, ""
+        except Exception as error:  # an unknown error is no reason to lose the result
+            return {}, text_of(error)
 
     def goal_error(self, solved: Solved) -> tuple[float | None, str]:
         try:
             return goal_error(Sides(self.problem, solved.record.mesh, solved.solution, solved.curved)), ""
-        except (Exception, KeyboardInterrupt) as error:  # an unknown error is no reason to lose the result
-            return None, ": ".join([type(error).__name__, *str(error).splitlines()[:1]]).rstrip(".")
+        except Exception as error:  # an unknown error is no reason to lose the result
+            return None, text_of(error)
 
     def _functional(
         self, mesh: Mesh, solution: Any, share: float | None

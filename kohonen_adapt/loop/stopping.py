@@ -9,7 +9,7 @@ import numpy as np
 from kohonen_adapt.checks import check_count, check_hook
 from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.loop.growth import drift_of_nodes
-from kohonen_adapt.loop.passes import Pass, Status, StepFailed
+from kohonen_adapt.loop.passes import Pass, Status, StepFailed, text_of
 from kohonen_adapt.loop.settings import Settings, Tolerance, percent
 from kohonen_adapt.loop.table import energy_norm_error
 
@@ -26,6 +26,7 @@ __all__ = [
     "stalled_ending",
     "stalls_by_estimate",
     "stalls_by_functional",
+    "unimproved_remark",
     "unmoved_ending",
     "with_remarks",
 ]
@@ -142,6 +143,7 @@ class StopTest:
 
 def with_remarks(ending: Ending, passes: Passes, best: Pass, settings: Settings, norm: str) -> Ending:
     remarks = [_choice_remark(passes, best), _resolution_remark(passes, best), _polish_remark(passes, settings, norm)]
+    remarks.append(unimproved_remark(next((step.unimproved for step in passes if step.unimproved), "")))
     if ending.status in UNINTERRUPTED:
         first, last = passes[0], passes[-1]
         drift, nodes = drift_of_nodes(last.mesh.dim(), last.order), last.mesh.nvertices
@@ -165,6 +167,10 @@ def outputs_remark(first: Pass, best: Pass, better: Mapping[str, float]) -> str:
         f"The mesh is better for the energy, but worse for outputs: {', '.join(worse)}. "
         "To reduce the error of an output, use it as the goal of the problem."
     )
+
+
+def unimproved_remark(trouble: str) -> str:
+    return f"`improved` of the problem failed: {trouble}. Errors of outputs may be unknown." if trouble else ""
 
 
 def _choice_remark(passes: Passes, best: Pass) -> str:
@@ -235,8 +241,7 @@ def interrupted_ending(passes: Passes, best: Pass) -> Ending:
 
 def failed_ending(failure: StepFailed, best: Pass) -> Ending:
     error = failure.__cause__
-    first_line = ": ".join([type(error).__name__, *str(error).splitlines()[:1]]).rstrip(".")
-    message = f"Failed in pass {failure.number}, {failure.step}: {first_line}. {best_pass_text(best)} See `error`."
+    message = f"Failed in pass {failure.number}, {failure.step}: {text_of(error)}. {best_pass_text(best)} See `error`."
     return Ending(Status.FAILED, message, error if isinstance(error, Exception) else None)
 
 

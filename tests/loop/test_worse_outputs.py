@@ -35,6 +35,10 @@ def pull(solution):
     return solution if isinstance(solution, float) else 2.0 - solution
 
 
+def one(solution):
+    return 1.0
+
+
 def test_what_became_worse_is_named_with_how_far_it_is_off():
     assert stalled(2.25, {"pull": pull, "push": lambda solution: 1.0}).endswith(
         " The mesh is better for the energy, but worse for outputs: error of 'pull' about 1.2 (input 0.25). To reduce "
@@ -50,12 +54,55 @@ def test_what_became_worse_is_named_with_how_far_it_is_off():
         (2.25, {"pull": lambda solution: pull(solution) - 2.2}),  # 0.05 but for errors
         (2.25, None),
         (ka.NotOffered("it has none"), {"pull": pull}),
-        (np.linalg.LinAlgError("singular"), {"pull": pull}),
-        (KeyboardInterrupt(), {"pull": pull}),
     ],
 )
 def test_nothing_is_said_where_nothing_shows_it(better, outputs):
     assert stalled(better, outputs).endswith("Use more nodes (`target_nodes`) for a smaller error.")
+
+
+def test_an_error_of_the_method_is_told_with_its_type():
+    assert stalled(np.linalg.LinAlgError("singular"), {"pull": pull}).endswith(
+        " `improved` of the problem failed: LinAlgError: singular. Errors of outputs may be unknown."
+    )
+
+
+class ImprovedLater(Improved):
+    """Better values until the trouble comes, with a mesh whose number is given."""
+
+    def __init__(self, trouble, number):
+        super().__init__([4.0, 3.0, 2.0, 1.0])
+        self.trouble, self.number = trouble, number
+
+    def improved(self, mesh, solution, outputs):
+        if solution == self.number:
+            raise self.trouble
+        return {name: 2.0 * output(solution) for name, output in outputs.items()}
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_so_is_one_in_a_pass_by_the_tolerance_of_an_output(number):
+    problem = ImprovedLater(ValueError("no values\nhere"), number)
+    result = adapt(MESH, problem, passes=2, outputs={"one": one}, output_rtol=0.1, target_nodes=MESH.nvertices)
+    assert result.status is ka.Status.MAX_PASSES and len(result.history) == 3
+    assert [bool(step.output_errors) for step in result.history] == [k != number for k in range(3)]
+    assert [step.unimproved for step in result.history] == ["ValueError: no values" * (k == number) for k in range(3)]
+    assert " `improved` of the problem failed: ValueError: no values. " in result.message
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_ctrl_c_in_the_method_ends_the_run(number):
+    problem = ImprovedLater(KeyboardInterrupt(), number)
+    result = adapt(MESH, problem, passes=2, outputs={"one": one}, output_rtol=0.1, target_nodes=MESH.nvertices)
+    assert result.status is ka.Status.STOPPED and result.best.number == number - 1
+    assert result.message.startswith(f"Stopped by Ctrl-C after {number - 1} pass")
+
+
+def test_so_does_ctrl_c_while_a_stalled_run_looks_at_its_outputs():
+    problem = Improved([4.0, 2.0, 3.0, 3.0])
+    problem.better = KeyboardInterrupt()
+    result = adapt(MESH, problem, passes=9, outputs={"pull": pull})
+    assert (result.status, result.best.number, len(result.history)) == (ka.Status.STOPPED, 1, 4)
+    assert result.message.startswith("Stopped by Ctrl-C after 3 passes. Best: pass 1")
 
 
 @pytest.mark.parametrize("degrees", [65.0, 90.0])
