@@ -61,6 +61,9 @@ class Movable(ABC):
         """Return the largest distance of a curved part from its facets."""
 
     @abstractmethod
+    def cut_off(self) -> float: ...  # area or volume between elements and their curved parts, on both sides
+
+    @abstractmethod
     def farthest_part(self) -> str:
         """Return the name of the part at this distance from its facets."""
 

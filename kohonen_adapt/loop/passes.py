@@ -62,7 +62,8 @@ class Pass(Work):
         Square root of the sum of the squared indicators. Within `rtol` or `atol` it includes what sides miss of their
         curves at orders 2 and 3.
     worth
-        Error measure that compares passes if the functional cannot: the estimated error in the problem's norm.
+        Error measure that compares passes if the functional cannot: the estimated error in the problem's norm. The mean
+        density of the squared error also counts between straight sides or faces and their curves.
     energy_norm
         Energy norm of the solution, None if the problem has no ``energy_norm``.
     calibrated

@@ -1,5 +1,6 @@
 """Steps of a pass, which solve, estimate, relocate and polish."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -152,15 +153,15 @@ class Adaptation:
         problem, mesh, solution, tolerance = sides.problem, sides.mesh, sides.solution, self.settings.tolerance
         indicators = estimate(problem, mesh, solution)
         norm, goal = energy_norm(problem, mesh, solution, tolerance.rtol), goal_of(problem, solution)
-        total, length = root_of_squares(indicators), 1.0
+        total, length, size = root_of_squares(indicators), 1.0, area(mesh)
         if norm_of(problem) != "energy":
-            length = area(mesh) ** (1 / mesh.dim())
+            length = size ** (1 / mesh.dim())
         if goal is None and total <= (tolerance.of_energy(norm) or 0.0):
             total = sides.error_with_sides(total, self.settings.rules.curves)
         return {
             "indicators": indicators,
             "estimate": total,
-            "worth": root_of_squares(length * indicators),
+            "worth": root_of_squares(length * indicators) * math.sqrt(1.0 + self.movable.cut_off() / float(size.sum())),
             "energy_norm": norm,
             "calibrated": is_calibrated(problem),
             "goal": goal,

@@ -12,7 +12,7 @@ from kohonen_adapt.kernels.triangle.polish.by_points import MIN_JACOBIAN
 from kohonen_adapt.mesh.curved import AFTER, BEFORE, jacobian_coefficients
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["MIN_JACOBIAN", "offsets_on_curves", "offsets_with_free_sides"]
+__all__ = ["MIN_JACOBIAN", "area_cut_off", "offsets_on_curves", "offsets_with_free_sides"]
 
 CROWDED = 0.1  # relative determinant of an element whose free sides make way for its curved sides
 RISES = np.arange(16) / 50  # midside offsets added to free sides, relative to their lengths
@@ -76,6 +76,15 @@ def offsets_from_chords(triangulation: Triangulation, constraints: Constraints, 
     length = chains.length[chain]
     round_ = np.where(chains.closed[chain], np.floor(middle / length), 0.0)
     return points_on(constraints, chain, middle - round_ * length) - 0.5 * (position[ends[0]] + position[ends[1]])
+
+
+def area_cut_off(triangulation: Triangulation, constraints: Constraints) -> float:
+    # between the straight sides of elements and their curves, without sign
+    elements, position = triangulation.elements, triangulation.position
+    e, k = np.nonzero(np.append(constraints.chains.shape != STRAIGHT, False)[elements.chain])
+    offset, (a, b) = offsets_from_chords(triangulation, constraints, e, k), elements.ends(e, k)
+    (tx, ty), (ox, oy) = (position[b] - position[a]).T, offset.T
+    return float(np.sum(np.abs(tx * oy - ty * ox)) * 2.0 / 3.0)
 
 
 def limit_factors(

@@ -12,7 +12,12 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.geometry.movable import Movable, arrays_of
 from kohonen_adapt.geometry.plane.layers import set_levels
-from kohonen_adapt.geometry.plane.midsides import MIN_JACOBIAN, offsets_on_curves, offsets_with_free_sides
+from kohonen_adapt.geometry.plane.midsides import (
+    MIN_JACOBIAN,
+    area_cut_off,
+    offsets_on_curves,
+    offsets_with_free_sides,
+)
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.geometry.rules import Rules, check_for, floor_of
 from kohonen_adapt.kernels.arrays import KernelMesh
@@ -172,6 +177,9 @@ class MovableMesh(Movable):
 
     def sagitta(self) -> float:
         return 0.0 if self.curved else self.outline.sagitta(self.triangulation)
+
+    def cut_off(self) -> float:
+        return 0.0 if self.curved else area_cut_off(self.triangulation, self.constraints)
 
     def farthest_part(self) -> str:
         return self.outline.farthest_curve(self.triangulation)

@@ -22,6 +22,7 @@ from kohonen_adapt.geometry.space.projection import (
     move_to_targets,
     projected_positions,
     samples_of,
+    volume_cut_off,
 )
 from kohonen_adapt.geometry.space.recognition import patches_of
 from kohonen_adapt.geometry.space.ridges import Ridges, freedom_of, ridges_of
@@ -216,6 +217,10 @@ class MovableSolid(Movable):
         if self.curved:
             return 0.0
         return float(distances_from_faces(tet.position, tet.elements, self.patches).max(initial=0.0))
+
+    def cut_off(self) -> float:
+        tet = self.tetrahedralization
+        return 0.0 if self.curved else volume_cut_off(tet.position, tet.elements, self.patches)
 
     def farthest_part(self) -> str:
         tet = self.tetrahedralization

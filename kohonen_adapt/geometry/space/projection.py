@@ -21,7 +21,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.mesh.cells import FACES, TETRAHEDRON, normals
 
-__all__ = ["distances_from_faces", "move_to_targets", "projected_positions", "samples_of"]
+__all__ = ["distances_from_faces", "move_to_targets", "projected_positions", "samples_of", "volume_cut_off"]
 
 STILL = 1e-13  # distance from the target below which nodes are not moved, relative to the size of the mesh
 HALVINGS = 4  # maximum number of halvings of displacements that violate the quality rule
@@ -113,6 +113,18 @@ def distances_from_faces(position: Floats, elements: Tetrahedra, patches: Patche
     for x in (corners.mean(axis=1), *edges.transpose(1, 0, 2)):
         np.maximum.at(found, patch, np.linalg.norm(patches.project(patch, x) - x, axis=1))
     return found
+
+
+def volume_cut_off(position: Floats, elements: Tetrahedra, patches: Patches) -> float:
+    # Between the plane faces of elements and their surfaces, without sign. The integral of a quadratic function that
+    # vanishes at the corners is a third of the area times the sum of the values at the midpoints of the edges.
+    used = elements.node[:, :1] >= 0
+    e, k = np.nonzero((elements.patch >= 0) & used & np.append(patches.moves, False)[elements.patch])
+    nodes, patch = np.take_along_axis(elements.node[e], FACES[k], axis=1), elements.patch[e, k]
+    corners, height = position[nodes], np.zeros(len(e))
+    for x in (0.5 * (corners + np.roll(corners, 1, axis=1))).transpose(1, 0, 2):
+        height += np.sum((patches.project(patch, x) - x) * normals(position, nodes), axis=1)
+    return float(np.sum(np.abs(height)) / 6.0)
 
 
 def samples_of(faces: Faces, patches: Patches, position: Floats) -> Samples:
