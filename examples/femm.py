@@ -3,11 +3,13 @@
 import argparse
 import json
 import re
-from math import cos, radians, sin
+from math import cos, pi, radians, sin
 from pathlib import Path
 
 UNITS = {"inches": 0.0254, "millimeters": 1e-3, "centimeters": 1e-2, "meters": 1.0, "mils": 2.54e-5}
 UNITS |= dict.fromkeys(("micrometers", "microns"), 1e-6)
+
+PAIRS = {"4": "periodic", "5": "antiperiodic"}  # types of boundaries
 
 
 def properties(head, kind):
@@ -45,9 +47,12 @@ def coercivity(strength, row):
 def material(block, row):
     """Keys of a material of the case: H in A/m, J in A/m^2 (FEMM has MA/m^2)."""
     known(block["Mu_x"] == block["Mu_y"], f"{block['BlockName']}: different permeabilities in x and y")
-    known(float(block["LamFill"]) == 1.0 or int(block["LamType"]) > 2, f"{block['BlockName']}: a lamination")
-    points = [[float(b), float(h)] for b, h in block["BH"] if float(b) > 0.0]
-    yield f"bh = {points}" if points else f"permeability = {float(block['Mu_x'])!r}"
+    fill = float(block["LamFill"]) if int(block["LamType"]) <= 2 else 1.0
+    known(fill == 1.0 or int(block["LamType"]) == 0, f"{block['BlockName']}: laminated across the plane, so it")
+    known(fill == 1.0 or not float(block["H_c"]), f"{block['BlockName']}: a laminated magnet, which")
+    vacuum = (1.0 - fill) * 4e-7 * pi  # sheets in the plane carry the flux side by side with the air between them
+    points = [[fill * float(b) + vacuum * float(h), float(h)] for b, h in block["BH"] if float(b) > 0.0]
+    yield f"bh = {points}" if points else f"permeability = {fill * float(block['Mu_x']) + 1.0 - fill!r}"
     if float(block["H_c"]):
         yield coercivity(float(block["H_c"]), row)
     if float(block["J_re"]):
@@ -65,6 +70,10 @@ def case(path):
     axisymmetric = setting["problemtype"] == "axisymmetric"
     unit = UNITS[setting["lengthunits"].lower()]
     yield "axisymmetric = true" if axisymmetric else f"depth = {unit * float(setting['depth'])!r}  # m"
+    for kind, key in PAIRS.items():
+        names = [each["BdryName"] for each in properties(head, "Bdry") if each["BdryType"] == kind]
+        if names:  # read_mesh calls the two sides of a pair NAME 1 and NAME 2
+            yield f"{key} = {json.dumps([[f'{name} 1', f'{name} 2'] for name in names])}"
     blocks, circuits = properties(head, "Block"), properties(head, "Circuit")
     rows = labels(head)
     of_block = [row[2] for row in rows]
@@ -81,6 +90,8 @@ def case(path):
     yield from ("", "[ampere_turns]", *coils) if coils else ()
     yield from ("", "[potential]")
     for boundary in properties(head, "Bdry"):
+        if boundary["BdryType"] in PAIRS:
+            continue
         known(boundary["BdryType"] == "0", f"the boundary {boundary['BdryName']}, on which A is not given,")
         known(not float(boundary.get("phi", 0)), f"the boundary {boundary['BdryName']}, whose A has a phase,")
         value, *slopes = (float(boundary[key]) for key in ("A_0", "A_1", "A_2"))

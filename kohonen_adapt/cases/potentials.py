@@ -100,7 +100,7 @@ class _Expression:
         return LinearPotential(x, y, constant) if x or y else constant
 
     def _sum(self) -> Floats:
-        """Return the slopes over x and y and the constant, shape (3,)."""
+        # slopes over x and y and the constant, shape (3,)
         found = self._product()
         while self._at < len(self._text):
             sign = self._next_token("sign", "+-", wanted="+, -, * or /")

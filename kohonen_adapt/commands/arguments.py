@@ -22,7 +22,7 @@ TOLERANCES = {
 """Options of `run` and `sweep` that replace keys of ``adapt`` in the case, with what a tolerance limits."""
 
 EPILOG = "Help on a command: kohonen-adapt COMMAND --help. To begin: kohonen-adapt init MESH."
-MESHES = "mesh file (.msh, .msh2, .vtu, .vtk, .inp, .mesh, .su2, .med, .xdmf, .ans) or folder of Elmer"
+MESHES = "mesh file (.msh, .msh2, .vtu, .vtk, .inp, .mesh, .su2, .med, .xdmf, .vol, .ans) or folder of Elmer"
 
 Handler = Callable[..., int]
 

@@ -118,7 +118,7 @@ def items_by_name(group: Ints, item: Ints, shape: str, content: Content) -> Sets
 
 
 def _boundaries(mesh: MeshTri, used: Ints, content: Content, path: Path) -> Sets | None:
-    """Return ``2 * facet + side`` by name, side 1 if the second is left."""
+    # codes 2 * facet + side by name, side 1 if the second is left
     rows = content.of_shape(LINE)
     if len(rows.number) == 0 and not content.names:
         return None

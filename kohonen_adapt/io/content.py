@@ -58,6 +58,11 @@ ROTATE = {
 }
 """Index of the constant coordinate of a plane drawing to the remedy."""
 
+SOLID = (
+    "For a solid, mesh the volume (gmsh -3) and give the volume a physical group, too, if there are groups: Gmsh saves "
+    "only elements in groups."
+)
+
 FLAT = 1e-9
 """Tolerance for a plane z = constant, relative to the size of the mesh."""
 
@@ -258,7 +263,7 @@ def check_flat(points: Floats, path: Path, what: str = "node") -> None:
         remedy = ROTATE.get(int(flat[0])) if len(flat) == 1 else None
         raise ValueError(
             f"read_mesh expected a drawing in the xy-plane; z runs from {low:g} to {high:g} in '{path}'. "
-            f"{remedy or 'For a solid, mesh the volume: gmsh -3.'}"
+            f"{remedy or SOLID}"
         )
 
 

@@ -127,7 +127,7 @@ def _of_another_mesh(path: Path, why: str) -> ValueError:
 
 
 def _side_nodes(content: Content, ends: Ints, path: Path) -> Ints:
-    """Return the nodes (f, order + 1) from end to end of the facets `ends` (f, 2)."""
+    # nodes (f, order + 1) from end to end of the facets `ends` (f, 2)
     order, triangles = (
         order_of_sides(content),
         next(content.rows[kind] for kind in ORDERS if kind in content.rows).nodes,

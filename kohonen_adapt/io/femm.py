@@ -1,6 +1,8 @@
 """Meshes from the solution files (.ans) of FEMM."""
 
+import logging
 import re
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +15,8 @@ from kohonen_adapt.io.content import Content, as_value_error, content_of_sets
 
 __all__ = ["read_ans"]
 
+logger = logging.getLogger("kohonen_adapt")
+
 UNITS = {
     "inches": 0.0254,
     "millimeters": 1e-3,
@@ -23,6 +27,9 @@ UNITS = {
     "microns": 1e-6,
 }
 """FEMM's name of a unit of length to metres."""
+
+PERIODIC = (4, 5)  # types of boundaries whose two sides have one name
+AIR_GAP = (6, 7)  # without triangles between rotor and stator
 
 LINE, TRIANGLE = 1, 2
 NEAR = 1e-7  # tolerance for nodes on a curve, relative to the length of a segment or the radius of an arc
@@ -85,6 +92,15 @@ def _blocks(head: str, elements: Ints) -> Iterator[tuple[int, str, Ints, Ints]]:
 
 def _boundaries(head: str, nodes: Complex) -> Iterator[tuple[int, str, Ints, Ints]]:
     names = ["", *re.findall(r'<BdryName>\s*=\s*"([^"]*)"', head)]
+    kinds = [0, *map(int, re.findall(r"<BdryType>\s*=\s*(\d+)", head))]
+    gaps = [name for name, kind in zip(names, kinds, strict=True) if kind in AIR_GAP]
+    if gaps:
+        logger.warning(
+            "the air gap element %s has no triangles, so the mesh has a hole there. In FEMM, clear the boundary "
+            "property, put a block label into the gap and analyse again.",
+            listed(gaps),
+        )
+    sides = Counter[int]()
     ends = _section(head, "NumPoints", 2) @ [1.0, 1.0j]
     segments, arcs = _section(head, "NumSegments", 4), _section(head, "NumArcSegments", 5)
     curves = [(*row[[0, 1, 3]].astype(int).tolist(), 0.0) for row in segments]
@@ -92,7 +108,11 @@ def _boundaries(head: str, nodes: Complex) -> Iterator[tuple[int, str, Ints, Int
     for first, last, which, angle in curves:
         if which > 0:
             node = _nodes_on_curve(nodes, ends[first], ends[last], angle)
-            yield LINE, names[which], np.column_stack([node[:-1], node[1:]]), np.arange(len(node) - 1)
+            lines, number = np.column_stack([node[:-1], node[1:]]), np.arange(len(node) - 1)
+            yield LINE, names[which], lines, number
+            if kinds[which] in PERIODIC:
+                sides[which] += 1
+                yield LINE, f"{names[which]} {sides[which]}", lines, number
 
 
 def _nodes_on_curve(nodes: Complex, start: complex, end: complex, angle: float) -> Ints:

@@ -52,6 +52,18 @@ class Numbers:
         rows = self.take((1 + components) * count).reshape(count, 1 + components)
         return _as_integers(rows[:, 0]), rows[:, 1:]
 
+    def parametric_rows(self, count: int) -> tuple[Ints, Floats]:
+        # A row has the number, position, dimension and tag of the entity, and a parameter on curves, two on surfaces.
+        size = 2 if self._binary else 1
+        end = 1 + 3 * size
+        parts: list[tuple[Ints, Floats]] = [(np.empty(0, np.int64), np.empty((0, 3)))]
+        width = {1: 2 + size, 2: 2 + 2 * size}
+        for _, table in self._rows_by_head(count, slice(end, end + 1), lambda kind: (end + width.get(kind, 2), 1)):
+            places = np.ascontiguousarray(table[:, 1:end]).view(REAL).reshape(-1, 3)
+            parts.append((_as_integers(table[:, 0]), places))
+        numbers, points = zip(*parts, strict=True)
+        return np.concatenate(numbers), np.concatenate(points)
+
     def means(self, count: int, components: int) -> tuple[Ints, Floats]:
         """Take element numbers (count,) and means of nodal values (count, components)."""
         words = components * (2 if self._binary else 1)

@@ -31,6 +31,7 @@ from kohonen_adapt.io.content import (
     shape_of,
 )
 from kohonen_adapt.io.gmsh_numbers import SIZE, Numbers
+from kohonen_adapt.io.plain_text import is_freefem, read_freefem
 
 __all__ = ["read_msh", "read_views"]
 
@@ -58,6 +59,8 @@ COMPONENTS = {"S": 1, "V": 3, "T": 9}  # values at a corner: scalar, vector, ten
 def read_msh(path: Path) -> Content:
     with path.open("rb") as stream:
         start = stream.read(HEADER_BYTES)
+        if is_freefem(start):
+            return read_freefem(path)
         version, binary = _header_of(start, path)
         with as_value_error(path, f"'{path}' is not a complete Gmsh file: {{}}. Write it again with Gmsh."):
             return _content(start + stream.read(), version, binary)
@@ -67,7 +70,8 @@ def _header_of(data: bytes, path: Path) -> tuple[str, bool]:
     start = data.find(b"$MeshFormat")
     words = data[start : start + 80].split()[1:4]
     if start < 0 or len(words) < 3:
-        raise ValueError(f"read_mesh expected a Gmsh file; '{path}' has no section $MeshFormat.")
+        remedy = f" It is MSH 1: gmsh '{path.name}' -save -format msh41 -o NEW.msh" if data.startswith(b"$NOD") else ""
+        raise ValueError(f"read_mesh expected a Gmsh file; '{path}' has no section $MeshFormat.{remedy}")
     version, kind, size = (word.decode("ascii", "replace") for word in words)
     if version not in ("2", "2.0", "2.1", "2.2", "4.1") or kind not in ("0", "1") or size != "8":
         raise ValueError(
@@ -84,18 +88,19 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
             raise ValueError(f"section ${name} is missing")
         return Numbers(data, data.index(b"\n", start) + 1, binary)
 
-    if b"\n$PartitionedEntities" in data:
-        raise ValueError("it is partitioned, which is not supported")
     missing: tuple[int, ...] = ()
     if version == "4.1":
         groups = _entities(section("Entities")) if b"\n$Entities" in data else {}
+        if b"\n$PartitionedEntities" in data:
+            groups = _entities_of_partitions(section("PartitionedEntities"), groups)
         numbers, points = _nodes_41(section("Nodes"))
         blocks, meshed = _elements_41(section("Elements"), groups, max(ALLOWED_ROWS, 2 * len(data)))
         highest = max((dimension for dimension, _ in meshed), default=0)
         missing = tuple(sorted(tag for dimension, tag in groups.keys() - meshed if dimension == highest > 1))
     else:
-        nodes = section("Nodes")
-        numbers, points = nodes.rows(nodes.count(), 3)
+        parametric = b"\n$ParametricNodes" in data
+        nodes = section("ParametricNodes" if parametric else "Nodes")
+        numbers, points = nodes.parametric_rows(nodes.count()) if parametric else nodes.rows(nodes.count(), 3)
         blocks = _elements_22(section("Elements"))
     order = np.argsort(numbers, kind="stable")
     rows, version = _rows(blocks, numbers[order]), "4.1" if version == "4.1" else "2.2"
@@ -128,6 +133,23 @@ def _entities(section: Numbers) -> dict[tuple[int, int], Ints]:
             if dimension and (number := section.integer(SIZE)):
                 section.ints(number)
     return groups
+
+
+def _entities_of_partitions(section: Numbers, groups: dict[tuple[int, int], Ints]) -> dict[tuple[int, int], Ints]:
+    # Elements belong to the parts of an entity, which have its groups.
+    found = dict(groups)
+    section.integer(SIZE)
+    section.ints(2 * section.integer(SIZE))  # ghosts
+    for dimension, count in enumerate(section.ints(4, SIZE)):
+        for _ in range(count):
+            tag, *parent = section.ints(3)
+            section.ints(section.integer(SIZE))
+            section.take(6 if dimension else 3)
+            found.pop(tuple(parent), None)
+            found[dimension, int(tag)] = section.ints(number) if (number := section.integer(SIZE)) else NO_GROUPS
+            if dimension:
+                section.ints(section.integer(SIZE))
+    return found
 
 
 def _nodes_41(section: Numbers) -> tuple[Ints, Floats]:

@@ -18,13 +18,13 @@ import meshio
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.checks import listed
+from kohonen_adapt.io.abaqus_sets import add_names
 from kohonen_adapt.io.content import (
-    ALLOWED_BYTES,
     CORNERS,
     DIMENSION,
     EXACT_INTEGERS,
     GMSH_TETRAHEDRON,
-    MAX_EXPANSION,
     CellFields,
     Content,
     Field,
@@ -34,7 +34,8 @@ from kohonen_adapt.io.content import (
     shape_of,
 )
 from kohonen_adapt.io.groups import UNNAMED
-from kohonen_adapt.io.vtu import BOUNDARY, LAGRANGE, SUBDOMAIN, checked_vtu, mean_weights, plain_xml, sides_of
+from kohonen_adapt.io.meshio_formats import FORMATS, MARKER, is_ucd
+from kohonen_adapt.io.vtu import BOUNDARY, LAGRANGE, SUBDOMAIN, mean_weights, sides_of
 
 __all__ = ["FORMATS", "WITH_FIELDS", "read_arrays", "read_content"]
 
@@ -52,105 +53,21 @@ REFUSED = {"tetra": 11, "wedge": PRISM, "pyramid": PYRAMID}
 
 SIDES = {TRIANGLE: LINE, TETRAHEDRON: TRIANGLE}
 
-NUMBERS = ("gmsh:physical", "cell_tags", "medit:ref", "su2:tag", "CellEntityIds")
+NUMBERS = ("gmsh:physical", "cell_tags", "medit:ref", "su2:tag", "avsucd:material", "netgen:index", "CellEntityIds")
 """Names of cell data with group numbers, in meshio and in Gmsh's VTK."""
 
-COUNTS = re.compile(rb"(?m)^[ \t]*[A-Za-z_][^\s=]*[ \t]*[\s=][ \t]*([0-9]+)(?:[ \t]+([0-9]+))?")
-"""First word of a line, and the counts after the word."""
-
-MARKER = re.compile(rb"(?m)^(MARKER_TAG[ \t]*=)[ \t]*(.*?)[ \t\r]*$")
-RANGE = re.compile(rb"(?im)^\*[^\n]*\bGENERATE\b[^\n]*\n\s*([0-9]+)\s*,\s*([0-9]+)\s*,\s*([0-9]+)")
-BLOCK = re.compile(r"(?im)^[ \t]*\*ELEMENT[ \t]*(?:,(?:.*?\bELSET[ \t]*=[ \t]*([^,\r\n]*))?.*)?\r?$")
-
-
-def _check_counts(data: bytes, path: Path) -> bytes:
-    # meshio reserves memory for the counts of a file.
-    most = max((int(number) for pair in COUNTS.findall(data) for number in pair if number), default=0)
-    if most > len(data):
-        raise ValueError(f"it announces {most} items in {len(data)} bytes")
-    return data
-
-
-def _vtk(data: bytes, path: Path) -> bytes:
-    if not re.search(rb"(?im)^DATASET\s+UNSTRUCTURED_GRID\b", data):
-        raise ValueError("it has no UNSTRUCTURED_GRID")
-    _check_counts(b"\n".join(data.split(b"\n", 3)[2:]), path)  # without the title, a free text
-    return data
-
-
-def _abaqus(data: bytes, path: Path) -> bytes:
-    if re.search(rb"(?im)^\*INCLUDE\b", data):
-        raise ValueError("it includes another file: put all into one")
-    if re.search(rb"(?im)^\*ELSET\b[^\n]*\n\s*[^0-9\s*]", data):
-        raise ValueError("it has a set of sets: list their elements")
-    for first, last, step in RANGE.findall(data):
-        if int(step) == 0 or (int(last) - int(first)) // int(step) > len(data):
-            raise ValueError(f"it has a set from {int(first)} to {int(last)} in {len(data)} bytes")
-    return data
-
-
-def _su2(data: bytes, path: Path) -> bytes:
-    # meshio has numbers only for markers, and may use one number for two names.
-    number = iter(range(1, 1 + len(MARKER.findall(data))))
-    return MARKER.sub(lambda found: found[1] + b" %d" % next(number), _check_counts(data, path))
-
-
-def _med(data: bytes, path: Path) -> bytes:
-    _check_hdf(path)
-    return data
-
-
-def _xdmf(data: bytes, path: Path) -> bytes:
-    for item in plain_xml(data).iter("DataItem"):
-        form, (name, *_) = item.get("Format"), (item.text or "").strip().split(":")
-        if form == "HDF":
-            if Path(name).name != name or not path.with_name(name).is_file():
-                raise ValueError(f"its data must be in a file in the same folder; there is no file '{name}' in it")
-            _check_hdf(path.with_name(name))
-        elif form not in ("XML", None):
-            raise ValueError(f"its data has the format '{form}'; write it with HDF or XML")
-    return data
-
-
-def _check_hdf(path: Path) -> None:
-    import h5py  # optional dependency
-
-    def nbytes(group: Any) -> Iterator[int]:
-        for name in group:
-            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-                raise ValueError(f"'{name}' in it is a link")
-            item = group[name]
-            if isinstance(item, h5py.Group):
-                yield from nbytes(item)
-            elif item.external or item.is_virtual:
-                raise ValueError(f"'{name}' in it has its data in another file")
-            else:
-                yield item.nbytes
-
-    with h5py.File(path, "r") as file:
-        if sum(nbytes(file)) > MAX_EXPANSION * path.stat().st_size + ALLOWED_BYTES:
-            raise ValueError("it unpacks to more data than plausible for its size")
-
-
-FORMATS: dict[str, tuple[str, Any, Callable[[bytes, Path], bytes]]] = {
-    ".vtu": ("a VTU", meshio.vtu, lambda data, path: checked_vtu(data)),
-    ".vtk": ("a VTK", meshio.vtk, _vtk),
-    ".inp": ("an Abaqus", meshio.abaqus, _abaqus),
-    ".mesh": ("a Medit", meshio.medit, _check_counts),
-    ".su2": ("an SU2", meshio.su2, _su2),
-    ".med": ("a MED", meshio.med, _med),
-    ".xdmf": ("an XDMF", meshio.xdmf, _xdmf),
-}
-"""Suffix to name, module of meshio, and a function that checks or corrects the bytes for this module."""
+GROUPING = re.compile(r"(?i)mat|region|label|attrib|domain|group|zone|tag|physical|marker")
+"""Parts of names of cell data with group numbers, in other programs."""
 
 
 def _read_with_meshio(path: Path, caller: str) -> Any:
     suffix = path.suffix.lower()
-    name, module, correct = FORMATS[suffix]
+    name, own, correct = FORMATS[suffix]
     if suffix in (".med", ".xdmf") and not find_spec("h5py"):
         raise ImportError(f'{caller} needs h5py for {name} file: pip install "kohonen-adapt[files]".')
     with as_value_error(path, f"{caller} expected {name} file; '{path}' cannot be read: {{}}."):
         data = path.read_bytes()
+        module = getattr(meshio, "avsucd" if suffix == ".inp" and is_ucd(data) else own)
         try:
             changed = correct(data, path)
             if changed == data:
@@ -164,19 +81,22 @@ def _read_with_meshio(path: Path, caller: str) -> Any:
             raise
         except Exception as error:  # meshio raises errors of any type for a damaged file
             raise ValueError(f"{type(error).__name__} {error}".strip()) from error
-        _add_names(mesh, suffix, data)
+        _add_names(mesh, path, data)
         return mesh
 
 
-def _add_names(mesh: Any, suffix: str, data: bytes) -> None:
+def _add_names(mesh: Any, path: Path, data: bytes) -> None:
+    suffix = path.suffix.lower()
     if suffix == ".su2":
         markers = [marker.decode("utf-8", "replace") for _, marker in MARKER.findall(data)]
         mesh.cell_tags = {number: [marker] for number, marker in enumerate(markers, 1)}
-    if suffix == ".inp":
-        names = [name.strip() for name in BLOCK.findall(data.decode("utf-8", "replace"))]
-        for name in filter(None, names):
-            sizes = [len(block) if name == own else 0 for own, block in zip(names, mesh.cells, strict=True)]
-            mesh.cell_sets[name] = [np.arange(size) for size in sizes]
+    if suffix == ".inp" and not is_ucd(data):
+        left_out = add_names(mesh, data.decode("utf-8", "replace"))
+        if left_out:
+            logger.warning(
+                "the sets %s of '%s' are left out: no sides on the outline or between element sets are in them.",
+                *(listed(left_out), path),
+            )
 
 
 def _read_logged(read: Callable[[str], Any], path: Path) -> Any:
@@ -196,7 +116,33 @@ def read_content(path: Path) -> Content:
     mesh = _read_with_meshio(path, "read_mesh")
     with as_value_error(path, f"'{path}' cannot be read: {{}}."):
         points = _points(mesh)
-        return content_of_sets(points, _all_sets(mesh, points))
+        return content_of_sets(points, _all_sets(mesh, points, _number_key(mesh, path)))
+
+
+def _number_key(mesh: Any, path: Path) -> str | None:
+    known = next((key for key in NUMBERS if key in mesh.cell_data), None)
+    if known or any(key.startswith((SUBDOMAIN, BOUNDARY)) for key in mesh.cell_data):
+        return known
+    arrays = [key for key, parts in mesh.cell_data.items() if _may_group(key, parts)]
+    named = [key for key in arrays if GROUPING.search(key)]
+    chosen = arrays[0] if len(arrays) == 1 else named[0] if len(named) == 1 else None
+    left_out = [key for key in arrays if key != chosen]
+    if left_out:
+        logger.warning(
+            "the integers %s of the cells of '%s' are left out, %s; keep the one array whose numbers are those of "
+            "regions and boundaries.",
+            listed(left_out),
+            path,
+            f"'{chosen}' is read as groups" if chosen else "because several may be groups",
+        )
+    return chosen
+
+
+def _may_group(key: str, parts: list[Any]) -> bool:
+    if not all(part.dtype.kind in "iu" and part.size == len(part) for part in parts):
+        return False
+    values = np.concatenate([np.ravel(part) for part in parts])
+    return bool(np.any(values)) and (len(np.unique(values)) < len(values) or bool(GROUPING.search(key)))
 
 
 def _kind(block: Any) -> int:
@@ -204,7 +150,7 @@ def _kind(block: Any) -> int:
     return KINDS.get(block.type) or next(iter(others.values()), HEXAHEDRON if block.dim == 3 else QUADRILATERAL)
 
 
-def _all_sets(mesh: Any, points: Floats) -> Iterator[tuple[int, str, Ints, Ints]]:
+def _all_sets(mesh: Any, points: Floats, key: str | None) -> Iterator[tuple[int, str, Ints, Ints]]:
     # (type, name, nodes, numbers) of all cells, and of the cells of every set
     first = 0
     for k, block in enumerate(mesh.cells):
@@ -214,7 +160,10 @@ def _all_sets(mesh: Any, points: Floats) -> Iterator[tuple[int, str, Ints, Ints]
         nodes = _nodes(block, kind, len(points))
         yield kind, "", nodes, first + np.arange(len(nodes))
         yield from _sets(mesh, k, kind, nodes, first, points)
+        yield from _numbered(mesh, k, kind, nodes, first, key) if key else ()
         first += len(nodes)
+    for name, sides in getattr(mesh, "side_sets", {}).items():
+        yield {2: LINE, 3: TRIANGLE}[sides.shape[1]], name, sides, first + np.arange(len(sides))
 
 
 def _points(mesh: Any) -> Floats:
@@ -245,13 +194,6 @@ def _sets(
     for name, parts in mesh.cell_sets.items():
         if k < len(parts) and len(parts[k]):
             yield kind, name, nodes[parts[k]], first + np.asarray(parts[k])
-    key = next((key for key in NUMBERS if key in mesh.cell_data), None)
-    if key:
-        numbers = _as_integers(mesh.cell_data[key][k], key)
-        for tag in np.unique(numbers[numbers != 0]).tolist():
-            which = np.flatnonzero(numbers == tag)
-            for name in _names(mesh, key, tag, DIMENSION[shape_of(kind)]):
-                yield kind, name, nodes[which], first + which
     first_order = _first_order(kind)
     for key, values in mesh.cell_data.items() if first_order in SIDES else ():
         if key.startswith(SUBDOMAIN):
@@ -260,6 +202,15 @@ def _sets(
         elif key.startswith(BOUNDARY):
             sides = sides_of(nodes[:, : nodes_per_element(first_order)], _as_integers(values[k], key), points)
             yield SIDES[first_order], key.removeprefix(BOUNDARY), sides, np.arange(len(sides))
+
+
+def _numbered(mesh: Any, k: int, kind: int, nodes: Ints, first: int, key: str) -> Iterator[tuple[int, str, Ints, Ints]]:
+    numbers, dimension = _as_integers(mesh.cell_data[key][k], key), DIMENSION[shape_of(kind)]
+    has_zero = key not in NUMBERS and dimension == max(block.dim for block in mesh.cells)  # zero may be a region
+    for tag in np.unique(numbers if has_zero else numbers[numbers != 0]).tolist():
+        which = np.flatnonzero(numbers == tag)
+        for name in _names(mesh, key, tag, dimension):
+            yield kind, name, nodes[which], first + which
 
 
 def _first_order(kind: int) -> int:

@@ -17,6 +17,7 @@ from kohonen_adapt.io.femm import read_ans
 from kohonen_adapt.io.gmsh_reader import read_msh
 from kohonen_adapt.io.groups import Groups, to_groups
 from kohonen_adapt.io.meshio_reader import FORMATS, read_content
+from kohonen_adapt.io.plain_text import is_mfem, read_mfem
 from kohonen_adapt.io.solids import to_solid
 from kohonen_adapt.mesh.validity import check_mesh
 
@@ -27,6 +28,19 @@ Reader = Callable[[Path], Content]
 CURVED: dict[str, Reader] = dict.fromkeys(MSH_VERSION, read_msh)
 READERS: dict[str, Reader] = {**CURVED, **dict.fromkeys(FORMATS, read_content), ".ans": read_ans}
 """Suffix to reader."""
+
+BY_GMSH = (".unv", ".cgns", ".bdf", ".nas", ".neu", ".p3d", ".diff", ".stl")
+BY_MESHIO = (".e", ".ex2", ".exo", ".avs", ".ugrid", ".f3grid", ".dat", ".tec", ".post")
+REMEDIES = {
+    ".fem": " This is a model of FEMM: analyse it there, and read the solution, the .ans file beside it.",
+    **dict.fromkeys(BY_GMSH, " Gmsh converts it (.unv and .cgns with all names): gmsh '{0}' -save -o NEW.msh"),
+    **dict.fromkeys(BY_MESHIO, " meshio converts it: meshio convert '{0}' NEW.vtu"),
+}
+"""Suffix of another format to the way from it to a file that can be read."""
+
+IN_PYTHON = (
+    " Of nodes p (2, n) and triangles t (3, m) in a text file, numpy.loadtxt and skfem.MeshTri(p, t) make a mesh."
+)
 
 
 def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri | MeshTet:
@@ -52,9 +66,12 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri | Mes
     ----------
     path
         A Gmsh file, MSH 2.2 or 4.1, text or binary (``.msh``, ``.msh2``), or a format that meshio reads well: ``.vtu``
-        of one piece, ``.vtk``, ``.inp`` (Abaqus), ``.mesh`` (Medit), ``.su2``, and with h5py ``.med`` and ``.xdmf``
-        with its ``.h5``. Names are those of sets, families and markers, and of scikit-fem's arrays; groups in a format
-        without names are called ``region_<number>`` and ``boundary_<number>``.
+        of one piece, ``.vtk``, ``.inp`` (Abaqus, CalculiX, AVS UCD), ``.mesh`` (Medit), ``.su2``, ``.vol`` (Netgen),
+        and with h5py ``.med`` and ``.xdmf`` with its ``.h5``. Also ``.msh`` of FreeFEM and ``.mesh`` of MFEM. Names are
+        those of sets, families and markers, and of scikit-fem's arrays; groups in a format without names are called
+        ``region_<number>`` and ``boundary_<number>``. These numbers may be integers per cell of any name, if one array
+        of these only can be meant. A node set of Abaqus is the sides on the outline, or between element sets, with all
+        nodes in the set.
 
         Or the folder of a mesh of Elmer, or the solution of FEMM (``.ans``). The latter is read in metres, because the
         file has its unit; blocks are subdomains (the labels of a block with several also as ``<block> 1``,
@@ -166,8 +183,7 @@ def _reader(path: Path, scale: float, caller: str, readers: dict[str, Reader]) -
         raise ValueError(f"scale must be a positive number, 1e-3 for a drawing in millimetres; got {scale!r}.")
     if readers is READERS and (path / HEADER).is_file():
         return read_elmer
-    remedy = f" Gmsh converts other formats (.unv and .cgns with all names): gmsh '{path.name}' -save -o NEW.msh"
-    suffix = suffix_of(path, caller, tuple(readers), remedy)
+    suffix = suffix_of(path, caller, tuple(readers), REMEDIES.get(path.suffix.lower(), IN_PYTHON).format(path.name))
     if not path.is_file():
         raise FileNotFoundError(f"{caller} expected a mesh file; there is none at '{path}'.")
-    return readers[suffix]
+    return read_mfem if suffix == ".mesh" and is_mfem(path) else readers[suffix]

@@ -105,7 +105,7 @@ def _check_shapes(content: Content, path: Path) -> None:
 
 
 def _boundaries(mesh: MeshTet, used: Ints, content: Content, path: Path) -> Sets | None:
-    """Return ``2 * facet + side`` by name, side 1 with the second element in front."""
+    # codes 2 * facet + side by name, side 1 with the second element in front
     rows = content.of_shape(TRIANGLE)
     if len(rows.number) == 0 and not content.names:
         return None

@@ -32,6 +32,11 @@ logger = logging.getLogger("kohonen_adapt")
 WRITTEN = (*MSH_VERSION, ".vtu")
 """Suffixes of mesh files that can be written."""
 
+BY_GMSH = (".med", ".inp", ".mesh", ".su2", ".vtk", ".unv", ".cgns", ".bdf")
+CONVERTED = dict.fromkeys(BY_GMSH, " Write '{0}.msh' and convert it: gmsh '{0}.msh' -save -o '{1}'")
+CONVERTED[".xdmf"] = " Write '{0}.vtu' and convert it: meshio convert '{0}.vtu' '{1}'"
+"""Suffix to the way to a file of another format."""
+
 LONGEST_NAME = 127
 """Bytes of a name; Gmsh cuts longer names."""
 
@@ -103,7 +108,8 @@ def write_mesh(
     """
     path = Path(path)
     for_elmer = path.is_dir() or not path.suffix
-    suffix = "" if for_elmer else suffix_of(path, "write_mesh", WRITTEN)
+    remedy = CONVERTED.get(path.suffix.lower(), "").format(path.stem, path.name)
+    suffix = "" if for_elmer else suffix_of(path, "write_mesh", WRITTEN, remedy)
     check_mesh(mesh, curved=True, inverted=True, space=True)
     mesh = of_positive_volume(mesh)
     subdomains = _checked_sets(mesh.subdomains, "subdomain")

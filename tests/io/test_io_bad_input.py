@@ -14,11 +14,18 @@ def test_missing_file(tmp_path):
         read_mesh(tmp_path / "no.msh")
 
 
-@pytest.mark.parametrize("name", ["mesh.stl", "mesh"])
-def test_unknown_suffix(tmp_path, name):
-    with pytest.raises(
-        ValueError, match=rf"ends in \.msh, \.msh2, \.vtu, .*; got '{name}'\. .* gmsh '{name}' -save -o NEW"
-    ):
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [
+        ("mesh.stl", r"gmsh 'mesh\.stl' -save -o NEW"),
+        ("mesh.exo", r"meshio convert 'mesh\.exo' NEW\.vtu"),
+        ("mesh.fem", r"analyse it there, and read the solution, the \.ans file beside it\."),
+        ("mesh.ele", r"numpy\.loadtxt and skfem\.MeshTri\(p, t\) make a mesh\."),
+        ("mesh", r"skfem\.MeshTri\(p, t\)"),
+    ],
+)
+def test_unknown_suffix(tmp_path, name, remedy):
+    with pytest.raises(ValueError, match=rf"ends in \.msh, \.msh2, \.vtu, .*; got '{name}'\. .*{remedy}"):
         read_mesh(tmp_path / name)
     with pytest.raises(ValueError, match="write_mesh expected a file name that ends in"):
         write_mesh(tmp_path / "mesh.stl", MeshTri())

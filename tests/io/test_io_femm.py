@@ -149,6 +149,48 @@ def test_arcs_segments_labels_and_units(unit, metres, tmp_path):
         assert_array_equal(mesh.subdomains[name], np.flatnonzero(np.isin(label, labels)))
 
 
+def strip(kind):
+    """A strip of two triangles, whose left and right side have one boundary property."""
+    air = BLOCK.format("air", 1, 1, 0, "")
+    head = HEAD.replace("<BdryType> = 0", f"<BdryType> = {kind}", 1).partition("[NumPoints]")[0]
+    head = head.format(unit="meters", air=air, steel=air.replace("air", "other"))
+    points = "[NumPoints] = 4\n0 0 0 0\n2 0 0 0\n2 1 0 0\n0 1 0 0\n"
+    sides = "[NumSegments] = 4\n0 1 -1 2 0 0\n1 2 -1 1 0 0\n2 3 -1 2 0 0\n3 0 -1 1 0 0\n[NumArcSegments] = 0\n"
+    label = "[NumBlockLabels] = 1\n1 0.5 1 -1 0 0 0 1 0\n"
+    return f"{head}{points}{sides}{label}[Solution]\n4\n0 0 0\n2 0 0\n2 1 0\n0 1 0\n2\n0 1 2 0\n0 2 3 0\n"
+
+
+@pytest.mark.parametrize(("kind", "key"), [(4, "periodic"), (5, "antiperiodic")])
+def test_sides_of_a_pair_have_one_name_and_one_each(kind, key, tmp_path, capsys):
+    (tmp_path / "m.ans").write_text(strip(kind))
+    mesh = ka.read_mesh(tmp_path / "m.ans")
+    x = {name: np.unique(mesh.p[0, mesh.facets[:, rows]]).tolist() for name, rows in mesh.boundaries.items()}
+    assert x == {"rim": [0.0, 2.0], "rim 1": [2.0], "rim 2": [0.0], "the diameter": [0.0, 2.0]}
+    runpy.run_path(str(RECIPE))["main"](tmp_path / "m.ans", tmp_path / "case.toml")
+    problem = read_case(tmp_path / "case.toml").problem
+    assert getattr(problem, key) == (("rim 1", "rim 2"),) and problem.potential == {"the diameter": 0.0}
+    fitting_mesh(read_case(tmp_path / "case.toml"))
+
+
+def test_an_air_gap_element_is_a_hole_with_a_remedy(tmp_path, caplog):
+    (tmp_path / "m.ans").write_text(strip(6))
+    assert ka.read_mesh(tmp_path / "m.ans").nelements == 2
+    (said,) = [record.getMessage() for record in caplog.records]
+    assert "the air gap element 'rim' has no triangles" in said and "put a block label into the gap" in said
+
+
+def test_laminations_in_the_plane_carry_flux_beside_the_air_between_them(tmp_path, capsys):
+    """B = fill B(H) + (1 - fill) mu0 H, as FEMM has it."""
+    text = disc()[2].replace("<LamFill> = 1", "<LamFill> = 0.75").replace("<Mu_x> = 1", "<Mu_x> = 9", 1)
+    (tmp_path / "m.ans").write_text(text.replace("<Mu_y> = 1", "<Mu_y> = 9", 1))
+    runpy.run_path(str(RECIPE))["main"](tmp_path / "m.ans", tmp_path / "case.toml")
+    materials = read_case(tmp_path / "case.toml").problem.materials
+    assert materials["air 1"].permeability == pytest.approx(0.75 * 9 + 0.25)
+    vacuum = 0.25 * 4e-7 * np.pi
+    wanted = [(0.0, 0.0), *((0.75 * b + vacuum * h, h) for b, h in [(1, 300), (2, 5000), (2.2, 160000)])]
+    assert_allclose(materials["steel"].bh.points, wanted, rtol=1e-12)
+
+
 def test_currents_curves_and_conditions_of_the_recipe(tmp_path, capsys):
     (tmp_path / "m.ans").write_text(disc()[2])
     runpy.run_path(str(RECIPE))["main"](tmp_path / "m.ans", tmp_path / "case.toml")
@@ -179,7 +221,14 @@ def test_magnets_that_turn_and_a_potential_that_varies(formula, pole_pairs, sign
     ("old", "new", "said"),
     [
         ("[Frequency]   =  0", "[Frequency]   =  50", "a frequency is nothing that this recipe knows"),
-        ("<BdryType> = 0", "<BdryType> = 4", "the boundary rim, on which A is not given, is nothing"),
+        ("<BdryType> = 0", "<BdryType> = 2", "the boundary rim, on which A is not given, is nothing"),
+        ("<BdryType> = 0", "<BdryType> = 6", "the boundary rim, on which A is not given, is nothing"),
+        ("<LamFill> = 1", "<LamFill> = 0.9", "air: a laminated magnet, which is nothing"),
+        (
+            "<LamType> = 0\n    <LamFill> = 1",
+            "<LamType> = 1\n    <LamFill> = 0.9",
+            "air: laminated across the plane, so it is nothing",
+        ),
         ("<A_0> = 0.5", "<A_0> = 0.5\n    <phi> = 90", "the boundary rim, whose A has a phase, is nothing"),
         ("<Mu_y> = 1", "<Mu_y> = 2", "air: different permeabilities in x and y is nothing"),
         ("<CircuitType> = 1", "<CircuitType> = 0", "coil: a circuit in parallel is nothing"),
