@@ -107,8 +107,8 @@ class CaseRun:
             checkpoint=self.passes,
             **case.options(self.mesh),
         )
-        if self._written is not result.mesh or result.best.goal_error is not None:
-            self._write(result)  # after resuming a finished run, or with the final error of a goal
+        if self._written is not result.mesh or result.best.goal is not None:
+            self._write(result)  # after resuming a finished run, or with the final errors beside a goal
         if result.status is not Status.FAILED:
             write_whole(self.passes / ENDED, f"{result.message}\n".encode())
         return result

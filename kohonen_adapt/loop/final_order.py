@@ -20,7 +20,15 @@ from kohonen_adapt.loop.passes import Pass, Status, StepFailed
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.sides import Sides, on_whole_curves
 from kohonen_adapt.loop.step import Adaptation, root_of_squares
-from kohonen_adapt.loop.stopping import Ending, StopTest, best_pass_text, count_text, failed_ending, interrupted_ending
+from kohonen_adapt.loop.stopping import (
+    Ending,
+    StopTest,
+    beside_goal_remark,
+    best_pass_text,
+    count_text,
+    failed_ending,
+    interrupted_ending,
+)
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.problem.evaluation import energy_norm, estimate, goal_error_of, goal_of, ritz_of, solve
@@ -173,7 +181,7 @@ def at_order(
         estimate=record.estimate,
         history=history,
         status=ending.status,
-        message=f"{ending.message} {made}{remark}",
+        message=" ".join(filter(None, [f"{ending.message} {made}{remark}", beside_goal_remark(record)])),
         nodes=record.nodes,
     )
 
@@ -224,7 +232,9 @@ def assessed(result: AdaptResult, problem: Problem, adaptation: Adaptation, mesh
         goal = goal_of(problem, solution)
         error = None if goal is None else goal_error_of(problem, solution)
         outputs, unknowns = adaptation.outputs(solution), count_unknowns(mesh, order_of(problem))
-        errors, unimproved = adaptation.output_errors(Sides(problem, mesh, solution), outputs, unknowns, best)
+        errors, unimproved = dict[str, float](), ""
+        if goal is not None or adaptation.settings.tolerance.output_rtol is not None:
+            errors, unimproved = adaptation.output_errors(Sides(problem, mesh, solution), outputs, unknowns, best)
     qualities, total = quality(mesh), root_of_squares(indicators)
     return replace(
         best,

@@ -17,6 +17,7 @@ from kohonen_adapt.loop.step import UNSOLVED, Adaptation, Solved
 from kohonen_adapt.loop.stopping import (
     Ending,
     StopTest,
+    beside_goal_remark,
     failed_ending,
     interim_ending,
     interrupted_ending,
@@ -86,6 +87,11 @@ class BestPasses:
     def owes_pass(self) -> bool:
         # True if the polish of the best mesh alone has not been tried since a pass was worse
         return self.returns_to_best and not self.last_by_energy
+
+
+def with_best(result: AdaptResult, known: Pass) -> AdaptResult:
+    best = result.best
+    return replace(result, history=tuple(known if step is best else step for step in result.history))
 
 
 def has_less_error(step: Pass, best: Pass) -> bool:
@@ -230,7 +236,7 @@ class History:
         with self.catching_failures():
             self._solve_best()
         with self.catching_failures():
-            return self._with_worse_outputs(self._with_goal_error(self._ended()))
+            return self._with_worse_outputs(self._with_output_errors(self._with_goal_error(self._ended())))
         return self._ended()
 
     def _ended(self) -> AdaptResult:
@@ -243,8 +249,7 @@ class History:
     def _with_worse_outputs(self, result: AdaptResult) -> AdaptResult:
         if result.status is not Status.STALLED:
             return result
-        sides = Sides(self._adaptation.problem, result.mesh, result.solution, self._passes.best.curved)
-        better, trouble = self._adaptation.better_outputs(sides)
+        better, trouble = self._adaptation.better_outputs(self._sides(result))
         remark = unimproved_remark("" if result.best.unimproved else trouble)
         remark = remark or outputs_remark(result.history[0], result.best, better)
         return replace(result, message=f"{result.message} {remark}".rstrip())
@@ -257,8 +262,21 @@ class History:
         error, trouble = self._adaptation.goal_error(self._passes.best)
         if trouble:
             return replace(result, message=f"{result.message} The error of the goal could not be estimated: {trouble}.")
-        known = replace(best, goal_error=error)
-        return replace(result, history=tuple(known if step is best else step for step in result.history))
+        return with_best(result, replace(best, goal_error=error))
+
+    def _with_output_errors(self, result: AdaptResult) -> AdaptResult:
+        # With a tolerance of outputs every pass has these errors.
+        best = result.best
+        if best.goal is None or not best.outputs or best.output_errors:
+            return result
+        self._steps.begin(best.number, "estimate the errors of outputs")
+        found = self._adaptation.output_errors(self._sides(result), best.outputs, best.unknowns, None)
+        known = replace(best, output_errors=found[0], unimproved=found[1])
+        remarks = filter(None, [result.message, unimproved_remark(found[1]), beside_goal_remark(known)])
+        return replace(with_best(result, known), message=" ".join(remarks))
+
+    def _sides(self, result: AdaptResult) -> Sides:
+        return Sides(self._adaptation.problem, result.mesh, result.solution, self._passes.best.curved)
 
     def _solve_best(self) -> None:
         passes = self._passes

@@ -94,7 +94,8 @@ class Pass(Work):
     outputs
         Values of the requested outputs by name.
     output_errors
-        Estimated signed errors of the outputs by name, if they have a tolerance and the errors are known.
+        Estimated signed errors of the outputs by name, if known: with a tolerance of outputs, and for the best pass
+        beside a goal.
     unimproved
         Exception of the method ``improved`` of the problem in words, or an empty string.
     quantization_errors

@@ -124,7 +124,10 @@ class Adaptation:
             functional, value, unpolished = self._functional(mesh, solution, share)
         qualities = quality(mesh)
         outputs, unknowns = self.outputs(solution), count_unknowns(mesh, self.order)
-        output_errors, unimproved = self.output_errors(sides, outputs, unknowns, before.record if before else None)
+        output_errors, unimproved = dict[str, float](), ""
+        if self.settings.tolerance.output_rtol is not None:
+            previous = before.record if before else None
+            output_errors, unimproved = self.output_errors(sides, outputs, unknowns, previous)
         record = Pass(
             **vars(moved.work(self.movable, polish_gain) if moved else Work()),
             **estimated,
@@ -222,8 +225,6 @@ class Adaptation:
     ) -> tuple[dict[str, float], str]:
         # They are the differences from better values, or else from a pass with half the unknowns. Returned last is the
         # error of the method for better values.
-        if self.settings.tolerance.output_rtol is None:
-            return {}, ""
         better, trouble = self.better_outputs(sides)
         if not better and before is not None and unknowns >= TWICE * before.unknowns:
             return {name: value - before.outputs[name] for name, value in outputs.items()}, trouble

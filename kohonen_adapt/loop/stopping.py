@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from kohonen_adapt.checks import check_count, check_hook
+from kohonen_adapt.checks import check_count, check_hook, listed
 from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.passes import Pass, Status, StepFailed, text_of
@@ -18,6 +18,7 @@ __all__ = [
     "STALL_PASSES",
     "Ending",
     "StopTest",
+    "beside_goal_remark",
     "count_text",
     "failed_ending",
     "interim_ending",
@@ -167,6 +168,11 @@ def outputs_remark(first: Pass, best: Pass, better: Mapping[str, float]) -> str:
         f"The mesh is better for the energy, but worse for outputs: {', '.join(worse)}. "
         "To reduce the error of an output, use it as the goal of the problem."
     )
+
+
+def beside_goal_remark(best: Pass) -> str:
+    unknown = [] if best.goal is None else [name for name in best.outputs if name not in best.output_errors]
+    return f"The mesh is not adapted for {listed(unknown)}, and the error there is unknown." if unknown else ""
 
 
 def unimproved_remark(trouble: str) -> str:

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import kohonen_adapt as ka
+from kohonen_adapt.display import by_error
 from kohonen_adapt.loop.growth import predicted_nodes
 from kohonen_adapt.magnetostatics import FluxDensityAt, Force, MagneticScalarPotential, Magnetostatics, Material
 
@@ -102,7 +103,9 @@ def test_the_error_of_an_output_is_told(order, tolerance):
     assert abs(force.value - FORCE) <= 1.25 * tolerance * abs(FORCE)
     assert abs(force.corrected - FORCE) < 0.5 * tolerance * abs(FORCE)
     assert result.outputs["calm"].value == 1.0
-    assert f"force {force.value:.6g}, estimated error" in result.message and "(asked" in result.message
+    assert (
+        f"force {by_error(force.value, force.error)}, estimated error" in result.message and "(asked" in result.message
+    )
 
 
 def test_the_error_of_a_goal_is_told():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.stand_ins import MESH, Script, adapt
+from helpers.stand_ins import MESH, Script, adapt, script_of
 from skfem import Basis, BilinearForm, ElementTriP1, LinearForm, MeshTri, condense, solve
 from skfem.helpers import dot, grad
 
@@ -46,6 +46,13 @@ def test_a_goal_its_error_and_their_sum_are_in_the_table_with_units():
     assert "goal + error (N)" in lines[0]
     assert "0.013" in lines[2] and "-132.987" in lines[2]
     assert "-133.400" in lines[1] and "-133.000" in lines[2] and "0.013" not in lines[1] + lines[3]
+
+
+def test_an_output_of_unknown_error_beside_a_goal_is_named():
+    outputs = {"b": script_of(1.0, 2.0), "c": script_of(1.0, 2.0)}
+    result = adapt(MESH, Pull([4.0, 1.0], calibrated=False), passes=1, outputs=outputs)
+    assert "The mesh is not adapted for 'b', 'c', and the error there is unknown." in result.message
+    assert "not adapted" not in adapt(MESH, Script([4.0, 1.0]), passes=1, outputs=outputs).message
 
 
 def test_the_estimate_of_a_goal_is_in_its_unit():

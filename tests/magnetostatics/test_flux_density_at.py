@@ -12,7 +12,7 @@ from helpers.sheets import rectangle_field
 from scipy.special import ellipe, ellipk
 
 import kohonen_adapt as ka
-from kohonen_adapt.magnetostatics import FluxDensityAt, MagneticScalarPotential, Magnetostatics, Material
+from kohonen_adapt.magnetostatics import FluxDensityAt, Force, MagneticScalarPotential, Magnetostatics, Material
 
 LOOP, CURRENT = 1.5, 1e6  # radius in m and current in A of a loop outside the half-plane below
 
@@ -107,6 +107,20 @@ def test_b_is_told_right_within_the_tolerance(order, goal_rtol):
     assert abs(told.value - exact) < 1.25 * goal_rtol * abs(exact)
     resolved = 0.01 * goal_rtol * abs(exact)  # of an error of the value that is smaller, half is by chance
     assert abs(told.corrected - exact) < max(0.5 * abs(told.value - exact), resolved)
+
+
+@pytest.mark.parametrize(("order", "goal_rtol"), [(1, 1e-2), (2, 1e-2), ("auto", 1e-2), ("auto", 1e-4)])
+def test_an_output_beside_a_goal_has_its_error_too(order, goal_rtol):
+    """The mesh is adapted for the force, and B elsewhere is up to 5 % off at a tolerance of 1 %."""
+    mesh, problem = two_magnets(1)
+    b = FluxDensityAt((0.0, 0.008), (0.3, 1.0), 0.002)
+    exact = between_magnets(b.x) @ b.direction
+    problem = Magnetostatics(problem.materials, problem.potential, order=order, goal=Force("b", (1.0, 0.0)))
+    result = ka.adapt(mesh, problem, goal_rtol=goal_rtol, outputs={"b (T)": b})
+    told = result.outputs["b (T)"]
+    assert result.status is ka.Status.CONVERGED
+    assert 0.6 < told.error / (exact - told.value) < 1.5
+    assert "corrected" in str(result) and "not adapted for" not in result.message
 
 
 # --- refused -----------------------------------------------------------------------------------------------------
