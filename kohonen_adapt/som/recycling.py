@@ -153,12 +153,26 @@ def images_of_chains(mesh: OpenMesh) -> list[tuple[int, int, int]]:
     near = SAME * float(np.max(np.ptp(mesh.position[mesh.pool.anchor >= 0], axis=0)))
     for m in range(0, len(motions), 2):
         turn, shift = motions[m, :, :2], motions[m, :, 2]
-        for c in paired:
+        for c in paired.tolist():
             distance = np.abs(turn @ chains.origin[c] + shift - chains.origin[paired]).max(axis=1)
             turned = np.abs(turn @ chains.direction[c] - chains.direction[paired]).max(axis=1)
             same = (distance < near) & (turned < SAME) & (paired != c)
-            found += [(int(c), int(paired[k]), m) for k in np.flatnonzero(same)]
+            found += [(c, d, m) for d in paired[same].tolist() if has_partners(mesh, c, d, m)]
     return found
+
+
+def has_partners(mesh: OpenMesh, c: int, d: int, m: int) -> bool:
+    # A motion may also map a part of a circle to a part of the same side, whose nodes are no partners.
+    periodic, (here, there) = mesh.constraints.periodic, (nodes_along(mesh, chain) for chain in (c, d))
+    motion, own = periodic.motion[here], periodic.partner[here]
+    if not np.any(motion == m) and np.any(motion == m ^ 1):
+        return False
+    return bool(np.isin(own[motion == m], there).all())
+
+
+def nodes_along(mesh: OpenMesh, c: int) -> Ints:
+    e, k = np.nonzero((mesh.elements.chain == c) & (mesh.elements.node[:, :1] >= 0))
+    return np.unique(np.concatenate(mesh.elements.ends(e, k)))
 
 
 def facets_of_pairs(mesh: OpenMesh, images: list[tuple[int, int, int]]) -> Facets:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import circle, shells, without_flat_elements
+from helpers.meshes import apart, circle, shells, without_flat_elements
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay
@@ -134,6 +134,10 @@ def test_teeth_of_two_facets_are_round_where_they_are_on_one_circle(tip):
     assert angle == (pytest.approx(6 * 0.6) if tip == "round" else 0.0)
 
 
+def near_the_right(x):
+    return 1e-3 + np.exp(-20 * np.hypot(*(x - [[2], [0]])))
+
+
 @pytest.mark.parametrize("facets", [1, 2, 3])
 @pytest.mark.parametrize("topology", ["flip", "recycle"])
 def test_nodes_slide_on_such_circles_and_new_ones_are_on_them(facets, topology):
@@ -141,14 +145,39 @@ def test_nodes_slide_on_such_circles_and_new_ones_are_on_them(facets, topology):
     corners = {tuple(x) for x in np.round(mesh.p[:, angle_on(mesh, 2.0)[1]].T, 9)}
     moved = mesh
     for number in range(3):
-        moved = ka.relocate(
-            moved, lambda x: 1e-3 + np.exp(-20 * np.hypot(*(x - [[2], [0]]))), topology=topology, seed=number
-        )
+        moved = ka.relocate(moved, near_the_right, topology=topology, seed=number)
         for radius in RADII[1:3]:
             assert angle_on(moved, radius)[0] == pytest.approx(2 * np.pi, rel=1e-9)
     near = np.abs(np.hypot(*moved.p) - 2.0) < 1e-9
     assert np.sum(near) > 16 * facets if topology == "recycle" else np.sum(near) == 16 * facets
     assert corners <= {tuple(x) for x in np.round(moved.p[:, near].T, 9)}
+
+
+def in_sectors(inner, outer, n, corners, name):
+    """A ring with n nodes on a circle, in sectors that begin at the nodes `corners`."""
+    mesh = shells([inner * circle(n), outer * circle(n)], 2)
+    x, y = mesh.p[:, mesh.t].mean(axis=1)
+    sector = np.searchsorted(corners, np.arctan2(y, x) % (2 * np.pi) * n / (2 * np.pi) + 1e-9, side="right") - 1
+    mesh = mesh.with_subdomains({f"{name}{k}": np.flatnonzero(sector == k) for k in range(len(corners))})
+    return mesh.with_boundaries({name: lambda x: np.abs(np.hypot(*x) - 1.0) < 0.02})
+
+
+@pytest.mark.parametrize("corners", [(np.arange(24), np.arange(0, 24, 2)), (np.arange(0, 24, 2), np.array([0, 6, 7]))])
+def test_both_sides_of_a_turned_rotor_are_round_and_stay_matched(corners):
+    """At 1c0817b8 recycling failed: the motion maps parts of the rotor to parts of the rotor, too."""
+    angle = 2 * np.pi * 3 / 24
+    rotor = in_sectors(0.5, 1.0, 24, corners[0], "rotor")
+    stator = in_sectors(1.0, 2.0, 24, corners[1], "bore")
+    sets = rotor.subdomains | {name: rows + rotor.t.shape[1] for name, rows in stator.subdomains.items()}
+    mesh = apart(rotor, stator).with_subdomains(sets)
+    pair = [("0 rotor", "1 bore", ka.Rotation(angle))]
+    after = ka.relocate(mesh, near_the_right, periodic=pair, topology="recycle")
+    for each in (mesh, after):
+        assert angle_on(each, 1.0, periodic=pair)[0] == pytest.approx(2 * 2 * np.pi)
+    rotor, bore = (after.p[:, np.unique(after.facets[:, after.boundaries[name]])] for name in ("0 rotor", "1 bore"))
+    turned = np.exp(1j * angle) * (rotor[0] + 1j * rotor[1])
+    assert np.abs(turned[:, None] - (bore[0] + 1j * bore[1])).min(axis=0).max() < 1e-9
+    assert rotor.shape == bore.shape
 
 
 def octagon():
