@@ -130,8 +130,9 @@ def adapt(
         Curves of named boundaries, on which their nodes slide, for triangles, see `Rules`.
     outputs
         Functions of the solution by name, each returning a finite float. Every `Pass` contains the values, and the
-        table shows the values with their changes. If a run stalls, the message lists the outputs that are less accurate
-        than on the input, provided that the problem has the method ``improved``.
+        table shows the values with their changes. Beside a goal the best pass contains their estimated errors. If a
+        run stalls, the message lists the outputs that are less accurate than on the input, provided that the problem
+        has the method ``improved``.
     atol
         Absolute tolerance, added to that of `rtol`.
     output_rtol

@@ -14,6 +14,7 @@ from typing import Any, SupportsFloat
 import numpy as np
 from numpy.typing import NDArray
 
+from kohonen_adapt.display import by_error
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.table import DASH, Columns, table_blocks
 
@@ -196,7 +197,16 @@ class SweepResult:
         return "\n".join([line for block in table_blocks(groups) for line in block] + failed)
 
     def _column(self, name: str) -> tuple[str, list[str]]:
-        return name, [shown(value) for value in self.table[name].tolist()]
+        values, error = self.table[name].tolist(), f"{ERROR}{name}"
+        if error in self.outputs:
+            errors = self.table[error].tolist()
+            return name, [_with_error(*pair) for pair in zip(values, errors, strict=True)]
+        is_error = any(name in (f"{ERROR}{each}", f"{ASKED}{each}") for each in self.outputs)
+        return name, [f"{value:.2g}" if is_error and not np.isnan(value) else shown(value) for value in values]
+
+
+def _with_error(value: float, error: float) -> str:
+    return shown(value) if np.isnan([value, error]).any() else by_error(value, error)
 
 
 def shown(value: Value) -> str:

@@ -149,6 +149,14 @@ def test_it_prints_as_a_table_and_then_the_errors():
     assert lines[4:] == ["case 1: KeyError: 'two'"]
 
 
+def test_values_with_errors_have_the_digits_that_these_allow():
+    lines = str(
+        here(lambda x: {"y": 1.0 / x, "error of y": 1e-3, "asked error of y": 0.01}, {"x": [3, 0]})
+    ).splitlines()
+    assert lines[1].split()[:5] == ["0", "3", "0.3333", "0.001", "0.01"]
+    assert lines[2].split()[:5] == ["1", "0", "-", "-", "-"]
+
+
 def test_many_columns_are_no_wider_than_a_terminal():
     outputs = {f"output number {k}": float(k) for k in range(20)}
     lines = str(here(lambda x: outputs, {"x": [1, 2]})).splitlines()
