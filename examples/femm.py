@@ -3,6 +3,7 @@
 import argparse
 import json
 import re
+from itertools import pairwise
 from math import cos, pi, radians, sin
 from pathlib import Path
 
@@ -52,7 +53,9 @@ def material(block, row):
     known(fill == 1.0 or not float(block["H_c"]), f"{block['BlockName']}: a laminated magnet, which")
     vacuum = (1.0 - fill) * 4e-7 * pi  # sheets in the plane carry the flux side by side with the air between them
     points = [[fill * float(b) + vacuum * float(h), float(h)] for b, h in block["BH"] if float(b) > 0.0]
-    yield f"bh = {points}" if points else f"permeability = {fill * float(block['Mu_x']) + 1.0 - fill!r}"
+    noisy = any(one[0] >= two[0] or one[1] >= two[1] for one, two in pairwise(points))
+    curve = f"{{points = {points}, smooth = true}}" if noisy else f"{points}"
+    yield f"bh = {curve}" if points else f"permeability = {fill * float(block['Mu_x']) + 1.0 - fill!r}"
     if float(block["H_c"]):
         yield coercivity(float(block["H_c"]), row)
     if float(block["J_re"]):

@@ -26,7 +26,7 @@ from kohonen_adapt.cases.drawing_words import (
 __all__ = ["Script"]
 
 LARGEST = 10**7  # bytes of a drawing with its included files
-LONGEST_STRING = 1000  # bytes; Gmsh reads the rest of a string as commands after 1023
+LONGEST = 1000  # bytes of a word or string; Gmsh reads the rest of a string as commands after 1023
 LINE_WIDTH = 2000  # bytes; Gmsh reads lines in parts of 8192
 QUOTE_MARGIN = " " * 8  # Gmsh overlooks quotation marks in up to six letters after the beginning of "EndFor"
 
@@ -162,8 +162,8 @@ def _tokens(file: Path) -> Iterator[Token]:
             unknown = Token("", text[position], file, line)
             raise unknown.error("begins no word, number, closed string or closed comment.")
         token = Token(found.lastgroup or "", found[0], file, line)
-        if token.kind == "string" and len(token.text) > LONGEST_STRING:
-            raise token.error(f"... is a string of more than {LONGEST_STRING} bytes.")
+        if token.kind != "space" and len(token.text) > LONGEST:
+            raise token.error(f"... has more than {LONGEST} bytes.")
         if token.kind != "space":
             yield token
         line += token.text.count("\n")

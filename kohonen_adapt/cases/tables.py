@@ -110,6 +110,8 @@ def _law(given: Any, location: str, folder: Path) -> Law:
     if "file" in given:
         values = read_table(given, {"file": TEXT, "smooth": FLAG}, location)
         return _read(folder / values["file"], location, values.get("smooth", False))
+    if "points" in given:
+        return call_checked(Table, read_table(given, {"points": POINTS, "smooth": FLAG}, location), location)
     return make_named(LAWS, "law", given, location)
 
 

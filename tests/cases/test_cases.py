@@ -229,6 +229,9 @@ def test_a_noisy_curve_from_a_file_is_smoothed_if_the_case_asks(tmp_path):
     (tmp_path / "case.toml").write_text(changed("permeability = 1000.0", 'bh = {file = "steel.csv", smooth = true}'))
     law = read_case(tmp_path / "case.toml").problem.materials["iron"].bh
     assert law.points[1] == pytest.approx((0.95, 550.0))
+    points = "[[1.0, 500], [0.9, 600], [1.5, 3000], [1.9, 20000], [2.2, 200000]]"
+    (tmp_path / "case.toml").write_text(changed("permeability = 1000.0", f"bh = {{points = {points}, smooth = true}}"))
+    assert read_case(tmp_path / "case.toml").problem.materials["iron"].bh == law
 
 
 def wrong(old, new, *said):

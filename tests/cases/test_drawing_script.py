@@ -1,12 +1,18 @@
 """Drawings as programs: what they may do without being trusted, and that nothing else happens."""
 
+import re
 from pathlib import Path
 
 import pytest
+from helpers.examples import examples
+from helpers.hostile_files import spoilt
 from helpers.mesh_files import needs_gmsh
+from hypothesis import HealthCheck, given
+from hypothesis import strategies as st
 
 from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import case_of, fitting_mesh
+from kohonen_adapt.cases.drawing_script import Script
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SQUARE = """SetFactory("OpenCASCADE");
@@ -98,7 +104,7 @@ def test_text_that_gmsh_takes_for_commands_does_nothing(tmp_path, monkeypatch, t
 
 
 @needs_gmsh
-@pytest.mark.parametrize("command", ["check", "run", "sweep"])
+@pytest.mark.parametrize("command", ["check", "run", pytest.param("sweep", marks=pytest.mark.slow)])
 def test_commands_of_the_shell_run_only_in_a_trusted_drawing(tmp_path, capsys, command):
     sign, case = tmp_path / "sign", tmp_path / "case.toml"
     (tmp_path / "plate.geo").write_text(f"{SQUARE}SystemCall \"touch '{sign.as_posix()}'\";\n")
@@ -215,6 +221,27 @@ def test_a_drawing_that_is_not_trusted_gives_the_mesh_of_a_trusted_one(tmp_path,
         case_of({"mesh": {"drawing": f"{name}.geo"}, "trusted": trusted, **CASE}, tmp_path) for trusted in (False, True)
     ]
     assert cases[0].mesh_file.read_bytes() == cases[1].mesh_file.read_bytes()
+
+
+@examples(200, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_the_text_that_gmsh_gets_is_its_own_normal_form(tmp_path_factory, data):
+    """Of spoilt drawings, too: what is read has the words that were checked, without comments, in short lines."""
+    folder = tmp_path_factory.mktemp("spoilt")
+    seeds = [text.encode("latin-1") for text in (*COMMANDS, *TRICKS.values())]
+    seeds += [(EXAMPLES / f"{name}.geo").read_bytes() for name in ("actuator", "team20")]
+    (folder / "plate.geo").write_bytes(data.draw(spoilt(seeds)))
+    try:
+        script = Script.read(folder / "plate.geo")
+    except ValueError as error:
+        assert "'plate.geo'" in str(error) and "\n" not in str(error)
+        return
+    script.write(folder / "copy.geo")
+    again = Script.read(folder / "copy.geo")
+    plain = [re.sub("[\r\n]", " ", token.text) for token in script.tokens]
+    assert [token.text for token in again.tokens] == plain
+    lines = (folder / "copy.geo").read_bytes().split(b"\n")
+    assert max(map(len, lines)) < 4096 and lines[-1] == b""
 
 
 def test_only_a_drawing_is_trusted(tmp_path):

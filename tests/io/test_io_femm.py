@@ -191,6 +191,13 @@ def test_laminations_in_the_plane_carry_flux_beside_the_air_between_them(tmp_pat
     assert_allclose(materials["steel"].bh.points, wanted, rtol=1e-12)
 
 
+def test_a_noisy_curve_is_smoothed(tmp_path, capsys):
+    (tmp_path / "m.ans").write_text(disc()[2].replace("1\t300\n2\t5000", "1.5\t300\n1.4\t500"))
+    runpy.run_path(str(RECIPE))["main"](tmp_path / "m.ans", tmp_path / "case.toml")
+    points = read_case(tmp_path / "case.toml").problem.materials["steel"].bh.points
+    assert_allclose(points, [(0.0, 0.0), (1.45, 400.0), (2.2, 160000.0)])
+
+
 def test_currents_curves_and_conditions_of_the_recipe(tmp_path, capsys):
     (tmp_path / "m.ans").write_text(disc()[2])
     runpy.run_path(str(RECIPE))["main"](tmp_path / "m.ans", tmp_path / "case.toml")

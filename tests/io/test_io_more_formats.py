@@ -5,7 +5,11 @@ import logging
 import meshio
 import numpy as np
 import pytest
+from helpers.examples import examples
+from helpers.hostile_files import spoilt
 from helpers.mesh_files import assert_same, gmsh, gmsh_session, needs_gmsh, two_boxes, two_rooms
+from hypothesis import HealthCheck, given
+from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 from skfem import MeshTet, MeshTri
 
@@ -211,6 +215,22 @@ def test_their_damage(tmp_path, name, old, new, said):
     with pytest.raises(ValueError, match=said) as refused:
         ka.read_mesh(tmp_path / name)
     assert "\n" not in str(refused.value)
+
+
+SETS = f"{SQUARE}*NSET, NSET=a\n1, 4\n*SURFACE, NAME=b\niron, S1\n12, E2\n"
+
+
+@pytest.mark.parametrize("name", [*BY_HAND, "sets.inp"])
+@examples(40, deadline=20_000, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_spoilt_files(tmp_path_factory, name, data):
+    path = tmp_path_factory.mktemp("spoilt") / name
+    path.write_bytes(data.draw(spoilt([(BY_HAND | {"sets.inp": SETS})[name].encode()])))
+    with np.errstate(all="ignore"):
+        try:
+            ka.read_mesh(path)
+        except ValueError as error:
+            assert str(path) in str(error) and "\n" not in str(error) and len(str(error)) < 1000
 
 
 def test_netgen(tmp_path):

@@ -23,7 +23,7 @@ STEEL = 1.7
 
 SMOOTH = (
     "For measured points with noise: read_bh(path, smooth=True) or Table(points, smooth=True), in a case "
-    'bh = {file = "NAME", smooth = true}.'
+    'bh = {file = "NAME", smooth = true} or {points = [...], smooth = true}.'
 )
 SHOWN = 60  # characters of an invalid line in a message
 SATURATED = (
