@@ -84,8 +84,7 @@ class Method(ABC):
         """
 
     @abstractmethod
-    def split(self, movable: Any, density: Floats, nodes: int) -> Moved[Any]:
-        """Split edges up to `nodes` nodes where the density (nelements,) is largest."""
+    def split(self, movable: Any, density: Floats, nodes: int) -> Moved[Any]: ...
 
     @abstractmethod
     def functional(self, ritz: Ritz, movable: Any, mesh: Mesh) -> Any:

@@ -63,7 +63,8 @@ class Pass(Work):
         curves at orders 2 and 3.
     worth
         Error measure that compares passes if the functional cannot: the estimated error in the problem's norm. The mean
-        density of the squared error also counts between straight sides or faces and their curves.
+        density of the squared error also counts between straight sides or faces and their curves. The data oscillation
+        is added if the mesh does not resolve the source of ``ritz``.
     energy_norm
         Energy norm of the solution, None if the problem has no ``energy_norm``.
     calibrated

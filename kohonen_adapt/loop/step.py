@@ -23,6 +23,7 @@ from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.polishing.energy_tables import VariesInside
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import PLAN, SWEEPS, descend_and_recycle
+from kohonen_adapt.polishing.unresolved_source import UnresolvedSource
 from kohonen_adapt.problem.evaluation import (
     check_signs,
     energy_norm,
@@ -121,8 +122,8 @@ class Adaptation:
             sides = Sides(self.problem, mesh, solution, self.curved_mesh())
             estimated = self.estimated(sides)
             share = before.functional.share if before and before.functional else None
-            functional, value, unpolished = self._functional(mesh, solution, share)
-        qualities = quality(mesh)
+            functional, value, unpolished, oscillation = self._functional(mesh, solution, share)
+        qualities, estimated["worth"] = quality(mesh), float(np.hypot(estimated["worth"], oscillation))
         outputs, unknowns = self.outputs(solution), count_unknowns(mesh, self.order)
         output_errors, unimproved = dict[str, float](), ""
         if self.settings.tolerance.output_rtol is not None:
@@ -252,9 +253,9 @@ class Adaptation:
 
     def _functional(
         self, mesh: Mesh, solution: Any, share: float | None
-    ) -> tuple[Functional | None, float | None, str]:
+    ) -> tuple[Functional | None, float | None, str, float]:
         if not self.settings.polish:
-            return None, None, "polish=False"
+            return None, None, "polish=False", 0.0
         return functional_of(self.problem, self.method, self.movable, mesh, solution, share)
 
     def outputs(self, solution: Any) -> dict[str, float]:
@@ -275,22 +276,25 @@ def goal_error(sides: Sides) -> float:
 
 def functional_of(
     problem: Problem, method: Method, movable: Any, mesh: Mesh, solution: Any, share: float | None = None
-) -> tuple[Functional | None, float | None, str]:
-    # The value is None if the functional only shapes elements. A dual gets the weight `share` of an earlier pass.
+) -> tuple[Functional | None, float | None, str, float]:
+    # The value is None if the functional only shapes elements. A dual gets the weight `share` of an earlier pass. The
+    # reason for having no functional, and the data oscillation of a mesh that does not resolve the source, are last.
     in_energy_norm = norm_of(problem) == "energy"
     if not in_energy_norm and not is_calibrated(problem):  # the polish stretches elements, which residuals overrate
-        return None, None, f"the norm {norm_of(problem)!r} requires `calibrated` indicators"
+        return None, None, f"the norm {norm_of(problem)!r} requires `calibrated` indicators", 0.0
     try:
         ritz = ritz_of(problem, mesh, solution)
         ritz = ritz if in_energy_norm else replace(ritz, comparable=False)
         ritz = ritz if share is None else replace(ritz, share=share)
         functional = method.functional(ritz, movable, mesh)
         value = None if ritz.shapes_only else method.value(functional, ritz, movable, mesh)
-        return functional, value, ""
+        return functional, value, "", 0.0
+    except UnresolvedSource as reason:
+        return None, None, str(reason), reason.oscillation
     except NotOffered as reason:
-        return None, None, str(reason)
+        return None, None, str(reason), 0.0
     except VariesInside:
-        return None, None, "coefficients vary inside a region of the mesh"
+        return None, None, "coefficients vary inside a region of the mesh", 0.0
 
 
 def indices_in_input(before: Solved | None, moved: Moved[Any] | None, nnodes: int, ninput: int) -> Ints:

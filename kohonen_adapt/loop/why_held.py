@@ -114,5 +114,5 @@ def opened(mesh: Mesh, rules: Rules, problem: Problem | None) -> Any:
 def polish_reasons(mesh: Mesh, movable: Any, problem: Problem, solution: Any) -> list[str]:
     method, start = method_of(mesh), movable.start()
     solution = solve(problem, start) if solution is None else solution
-    functional, _, reason = functional_of(problem, method, movable, start, solution)
+    functional, _, reason, _ = functional_of(problem, method, movable, start, solution)
     return [reason] * movable.nnodes if functional is None else method.polish_reasons(movable, functional)

@@ -15,15 +15,18 @@ from kohonen_adapt.mesh.measures import CurvedTetrahedra
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.polynomials import by_points, exact_reference, law_reference
 from kohonen_adapt.mesh.quadratic_in_space import function_slopes, hierarchical_loads
+from kohonen_adapt.polishing.unresolved_source import Doubt, UnresolvedSource, doubt_about_source
 from kohonen_adapt.problem.boundary_terms import nodal_terms
 from kohonen_adapt.problem.functional_in_space import (
     MEANS,
+    OF_SOURCE,
     at_curved_points,
     coefficients_in_space,
     fields_at_corners,
     fluxes,
     loads_in_space,
     quadratic_loads,
+    rule_of,
     rules,
     secants,
     shifted_slope,
@@ -32,10 +35,10 @@ from kohonen_adapt.problem.functional_value import elements_by_rule, flux_on, so
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_table, source_at, value_by_region
 
-__all__ = ["check_in_space", "check_residual", "derivatives_on", "numbers_of", "sums"]
+__all__ = ["check_in_space", "check_residual", "derivatives_on", "loads_of", "numbers_of", "sums"]
 
 ROWS = 20_000  # elements per block, to limit the memory
-MARGIN = 3.0  # factor of the difference between the mean of a flux and its value at the centre
+MARGIN = 3.0  # factor of the difference between the mean of a flux or source and its value at the centre
 
 # Largest residual relative to the terms at an unknown, and relative to the largest terms anywhere. Linear solvers with
 # relative tolerance 1e-5 leave 1e-6 of the largest, Newton's method less. Missing terms are as large as present terms.
@@ -204,7 +207,20 @@ def check_in_space(ritz: Ritz, mesh: MeshTet) -> None:
     if len(nodal):
         load = nodal[:, LOAD] if ritz.order == 1 else hierarchical_loads(mesh, nodal[:, LOAD])
         total, size = total - load, size + np.abs(load)
-    check_residual(total, size, doubt, ~fixed, place, mesh)
+    points, weight = rule_of(OF_SOURCE)
+    rule = points, 6.0 * weight
+    check_residual(total, size, doubt, ~fixed, place, mesh, loads_of(ritz, mesh, unknowns.T, len(fixed), rule))
+
+
+def loads_of(ritz: Ritz, mesh: Mesh, index: Ints, count: int, rule: tuple[Floats, Floats]) -> Doubt:
+    # `index` (m, functions) has the unknowns of every element. The doubts of elements are added for every unknown.
+    if not callable(ritz.source):
+        return Doubt(np.zeros(count), 0.0)
+    number = numbers_of(ritz, mesh.t.shape[1])
+    coefficient = np.broadcast_to(value_by_region(np.asarray(ritz.coefficient), number), number.shape)
+    found = doubt_about_source(mesh.p[:, mesh.t], number, ritz.source, rule, coefficient)
+    load = np.repeat(found.load, index.shape[1])
+    return Doubt(np.bincount(index.ravel(), load, count).astype(np.float64), found.oscillation)
 
 
 def derivatives_of_order_2(mesh: MeshTet, coefficients: Floats, number: Ints, ritz: Ritz) -> Derivatives:
@@ -225,11 +241,15 @@ def sums(parts: Derivatives, index: Ints, count: int) -> tuple[Floats, Floats, F
     return total, size, doubt
 
 
-def check_residual(total: Floats, size: Floats, doubt: Floats, free: Mask, place: Floats, mesh: Mesh) -> None:
+def check_residual(
+    total: Floats, size: Floats, doubt: Floats, free: Mask, place: Floats, mesh: Mesh, loads: Doubt
+) -> None:
     allowed = OF_TERMS * size + OF_LARGEST * size.max(initial=0.0) + doubt
     excess = np.where(free, np.abs(total) - allowed, -np.inf)
     wrong = int(np.count_nonzero(excess > 0.0))
-    if not wrong:
+    if not np.any(excess > loads.load + (MARGIN - 1.0) * doubt):
+        if loads.oscillation:
+            raise UnresolvedSource(loads.oscillation)
         return
     worst = int(np.argmax(excess))
     raise ValueError(

@@ -10,8 +10,9 @@ from kohonen_adapt.mesh.basis import trace_columns
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.polynomials import TrialFunction, facets_of_sides, local_coefficients
 from kohonen_adapt.polishing.boundary import BoundaryTerms, sides_on
-from kohonen_adapt.polishing.stationarity import check_residual, derivatives_on, numbers_of, sums
+from kohonen_adapt.polishing.stationarity import check_residual, derivatives_on, loads_of, numbers_of, sums
 from kohonen_adapt.problem.boundary_terms import facet_terms
+from kohonen_adapt.problem.functional_value import source_points
 from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = ["check_in_plane"]
@@ -57,7 +58,8 @@ def check_in_plane(
     size[primary] += size[partner]
     doubt[primary] += doubt[partner]
     free[primary] = ~solution.fixed[primary]
-    check_residual(total, size, doubt, free, place, mesh)
+    rule = source_points(ritz.order)
+    check_residual(total, size, doubt, free, place, mesh, loads_of(ritz, mesh, index, len(place), rule))
 
 
 def unknowns_of(mesh: Mesh, node: Ints, functions: int) -> tuple[Ints, Floats]:
