@@ -34,6 +34,7 @@ from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.problem.evaluation import energy_norm, estimate, goal_error_of, goal_of, ritz_of, solve
 from kohonen_adapt.problem.protocol import AtOrder, NotOffered, Problem, has_method, order_of
 from kohonen_adapt.problem.singular_nodes import Materials, singular_nodes
+from kohonen_adapt.problem.uncertain import doubts_of
 
 __all__ = ["GradingTolerance", "run_to_order"]
 
@@ -257,5 +258,6 @@ def assessed(result: AdaptResult, problem: Problem, adaptation: Adaptation, mesh
         goal_error=error,
         outputs=outputs,
         output_errors=errors,
+        doubts=doubts_of({**errors, "goal": error}),
         unimproved=unimproved,
     )

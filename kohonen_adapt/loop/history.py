@@ -29,6 +29,7 @@ from kohonen_adapt.loop.stopping import (
 )
 from kohonen_adapt.problem.evaluation import solve_again
 from kohonen_adapt.problem.protocol import norm_of
+from kohonen_adapt.problem.uncertain import doubts_of
 
 __all__ = ["History", "run_loop"]
 
@@ -262,7 +263,7 @@ class History:
         error, trouble = self._adaptation.goal_error(self._passes.best)
         if trouble:
             return replace(result, message=f"{result.message} The error of the goal could not be estimated: {trouble}.")
-        return with_best(result, replace(best, goal_error=error))
+        return with_best(result, replace(best, goal_error=error, doubts=best.doubts | doubts_of({"goal": error})))
 
     def _with_output_errors(self, result: AdaptResult) -> AdaptResult:
         # With a tolerance of outputs every pass has these errors.
@@ -271,7 +272,7 @@ class History:
             return result
         self._steps.begin(best.number, "estimate the errors of outputs")
         found = self._adaptation.output_errors(self._sides(result), best.outputs, best.unknowns, None)
-        known = replace(best, output_errors=found[0], unimproved=found[1])
+        known = replace(best, output_errors=found[0], unimproved=found[1], doubts=best.doubts | doubts_of(found[0]))
         remarks = filter(None, [result.message, unimproved_remark(found[1]), beside_goal_remark(known)])
         return replace(with_best(result, known), message=" ".join(remarks))
 

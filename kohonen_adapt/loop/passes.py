@@ -13,8 +13,9 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import check_hook
 from kohonen_adapt.geometry.movable import Work, shown
 from kohonen_adapt.kernels.numba.clock import seconds_compiling
+from kohonen_adapt.problem.uncertain import corrected
 
-__all__ = ["Pass", "Status", "StepFailed", "Steps", "text_of"]
+__all__ = ["Pass", "Status", "StepFailed", "Steps", "corrected_value", "text_of"]
 
 TIMED = ("solve", "estimate", "relocate", "polish")
 
@@ -99,6 +100,8 @@ class Pass(Work):
         beside a goal.
     unimproved
         Exception of the method ``improved`` of the problem in words, or an empty string.
+    doubts
+        Estimated magnitudes of what the errors of outputs miss by name, and of the goal under "goal".
     quantization_errors
         Mean distance of the training points to their winners in mesh units, for each epoch of the relocation. Empty for
         the input.
@@ -145,6 +148,7 @@ class Pass(Work):
     outputs: dict[str, float] = field(default_factory=dict)
     output_errors: dict[str, float] = field(default_factory=dict)
     unimproved: str = ""
+    doubts: dict[str, float] = field(default_factory=dict)
 
     @property
     def shown_estimate(self) -> float:
@@ -159,6 +163,13 @@ class Pass(Work):
     def __repr__(self) -> str:
         nodes, least = self.mesh.nvertices, self.min_quality
         return f"<Pass {self.number}: estimate {self.estimate_text}, {nodes} nodes, min quality {least:.2f}>"
+
+
+def corrected_value(step: Pass, name: str) -> float | None:
+    # of an output, or of the goal under "goal"; None if the error is unknown
+    is_output = name in step.outputs
+    value, error = step.outputs.get(name, step.goal), step.output_errors.get(name) if is_output else step.goal_error
+    return None if value is None or error is None else corrected(value, error, step.doubts.get(name, 0.0))
 
 
 class StepFailed(Exception):

@@ -44,6 +44,7 @@ from kohonen_adapt.problem.protocol import (
     norm_of,
     order_of,
 )
+from kohonen_adapt.problem.uncertain import Uncertain, doubts_of, error_of, shifted
 from kohonen_adapt.som.density import equidistributing
 from kohonen_adapt.som.relocation_record import Moved
 
@@ -125,10 +126,10 @@ class Adaptation:
             functional, value, unpolished, oscillation = self._functional(mesh, solution, share)
         qualities, estimated["worth"] = quality(mesh), float(np.hypot(estimated["worth"], oscillation))
         outputs, unknowns = self.outputs(solution), count_unknowns(mesh, self.order)
-        output_errors, unimproved = dict[str, float](), ""
+        errors, unimproved = dict[str, float](), ""
         if self.settings.tolerance.output_rtol is not None:
             previous = before.record if before else None
-            output_errors, unimproved = self.output_errors(sides, outputs, unknowns, previous)
+            errors, unimproved = self.output_errors(sides, outputs, unknowns, previous)
         record = Pass(
             **vars(moved.work(self.movable, polish_gain) if moved else Work()),
             **estimated,
@@ -145,7 +146,8 @@ class Adaptation:
             unpolished=unpolished,
             sagitta=self.movable.sagitta(),
             outputs=outputs,
-            output_errors=output_errors,
+            output_errors=errors,
+            doubts=doubts_of({**errors, "goal": estimated["goal_error"]}),
             unimproved=unimproved,
             seconds=self.steps.seconds,  # last, because outputs add their time
             compile_seconds=self.steps.compile_seconds,
@@ -229,9 +231,9 @@ class Adaptation:
         better, trouble = self.better_outputs(sides)
         if not better and before is not None and unknowns >= TWICE * before.unknowns:
             return {name: value - before.outputs[name] for name, value in outputs.items()}, trouble
-        return {name: better[name] - value for name, value in outputs.items() if name in better}, trouble
+        return {name: error_of(value, better[name]) for name, value in outputs.items() if name in better}, trouble
 
-    def better_outputs(self, sides: Sides) -> tuple[dict[str, float], str]:
+    def better_outputs(self, sides: Sides) -> tuple[Mapping[str, float], str]:
         outputs, solution = self.settings.outputs, sides.solution
         try:
             better = improved(sides.problem, sides.mesh, solution, outputs) if outputs else {}
@@ -239,13 +241,13 @@ class Adaptation:
             if exact is solution:
                 return better, ""
             changes = {name: outputs[name](exact) - outputs[name](solution) for name in better}
-            return {name: value + changes[name] for name, value in better.items()}, ""
+            return {name: shifted(value, changes[name]) for name, value in better.items()}, ""
         except NotOffered:
             return {}, ""
         except Exception as error:  # an unknown error is no reason to lose the result
             return {}, text_of(error)
 
-    def goal_error(self, solved: Solved) -> tuple[float | None, str]:
+    def goal_error(self, solved: Solved) -> tuple[Uncertain | None, str]:
         try:
             return goal_error(Sides(self.problem, solved.record.mesh, solved.solution, solved.curved)), ""
         except Exception as error:  # an unknown error is no reason to lose the result
@@ -266,12 +268,12 @@ class Adaptation:
         return values
 
 
-def goal_error(sides: Sides) -> float:
+def goal_error(sides: Sides) -> Uncertain:
     error, (_, exact) = goal_error_of(sides.problem, sides.solution), sides.exact
     if exact is sides.solution:
         return error
     goal, on_exact = (goal_of(sides.problem, solution) or 0.0 for solution in (sides.solution, exact))
-    return error + on_exact - goal
+    return shifted(error, on_exact - goal)
 
 
 def functional_of(

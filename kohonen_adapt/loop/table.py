@@ -9,7 +9,7 @@ from typing import Any
 
 from kohonen_adapt.display import by_error, significant
 from kohonen_adapt.geometry.movable import Work
-from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.passes import Pass, corrected_value
 
 __all__ = [
     "DASH",
@@ -44,7 +44,7 @@ Columns = list[tuple[str, list[str]]]
 
 def pass_figures(step: Pass) -> dict[str, Any]:
     figures: dict[str, Any] = {}
-    for name in (entry.name for entry in fields(step) if entry.name not in (*GOAL_FIELDS, "output_errors")):
+    for name in (entry.name for entry in fields(step) if entry.name not in (*GOAL_FIELDS, "output_errors", "doubts")):
         value = getattr(step, name)
         if isinstance(value, dict):
             singular = name.removesuffix("s") if name == "outputs" else name
@@ -54,19 +54,19 @@ def pass_figures(step: Pass) -> dict[str, Any]:
     return figures | output_error_figures(step) | goal_figures(step)
 
 
-def output_error_figures(step: Pass) -> dict[str, float]:
-    figures = dict[str, float]()
+def output_error_figures(step: Pass) -> dict[str, Any]:
+    figures = dict[str, Any]()
     for name, error in step.output_errors.items():
-        figures |= {f"error of output {name}": error, f"corrected output {name}": step.outputs[name] + error}
+        figures |= {f"error of output {name}": error, f"corrected output {name}": corrected_value(step, name)}
     return figures
 
 
 def goal_figures(step: Pass) -> dict[str, float | None]:
-    # The figures are the value, its error (None if not estimated), their sum, and the sum of the errors of the
-    # elements.
+    # The figures are the value, its error (None if not estimated), the corrected value, and the sum of the errors of
+    # the elements.
     if step.goal is None:
         return {}
-    total = None if step.goal_error is None else step.goal + step.goal_error
+    total = corrected_value(step, "goal")
     figures = {"goal": step.goal, "error": step.goal_error, "goal + error": total, "estimate": step.shown_estimate}
     return {with_unit(name if name.startswith("goal") else f"goal {name}", step): figures[name] for name in figures}
 

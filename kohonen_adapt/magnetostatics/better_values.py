@@ -22,37 +22,51 @@ from kohonen_adapt.magnetostatics.solution import (
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.singular_nodes import Materials, fixed_parts, meetings, singular_nodes
+from kohonen_adapt.problem.uncertain import Uncertain, error_of
 
 __all__ = ["better_values", "error_of_goal", "materials_of"]
 
 STRAIGHT, SHARPEST = 1e-3, 1.0  # turns between chords of an arc, approximately in radians
+# Rest of the series of the changes by one order, over the last change, if the ratio of successive changes is a third.
+REST = 0.5
+MORE_ORDERS = 2  # at most, after the first
 EnergyOn = Callable[[MeshTri, int], EnergyFunctional]  # the functional on a mesh, of an order
 
 
-def error_of_goal(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton, energy_on: EnergyOn) -> float:
-    return better_values(field, {"goal": goal}, boundaries, newton, energy_on)["goal"] - goal(field)
+def error_of_goal(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton, energy_on: EnergyOn) -> Uncertain:
+    return error_of(goal(field), better_values(field, {"goal": goal}, boundaries, newton, energy_on)["goal"])
 
 
 def better_values(
     field: Field, outputs: Mapping[str, Output], boundaries: Boundaries, newton: Newton, energy_on: EnergyOn
-) -> dict[str, float]:
-    """Return values of outputs by better elements and rounder arcs.
+) -> dict[str, Uncertain]:
+    """Return values of outputs by two or three orders more, and their doubts.
 
-    The outputs themselves are evaluated, because a derivative omits terms that are as large as the error on a mesh
-    adapted for the output.
+    Arcs are rounder, too. The outputs themselves are evaluated, because a derivative omits terms that are as large as
+    the error on a mesh adapted for the output. One order more misses the rest of a series, and nearly all of an error
+    whose sign changes from order to order. The doubt is `REST` times the change by the last order. A third order
+    follows if a doubt is more than half the change by both (`python -m benchmarks effectivity`).
 
     Twice as many facets on arcs reduce the area between chords and arcs to a quarter, and between parabolas and arcs to
     a sixteenth. The difference of two solves, with and without rounder arcs, is extrapolated accordingly. Both are
     linearised at the field, because their errors of second order cancel.
     """
     better = better_solution(field, boundaries, newton, energy_on)
-    values = {name: float(output(better)) for name, output in outputs.items()}
+    values, before = ({name: float(output(each)) for name, output in outputs.items()} for each in (better, field))
+    doubts = dict.fromkeys(outputs, np.inf)
+    for _ in range(MORE_ORDERS):
+        if all(doubt <= 0.5 * abs(values[name] - before[name]) for name, doubt in doubts.items()):
+            break
+        better = richer_solution(better, boundaries, newton, linearised=True)
+        now = {name: float(output(better)) for name, output in outputs.items()}
+        doubts = {name: REST * abs(value - values[name]) for name, value in now.items()}
+        values = now
     meshes, fraction = refined_on_arcs(field.mesh), 15.0 / 16.0 if is_second_order(field.mesh) else 0.75
     if meshes is not None and not (isinstance(better, HighOrderField) and is_second_order(field.mesh)):
         chords, arcs = (linearised_solution(energy_on(finer, field.order), field, newton) for finer in meshes)
         for name, output in outputs.items():
             values[name] += (output(arcs) - output(chords)) / fraction
-    return values
+    return {name: Uncertain(value, doubts[name]) for name, value in values.items()}
 
 
 def better_solution(field: Field, boundaries: Boundaries, newton: Newton, energy_on: EnergyOn) -> Field:

@@ -121,7 +121,7 @@ def sum_over_change(before: float, now: float, order: int) -> float:
 
 
 def energy_products(energy: EnergyFunctional, u: Floats, first: Floats, second: Floats) -> Floats:
-    """Return ``int dH . dB`` of two changes of a solution u, shape (nelements,)."""
+    # ``int dH . dB`` of two changes of a solution u, shape (nelements,)
     elements, symmetry = energy.elements, energy.symmetry
     coefficients = energy.coefficients.at_quadrature(elements.element, elements.points)
     at = PointField(elements.element, elements.points, energy.flux_density(u), coefficients)

@@ -305,23 +305,24 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
             raise ValueError("goal_error needs a goal; give one to Magnetostatics, for instance goal=Torque('rotor').")
         return error_of_goal(field, self.goal, self.boundaries, self.method, self._energy_on)
 
-    def improved(self, mesh: MeshTri, field: Field, outputs: Mapping[str, Output]) -> dict[str, float]:
+    def improved(self, mesh: MeshTri, field: Field, outputs: Mapping[str, Output]) -> Mapping[str, float]:
         """Return better values of outputs.
 
-        The elements have one order more, and are smaller at corners. Arcs are rounder.
+        The elements have two orders more, or three if the change of an output by the second is not small, and are
+        smaller at corners. Arcs are rounder.
 
         Parameters
         ----------
         mesh, field
             As in `indicators`.
         outputs
-            Name to a function of a field, which must accept a field of one order more.
+            Name to a function of a field, which must accept fields of up to three orders more.
 
         Returns
         -------
         dict
-            Name to value.
-
+            Name to value, a float with the attribute ``doubt``, the estimated magnitude of its own error: half the
+            change by the last order.
         """
         return better_values(field, outputs, self.boundaries, self.method, self._energy_on)
 

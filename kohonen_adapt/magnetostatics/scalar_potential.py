@@ -39,6 +39,7 @@ from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.protocol import AutoOrder
 from kohonen_adapt.problem.ritz import Ritz
+from kohonen_adapt.problem.uncertain import error_of
 
 __all__ = ["MagneticScalarPotential"]
 
@@ -225,7 +226,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
     def goal_error(self, field: SolidField) -> float:
         if self.goal is None:
             raise ValueError("goal_error needs a goal; give one, for instance goal=Force('armature', (0.0, 0.0, 1.0)).")
-        return self.improved(field.mesh, field, {"goal": self.goal})["goal"] - self.goal(field)
+        return error_of(self.goal(field), self.improved(field.mesh, field, {"goal": self.goal})["goal"])
 
     def aimed_at(self, output: object) -> Self:
         """Return the problem for an output, with a goal where that is quicker.
@@ -253,11 +254,11 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         taken = self.order > 1 or self.goal is not None or self.estimator != "residual"
         return self if taken or not isinstance(output, Goal) else replace(self, goal=output)
 
-    def improved(self, mesh: MeshTet, field: SolidField, outputs: Mapping[str, Output]) -> dict[str, float]:
+    def improved(self, mesh: MeshTet, field: SolidField, outputs: Mapping[str, Output]) -> Mapping[str, float]:
         """Return better values of outputs.
 
         At order 1 they are those of the quadratic field of the problem that is linearised at the field, on curved edges
-        if `curved`. At order 2 the surplus of cubic functions is added, and the change is at least the relative error
+        if `curved`. At order 2 the surplus of cubic functions is added, and the doubt of a value is the relative error
         of the energy, times the part of the value that changes with the potential. The integrals of coils over magnets
         and iron have a finer quadrature.
 
@@ -271,7 +272,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         Returns
         -------
         dict
-            Name to value.
+            Name to value, a float with the attribute ``doubt``, the estimated magnitude of its own error.
         """
         return better_values(field, outputs, self._better_solution)
 

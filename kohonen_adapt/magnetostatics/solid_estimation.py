@@ -24,6 +24,7 @@ from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.measures import CurvedTetrahedra, inner_points, magnitude, unit_vectors
 from kohonen_adapt.problem.evaluation import Output
+from kohonen_adapt.problem.uncertain import Uncertain
 
 __all__ = [
     "are_parallel",
@@ -60,9 +61,12 @@ class EnrichedField(SolidField):
     def at(self, x: Floats, element: Ints) -> Strength:
         return self._added(super().at(x, element), element)
 
-    def magnetisation_in(self, inside: Mask) -> tuple[Floats, Floats]:
+    def points_in(self, inside: Mask) -> tuple[Floats, Ints, Floats]:
         # The quadrature of the elements is a part of the error near coils.
-        x, element, volumes = CurvedTetrahedra(self.mesh).quadrature(np.flatnonzero(inside), FINE)
+        return CurvedTetrahedra(self.mesh).quadrature(np.flatnonzero(inside), FINE)
+
+    def magnetisation_in(self, inside: Mask) -> tuple[Floats, Floats]:
+        x, element, volumes = self.points_in(inside)
         return x, self.at(x, element).magnetisation * volumes
 
     def reaction_at(self, x: Floats, element: Ints) -> Floats:
@@ -221,9 +225,9 @@ def with_surplus(
 
 def better_values(
     field: SolidField, outputs: Mapping[str, Output], better_solution: Callable[[SolidField], SolidField]
-) -> dict[str, float]:
+) -> dict[str, Uncertain]:
     # Values are kept, because an output may be the goal. Solutions would take too much memory.
-    known: list[tuple[Output, float]] = field.kept.setdefault("better", [])
+    known: list[tuple[Output, Uncertain]] = field.kept.setdefault("better", [])
     missing = [output for output in outputs.values() if not any(output is each for each, _ in known)]
     if missing:
         better = better_solution(field)
@@ -231,18 +235,15 @@ def better_values(
     return {name: next(value for each, value in known if each is output) for name, output in outputs.items()}
 
 
-def better_value(field: SolidField, better: SolidField, output: Output) -> float:
-    found = float(output(better))
-    if not isinstance(better, EnrichedField):
-        return found
+def better_value(field: SolidField, better: SolidField, output: Output) -> Uncertain:
     # The parts of a change cancel by chance on graded meshes.
-    value = float(output(field))
-    least = better.error_of_energy * part_by_potential(field, value, output)
-    return value + float(np.copysign(max(abs(found - value), least), found - value))
+    least = better.error_of_energy * part_by_potential(field, output) if isinstance(better, EnrichedField) else 0.0
+    return Uncertain(float(output(better)), least)
 
 
-def part_by_potential(field: SolidField, value: float, output: Output) -> float:
+def part_by_potential(field: SolidField, output: Output) -> float:
     # The fields of coils in free space and remanences have no error, and may be most of a value.
+    value = float(output(field))
     less = float(output(replace(field, unknown=(1.0 - SLIGHT) * field.unknown)))
     return min(abs(value), abs(value - less) / SLIGHT)
 

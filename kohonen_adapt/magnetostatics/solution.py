@@ -205,12 +205,14 @@ def at_points(field: Field, derivative: tuple[Floats, Floats]) -> tuple[Floats, 
     return source, load if load.shape == at.x.shape else load[:, at.element]
 
 
-def richer_solution(field: Field, boundaries: Boundaries, newton: Newton) -> Field:
+def richer_solution(field: Field, boundaries: Boundaries, newton: Newton, linearised: bool = False) -> Field:
+    # one order more, or the Newton step to its solution
     if isinstance(field, HighOrderField):
         elements: Elements = field.elements.at_order(field.order + 1)
     else:
         elements = elements_on(field.mesh, field.order + 1, field.symmetry, field.coefficients.nonlinear)
-    return solution_of(energy_on(elements, field, boundaries), field.depth, field, newton)
+    energy = energy_on(elements, field, boundaries)
+    return linearised_solution(energy, field, newton) if linearised else solution_of(energy, field.depth, field, newton)
 
 
 def energy_on(elements: Elements, field: Field, boundaries: Boundaries) -> EnergyFunctional:

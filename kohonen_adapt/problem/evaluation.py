@@ -18,6 +18,7 @@ from kohonen_adapt.problem.protocol import (
     order_of,
 )
 from kohonen_adapt.problem.ritz import VECTORS, Ritz
+from kohonen_adapt.problem.uncertain import Uncertain
 
 __all__ = [
     "Output",
@@ -153,11 +154,12 @@ def goal_of(problem: Problem, solution: Any) -> float | None:
     return float(problem.goal(solution))  # type: ignore[attr-defined]
 
 
-def goal_error_of(problem: Problem, solution: Any) -> float:
-    return float(problem.goal_error(solution))  # type: ignore[attr-defined]
+def goal_error_of(problem: Problem, solution: Any) -> Uncertain:
+    error = problem.goal_error(solution)  # type: ignore[attr-defined]
+    return error if isinstance(error, Uncertain) else Uncertain(error, 0.0)
 
 
-def improved(problem: Problem, mesh: Mesh, solution: Any, outputs: Mapping[str, Any]) -> dict[str, float]:
+def improved(problem: Problem, mesh: Mesh, solution: Any, outputs: Mapping[str, Any]) -> Mapping[str, float]:
     return optional_method(problem, "improved")(mesh, solution, outputs)
 
 

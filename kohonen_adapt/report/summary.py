@@ -6,7 +6,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from kohonen_adapt.display import by_error, counted, significant
 from kohonen_adapt.kernels.threads import number_of_threads
-from kohonen_adapt.loop.passes import Pass, Status
+from kohonen_adapt.loop.passes import Pass, Status, corrected_value
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.table import (
     ERROR_DIGITS,
@@ -69,13 +69,13 @@ def _of_goal(step: Pass) -> list[tuple[str, str]]:
 
 
 def _figures_of_output(name: str, step: Pass) -> list[tuple[str, str]]:
-    value, error = step.outputs[name], step.output_errors.get(name)
-    if error is None:
+    value, error, total = step.outputs[name], step.output_errors.get(name), corrected_value(step, name)
+    if error is None or total is None:
         return [(name, by_error(value, None))]
     return [
         (name, by_error(value, error)),
         (f"error of {name}", significant(error, ERROR_DIGITS)),
-        (f"corrected {name}", by_error(value + error, error)),
+        (f"corrected {name}", by_error(total, error)),
     ]
 
 
@@ -125,12 +125,12 @@ def _of_output(name: str, first: Pass, last: Pass) -> str:
 
 
 def _error_of_output(name: str, step: Pass) -> str:
-    value, error = step.outputs[name], step.output_errors.get(name)
-    if error is None:
+    value, error, total = step.outputs[name], step.output_errors.get(name), corrected_value(step, name)
+    if error is None or total is None:
         return ""
     percent = f" ({100.0 * abs(error / value):.2g}\u00a0%)" if value else ""
-    corrected, text = by_error(value + error, error), significant(error, ERROR_DIGITS)
-    return f" Its estimated error is {text}{percent}: the exact value is near {corrected}."
+    near, text = by_error(total, error), significant(error, ERROR_DIGITS)
+    return f" Its estimated error is {text}{percent}: the exact value is near {near}."
 
 
 def versions() -> dict[str, str]:

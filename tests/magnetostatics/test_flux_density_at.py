@@ -13,6 +13,7 @@ from scipy.special import ellipe, ellipk
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import FluxDensityAt, Force, MagneticScalarPotential, Magnetostatics, Material
+from kohonen_adapt.problem.uncertain import corrected, error_of
 
 LOOP, CURRENT = 1.5, 1e6  # radius in m and current in A of a loop outside the half-plane below
 
@@ -121,6 +122,25 @@ def test_an_output_beside_a_goal_has_its_error_too(order, goal_rtol):
     assert result.status is ka.Status.CONVERGED
     assert 0.6 < told.error / (exact - told.value) < 1.5
     assert "corrected" in str(result) and "not adapted for" not in result.message
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 5])
+def test_errors_of_b_at_points_are_told_within_a_factor_and_corrections_improve_them(order):
+    """Of 24 points each: a change by one order crosses zero, and by chance an error is smaller than told."""
+    mesh, problem = two_magnets(1)
+    problem = replace(problem, order=order)
+    field = ka.adapt(mesh, problem, passes=2).solution
+    x = np.random.default_rng(0).uniform(-0.018, 0.018, (2, 24))
+    outputs = {str(k): lambda field, k=k: float(field.flux_density_at(x[:, k : k + 1])[1, 0]) for k in range(24)}
+    better = problem.improved(field.mesh, field, outputs)
+    exact = sum(rectangle_field(x, place, MAGNET_HALF) for place in PLACES.values())[1]
+    value = np.array([output(field) for output in outputs.values()])
+    errors = [error_of(v, better[name]) for v, name in zip(value, outputs, strict=True)]
+    ratio = np.abs(errors) / np.abs(exact - value)
+    left = [corrected(v, error, error.doubt) for v, error in zip(value, errors, strict=True)] - exact
+    assert np.sum((ratio > 0.5) & (ratio < 5.0)) >= 23 and 0.9 < np.median(ratio) < 1.1
+    assert np.sum(np.abs(left) > np.abs(exact - value)) <= 1
+    assert np.linalg.norm(left) < 0.25 * np.linalg.norm(exact - value)
 
 
 # --- refused -----------------------------------------------------------------------------------------------------

@@ -27,7 +27,7 @@ class Goal(Protocol):
     def __call__(self, field: Any) -> float:
         """Return J of a field.
 
-        `Magnetostatics.goal_error` also evaluates J of a field of one order more.
+        `Magnetostatics.goal_error` also evaluates J of fields of up to three orders more.
         """
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
