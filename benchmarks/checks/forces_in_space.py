@@ -1,4 +1,4 @@
-"""Hold forces in space, adapted to a tolerance at orders 1 and 2, against finer meshes."""
+"""Hold forces in space, adapted at orders 1 and 2, against finer meshes and closed forms."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -8,9 +8,11 @@ import numpy as np
 from skfem import MeshTet
 
 import kohonen_adapt as ka
+from benchmarks.problems.closed_forces import ClosedForm, closed_forms
 from benchmarks.problems.magnets_in_space import blocks, graded
 from benchmarks.table import Cell, aligned
 from kohonen_adapt.magnetostatics import Force, Froehlich, MagneticScalarPotential, Material
+from kohonen_adapt.problem.uncertain import corrected, error_of
 
 TOLERANCES = (0.03, 0.01, 0.003)
 STEP, FAR, LAYERS = 0.01, 0.06, 4  # of the coarse meshes, m
@@ -69,7 +71,7 @@ DEVICES = (
 
 
 def report(seeds: Sequence[int], quick: bool) -> str:
-    """Errors, true and told, processor seconds and their ratio; then estimates over errors in the energy norm."""
+    """Errors, true and told, and processor seconds; estimates over errors in the energy norm; closed forms."""
     ka.warmup(space=True)
     devices, tolerances = DEVICES[: 2 if quick else None], TOLERANCES[: 2 if quick else None]
     forces, estimates = list[list[Cell]](), list[list[Cell]]()
@@ -81,7 +83,9 @@ def report(seeds: Sequence[int], quick: bool) -> str:
     header = ["force in space", "order", "output_rtol", "nodes", "true error / tol", "told / tol", "told / true"]
     tables = [aligned([*header, "seconds", "of order 1's"], forces)]
     header = ["energy norm, order 2", "passes", "nodes", "error %", "estimate over error"]
-    return "\n\n".join([*tables, aligned(header, estimates)])
+    tables.append(aligned(header, estimates))
+    header = ["closed forms, order 2", "passes", "forces", "median error %", "median told / true", "least", "greatest"]
+    return "\n\n".join([*tables, aligned([*header, "corrected / true"], list(_closed_rows(quick)))])
 
 
 def _force_rows(device: Device, tolerances: Sequence[float], exact: float) -> Iterator[list[Cell]]:
@@ -107,3 +111,23 @@ def _estimate_rows(device: Device, fine: ka.AdaptResult) -> Iterator[list[Cell]]
         squared = 2.0 * abs(result.solution.coenergy - fine.solution.coenergy) + fine.estimate**2
         error = 100.0 * np.sqrt(squared) / problem.energy_norm(result.mesh, result.solution)
         yield [device.name, passes, result.mesh.nvertices, error, result.estimate / np.sqrt(squared)]
+
+
+def _closed_rows(quick: bool) -> Iterator[list[Cell]]:
+    # Last is the median of what the correction leaves of the error.
+    found = dict[tuple[str, int], list[tuple[float, float, float]]]()
+    for case in list(closed_forms())[:: 7 if quick else 1]:
+        for passes in (0, 2):
+            found.setdefault((case.kind, passes), []).append(_against_closed_form(case, passes))
+    for (kind, passes), rows in found.items():
+        true, ratio, left = np.array(rows).T
+        medians = 100.0 * float(np.median(true)), float(np.median(ratio))
+        yield [kind, passes, true.size, *medians, float(ratio.min()), float(ratio.max()), float(np.median(left))]
+
+
+def _against_closed_form(case: ClosedForm, passes: int) -> tuple[float, float, float]:
+    result = ka.adapt(case.mesh, case.problem, passes=passes)
+    value = case.goal(result.solution)
+    error = error_of(value, case.problem.improved(result.mesh, result.solution, {"force": case.goal})["force"])
+    true, left = abs(case.exact - value), abs(corrected(value, error, error.doubt) - case.exact)
+    return true / case.exact, abs(error) / true, left / true

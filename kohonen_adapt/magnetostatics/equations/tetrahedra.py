@@ -87,8 +87,16 @@ class Tetrahedra(FiniteElements):
         # elements of points, -1 outside, from the straight elements around them
         return straight
 
+    def hats_at(self, element: Ints, barycentric: Floats) -> Floats:
+        # gradients of the barycentric coordinates at points, (3, 4, n)
+        return self.hats[:, :, element]
+
     def slope_of_corners(self, values: Floats) -> Floats:
         return np.einsum("ik,cik->ck", values[self.mesh.t], self.hats)[:, self.element]
+
+    def slope_of_corners_at(self, values: Floats, element: Ints, x: Floats) -> Floats:
+        hats = self.hats_at(element, self.barycentric(x, element))
+        return np.einsum("in,cin->cn", values[self.mesh.t[:, element]], hats)
 
     def facet_points(self, facets: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
         # points (3, n) at coordinates (3,) of facets, and normals whose length is twice the area per reference area

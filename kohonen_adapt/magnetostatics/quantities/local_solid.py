@@ -135,6 +135,11 @@ class LocalSolid(MagneticField):
     def volume(self) -> Floats:
         return self.elements.volumes
 
+    def points_in(self, inside: Mask) -> tuple[Floats, Ints, Floats]:
+        # points (3, n) of a quadrature in some elements, with their elements and volumes
+        rows = inside[self.elements.element]
+        return self.elements.points[:, rows], self.elements.element[rows], self.point_volumes[rows]
+
     def magnetisation_in(self, inside: Mask) -> tuple[Floats, Floats]:
         # mu0 M in T times volumes at the points of a quadrature in some elements, with the points, (3, n) each
         rows, at = inside[self.elements.element], self.at_quadrature

@@ -19,13 +19,13 @@ from kohonen_adapt.magnetostatics.quantities.bodies import (
     Component,
     Cut,
     Names,
+    air_elements,
     component_change,
     component_value,
     isolated_body,
     outer_facets,
     stress_force,
     weight_at_nodes,
-    weight_gradient,
 )
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, is_coil
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid, Strength
@@ -90,30 +90,33 @@ class Shell:
         return weight_at_nodes(self.field, self.inside, Cut(facets, None, nodes))
 
     @cached_property
-    def _whole_slope(self) -> Floats:
-        return weight_gradient(self.field, self.inside, self._weight)
+    def layer(self) -> Mask:
+        # the elements of air where the weight falls
+        falls = np.ptp(self._weight[self.field.mesh.t], axis=0) > 0.0
+        return np.asarray(falls & air_elements(self.field) & ~self.inside)
 
     @cached_property
-    def rows(self) -> Ints:
-        # the quadrature points where the weight falls
-        return np.flatnonzero(self._whole_slope.any(axis=0))
-
-    @property
-    def slope(self) -> Floats:
-        return self._whole_slope[:, self.rows]
+    def _points(self) -> tuple[Floats, Ints, Floats]:
+        return self.field.points_in(self.layer)
 
     @property
     def volumes(self) -> Floats:
-        return np.asarray(self.field.point_volumes[self.rows])
+        return self._points[2]
+
+    @cached_property
+    def slope(self) -> Floats:
+        x, element, _ = self._points
+        return self.field.elements.slope_of_corners_at(self._weight, element, x)
 
     @cached_property
     def at(self) -> Strength:
-        elements, rows = self.field.elements, self.rows
-        return self.field.at(elements.points[:, rows], elements.element[rows])
+        x, element, _ = self._points
+        return self.field.at(x, element)
 
     @cached_property
     def free_flux_density(self) -> Floats:
-        return self.at.flux_density - self.field.reaction_at(self.at.x, self.field.elements.element[self.rows])
+        x, element, _ = self._points
+        return self.at.flux_density - self.field.reaction_at(x, element)
 
     @cached_property
     def currents(self) -> LayerCurrents | None:
@@ -154,7 +157,9 @@ class OfBody:
     def load(self) -> Floats:
         field, currents = self.shell.field, self.shell.currents
         weight = np.zeros(field.elements.points.shape)
-        weight[:, self.shell.rows] = component_change(self._component, self.shell.at.flux_density)
+        weight[:, self.shell.layer[field.elements.element]] = component_change(
+            self._component, self.shell.at.flux_density
+        )
         load = field.load_of(weight)
         if currents is None or not currents.x.size:
             return load
