@@ -208,9 +208,9 @@ def _columns_of_output(name: str, history: tuple[Pass, ...]) -> Columns:
     least, changes = _least(errors), ("Delta %", [DASH, *map(_output_change, values, values[1:])])
     if least is None:
         return [(name, _by_error(values, None)), changes]
-    pairs = list(zip(values, errors, strict=True))
+    pairs = zip(values, errors, strict=True)
     relative = [None if error is None or not value else 100.0 * error / abs(value) for value, error in pairs]
-    corrected = [None if error is None else value + error for value, error in pairs]
+    corrected = [corrected_value(step, name) for step in history]
     return [
         (name, _by_error(values, least)),
         changes,
