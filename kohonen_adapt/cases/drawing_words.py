@@ -63,12 +63,13 @@ CONNECTORS = words(
     """
 )
 
-# Types of fields without ExternalProcess, which runs a program, and Structured, which opens a file.
+# Types of fields without ExternalProcess, which runs a program, and Structured and AutomaticMeshSizeField, which open
+# files.
 FIELDS = words(
     """
-    Attractor AttractorAnisoCurve AutomaticMeshSizeField Ball BoundaryLayer Box Constant Curvature Cylinder Distance
-    Extend Frustum Gradient IntersectAniso Laplacian LonLat MathEval MathEvalAniso Max MaxEigenHessian Mean Min
-    MinAniso Octree Param PostView Restrict Sphere Threshold
+    Attractor AttractorAnisoCurve Ball BoundaryLayer Box Constant Curvature Cylinder Distance Extend Frustum
+    Gradient IntersectAniso Laplacian LonLat MathEval MathEvalAniso Max MaxEigenHessian Mean Min MinAniso
+    Octree Param PostView Restrict Sphere Threshold
     """
 )
 
