@@ -12,6 +12,7 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.checks import listed, point_text
+from kohonen_adapt.loop.corners import corner_sentences
 from kohonen_adapt.loop.growth import MAX_NODES
 from kohonen_adapt.loop.settings import percent
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
@@ -37,7 +38,8 @@ __all__ = [
 
 
 def plan_lines(case: Case, mesh: Mesh) -> list[str]:
-    return [plan_sentence(case, mesh), *(f"hint: {hint}" for hint in case_hints(case))]
+    hints = (f"hint: {hint}" for hint in case_hints(case))
+    return [plan_sentence(case, mesh), *strong_corners(case, mesh), *hints]
 
 
 def plan_sentence(case: Case, mesh: Mesh) -> str:
@@ -80,6 +82,11 @@ def ampere_turns_of(problem: Magnetostatics | MagneticScalarPotential) -> Mappin
     if isinstance(problem, Magnetostatics):
         return problem.ampere_turns or {}
     return {name: coil.ampere_turns for name, coil in (problem.coils or {}).items()}
+
+
+def strong_corners(case: Case, mesh: Mesh) -> list[str]:
+    problem = case.problem
+    return corner_sentences(mesh, problem.corner_exponents(mesh)) if isinstance(problem, Magnetostatics) else []
 
 
 def allowed_errors(case: Case) -> str:
@@ -239,7 +246,7 @@ def _crossed(mesh: Mesh, rim: Ints) -> Ints:
 
 
 def _fanned(mesh: Mesh, rim: Ints) -> Ints:
-    """Return rim nodes with several fans of rim faces, or on an edge of three faces."""
+    # Return rim nodes with several fans of rim faces, or on an edge of three faces.
     faces = mesh.facets[:, rim]
     ends = np.concatenate(
         [faces[list(pair)] for pair in TRIANGLE.outward], axis=1
@@ -258,6 +265,6 @@ def _fanned(mesh: Mesh, rim: Ints) -> Ints:
 
 
 def _corners(faces: Ints, face: Ints, node: Ints) -> Ints:
-    """Return the flat index of the corner of each face (k, 2) at a node (k,)."""
+    # Return the flat index of the corner of each face (k, 2) at a node (k,).
     which = np.argmax(faces[:, face] == node[:, None], axis=0)
     return which * faces.shape[1] + face

@@ -5,8 +5,9 @@ from numpy.typing import ArrayLike
 from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.estimators.discrete_flux import DiscreteFlux
 from kohonen_adapt.estimators.equilibration import equilibrated_correction, weighted_product
-from kohonen_adapt.estimators.explicit import DiscreteFlux, mean_and_rest, recovered_correction
+from kohonen_adapt.estimators.explicit import mean_and_rest, recovered_correction
 from kohonen_adapt.estimators.residual_of_orders import DualPair, higher_order
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.validity import check_mesh

@@ -12,7 +12,7 @@ from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.checks import finite_reals
-from kohonen_adapt.estimators.explicit import DiscreteFlux, discrete_flux
+from kohonen_adapt.estimators.discrete_flux import DiscreteFlux, discrete_flux
 from kohonen_adapt.kernels.triangle.equilibrate import GIVEN, NATURAL, FluxData, equilibrate, patch_scratch
 from kohonen_adapt.mesh.cells import TETRAHEDRON, check_kind
 from kohonen_adapt.mesh.measures import area, gradient

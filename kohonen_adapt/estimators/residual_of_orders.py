@@ -9,8 +9,9 @@ from skfem.helpers import dot, grad
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import finite_reals
+from kohonen_adapt.estimators.discrete_flux import checked_reluctivity
 from kohonen_adapt.estimators.equilibration import fixed_nodes
-from kohonen_adapt.estimators.explicit import checked_reluctivity, linear_residual
+from kohonen_adapt.estimators.explicit import linear_residual
 from kohonen_adapt.mesh.basis import KINDS, facet_products
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import Isoparametric, with_midside_offsets

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from skfem import Mesh, MeshTri
 
-from kohonen_adapt.arrays import Ints
 from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.geometry.plane.corner_layers import with_layers
 from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.loop.corners import corner_remark, corners_of_field
 from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.passes import Pass, Status, StepFailed
 from kohonen_adapt.loop.result import AdaptResult
@@ -31,9 +31,8 @@ from kohonen_adapt.loop.stopping import (
 )
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import quality
-from kohonen_adapt.problem.evaluation import energy_norm, estimate, goal_error_of, goal_of, ritz_of, solve
-from kohonen_adapt.problem.protocol import AtOrder, NotOffered, Problem, has_method, order_of
-from kohonen_adapt.problem.singular_nodes import Materials, singular_nodes
+from kohonen_adapt.problem.evaluation import energy_norm, estimate, goal_error_of, goal_of, solve
+from kohonen_adapt.problem.protocol import AtOrder, Problem, has_method, order_of
 from kohonen_adapt.problem.uncertain import doubts_of
 
 __all__ = ["GradingTolerance", "run_to_order"]
@@ -89,7 +88,7 @@ class GradingTolerance:
         return min(graded * last.energy_norm, gain_of(self.orders[-1]) * tolerance)
 
     def aim(self, last: Pass) -> float | None:
-        """Return the estimate that passes aim at, to meet the tolerance at once."""
+        # Return the estimate that passes aim at, to meet the tolerance at once.
         tolerance = self._within(last, GRADED)
         return tolerance and (tolerance if tolerance == self.stop.tolerance(last) else SAFE * tolerance)
 
@@ -173,7 +172,8 @@ def at_order(
     history = (*result.history, record)
     ending = ending_at_order(history, result.status, stop)
     on_layers = f" on {layers} layers at {corners} corners" if corners else ""
-    made = f"Solved with order {order}{on_layers}, {record.unknowns} unknowns."
+    made = f"Solved with order {order}{on_layers}, {record.unknowns} unknowns.{remark}"
+    named = corner_remark(ending.status, problem, mesh, None)
     return replace(
         result,
         mesh=mesh,
@@ -182,7 +182,7 @@ def at_order(
         estimate=record.estimate,
         history=history,
         status=ending.status,
-        message=" ".join(filter(None, [f"{ending.message} {made}{remark}", beside_goal_remark(record)])),
+        message=" ".join(filter(None, [ending.message, made, named, beside_goal_remark(record)])),
         nodes=record.nodes,
     )
 
@@ -191,7 +191,7 @@ def layered(
     result: AdaptResult, adaptation: Adaptation, layers: int, curved: MovableMesh | None
 ) -> tuple[MeshTri, int, str]:
     # Returned are the mesh with layers, the number of corners with layers, and a remark.
-    rules, corners = adaptation.settings.rules, corners_of_field(result, adaptation.problem)
+    rules, corners = adaptation.settings.rules, corners_of_field(adaptation.problem, result.mesh, result.solution)
     whole, remark = result.mesh, ""
     if curved is not None:
         whole = on_whole_curves(result.mesh, curved)
@@ -213,16 +213,6 @@ def remark_on_sides(distance: float) -> str:
     if not distance:
         return ""
     return f" Sides are up to {distance:.2g} off their curves, which no estimate includes; use more nodes there."
-
-
-def corners_of_field(result: AdaptResult, problem: Problem) -> Ints:
-    mesh, solution = result.mesh, result.solution
-    if has_method(problem, "singular_nodes"):
-        return np.asarray(problem.singular_nodes(mesh, solution))  # type: ignore[attr-defined]
-    try:
-        return singular_nodes(mesh, Materials.of(mesh, ritz_of(problem, mesh, solution)))
-    except NotOffered:
-        return np.zeros(0, dtype=np.int64)
 
 
 def assessed(result: AdaptResult, problem: Problem, adaptation: Adaptation, mesh: Mesh, solution: Any) -> Pass:

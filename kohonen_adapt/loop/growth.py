@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_count
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.mesh.cells import TETRAHEDRON
@@ -25,6 +26,8 @@ MISSED = 1.1  # least factor of the number of nodes after a pass that the predic
 # Largest number of nodes in the first pass, as a multiple of the predicted number for the estimate of the input. More
 # nodes on an ungraded mesh, as on M to 0.1 % at order 2, take half as long again (`python -m benchmarks error`).
 FIRST = 10.0
+# Ratio of a squared indicator to the mean, from which an element has an error that nodes elsewhere do not lower.
+CONCENTRATED = 100.0
 GREW = 1.5  # growth of a pass, from which the next gains much by placing the new nodes
 
 # Least number of nodes for the estimate of the last pass, and largest factor of the last pass. With fewer nodes or a
@@ -146,7 +149,7 @@ class GrowthByTolerance:
         if grew and not drifts:
             return now
         # If few nodes are new, the next pass gains little by placing, least of all at order 2 on tetrahedra.
-        missing = max(MISSED, (last.estimate / aim) ** (self.dim / self.order) if aim > 0.0 else inf)
+        missing = max(MISSED, (spread_error(last.indicators) / aim) ** (self.dim / self.order) if aim > 0.0 else inf)
         if grew:
             return max(now * min(missing, REGROWN), (wanted * (now * missing) ** 2) ** (1.0 / 3.0))
         return now * missing
@@ -173,6 +176,12 @@ def predicted_nodes(last: Pass, tolerance: float, order: int, dim: int) -> float
     total = float(np.sum((last.indicators / largest) ** power)) ** (2.0 * dim / (order * power) / 2.0)
     elements = total * (largest / tolerance) ** (dim / order)
     return elements * last.mesh.nvertices / len(last.indicators)
+
+
+def spread_error(indicators: Floats) -> float:
+    # Return the estimated error without the elements with far more than the mean, as at strong corners.
+    squared = indicators**2
+    return float(np.sqrt(np.sum(squared[squared <= CONCENTRATED * squared.mean()])))
 
 
 def drift_of_nodes(dim: int, order: int) -> float:

@@ -9,6 +9,7 @@ from kohonen_adapt.checks import check_hook
 from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.loop.checkpoint import Checkpoint
+from kohonen_adapt.loop.corners import corner_remark
 from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.passes import Pass, Status, StepFailed, Steps
 from kohonen_adapt.loop.result import AdaptResult
@@ -245,7 +246,10 @@ class History:
             raise RuntimeError("the loop has not ended.")
         adaptation, passes = self._adaptation, self._passes
         norm = norm_of(adaptation.problem)
-        return self._result(with_remarks(self._ending, passes.passes, passes.best.record, adaptation.settings, norm))
+        best, functional = passes.best.record, passes.best.functional
+        ending = with_remarks(self._ending, passes.passes, best, adaptation.settings, norm)
+        remark = corner_remark(ending.status, adaptation.problem, best.mesh, functional.ritz if functional else None)
+        return self._result(replace(ending, message=f"{ending.message} {remark}".rstrip()))
 
     def _with_worse_outputs(self, result: AdaptResult) -> AdaptResult:
         if result.status is not Status.STALLED:

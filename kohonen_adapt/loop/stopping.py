@@ -94,7 +94,7 @@ class StopTest:
         if last.estimate == 0.0 and not self.of_result.missed_values(last):
             reasons = " and ".join(["all indicators are zero", *self.of_result.errors_text(last)])
             return Ending(Status.CONVERGED, f"Converged after {count}: {reasons}.")
-        if self._is_met(passes):
+        if self._is_met(passes, best):
             return Ending(Status.CONVERGED, f"Converged after {count}: {self.of_result.reached_text(last)}. {result}")
         # Only True stops the loop, because many callbacks return a path or a list by accident.
         if isinstance(returned, bool | np.bool_) and returned:
@@ -129,9 +129,9 @@ class StopTest:
             )
         return Ending(Status.MAX_NODES, text)
 
-    def _is_met(self, passes: Passes) -> bool:
+    def _is_met(self, passes: Passes, best: Pass) -> bool:
         tolerance, last = self.tolerance(passes[-1]), passes[-1]
-        if last.estimate == 0.0 or (tolerance is not None and last.estimate > tolerance):
+        if last.estimate == 0.0 or (tolerance is not None and last.estimate * underrated(passes, best) > tolerance):
             return False
         if self.of_passes is None:
             return tolerance is not None and self.of_result.knows_errors(last)
@@ -194,20 +194,28 @@ def _choice_remark(passes: Passes, best: Pass) -> str:
 
 
 def _resolution_remark(passes: Passes, best: Pass) -> str:
-    # A functional lies above its minimum by half the square of the error in the energy norm. Hence the squared error
-    # of the pass before is twice the decrease from there to the best pass, plus the squared error of the best pass.
-    before = next((step for step in passes if step.number == best.number - 1), None)
-    if before is None or best.functional is None or before.functional is None or best.share is not None:
-        return ""
-    if not (best.calibrated and best.comparable and before.comparable) or best.estimate >= before.estimate:
-        return ""
-    squared_error = 2.0 * (before.functional - best.functional) + best.estimate**2
-    if squared_error <= UNRESOLVED * before.estimate**2:
+    factor = underrated(passes, best)
+    if factor == 1.0:
         return ""
     return (
-        "The mesh does not resolve the solution: the error may exceed the estimate by half. "
-        "Increase `passes` or `target_nodes`."
+        f"The mesh does not resolve the solution: the error of the pass before was {factor:.2g} times its estimate, "
+        "and this error may exceed its estimate as much. Increase `passes` or `target_nodes`."
     )
+
+
+def underrated(passes: Passes, best: Pass) -> float:
+    # Return the error over the estimate of the pass before the best, or 1 without a comparable pass.
+    # A functional lies above its minimum by half the square of the error in the energy norm. Hence the squared error of
+    # the pass before is twice the decrease from there to the best pass, plus the squared error of the best pass.
+    before = next((step for step in passes if step.number == best.number - 1), None)
+    if before is None or best.functional is None or before.functional is None or best.share is not None:
+        return 1.0
+    if not (best.calibrated and best.comparable and before.comparable) or best.estimate >= before.estimate:
+        return 1.0
+    squared_error = 2.0 * (before.functional - best.functional) + best.estimate**2
+    if squared_error <= UNRESOLVED * before.estimate**2:
+        return 1.0
+    return float(np.sqrt(squared_error) / before.estimate)
 
 
 def _polish_remark(passes: Passes, settings: Settings, norm: str) -> str:

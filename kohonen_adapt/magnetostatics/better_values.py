@@ -7,8 +7,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.geometry.plane.arcs import refined_on_arcs
-from kohonen_adapt.geometry.plane.corner_layers import with_layers
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
+from kohonen_adapt.magnetostatics.equations.conditions import Boundaries
 from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.quantities.field import Field
@@ -19,12 +18,13 @@ from kohonen_adapt.magnetostatics.solution import (
     richer_solution,
     solution_of,
 )
+from kohonen_adapt.magnetostatics.strong_corners import layer_counts, layered, materials_of, strong_corners
+from kohonen_adapt.mesh.corners import meetings, singular_nodes
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.problem.evaluation import Output
-from kohonen_adapt.problem.singular_nodes import Materials, fixed_parts, meetings, singular_nodes
 from kohonen_adapt.problem.uncertain import Uncertain, error_of
 
-__all__ = ["better_values", "error_of_goal", "materials_of"]
+__all__ = ["EnergyOn", "better_values", "error_of_goal"]
 
 STRAIGHT, SHARPEST = 1e-3, 1.0  # turns between chords of an arc, approximately in radians
 # Rest of the series of the changes by one order, over the last change, if the ratio of successive changes is a third.
@@ -71,12 +71,15 @@ def better_values(
 
 def better_solution(field: Field, boundaries: Boundaries, newton: Newton, energy_on: EnergyOn) -> Field:
     # Where the field is singular, the error falls by a power of the order only, and one order more removes a part.
+    corners, exponent = strong_corners(field, boundaries)
+    counts = layer_counts(field.mesh, corners, exponent)
     if not isinstance(field, HighOrderField):
-        pairs = (*boundaries.periodic, *boundaries.antiperiodic)
-        corners = np.setdiff1d(singular_nodes(field.mesh, materials_of(field, boundaries)), on_outer_arcs(field))
-        mesh, corners = with_layers(field.mesh, corners, 1, pairs)
-        if corners.size:
-            return solution_of(energy_on(mesh, field.order + 1), field.depth, field, newton)
+        others = np.setdiff1d(singular_nodes(field.mesh, materials_of(field, boundaries)), corners)
+        corners, counts = np.append(corners, others), np.append(counts, np.ones_like(others))
+    allowed = ~np.isin(corners, on_outer_arcs(field))
+    mesh, layers = layered(field.mesh, corners[allowed], counts[allowed], boundaries)
+    if layers:
+        return solution_of(energy_on(mesh, field.order + 1), field.depth, field, newton)
     return richer_solution(field, boundaries, newton)
 
 
@@ -89,16 +92,3 @@ def on_outer_arcs(field: Field) -> Ints:
     meeting, turn = meetings(ends.ravel(), np.concatenate([along, -along], axis=1), mesh.p.shape[1])
     is_round = (meeting == 2) & (turn > STRAIGHT) & (turn < SHARPEST)
     return np.unique(ends[:, is_round[ends].any(axis=0)])
-
-
-def materials_of(field: Field, boundaries: Boundaries) -> Materials:
-    coefficients = field.coefficients
-    conditions = conditions_of(field.elements, boundaries, field.symmetry, anchored=True)
-    flux = None if coefficients.varying_magnets else coefficients.flux
-    values = coefficients.material_index[None] if flux is None else flux
-    table = np.stack(
-        [coefficients.reluctivity, np.where(coefficients.nonlinear, coefficients.material_index, -1), *values]
-    )
-    kind = np.unique(table, axis=1, return_inverse=True)[1].ravel()
-    fixed = fixed_parts(field.elements.corners, conditions.fixed, field.order)
-    return Materials(coefficients.reluctivity, kind, flux, *fixed)

@@ -112,7 +112,7 @@ def _from_below(field: HighOrderField, boundaries: Boundaries, newton: Newton) -
 
 
 def sum_over_change(before: float, now: float, order: int) -> float:
-    """Return the sum of all squared changes from `order` on, over the first, `now`."""
+    # Return the sum of all squared changes from `order` on, over the first, `now`.
     if now == 0.0:
         return 1.0
     place = order + 0.5

@@ -25,6 +25,7 @@ __all__ = [
     "at_points",
     "dual_of",
     "energy_on",
+    "field_of",
     "interpolated_on",
     "linearised_solution",
     "linkage_slope",
@@ -127,7 +128,7 @@ def unknown_of(energy: EnergyFunctional, old: Field | None, newton: Newton) -> t
 
 
 def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None, newton: Newton) -> Field:
-    field = _field_of(energy, depth, *unknown_of(energy, old, newton))
+    field = field_of(energy, depth, *unknown_of(energy, old, newton))
     refuse_unconverged(field)
     return field
 
@@ -137,10 +138,10 @@ def linearised_solution(energy: EnergyFunctional, old: Field, newton: Newton) ->
     if not energy.coefficients.nonlinear_materials:
         return solution_of(energy, old.depth, old, newton)
     start = _start_values(energy, old, newton)
-    return _field_of(energy, old.depth, start + newton.full_step(energy, start, energy.residual(start)[0]))
+    return field_of(energy, old.depth, start + newton.full_step(energy, start, energy.residual(start)[0]))
 
 
-def _field_of(
+def field_of(
     energy: EnergyFunctional, depth: float | None, unknown: Floats, steps: tuple[NewtonStep, ...] = ()
 ) -> Field:
     elements = energy.elements

@@ -55,6 +55,7 @@ METHODS = {
     "curves": "mesh",
     "improved": "mesh, solution, outputs",
     "singular_nodes": "mesh, solution",
+    "corner_exponents": "mesh",
     "aimed_at": "output",
 }
 
@@ -106,6 +107,8 @@ class Problem(Protocol):
                                                   share of curves in errors of orders 2 and 3
     ``ritz(mesh, solution)``                      functional that the solution minimises, a `Ritz`; the polish needs it
     ``singular_nodes(mesh, solution)``            numbers of the nodes that get layers; default: from ``ritz``
+    ``corner_exponents(mesh)``                    exponents of the solution by number of the corner, a mapping; messages
+                                                  name those below 0.35; default: from ``ritz``
     ``goal(solution)``                            value of a goal, a float, see below
     ``goal_error(solution)``                      estimated signed error of the goal, a float, see below
     ``goal_unit = ""``                            unit of the goal

@@ -186,10 +186,22 @@ def test_a_mesh_that_is_not_resolved_is_named():
     """The functional fell by more than the estimate of the pass before allows."""
     result, message = message_of(0.5, 0.5)
     assert result.best.number == 1
+    first, best = result.history
+    error = np.sqrt(2.0 * (first.functional - best.functional) + best.estimate**2)
     assert (
-        " The mesh does not resolve the solution: the error may exceed the estimate by half. Increase `passes` or "
-        "`target_nodes`."
+        " The mesh does not resolve the solution: the error of the pass before was "
+        f"{error / first.estimate:.2g} times its estimate, and this error may exceed its estimate as much. Increase "
+        "`passes` or `target_nodes`."
     ) in message
+
+
+def test_a_tolerance_is_not_met_by_an_estimate_that_falls_less_than_the_functional():
+    """Half of the error is told: the loop goes on until twice the estimate is within the tolerance."""
+    mesh = MeshTri().refined(3)
+    result = ka.adapt(mesh, Poisson(*[0.5] * 20), rtol=0.05)
+    assert result.status is ka.Status.CONVERGED
+    unresolved = [step.estimate < 0.05 * step.energy_norm for step in result.history[1:-1]]
+    assert any(unresolved)
 
 
 def test_an_estimate_that_nobody_vouches_for_says_nothing_of_resolution():

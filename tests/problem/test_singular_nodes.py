@@ -8,7 +8,9 @@ from helpers.meshes import square
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt.problem.singular_nodes import Materials, exponents, singular_nodes
+from kohonen_adapt.mesh.corners import singular_nodes
+from kohonen_adapt.mesh.exponents import exponents
+from kohonen_adapt.problem.singular_nodes import materials_of
 
 RIGHT = np.pi / 2.0
 
@@ -34,10 +36,34 @@ def test_closed_forms(angle, coefficient, prescribed, wanted):
     np.testing.assert_allclose(found[np.abs(found - 1.0) > 1e-3], wanted, atol=1e-4)
 
 
+@pytest.mark.parametrize("ratio", [3.0, 10.0, 161.4476387975881, 1000.0, 1e6])
+def test_iron_that_touches_iron(ratio):
+    """By the closed form, for any contrast and any turn of the squares; two right angles side by side are as one."""
+    wanted = 4.0 / np.pi * np.arctan(ratio**-0.5)
+    for coefficient in ([1.0, ratio, 1.0, ratio], [ratio, 1.0, ratio, 1.0]):
+        assert exponents(np.full(4, RIGHT), np.array(coefficient), None)[0] == pytest.approx(wanted, rel=1e-6)
+    turned = np.array([0.3 * RIGHT, RIGHT, RIGHT, RIGHT, 0.7 * RIGHT])
+    assert exponents(turned, np.array([1.0, ratio, 1.0, ratio, 1.0]), None)[0] == pytest.approx(wanted, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("angle", "coefficient", "prescribed", "wanted"),
+    [
+        ([4.0 * RIGHT], [1.0], (True, False), 0.25),
+        ([3.0 * RIGHT], [1.0], (True, False), 1.0 / 3.0),
+        ([4.0 * RIGHT], [1.0], (False, False), 0.5),
+        ([RIGHT, RIGHT], [0.02, 1.0], (True, False), 2.0 / np.pi * np.arctan(0.02**0.5)),
+    ],
+)
+def test_corners_of_the_boundary(angle, coefficient, prescribed, wanted):
+    """Two sectors of a right angle, one held: ``tan^2(l pi / 2)`` is the ratio of the coefficients."""
+    assert exponents(np.array(angle), np.array(coefficient), prescribed)[0] == pytest.approx(wanted, rel=1e-6)
+
+
 def laplace(mesh, fixed, **tables):
     rim = np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes() if fixed is None else fixed)
     ritz = ka.Ritz(np.zeros(mesh.nvertices), rim, **{"coefficient": 1.0} | tables)
-    return Materials.of(mesh, ritz)
+    return materials_of(mesh, ritz)
 
 
 def test_only_the_re_entrant_corner_of_an_l_counts():
@@ -57,7 +83,7 @@ def test_corners_of_magnets_and_iron_count_and_straight_interfaces_do_not():
     mesh, problem = two_magnets(1)
     field = problem.solve(mesh)
     assert problem.singular_nodes(mesh, field).size == 8
-    of_ritz = singular_nodes(mesh, Materials.of(mesh, problem.ritz(mesh, field)))
+    of_ritz = singular_nodes(mesh, materials_of(mesh, problem.ritz(mesh, field)))
     np.testing.assert_array_equal(of_ritz, problem.singular_nodes(mesh, field))
     for order in (3, 6):
         np.testing.assert_array_equal(of_ritz, problem.singular_nodes(mesh, problem.solve(mesh, order=order)))

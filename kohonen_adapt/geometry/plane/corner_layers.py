@@ -21,7 +21,10 @@ from kohonen_adapt.mesh.joining import sides_of
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["FoldedLayers", "refined_at", "with_layers"]
+__all__ = ["FACTOR", "RESOLVED", "FoldedLayers", "refined_at", "size_at", "with_layers"]
+
+FACTOR = 0.15  # ratio of the sizes of successive layers
+RESOLVED = 1e-14  # size of elements that coordinates resolve, relative to the coordinates
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -49,7 +52,7 @@ class Pieces(NamedTuple):
     share: Floats  # (m, 3, 3): barycentric coordinates of the corners in the parent
 
     def divided(self, *groups: tuple[Ints, list[list["Corner"]]]) -> "Pieces":
-        """Replace rows by parts, each given by three corners of all rows."""
+        # Replace rows by parts, each given by three corners of all rows.
         kept = np.delete(np.arange(len(self.node)), np.concatenate([rows for rows, _ in groups]))
         node, parent, share = [self.node[kept]], [self.parent[kept]], [self.share[kept]]
         for rows, parts in groups:
@@ -68,7 +71,7 @@ def refined_at(
     nodes: ArrayLike,
     *,
     layers: int = 2,
-    factor: float = 0.15,
+    factor: float = FACTOR,
     periodic: Sequence[Pair] = (),
     curves: Mapping[str, Curve] | None = None,
 ) -> MeshTri:
@@ -132,8 +135,13 @@ def with_layers(
 ) -> tuple[MeshTri, Ints]:
     """Return a new mesh with layers, and the nodes that have them.
 
-    Nodes at curves get none if their layers would invert elements.
+    Nodes at curves get none if their layers would invert elements, and nodes with elements so small that coordinates
+    do not resolve their layers get none either.
     """
+    resolved = np.array(
+        [size_at(mesh, node) * FACTOR**layers > RESOLVED * np.hypot(*mesh.p[:, node]) for node in nodes]
+    )
+    nodes = nodes[resolved] if nodes.size else nodes
     while nodes.size:
         try:
             return refined_at(mesh, nodes, layers=layers, periodic=periodic, curves=curves), nodes
@@ -142,6 +150,11 @@ def with_layers(
             logger.info("%d corners at curves get no layers", nodes.size - kept.size)
             nodes = kept if kept.size < nodes.size else nodes[:0]
     return replace(mesh), nodes  # a pass is known by its mesh
+
+
+def size_at(mesh: MeshTri, node: int) -> float:
+    star = mesh.t[:, np.any(mesh.t == node, axis=0)]
+    return float(np.hypot(*(mesh.p[:, star[star != node]] - mesh.p[:, [node]])).min())
 
 
 def checked_nodes(nodes: ArrayLike, count: int) -> Mask:
@@ -230,7 +243,7 @@ def mesh_of(pieces: Pieces, mesh: MeshTri, shape: Blended) -> MeshTri:
 
 
 def sides_in_parent(share: Floats) -> Mask:
-    """Return a mask of sides k that lie on sides j of the parents, (m, 3, 3)."""
+    # Return a mask of sides k that lie on sides j of the parents, (m, 3, 3).
     on = share == 0.0
     return on[:, AFTER] & on[:, BEFORE]
 

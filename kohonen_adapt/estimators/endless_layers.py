@@ -1,0 +1,171 @@
+"""Squared errors of P1 solutions at corners with small exponents.
+
+The elements at a node are divided by layers, each half the size of the last. In the plane the matrix of a layer does
+not depend on its size, so that k doublings give 2^k layers. The finer functions contain those of the mesh, and their
+solution has less energy by the square of the error at the corner.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_array, csc_array
+from scipy.sparse.linalg import splu
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.estimators.discrete_flux import DiscreteFlux
+from kohonen_adapt.mesh.corners import Materials, corner_exponents
+from kohonen_adapt.mesh.curved import AFTER, BEFORE
+from kohonen_adapt.mesh.exponents import STRONG
+
+__all__ = ["with_strong_corners"]
+
+RATIO = 0.5  # of the sizes of successive layers
+PIECES = 4  # of a side in a layer
+DOUBLINGS = 14  # in 16384 layers the field of an exponent of 0.001 falls to 1e-5
+CONTRAST = 3.0  # ratio of the coefficients around a node inside, below which no exponent is less than `STRONG`
+FIXED = 10.0  # imbalance of a node with a prescribed value, relative to the largest of the nodes inside
+ROUNDING = 1e-9  # the same, relative to the terms
+SOLVED = 0.01  # imbalance around a corner, relative to the terms, up to which the potential counts as a solution
+
+
+class System(NamedTuple):
+    # Equations of a P1 solution.
+    mesh: MeshTri
+    discrete: DiscreteFlux
+    matrices: Floats  # (3, 3, nelements)
+    outflow: Floats  # (3, nelements): terms that balance at the nodes without a prescribed value
+    fixed: Mask  # (nnodes,): nodes of the boundary that do not balance
+    solved: Mask  # (nnodes,): nodes that balance, or are fixed
+
+    @classmethod
+    def of(cls, mesh: MeshTri, discrete: DiscreteFlux, potential: Floats) -> "System":
+        hats, size, count = discrete.hats, discrete.area, mesh.p.shape[1]
+        matrices = np.einsum("k,cik,cjk->ijk", size * discrete.reluctivity, hats, hats)
+        outflow = size * (np.einsum("ck,cik->ik", discrete.values, hats) - discrete.source / 3.0)
+        terms = np.abs(matrices * potential[mesh.t]).sum(axis=1)
+        total, scale = (np.bincount(mesh.t.ravel(), each.ravel(), count) for each in (outflow, terms))
+        imbalance, outer = np.abs(total), np.isin(np.arange(count), mesh.boundary_nodes())
+        fixed = outer & (imbalance > FIXED * imbalance[~outer].max(initial=0.0) + ROUNDING * scale)
+        return cls(mesh, discrete, matrices, outflow, fixed, fixed | (imbalance <= SOLVED * scale))
+
+    def condensed(self, nodes: Ints) -> Floats:
+        # Return the matrix of free nodes (n,) with all others eliminated, (n, n).
+        free = np.flatnonzero(~self.fixed)
+        number = np.full(self.fixed.size, -1)
+        number[free] = np.arange(free.size)
+        row, column = np.broadcast_arrays(number[self.mesh.t][:, None], number[self.mesh.t][None])
+        inner = (row >= 0) & (column >= 0)
+        entries = self.matrices[inner], (row[inner], column[inner])
+        units = np.zeros((free.size, nodes.size))
+        units[number[nodes], np.arange(nodes.size)] = 1.0
+        factors = splu(csc_array(coo_array(entries, shape=(free.size, free.size))))
+        return np.linalg.inv(factors.solve(units)[number[nodes]])
+
+
+def with_strong_corners(indicators: Floats, mesh: MeshTri, discrete: DiscreteFlux, potential: Floats) -> Floats:
+    result = indicators
+    among = contrasts(mesh, discrete.reluctivity)
+    if not among.any():
+        return result
+    system = System.of(mesh, discrete, potential)
+    for node in strong_corners(system, among):
+        at = np.any(mesh.t == node, axis=0)
+        missing, own = missing_square(system, int(node), np.flatnonzero(at)), np.sum(indicators[at] ** 2)
+        if missing > own:
+            share = indicators[at] ** 2 / own if own > 0.0 else 1.0 / at.sum()
+            result = result.copy()
+            result[at] = np.maximum(result[at], np.sqrt(missing * share))
+    return result
+
+
+def contrasts(mesh: MeshTri, coefficient: Floats) -> Mask:
+    low, high = np.full(mesh.p.shape[1], np.inf), np.zeros(mesh.p.shape[1])
+    np.minimum.at(low, mesh.t, np.tile(coefficient, (3, 1)))
+    np.maximum.at(high, mesh.t, np.tile(coefficient, (3, 1)))
+    return high > CONTRAST * low
+
+
+def strong_corners(system: System, among: Mask) -> Ints:
+    mesh, fixed, coefficient = system.mesh, system.fixed, system.discrete.reluctivity
+    prescribed = fixed[mesh.facets].all(axis=0) & (mesh.f2t[1] < 0)
+    kind = np.unique(coefficient, return_inverse=True)[1].ravel()
+    found, exponent = corner_exponents(mesh, Materials(coefficient, kind, None, fixed, prescribed), among)
+    strong = found[exponent < STRONG]
+    return strong[[bool(system.solved[mesh.t[:, np.any(mesh.t == node, axis=0)]].all()) for node in strong]]
+
+
+def missing_square(system: System, node: int, star: Ints) -> float:
+    # Return the squared error that layers without end in the elements `star` at a node remove.
+    mesh, fixed = system.mesh, system.fixed
+    ring = np.setdiff1d(mesh.t[:, star], node)
+    free = np.flatnonzero(~fixed[ring])
+    place = np.searchsorted(ring, mesh.t[:, star])
+    place[mesh.t[:, star] == node] = ring.size
+    own = np.zeros((ring.size + 1,) * 2)
+    np.add.at(own, (place[:, None], place[None]), system.matrices[:, :, star])
+    if not fixed[node]:
+        own -= np.outer(own[:, -1], own[-1]) / own[-1, -1]
+    outflow = np.bincount(place.ravel(), system.outflow[:, star].ravel(), ring.size + 1)
+    others = system.condensed(ring[free]) - own[np.ix_(free, free)]
+    matrix, load, removed = endless_at(system, star, place, free)
+    change = outflow[free] + load
+    return max(removed + float(change @ np.linalg.solve(others + matrix, change)), 0.0)
+
+
+def endless_at(system: System, star: Ints, place: Ints, free: Ints) -> tuple[Floats, Floats, float]:
+    # Return `endless` of the layers in the elements `star` around a corner, for the free nodes around the corner.
+    # `place` has numbers of the nodes of elements, (3, n): nodes around the corner, then the corner.
+    count, corner = int(place.max()), system.mesh.p[:, system.mesh.t[:, star]]
+    k, rows, steps = np.argmax(place, axis=0), np.arange(star.size), np.arange(PIECES + 1) / PIECES
+    first, second = (place[np.take(ways, k), rows] for ways in (AFTER, BEFORE))
+    a, b = (corner[:, np.take(ways, k), rows] - corner[:, k, rows] for ways in (AFTER, BEFORE))
+    between = count + np.arange(star.size * (PIECES - 1)).reshape(PIECES - 1, -1)
+    number = np.vstack((first, between, second))  # of the nodes along the sides, (PIECES + 1, n)
+    total = count + between.size
+    trace = np.zeros((total, count))  # linear along sides
+    for at, share in zip(number, steps, strict=True):
+        trace[at, first], trace[at, second] = 1.0 - share, share
+    x = a[:, None] + steps[:, None] * (b - a)[:, None]
+    matrix, loads = np.zeros((2 * total, 2 * total)), np.zeros((2 * total, 2))
+    for piece in range(PIECES):
+        one, other, start, end = number[piece], number[piece + 1], x[:, piece], x[:, piece + 1]
+        add(system, star, (one, other, other + total), (start, end, RATIO * end), matrix, loads)
+        add(system, star, (one, other + total, one + total), (start, RATIO * end, RATIO * start), matrix, loads)
+    kept = np.append(free, np.arange(count, total))
+    both = np.append(kept, kept + total)
+    layers, load, removed = endless(matrix[np.ix_(both, both)], loads[both])
+    trace = trace[np.ix_(kept, free)]
+    return trace.T @ layers @ trace, trace.T @ load, removed
+
+
+def add(
+    system: System, star: Ints, number: tuple[Ints, ...], corner: tuple[Floats, ...], matrix: Floats, loads: Floats
+) -> None:
+    # Triangles within the elements `star`, with the residual and the source of these.
+    discrete, x, at = system.discrete, np.stack(corner, axis=1), np.stack(number)
+    side = x[:, BEFORE] - x[:, AFTER]
+    twice = side[0, 0] * side[1, 1] - side[1, 0] * side[0, 1]
+    hats, size = np.stack((-side[1], side[0])) / twice, 0.5 * np.abs(twice)
+    terms = np.einsum("k,cik,cjk->ijk", size * discrete.reluctivity[star], hats, hats)
+    np.add.at(matrix, (at[:, None], at[None]), terms)
+    np.add.at(loads[:, 0], at, -size * np.einsum("ck,cik->ik", discrete.values[:, star], hats))
+    np.add.at(loads[:, 1], at, np.tile(size * discrete.source[star] / 3.0, (3, 1)))
+
+
+def endless(layer: Floats, loads: Floats) -> tuple[Floats, Floats, float]:
+    # Return matrix and load of layers without end, for the nodes of the first, and a squared error.
+    # The rows of a layer are its outer and its inner nodes. The columns of `loads` fall with the size and with the
+    # area. The last value is the squared error that the layers remove while the nodes of the first keep their values.
+    n, fall, removed = len(layer) // 2, np.array([RATIO, RATIO**2]), np.zeros((2, 2))
+    outer, across, inner, first, last = layer[:n, :n], layer[:n, n:], layer[n:, n:], loads[:n], loads[n:]
+    for _ in range(DOUBLINGS):
+        between = last + fall * first
+        middle = np.linalg.solve(inner + outer, np.hstack((across.T, across, between)))
+        to_outer, to_inner, by_load = middle[:, :n], middle[:, n : 2 * n], middle[:, 2 * n :]
+        removed = removed + np.outer(fall, fall) * removed + between.T @ by_load
+        first, last, fall = first - across @ by_load, fall * last - across.T @ by_load, fall**2
+        outer, inner, across = outer - across @ to_outer, inner - across.T @ to_inner, -across @ to_inner
+    middle = np.linalg.solve(inner, np.hstack((across.T, last.sum(axis=1, keepdims=True))))
+    removed_in_all = float(removed.sum() + last.sum(axis=1) @ middle[:, n])
+    return outer - across @ middle[:, :n], first.sum(axis=1) - across @ middle[:, n], removed_in_all

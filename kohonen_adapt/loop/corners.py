@@ -1,0 +1,64 @@
+"""Corners of a solution, for layers of elements and for messages."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from skfem import Mesh
+
+from kohonen_adapt.arrays import Ints
+from kohonen_adapt.checks import point_text
+from kohonen_adapt.loop.passes import Status
+from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
+from kohonen_adapt.mesh.corners import corner_exponents, singular_nodes
+from kohonen_adapt.problem.evaluation import ritz_of
+from kohonen_adapt.problem.protocol import NotOffered, Problem, has_method
+from kohonen_adapt.problem.ritz import Ritz
+from kohonen_adapt.problem.singular_nodes import materials_of
+
+__all__ = ["corner_remark", "corner_sentences", "corners_of_field"]
+
+TOLD = 0.35  # exponent below which a corner is named; half the error takes elements 7 times smaller there
+SHOWN = 3  # corners named
+ROUNDING = 1e-16  # size of the least elements, relative to the mesh
+SEEN = 1e-3  # least relative error that is named
+
+LIMITED = (Status.MAX_PASSES, Status.MAX_NODES, Status.STALLED, Status.NOT_MOVED)
+
+
+def corners_of_field(problem: Problem, mesh: Mesh, solution: Any) -> Ints:
+    if has_method(problem, "singular_nodes"):
+        return np.asarray(problem.singular_nodes(mesh, solution))  # type: ignore[attr-defined]
+    try:
+        return singular_nodes(mesh, materials_of(mesh, ritz_of(problem, mesh, solution)))
+    except NotOffered:
+        return np.zeros(0, dtype=np.int64)
+
+
+def corner_remark(status: Status, problem: Problem, mesh: Mesh, ritz: Ritz | None) -> str:
+    if status not in LIMITED or cell_of(mesh) is not TRIANGLE:
+        return ""
+    if has_method(problem, "corner_exponents"):
+        exponents = dict(problem.corner_exponents(mesh))  # type: ignore[attr-defined]
+    elif ritz is None:
+        return ""
+    else:
+        exponents = dict(zip(*corner_exponents(mesh, materials_of(mesh, ritz)), strict=True))
+    return " ".join(corner_sentences(mesh, exponents))
+
+
+def corner_sentences(mesh: Mesh, exponents: Mapping[int, float]) -> list[str]:
+    strong = sorted((exponent, node) for node, exponent in exponents.items() if exponent < TOLD)
+    sentences = [_sentence(point_text(mesh.p[:, node]), exponent) for exponent, node in strong[:SHOWN]]
+    more = len(strong) - SHOWN
+    return [*sentences, *([f"{more} more corners have exponents below {TOLD}."] if more > 0 else [])]
+
+
+def _sentence(place: str, exponent: float) -> str:
+    smaller, energy = 2.0 ** (1.0 / exponent), ROUNDING ** (2.0 * exponent)
+    least = np.sqrt(2.0 * energy / (1.0 - energy))
+    limit = f", and no mesh leaves less than about {100.0 * least:.2g} % of a field around it" if least > SEEN else ""
+    return (
+        f"The corner at {place} has the exponent {exponent:.3g}: half the error there takes elements {smaller:.2g} "
+        f"times smaller{limit}."
+    )

@@ -1,0 +1,136 @@
+"""Corners of boundaries and interfaces, and the exponents of solutions there."""
+
+from typing import NamedTuple
+
+import numpy as np
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.mesh.blended import Blended
+from kohonen_adapt.mesh.curved import AFTER, BEFORE
+from kohonen_adapt.mesh.exponents import exponents
+from kohonen_adapt.mesh.host import number_facets
+
+__all__ = ["Materials", "corner_exponents", "fixed_parts", "meetings", "singular_nodes"]
+
+STRAIGHT = np.deg2rad(10.0)  # turn of an interface or boundary up to which a node is smooth; chords of arcs turn less
+WHOLE = 0.01  # largest distance of an exponent of a polynomial from 1
+
+
+class Materials(NamedTuple):
+    coefficient: Floats  # (m,); with a law its value at zero
+    kind: Ints  # (m,): number of the material, equal for equal constants
+    flux: Floats | None  # (2, m); None if the flux varies within materials
+    fixed: Mask  # (nnodes,): nodes with prescribed values
+    prescribed: Mask  # (nfacets,): facets with prescribed values
+
+
+def fixed_parts(mesh: MeshTri, fixed: Mask, order: int) -> tuple[Mask, Mask]:
+    number_facets(mesh)
+    nodes, facets = mesh.nvertices, mesh.facets.shape[1]
+    prescribed = fixed[mesh.facets].all(axis=0) & (mesh.f2t[1] < 0)
+    own = fixed[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1)
+    return fixed[:nodes], prescribed & own.all(axis=1)
+
+
+class Lines(NamedTuple):
+    facets: Ints  # (f,)
+    prescribed: Mask  # (f,): True on a boundary with prescribed values
+    kind: Ints  # (f,): equal for the same materials on both sides and the same condition
+
+
+def singular_nodes(mesh: MeshTri, materials: Materials) -> Ints:
+    # Corners count with an exponent below 2 other than 1, or a jump of the flux. Pairs of boundaries are treated as
+    # natural conditions.
+    shape = Blended(mesh)
+    lines = lines_of(shape, materials)
+    found = [int(node) for node in candidates(shape, lines) if is_singular(shape, materials, lines, int(node))]
+    return np.union1d(found, points_inside(shape, materials)).astype(np.int64)
+
+
+def lines_of(shape: Blended, materials: Materials) -> Lines:
+    first, second = shape.corners.f2t
+    left, right = materials.kind[first], np.where(second >= 0, materials.kind[np.maximum(second, 0)], -1)
+    facets = np.flatnonzero(left != right)
+    sides, prescribed = np.sort(np.stack([left, right]), axis=0)[:, facets], materials.prescribed[facets]
+    kind = np.unique(np.stack([*sides, prescribed]), axis=1, return_inverse=True)[1].ravel()
+    return Lines(facets, prescribed, kind)
+
+
+def candidates(shape: Blended, lines: Lines) -> Ints:
+    # Return the nodes at which lines meet, end, turn or change their kind.
+    count = shape.p.shape[1]
+    ends = shape.corners.facets[:, lines.facets]
+    _, tangents = shape.facet_points(lines.facets, np.array([0.0, 1.0]))
+    direction = np.concatenate([tangents[..., 0], -tangents[..., 1]], axis=1)
+    direction /= np.hypot(*direction)
+    node = ends.ravel()
+    meeting, total = meetings(node, direction, count)
+    low, high = np.full(count, lines.kind.max(initial=0) + 1), np.full(count, -1)
+    kinds = np.tile(lines.kind, 2)
+    np.minimum.at(low, node, kinds)
+    np.maximum.at(high, node, kinds)
+    turns = total > 2.0 * np.sin(0.5 * STRAIGHT)
+    return np.flatnonzero((meeting > 0) & ((meeting != 2) | turns | (low != high)))
+
+
+def meetings(node: Ints, direction: Floats, count: int) -> tuple[Ints, Floats]:
+    # Number of facets at every node, and length of the sum of their directions, 2 sin(turn / 2) for two facets. `node`
+    # (n,) and `direction` (2, n) are nodes and unit vectors into the facets at the ends of all facets.
+    total = np.hypot(*(np.bincount(node, part, count) for part in direction))
+    return np.bincount(node, minlength=count), total
+
+
+def corner_exponents(mesh: MeshTri, materials: Materials, among: Mask | None = None) -> tuple[Ints, Floats]:
+    # Return the nodes at which the gradient is infinite, and the least exponent of each.
+    # A mask `among` restricts the nodes.
+    shape = Blended(mesh)
+    lines = lines_of(shape, materials)
+    nodes = candidates(shape, lines)
+    nodes = nodes if among is None else nodes[among[nodes]]
+    found = [(int(node), exponents_at(shape, materials, lines, int(node))) for node in nodes]
+    least = {node: each[0] for node, each in found if each.size and each[0] < 1.0 - WHOLE}
+    return np.array(list(least), dtype=np.int64), np.array(list(least.values()))
+
+
+def is_singular(shape: Blended, materials: Materials, lines: Lines, node: int) -> bool:
+    element = np.nonzero(np.equal(shape.t.T, node))[0]
+    if np.ptp(materials.kind[element]) > 0 and jumps(materials, element):
+        return True
+    return bool(np.any(np.abs(exponents_at(shape, materials, lines, node) - 1.0) > WHOLE))
+
+
+def exponents_at(shape: Blended, materials: Materials, lines: Lines, node: int) -> Floats:
+    element, k = np.nonzero(np.equal(shape.t.T, node))
+    start, end = (shape.p[:, shape.t.T[element, np.take(ways, k)]] - shape.p[:, [node]] for ways in (AFTER, BEFORE))
+    clockwise = start[0] * end[1] - start[1] * end[0] < 0.0
+    start, end = np.where(clockwise, end, start), np.where(clockwise, start, end)
+    begin = np.arctan2(start[1], start[0])
+    angle = np.mod(np.arctan2(end[1], end[0]) - begin, 2.0 * np.pi)
+    own = np.any(shape.corners.facets[:, lines.facets] == node, axis=0) & (shape.corners.f2t[1, lines.facets] < 0)
+    order = np.argsort(begin)
+    if own.any():  # from the boundary on, counter-clockwise
+        gap = np.mod(np.roll(begin[order], -1) - (begin + angle)[order], 2.0 * np.pi)
+        order = np.roll(order, -1 - int(np.argmax(np.where(gap > 2.0 * np.pi - 1e-9, 0.0, gap))))
+    prescribed = ends_prescribed(shape, lines, node, begin[order[0]], own) if own.any() else None
+    return exponents(angle[order], materials.coefficient[element[order]], prescribed)
+
+
+def jumps(materials: Materials, element: Ints) -> bool:
+    return materials.flux is None or bool(np.ptp(materials.flux[:, element], axis=1).any())
+
+
+def ends_prescribed(shape: Blended, lines: Lines, node: int, begin: float, own: Mask) -> tuple[bool, bool]:
+    ends = shape.corners.facets[:, lines.facets[own]]
+    other = np.where(ends[0] == node, ends[1], ends[0])
+    direction = shape.p[:, other] - shape.p[:, [node]]
+    away = np.mod(np.arctan2(direction[1], direction[0]) - begin + 1e-6, 2.0 * np.pi)
+    order = np.argsort(away)
+    conditions = lines.prescribed[own][order]
+    return bool(conditions[0]), bool(conditions[-1])
+
+
+def points_inside(shape: Blended, materials: Materials) -> Ints:
+    inside, fixed = np.ones(shape.p.shape[1], dtype=np.bool_), materials.fixed
+    inside[shape.corners.facets[:, shape.corners.f2t[1] < 0]] = False
+    return np.flatnonzero(fixed & inside) if np.any(fixed & ~inside) else np.zeros(0, dtype=np.int64)
