@@ -57,7 +57,11 @@ def corner_sentences(mesh: Mesh, exponents: Mapping[int, float]) -> list[str]:
 def _sentence(place: str, exponent: float) -> str:
     smaller, energy = 2.0 ** (1.0 / exponent), ROUNDING ** (2.0 * exponent)
     least = np.sqrt(2.0 * energy / (1.0 - energy))
-    limit = f", and no mesh leaves less than about {100.0 * least:.2g} % of a field around it" if least > SEEN else ""
+    limit = (
+        f", and elements of {ROUNDING:g} times the size of the mesh leave about {100.0 * least:.2g} %"
+        if least > SEEN
+        else ""
+    )
     return (
         f"The corner at {place} has the exponent {exponent:.3g}: half the error there takes elements {smaller:.2g} "
         f"times smaller{limit}."
