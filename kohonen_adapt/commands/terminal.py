@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO, TypeVar
 
-PROGRESS = "kohonen_adapt.compiling"  # the logger of `kernels/ahead.py`
+PROGRESS = "kohonen_adapt.compiling"  # the logger of `kernels/numba/ahead.py`
 
 __all__ = ["Terminal", "drawn", "let_signals_end_the_process", "without_broken_pipes"]
 

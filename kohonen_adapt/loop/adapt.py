@@ -96,8 +96,8 @@ def adapt(
 
     Most runs need the first six keywords at most. By purpose:
 
-    - accuracy: `passes`, `rtol`, `atol`, `output_rtol`, `polish`
-    - number of nodes: `target_nodes`
+    - accuracy: `passes`, `rtol`, `atol`, `output_rtol`, `goal_rtol`, `polish`
+    - number of nodes: `target_nodes`, `max_nodes`
     - positions of nodes: `pinned`, `curves`, `surfaces`, `periodic`, `layers`, `topology`, `min_quality`, `schedule`,
       `seed`
     - records and display: `outputs`, `callback`, `progress`, `interim`, `checkpoint`

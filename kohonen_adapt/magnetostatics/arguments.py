@@ -25,7 +25,7 @@ from kohonen_adapt.problem.protocol import AutoOrder
 __all__ = ["Arguments", "check_plane_mesh", "checked_order"]
 
 ORDERS = range(1, 9)
-ESTIMATORS = ("residual", "recovery", "equilibrated")  # see `estimation.estimated`
+ESTIMATORS = ("residual", "recovery", "equilibrated")  # see `estimation.energy_indicators`
 
 
 @dataclass(frozen=True, eq=False)

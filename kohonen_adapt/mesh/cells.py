@@ -51,7 +51,7 @@ class Cell:
         element in the plane, and counter-clockwise as seen from outside in space.
     regular
         Constant of the quality ``regular |K|^(2 / dim) / (sum of squared edges)``, which is 1 for a regular element.
-    share
+    size_per_node
         Area or volume per node of a lattice with edges of length one, equilateral triangles in the plane and densely
         packed spheres in space.
     floor

@@ -81,7 +81,7 @@ class Outline:
         Mask (n,) of nodes pinned by the user.
     curves
         User-defined curves by boundary name.
-    given
+    curve_index
         Index in `curves` of every curve segment, negative for none, shape (c,).
     """
 

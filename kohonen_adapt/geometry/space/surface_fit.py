@@ -35,11 +35,11 @@ class Round:
         Unit vector of the axis of a cylinder, shape (3,).
     size
         Radius.
-    off
+    deviation
         Largest distance of a node.
     nodes
         Number of nodes.
-    places
+    angles
         Number of different angles of the nodes around the axis; of a sphere the number of nodes.
     """
 
