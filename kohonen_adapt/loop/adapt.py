@@ -188,7 +188,8 @@ def adapt(
     AdaptResult
         Best pass, with history, status and message. The best pass has the lowest Ritz functional if the polish makes
         passes comparable, else the least estimate (with ``norm = "L2"`` the square root of the sum of the squared
-        indicators times ``|K|^(2/d)``). It is never worse than the input. Printing the result shows a table.
+        indicators times ``|K|^(2/d)``). It is never worse than the input, except if only the last pass meets the
+        tolerances, which is the result then. Printing the result shows a table.
 
     Raises
     ------

@@ -49,6 +49,8 @@ class BestPasses:
         Pass with the least error measure, and pass with the lowest functional.
     last_by_energy
         True if the last pass started from the best mesh, and was polished without density and map.
+    chosen
+        Last pass, if it meets tolerances that the best one misses, else None.
     """
 
     passes: tuple[Pass, ...] = ()
@@ -56,6 +58,7 @@ class BestPasses:
     least_error: Solved | None = None
     lowest_functional: Solved | None = None
     last_by_energy: bool = False
+    chosen: Solved | None = None
 
     def with_pass(self, solved: Solved) -> "BestPasses":
         if self.least_error is None or self.lowest_functional is None:
@@ -66,13 +69,14 @@ class BestPasses:
         return BestPasses((*self.passes, record), solved, least, lowest, self.returns_to_best)
 
     def with_solution(self, before: Solved, now: Solved) -> "BestPasses":
-        names = ("last", "least_error", "lowest_functional")
+        names = ("last", "least_error", "lowest_functional", "chosen")
         changes: dict[str, Any] = {name: now for name in names if getattr(self, name) is before}
         return replace(self, **changes)
 
     @property
     def best(self) -> Solved:
         best = self.lowest_functional if all(step.comparable for step in self.passes) else self.least_error
+        best = self.chosen or best
         if best is None:
             raise RuntimeError("the history has no pass.")
         return best
@@ -203,6 +207,8 @@ class History:
         self._steps.next_pass(len(passes))
         stalled = self._adaptation.method.stalls(passes)
         owes_pass = self._passes.owes_pass
+        if self._stop.prefers_last(passes, self._passes.best.record):
+            self._passes = replace(self._passes, chosen=self._passes.last)
         self._ending = self._stop(passes, self._passes.best.record, self.growing, stalled, owes_pass)
 
     @property

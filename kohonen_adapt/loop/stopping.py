@@ -111,6 +111,10 @@ class StopTest:
             return None
         return self._all_passes(last, count, result)
 
+    def prefers_last(self, passes: Passes, best: Pass) -> bool:
+        # True if the last pass meets tolerances that the best one misses, as of a goal beside a smaller estimate
+        return self.of_passes is None and self._is_met(passes) and bool(self.of_result.missed(best))
+
     def _all_passes(self, last: Pass, count: str, result: str) -> Ending:
         if last.number == 0:
             text = "Stopped after 0 passes: the input was only solved and estimated. Increase `passes` to adapt it."
@@ -182,6 +186,8 @@ def unimproved_remark(trouble: str) -> str:
 def _choice_remark(passes: Passes, best: Pass) -> str:
     least = min(passes, key=lambda step: step.worth)
     if best.worth <= least.worth or not all(step.comparable for step in passes):
+        return ""
+    if best.functional != min(step.functional for step in passes if step.functional is not None):
         return ""
     if best.worth < DISAGREEMENT * least.worth:
         smaller = f"{_named(least)} has the least estimate ({least.estimate_text})"

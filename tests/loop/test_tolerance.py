@@ -7,6 +7,7 @@ from helpers.exact_fields import RECTANGLE, rectangle_mesh
 from helpers.meshes import l_shape, square
 from helpers.scalar_problems import Corner
 from helpers.solids import box
+from helpers.stand_ins import MESH, Script, adapt
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -183,3 +184,20 @@ class Constant:
 def test_bad_input_is_named(options, message):
     with pytest.raises(ValueError, match=message):
         ka.adapt(l_shape(4), Corner(), **options)
+
+
+class Aimed(Script):
+    """A goal whose error falls while the estimate rises, as where errors of both signs cancelled."""
+
+    def goal(self, solution):
+        return 1.0
+
+    def goal_error(self, solution):
+        return [0.5, 0.4, 0.1, 0.1][solution]
+
+
+def test_the_pass_that_meets_the_tolerance_is_the_result():
+    result = adapt(MESH, Aimed([1.0, 1.1, 1.2, 1.3]), goal_rtol=0.2, passes=3)
+    assert result.status is ka.Status.CONVERGED and result.best is result.history[2]
+    assert abs(result.outputs["goal"].error) <= 0.2
+    assert "Best: pass 2" in result.message
