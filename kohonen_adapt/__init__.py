@@ -1,4 +1,4 @@
-"""Adaptive finite elements for scikit-fem, with nodes moved by a Kohonen map."""
+"""Adaptive finite elements for scikit-fem at a constant number of nodes."""
 
 from kohonen_adapt import estimators
 from kohonen_adapt.geometry.plane.corner_layers import refined_at
