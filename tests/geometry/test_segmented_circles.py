@@ -134,6 +134,21 @@ def test_teeth_of_two_facets_are_round_where_they_are_on_one_circle(tip):
     assert angle == (pytest.approx(6 * 0.6) if tip == "round" else 0.0)
 
 
+def test_teeth_of_one_facet_are_named_with_the_remedy(caplog):
+    """Twelve flat tips with gaps of a quarter of their length, in a round rim: nobody knows whether they are round."""
+    angle = (np.arange(12)[:, None] * np.pi / 6 + np.array([-0.2, 0.2, 0.21, 0.31])).ravel()
+    mesh = shells([0.4 * at(angle), np.tile([1.0, 1.0, 0.8, 0.8], 12) * at(angle), 3.0 * at(angle)], 2)
+    row = mesh.t.min(axis=0) // 48
+    mesh = mesh.with_subdomains({"teeth": np.flatnonzero(row < 2), "air": np.flatnonzero(row >= 2)})
+    tips = mesh.facets_satisfying(lambda x: (np.hypot(*x) > 0.97) & (np.hypot(*x) < 1.001))
+    mesh = mesh.with_boundaries({"tips": tips})
+    assert len(tips) == 12 and angle_on(mesh, 1.0)[0] == 0.0
+    ka.relocate(mesh, np.ones(mesh.t.shape[1]))
+    (said,) = [message for message in caplog.messages if "circle of radius" in message and "'tips'" in message]
+    assert said.startswith("boundary 'tips' has 24 nodes on a circle of radius 1 about (")
+    assert angle_on(mesh, 1.0, curves={"tips": ka.Arc((0.0, 0.0), 1.0)})[0] == pytest.approx(12 * 0.4)
+
+
 def near_the_right(x):
     return 1e-3 + np.exp(-20 * np.hypot(*(x - [[2], [0]])))
 
@@ -197,13 +212,13 @@ def test_coarser_ones_are_named_with_the_remedy(caplog):
     given = {"bore": ka.Arc((0.0, 0.0), 1.0)}
     assert angle_on(mesh, 1.0, curves=given)[0] == pytest.approx(2 * np.pi)
     ka.relocate(mesh, np.ones(mesh.t.shape[1]), curves=given)
-    assert not any("boundary 'bore'" in message for message in caplog.messages)
+    assert not any("boundary 'bore' has" in message for message in caplog.messages)
 
 
 @pytest.mark.parametrize("mesh", [cut_ring(1), segmented(polygon(6, 2), np.arange(0, 12, 2), rim=circle(12))])
 def test_nothing_is_said_of_round_ones_and_of_hexagons(mesh, caplog):
     ka.relocate(mesh, np.ones(mesh.t.shape[1]))
-    assert not any("circle of radius" in message for message in caplog.messages)
+    assert not any("nodes on a circle of radius" in message for message in caplog.messages)
 
 
 def filled(mesh, n):

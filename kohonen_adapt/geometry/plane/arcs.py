@@ -10,7 +10,9 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.cutting import CLOSE, FEWEST, fitted_circle, turning_angles
 from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.geometry.plane.polylines import (
+    CORNER,
     constrained_facets,
     joints_of,
     trace_facets,
@@ -110,6 +112,39 @@ def possible_arcs(movable: MovableMesh) -> Iterator[PossibleArc]:
             if found := possible_arc(position, nodes, names, is_cut):
                 seen.update(rows.tolist())
                 yield found
+    rest = np.flatnonzero(single & ~np.isin(np.arange(len(single)), list(seen)))
+    for own, centre, radius, turn in separate_sides(position[facets.nodes[rest]], centres_of_arcs(outline)):
+        names = [name for name, side in facets.sides.items() if np.all(side[rest[own]] > 0)]
+        count = len(np.unique(facets.nodes[rest[own]]))
+        yield PossibleArc(names, count, turn, centre, radius, is_cut=True)
+
+
+def centres_of_arcs(outline: Outline) -> Floats:
+    chains = outline.constraints.chains
+    (tx, ty), curvature = chains.direction[outline.on_circles].T, chains.curvature[outline.on_circles]
+    centre = chains.origin[outline.on_circles] + np.stack([-ty, tx], axis=1) / curvature[:, None]
+    step = CIRCULAR / np.abs(curvature).max(initial=1e-300)
+    return centre[np.unique(np.round(centre / step), axis=0, return_index=True)[1]]
+
+
+def separate_sides(ends: Floats, centres: Floats) -> Iterator[tuple[Ints, tuple[float, float], float, float]]:
+    # Sides, as the tips of teeth, with both ends on a circle about a centre of arcs, and with gaps of less than half
+    # their length. Yields indices of at least three sides, centre, radius and the turn from side to side.
+    for x, y in centres.tolist():
+        z = (ends[:, :, 0] - x) + 1j * (ends[:, :, 1] - y)
+        radius, middle = np.abs(z), np.angle(z.sum(axis=1))
+        half = 0.5 * np.abs(np.angle(z[:, 1] * z[:, 0].conj()))
+        on = np.flatnonzero((np.ptp(radius, axis=1) <= CIRCULAR * radius[:, 0]) & (2.0 * half < CORNER))
+        on = on[np.argsort(radius[on, 0], kind="stable")]
+        circle = np.cumsum(np.diff(radius[on, 0], prepend=0.0) > CIRCULAR * radius[on, 0])
+        on = on[np.lexsort((middle[on], circle))]
+        turn, same = np.diff(middle[on]), np.diff(np.sort(circle)) == 0
+        gap = turn - half[on[1:]] - half[on[:-1]]
+        linked = same & (gap > STRAIGHTEST) & (gap <= half[on[1:]])
+        cuts = np.flatnonzero(~linked) + 1
+        for rows, turns in zip(np.split(on, cuts), np.split(np.append(turn, 0.0), cuts), strict=True):
+            if len(rows) >= FACETS:
+                yield rows, (x, y), float(radius[rows, 0].mean()), float(turns[:-1].max())
 
 
 def possible_arc(position: Floats, nodes: Ints, names: list[str], is_cut: bool) -> PossibleArc | None:
