@@ -26,7 +26,7 @@ FORMAT = 3  # version of the file format
 
 # Fields that files of earlier releases may lack.
 ADDED: dict[str, Any] = dict.fromkeys(["unmoved", "refused_by_quality", "refused_by_reach", "held_in_polish"], 0)
-ADDED |= {"order": 1, "output_errors": {}, "unimproved": "", "doubts": {}}
+ADDED |= {"order": 1, "output_errors": {}, "unimproved": "", "incomparable": "", "doubts": {}}
 
 STATE = "state "  # prefix of the names of mesh arrays
 

@@ -82,6 +82,8 @@ class Pass(Work):
         only shapes elements.
     comparable
         True if the functional can be compared with the functional of other passes.
+    incomparable
+        Reason for which a functional is not comparable, with the nodes that the polish holds, or an empty string.
     share
         Weight of the primal functional if there is a dual, taken from the first pass, see `Ritz`. None without a dual.
     unpolished
@@ -139,6 +141,7 @@ class Pass(Work):
     compile_seconds: float = 0.0
     functional: float | None = None
     comparable: bool = False
+    incomparable: str = ""
     share: float | None = None
     unpolished: str = ""
     goal: float | None = None

@@ -22,6 +22,7 @@ from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.polishing.energy_tables import VariesInside
 from kohonen_adapt.polishing.functional import Functional
+from kohonen_adapt.polishing.held_nodes import counted
 from kohonen_adapt.polishing.polish import PLAN, SWEEPS, descend_and_recycle
 from kohonen_adapt.polishing.unresolved_source import UnresolvedSource
 from kohonen_adapt.problem.evaluation import (
@@ -36,6 +37,7 @@ from kohonen_adapt.problem.evaluation import (
     solve,
     solve_again,
 )
+from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.problem.protocol import (
     NotOffered,
     Problem,
@@ -44,6 +46,7 @@ from kohonen_adapt.problem.protocol import (
     norm_of,
     order_of,
 )
+from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.uncertain import Uncertain, doubts_of, error_of, shifted
 from kohonen_adapt.som.density import equidistributing
 from kohonen_adapt.som.relocation_record import Moved
@@ -53,6 +56,10 @@ __all__ = ["UNSOLVED", "Adaptation", "Solved", "functional_of", "root_of_squares
 GROWING_ENTRIES = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
 
 TWICE = 1.8  # factor of the unknowns from which the difference of two passes bounds the error of an output
+
+FROZEN = "the functional is another one in every pass, as with a term frozen at the solution"
+# Change of a functional by the data of the pass before, relative to its change since then, of another functional
+ANOTHER = 0.1
 
 UNSOLVED = object()  # replaces the solution of a pass of an earlier process
 
@@ -124,6 +131,7 @@ class Adaptation:
             estimated = self.estimated(sides)
             share = before.functional.share if before and before.functional else None
             functional, value, unpolished, oscillation = self._functional(mesh, solution, share)
+        incomparable = self.incomparable(before, functional, mesh)
         qualities, estimated["worth"] = quality(mesh), float(np.hypot(estimated["worth"], oscillation))
         outputs, unknowns = self.outputs(solution), count_unknowns(mesh, self.order)
         errors, unimproved = dict[str, float](), ""
@@ -141,7 +149,8 @@ class Adaptation:
             min_quality=float(qualities.min()),
             mean_quality=float(qualities.mean()),
             functional=value,
-            comparable=functional is not None and functional.comparable,
+            comparable=functional is not None and not incomparable,
+            incomparable=incomparable,
             share=functional.share if functional else None,
             unpolished=unpolished,
             sagitta=self.movable.sagitta(),
@@ -153,6 +162,17 @@ class Adaptation:
             compile_seconds=self.steps.compile_seconds,
         )
         return Solved(record, solution, functional, sides.curved, self.state())
+
+    def incomparable(self, before: Solved | None, functional: Any, mesh: Mesh) -> str:
+        # reason for which functionals do not compare passes
+        if functional is None:
+            return ""
+        if not functional.ritz.comparable:
+            return "its functional depends on the solution (`comparable=False` of `Ritz`)"
+        old = before.functional if before and functional.share is None else None
+        if before and old and differs_on(mesh, functional.ritz, old.ritz, before.record):
+            return FROZEN
+        return "" if functional.comparable else counted(self.method.polish_reasons(self.movable, functional))
 
     def estimated(self, sides: Sides) -> dict[str, Any]:
         # fields of a `Pass`
@@ -297,6 +317,21 @@ def functional_of(
         return None, None, str(reason), 0.0
     except VariesInside:
         return None, None, "coefficients vary inside a region of the mesh", 0.0
+
+
+def differs_on(mesh: Mesh, ritz: Ritz, old: Ritz, before: Pass) -> bool:
+    # True if the data of an earlier pass give another value at the same solution
+    changed = {}
+    for name in ("coefficient", "source", "flux"):
+        data, now = getattr(old, name), getattr(ritz, name)
+        if callable(data) != callable(now) or np.shape(data) != np.shape(now):
+            continue
+        if data != now if callable(data) else not np.array_equal(data, now):
+            changed[name] = data
+    if not changed or before.functional is None:
+        return False
+    value, by_old_data = functional_value(mesh, ritz), functional_value(mesh, replace(ritz, **changed))
+    return abs(by_old_data - value) > ANOTHER * abs(before.functional - value)
 
 
 def indices_in_input(before: Solved | None, moved: Moved[Any] | None, nnodes: int, ninput: int) -> Ints:

@@ -229,15 +229,15 @@ def _polish_remark(passes: Passes, settings: Settings, norm: str) -> str:
     if not settings.polish or (all(step.comparable for step in passes) and not unpolished):
         return ""
     if unpolished:
-        return f"No polish: {unpolished}."
+        without = [str(step.number + 1) for step in passes[:-1] if step.unpolished]
+        some = f" in pass {', '.join(without)}" if any(not step.unpolished for step in passes) and without else ""
+        return f"No polish{some}: {unpolished}."
     if passes[0].functional is None:
         return "The polish only improved the shapes of elements, and passes were compared by the estimate."
     if norm != "energy":
         return f"The polish lowered the energy, and passes were compared by the estimate in the {norm} norm."
-    return (
-        "The polish skipped nodes on curved boundaries, on iron in an applied field, or with Dirichlet values that are "
-        "inside or not linear along a boundary. Passes were compared by the estimate."
-    )
+    reason = next((step.incomparable for step in reversed(passes) if step.incomparable), "")
+    return f"Passes were compared by the estimate, because {reason}."
 
 
 def stalled_ending(best: Pass) -> Ending:

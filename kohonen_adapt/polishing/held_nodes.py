@@ -1,5 +1,8 @@
 """Reasons for which the polish holds nodes that rules let slide or move."""
 
+from collections import Counter
+from collections.abc import Sequence
+
 import numpy as np
 
 from kohonen_adapt.arrays import Mask
@@ -13,11 +16,15 @@ from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 
 __all__ = [
+    "counted",
     "held_by_polish",
     "held_by_polish_in_space",
     "polish_reasons",
     "polish_reasons_in_space",
 ]
+
+
+SHOWN = 3  # reasons in a message
 
 
 def held_by_polish(movable: MovableMesh, functional: Functional) -> Mask:
@@ -35,6 +42,16 @@ def polish_reasons(movable: MovableMesh, functional: Functional) -> list[str]:
         c = movable.constraints.own_chain[v]
         found[v] = reason_on_segment(movable, functional, c).format(names_at(movable, v, np.array([c])))
     return found
+
+
+def counted(reasons: Sequence[str]) -> str:
+    # in words, with the number of nodes by reason
+    counts = Counter(filter(None, reasons)).most_common()
+    if not counts:
+        return "the admissible functions depend on the mesh"
+    shown = [f"{count} node{'' if count == 1 else 's'} ({reason})" for reason, count in counts[:SHOWN]]
+    others = sum(count for _, count in counts[SHOWN:])
+    return f"the polish held {', '.join([*shown, *[f'{others} nodes for other reasons'] * (others > 0)])}"
 
 
 # The braces stand for the names of the segment.

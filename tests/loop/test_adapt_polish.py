@@ -1,5 +1,6 @@
 """The loop with recycling and the polish: what it gains, how it tells the best pass, and what it says."""
 
+import re
 from functools import cache
 
 import numpy as np
@@ -156,18 +157,18 @@ def test_magnetostatics_is_polished_and_keeps_its_materials():
 @pytest.mark.parametrize(
     ("problem", "remark"),
     [
-        (Plain(), "No polish: Plain has no method ritz(mesh, solution)"),
+        (Plain(), r"No polish: Plain has no method ritz\(mesh, solution\)"),
         (Striped(), "No polish: coefficients vary inside a region of the mesh"),
         (
             Saddle(),
-            "The polish skipped nodes on curved boundaries, on iron in an applied field, or with Dirichlet values that "
-            "are inside or not linear along a boundary. Passes were compared by the estimate",
+            r"Passes were compared by the estimate, because the polish held \d+ nodes \(Dirichlet values that are not "
+            r"linear along the outer boundary\)",
         ),
     ],
 )
 def test_the_message_says_where_the_polish_ends(problem, remark):
     result = ka.adapt(l_shape(4), problem, passes=1)
-    assert result.message.endswith(f" to continue. {remark}.")
+    assert re.search(rf" to continue\. {remark}\.$", result.message)
     assert ka.adapt(l_shape(4), problem, passes=1, polish=False).message.endswith(" to continue.")
 
 
@@ -261,7 +262,8 @@ def test_values_given_on_an_edge_that_turn_out_not_to_be_linear():
 
     result = ka.adapt(MeshTri(), Bump(), passes=4, target_nodes=300)
     assert result.mesh.p.shape[1] == 300
-    assert result.message.endswith("compared by the estimate.")
+    text = r"because the polish held \d+ nodes? \(Dirichlet values that are not linear along .*\)\.$"
+    assert re.search(f" compared by the estimate, {text}", result.message)
 
 
 @pytest.mark.parametrize("polish", [None, 8, "yes"])
