@@ -113,7 +113,7 @@ class StopTest:
 
     def prefers_last(self, passes: Passes, best: Pass) -> bool:
         # True if the last pass meets tolerances that the best one misses, as of a goal beside a smaller estimate
-        return self.of_passes is None and self._is_met(passes) and bool(self.of_result.missed(best))
+        return self.of_passes is None and self._is_met(passes, passes[-1]) and bool(self.of_result.missed(best))
 
     def _all_passes(self, last: Pass, count: str, result: str) -> Ending:
         if last.number == 0:
