@@ -105,7 +105,7 @@ def by_error(value: float, error: float | None) -> str:
     if error is None:
         return significant(value, OF_UNKNOWN_ERROR)
     if not error or not value:
-        return significant(value, MOST_DIGITS if not error else 2)
+        return significant(value, 2) if error else f"{value:.{MOST_DIGITS}g}"
     digits = floor(log10(abs(value))) - floor(log10(abs(error))) + 2
     return significant(value, min(max(digits, 2), MOST_DIGITS))
 

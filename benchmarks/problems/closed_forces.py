@@ -24,6 +24,10 @@ class Cuboid(NamedTuple):
     half: np.ndarray
     magnetisation: np.ndarray  # A/m
 
+    def at(self, centre: np.ndarray) -> "Cuboid":
+        """The same block about another centre."""
+        return Cuboid(centre, self.half, self.magnetisation)
+
     def faces(self) -> Iterator[tuple[int, int, np.ndarray]]:
         """Axis, side, and centre of every face."""
         for axis, side in product(range(3), (-1, 1)):
@@ -101,7 +105,7 @@ def closed_forms() -> Iterator[ClosedForm]:
         lower, upper = _cuboid(rng), _cuboid(rng)
         shift = np.round([*rng.uniform(-0.006, 0.006, 2), rng.uniform(0.003, 0.008)], 4)
         shift[2] += lower.half[2] + upper.half[2]
-        upper = upper._replace(centre=shift)
+        upper = upper.at(shift)
         yield _case("two magnets", {"other": lower, "magnet": upper}, [lower, upper], lower.flux_density)
     for index in range(BESIDE_COILS):
         magnet = _cuboid(rng)
@@ -111,7 +115,7 @@ def closed_forms() -> Iterator[ClosedForm]:
     for _ in range(OVER_IRON):
         magnet = _cuboid(rng)
         height = magnet.half[2] + np.round(rng.uniform(0.003, 0.006), 4)
-        magnet = magnet._replace(centre=np.array([0.0, 0.0, height]))
+        magnet = magnet.at(np.array([0.0, 0.0, height]))
         image = magnet.mirrored()
         yield _case("magnet over iron", {"magnet": magnet}, [magnet, image], image.flux_density, floor=True)
 

@@ -14,6 +14,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.cases.readers import NUMBER, TEXT, list_of, read_table, table_of
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector
+from kohonen_adapt.mesh.host import set_boundaries
 from kohonen_adapt.mesh.motions import Pair, Rotation, inverse, moved
 from kohonen_adapt.mesh.names import named
 from kohonen_adapt.mesh.turning import elements_of, turned
@@ -69,7 +70,9 @@ def with_arcs_on(sides: Iterable[str], mesh: MeshTri) -> MeshTri:
                 "as periodic or antiperiodic, or take a mesh of the whole machine."
             )
         boundaries[touched[0]] = np.union1d(boundaries[touched[0]], arc)
-    return replace(mesh, _boundaries=boundaries)
+    renamed = replace(mesh)
+    set_boundaries(renamed, boundaries)
+    return renamed
 
 
 def _connected(mesh: MeshTri, facets: Ints) -> list[Ints]:

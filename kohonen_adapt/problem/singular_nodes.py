@@ -11,10 +11,12 @@ __all__ = ["materials_of"]
 
 def materials_of(mesh: MeshTri, ritz: Ritz) -> Materials:
     region = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
-    regions = int(region.max()) + 1
+    flux = None if callable(ritz.flux) else np.asarray(ritz.flux, dtype=float)
+    # the mesh need not have every region of the coefficients
+    given = [np.size(ritz.coefficient), len(ritz.laws), flux.shape[1] if flux is not None and flux.ndim == 2 else 1]
+    regions = max(int(region.max()) + 1, *given)
     numbers = {id(law): number for number, law in enumerate(ritz.laws)}
     law = np.array([numbers[id(law)] for law in ritz.laws] or [0] * regions)
-    flux = None if callable(ritz.flux) else np.asarray(ritz.flux, dtype=float)
     if flux is not None:
         flux = np.broadcast_to(flux if flux.ndim == 2 else np.reshape(flux, (-1, 1)), (2, regions))
     coefficient = np.broadcast_to(np.asarray(ritz.coefficient, dtype=float), regions)

@@ -147,12 +147,20 @@ def test_a_run_repeats_its_warnings_at_the_end(said_of_case, tmp_path):
 
 
 def test_check_counts_what_it_found(tmp_path, capsys):
-    ka.write_mesh(tmp_path / "it.msh", bar_in_air(1e-5))
+    mesh = bar_in_air(1e-5)
+    ka.write_mesh(tmp_path / "it.msh", MeshTri(mesh.p, mesh.t).with_subdomains({"iron": mesh.subdomains["iron"]}))
     status, said = said_by(capsys, "check", tmp_path / "it.msh")
     assert status == 1
-    assert "- the mesh is 1e-05 x 1e-05 m: a scale of 1 looks too small." in said
     assert "\n1 fault found.\n" in said
     assert "No faults found" not in said
+
+
+def test_a_size_that_is_unusual_is_a_hint(tmp_path, capsys):
+    ka.write_mesh(tmp_path / "it.msh", bar_in_air(1e-5))
+    status, said = said_by(capsys, "check", tmp_path / "it.msh")
+    assert status == 0
+    assert "the mesh is 1e-05 x 1e-05 m: a scale of 1 looks too small." in said
+    assert "No faults found" in said
 
 
 @pytest.mark.parametrize(

@@ -450,7 +450,7 @@ def test_indicators_that_are_all_zero_do_not_meet_the_tolerance_of_an_output(val
     assert [step.number for step in result.history] == [0, 1, 2]
     assert result.status is (Status.CONVERGED if converges else Status.MAX_PASSES)
     assert result.best.number == 2 and result.best.unknowns > result.history[0].unknowns
-    said = "Converged after 2 passes: all indicators are zero and force 1.21, estimated error 0.8264 % (asked 1 %)."
+    said = "Converged after 2 passes: all indicators are zero and force 1.210, estimated error 0.8264 % (asked 1 %)."
     assert (result.message == said) == converges
 
 
@@ -704,7 +704,7 @@ def test_without_outputs_a_pass_carries_none():
     [
         ([1.0, 1.1, 1.1054], 0.005, 2, "force 1.1054, estimated error 0.4885 % (asked 0.5 %)"),
         ([-2.0, -2.0], 0.001, 1, "force -2, estimated error 0 % (asked 0.1 %)"),
-        ([1.0, 2.0, 1.6], 0.25, 2, "force 1.6, estimated error 25 % (asked 25 %)"),
+        ([1.0, 2.0, 1.6], 0.25, 2, "force 1.60, estimated error 25 % (asked 25 %)"),
         ([0.0, 0.0], 0.01, 1, "force 0, estimated error 0 (asked 1 %)"),
     ],
 )
@@ -721,9 +721,9 @@ def test_converged_when_twice_the_unknowns_change_no_output(values, tolerance, n
 @pytest.mark.parametrize(
     ("values", "told"),
     [
-        ((1.0, 1.02, 1.04), "1.04, estimated error 1.923 %"),
-        ((0.0, 1e-9, 2e-9), "2e-09, estimated error 50 %"),
-        ((1.0, -1.0, 1.0), "1, estimated error 200 %"),
+        ((1.0, 1.02, 1.04), "1.040, estimated error 1.923 %"),
+        ((0.0, 1e-9, 2e-9), "2.0e-09, estimated error 50 %"),
+        ((1.0, -1.0, 1.0), "1.0, estimated error 200 %"),
     ],
 )
 def test_outputs_that_do_not_settle(values, told):
@@ -759,7 +759,7 @@ def test_the_estimate_and_the_outputs_must_both_be_met(estimates, values, number
 def test_both_missed():
     options = {"atol": 1e-3, "outputs": {"force": script_of(1.0, 2.0)}, "output_rtol": 0.01}
     assert adapt(MESH, Script([3.0, 2.0]), passes=1, **options).message.startswith(
-        "Stopped after 1 pass without reaching the tolerance 0.001 (estimate 2) and the tolerance of force 2, "
+        "Stopped after 1 pass without reaching the tolerance 0.001 (estimate 2) and the tolerance of force 2.0, "
     )
 
 

@@ -165,8 +165,8 @@ def test_so_they_are_around_an_axis_but_for_where_the_field_is_looked_at():
     field, plain = problem.solve(mesh), replace(problem, goal=None)
     found, wanted = problem.indicators(mesh, field), plain.indicators(mesh, field)
     assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(wanted), rel=0.05)
-    better = replace(plain, order=3).solve(mesh)
-    assert problem.goal_error(field) == pytest.approx(problem.goal(better) - problem.goal(field), rel=1e-6)
+    better = replace(plain, order=4).solve(mesh)
+    assert problem.goal_error(field) == pytest.approx(problem.goal(better) - problem.goal(field), rel=1e-3)
 
 
 @pytest.mark.parametrize("make", [actuator, plunger, machine])
