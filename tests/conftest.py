@@ -31,8 +31,7 @@ def pytest_sessionstart(session):
 
 @pytest.fixture(autouse=True)
 def quiet_again():
-    """The command turns the package's remarks on for its process; here other tests follow."""
-    logger = logging.getLogger("kohonen_adapt")
-    level = logger.level
+    """The command turns the package's remarks on for its process, in a fixture of a module, too."""
+    logging.getLogger("kohonen_adapt").setLevel(logging.NOTSET)
     yield
-    logger.setLevel(level)
+    logging.getLogger("kohonen_adapt").setLevel(logging.NOTSET)

@@ -9,7 +9,7 @@ import numpy as np
 from kohonen_adapt.checks import check_count, check_hook, listed
 from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.loop.growth import drift_of_nodes
-from kohonen_adapt.loop.passes import Pass, Status, StepFailed, text_of
+from kohonen_adapt.loop.passes import Pass, Status, StepFailed, resolves_more, text_of
 from kohonen_adapt.loop.settings import Settings, Tolerance, percent
 from kohonen_adapt.loop.table import energy_norm_error
 
@@ -284,7 +284,7 @@ def _named(step: Pass) -> str:
 
 
 def stalls_by_estimate(passes: Passes) -> bool:
-    errors = [step.worth for step in passes]
+    errors = [step.worth for step in passes if not resolves_more(passes[-1], step)]
     if len(errors) <= STALL_PASSES:
         return False
     return min(errors[-STALL_PASSES:]) > (1.0 - STALL_GAIN) * min(errors[:-STALL_PASSES])

@@ -9,7 +9,7 @@ from kohonen_adapt.loop.stopping import STALL_GAIN, stalls_by_estimate, stalls_b
 
 def passes(levels, worths, comparable=True):
     return tuple(
-        SimpleNamespace(functional=level, worth=worth, comparable=comparable)
+        SimpleNamespace(functional=level, worth=worth, comparable=comparable, energy_norm=None)
         for level, worth in zip(levels, worths, strict=True)
     )
 
