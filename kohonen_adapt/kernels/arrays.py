@@ -46,6 +46,18 @@ class SearchScratch(NamedTuple):
 
 
 @record
+class Metric(NamedTuple):
+    """Directions and ratios of edges at the nodes.
+
+    The quality of an element in the metric is that of the element after the linear map to the metric's round shape. A
+    `relief` of 1 stands for Euclidean quality alone.
+    """
+
+    shape: np.ndarray  # (n, 3) or (n, 6): tensors of determinant 1 as xx, xy, yy, or xx, xy, xz, yy, yz, zz
+    relief: float  # Euclidean quality may be below the floor by this factor, if quality in the metric is above
+
+
+@record
 class KernelMesh(NamedTuple):
     """Mesh of triangles or tetrahedra, with the constraints on its nodes."""
 
