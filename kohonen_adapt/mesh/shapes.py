@@ -96,7 +96,7 @@ def with_determinant_one(shapes: Floats) -> Floats:
 def shapes_at_nodes(node: Ints, shapes: Floats, weights: Floats, count: int) -> Floats:
     """Return the mean shape of the elements around every node, (count, 3) or (count, 6).
 
-    The mean is of logarithms, weighted by `weights`, shape (m,): opposite directions of equal ratio give a round shape
+    The logarithms of shapes are averaged with `weights` (m,), so that directions at right angles give a round shape
     (Arsigny, Fillard, Pennec and Ayache, SIAM J. Matrix Anal. Appl. 29, 2007).
     """
     corners = node.ravel()
