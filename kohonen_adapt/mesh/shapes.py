@@ -5,16 +5,20 @@ the shape has the directions and the ratios of the edges. Shapes are rows of the
 plane and (xx, xy, xz, yy, yz, zz) in space.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import as_reals
 
 __all__ = [
     "LARGEST_RATIO",
+    "checked_tensors",
     "density_and_shape",
     "mean_shapes",
+    "mean_tensors",
     "packed",
     "round_shapes",
     "shapes_at_nodes",
@@ -44,14 +48,7 @@ def unpacked(shapes: Floats) -> Floats:
 
 
 def tensors_of_elements(values: ArrayLike, count: int, dim: int, name: str) -> Floats:
-    """Return checked tensors (count, dim, dim), exactly symmetric.
-
-    Raises
-    ------
-    ValueError
-        If a tensor is not finite, not symmetric or not positive definite, or if the ratio of its edges exceeds
-        `LARGEST_RATIO`.
-    """
+    """Return checked tensors (count, dim, dim), see `checked_tensors`."""
     tensors = np.asarray(values)
     if tensors.shape != (count, dim, dim):
         raise ValueError(
@@ -59,27 +56,44 @@ def tensors_of_elements(values: ArrayLike, count: int, dim: int, name: str) -> F
             f"({count}, {dim}, {dim}); got {tensors.shape}."
         )
     tensors = as_reals(name, tensors.reshape(count, -1), {"nelements": count, "d^2": dim**2}).reshape(tensors.shape)
-    other = np.swapaxes(tensors, 1, 2)
-    largest = np.abs(tensors).max(axis=(1, 2))
-    refuse(name, "finite", ~np.isfinite(largest), tensors)
-    refuse(name, "symmetric", np.abs(tensors - other).max(axis=(1, 2)) > SYMMETRIC * largest, tensors)
-    tensors = 0.5 * (tensors + other)
-    eigenvalues = np.linalg.eigvalsh(tensors)
-    refuse(name, "positive definite", ~(eigenvalues[:, 0] > 0.0), tensors)
-    ratio = np.sqrt(eigenvalues[:, -1] / eigenvalues[:, 0])
-    bad = np.flatnonzero(ratio > LARGEST_RATIO)
-    if len(bad):
-        raise ValueError(
-            f"{name} must have edges of ratio at most {LARGEST_RATIO:g}; the tensor of element {bad[0]} has "
-            f"{ratio[bad[0]]:.3g}."
-        )
-    return tensors
+    return checked_tensors(tensors, name)
 
 
-def refuse(name: str, rule: str, wrong: np.ndarray, tensors: Floats) -> None:
-    bad = np.flatnonzero(wrong)
-    if len(bad):
-        raise ValueError(f"{name} must be {rule}; the tensor of element {bad[0]} is {tensors[bad[0]].tolist()}.")
+def checked_tensors(tensors: Floats, name: str, owner: Callable[[int], str] = "of element {}".format) -> Floats:
+    """Return the tensors (m, ..., d, d), exactly symmetric.
+
+    Raises
+    ------
+    ValueError
+        If a tensor is not finite, not symmetric or not positive definite, if the ratio of its edges exceeds
+        `LARGEST_RATIO`, or if its determinant is out of the range of numbers. The message has the `owner` of the row.
+    """
+
+    def refuse(rule: str, wrong: Mask, found: Callable[[tuple[int, ...]], str]) -> None:
+        bad = np.argwhere(wrong)
+        if len(bad):
+            place = tuple(bad[0].tolist())
+            raise ValueError(f"{name} must {rule}; the tensor {owner(place[0])} {found(place)}.")
+
+    def shown(place: tuple[int, ...]) -> str:
+        return f"is {tensors[place].tolist()}"
+
+    other, largest = np.swapaxes(tensors, -1, -2), np.abs(tensors).max(axis=(-2, -1))
+    refuse("be finite", ~np.isfinite(largest), shown)
+    refuse("be symmetric", np.abs(tensors - other).max(axis=(-2, -1)) > SYMMETRIC * largest, shown)
+    symmetric = 0.5 * tensors + 0.5 * other
+    eigenvalues = np.linalg.eigvalsh(symmetric)
+    refuse("be positive definite", ~(eigenvalues[..., 0] > 0.0), shown)
+    ratio = np.sqrt(eigenvalues[..., -1] / eigenvalues[..., 0])
+    refuse(
+        f"have edges of a ratio of at most {LARGEST_RATIO:g}",
+        ratio > LARGEST_RATIO,
+        lambda place: f"has {ratio[place]:.3g}: {tensors[place].tolist()}",
+    )
+    with np.errstate(all="ignore"):
+        determinant = np.linalg.det(symmetric)
+    refuse("have a determinant in the range of numbers", ~(np.isfinite(determinant) & (determinant > 0.0)), shown)
+    return symmetric
 
 
 def density_and_shape(tensors: Floats) -> tuple[Floats, Floats]:
@@ -94,11 +108,8 @@ def with_determinant_one(shapes: Floats) -> Floats:
 
 
 def shapes_at_nodes(node: Ints, shapes: Floats, weights: Floats, count: int) -> Floats:
-    """Return the mean shape of the elements around every node, (count, 3) or (count, 6).
-
-    The logarithms of shapes are averaged with `weights` (m,), so that directions at right angles give a round shape
-    (Arsigny, Fillard, Pennec and Ayache, SIAM J. Matrix Anal. Appl. 29, 2007).
-    """
+    # (count, 3) or (count, 6), means of logarithms weighted by `weights` (m,): directions at right angles give a round
+    # shape (Arsigny, Fillard, Pennec and Ayache, SIAM J. Matrix Anal. Appl. 29, 2007).
     corners = node.ravel()
     total = np.bincount(corners, weights=np.repeat(weights, node.shape[1]), minlength=count)
     logs = logarithms(shapes) * weights[:, None]
@@ -113,6 +124,15 @@ def logarithms(shapes: Floats) -> Floats:
 def mean_shapes(logs: Floats) -> Floats:
     # shapes of mean logarithms
     return with_determinant_one(mapped(logs, np.exp))
+
+
+def mean_tensors(tensors: Floats) -> Floats:
+    # means (m, d, d) of tensors (m, k, d, d) over k, by logarithms
+    m, k, dim, _ = tensors.shape
+    if k == 1:
+        return tensors[:, 0]
+    logs = logarithms(packed(tensors.reshape(-1, dim, dim)))
+    return unpacked(mapped(logs.reshape(m, k, -1).mean(axis=1), np.exp))
 
 
 def mapped(shapes: Floats, function: np.ufunc) -> Floats:

@@ -12,6 +12,7 @@ from kohonen_adapt.checks import as_reals
 from kohonen_adapt.mesh.cells import cell_of
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.shapes import tensors_of_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.validity import check_mesh
 
@@ -114,19 +115,23 @@ def density_from_sizes(mesh: Mesh, sizes: ArrayLike) -> Floats:
     mesh
         Mesh of triangles or tetrahedra to which the sizes belong.
     sizes
-        Wanted edge length at every element in mesh units, shape (nelements,).
+        Wanted edge length at every element in mesh units, shape (nelements,), or a metric M, symmetric positive
+        definite tensors of shape (nelements, d, d): an edge e has the wanted length if ``e' M e = 1``. The length h in
+        all directions is the metric ``I / h^2``.
 
     Returns
     -------
-    ndarray of shape (nelements,)
+    ndarray of shape (nelements,) or (nelements, d, d)
         ``2 / (sqrt(3) h^2)`` nodes per area, as equilateral triangles have: half a node per triangle, which has the
         area ``sqrt(3) h^2 / 4``. In space ``sqrt(2) / h^3`` nodes per volume, as the face-centred cubic lattice has: 4
-        nodes in a cube with sides sqrt(2) h. Regular tetrahedra alone do not fill space.
+        nodes in a cube with sides sqrt(2) h. Regular tetrahedra alone do not fill space. For a metric, density tensors
+        D with ``sqrt(det D)`` nodes per area or volume: ``D = 2 / sqrt(3) M``, in space ``2^(1/3) M``.
 
     Raises
     ------
     ValueError
-        If the sizes have another shape, are not positive and finite, or give a density that is not.
+        If the sizes have another shape, are not positive and finite, or give a density that is not. If a tensor is not
+        finite, not symmetric or not positive definite, or if its longest edge is more than 1e6 times its shortest.
 
     Examples
     --------
@@ -136,12 +141,19 @@ def density_from_sizes(mesh: Mesh, sizes: ArrayLike) -> Floats:
     np.float64(115.47)
     >>> ka.density_from_sizes(skfem.MeshTet(), np.full(5, 0.1)).round(2)[0]
     np.float64(1414.21)
+    >>> metric = np.tile(np.diag([1 / 0.1**2, 1 / 0.02**2]), (8, 1, 1))  # edges of 0.1 along x, of 0.02 along y
+    >>> density = ka.density_from_sizes(mesh, metric)
+    >>> density.shape, np.sqrt(np.linalg.det(density)).round(1)[0]
+    ((8, 2, 2), np.float64(577.4))
     """
     check_mesh(mesh, curved=True, space=True)
+    cell = cell_of(mesh)
+    if np.ndim(sizes) == 3:
+        metric = tensors_of_elements(sizes, mesh.nelements, cell.dim, "sizes")
+        return metric * cell.size_per_node ** (-2.0 / cell.dim)
     lengths = per_element(mesh.nelements, sizes, "sizes")
     if not np.all(lengths > 0):
         raise ValueError(f"sizes must be above zero; element {int(np.argmin(lengths))} has {lengths.min()}.")
-    cell = cell_of(mesh)
     with np.errstate(all="ignore"):
         density = 1.0 / (cell.size_per_node * lengths**cell.dim)
     bad = np.flatnonzero(~(np.isfinite(density) & (density > 0)))

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from helpers.meshes import centres, generic_square, inset, l_shape, named, perturbed, square
-from skfem import MeshTri
+from skfem import MeshTet, MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import density_from_indicators, density_from_sizes
@@ -109,6 +109,26 @@ def test_sizes_are_edge_lengths_of_equilateral_triangles(h):
     assert density[0] == pytest.approx(2 / (np.sqrt(3) * h**2), rel=1e-14)
     # half a node per triangle, and what an outline adds to that
     assert np.sum(area(mesh) * density) == pytest.approx((n - 1) ** 2, rel=1e-9)
+
+
+@pytest.mark.parametrize("mesh", [square(5), MeshTet().refined(1)], ids=["plane", "space"])
+def test_round_metrics_have_the_density_of_their_sizes(mesh):
+    h = np.random.default_rng(0).uniform(1e-3, 1e3, mesh.nelements)
+    density = density_from_sizes(mesh, np.eye(len(mesh.p)) / h[:, None, None] ** 2)
+    np.testing.assert_allclose(np.sqrt(np.linalg.det(density)), density_from_sizes(mesh, h), rtol=1e-13)
+
+
+@pytest.mark.parametrize("mesh", [square(5), MeshTet().refined(1)], ids=["plane", "space"])
+def test_a_metric_has_the_same_nodes_in_all_coordinates(mesh):
+    """Coordinates y = A x have the metric A^-T M A^-1 for the same lengths, and as many nodes in every element."""
+    d, rng = len(mesh.p), np.random.default_rng(0)
+    factors = rng.normal(size=(mesh.nelements, d, d))
+    metric = factors @ factors.transpose(0, 2, 1) + np.eye(d)
+    back = np.linalg.inv(rng.normal(size=(d, d)) + 3.0 * np.eye(d))
+    density, mapped = density_from_sizes(mesh, metric), density_from_sizes(mesh, back.T @ metric @ back)
+    nodes = np.sqrt(np.linalg.det(density)) * np.abs(np.linalg.det(back))
+    np.testing.assert_allclose(np.sqrt(np.linalg.det(mapped)), nodes, rtol=1e-12)
+    np.testing.assert_allclose(mapped, back.T @ density @ back, rtol=1e-12)
 
 
 @pytest.mark.parametrize("number", [1, 7, 50, 1000])
