@@ -53,9 +53,10 @@ def _add_relocate(commands: Any) -> None:
         "relocate",
         help="move the nodes of a mesh by an error, density or size field of any solver",
         description="Move the nodes of a mesh by a field of error indicators, densities or sizes. Physical groups keep "
-        "their names and numbers, and points in a group their positions. The field has one number per element or node "
-        "of MESH. Its file is a VTU, VTK, XDMF or MED file, a .msh with NodeData, ElementData or ElementNodeData, or a "
-        ".pos of GetDP (Print[..., OnElementsOf ...]).",
+        "their names and numbers, and points in a group their positions. The field has one number, or a tensor, per "
+        "element or node of MESH. Its file is a VTU, VTK, XDMF or MED file, a .msh with NodeData, ElementData or "
+        "ElementNodeData, a .pos of GetDP (Print[..., OnElementsOf ...]), or a .sol of Mmg. The name of the only field "
+        "of a file may be left out.",
     )
     move.add_argument("mesh", metavar="MESH", type=Path, help=MESHES)
     field = move.add_mutually_exclusive_group(required=True)
@@ -63,7 +64,7 @@ def _add_relocate(commands: Any) -> None:
     field.add_argument(
         "--indicators", metavar="FIELD.vtu:name", help="error indicator of each element in the energy norm, not squared"
     )
-    field.add_argument("--sizes", metavar="FIELD.vtu:name", help="desired edge lengths, up to a factor")
+    field.add_argument("--sizes", metavar="FIELD.vtu:name", help="desired edge lengths, or a metric, up to a factor")
     _add_file(move, "MESH2", "file (.msh, .msh2, .vtu) or folder of Elmer to write, in the unit of MESH", required=True)
     move.add_argument(
         "--scale",

@@ -40,7 +40,10 @@ MEANINGS: dict[str, Callable[[MeshTri, NDArray[Any]], NDArray[Any]]] = {
 }
 """Meaning of a field to its conversion to a density."""
 
-SOURCE = re.compile(rf"(.+?(?:{'|'.join(map(re.escape, FIELD_SUFFIXES))})):(.+)", re.IGNORECASE | re.DOTALL)
+# The binary form of a .sol file is refused by `read_field`, with the remedy.
+SOURCE = re.compile(
+    rf"(.+?(?:{'|'.join(map(re.escape, (*FIELD_SUFFIXES, '.solb')))}))(?::(.+))?", re.IGNORECASE | re.DOTALL
+)
 
 
 def relocate_file(arguments: argparse.Namespace, terminal: Terminal) -> int:
@@ -73,7 +76,7 @@ def relocate_file(arguments: argparse.Namespace, terminal: Terminal) -> int:
     return 0
 
 
-def _source(text: str, option: str) -> tuple[Path, str]:
+def _source(text: str, option: str) -> tuple[Path, str | None]:
     found = SOURCE.fullmatch(text)
     if not found:
         others = ", ".join(FIELD_SUFFIXES[1:])

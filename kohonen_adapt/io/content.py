@@ -163,7 +163,7 @@ class Field:
     nodal
         True for a field on nodes, False on cells.
     values
-        (nodes or cells, components), of any type.
+        (nodes, components), or (cells, corners, components) with one corner for a constant, of any type.
     """
 
     name: str

@@ -64,15 +64,12 @@ class Numbers:
         numbers, points = zip(*parts, strict=True)
         return np.concatenate(numbers), np.concatenate(points)
 
-    def means(self, count: int, components: int) -> tuple[Ints, Floats]:
-        """Take element numbers (count,) and means of nodal values (count, components)."""
+    def nodal_rows(self, count: int, components: int) -> Iterator[tuple[Ints, Floats]]:
+        """Yield element numbers (n,) and nodal values (n, nodes, components)."""
         words = components * (2 if self._binary else 1)
-        parts: list[tuple[Ints, Floats]] = [(np.empty(0, np.int64), np.empty((0, components)))]
         for (nodes,), table in self._rows_by_head(count, slice(1, 2), lambda nodes: (2 + nodes * words, 1)):
             values = np.ascontiguousarray(table[:, 2:]).view(REAL).reshape(-1, nodes, components)
-            parts.append((_as_integers(table[:, 0]), values.mean(axis=1)))
-        numbers, means = zip(*parts, strict=True)
-        return np.concatenate(numbers), np.concatenate(means)
+            yield _as_integers(table[:, 0]), values
 
     def elements(self, count: int) -> Iterator[tuple[int, int, Ints]]:
         """Yield type, number of tags, and rows (number, tags, nodes) of MSH 2 elements."""

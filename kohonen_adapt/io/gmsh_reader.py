@@ -248,7 +248,7 @@ def _read_lists(data: bytes, path: Path, shape: str) -> CellFields:
         if len(fields) and not np.array_equal(places, corners):
             raise ValueError(f"'{path}' has views on different {plural(shape)}; write each view to its own file.")
         corners = places
-        fields.append(Field(name, False, table.mean(axis=1)))
+        fields.append(Field(name, False, table))
     points, node = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     return CellFields(points, node.reshape(-1, width), fields)
 
@@ -276,15 +276,27 @@ def _views(data: bytes, binary: bool, content: Content, shape: str) -> CellField
     for found in SECTION.finditer(data):
         kind = found[1].decode()
         (name, components, count), start = _tags(data, found.end())
-        numbers = Numbers(data, start, binary)
-        number, given = (numbers.means if kind == "ElementNodeData" else numbers.rows)(count, components)
+        parts = _corner_values(Numbers(data, start, binary), kind, count, components, CORNERS[shape])
         nodal = kind == "NodeData"
         owner, known = (np.arange(len(content.points)), content.numbers) if nodal else (element.ravel(), rows.number)
-        values = np.full((len(content.points) if nodal else len(cells), components), np.nan)
-        place = indices_in(known, number)
-        values[owner[place[place >= 0]]] = given[place >= 0]
-        fields.append(Field(name, nodal, values))
+        corners = max((given.shape[1] for _, given in parts), default=1)
+        values = np.full((len(content.points) if nodal else len(cells), corners, components), np.nan)
+        for number, given in parts:
+            place = indices_in(known, number)
+            values[owner[place[place >= 0]]] = given[place >= 0]
+        fields.append(Field(name, nodal, values[:, 0] if nodal else values))
     return CellFields(content.points, cells, fields)
+
+
+def _corner_values(numbers: Numbers, kind: str, count: int, components: int, corners: int) -> list[tuple[Ints, Floats]]:
+    # numbers of nodes or elements (n,), and values (n, 1 or corners, components)
+    if kind != "ElementNodeData":
+        number, values = numbers.rows(count, components)
+        return [(number, values[:, None])]
+    found = numbers.nodal_rows(count, components)
+    if components != COMPONENTS["T"]:
+        return [(number, values.mean(axis=1, keepdims=True)) for number, values in found]
+    return [(number, values[:, :corners]) for number, values in found if values.shape[1] >= corners]
 
 
 def _tags(data: bytes, start: int) -> tuple[tuple[str, int, int], int]:

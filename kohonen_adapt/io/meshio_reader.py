@@ -171,11 +171,17 @@ def _points(mesh: Any) -> Floats:
     return np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))])
 
 
-def _means(values: Any, parts: list[Ints]) -> Any:
+def _as_rows(values: Any) -> Any:
+    return values.reshape(len(values), -1)
+
+
+def _inside(values: Any, parts: list[Ints], cells: Ints) -> Any:
+    # means of one component over the cells, or the values of several at the corners
+    if values.shape[1] > 1:
+        return values[cells]
     weights = [mean_weights(part.shape[1]) for part in parts]
-    return np.concatenate(
-        [np.einsum("i,mi...->m...", own, values[part]) for own, part in zip(weights, parts, strict=True)]
-    )
+    means = [np.einsum("i,mic->mc", own, values[part]) for own, part in zip(weights, parts, strict=True)]
+    return np.concatenate(means)[:, None]
 
 
 def _nodes(block: Any, kind: int, count: int) -> Ints:
@@ -244,11 +250,12 @@ def read_arrays(path: Path, shape: str) -> CellFields:
         )
         is_nodal = all(mesh.cells[k].type != LAGRANGE for k in blocks)
         nodal = [
-            Field(name, True, values) if is_nodal else Field(name, False, _means(values, parts))
+            Field(name, True, rows) if is_nodal else Field(name, False, _inside(rows, parts, cells))
             for name, values in mesh.point_data.items()
+            for rows in [_as_rows(values)]
         ]
         cellwise = [
-            Field(name, False, np.concatenate([values[k] for k in blocks]))
+            Field(name, False, _as_rows(np.concatenate([values[k] for k in blocks]))[:, None])
             for name, values in mesh.cell_data.items()
             if blocks
         ]

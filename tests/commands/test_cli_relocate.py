@@ -169,7 +169,7 @@ def spoilt(mesh, how):
     if how == "twice":
         return mesh, {"cell_data": rho, "point_data": {"rho": np.ones(mesh.p.shape[1])}}
     if how == "vector":
-        return mesh, {"cell_data": {"rho": [np.ones((mesh.t.shape[1], 3))]}}
+        return mesh, {"cell_data": {"rho": [np.tile([1.0, 1.0, 0.0], (mesh.t.shape[1], 1))]}}
     return mesh, {"cell_data": {"rho": [np.full(mesh.t.shape[1], {"negative": -1.0, "nan": np.nan}[how])]}}
 
 
@@ -186,7 +186,7 @@ def spoilt(mesh, how):
         ("broken", "read_field expected finite coordinates;"),
         ("absent", "has no field 'rho'; its fields are: 'other'."),
         ("twice", "has 'rho' at points and in cells; rename one of them."),
-        ("vector", "must be one real number per node or element; got 3."),
+        ("vector", "must be one real number or a tensor per node or element; got 3 components."),
         ("negative", "density"),
         ("nan", "density"),
     ],
@@ -201,16 +201,18 @@ def test_fields_that_do_not_fit(how, said, source, tmp_path, capsys):
 
 
 EXPECTED = (
-    "--density expected FIELD.vtu:name, a file (.vtu, .vtk, .xdmf, .med, .msh, .msh2, .pos) and the name of a field;"
+    "--density expected FIELD.vtu:name, a file (.vtu, .vtk, .xdmf, .med, .msh, .msh2, .pos, .sol) and the name of a "
+    "field;"
 )
 
 
 @pytest.mark.parametrize(
     ("density", "out", "said"),
     [
-        ("f.vtu", "a.msh", f"{EXPECTED} got 'f.vtu'."),
+        ("f.stl:rho", "a.msh", f"{EXPECTED} got 'f.stl:rho'."),
         ("f.vtu:", "a.msh", f"{EXPECTED} got 'f.vtu:'."),
         ("none.vtu:rho", "a.msh", "read_field expected a file with a field; there is none at 'none.vtu'."),
+        ("none.vtu", "a.msh", "read_field expected a file with a field; there is none at 'none.vtu'."),
         ("f.vtu:rho", "a.stl", "--out expected a file that ends in .msh, .msh2, .vtu; got 'a.stl'."),
     ],
 )

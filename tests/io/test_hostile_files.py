@@ -20,6 +20,7 @@ from helpers.mesh_files import assert_same, two_rooms
 from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
+from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.cases import fitting_mesh, read_case
@@ -127,6 +128,17 @@ def test_spoilt_lists(tmp_path_factory, content):
     path = tmp_path_factory.mktemp("spoilt") / "f.pos"
     path.write_bytes(content)
     within_memory(lambda: refused_or_read(ka.read_field, path, two_rooms(), "f"))
+
+
+SOLUTION = b"MeshVersionFormatted 2\n\nDimension 2\n\nSolAtVertices\n4\n2 1 3\n" + 4 * b"0.5 4 0 1e2\n" + b"\nEnd\n"
+
+
+@FUZZ
+@given(content=spoilt([SOLUTION]))
+def test_spoilt_solutions(tmp_path_factory, content):
+    path = tmp_path_factory.mktemp("spoilt") / "f.sol"
+    path.write_bytes(content)
+    within_memory(lambda: [refused_or_read(ka.read_field, path, MeshTri(), f"solution {k}") for k in (1, 2)])
 
 
 def special(kind, folder, suffix):

@@ -23,7 +23,7 @@ def test_what_write_mesh_writes(tmp_path, suffix):
     ka.write_mesh(path, mesh, point_data={"n": nodal}, cell_data={"e": cellwise, "v": np.stack([cellwise] * 2)})
     assert_array_equal(ka.read_field(path, mesh, "e"), cellwise)
     assert_allclose(ka.read_field(path, mesh, "n"), cellwise, rtol=1e-14)
-    with pytest.raises(ValueError, match=r"'v' of '.*' must be one real number per node or element; got 3"):
+    with pytest.raises(ValueError, match=r"'v' of '.*' must be one real number or a tensor per node or element; got 3"):
         ka.read_field(path, mesh, "v")
     with pytest.raises(ValueError, match=r"has no field 'x'; its fields are: .*'e', 'n', "):
         ka.read_field(path, mesh, "x")
@@ -93,7 +93,9 @@ def test_views_of_vectors_and_of_other_shapes(tmp_path):
     vectors = as_list(mesh, np.repeat(values, 3, axis=1), "b").replace("ST(", "VT(")
     path.write_text(as_list(mesh, values) + vectors)
     assert_allclose(ka.read_field(path, mesh, "f"), ramp(mesh)[1], rtol=1e-14)
-    with pytest.raises(ValueError, match=r"'b' of '.*' must be one real number per node or element; got 3\. Write a "):
+    with pytest.raises(
+        ValueError, match=r"'b' of '.*' must be one real number or a tensor .*; got 3 components\. Write a "
+    ):
         ka.read_field(path, mesh, "b")
     for text, said in (("SP(0,0,0){1};", "SP"), ("SL(0,0,0,1,0,0){1,2};VT2(0){1};", "'SL', 'VT2'")):
         path.write_text(f'View "p" {{\n{text}\n}};')

@@ -1,0 +1,222 @@
+"""Metric tensors in files: every format gives the same tensors, in the order of its components."""
+
+import warnings
+
+import meshio
+import numpy as np
+import pytest
+from helpers.mesh_files import two_boxes, two_rooms
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.linalg import expm, logm
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt import __main__ as cli
+
+MESHES = {2: two_rooms(), 3: two_boxes(2)}
+FULL = {2: [0, 1, 2, 3], 3: list(range(9))}
+SYMMETRIC = {2: [0, 3, 1], 3: [0, 4, 8, 1, 5, 2]}  # XX, YY, XY; XX, YY, ZZ, XY, YZ, XZ
+ROWS_OF_UPPER = {3: [0, 1, 2, 4, 5, 8]}
+LOWER = {2: [0, 2, 3], 3: [0, 3, 4, 6, 7, 8]}
+LAYOUTS = [
+    *[(dim, ".vtu", layout) for dim in (2, 3) for layout in (FULL, SYMMETRIC)],
+    *[(3, ".xdmf", layout) for layout in (FULL, ROWS_OF_UPPER)],
+]
+
+
+def metric_at(x):
+    """Directions and ratios that turn and grow with the place, (n, d, d) at points (d, n)."""
+    d = len(x)
+    constant, slopes = np.random.default_rng(d).normal(size=(d, d)), np.random.default_rng(0).normal(size=(d, d, d))
+    factors = constant + np.einsum("kn,kij->nij", x, slopes)
+    return factors @ factors.transpose(0, 2, 1) + np.eye(d)
+
+
+def log_means(mesh, nodal):
+    with warnings.catch_warnings(action="ignore"):  # of errors below 1e-12
+        logs = np.array([logm(tensor) for tensor in nodal])
+    return np.array([expm(tensor) for tensor in logs[mesh.t].mean(axis=0)])
+
+
+def padded(tensors, fill=0.0):
+    """Tensors of the plane with a third row and column, as ParaView needs them."""
+    full = np.zeros((len(tensors), 3, 3))
+    full[:, 2, 2] = fill
+    full[:, : tensors.shape[1], : tensors.shape[1]] = tensors
+    return full
+
+
+def write_field(path, mesh, values, nodal):
+    points = np.column_stack([mesh.p.T, np.zeros((mesh.p.shape[1], 3 - len(mesh.p)))])
+    kind = "triangle" if len(mesh.p) == 2 else "tetra"
+    data = {"point_data": {"m": values}} if nodal else {"cell_data": {"m": [values]}}
+    meshio.Mesh(points, [(kind, mesh.t.T)], **data).write(path)
+
+
+def write_views(path, mesh, kind, values):
+    """Views of Gmsh by its documentation: values of the nodes, of the elements, or of the nodes of every element."""
+    ka.write_mesh(path, mesh)
+    rows = values.reshape(len(values), -1)
+    between = f" {mesh.t.shape[0]}" if kind == "ElementNodeData" else ""
+    lines = [f"{1 + k}{between} {' '.join(map(repr, row))}" for k, row in enumerate(rows.tolist())]
+    head = [f"${kind}", "1", '"m"', "1", "0.0", "3", "0", "9", str(len(rows))]
+    with path.open("a") as file:
+        file.write("\n".join([*head, *lines, f"$End{kind}", ""]))
+
+
+def write_solution(path, *solutions, dim=2):
+    """Solutions (types, rows) as Medit has them."""
+    kinds = " ".join(str(kind) for kind, _ in solutions)
+    rows = "\n".join(" ".join(map(repr, row)) for row in np.column_stack([rows for _, rows in solutions]).tolist())
+    count = len(solutions[0][1])
+    head = f"MeshVersionFormatted 2\n\nDimension {dim}\n\nSolAtVertices\n{count}\n{len(solutions)} {kinds}\n"
+    path.write_text(f"{head}{rows}\n\nEnd\n")
+    return path
+
+
+def lower(tensors):
+    return tensors.reshape(len(tensors), -1)[:, LOWER[tensors.shape[1]]]
+
+
+@pytest.mark.parametrize("nodal", [False, True], ids=["cells", "points"])
+@pytest.mark.parametrize(("dim", "suffix", "layout"), LAYOUTS)
+def test_components_in_the_order_of_the_format(tmp_path, dim, suffix, layout, nodal):
+    mesh, path = MESHES[dim], tmp_path / f"f{suffix}"
+    tensors = metric_at(mesh.p if nodal else mesh.p[:, mesh.t].mean(axis=1))
+    write_field(path, mesh, tensors.reshape(len(tensors), -1)[:, layout[dim]], nodal)
+    got = ka.read_field(path, mesh, "m")
+    assert_array_equal(got, np.swapaxes(got, 1, 2))
+    assert_allclose(got, log_means(mesh, tensors) if nodal else tensors, rtol=1e-11)
+
+
+@pytest.mark.parametrize("fill", [0.0, 1.0])
+@pytest.mark.parametrize("components", [9, 6])
+def test_of_tensors_in_space_the_part_in_the_plane_is_read(tmp_path, components, fill):
+    mesh = MESHES[2]
+    tensors = metric_at(mesh.p[:, mesh.t].mean(axis=1))
+    rows = padded(tensors, fill).reshape(-1, 9)
+    write_field(tmp_path / "f.vtu", mesh, rows if components == 9 else rows[:, SYMMETRIC[3]], nodal=False)
+    assert_allclose(ka.read_field(tmp_path / "f.vtu", mesh, "m"), tensors, rtol=1e-15)
+
+
+@pytest.mark.parametrize("kind", ["NodeData", "ElementData", "ElementNodeData"])
+def test_views_of_tensors(tmp_path, kind):
+    mesh, path = MESHES[2], tmp_path / "f.msh"
+    nodal, cellwise = metric_at(mesh.p), metric_at(mesh.p[:, mesh.t].mean(axis=1))
+    values = {"NodeData": nodal, "ElementData": cellwise, "ElementNodeData": nodal[mesh.t.T]}[kind]
+    shape = values.shape[:-2]
+    write_views(path, mesh, kind, padded(values.reshape(-1, 2, 2)).reshape(*shape, 3, 3))
+    wanted = cellwise if kind == "ElementData" else log_means(mesh, nodal)
+    assert_allclose(ka.read_field(path, mesh, "m"), wanted, rtol=1e-11)
+
+
+def test_lists_of_tensors(tmp_path):
+    mesh = MESHES[2]
+    nodal = metric_at(mesh.p)
+    rows = padded(nodal).reshape(-1, 9)[mesh.t.T].reshape(mesh.nelements, -1)
+    places = np.concatenate([mesh.p[:, mesh.t], np.zeros((1, *mesh.t.shape))]).transpose(2, 1, 0).reshape(len(rows), -1)
+    lines = [
+        f"TT({','.join(map(repr, place))}){{{','.join(map(repr, row))}}};"
+        for place, row in zip(places.tolist(), rows.tolist(), strict=True)
+    ]
+    (tmp_path / "f.pos").write_text("\n".join(['View "m" {', *lines, "};\n"]))
+    assert_allclose(ka.read_field(tmp_path / "f.pos", mesh, "m"), log_means(mesh, nodal), rtol=1e-11)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_solutions_of_medit(tmp_path, dim):
+    mesh = MESHES[dim]
+    nodal, h = metric_at(mesh.p), 1.0 + mesh.p[0]
+    solutions = (3, lower(nodal)), (1, h[:, None]), (2, mesh.p.T), (4, nodal.reshape(len(nodal), -1))
+    path = write_solution(tmp_path / "f.sol", *solutions, dim=dim)
+    for name in ("solution 1", "solution 4"):
+        assert_allclose(ka.read_field(path, mesh, name), log_means(mesh, nodal), rtol=1e-11)
+    assert_allclose(ka.read_field(path, mesh, "solution 2"), h[mesh.t].mean(axis=0), rtol=1e-14)
+    with pytest.raises(ValueError, match=r"'solution 3' of '.*' must be one real number or a tensor .*; got \d comp"):
+        ka.read_field(path, mesh, "solution 3")
+    with pytest.raises(ValueError, match=r"must have one field if no name is given; its fields are: 'solution 1', "):
+        ka.read_field(path, mesh)
+
+
+@pytest.mark.parametrize("text", ["{0} {1} {2} {3} {4}", "# of Mmg\n{0}\n\n{1}\n{2} # here\n{3}\n{4}"])
+def test_the_only_solution_needs_no_name_and_blanks_separate(tmp_path, text):
+    mesh = MeshTri()
+    parts = ["MeshVersionFormatted 1", "Dimension 2", "SolAtVertices 4 1 3", "4 0 1 4 0 1 4 0 1 4e0 0E0 1", "End"]
+    (tmp_path / "f.sol").write_text(text.format(*parts))
+    assert_allclose(ka.read_field(tmp_path / "f.sol", mesh), np.tile(np.diag([4.0, 1.0]), (2, 1, 1)), rtol=1e-14)
+
+
+def test_solutions_belong_to_the_mesh_beside_them(tmp_path):
+    """The nodes of a `.sol` file are in the order of its mesh file, whatever the order in the mesh."""
+    mesh, rng = MESHES[2], np.random.default_rng(0)
+    order = rng.permutation(mesh.nvertices)
+    other = MeshTri(mesh.p[:, order], np.argsort(order)[mesh.t])
+    nodal = metric_at(mesh.p)
+    write_solution(tmp_path / "f.sol", (3, lower(nodal[order])))
+    meshio.Mesh(other.p.T, [("triangle", other.t.T)]).write(tmp_path / "f.mesh")
+    assert_allclose(ka.read_field(tmp_path / "f.sol", mesh), log_means(mesh, nodal), rtol=1e-11)
+    scaled = mesh.scaled(1e-3)
+    assert_allclose(ka.read_field(tmp_path / "f.sol", scaled, scale=1e3), log_means(mesh, nodal), rtol=1e-11)
+
+
+def test_solutions_of_another_mesh(tmp_path):
+    path = write_solution(tmp_path / "f.sol", (1, np.ones((9, 1))))
+    message = (
+        r"^read_field expected a solution at the 45 nodes of the mesh, in their order; '.*f\.sol' has 9 vertices\. Put "
+        r"the mesh of the solution beside it, as 'f\.mesh', and read the mesh from this file\.$"
+    )
+    with pytest.raises(ValueError, match=message):
+        ka.read_field(path, MESHES[2])
+    meshio.Mesh(MESHES[2].p.T, [("triangle", MESHES[2].t.T)]).write(tmp_path / "f.mesh")
+    with pytest.raises(ValueError, match=r"at the 45 vertices of '.*f\.mesh'; '.*f\.sol' has 9 vertices\."):
+        ka.read_field(path, MESHES[2])
+    path = write_solution(tmp_path / "f.sol", (1, np.ones((45, 1))))
+    with pytest.raises(ValueError, match=r"expected a field on the mesh, of 9 nodes and 8 triangles; .* 45 and 64\."):
+        ka.read_field(path, MeshTri().refined(1))
+
+
+BEGIN = "MeshVersionFormatted 2 Dimension 2 "
+BROKEN = {
+    "Dimension 2 SolAtVertices 4 1 1 1 1 1 1": "MeshVersionFormatted is missing",
+    f"{BEGIN} SolAtTriangles 2 1 1 1 1": "SolAtVertices is missing, its values are SolAtTriangles",
+    "MeshVersionFormatted 2 Dimension 4 SolAtVertices 4 1 1 1 1 1 1": "its dimension is 4",
+    f"{BEGIN} SolAtVertices 4 1 3 1 0 1": "it announces 12 values at 4 vertices and has 3",
+    f"{BEGIN} SolAtVertices 4 1 7 1 1 1 1": r"its solutions have the types \[7\]; 1 to 4 are known",
+    f"{BEGIN} SolAtVertices 4": "its number of vertices or of solutions is missing",
+    f"{BEGIN} SolAtVertices 4 1 1 1 one 1 1": "a section of numbers has other text",
+    "\1\0\0\0\2\0\0\0": "MeshVersionFormatted is missing",
+}
+
+
+@pytest.mark.parametrize(("text", "reason"), BROKEN.items(), ids=BROKEN.values())
+def test_damaged_solutions(tmp_path, text, reason):
+    (tmp_path / "f.sol").write_text(text)
+    start = r"^read_field expected a solution of Medit or Mmg as text; '.*f\.sol' cannot be read: "
+    with pytest.raises(ValueError, match=f"{start}{reason}"):
+        ka.read_field(tmp_path / "f.sol", MeshTri())
+
+
+def test_binary_solutions_are_refused_with_the_remedy(tmp_path, capsys):
+    (tmp_path / "f.solb").write_bytes(b"\1\0\0\0\2\0\0\0")
+    message = r"expected a file name that ends in .*\.sol; got 'f\.solb'\. Write the binary solution as text: Mmg does "
+    with pytest.raises(ValueError, match=message):
+        ka.read_field(tmp_path / "f.solb", MeshTri())
+    ka.write_mesh(tmp_path / "m.msh", MeshTri())
+    arguments = [
+        "relocate",
+        str(tmp_path / "m.msh"),
+        "--sizes",
+        str(tmp_path / "f.solb"),
+        "-o",
+        str(tmp_path / "o.msh"),
+    ]
+    assert cli.main([*arguments, "--quiet"]) == 2
+    assert "Write the binary solution as text" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("components", [3, 4, 5, 6])
+def test_vectors_and_tensors_of_the_plane_are_no_tensors_in_space(tmp_path, components):
+    mesh = MESHES[3]
+    write_field(tmp_path / "f.med", mesh, np.ones((mesh.nelements, components)), nodal=False)
+    with pytest.raises(ValueError, match=f"must be one real number or a tensor .*; got {components} components"):
+        ka.read_field(tmp_path / "f.med", mesh, "m")
