@@ -21,6 +21,7 @@ from kohonen_adapt.precompile import warmup
 from kohonen_adapt.problem.protocol import NotOffered, Problem
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.density import density_from_indicators, density_from_sizes
+from kohonen_adapt.som.hessian_metric import metric_from_hessian
 from kohonen_adapt.som.kohonen_map import KohonenMap
 from kohonen_adapt.som.schedule import Schedule, Stage
 from kohonen_adapt.sweeps.cases import SweepResult
@@ -56,6 +57,7 @@ __all__ = [
     "find_elements",
     "interpolate",
     "merge",
+    "metric_from_hessian",
     "polish",
     "quality",
     "read_curves",

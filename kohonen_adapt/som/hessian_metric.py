@@ -1,0 +1,160 @@
+"""Metric of a mesh from recovered derivatives and error indicators."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+from skfem import Mesh
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.checks import finite_reals
+from kohonen_adapt.estimators.explicit import corner_averages
+from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
+from kohonen_adapt.mesh.curved import corners_of
+from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.shapes import packed, unpacked
+from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
+from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.mesh.validity import check_mesh
+from kohonen_adapt.som.density import equidistributing, per_element
+from kohonen_adapt.som.derivatives import highest_derivatives
+
+__all__ = ["hessian_shapes", "indicators_of_shapes", "metric_from_hessian"]
+
+# On perfectly aligned elements the error of the gradient is least with edges in the ratio of the eigenvalues (exponent
+# 2), the error of values with its root (1; Cao, SIAM J. Numer. Anal. 43, 2005). On layers the least errors are between.
+STRETCH = 4.0 / 3.0
+LARGEST_RATIO = 1e3
+ROUNDING = 1e-11  # least part that curvature has in the values of an element, relative to the largest value
+
+
+def metric_from_hessian(
+    mesh: Mesh, values: ArrayLike, indicators: ArrayLike | None = None, *, order: int = 1
+) -> Floats:
+    """Return the metric in which elements of the best mesh are regular.
+
+    Parameters
+    ----------
+    mesh
+        Mesh of triangles or tetrahedra. Of curved elements the straight ones between the corners count.
+    values
+        Values of a discrete solution at the vertices, shape (nvertices,).
+    indicators
+        Error of every element in the energy norm, not squared, shape (nelements,). They give the size of the elements,
+        and the recovered derivatives the shape. Without indicators, both are from the derivatives.
+    order
+        Degree k of the elements of the solution, 1 to 4.
+
+    Returns
+    -------
+    ndarray of shape (nelements, d, d)
+        Symmetric positive definite tensors M, scaled so that regular elements with ``e' M e = 1`` for all edge vectors
+        e have as many nodes as `mesh`: these are ``2 / sqrt(3)`` (in space ``sqrt(2)``) times the integral of
+        ``sqrt(det M)``. The ratio of the longest and the shortest edge is at most 1000.
+
+    Raises
+    ------
+    ValueError
+        If the mesh is not valid, if an array has another shape or is not finite, if an indicator is negative, or if
+        `order` is unknown.
+
+    Notes
+    -----
+    The derivatives T of order k + 1 are recovered by polynomials of degree k + 1 around every node, separately in every
+    region, a connected set of elements of the same subdomains. At interfaces, the jump of the gradient is therefore no
+    curvature. With ``G_ij = sum_a T_ai T_aj`` over all multi-indices a of order k, the tensor ``Q = G^(1 / (k + 1))``
+    is the Hessian with absolute eigenvalues if k = 1. The mean of Q over the elements around replaces Q, and its
+    eigenvalues become equal where directions vary, as at a corner or with noise.
+
+    The error of the gradient on an element with the edges of the matrix C (``J J'`` for the map J from the regular
+    element) is modelled as ``eta^2 ~ |K| tr(Q Q C) tr(Q C)^(k - 1)`` (compare Huang, J. Comput. Phys. 204, 2005;
+    Formaggia and Perotto, Numer. Math. 94, 2003; Alauzet and Loseille, CAD 72, 2016). The shape of M is ``Q^(4/3)``
+    of determinant 1, between Q, the best for values, and its square, the best for gradients on perfectly aligned
+    elements. The size has the density of `density_from_indicators` for indicators multiplied by the model's
+    ratio of errors, of the new and the present shape of the element.
+
+    Metrics are round where derivatives cannot be recovered: in regions with a single layer of elements, or where the
+    values are polynomials of degree k.
+
+    Examples
+    --------
+    >>> import skfem, kohonen_adapt as ka
+    >>> mesh = skfem.MeshTri().refined(3)
+    >>> metric = ka.metric_from_hessian(mesh, 8 * mesh.p[0] ** 2 + mesh.p[1] ** 2)
+    >>> metric.shape, round(float((metric[0, 0, 0] / metric[0, 1, 1]) ** 0.5), 6)  # edges 8^(2/3) times longer in y
+    ((128, 2, 2), 4.0)
+    """
+    check_mesh(mesh, curved=True, space=True)
+    if isinstance(order, bool) or order not in (1, 2, 3, 4):
+        raise ValueError(f"order must be the degree of the elements, 1 to 4; got {order!r}.")
+    cell, straight = cell_of(mesh), corners_of(mesh)
+    function = finite_reals("values", values, {"nvertices": straight.p.shape[1]}, "node")
+    curvature = curvatures(mesh, function, order)
+    shapes = shapes_of(curvature)
+    if indicators is None:
+        error = np.sqrt(error_of_shapes(curvature, raised(unpacked(shapes), -1.0), order))
+        eta = error * area(straight) ** (0.5 + order / cell.dim)
+    else:
+        eta = indicators_of_shapes(mesh, per_element(mesh.nelements, indicators, "indicators"), shapes, order)
+    density = equidistributing(straight, eta, order, "energy")
+    return unpacked(shapes) * (cell.size_per_node * density)[:, None, None] ** (2.0 / cell.dim)
+
+
+def hessian_shapes(mesh: Mesh, values: Floats, order: int) -> Floats:
+    """Return shapes of elements, rows as in `mesh/shapes.py`."""
+    return shapes_of(curvatures(mesh, values, order))
+
+
+def indicators_of_shapes(mesh: Mesh, indicators: Floats, shapes: Floats, order: int) -> Floats:
+    """Return the indicators of elements of the same sizes with other shapes."""
+    metric = unpacked(shapes)
+    curvature = raised(metric, 1.0 / STRETCH)
+    new, old = (error_of_shapes(curvature, edges, order) for edges in (raised(metric, -1.0), edges_of(mesh)))
+    return indicators * np.sqrt(new / old)
+
+
+def error_of_shapes(curvature: Floats, edges: Floats, order: int) -> Floats:
+    scaled = curvature @ edges
+    return np.einsum("mij,mji->m", curvature, scaled) * np.trace(scaled, axis1=1, axis2=2) ** (order - 1)
+
+
+def edges_of(mesh: Mesh) -> Floats:
+    offset = offsets(mesh)
+    spread = np.einsum("icm,jcm->mij", offset, offset)
+    return spread / np.linalg.det(spread)[:, None, None] ** (1.0 / spread.shape[1])
+
+
+def offsets(mesh: Mesh) -> Floats:
+    corners = mesh.p[:, mesh.t]
+    return corners - corners.mean(axis=1, keepdims=True)
+
+
+def curvatures(mesh: Mesh, values: Floats, order: int) -> Floats:
+    """Return the tensors Q of `metric_from_hessian`, zero if not recovered."""
+    body = (Tetrahedralization if cell_of(mesh) is TETRAHEDRON else Triangulation).of(mesh)
+    largest = np.abs(values).max()
+    scaled = np.ldexp(values, -np.frexp(largest)[1])
+    derivatives, found = highest_derivatives(body.mesh, body.region_of_input, scaled, order + 1)
+    rows = derivatives.reshape(mesh.nelements, -1, derivatives.shape[-1])
+    curvature = raised(np.swapaxes(rows, 1, 2) @ rows, 1.0 / (order + 1))
+    offset = offsets(body.mesh)
+    part = np.einsum("icm,mij,jcm->m", offset, curvature, offset)
+    curvature[part ** (0.5 * (order + 1)) < ROUNDING] = 0.0
+    return means_around(body.mesh, body.region_of_input.astype(np.int64), curvature, found)
+
+
+def means_around(mesh: Mesh, region: Ints, tensors: Floats, found: Mask) -> Floats:
+    rows = np.concatenate([packed(tensors), found[:, None]], axis=1)
+    *sums, weight = corner_averages(mesh, rows.T, region).mean(axis=1)
+    return unpacked(np.transpose(sums) / np.where(weight > 0.0, weight, 1.0)[:, None])
+
+
+def shapes_of(curvature: Floats) -> Floats:
+    values, vectors = np.linalg.eigh(curvature)
+    values[values[:, -1] <= 0.0] = 1.0
+    values = np.maximum(values / values[:, -1:], LARGEST_RATIO ** (-2.0 / STRETCH)) ** STRETCH
+    values /= np.prod(values, axis=1, keepdims=True) ** (1.0 / values.shape[1])
+    return packed(np.einsum("mij,mj,mkj->mik", vectors, values, vectors))
+
+
+def raised(tensors: Floats, exponent: float) -> Floats:
+    values, vectors = np.linalg.eigh(tensors)
+    return np.einsum("mij,mj,mkj->mik", vectors, np.maximum(values, 0.0) ** exponent, vectors)

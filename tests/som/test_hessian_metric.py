@@ -1,0 +1,181 @@
+"""Metrics from recovered derivatives are exact for polynomials, round without curvature, and of equal nodes."""
+
+import numpy as np
+import pytest
+from helpers.meshes import perturbed, square
+from helpers.solids import halved_cube
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from skfem import MeshTet, MeshTet2, MeshTri, MeshTri2
+
+from kohonen_adapt import density_from_indicators, metric_from_hessian
+from kohonen_adapt.mesh.measures import area
+
+NODES = {2: 2 / np.sqrt(3), 3: np.sqrt(2)}  # per volume in the metric
+HALVES = {
+    2: square(6).with_subdomains({"left": lambda x: x[0] < 0.5, "right": lambda x: x[0] > 0.5}),
+    3: halved_cube((6, 4, 4), 0),
+}
+FINER = {2: perturbed(square(7), worst=0.1), 3: MeshTet().refined(3)}
+MESHES = {2: perturbed(square(5)), 3: halved_cube((4, 4, 4), 0, seed=1)}
+dimensions = pytest.mark.parametrize("dim", [2, 3])
+
+
+def turned_by(dim, seed):
+    turn = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    return turn if dim == 3 else np.linalg.qr(turn[:2, :2])[0]
+
+
+def shape_of(metric):
+    return metric / np.linalg.det(metric)[:, None, None] ** (1 / metric.shape[1])
+
+
+def ratio_of(metric):
+    values = np.linalg.eigvalsh(metric)
+    return np.sqrt(values[:, -1] / values[:, 0])
+
+
+def nodes_of(mesh, metric):
+    return NODES[len(mesh.p)] * np.sum(area(mesh) * np.sqrt(np.linalg.det(metric)))
+
+
+def mapped(mesh, matrix):
+    return type(mesh)(matrix @ mesh.p, mesh.t, mesh.boundaries, mesh.subdomains)
+
+
+@dimensions
+@given(seed=st.integers(0, 2**32 - 1), signs=st.tuples(*[st.sampled_from([-1, 1])] * 3))
+def test_the_shape_of_a_quadratic_is_exact_in_any_direction(dim, seed, signs):
+    mesh, turn = MESHES[dim], turned_by(dim, seed)
+    values = 10 ** np.random.default_rng(seed).uniform(-1, 1, dim)
+    hessian = turn * (values * signs[:dim]) @ turn.T
+    u = 0.5 * np.einsum("in,ij,jn->n", mesh.p, hessian, mesh.p) + mesh.p[0] + 3.0
+    wanted = turn * values ** (4 / 3) @ turn.T
+    wanted /= np.linalg.det(wanted) ** (1 / dim)
+    metric = metric_from_hessian(mesh, u)
+    np.testing.assert_allclose(
+        shape_of(metric), np.broadcast_to(wanted, metric.shape), rtol=0, atol=1e-5 * wanted.max()
+    )
+    assert nodes_of(mesh, metric) == pytest.approx(mesh.nvertices, rel=1e-9)
+    density = np.sqrt(np.linalg.det(metric))
+    assert density.max() == pytest.approx(density.min(), rel=1e-5)
+
+
+@dimensions
+@pytest.mark.parametrize("order", [2, 3])
+def test_powers_along_two_directions_give_their_roots_at_higher_order(dim, order):
+    mesh, turn = FINER[dim], turned_by(dim, 1)
+    x = turn.T @ mesh.p
+    strength = np.array([8.0, 1.0, 1.0])[:dim]
+    metric = metric_from_hessian(mesh, strength @ x ** (order + 1), order=order)
+    values = strength ** (4 / 3 * 2 / (order + 1))
+    wanted = turn * (values / np.prod(values) ** (1 / dim)) @ turn.T
+    np.testing.assert_allclose(shape_of(metric), np.broadcast_to(wanted, metric.shape), rtol=0, atol=1e-4)
+
+
+@dimensions
+@pytest.mark.parametrize("scale", [1e-6, 1e5])
+def test_it_turns_with_the_mesh_and_scales_with_lengths_only(dim, scale):
+    mesh, turn = MESHES[dim], turned_by(dim, 3)
+    u, eta = np.tanh(5 * (mesh.p[0] - 0.3 * mesh.p[1] ** 2)), np.linspace(1, 2, mesh.nelements)
+    for indicators in (None, eta):
+        metric = metric_from_hessian(mesh, u, indicators)
+        other = metric_from_hessian(mapped(mesh, scale * turn), 1e7 * u, indicators)
+        np.testing.assert_allclose(scale**2 * turn.T @ other @ turn, metric, rtol=1e-5, atol=1e-6 * metric.max())
+
+
+@dimensions
+def test_linear_values_give_round_elements_of_one_size(dim):
+    mesh = MESHES[dim]
+    for u in (np.zeros(mesh.nvertices), np.full(mesh.nvertices, 300.0), 1e5 + np.arange(1.0, dim + 1) @ mesh.p):
+        metric = metric_from_hessian(mesh, u)
+        np.testing.assert_allclose(metric, metric[0, 0, 0] * np.broadcast_to(np.eye(dim), metric.shape), rtol=1e-12)
+        assert nodes_of(mesh, metric) == pytest.approx(mesh.nvertices)
+
+
+@dimensions
+def test_a_kink_at_an_interface_is_no_curvature(dim):
+    mesh = HALVES[dim]
+    kink = np.abs(mesh.p[0] - 0.5) + mesh.p[1]
+    assert ratio_of(metric_from_hessian(mesh, kink)).max() == pytest.approx(1.0)
+    assert ratio_of(metric_from_hessian(type(mesh)(mesh.p, mesh.t), kink)).max() > 5.0
+
+
+@dimensions
+def test_regions_do_not_change_each_other(dim):
+    mesh = HALVES[dim]
+    left = mesh.subdomains["left"]
+    u = np.where(mesh.p[0] <= 0.5, np.sin(4 * mesh.p[0] + mesh.p[1]), 0.0)
+    alone, node = mesh.restrict(left, return_mapping=True)
+    own, whole = metric_from_hessian(alone, u[node]), metric_from_hessian(mesh, u)
+    np.testing.assert_allclose(shape_of(whole[left]), shape_of(own), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        MeshTri(),
+        MeshTet(),
+        MeshTri.init_tensor(np.linspace(0, 1, 9), np.array([0.0, 0.1])),
+        MeshTet.init_tensor(np.linspace(0, 1, 5), np.linspace(0, 1, 5), np.array([0.0, 0.1])),
+        square(3).with_subdomains({str(k): np.array([k]) for k in range(18)}),
+    ],
+    ids=["two triangles", "five tetrahedra", "a layer of triangles", "a layer of tetrahedra", "regions of one element"],
+)
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_elements_are_round_if_nothing_can_be_recovered(mesh, order):
+    metric = metric_from_hessian(mesh, np.cos(3 * mesh.p[0]) * mesh.p[1], order=order)
+    np.testing.assert_allclose(ratio_of(metric), 1.0)
+    assert nodes_of(mesh, metric) == pytest.approx(mesh.nvertices)
+
+
+@dimensions
+def test_the_corners_of_curved_elements_count(dim):
+    mesh = type(MESHES[dim])(MESHES[dim].p, MESHES[dim].t)
+    curved = (MeshTri2 if dim == 2 else MeshTet2).from_mesh(mesh)
+    curved.doflocs[:, mesh.nvertices :] += 1e-3
+    u, eta = np.tanh(5 * mesh.p[0] - mesh.p[1]), np.linspace(1, 2, mesh.nelements)
+    for indicators in (None, eta):
+        np.testing.assert_array_equal(
+            metric_from_hessian(curved, u, indicators), metric_from_hessian(mesh, u, indicators)
+        )
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("stretch", [1.0, 8.0])
+def test_indicators_of_elements_of_the_right_shape_count_as_they_are(order, stretch):
+    equilateral = mapped(square(6), np.array([[1.0, -0.5], [0.0, np.sqrt(0.75)]]))
+    mesh = mapped(equilateral, np.diag([stretch ** (-1 / 3), stretch ** (1 / 3)]))
+    eta = np.linspace(1, 2, mesh.nelements)
+    u = np.array([stretch, 1.0]) ** ((order + 1) / 2) @ mesh.p ** (order + 1)
+    metric = metric_from_hessian(mesh, u, eta, order=order)
+    assert ratio_of(metric) == pytest.approx(stretch ** (2 / 3), rel=1e-6)
+    density = NODES[2] * np.sqrt(np.linalg.det(metric))
+    np.testing.assert_allclose(density, density_from_indicators(mesh, eta, order=order), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"values": np.zeros(8)}, r"values must have shape \(nvertices,\) = \(9,\); got \(8,\)"),
+        ({"values": np.zeros((9, 2))}, r"values must have shape \(nvertices,\) = \(9,\); got \(9, 2\)"),
+        ({"values": np.full(9, 1j)}, "values must be real numbers; got complex128"),
+        ({"values": np.where(np.arange(9) == 4, np.inf, 1.0)}, "values must be finite; .* first 4"),
+        ({"values": np.zeros(9), "order": 0}, "order must be the degree of the elements, 1 to 4; got 0"),
+        ({"values": np.zeros(9), "order": True}, "order must be the degree of the elements, 1 to 4; got True"),
+        ({"values": np.zeros(9), "indicators": np.ones(7)}, r"indicators must have shape \(nelements,\) = \(8,\)"),
+        ({"values": np.zeros(9), "indicators": -np.ones(8)}, "indicators must be finite and >= 0; element 0 has -1.0"),
+    ],
+)
+def test_bad_input_gets_one_line(arguments, message):
+    with pytest.raises(ValueError, match=message) as error:
+        metric_from_hessian(square(2), **arguments)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("unit", [1e-15, 1e15])
+def test_values_of_any_size(unit):
+    mesh = MESHES[2]
+    u = np.sin(4 * mesh.p[0]) * mesh.p[1]
+    np.testing.assert_allclose(metric_from_hessian(mesh, unit**20 * u), metric_from_hessian(mesh, u), rtol=1e-6)
