@@ -62,7 +62,7 @@ def metric_from_hessian(
     region, a connected set of elements of the same subdomains. At interfaces, the jump of the gradient is therefore no
     curvature. With ``G_ij = sum_a T_ai T_aj`` over all multi-indices a of order k, the tensor ``Q = G^(1 / (k + 1))``
     is the Hessian with absolute eigenvalues if k = 1. The mean of Q over the elements around replaces Q, and its
-    eigenvalues become equal where directions vary, as at a corner or with noise.
+    eigenvalues differ little where directions vary, as at a corner or with noise.
 
     The error of the gradient on an element with the edges of the matrix C (``J J'`` for the map J from the regular
     element) is modelled as ``eta^2 ~ |K| tr(Q Q C) tr(Q C)^(k - 1)`` (compare Huang, J. Comput. Phys. 204, 2005;
