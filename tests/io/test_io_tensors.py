@@ -1,11 +1,12 @@
 """Metric tensors in files: every format gives the same tensors, in the order of its components."""
 
 import warnings
+from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
-from helpers.mesh_files import two_boxes, two_rooms
+from helpers.mesh_files import gmsh, gmsh_session, needs_gmsh, two_boxes, two_rooms
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import expm, logm
 from skfem import MeshTri
@@ -13,6 +14,7 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt import __main__ as cli
 
+DATA = Path(__file__).parent / "data"
 MESHES = {2: two_rooms(), 3: two_boxes(2)}
 FULL = {2: [0, 1, 2, 3], 3: list(range(9))}
 SYMMETRIC = {2: [0, 3, 1], 3: [0, 4, 8, 1, 5, 2]}  # XX, YY, XY; XX, YY, ZZ, XY, YZ, XZ
@@ -110,6 +112,29 @@ def test_views_of_tensors(tmp_path, kind):
     assert_allclose(ka.read_field(path, mesh, "m"), wanted, rtol=1e-11)
 
 
+@needs_gmsh
+@pytest.mark.parametrize("binary", [False, True], ids=["text", "binary"])
+@pytest.mark.parametrize("kind", ["NodeData", "ElementData", "ElementNodeData"])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_views_of_tensors_that_gmsh_saves(tmp_path, dim, kind, binary):
+    mesh = MESHES[dim]
+    nodal, cellwise = metric_at(mesh.p), metric_at(mesh.p[:, mesh.t].mean(axis=1))
+    ka.write_mesh(tmp_path / "m.msh", mesh)
+    with gmsh_session() as model:
+        gmsh.open(str(tmp_path / "m.msh"))
+        gmsh.option.setNumber("Mesh.Binary", binary)
+        gmsh.option.setNumber("PostProcessing.SaveMesh", 1)
+        tags = 1 + np.arange(mesh.nvertices if kind == "NodeData" else mesh.nelements)
+        values = {"NodeData": nodal, "ElementData": cellwise, "ElementNodeData": nodal[mesh.t.T].reshape(-1, dim, dim)}
+        view = gmsh.view.add("m")
+        gmsh.view.addHomogeneousModelData(
+            view, 0, model.getCurrent(), kind, tags, padded(values[kind]).ravel(), numComponents=9
+        )
+        gmsh.view.write(view, str(tmp_path / "f.msh"))
+    wanted = cellwise if kind == "ElementData" else log_means(mesh, nodal)
+    assert_allclose(ka.read_field(tmp_path / "f.msh", mesh, "m"), wanted, rtol=1e-11)
+
+
 def test_lists_of_tensors(tmp_path):
     mesh = MESHES[2]
     nodal = metric_at(mesh.p)
@@ -173,6 +198,18 @@ def test_solutions_of_another_mesh(tmp_path):
     path = write_solution(tmp_path / "f.sol", (1, np.ones((45, 1))))
     with pytest.raises(ValueError, match=r"expected a field on the mesh, of 9 nodes and 8 triangles; .* 45 and 64\."):
         ka.read_field(path, MeshTri().refined(1))
+
+
+@pytest.mark.parametrize(("name", "nodes"), [("mmg_plane", 70), ("mmg_solid", 84)])
+def test_edges_of_mmg_have_length_one_in_the_metric_of_its_solution(name, nodes):
+    """Their lengths are not, if a component is in another place."""
+    mesh = ka.read_mesh(DATA / f"{name}.mesh")
+    metric, corners = ka.read_field(DATA / f"{name}.sol", mesh), mesh.p[:, mesh.t]
+    edges = np.stack([corners[:, i] - corners[:, j] for i in range(len(mesh.t)) for j in range(i)])
+    lengths = np.sqrt(np.einsum("edm,mdc,ecm->em", edges, metric, edges))
+    assert mesh.nvertices == nodes and set(mesh.subdomains) == {"region_1", "region_2"}
+    assert_allclose(np.quantile(lengths, [0.05, 0.5, 0.95]), [0.5, 0.85, 1.2], atol=0.1)
+    assert np.linalg.cond(metric).max() > 7.0
 
 
 BEGIN = "MeshVersionFormatted 2 Dimension 2 "
