@@ -52,8 +52,8 @@ def tensors_of_elements(values: ArrayLike, count: int, dim: int, name: str) -> F
     tensors = np.asarray(values)
     if tensors.shape != (count, dim, dim):
         raise ValueError(
-            f"{name} must have shape (nelements,) = ({count},), or as tensors (nelements, {dim}, {dim}) = "
-            f"({count}, {dim}, {dim}); got {tensors.shape}."
+            f"{name} must have shape (nelements, {dim}, {dim}) = ({count}, {dim}, {dim}) as tensors; "
+            f"got {tensors.shape}."
         )
     tensors = as_reals(name, tensors.reshape(count, -1), {"nelements": count, "d^2": dim**2}).reshape(tensors.shape)
     return checked_tensors(tensors, name)
