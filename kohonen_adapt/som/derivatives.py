@@ -59,7 +59,9 @@ def highest_derivatives(mesh: Mesh, region: Ints, values: Floats, order: int) ->
     sites = Sites(corner.reshape(mesh.t.shape), pair % mesh.p.shape[1])
     at_sites, have = derivatives_at_sites(mesh.p.T[sites.node], sites, values[sites.node], order)
     found = np.all(have[sites.corner], axis=0)
-    tensors = np.einsum("cm...,jcm->m...j", at_sites[sites.corner], hat_gradients(mesh))
+    at_corners = np.moveaxis(at_sites[sites.corner], 0, -1)
+    hats = np.ascontiguousarray(hat_gradients(mesh).T)
+    tensors = at_corners @ hats.reshape(len(hats), *[1] * (order - 2), *hats.shape[1:])
     symmetric = sum(np.swapaxes(tensors, axis, -1) for axis in range(1, order + 1)) / order
     return np.where(found.reshape(-1, *[1] * order), symmetric, 0.0), found
 
@@ -113,8 +115,7 @@ def fitted(offset: Floats, values: Floats, degree: int) -> tuple[Floats, Mask]:
         column = powers.index(tuple(sorted(axes)))
         tensors[:, *axes] = repeated(axes) * scale[column] * coefficients[:, column]
     for axis in range(1, degree):
-        turned = np.einsum("n...i,nij->n...j", np.moveaxis(tensors, axis, -1), unit)
-        tensors = np.moveaxis(turned, -1, axis)
+        tensors = np.moveaxis(np.einsum("n...i,nij->n...j", np.moveaxis(tensors, axis, -1), unit), -1, axis)
     return tensors, np.linalg.norm(inverse, axis=(1, 2)) < ILL_POSED ** (degree + 1)
 
 

@@ -113,18 +113,19 @@ def indicators_of_shapes(mesh: Mesh, indicators: Floats, shapes: Floats, order: 
 
 def error_of_shapes(curvature: Floats, edges: Floats, order: int) -> Floats:
     scaled = curvature @ edges
-    return np.einsum("mij,mji->m", curvature, scaled) * np.trace(scaled, axis1=1, axis2=2) ** (order - 1)
+    once, twice = np.trace(scaled, axis1=1, axis2=2), np.sum(curvature * np.swapaxes(scaled, 1, 2), axis=(1, 2))
+    return twice * once ** (order - 1)
 
 
 def edges_of(mesh: Mesh) -> Floats:
     offset = offsets(mesh)
-    spread = np.einsum("icm,jcm->mij", offset, offset)
+    spread = np.swapaxes(offset, 1, 2) @ offset
     return spread / np.linalg.det(spread)[:, None, None] ** (1.0 / spread.shape[1])
 
 
 def offsets(mesh: Mesh) -> Floats:
     corners = mesh.p[:, mesh.t]
-    return corners - corners.mean(axis=1, keepdims=True)
+    return np.ascontiguousarray((corners - corners.mean(axis=1, keepdims=True)).T)
 
 
 def curvatures(mesh: Mesh, values: Floats, order: int) -> Floats:
@@ -136,7 +137,7 @@ def curvatures(mesh: Mesh, values: Floats, order: int) -> Floats:
     rows = derivatives.reshape(mesh.nelements, -1, derivatives.shape[-1])
     curvature = raised(np.swapaxes(rows, 1, 2) @ rows, 1.0 / (order + 1))
     offset = offsets(body.mesh)
-    part = np.einsum("icm,mij,jcm->m", offset, curvature, offset)
+    part = np.sum((offset @ curvature) * offset, axis=(1, 2))
     curvature[part ** (0.5 * (order + 1)) < ROUNDING] = 0.0
     return means_around(body.mesh, body.region_of_input.astype(np.int64), curvature, found)
 
@@ -152,9 +153,9 @@ def shapes_of(curvature: Floats) -> Floats:
     values[values[:, -1] <= 0.0] = 1.0
     values = np.maximum(values / values[:, -1:], LARGEST_RATIO ** (-2.0 / STRETCH)) ** STRETCH
     values /= np.prod(values, axis=1, keepdims=True) ** (1.0 / values.shape[1])
-    return packed(np.einsum("mij,mj,mkj->mik", vectors, values, vectors))
+    return packed((vectors * values[:, None]) @ np.swapaxes(vectors, 1, 2))
 
 
 def raised(tensors: Floats, exponent: float) -> Floats:
     values, vectors = np.linalg.eigh(tensors)
-    return np.einsum("mij,mj,mkj->mik", vectors, np.maximum(values, 0.0) ** exponent, vectors)
+    return (vectors * np.maximum(values, 0.0)[:, None] ** exponent) @ np.swapaxes(vectors, 1, 2)
