@@ -22,6 +22,8 @@ __all__ = ["hessian_shapes", "indicators_of_shapes", "metric_from_hessian"]
 # On perfectly aligned elements the error of the gradient is least with edges in the ratio of the eigenvalues (exponent
 # 2), the error of values with its root (1; Cao, SIAM J. Numer. Anal. 43, 2005). On layers the least errors are between.
 STRETCH = 4.0 / 3.0
+# Weight of the slopes of the interpolant in the error of the gradient. Predictions of errors on layers are within 12 %.
+MISFIT = 0.075
 LARGEST_RATIO = 1e3
 ROUNDING = 1e-11  # least part that curvature has in the values of an element, relative to the largest value
 
@@ -64,12 +66,13 @@ def metric_from_hessian(
     is the Hessian with absolute eigenvalues if k = 1. The mean of Q over the elements around replaces Q, and its
     eigenvalues differ little where directions vary, as at a corner or with noise.
 
-    The error of the gradient on an element with the edges of the matrix C (``J J'`` for the map J from the regular
-    element) is modelled as ``eta^2 ~ |K| tr(Q Q C) tr(Q C)^(k - 1)`` (compare Huang, J. Comput. Phys. 204, 2005;
+    The error of the gradient on an element with the edges of the matrix C (``J J'`` of determinant 1, for the map J
+    from the regular element) is modelled as ``eta^2 ~ |K| tr(Q C)^(k - 1) (tr(Q Q C) + c tr(C^-1) tr(Q C)^2)``, with
+    the second derivatives of the function and the slopes of its interpolant (compare Huang, J. Comput. Phys. 204, 2005;
     Formaggia and Perotto, Numer. Math. 94, 2003; Alauzet and Loseille, CAD 72, 2016). The shape of M is ``Q^(4/3)``
     of determinant 1, between Q, the best for values, and its square, the best for gradients on perfectly aligned
-    elements. The size has the density of `density_from_indicators` for indicators multiplied by the model's
-    ratio of errors, of the new and the present shape of the element.
+    elements. The density is that of `density_from_indicators`, for indicators multiplied by the ratio of the errors of
+    the new shapes and of the present shapes of the elements by this model.
 
     Metrics are round where derivatives cannot be recovered: in regions with a single layer of elements, or where the
     values are polynomials of degree k.
@@ -107,20 +110,31 @@ def indicators_of_shapes(mesh: Mesh, indicators: Floats, shapes: Floats, order: 
     """Return the indicators of elements of the same sizes with other shapes."""
     metric = unpacked(shapes)
     curvature = raised(metric, 1.0 / STRETCH)
-    new, old = (error_of_shapes(curvature, edges, order) for edges in (raised(metric, -1.0), edges_of(mesh)))
+    new = error_of_shapes(curvature, mean_edges(mesh, raised(metric, -1.0)), order)
+    old = error_of_shapes(curvature, mean_edges(mesh, edges_of(mesh)), order)
     return indicators * np.sqrt(new / old)
 
 
 def error_of_shapes(curvature: Floats, edges: Floats, order: int) -> Floats:
     scaled = curvature @ edges
     once, twice = np.trace(scaled, axis1=1, axis2=2), np.sum(curvature * np.swapaxes(scaled, 1, 2), axis=(1, 2))
-    return twice * once ** (order - 1)
+    misfit = MISFIT * np.trace(np.linalg.inv(edges), axis1=1, axis2=2) * once**2
+    return (twice + misfit) * once ** (order - 1)
 
 
 def edges_of(mesh: Mesh) -> Floats:
     offset = offsets(mesh)
-    spread = np.swapaxes(offset, 1, 2) @ offset
-    return spread / np.linalg.det(spread)[:, None, None] ** (1.0 / spread.shape[1])
+    return with_unit_determinant(np.swapaxes(offset, 1, 2) @ offset)
+
+
+def mean_edges(mesh: Mesh, edges: Floats) -> Floats:
+    # No mesh follows the shape of every element. Means scale with the mesh.
+    whole = np.zeros(len(edges), dtype=np.int64)
+    return with_unit_determinant(means_around(mesh, whole, edges, np.ones(len(edges), dtype=np.bool_)))
+
+
+def with_unit_determinant(tensors: Floats) -> Floats:
+    return tensors / np.linalg.det(tensors)[:, None, None] ** (1.0 / tensors.shape[1])
 
 
 def offsets(mesh: Mesh) -> Floats:
