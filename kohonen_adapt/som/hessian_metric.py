@@ -19,9 +19,10 @@ from kohonen_adapt.som.derivatives import highest_derivatives
 
 __all__ = ["hessian_shapes", "indicators_of_shapes", "metric_from_hessian"]
 
-# On perfectly aligned elements the error of the gradient is least with edges in the ratio of the eigenvalues (exponent
-# 2), the error of values with its root (1; Cao, SIAM J. Numer. Anal. 43, 2005). On layers the least errors are between.
-STRETCH = 4.0 / 3.0
+# Exponent of the shape. On perfectly aligned elements the error of values is least with edges in the ratio of the roots
+# of the eigenvalues (1), the error of the gradient with edges in the ratio of the eigenvalues (2; Cao, SIAM J. Numer.
+# Anal. 43, 2005), and on layers between both.
+STRETCH = {"energy": 4.0 / 3.0, "L2": 1.0}
 # Weight of the slopes of the interpolant in the error of the gradient. Predictions of errors on layers are within 12 %.
 MISFIT = 0.075
 LARGEST_RATIO = 1e3
@@ -29,7 +30,7 @@ ROUNDING = 1e-11  # least part that curvature has in the values of an element, r
 
 
 def metric_from_hessian(
-    mesh: Mesh, values: ArrayLike, indicators: ArrayLike | None = None, *, order: int = 1
+    mesh: Mesh, values: ArrayLike, indicators: ArrayLike | None = None, *, order: int = 1, norm: str = "energy"
 ) -> Floats:
     """Return the metric in which elements of the best mesh are regular.
 
@@ -44,6 +45,8 @@ def metric_from_hessian(
         and the recovered derivatives the shape. Without indicators, both are from the derivatives.
     order
         Degree k of the elements of the solution, 1 to 4.
+    norm
+        ``"energy"`` or ``"L2"``, the norm in which the error is to be small.
 
     Returns
     -------
@@ -56,7 +59,7 @@ def metric_from_hessian(
     ------
     ValueError
         If the mesh is not valid, if an array has another shape or is not finite, if an indicator is negative, or if
-        `order` is unknown.
+        `order` or `norm` is unknown.
 
     Notes
     -----
@@ -69,10 +72,10 @@ def metric_from_hessian(
     The error of the gradient on an element with the edges of the matrix C (``J J'`` of determinant 1, for the map J
     from the regular element) is modelled as ``eta^2 ~ |K| tr(Q C)^(k - 1) (tr(Q Q C) + c tr(C^-1) tr(Q C)^2)``, with
     the second derivatives of the function and the slopes of its interpolant (compare Huang, J. Comput. Phys. 204, 2005;
-    Formaggia and Perotto, Numer. Math. 94, 2003; Alauzet and Loseille, CAD 72, 2016). The shape of M is ``Q^(4/3)``
-    of determinant 1, between Q, the best for values, and its square, the best for gradients on perfectly aligned
-    elements. The density is that of `density_from_indicators`, for indicators multiplied by the ratio of the errors of
-    the new shapes and of the present shapes of the elements by this model.
+    Formaggia and Perotto, Numer. Math. 94, 2003; Alauzet and Loseille, CAD 72, 2016). The shape of M is ``Q^(4/3)`` of
+    determinant 1, between Q, the best for values and the shape for the L2 norm, and its square, the best for gradients
+    on perfectly aligned elements. The density is that of `density_from_indicators`, for indicators multiplied by the
+    ratio of the errors of the new shapes and of the present shapes of the elements by this model.
 
     Metrics are round where derivatives cannot be recovered: in regions with a single layer of elements, or where the
     values are polynomials of degree k.
@@ -88,28 +91,30 @@ def metric_from_hessian(
     check_mesh(mesh, curved=True, space=True)
     if isinstance(order, bool) or order not in (1, 2, 3, 4):
         raise ValueError(f"order must be the degree of the elements, 1 to 4; got {order!r}.")
+    if norm not in STRETCH:
+        raise ValueError(f"norm must be 'energy' or 'L2'; got {norm!r}.")
     cell, straight = cell_of(mesh), corners_of(mesh)
     function = finite_reals("values", values, {"nvertices": straight.p.shape[1]}, "node")
     curvature = curvatures(mesh, function, order)
-    shapes = shapes_of(curvature)
+    shapes = shapes_of(curvature, STRETCH[norm])
     if indicators is None:
         error = np.sqrt(error_of_shapes(curvature, raised(unpacked(shapes), -1.0), order))
         eta = error * area(straight) ** (0.5 + order / cell.dim)
     else:
-        eta = indicators_of_shapes(mesh, per_element(mesh.nelements, indicators, "indicators"), shapes, order)
-    density = equidistributing(straight, eta, order, "energy")
+        eta = indicators_of_shapes(mesh, per_element(mesh.nelements, indicators, "indicators"), shapes, order, norm)
+    density = equidistributing(straight, eta, order, norm)
     return unpacked(shapes) * (cell.size_per_node * density)[:, None, None] ** (2.0 / cell.dim)
 
 
-def hessian_shapes(mesh: Mesh, values: Floats, order: int) -> Floats:
+def hessian_shapes(mesh: Mesh, values: Floats, order: int, norm: str = "energy") -> Floats:
     """Return shapes of elements, rows as in `mesh/shapes.py`."""
-    return shapes_of(curvatures(mesh, values, order))
+    return shapes_of(curvatures(mesh, values, order), STRETCH[norm])
 
 
-def indicators_of_shapes(mesh: Mesh, indicators: Floats, shapes: Floats, order: int) -> Floats:
+def indicators_of_shapes(mesh: Mesh, indicators: Floats, shapes: Floats, order: int, norm: str = "energy") -> Floats:
     """Return the indicators of elements of the same sizes with other shapes."""
     metric = unpacked(shapes)
-    curvature = raised(metric, 1.0 / STRETCH)
+    curvature = raised(metric, 1.0 / STRETCH[norm])
     new = error_of_shapes(curvature, mean_edges(mesh, raised(metric, -1.0)), order)
     old = error_of_shapes(curvature, mean_edges(mesh, edges_of(mesh)), order)
     return indicators * np.sqrt(new / old)
@@ -162,10 +167,10 @@ def means_around(mesh: Mesh, region: Ints, tensors: Floats, found: Mask) -> Floa
     return unpacked(np.transpose(sums) / np.where(weight > 0.0, weight, 1.0)[:, None])
 
 
-def shapes_of(curvature: Floats) -> Floats:
+def shapes_of(curvature: Floats, stretch: float) -> Floats:
     values, vectors = np.linalg.eigh(curvature)
     values[values[:, -1] <= 0.0] = 1.0
-    values = np.maximum(values / values[:, -1:], LARGEST_RATIO ** (-2.0 / STRETCH)) ** STRETCH
+    values = np.maximum(values / values[:, -1:], LARGEST_RATIO ** (-2.0 / stretch)) ** stretch
     values /= np.prod(values, axis=1, keepdims=True) ** (1.0 / values.shape[1])
     return packed((vectors * values[:, None]) @ np.swapaxes(vectors, 1, 2))
 
