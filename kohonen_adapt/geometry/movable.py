@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Ints, Mask, padded
+from kohonen_adapt.arrays import Floats, Ints, Mask, padded
 from kohonen_adapt.checks import check_state, listed
 from kohonen_adapt.mesh.names import named_sets
+from kohonen_adapt.mesh.shapes import round_shapes
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 
@@ -31,11 +32,24 @@ class Movable(ABC):
         Names of the arrays with a row per element; all others have a row per node.
     curved_parts
         Words for curved parts of the boundary and for their facets in messages.
+    floor
+        Minimum quality after a change, or the worst quality before the change if that is lower.
+    least
+        Minimum Euclidean quality beside a metric, in which `floor` is measured; equal to `floor` if that is Euclidean.
+    shape
+        Shapes of the metric at the nodes, (n, 3), in space (n, 6).
+    in_metric
+        True if the shapes are not round.
     """
 
     state_names: ClassVar[tuple[str, ...]]
     by_element: ClassVar[tuple[str, ...]]
     curved_parts: ClassVar[tuple[str, str]]
+
+    floor: float
+    least: float
+    shape: Floats
+    in_metric: bool = False
 
     @property
     @abstractmethod
@@ -66,6 +80,20 @@ class Movable(ABC):
     @abstractmethod
     def farthest_part(self) -> str:
         """Return the name of the part at this distance from its facets."""
+
+    def measure_by(self, shape: Floats | None) -> None:
+        # shapes of the metric at the nodes, None for round ones
+        self.in_metric = shape is not None
+        self.shape = round_shapes(self.nnodes, self.tessellation.position.shape[1]) if shape is None else shape
+
+    @property
+    def euclidean_floor(self) -> float:
+        return self.least if self.in_metric else self.floor
+
+    @property
+    def relief(self) -> float:
+        # of Euclidean quality, see `Metric`
+        return self.floor / self.least if self.in_metric and self.least < self.floor else 1.0
 
     @property
     def nnodes(self) -> int:

@@ -27,6 +27,7 @@ __all__ = [
     "checked_pair",
     "checked_pairs",
     "checked_surfaces",
+    "euclidean_floor_of",
     "floor_of",
     "pinned_nodes",
     "with_pinned",
@@ -137,6 +138,9 @@ class Rules:
         return self
 
 
+EUCLIDEAN_FLOOR = 0.02  # beside a metric, in which min_quality="auto" is measured
+
+
 def is_least_quality(value: object) -> bool:
     if isinstance(value, str):
         return value == "auto"
@@ -147,6 +151,11 @@ def floor_of(rules: Rules, dimension: int) -> float:
     if rules.min_quality is None:
         return UNGUARDED
     return float(CELLS[dimension].floor if rules.min_quality == "auto" else rules.min_quality)
+
+
+def euclidean_floor_of(rules: Rules, dimension: int) -> float:
+    # beside a metric
+    return EUCLIDEAN_FLOOR if rules.min_quality == "auto" else floor_of(rules, dimension)
 
 
 def check_for(rules: Rules, dimension: int) -> None:

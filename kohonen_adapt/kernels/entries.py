@@ -52,10 +52,11 @@ SITES = record_type(smooth.Sites, (I1, I1, I1, R1))
 CHAINS = record_type(arrays.Chains, (R2, int8[:, ::1], I1, R2))
 PERIODIC_PAIRS = record_type(arrays.PeriodicPairs, (I1, I1, R3, I2))
 CONSTRAINTS = record_type(arrays.Constraints, (int8[::1], I2, R1, B1, CHAINS, PERIODIC_PAIRS))
+METRIC = record_type(shared.Metric, (R2, float64))
 KERNEL_MESH = record_type(shared.KernelMesh, (R2, ELEMENTS, STAR, CONSTRAINTS))
 ORIGINS = record_type(arrays.Origins, (R1, I1, I1, B1, B1, B1, R1))
 SURGERY_SCRATCH = record_type(arrays.SurgeryScratch, (I1, I1, L1, L1, I1, B1))
-OPEN_MESH = record_type(arrays.OpenMesh, (R2, ELEMENTS, CONSTRAINTS, POOL, ORIGINS, SURGERY_SCRATCH))
+OPEN_MESH = record_type(arrays.OpenMesh, (R2, ELEMENTS, CONSTRAINTS, POOL, ORIGINS, SURGERY_SCRATCH, METRIC))
 LAWS = record_type(functionals.Laws, (I1, int64, R3))
 TRIAL = record_type(arrays.Trial, (R1, B1, R2, R2, B1, LAWS))
 TRIALS = record_type(arrays.Trials, (TRIAL, TRIAL))
@@ -92,17 +93,17 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(smooth.average_at_sites, R1, R1, ELEMENTS, STAR, int64, int64, R2),
         Entry(smooth.count_sites, ELEMENTS, STAR, I1),
         Entry(smooth.fill_sites, ELEMENTS, STAR, SITES),
-        Entry(flip.mark_non_delaunay, R2, ELEMENTS, int64, int64, B1),
-        Entry(flip.flip_edges, R2, ELEMENTS, float64, B1, I1, B1, int64),
+        Entry(flip.mark_non_delaunay, R2, ELEMENTS, R2, int64, int64, B1),
+        Entry(flip.flip_edges, R2, ELEMENTS, METRIC, float64, B1, I1, B1, int64),
         Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
         Entry(geometry.mark_valid, R2, STAR, float64, int64, int64, B1),
-        Entry(locate.find_winners, KERNEL_MESH, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
+        Entry(locate.find_winners, KERNEL_MESH, R2, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
         Entry(ordering.sort_into_tiles, I1, I1, B1, int64, int64, L1, I1),
         Entry(ordering.swap_each, I1, L1, L1),
         Entry(train.learn, KERNEL_MESH, LESSON, float64, float64, B1, SEARCH_SCRATCH),
         Entry(smooth.update_factors, R2, int64, int64, SITES, R2, ELEMENTS, R2),
         Entry(smooth.multiply_factors, ELEMENTS, SITES, R1),
-        Entry(smooth.sweep, KERNEL_MESH, R1, boolean, float64, I1, B1, boolean),
+        Entry(smooth.sweep, KERNEL_MESH, R2, R1, boolean, float64, I1, B1, boolean),
         Entry(chains.farthest_from_facets, R2, ELEMENTS, CONSTRAINTS),
     ),
     "transport": (

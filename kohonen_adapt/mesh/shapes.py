@@ -15,6 +15,7 @@ from kohonen_adapt.checks import as_reals
 
 __all__ = [
     "LARGEST_RATIO",
+    "are_round",
     "checked_tensors",
     "density_and_shape",
     "mean_shapes",
@@ -28,11 +29,15 @@ __all__ = [
 ]
 
 LARGEST_RATIO = 1e6  # length of the longest edge of a tensor divided by the length of the shortest
-SYMMETRIC = 1e-8  # difference of two entries that have to be equal, relative to the largest entry
+SYMMETRIC = 1e-8  # difference of entries that count as equal, relative to the largest entry
 
 
 def round_shapes(count: int, dim: int) -> Floats:
     return np.tile(packed(np.eye(dim)[None])[0], (count, 1))
+
+
+def are_round(shapes: Floats) -> bool:
+    return bool(np.abs(shapes - round_shapes(1, 2 if shapes.shape[1] == 3 else 3)).max() <= SYMMETRIC)
 
 
 def packed(tensors: Floats) -> Floats:
@@ -91,20 +96,29 @@ def checked_tensors(tensors: Floats, name: str, owner: Callable[[int], str] = "o
         lambda place: f"has {ratio[place]:.3g}: {tensors[place].tolist()}",
     )
     with np.errstate(all="ignore"):
-        determinant = np.linalg.det(symmetric)
+        determinant = determinants(symmetric)
     refuse("have a determinant in the range of numbers", ~(np.isfinite(determinant) & (determinant > 0.0)), shown)
     return symmetric
 
 
 def density_and_shape(tensors: Floats) -> tuple[Floats, Floats]:
     """Return the densities (m,) and the shapes (m, 3) or (m, 6) of tensors (m, d, d)."""
-    determinant = np.linalg.det(tensors)
+    determinant = determinants(tensors)
     return np.sqrt(determinant), packed(tensors / determinant[:, None, None] ** (1.0 / tensors.shape[-1]))
+
+
+def determinants(tensors: Floats) -> Floats:
+    # in closed form, because `np.linalg.det` works with logarithms and is not exact for multiples of the identity
+    a, b, c = tensors[..., 0, 0], tensors[..., 0, 1], tensors[..., 1, 1]
+    if tensors.shape[-1] == 2:
+        return a * c - b * b
+    d, e, f = tensors[..., 0, 2], tensors[..., 1, 2], tensors[..., 2, 2]
+    return a * (c * f - e * e) - b * (b * f - d * e) + d * (b * e - c * d)
 
 
 def with_determinant_one(shapes: Floats) -> Floats:
     tensors = unpacked(shapes)
-    return packed(tensors / np.linalg.det(tensors)[:, None, None] ** (1.0 / tensors.shape[-1]))
+    return packed(tensors / determinants(tensors)[:, None, None] ** (1.0 / tensors.shape[-1]))
 
 
 def shapes_at_nodes(node: Ints, shapes: Floats, weights: Floats, count: int) -> Floats:

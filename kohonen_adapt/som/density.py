@@ -12,7 +12,7 @@ from kohonen_adapt.checks import as_reals
 from kohonen_adapt.mesh.cells import cell_of
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.mesh.shapes import tensors_of_elements
+from kohonen_adapt.mesh.shapes import are_round, density_and_shape, tensors_of_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.validity import check_mesh
 
@@ -22,6 +22,7 @@ __all__ = [
     "density_from_sizes",
     "density_in_space",
     "equidistributing",
+    "parts_of",
     "per_element",
     "values_at",
     "without_zeros",
@@ -188,6 +189,26 @@ def values_at(function: Callable[[Floats], ArrayLike], points: Floats) -> Floats
         where = tuple(points[bad[0]].tolist())
         raise ValueError(f"density must be finite and >= 0; at {where} it is {values[bad[0]]}.")
     return values
+
+
+def parts_of(
+    density: ArrayLike | Callable[[Floats], ArrayLike], centroids: Floats
+) -> tuple[ArrayLike | Callable[[Floats], ArrayLike], Floats | None]:
+    # a density, and the shapes of the elements with `centroids` (m, d) if these are not all round
+    count, dim = centroids.shape
+    if not callable(density):
+        if np.ndim(density) != 3:
+            return density, None
+        values, shapes = density_and_shape(tensors_of_elements(density, count, dim, "density"))
+        return values, None if are_round(shapes) else shapes
+    if np.ndim(density(centroids[:1].T.copy())) != 3:
+        return density, None
+
+    def split(x: Floats) -> tuple[Floats, Floats]:
+        return density_and_shape(tensors_of_elements(density(x), x.shape[1], dim, "density"))
+
+    shapes = split(centroids.T.copy())[1]
+    return lambda x: split(x)[0], None if are_round(shapes) else shapes
 
 
 class ElementDensityInSpace:

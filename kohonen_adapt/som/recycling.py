@@ -48,10 +48,10 @@ def recycle_nodes(
 ) -> Recycled:
     """Split the longest edges and collapse the shortest until they are similar.
 
-    Lengths are measured in the metric ``density |dx|^2``. `density`, shape (nnodes,), is the wanted number of nodes per
-    area up to a factor. `target` is the final number of nodes. With `pairs`, splits and collapses continue at this
-    number. The area between facets and curves must not grow, except where facets are no longer than `longest`, shape
-    (nnodes,).
+    Lengths are measured in the metric ``density dx'S dx`` with the shapes S of the mesh. `density`, shape (nnodes,), is
+    the wanted number of nodes per area up to a factor. `target` is the final number of nodes. With `pairs`, splits and
+    collapses continue at this number. The area between facets and curves must not grow, except where facets are no
+    longer than `longest`, shape (nnodes,).
     """
     movable.project_nodes()
     done = unchanged(movable.triangulation)
@@ -59,7 +59,7 @@ def recycle_nodes(
         row, density, done = recycled_pairs(movable, density, target, pairs, done)
         longest = None if longest is None else np.where(row >= 0, longest[row], 0.0)
     missing = target - movable.nnodes
-    surgery = Surgery.on(movable, density, max(target, movable.nnodes), done)
+    surgery = Surgery.on(movable, density, max(target, movable.nnodes), done, movable.relief)
     if longest is not None:
         limits = surgery.mesh.origins.longest[: movable.nnodes]
         np.maximum(limits, longest, out=limits)
@@ -75,7 +75,8 @@ def recycled_pairs(
     movable: MovableMesh, density: Floats, target: int, both: bool, done: Recycled
 ) -> tuple[Ints, Floats, Recycled]:
     on_pairs = np.append(movable.constraints.chains.paired, False)[movable.triangulation.elements.chain]
-    surgery = Surgery.on(movable, density, movable.nnodes + SPARE * int(np.count_nonzero(on_pairs)), done)
+    spacious = movable.nnodes + SPARE * int(np.count_nonzero(on_pairs))
+    surgery = Surgery.on(movable, density, spacious, done, movable.relief)
     surgery.mesh.origins.is_new[:] = False
     splits, collapses = recycle_pairs(surgery.mesh, target, both, RATIO, movable.floor)
     origins = surgery.mesh.origins
@@ -198,9 +199,10 @@ def facets_along(mesh: OpenMesh, c: int) -> tuple[Ints, Ints, Ints]:
 
 def lengths(mesh: OpenMesh, facets: Facets) -> Floats:
     chord = mesh.position[facets.start] - mesh.position[facets.end]
-    density = mesh.origins.density
-    squared = np.sum(chord**2, axis=2) * np.sqrt(density[facets.start] * density[facets.end])
-    return squared.max(axis=1)
+    density, shape = mesh.origins.density, mesh.metric.shape
+    xx, xy, yy = np.moveaxis(0.5 * (shape[facets.start] + shape[facets.end]), 2, 0)
+    squared = xx * chord[..., 0] ** 2 + yy * chord[..., 1] ** 2 + 2.0 * xy * chord[..., 0] * chord[..., 1]
+    return (squared * np.sqrt(density[facets.start] * density[facets.end])).max(axis=1)
 
 
 def collapse_short(mesh: OpenMesh, facets: Facets, least: float, longest: float, floor: float) -> int:

@@ -76,6 +76,7 @@ def move(
     recycled, starts, exchanges = unchanged(before.triangulation), None, pairs or target > movable.nnodes
     with nullcontext() if exchanges else numbered_along_curve(movable) as row:
         wanted = density_of(movable.triangulation, density, row)
+        movable.measure_by(wanted.shapes_at_nodes())
         if exchanges:
             recycled = recycle_nodes(movable, wanted.at_nodes(), target, pairs, longest)
             starts = starts_of(before.triangulation, recycled)
@@ -95,7 +96,9 @@ def split_edges(movable: MovableMesh, density: Floats, nodes: int) -> Moved[Mova
     before = movable.copy()
     recycled = unchanged(before.triangulation)
     if nodes > movable.nnodes:
-        recycled = recycle_nodes(movable, density_of(movable.triangulation, density).at_nodes(), nodes, pairs=False)
+        wanted = density_of(movable.triangulation, density)
+        movable.measure_by(wanted.shapes_at_nodes())
+        recycled = recycle_nodes(movable, wanted.at_nodes(), nodes, pairs=False)
     return Moved(before, recycled, (), why_still(movable, None))
 
 

@@ -23,6 +23,7 @@ from kohonen_adapt.kernels.ordering import along_curve, shuffle, sort_into_tiles
 from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
 from kohonen_adapt.kernels.triangle.locate import STRETCH
 from kohonen_adapt.kernels.triangle.smooth import sweep
+from kohonen_adapt.mesh.shapes import round_shapes
 from kohonen_adapt.som.map_method import MapMethod, map_method_of
 from kohonen_adapt.som.schedule import Schedule, Stage
 from kohonen_adapt.som.training_points import Density, Draw
@@ -156,19 +157,19 @@ class Trainer:
 
     def _valid_stars(self) -> Mask:
         is_valid = np.empty(self.movable.nnodes, dtype=np.bool_)
-        arrays = self.neurons.position, self.neurons.star, self.movable.floor
+        arrays = self.neurons.position, self.neurons.star, self.movable.euclidean_floor
         cuts = even_cuts(len(is_valid), FEW)
         shared(lambda thread, first, last: self.method.mark_valid(*arrays, first, last, is_valid), cuts)
         return is_valid
 
     def sweep(self, weight: Floats, circumcentres: bool) -> None:
         movable = self._triangles("sweeps")
-        mesh, floor = movable.kernel_mesh(), movable.floor
+        mesh, shape, floor = movable.kernel_mesh(), movable.shape, movable.euclidean_floor
         parts = parts_for(movable.nnodes, 1, self.method.cell.dim)
         interior = self._interior_nodes(parts, 1)
 
         def task(thread: int, first: int, last: int, which: bool = True) -> tuple[int, int]:
-            return sweep(mesh, weight, circumcentres, floor, self.order[first:last], interior, which)
+            return sweep(mesh, shape, weight, circumcentres, floor, self.order[first:last], interior, which)
 
         refused = shared(task, starts_of_threads(starts_of_parts(movable.nnodes, parts)))
         self.refused += np.sum([*refused, task(0, 0, movable.nnodes, which=False)], axis=0)
@@ -185,12 +186,13 @@ class Trainer:
 
     def search(self, batch: Draw, start_nodes: Ints) -> tuple[Ints, Floats]:
         found, distances = np.empty(len(start_nodes), dtype=np.int32), np.empty(len(start_nodes))
+        shape = round_shapes(*batch.points.shape) if batch.shape is None else batch.shape
 
         def task(thread: int, first: int, last: int) -> None:
             part = slice(first, last)
             self.method.find_winners(
-                self.neurons, batch.points[part], batch.region[part], start_nodes[part], found[part], distances[part],
-                self.scratch[thread],
+                self.neurons, batch.points[part], shape[part], batch.region[part], start_nodes[part],
+                found[part], distances[part], self.scratch[thread],
             )  # fmt: skip
 
         shared(task, even_cuts(len(start_nodes), FEW, STRETCH))
@@ -221,7 +223,7 @@ class Trainer:
         return np.append(cuts[: tiles + 1 : tiles // parts], cuts[-1]), order
 
     def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Ints, is_valid: Mask, cuts: Ints) -> None:
-        floor, strength = self.movable.floor, stage.strength()
+        floor, strength = self.movable.euclidean_floor, stage.strength()
 
         def task(thread: int, first: int, last: int) -> tuple[int, int]:
             part, ends = slice(first, last), np.empty(stage.radius + 2, dtype=np.int64)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, ranks
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.locate import STRETCH
@@ -20,9 +20,10 @@ from kohonen_adapt.kernels.triangle.smooth import (
     update_factors,
 )
 from kohonen_adapt.mesh.locate import walk_to_elements
+from kohonen_adapt.mesh.shapes import shapes_at_nodes
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.som.density import per_element, values_at, without_zeros
+from kohonen_adapt.som.density import parts_of, per_element, values_at, without_zeros
 from kohonen_adapt.som.map_method import map_method_of
 
 __all__ = [
@@ -49,26 +50,30 @@ AT_ONCE = 2**17  # number of evaluations, or quadrature points of elements, that
 class Draw(NamedTuple):
     """Training points with their elements, regions and weights.
 
-    `points` has shape (k, d), the other arrays (k,). Elements are numbered in the mesh of the density. The order is
-    along a space-filling curve, so that neighbours in the arrays are near in the mesh.
+    `points` has shape (k, d), `shape` (k, 3) or (k, 6), None for round shapes, and the other arrays (k,). Elements are
+    numbered in the mesh of the density. The order is along a space-filling curve, so that neighbours in the arrays are
+    near in the mesh.
     """
 
     points: Floats
     element: NDArray[np.int32]
     region: NDArray[np.int32]
     weights: Floats
+    shape: Floats | None = None
 
     def reordered(self, order: Ints) -> "Draw":
-        return Draw(self.points[order], self.element[order], self.region[order], self.weights[order])
+        shape = None if self.shape is None else self.shape[order]
+        return Draw(self.points[order], self.element[order], self.region[order], self.weights[order], shape)
 
 
 class OfElements:
-    """Mesh of a density, with the mass of every element.
+    """Mesh of a density, with mass and shape of every element.
 
     The mesh is a copy, because the map changes the mesh that it trains.
     """
 
     masses: Floats
+    shape: Floats | None = None
 
     def __init__(self, mesh: Triangulation | Tetrahedralization) -> None:
         self.position, self.elements = mesh.position.copy(), mesh.elements
@@ -78,6 +83,10 @@ class OfElements:
         corners = self.position[self.elements.node].transpose(2, 1, 0)
         self.sizes = self.method.cell.determinant(corners) / factorial(self.method.cell.dim)
         self._order = along_curve(mesh.centroids()).astype(np.int32)
+
+    def shapes_at_nodes(self) -> Floats | None:
+        node = self.elements.node
+        return None if self.shape is None else shapes_at_nodes(node, self.shape, self.sizes, int(node.max()) + 1)
 
     def at_nodes(self) -> Floats:
         node, values = self.elements.node, self.masses / self.sizes
@@ -96,7 +105,8 @@ class ElementSource(OfElements):
         points, element = np.empty((number, dim)), np.empty(number, dtype=np.int32)
         random = rng.random((number, dim + 1))
         self.method.draw_points(self.position, node, self._order, self._cumulated, random, points, element)
-        return Draw(points, element, self.elements.region[element], np.ones(number))
+        shape = None if self.shape is None else self.shape[element]
+        return Draw(points, element, self.elements.region[element], np.ones(number), shape)
 
 
 class ElementDensity(ElementSource):
@@ -165,7 +175,8 @@ class FunctionSource(OfElements):
         random_points = zip(stretches, np.diff(ends).tolist(), strict=True)
         drawn = [self._draw_from(stretch, points_per_element, rng) for stretch, points_per_element in random_points]
         points, element = (np.concatenate(parts) for parts in zip(*drawn, strict=True))
-        return Draw(points, element, self.elements.region[element], np.ones(number))
+        shape = None if self.shape is None else self.shape[element]
+        return Draw(points, element, self.elements.region[element], np.ones(number), shape)
 
     def _draw_from(self, stretch: Ints, number: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
         points, values = self._candidates(stretch, rng)
@@ -206,20 +217,29 @@ Density = ElementDensity | CallableDensity
 def density_of(
     triangulation: Triangulation, density: ArrayLike | Callable[[Floats], ArrayLike], row: Ints | None = None
 ) -> Density:
-    if callable(density):
-        return CallableDensity(triangulation, density)
-    values = per_element(len(triangulation.elements.node), density, "density")
-    if not values.any():
-        raise ValueError("density must not be zero everywhere; give it a positive value where nodes are wanted.")
-    return ElementDensity(triangulation, values if row is None else values[row])
+    # `row` is the previous index of every element of a mesh that was renumbered
+    values, shape = parts_of(density, triangulation.centroids()[slice(None) if row is None else ranks(row, len(row))])
+    if callable(values):
+        found: Density = CallableDensity(triangulation, values)
+    else:
+        checked = per_element(len(triangulation.elements.node), values, "density")
+        if not checked.any():
+            raise ValueError("density must not be zero everywhere; give it a positive value where nodes are wanted.")
+        found = ElementDensity(triangulation, checked if row is None else checked[row])
+    found.shape = shape if shape is None or row is None else shape[row]
+    return found
 
 
 def source_of(
     mesh: Triangulation | Tetrahedralization, density: ArrayLike | Callable[[Floats], ArrayLike]
 ) -> ElementSource | FunctionSource:
-    if callable(density):
-        return FunctionSource(mesh, density)
-    return ElementSource(mesh, per_element(len(mesh.elements.node), density, "density"))
+    values, shape = parts_of(density, mesh.centroids())
+    if callable(values):
+        found: ElementSource | FunctionSource = FunctionSource(mesh, values)
+    else:
+        found = ElementSource(mesh, per_element(len(mesh.elements.node), values, "density"))
+    found.shape = shape
+    return found
 
 
 def sites_of(triangulation: Triangulation) -> Sites:

@@ -221,17 +221,18 @@ class Transport:
                 slow_down(tri.position, step.target, step.parameter, node, tri.star, constraints, *scratch)
             self._together(step)
             self._mark(step)
+        floor = self.movable.euclidean_floor
         while True:
-            stop_nodes(tri.position, step.target, node, tri.star, self.movable.floor, step.spoiled, step.queue)
+            stop_nodes(tri.position, step.target, node, tri.star, floor, step.spoiled, step.queue)
             while mark_too_long(tri.position, step.target, tri.elements, constraints.chains, step.spoiled):
-                stop_nodes(tri.position, step.target, node, tri.star, self.movable.floor, step.spoiled, step.queue)
+                stop_nodes(tri.position, step.target, node, tri.star, floor, step.spoiled, step.queue)
             if not self._wait(step):
                 break
             self._mark(step)  # a node that waits for its partner may block others
 
     def _mark(self, step: "Step") -> None:
         tri = self.movable.triangulation
-        arrays = tri.position, step.target, tri.elements.node, self.movable.floor
+        arrays = tri.position, step.target, tri.elements.node, self.movable.euclidean_floor
         cuts = even_cuts(len(tri.elements.node), LIGHT)
         shared(lambda thread, first, last: mark_spoiled(*arrays, first, last, step.spoiled), cuts)
 

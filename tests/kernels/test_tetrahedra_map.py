@@ -25,6 +25,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 from kohonen_adapt.kernels.tetrahedron.geometry import fill_star, mark_interior, mark_valid
 from kohonen_adapt.kernels.tetrahedron.locate import find_winners, squared_distance_to_face
 from kohonen_adapt.kernels.tetrahedron.train import draw_points, learn
+from kohonen_adapt.mesh.shapes import round_shapes
 
 
 class Map:
@@ -48,7 +49,7 @@ class Map:
     def search(self, points, region, hints):
         winners, distances = np.empty(len(points), dtype=np.int32), np.empty(len(points))
         rows = np.asarray(region, dtype=np.int32), np.asarray(hints, dtype=np.int32)
-        find_winners(self.neurons, points, *rows, winners, distances, self.scratch)
+        find_winners(self.neurons, points, round_shapes(*points.shape), *rows, winners, distances, self.scratch)
         return winners, distances
 
     def learn(self, points, region, rate, strength=(1.0,)):

@@ -12,6 +12,7 @@ from kohonen_adapt.kernels.arrays import KernelMesh, SearchScratch
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.locate import find_winner, find_winners
 from kohonen_adapt.mesh.locate import Locator
+from kohonen_adapt.mesh.shapes import round_shapes
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import Draw
 
@@ -59,9 +60,9 @@ def search(movable, start, x, region, alike=True):
     tri = movable.triangulation
     neurons = KernelMesh(tri.position, tri.elements, tri.star, movable.constraints)
     scratch = SearchScratch.of(tri.nnodes, len(tri.elements.node))
-    winner, distance = find_winner(neurons, start, x, region, scratch)
+    winner, distance = find_winner(neurons, start, x, (1.0, 0.0, 1.0), region, scratch)
     winners, distances = np.empty(1, dtype=np.int32), np.empty(1)
-    arrays = x[None], np.array([region], dtype=np.int32), np.array([start], dtype=np.int32)
+    arrays = x[None], round_shapes(1, 2), np.array([region], dtype=np.int32), np.array([start], dtype=np.int32)
     find_winners(neurons, *arrays, winners, distances, scratch)
     if alike:
         assert winners[0] == winner

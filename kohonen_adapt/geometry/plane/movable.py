@@ -19,13 +19,14 @@ from kohonen_adapt.geometry.plane.midsides import (
     offsets_with_free_sides,
 )
 from kohonen_adapt.geometry.plane.outline import Outline
-from kohonen_adapt.geometry.rules import Rules, check_for, floor_of
-from kohonen_adapt.kernels.arrays import KernelMesh
+from kohonen_adapt.geometry.rules import Rules, check_for, euclidean_floor_of, floor_of
+from kohonen_adapt.kernels.arrays import KernelMesh, Metric
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
 from kohonen_adapt.kernels.triangle.arrays import HELD, JUNCTION, Constraints, Elements
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_non_delaunay
 from kohonen_adapt.mesh.curved import facet_midside_offsets, is_second_order, with_midside_offsets
 from kohonen_adapt.mesh.host import facets_opposite
+from kohonen_adapt.mesh.shapes import round_shapes
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["BY_ELEMENT", "STATE_NAMES", "MovableMesh", "with_state"]
@@ -35,7 +36,7 @@ FLIPS = 2_000_000  # per compiled call, so that Ctrl-C takes effect within half 
 # The arrays that change when nodes move: (m, ...) by element, the others (n, ...) by node.
 BY_ELEMENT = ("elements.node", "elements.neighbour", "elements.region", "elements.chain")
 STATE_NAMES = (
-    *("position", "pinned", *BY_ELEMENT, "elements.level", "twins.partner", "twins.motion"),
+    *("position", "shape", "pinned", *BY_ELEMENT, "elements.level", "twins.partner", "twins.motion"),
     *("constraints.kind", "constraints.chain", "constraints.parameter", "constraints.inner"),
 )
 
@@ -68,6 +69,9 @@ class MovableMesh(Movable):
     outline: Outline
     floor: float
     flips: bool
+    least: float
+    shape: Floats
+    in_metric: bool = False
     curved: bool = False
 
     @classmethod
@@ -84,7 +88,9 @@ class MovableMesh(Movable):
         set_levels(triangulation, outline.constraints, rules.layers)
         floor = floor_of(rules, 2)
         curved_output = (second_order if curved is None else curved) and not outline.straight.all()
-        return cls(triangulation, outline, floor, rules.flips, curved_output)
+        shape = round_shapes(triangulation.nnodes, 2)
+        least = euclidean_floor_of(rules, 2)
+        return cls(triangulation, outline, floor, rules.flips, least, shape, curved=curved_output)
 
     @property
     def constraints(self) -> Constraints:
@@ -129,10 +135,11 @@ class MovableMesh(Movable):
         return offsets_on_curves(self.triangulation, self.constraints, least)
 
     def copy(self) -> "MovableMesh":
-        return replace(self, triangulation=self.triangulation.copy(), outline=self.outline.copy())
+        own = self.triangulation.copy(), self.outline.copy(), self.shape.copy()
+        return replace(self, triangulation=own[0], outline=own[1], shape=own[2])
 
     def records(self) -> dict[str, Any]:
-        loose = SimpleNamespace(position=self.triangulation.position, pinned=self.outline.pinned)
+        loose = SimpleNamespace(position=self.triangulation.position, shape=self.shape, pinned=self.outline.pinned)
         elements, constraints = self.triangulation.elements, self.constraints
         return {"": loose, "elements": elements, "constraints": constraints, "twins": constraints.periodic}
 
@@ -140,7 +147,7 @@ class MovableMesh(Movable):
         tri = self.triangulation
         elements, self.outline.constraints = with_state(tri.elements, self.constraints, state)
         tri.set_arrays(state["position"], elements)
-        self.outline.pinned = state["pinned"]
+        self.outline.pinned, self.shape = state["pinned"], state["shape"]
 
     def ranges(self, n: int, m: int) -> dict[str, tuple[int, int]]:
         chains, motions = len(self.constraints.chains.length), len(self.constraints.periodic.motions)
@@ -155,7 +162,7 @@ class MovableMesh(Movable):
         }
 
     def project_nodes(self) -> None:
-        self.outline.project_nodes(self.triangulation, self.floor)
+        self.outline.project_nodes(self.triangulation, self.euclidean_floor)
 
     def flip(self) -> int:
         if not self.flips:
@@ -164,12 +171,13 @@ class MovableMesh(Movable):
         doubtful, stack, waiting = np.empty(m, dtype=np.bool_), np.empty(m, dtype=np.int32), np.zeros(m, dtype=np.bool_)
 
         def mark(thread: int, first: int, last: int) -> None:
-            mark_non_delaunay(tri.position, tri.elements, first, last, doubtful)
+            mark_non_delaunay(tri.position, tri.elements, self.shape, first, last, doubtful)
 
+        metric = Metric(self.shape, self.relief)
         total, flips = 0, FLIPS
         while flips >= FLIPS:
             shared(mark, even_cuts(m, LIGHT))
-            flips = flip_edges(tri.position, tri.elements, self.floor, doubtful, stack, waiting, FLIPS)
+            flips = flip_edges(tri.position, tri.elements, metric, self.floor, doubtful, stack, waiting, FLIPS)
             total += flips
             if flips:
                 tri.refill_star()

@@ -16,7 +16,7 @@ from kohonen_adapt.geometry.movable import Recycled, unchanged
 from kohonen_adapt.geometry.plane.layers import Band, bands_of, lower_to_steps, parts_of
 from kohonen_adapt.geometry.plane.movable import BY_ELEMENT, MovableMesh, with_state
 from kohonen_adapt.geometry.rules import Rules, checked_layers
-from kohonen_adapt.kernels.arrays import Pool
+from kohonen_adapt.kernels.arrays import Metric, Pool
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.kernels.triangle.arrays import SLIDING, Elements, OpenMesh, Origins, SurgeryScratch
@@ -31,6 +31,7 @@ FAR = 4.0  # median index distance of neighbours above which nodes are renumbere
 UNUSED = {
     "position": 0.0,
     "pinned": False,
+    "shape": 0.0,
     "elements.level": 0,
     "constraints.kind": 0,
     "constraints.parameter": 0.0,
@@ -87,7 +88,7 @@ class Surgery:
     mesh: OpenMesh
 
     @classmethod
-    def on(cls, movable: MovableMesh, density: Floats, target: int, done: Recycled) -> "Surgery":
+    def on(cls, movable: MovableMesh, density: Floats, target: int, done: Recycled, relief: float = 1.0) -> "Surgery":
         """Copy the arrays of `movable`, with spare rows for nodes and elements.
 
         Rows are allocated for one node more than `target`, so that a split can precede the collapse. By Euler's
@@ -110,7 +111,8 @@ class Surgery:
             padded(longest_merged(movable), rows, np.inf),
         )
         records = with_state(movable.triangulation.elements, movable.constraints, state)
-        return cls(state, OpenMesh(state["position"], *records, pool, origins, SurgeryScratch.of(rows, spare)))
+        scratch, metric = SurgeryScratch.of(rows, spare), Metric(state["shape"], relief)
+        return cls(state, OpenMesh(state["position"], *records, pool, origins, scratch, metric))
 
     def write_back(self, movable: MovableMesh, renumbered: bool = False) -> tuple[Ints, Ints]:
         anchor, node = self.mesh.pool.anchor, self.mesh.elements.node

@@ -62,7 +62,7 @@ class _Compiling(event.Listener):
     def __init__(self) -> None:
         self._work: dict[str, int] = {}  # of loops to be compiled, in instructions
         self._count = 0
-        self._total = 0
+        self._total = self._first = 0
         self._start = 0.0
         self._announcement = ""
         self._processes = 1
@@ -85,7 +85,7 @@ class _Compiling(event.Listener):
                 _count_as_old()
                 gc.enable()
             name = name_of(event.data["dispatcher"].py_func)
-            self._announce(name)
+            self._announce()
             self._finish(name)
 
     def _begin(self, loop: Any) -> None:
@@ -97,6 +97,7 @@ class _Compiling(event.Listener):
         self._work = _instructions({name: loop} | {entry.name: entry.loop for entry in missing})
         self._count = len(self._work)
         self._total = sum(self._work.values())
+        self._first = self._work[name]  # kept, because the second process may finish the same loop before
         self._start = time.perf_counter()
         in_parallel = len(missing) > 1 and number_of_threads() > 1 and once and self._start_second_process(missing)
         self._processes = 2 if in_parallel else 1
@@ -121,11 +122,11 @@ class _Compiling(event.Listener):
             self._finish(line.strip())
         process.wait()
 
-    def _announce(self, name: str) -> None:
+    def _announce(self) -> None:
         if self._announcement:
             # the first loop shows the speed of this machine
             elapsed = time.perf_counter() - self._start
-            seconds = elapsed * max(1.0, self._total / self._work[name] / self._processes)
+            seconds = elapsed * max(1.0, self._total / self._first / self._processes)
             logger.warning(self._announcement, max(1.0, seconds))
             self._announcement = ""
 

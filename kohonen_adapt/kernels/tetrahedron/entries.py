@@ -89,7 +89,7 @@ SPACE: dict[str, tuple[Entry, ...]] = {
     "space map": (
         Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
         Entry(geometry.mark_valid, R2, STAR, float64, int64, int64, B1),
-        Entry(locate.find_winners, KERNEL_MESH, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
+        Entry(locate.find_winners, KERNEL_MESH, R2, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
         Entry(train.learn, KERNEL_MESH, LESSON, float64, float64, boolean[::1], SEARCH_SCRATCH),
     ),
     "space polish": (

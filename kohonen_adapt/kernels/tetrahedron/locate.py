@@ -345,7 +345,7 @@ def find_winner(mesh, v, x, region, scratch):
 
 
 @kernel
-def find_winners(mesh, points, region, start_nodes, winners, distances, scratch):
+def find_winners(mesh, points, shape, region, start_nodes, winners, distances, scratch):
     """Find the winner of every point, and its distance.
 
     `start_nodes` holds a start node in the region of each point, best a former winner. The winner of the previous point

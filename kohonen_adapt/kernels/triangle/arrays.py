@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import Modes, Pool
+from kohonen_adapt.kernels.arrays import Metric, Modes, Pool
 from kohonen_adapt.kernels.functionals import Laws
 from kohonen_adapt.kernels.numba.compilation import record
 
@@ -177,6 +177,7 @@ class OpenMesh(NamedTuple):
     pool: Pool
     origins: Origins
     scratch: SurgeryScratch
+    metric: Metric
 
 
 @record

@@ -14,19 +14,32 @@ from kohonen_adapt.kernels.triangle.geometry import (
     may_join,
     signed_quality,
 )
+from kohonen_adapt.kernels.triangle.metric import (
+    effective_element_quality,
+    effective_quality,
+    factor_of_four,
+    factor_of_three,
+    mapped,
+)
 
 COCIRCULAR = 1e-10  # relative tolerance, so that rounding does not decide between four points on a circle
 
 
 @inner_kernel
-def not_delaunay(px, py, qx, qy, rx, ry, sx, sy):
-    """Return True if s lies inside the circle through p, q, r.
+def not_delaunay(position, shape, p, q, r, s):
+    """Return True if s lies inside the circle through p, q, r in the metric.
 
     The triangle (p, q, r) is counter-clockwise, and the edge rs is to replace pq. The angles at r and s opposite to pq
-    sum to more than pi, so sin(r + s) < 0, relative to the lengths of the legs.
+    sum to more than pi, so sin(r + s) < 0, relative to the lengths of the legs. Angles are measured in the mean metric
+    of the four nodes.
     """
-    ax, ay, bx, by = px - rx, py - ry, qx - rx, qy - ry
-    cx, cy, dx, dy = qx - sx, qy - sy, px - sx, py - sy
+    map_ = factor_of_four(shape, p, q, r, s)
+    px, py, qx, qy = position[p, 0], position[p, 1], position[q, 0], position[q, 1]
+    rx, ry, sx, sy = position[r, 0], position[r, 1], position[s, 0], position[s, 1]
+    ax, ay = mapped(map_, px - rx, py - ry)
+    bx, by = mapped(map_, qx - rx, qy - ry)
+    cx, cy = mapped(map_, qx - sx, qy - sy)
+    dx, dy = mapped(map_, px - sx, py - sy)
     cos_r, sin_r = ax * bx + ay * by, ax * by - ay * bx
     cos_s, sin_s = cx * dx + cy * dy, cx * dy - cy * dx
     total = sin_r * cos_s + cos_r * sin_s
@@ -34,28 +47,77 @@ def not_delaunay(px, py, qx, qy, rx, ry, sx, sy):
 
 
 @inner_kernel
-def should_flip(position, elements, e, k, other, floor):
+def should_flip(position, elements, metric, e, k, other, floor):
     if elements.chain[e, k] >= 0:
         return False
     p, q, r, s = corners_around(elements.node, e, k, other)
-    px, py, qx, qy = position[p, 0], position[p, 1], position[q, 0], position[q, 1]
-    if not not_delaunay(px, py, qx, qy, position[r, 0], position[r, 1], position[s, 0], position[s, 1]):
+    if not not_delaunay(position, metric.shape, p, q, r, s):
         return False
-    return may_flip(position, elements, e, k, other, floor)
+    # where the metric varies, flips by circles alone may go round in a ring for ever
+    if varies(metric.shape, p, q, r, s) and not lowers_error(position, metric.shape, p, q, r, s):
+        return False
+    return may_flip_in_metric(position, elements, metric, e, k, other, floor)
+
+
+@inner_kernel
+def varies(shape, p, q, r, s):
+    for k in range(shape.shape[1]):
+        if shape[p, k] != shape[q, k] or shape[p, k] != shape[r, k] or shape[p, k] != shape[s, k]:
+            return True
+    return False
+
+
+@inner_kernel
+def lowers_error(position, shape, p, q, r, s):
+    before = interpolation_error(position, shape, r, p, q) + interpolation_error(position, shape, s, q, p)
+    after = interpolation_error(position, shape, r, p, s) + interpolation_error(position, shape, s, q, r)
+    return after < before * (1.0 - COCIRCULAR)
+
+
+@inner_kernel
+def interpolation_error(position, shape, a, b, c):
+    # of a quadratic function whose second derivatives are the mean shape of the corners, up to a factor: area times the
+    # sum of the squared edges; Delaunay flips lower this sum (Rajan, Discrete Comput. Geom. 12, 1994)
+    map_ = factor_of_three(shape, a, b, c)
+    ux, uy = mapped(map_, position[b, 0] - position[a, 0], position[b, 1] - position[a, 1])
+    vx, vy = mapped(map_, position[c, 0] - position[a, 0], position[c, 1] - position[a, 1])
+    wx, wy = vx - ux, vy - uy
+    return abs(ux * vy - vx * uy) * (ux * ux + uy * uy + vx * vx + vy * vy + wx * wx + wy * wy)
+
+
+@inner_kernel
+def may_flip_in_metric(position, elements, metric, e, k, other, floor):
+    node = elements.node
+    p, q, r, s = corners_around(node, e, k, other)
+    px, py, qx, qy = position[p, 0], position[p, 1], position[q, 0], position[q, 1]
+    rx, ry, sx, sy = position[r, 0], position[r, 1], position[s, 0], position[s, 1]
+    after = min(
+        effective_quality(metric, r, p, s, rx, ry, px, py, sx, sy),
+        effective_quality(metric, s, q, r, sx, sy, qx, qy, rx, ry),
+    )
+    before = min(
+        effective_element_quality(position, metric, node, e), effective_element_quality(position, metric, node, other)
+    )
+    return admits_flip(elements, e, k, r, s, after, before, floor)
 
 
 @inner_kernel
 def may_flip(position, elements, e, k, other, floor):
     node = elements.node
     p, q, r, s = corners_around(node, e, k, other)
-    if not may_join(elements, e, r, s):
-        return False
     px, py, qx, qy = position[p, 0], position[p, 1], position[q, 0], position[q, 1]
     rx, ry, sx, sy = position[r, 0], position[r, 1], position[s, 0], position[s, 1]
     after = min(signed_quality(rx, ry, px, py, sx, sy), signed_quality(sx, sy, qx, qy, rx, ry))
     before = min(element_quality(position, node, e), element_quality(position, node, other))
+    return admits_flip(elements, e, k, r, s, after, before, floor)
+
+
+@inner_kernel
+def admits_flip(elements, e, k, r, s, after, before, floor):
+    if not may_join(elements, e, r, s):
+        return False
     # Without a floor elements may overlap: flips of inverted elements may not terminate, and rs may be an edge already.
-    if after <= FLAT or before <= 0.0 or (floor == UNGUARDED and has_edge(node, elements.neighbour, e, r, s)):
+    if after <= FLAT or before <= 0.0 or (floor == UNGUARDED and has_edge(elements.node, elements.neighbour, e, r, s)):
         return False
     return allowed(after, before, floor)
 
@@ -101,24 +163,23 @@ def push(stack, waiting, height, e):
 
 
 @kernel
-def mark_non_delaunay(position, elements, first, last, candidates):
+def mark_non_delaunay(position, elements, shape, first, last, candidates):
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain
     for e in range(first, last):
-        a, b, c = node[e, 0], node[e, 1], node[e, 2]
-        ax, ay, bx, by = position[a, 0], position[a, 1], position[b, 0], position[b, 1]
-        cx, cy, together = position[c, 0], position[c, 1], a + b + c
+        a, b, c = np.int64(node[e, 0]), np.int64(node[e, 1]), np.int64(node[e, 2])
+        together = a + b + c
         candidates[e] = False
         for k in range(3):
             other = neighbour[e, k]
             if other > e and chain[e, k] < 0:
                 s = node[other, 0] + node[other, 1] + node[other, 2] + node[e, k] - together
-                if not_delaunay(bx, by, cx, cy, ax, ay, position[s, 0], position[s, 1]):
+                if not_delaunay(position, shape, b, c, a, s):
                     candidates[e] = True
-            ax, ay, bx, by, cx, cy = bx, by, cx, cy, ax, ay
+            a, b, c = b, c, a
 
 
 @kernel
-def flip_edges(position, elements, floor, candidates, stack, waiting, limit):
+def flip_edges(position, elements, metric, floor, candidates, stack, waiting, limit):
     """Flip edges until none is left to flip, and return the number of flips.
 
     The number of flips exceeds `limit` only slightly. `candidates`, shape (m,), marks the elements to begin with.
@@ -132,7 +193,7 @@ def flip_edges(position, elements, floor, candidates, stack, waiting, limit):
             continue
         for side in range(3):
             other = np.int64(elements.neighbour[first, side])
-            if other <= first or not should_flip(position, elements, first, side, other, floor):
+            if other <= first or not should_flip(position, elements, metric, first, side, other, floor):
                 continue
             flip_edge(elements, first, side)
             flips += 1
@@ -143,7 +204,7 @@ def flip_edges(position, elements, floor, candidates, stack, waiting, limit):
                 waiting[e] = False
                 for k in range(3):
                     across = np.int64(elements.neighbour[e, k])
-                    if across >= 0 and should_flip(position, elements, e, k, across, floor):
+                    if across >= 0 and should_flip(position, elements, metric, e, k, across, floor):
                         flip_edge(elements, e, k)
                         flips += 1
                         height = push(stack, waiting, push(stack, waiting, height, across), e)

@@ -234,9 +234,8 @@ def squared_distance(position, v, x):
 
 
 @inner_kernel
-def squared_distance_to_edge(ax, ay, bx, by, x, y):
-    ux, uy = bx - ax, by - ay
-    vx, vy = x - ax, y - ay
+def squared_distance_to_segment(ux, uy, vx, vy):
+    # of the point v from the segment from the origin to u
     along = min(1.0, max(0.0, (ux * vx + uy * vy) / (ux * ux + uy * uy)))
     vx -= along * ux
     vy -= along * uy

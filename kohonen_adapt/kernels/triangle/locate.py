@@ -10,7 +10,8 @@ from kohonen_adapt.kernels.grid import cell_index, clear_counts, enter, sum_up_c
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import SAGITTA
 from kohonen_adapt.kernels.triangle.chains import distance_to_chain, parameter_of
-from kohonen_adapt.kernels.triangle.geometry import orientation, squared_distance, squared_distance_to_edge
+from kohonen_adapt.kernels.triangle.geometry import orientation, squared_distance, squared_distance_to_segment
+from kohonen_adapt.kernels.triangle.metric import factor_at, mapped
 
 TOLERANCE = 1e-10  # relative to an element: points on an edge or on the boundary count as inside
 WALK = 64  # maximum number of steps; walks from a grid cell take two or three
@@ -195,7 +196,7 @@ def behind_curve(position, elements, constraints, e, x, y):
 
 
 @inner_kernel
-def nearest_visible(position, elements, e, x, scratch):
+def nearest_visible(position, elements, e, x, map_, scratch):
     """Return the nearest node visible from `x` and its squared distance.
 
     A node is visible if the disc around `x` through the node connects both within the region of `e`. The reach of an
@@ -218,7 +219,8 @@ def nearest_visible(position, elements, e, x, scratch):
         frontier[near], reach[near] = frontier[count], reach[count]
         for k in range(3):
             v = np.int64(elements.node[e, k])
-            distance = squared_distance(position, v, x)
+            dx, dy = mapped(map_, x[0] - position[v, 0], x[1] - position[v, 1])
+            distance = dx * dx + dy * dy
             if distance >= entered and (distance < best or (distance == best and v < winner)):
                 winner, best = v, distance
         for k in range(3):
@@ -233,9 +235,9 @@ def nearest_visible(position, elements, e, x, scratch):
                 if waiting == count:
                     continue
             a, b = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]
-            distance = squared_distance_to_edge(
-                position[a, 0], position[a, 1], position[b, 0], position[b, 1], x[0], x[1]
-            )
+            ux, uy = mapped(map_, position[b, 0] - position[a, 0], position[b, 1] - position[a, 1])
+            vx, vy = mapped(map_, x[0] - position[a, 0], x[1] - position[a, 1])
+            distance = squared_distance_to_segment(ux, uy, vx, vy)
             distance = max(distance, entered)
             if known:
                 reach[waiting] = min(reach[waiting], distance)
@@ -247,7 +249,7 @@ def nearest_visible(position, elements, e, x, scratch):
 
 
 @inner_kernel
-def find_winner(mesh, v, x, region, scratch):
+def find_winner(mesh, v, x, map_, region, scratch):
     position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
     while True:
         nearest = closest_neighbour(position, elements, star, constraints.inner, v, x, region)
@@ -255,18 +257,18 @@ def find_winner(mesh, v, x, region, scratch):
             break
         v = nearest
     e = containing_element(position, elements, star, constraints, v, x, region, scratch)
-    winner, squared = nearest_visible(position, elements, e, x, scratch)
+    winner, squared = nearest_visible(position, elements, e, x, map_, scratch)
     return winner, np.sqrt(squared)
 
 
 @kernel
-def find_winners(mesh, points, region, start_nodes, winners, distances, scratch):
-    """Find the winner of every point and its distance.
+def find_winners(mesh, points, shape, region, start_nodes, winners, distances, scratch):
+    """Find the winner and its distance for every point, in a metric.
 
-    `start_nodes` are nodes in the regions of the points, preferably former winners. The search begins at the previous
-    winner if nearer, except at every STRETCH-th point, where points may be divided among threads. From the element
-    that contains the point the search crosses every edge cut by the circle through the nearest node so far.
-    `find_winner` searches again if the circle cuts a boundary.
+    `shape` (t, 3) are the shapes at the points, `start_nodes` are nodes in the regions of the points, preferably former
+    winners. The search begins at the previous winner if nearer, except at every STRETCH-th point, where points may be
+    divided among threads. From the element that contains the point the search crosses every edge cut by the circle
+    through the nearest node so far. `find_winner` searches again if the circle cuts a boundary.
     """
     position, elements, star, inner = mesh.position, mesh.elements, mesh.star, mesh.constraints.inner
     node, neighbour, regions, crossed = elements.node, elements.neighbour, elements.region, scratch.crossed
@@ -274,15 +276,16 @@ def find_winners(mesh, points, region, start_nodes, winners, distances, scratch)
         x, y, own, v = points[t, 0], points[t, 1], region[t], np.int64(start_nodes[t])
         if t % STRETCH > 0 and region[t - 1] == own:
             v = nearer(position, v, np.int64(winners[t - 1]), x, y)
+        map_ = factor_at(shape, t)
         e = int(star.element[star.start[v]])  # the walk is inlined, because calls would take longer
         if not inner[v]:
             e = int(element_in_region(elements, star, v, own))
         found = False
         for _ in range(WALK):
             a, b, c = node[e, 0], node[e, 1], node[e, 2]
-            ax, ay = position[a, 0] - x, position[a, 1] - y
-            bx, by = position[b, 0] - x, position[b, 1] - y
-            cx, cy = position[c, 0] - x, position[c, 1] - y
+            ax, ay = mapped(map_, position[a, 0] - x, position[a, 1] - y)
+            bx, by = mapped(map_, position[b, 0] - x, position[b, 1] - y)
+            cx, cy = mapped(map_, position[c, 0] - x, position[c, 1] - y)
             side_a, side_b, side_c = bx * cy - cx * by, cx * ay - ax * cy, ax * by - bx * ay
             k, least = 0, side_a
             if side_b < least:
@@ -326,12 +329,12 @@ def find_winners(mesh, points, region, start_nodes, winners, distances, scratch)
                 p, q = node[e, (k + 1) % 3], node[e, (k + 2) % 3]
                 j = 0 if neighbour[f, 0] == e else (1 if neighbour[f, 1] == e else 2)
                 w = node[f, j]
-                wx, wy = position[w, 0] - x, position[w, 1] - y
+                wx, wy = mapped(map_, position[w, 0] - x, position[w, 1] - y)
                 distance = wx * wx + wy * wy
                 if distance < best or (distance == best and w < winner):
                     winner, best = int(w), distance
-                px, py = position[p, 0] - x, position[p, 1] - y
-                qx, qy = position[q, 0] - x, position[q, 1] - y
+                px, py = mapped(map_, position[p, 0] - x, position[p, 1] - y)
+                qx, qy = mapped(map_, position[q, 0] - x, position[q, 1] - y)
                 # in f = (w, q, p) the edge pw is opposite to q, and wq to p
                 if cuts(px, py, wx, wy, px * wy - wx * py, best):
                     crossed[count, 0], crossed[count, 1] = f, (j + 1) % 3
@@ -342,7 +345,7 @@ def find_winners(mesh, points, region, start_nodes, winners, distances, scratch)
         if found:
             winners[t], distances[t] = winner, np.sqrt(best)
         else:
-            winner, distance = find_winner(mesh, v, points[t], own, scratch)
+            winner, distance = find_winner(mesh, v, points[t], map_, own, scratch)
             winners[t], distances[t] = winner, distance
 
 

@@ -1,7 +1,8 @@
 """Recycling of nodes, splits of the longest and collapses of the shortest edges.
 
 The method is the removal of dead units in vector quantisation (growing neural gas with utility; Fritzke 1995,
-1997), applied to a mesh. The length of an edge is multiplied by the root of the density along the edge.
+1997), applied to a mesh. Lengths are those of the metric of the ends, in which the density is one node per unit
+area.
 """
 
 import numpy as np
@@ -9,8 +10,9 @@ import numpy as np
 from kohonen_adapt.kernels.heap import insert, remove_first
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import PAIRED
-from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip, push, should_flip
-from kohonen_adapt.kernels.triangle.geometry import allowed, corner_of, corners_around, element_quality
+from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip_in_metric, push, should_flip
+from kohonen_adapt.kernels.triangle.geometry import allowed, corner_of, corners_around
+from kohonen_adapt.kernels.triangle.metric import effective_element_quality
 from kohonen_adapt.kernels.triangle.surgery import (
     NOWHERE,
     collapse,
@@ -70,7 +72,7 @@ def restore_delaunay(mesh, longest, shortest, floor, height):
             continue
         for k in range(3):
             other = np.int64(elements.neighbour[e, k])
-            if other < 0 or not should_flip(mesh.position, elements, e, k, other, floor):
+            if other < 0 or not should_flip(mesh.position, elements, mesh.metric, e, k, other, floor):
                 continue
             _, _, r, s = corners_around(node, e, k, other)
             flip_at(mesh, e, k)
@@ -110,7 +112,8 @@ def fill_heaps(mesh, longest, shortest):
 def worst_around(mesh, v):
     worst, around = 2.0, mesh.scratch.around
     for i in range(gather_around(mesh, v, around)):
-        worst = min(worst, element_quality(mesh.position, mesh.elements.node, np.int64(around[i])))
+        quality = effective_element_quality(mesh.position, mesh.metric, mesh.elements.node, np.int64(around[i]))
+        worst = min(worst, quality)
     return worst
 
 
@@ -131,8 +134,8 @@ def split_and_flip(mesh, e, k, floor, x, y, parameter):
         across = np.int64(elements.neighbour[half, j])
         if across < 0 or elements.chain[half, j] >= 0:
             continue
-        fine = allowed(element_quality(position, elements.node, half), before, floor)
-        if not fine and may_flip(position, elements, half, j, across, floor):
+        fine = allowed(effective_element_quality(position, mesh.metric, elements.node, half), before, floor)
+        if not fine and may_flip_in_metric(position, elements, mesh.metric, half, j, across, floor):
             flip_at(mesh, half, j)
             scratch.around_other[flips] = half
             flips += 1

@@ -28,6 +28,7 @@ from kohonen_adapt.kernels.triangle.locate import (
     side_of_edge,
     walk,
 )
+from kohonen_adapt.kernels.triangle.metric import factor_of_three, mapped, mapped_back
 
 RELAXATION = 0.85  # full steps overshoot where the density changes within an element
 
@@ -168,13 +169,13 @@ def nearest_element(position, elements, e, x, y):
 
 
 @kernel
-def sweep(mesh, weight, circumcentres, floor, order, interior, which):
+def sweep(mesh, shape, weight, circumcentres, floor, order, interior, which):
     """Move nodes to the weighted mean of the centres of their elements, guarded.
 
-    x <- sum |K| w_K c_K / sum |K| w_K over the star, with the weights w_K = rho_K^2. The centre c_K is the
-    circumcentre, or the barycentre if no edge is flipped, because the circumcentre of a stretched element is far away.
-    Only nodes of `order` with `interior` equal to `which` move. Returned are the numbers of nodes whose move the
-    quality and the reach refused.
+    x <- sum |K| w_K c_K / sum |K| w_K over the star, with the weights w_K = rho_K^2. The centre c_K is the circumcentre
+    in the mean of the shapes (n, 3) of the corners, or the barycentre if no edge is flipped, because the circumcentre
+    of a stretched element is far away. Only nodes of `order` with `interior` equal to `which` move. Returned are the
+    numbers of nodes whose move the quality and the reach refused.
     """
     position, star, constraints = mesh.position, mesh.star, mesh.constraints
     by_quality, by_reach = 0, 0
@@ -182,7 +183,7 @@ def sweep(mesh, weight, circumcentres, floor, order, interior, which):
         v = np.int64(node)
         if interior[v] != which or constraints.kind[v] == HELD:
             continue
-        x, y, mass = centre_mean(position, star, weight, circumcentres, v)
+        x, y, mass = centre_mean(position, star, shape, weight, circumcentres, v)
         if constraints.kind[v] == FREE:
             by_quality += not step_towards(position, star, v, x, y, floor)
             continue
@@ -193,7 +194,7 @@ def sweep(mesh, weight, circumcentres, floor, order, interior, which):
             if w < v:  # each pair once
                 continue
             chain = np.int64(constraints.chain[w, OWN])
-            x, y, mass_there = centre_mean(position, star, weight, circumcentres, w)
+            x, y, mass_there = centre_mean(position, star, shape, weight, circumcentres, w)
             distance_there = signed_distance(
                 chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter)
             )
@@ -204,19 +205,23 @@ def sweep(mesh, weight, circumcentres, floor, order, interior, which):
 
 
 @inner_kernel
-def centre_mean(position, star, weight, circumcentres, v):
+def centre_mean(position, star, shape, weight, circumcentres, v):
     x, y = position[v, 0], position[v, 1]
     total, mean_x, mean_y = 0.0, 0.0, 0.0  # |K| c_K needs no division, so flat elements do no harm
     for k in range(star.start[v], star.start[v + 1]):
         a, b, w = star.ahead[k], star.behind[k], weight[star.element[k]]
         ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-        doubled = ax * by - ay * bx
         if circumcentres:
+            map_ = factor_of_three(shape, v, a, b)
+            ax, ay = mapped(map_, ax, ay)
+            bx, by = mapped(map_, bx, by)
             aa, bb = ax * ax + ay * ay, bx * bx + by * by
-            total += w * 2.0 * doubled
-            mean_x += w * (by * aa - ay * bb)
-            mean_y += w * (ax * bb - bx * aa)
+            centre_x, centre_y = mapped_back(map_, by * aa - ay * bb, ax * bb - bx * aa)
+            total += w * 2.0 * (ax * by - ay * bx)
+            mean_x += w * centre_x
+            mean_y += w * centre_y
         else:
+            doubled = ax * by - ay * bx
             total += w * doubled
             mean_x += w * doubled * (ax + bx) / 3.0
             mean_y += w * doubled * (ay + by) / 3.0

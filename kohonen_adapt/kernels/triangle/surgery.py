@@ -9,9 +9,13 @@ from kohonen_adapt.kernels.triangle.geometry import (
     allowed,
     corner_of,
     corner_towards,
-    element_quality,
     may_join,
-    signed_quality,
+)
+from kohonen_adapt.kernels.triangle.metric import (
+    effective_element_quality,
+    effective_quality,
+    set_mean_shape,
+    squared_length,
 )
 
 NOWHERE = -1
@@ -20,13 +24,13 @@ SPLITTER = 2.0**29 + 1.0  # Dekker's constant, leaves 24 of 53 bits
 
 @inner_kernel
 def metric_length(mesh, a, b):
-    """Return the squared length of an edge in the metric of the density.
+    """Return the squared length of an edge in the mean metric of the ends.
 
     The length is rounded to 24 bits, so that rounding errors do not decide between edges of equal length.
     """
     position, density = mesh.position, mesh.origins.density
     dx, dy = position[a, 0] - position[b, 0], position[a, 1] - position[b, 1]
-    length = (dx * dx + dy * dy) * np.sqrt(density[a] * density[b])
+    length = squared_length(mesh.metric.shape, a, b, dx, dy) * np.sqrt(density[a] * density[b])
     spread = length * SPLITTER
     return spread - (spread - length)
 
@@ -64,11 +68,15 @@ def find_edge(mesh, a, b):
 
 
 @inner_kernel
-def half_qualities(position, node, e, k, x, y):
+def half_qualities(mesh, e, k, x, y):
+    position, node, metric = mesh.position, mesh.elements.node, mesh.metric
     a, b, c = node[e, (k + 1) % 3], node[e, (k + 2) % 3], node[e, k]
     ax, ay, bx, by = position[a, 0], position[a, 1], position[b, 0], position[b, 1]
     cx, cy = position[c, 0], position[c, 1]
-    return min(signed_quality(ax, ay, x, y, cx, cy), signed_quality(x, y, bx, by, cx, cy))
+    return min(
+        effective_quality(metric, a, b, c, ax, ay, x, y, cx, cy),
+        effective_quality(metric, a, b, c, x, y, bx, by, cx, cy),
+    )
 
 
 @inner_kernel
@@ -88,19 +96,19 @@ def is_pinned(mesh, e, k):
 @inner_kernel
 def quality_beside(mesh, e, k):
     position, node, other = mesh.position, mesh.elements.node, np.int64(mesh.elements.neighbour[e, k])
-    quality = element_quality(position, node, e)
-    return min(quality, element_quality(position, node, other)) if other >= 0 else quality
+    quality = effective_element_quality(position, mesh.metric, node, e)
+    return min(quality, effective_element_quality(position, mesh.metric, node, other)) if other >= 0 else quality
 
 
 @inner_kernel
 def may_split(mesh, e, k, floor, x, y):
     if is_pinned(mesh, e, k):
         return False
-    position, elements = mesh.position, mesh.elements
-    node, other = elements.node, np.int64(elements.neighbour[e, k])
-    after = half_qualities(position, node, e, k, x, y)
+    neighbour = mesh.elements.neighbour
+    other = np.int64(neighbour[e, k])
+    after = half_qualities(mesh, e, k, x, y)
     if other >= 0:
-        after = min(after, half_qualities(position, node, other, corner_towards(elements.neighbour, other, e), x, y))
+        after = min(after, half_qualities(mesh, other, corner_towards(neighbour, other, e), x, y))
     return allowed(after, quality_beside(mesh, e, k), floor)
 
 
@@ -148,6 +156,7 @@ def split(mesh, e, k, x, y, parameter):
     elements.level[p] = elements.level[b if constraints.kind[b] == FREE else a]
     constraints.inner[p] = other >= 0 and elements.region[other] == elements.region[e]
     origins.density[p] = 0.5 * (origins.density[a] + origins.density[b])
+    set_mean_shape(mesh.metric.shape, p, a, b)
     origins.old[p], origins.start_element[p] = -1, origins.start_element[start_node(elements, constraints, e, k)]
     origins.pinned[p] = origins.non_manifold[p] = False
     origins.longest[p] = min(origins.longest[a], origins.longest[b])
@@ -185,7 +194,7 @@ def collapsed_quality(mesh, v, w, longest, floor):
         k = corner_of(node, e, v)
         a, b = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3])
         scratch.stamp[a], scratch.stamp[b] = mark, mark
-        before = min(before, element_quality(position, node, e))
+        before = min(before, effective_element_quality(position, mesh.metric, node, e))
         if a == w or b == w:
             shared += 1
             to_w = (k + 2) % 3 if a == w else (k + 1) % 3
@@ -201,9 +210,10 @@ def collapsed_quality(mesh, v, w, longest, floor):
             return -1.0
         if not joins_within_reach(mesh, v, w, b, chain[e, (k + 1) % 3]):
             return -1.0
-        q = signed_quality(
-            position[w, 0], position[w, 1], position[a, 0], position[a, 1], position[b, 0], position[b, 1]
-        )
+        q = effective_quality(
+            mesh.metric, w, a, b,
+            position[w, 0], position[w, 1], position[a, 0], position[a, 1], position[b, 0], position[b, 1],
+        )  # fmt: skip
         if not q >= after:
             after = q
         if max(metric_length(mesh, w, a), metric_length(mesh, w, b)) >= longest:
