@@ -113,7 +113,9 @@ def determinants(tensors: Floats) -> Floats:
     if tensors.shape[-1] == 2:
         return a * c - b * b
     d, e, f = tensors[..., 0, 2], tensors[..., 1, 2], tensors[..., 2, 2]
-    return a * (c * f - e * e) - b * (b * f - d * e) + d * (b * e - c * d)
+    # By elimination: in sums of products the error is the fourth power of the ratio of edges, not the second.
+    c, e, f = c - b * b / a, e - b * d / a, f - d * d / a
+    return a * (c * (f - e * e / c))
 
 
 def with_determinant_one(shapes: Floats) -> Floats:
