@@ -23,6 +23,7 @@ __all__ = [
     "packed",
     "round_shapes",
     "shapes_at_nodes",
+    "tensors_at_points",
     "tensors_of_elements",
     "unpacked",
     "with_determinant_one",
@@ -54,14 +55,23 @@ def unpacked(shapes: Floats) -> Floats:
 
 def tensors_of_elements(values: ArrayLike, count: int, dim: int, name: str) -> Floats:
     """Return checked tensors (count, dim, dim), see `checked_tensors`."""
+    return checked_tensors(as_tensors(values, count, dim, name, "nelements"), name)
+
+
+def tensors_at_points(values: ArrayLike, points: Floats, name: str) -> Floats:
+    """Return checked tensors (n, d, d) at points (n, d), see `checked_tensors`."""
+    count, dim = points.shape
+    tensors = as_tensors(values, count, dim, name, "n")
+    return checked_tensors(tensors, name, lambda row: f"at {tuple(points[row].tolist())}")
+
+
+def as_tensors(values: ArrayLike, count: int, dim: int, name: str, rows: str) -> Floats:
     tensors = np.asarray(values)
     if tensors.shape != (count, dim, dim):
         raise ValueError(
-            f"{name} must have shape (nelements, {dim}, {dim}) = ({count}, {dim}, {dim}) as tensors; "
-            f"got {tensors.shape}."
+            f"{name} must have shape ({rows}, {dim}, {dim}) = ({count}, {dim}, {dim}) as tensors; got {tensors.shape}."
         )
-    tensors = as_reals(name, tensors.reshape(count, -1), {"nelements": count, "d^2": dim**2}).reshape(tensors.shape)
-    return checked_tensors(tensors, name)
+    return as_reals(name, tensors.reshape(count, -1), {rows: count, "d^2": dim**2}).reshape(tensors.shape)
 
 
 def checked_tensors(tensors: Floats, name: str, owner: Callable[[int], str] = "of element {}".format) -> Floats:

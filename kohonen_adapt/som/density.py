@@ -12,7 +12,7 @@ from kohonen_adapt.checks import as_reals
 from kohonen_adapt.mesh.cells import cell_of
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.mesh.shapes import are_round, density_and_shape, tensors_of_elements
+from kohonen_adapt.mesh.shapes import are_round, density_and_shape, tensors_at_points, tensors_of_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.validity import check_mesh
 
@@ -205,7 +205,7 @@ def parts_of(
         return density, None
 
     def split(x: Floats) -> tuple[Floats, Floats]:
-        return density_and_shape(tensors_of_elements(density(x), x.shape[1], dim, "density"))
+        return density_and_shape(tensors_at_points(density(x), x.T, "density"))
 
     shapes = split(centroids.T.copy())[1]
     return lambda x: split(x)[0], None if are_round(shapes) else shapes
