@@ -91,6 +91,10 @@ class Movable(ABC):
         return self.least if self.in_metric else self.floor
 
     @property
+    def floor_of_map(self) -> float:
+        return self.euclidean_floor
+
+    @property
     def relief(self) -> float:
         # of Euclidean quality, see `Metric`
         return self.floor / self.least if self.in_metric and self.least < self.floor else 1.0

@@ -53,7 +53,8 @@ class Metric(NamedTuple):
     `relief` of 1 stands for Euclidean quality alone.
     """
 
-    shape: np.ndarray  # (n, 3) or (n, 6): tensors of determinant 1 as xx, xy, yy, or xx, xy, xz, yy, yz, zz
+    shape: np.ndarray  # (n, 3) or (n, 6): tensors of determinant 1 as xx, xy, yy, or xx, xy, xz, yy, yz, zz; in space
+    # (0, 6) if all are round
     relief: float  # Euclidean quality may be below the floor by this factor, if quality in the metric is above
 
 

@@ -13,6 +13,7 @@ from kohonen_adapt.kernels.numba.entry import (
     I2,
     L1,
     LESSON,
+    METRIC,
     POOL,
     R1,
     R2,
@@ -52,7 +53,6 @@ SITES = record_type(smooth.Sites, (I1, I1, I1, R1))
 CHAINS = record_type(arrays.Chains, (R2, int8[:, ::1], I1, R2))
 PERIODIC_PAIRS = record_type(arrays.PeriodicPairs, (I1, I1, R3, I2))
 CONSTRAINTS = record_type(arrays.Constraints, (int8[::1], I2, R1, B1, CHAINS, PERIODIC_PAIRS))
-METRIC = record_type(shared.Metric, (R2, float64))
 KERNEL_MESH = record_type(shared.KernelMesh, (R2, ELEMENTS, STAR, CONSTRAINTS))
 ORIGINS = record_type(arrays.Origins, (R1, I1, I1, B1, B1, B1, R1))
 SURGERY_SCRATCH = record_type(arrays.SurgeryScratch, (I1, I1, L1, L1, I1, B1))

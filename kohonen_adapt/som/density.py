@@ -12,7 +12,13 @@ from kohonen_adapt.checks import as_reals
 from kohonen_adapt.mesh.cells import cell_of
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.mesh.shapes import are_round, density_and_shape, tensors_at_points, tensors_of_elements
+from kohonen_adapt.mesh.shapes import (
+    are_round,
+    density_and_shape,
+    shapes_at_nodes,
+    tensors_at_points,
+    tensors_of_elements,
+)
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.validity import check_mesh
 
@@ -212,6 +218,8 @@ def parts_of(
 
 
 class ElementDensityInSpace:
+    shape: Floats | None = None  # at the nodes, None for round ones
+
     def __init__(self, tet: Tetrahedralization, values: Floats) -> None:
         node, region = tet.elements.node[tet.used], tet.elements.region[tet.used]
         self.values = without_zeros(values, values.max())
@@ -238,6 +246,8 @@ class ElementDensityInSpace:
 
 
 class CallableDensityInSpace:
+    shape: Floats | None = None
+
     def __init__(self, tet: Tetrahedralization, function: Callable[[Floats], ArrayLike]) -> None:
         self.function = function
         nodes, centroids = (values_at(function, points) for points in (tet.position, tet.centroids()))
@@ -260,12 +270,17 @@ DensityInSpace = ElementDensityInSpace | CallableDensityInSpace
 
 
 def density_in_space(tet: Tetrahedralization, density: ArrayLike | Callable[[Floats], ArrayLike]) -> DensityInSpace:
-    if callable(density):
-        return CallableDensityInSpace(tet, density)
-    values = per_element(len(tet.used), density, "density")
-    if not values.any():
-        raise ValueError("density must not be zero everywhere; give it a positive value where nodes are wanted.")
-    return ElementDensityInSpace(tet, values)
+    values, shape = parts_of(density, tet.centroids())
+    if callable(values):
+        found: DensityInSpace = CallableDensityInSpace(tet, values)
+    else:
+        checked = per_element(len(tet.used), values, "density")
+        if not checked.any():
+            raise ValueError("density must not be zero everywhere; give it a positive value where nodes are wanted.")
+        found = ElementDensityInSpace(tet, checked)
+    if shape is not None:
+        found.shape = shapes_at_nodes(tet.elements.node[tet.used], shape, tet.volumes(), tet.nnodes)
+    return found
 
 
 def averages_by_region(node: Ints, region: Ints, volumes: Floats, values: Floats) -> Floats:

@@ -10,6 +10,7 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels import ordering
 from kohonen_adapt.kernels.tetrahedron import geometry as geometry_in_space
+from kohonen_adapt.kernels.tetrahedron import guard as guard_in_space
 from kohonen_adapt.kernels.tetrahedron import locate as locate_in_space
 from kohonen_adapt.kernels.tetrahedron import train as train_in_space
 from kohonen_adapt.kernels.triangle import geometry, locate, train
@@ -84,7 +85,7 @@ class SpaceMap(MapMethod):
     draw_points = staticmethod(train_in_space.draw_points)
     find_winners = staticmethod(locate_in_space.find_winners)
     learn = staticmethod(train_in_space.learn)
-    mark_valid = staticmethod(geometry_in_space.mark_valid)
+    mark_valid = staticmethod(guard_in_space.mark_valid)
     mark_interior = staticmethod(geometry_in_space.mark_interior)
     updates = 500_000
 

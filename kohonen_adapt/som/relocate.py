@@ -46,6 +46,7 @@ MISMATCH = 0.6
 SWEEPS = {"flip": 8, "fixed": 6, "recycle": 3}  # sweeps of smoothing: more would concentrate nodes too much
 ROUNDS = 6  # number of rounds: a forbidden collapse may be allowed after swaps nearby
 SETTLED = 0.005  # fraction of nodes: a round with fewer splits is the last
+TURNS = 4  # further recyclings in a metric, because collapses on a mesh without its directions need sweeps before
 MIXED = 0.1  # fraction of nodes: after a round with more splits rows are ordered again
 POWER = 5.0 / 3.0  # exponent of the density as weight of smoothing, which equalises the mass of elements
 PAIRS, NODES = 10_000, 50_000  # per compiled call, so that Ctrl-C takes effect within half a second
@@ -156,6 +157,7 @@ def move_in_space(
     before, sweeps = movable.copy(), None if schedule is None else schedule.sweeps
     refused = np.zeros(2, dtype=np.int64)
     wanted = density_in_space(before.tetrahedralization, density)
+    movable.measure_by(wanted.shape)
     if schedule is None or not schedule.trains:
         recycled, errors = rearrange(movable, wanted, topology, sweeps, nodes, refused), tuple[float, ...]()
     else:
@@ -173,6 +175,7 @@ def split_edges_in_space(movable: MovableSolid, density: Floats, nodes: int) -> 
     recycled = unchanged(before.tetrahedralization)
     if nodes > movable.nnodes:
         wanted = density_in_space(before.tetrahedralization, density)
+        movable.measure_by(wanted.shape)
         recycled = rearrange(movable, wanted, "fixed", 0, nodes, swaps=False)  # swaps would raise the energy
     return Moved(before, recycled, (), why_still(movable, None))
 
@@ -211,6 +214,12 @@ def rearrange(
     splits = collapses = 0
     if pairs or target > movable.nnodes:
         splits, collapses = exchange(opened, movable.floor, swaps, target, RATIO if pairs else np.inf)
+    for _ in range(TURNS if pairs and movable.in_metric else 0):
+        smooth(opened, density, SWEEPS[topology], movable)
+        more, fewer = exchange(opened, movable.floor, swaps, target, RATIO)
+        splits, collapses = splits + more, collapses + fewer
+        if more <= SETTLED * len(opened.mesh.position):
+            break
     counts = smooth(opened, density, SWEEPS[topology] if sweeps is None else sweeps, movable)
     if refused is not None:
         refused += counts
@@ -265,7 +274,7 @@ def weights(opened: OpenSolid, density: DensityInSpace) -> Floats:
 
 def sweep(opened: OpenSolid, parts: Parts, weight: Floats, floor: float) -> Ints:
     mesh, star = opened.mesh, opened.star()
-    constraints = Constraints(mesh.freedom, mesh.surfaces, mesh.freedom.number == INSIDE)
+    constraints = Constraints(mesh.freedom, mesh.surfaces, mesh.freedom.number == INSIDE, mesh.metric)
     neurons = KernelMesh(mesh.position, mesh.elements, star, constraints)
     refused = np.zeros((number_of_threads(), 2), dtype=np.int64)
 

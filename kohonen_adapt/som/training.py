@@ -157,7 +157,7 @@ class Trainer:
 
     def _valid_stars(self) -> Mask:
         is_valid = np.empty(self.movable.nnodes, dtype=np.bool_)
-        arrays = self.neurons.position, self.neurons.star, self.movable.euclidean_floor
+        arrays = self.neurons.position, self.neurons.star, self.movable.floor_of_map
         cuts = even_cuts(len(is_valid), FEW)
         shared(lambda thread, first, last: self.method.mark_valid(*arrays, first, last, is_valid), cuts)
         return is_valid
@@ -223,7 +223,7 @@ class Trainer:
         return np.append(cuts[: tiles + 1 : tiles // parts], cuts[-1]), order
 
     def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Ints, is_valid: Mask, cuts: Ints) -> None:
-        floor, strength = self.movable.euclidean_floor, stage.strength()
+        floor, strength = self.movable.floor_of_map, stage.strength()
 
         def task(thread: int, first: int, last: int) -> tuple[int, int]:
             part, ends = slice(first, last), np.empty(stage.radius + 2, dtype=np.int64)

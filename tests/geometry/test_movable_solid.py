@@ -356,7 +356,7 @@ def test_rows_put_in_order_are_the_same_mesh(build):
     for ordered in (False, True):
         opened = OpenSolid.of(solid, np.ones(solid.nnodes))
         while np.count_nonzero(opened.queue.waiting) > solid.nnodes // 2:
-            swap_waiting(opened.mesh, opened.queue, 1.0, 1)
+            swap_waiting(opened.mesh, opened.queue, 1.0, 0.0, 1)
         if ordered:
             opened.renumber()
             n, m = len(opened.nodes()), len(opened.elements())

@@ -47,7 +47,7 @@ def test_in_the_end_no_swap_is_left_to_do_and_no_row_is_lost(build):
     assert np.array_equal(np.sort(np.append(used, free)), np.arange(len(mesh.elements.node)))
     assert volumes_of(solid) == pytest.approx(volume, rel=1e-12)
     enter_worse(mesh, queue, 1.0)
-    assert swap_waiting(mesh, queue, 1.0, len(used)) == 0 and queue.state[1] == 0
+    assert swap_waiting(mesh, queue, 1.0, 0.0, len(used)) == 0 and queue.state[1] == 0
 
 
 def volumes_of(solid):
@@ -70,7 +70,7 @@ def test_parts_change_only_what_is_theirs(monkeypatch):
 
     def swap(mesh, queue):
         seen.append(sorted(set(queue.waiting[across].tolist())))
-        return swap_waiting(mesh, queue, 1.0, 10_000)
+        return swap_waiting(mesh, queue, 1.0, 0.0, 10_000)
 
     wait_in(solid.queue, np.flatnonzero(of_element >= 0))
     assert run_parts(solid.mesh, solid.queue, part, swap) > 1000

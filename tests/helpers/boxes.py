@@ -4,6 +4,7 @@ from collections import defaultdict
 from itertools import combinations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 from skfem import MeshTet
 
 from kohonen_adapt.kernels.arrays import Pool
@@ -24,6 +25,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Surfaces,
     Tetrahedra,
 )
+from kohonen_adapt.mesh.shapes import packed
 
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
@@ -56,6 +58,13 @@ def jittered(cells, amount, seed):
         if qualities(position, around).min() < 0.005:
             position[v] = before
     return position, node
+
+
+def random_shapes(count, ratio, seed):
+    """Shapes (count, 6) of random directions, of edges of this ratio."""
+    turns = Rotation.random(count, random_state=seed).as_matrix()
+    values = np.array([1.0, 1.0, ratio**2]) / ratio ** (2 / 3)
+    return packed(np.einsum("nij,j,nkj->nik", turns, values, turns))
 
 
 def neighbours(node):

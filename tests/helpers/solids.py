@@ -4,7 +4,7 @@ import numpy as np
 from skfem import MeshTet
 from skfem.generic_utils import OrientedBoundary
 
-BY_NODE = ("position", "freedom.number", "freedom.place", "freedom.pinned")
+BY_NODE = ("position", "shape", "freedom.number", "freedom.place", "freedom.pinned")
 EVEN = np.array([[0, 1, 2, 3], [1, 2, 0, 3], [2, 0, 1, 3], [1, 0, 3, 2], [3, 1, 0, 2], [2, 3, 0, 1]])
 
 
@@ -128,6 +128,7 @@ def split_edge(solid, a, b):
     position = state["position"]
     own = {
         "position": np.vstack([position, position[[a, b]].mean(axis=0)]),
+        "shape": np.vstack([state["shape"], state["shape"][[a]]]),
         "freedom.number": np.append(state["freedom.number"], np.int8(0)),
         "freedom.place": np.append(state["freedom.place"], np.int32(-1)),
         "freedom.pinned": np.append(state["freedom.pinned"], False),

@@ -132,7 +132,7 @@ def test_the_triangulation_of_a_ring_has_the_least_functional_of_all_that_may_be
     trial = on_nodes(mesh._replace(pool=mesh.pool._replace(anchor=np.full(len(mesh.position), -1))), count)
     mesh.cavity.ring[0, :count] = np.arange(count)
     mesh.cavity.shell[:] = 0
-    found = -interpreted(swap.triangulate)(mesh, trial, 0, count, count, count + 1, floor)
+    found = -interpreted(swap.triangulate)(mesh, trial, 0, count, count, count + 1, swap.RULED_OUT, floor)
     allowed = [made for made in map(elements_of(count), triangulations(0, count - 1)) if may_be(mesh, made, floor)]
     energies = [functional_of(mesh.position, trial, made, np.zeros(len(made), dtype=int))[0] for made in allowed]
     assert found == pytest.approx(min(energies, default=np.inf))

@@ -22,8 +22,10 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Star,
     Surfaces,
 )
-from kohonen_adapt.kernels.tetrahedron.geometry import fill_star, mark_interior, mark_valid
+from kohonen_adapt.kernels.tetrahedron.geometry import fill_star, mark_interior
+from kohonen_adapt.kernels.tetrahedron.guard import mark_valid
 from kohonen_adapt.kernels.tetrahedron.locate import find_winners, squared_distance_to_face
+from kohonen_adapt.kernels.tetrahedron.metric import ROUND
 from kohonen_adapt.kernels.tetrahedron.train import draw_points, learn
 from kohonen_adapt.mesh.shapes import round_shapes
 
@@ -159,7 +161,7 @@ def test_distances_to_faces_are_those_of_the_slow_twin():
         position, x = rng.normal(size=(4, 3)), 2.0 * rng.normal(size=3)
         for k in range(4):
             slow = distance_to_simplex(np.delete(position, k, axis=0), x)
-            assert np.sqrt(distance(position, node, 0, k, x)) == pytest.approx(slow, rel=1e-9)
+            assert np.sqrt(distance(position, node, ROUND, 0, k, x)) == pytest.approx(slow, rel=1e-9)
 
 
 @pytest.mark.parametrize(("radius", "rate", "floor"), [(0, 0.9, 0.0), (0, 0.6, 0.4), (1, 0.05, 0.0)])

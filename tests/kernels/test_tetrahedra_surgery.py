@@ -4,15 +4,15 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from helpers.boxes import ball, check, drum, jittered, opened, qualities, volumes
+from helpers.boxes import ball, check, drum, jittered, opened, qualities, random_shapes, volumes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kohonen_adapt.kernels.arrays import KernelMesh
+from kohonen_adapt.kernels.arrays import KernelMesh, Metric
 from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron import smooth, swap
-from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, INTERSECTION, RING, Constraints, Queue, Star
+from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, INTERSECTION, RING, ROUND_METRIC, Constraints, Queue, Star
 from kohonen_adapt.kernels.tetrahedron.geometry import fill_star, mark_non_manifold
 from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
 from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
@@ -26,7 +26,7 @@ def swaps(mesh, below=1.0, limit=1000):
     queue, total = Queue.of(len(mesh.elements.node)), 0
     enter_worse(mesh, queue, below**3)
     while queue.state[1]:
-        total += swap_waiting(mesh, queue, below**3, limit)
+        total += swap_waiting(mesh, queue, below**3, 0.0, limit)
     assert not queue.waiting.any()
     return total
 
@@ -150,7 +150,7 @@ def test_the_best_triangulation_of_a_ring_is_that_of_brute_force(count):
     mesh = opened(*jittered((1, 1, 1), 0.0, 0))._replace(position=position)
     mesh.cavity.ring[0, :count] = np.arange(count)
     mesh.cavity.shell[:] = 0  # shell of the region of new elements
-    found = interpreted(swap.triangulate)(mesh, None, 0, count, count, count + 1, 0.0)
+    found = interpreted(swap.triangulate)(mesh, None, 0, count, count, count + 1, 0.0, 0.0)
     best = max(worst(position, triangles) for triangles in triangulations(0, count - 1))
     assert found == pytest.approx(max(best, 0.0) ** 3 if best > 0 else swap.RULED_OUT)
     if found > 0:
@@ -176,19 +176,21 @@ def worst(position, triangles):
     return qualities(position, np.array(elements)).min()
 
 
-def test_the_derivatives_of_the_sum_that_is_smoothed_are_those_of_differences():
+@pytest.mark.parametrize("ratio", [1.0, 5.0])
+def test_the_derivatives_of_the_sum_that_is_smoothed_are_those_of_differences(ratio):
     position, node = jittered((2, 2, 2), 0.5, 1)
     star, v, step = Star.of(len(position), len(node)), 13, 1e-5
     fill_star(node, star)
     weight = np.random.default_rng(0).uniform(0.5, 2.0, len(node))
+    metric = ROUND_METRIC if ratio == 1.0 else Metric(random_shapes(len(position), ratio, 2), 1.0)
 
     def derivatives(way):
         moved = position.copy()
         moved[v] += way
-        return np.concatenate(interpreted(smooth.derivatives)(moved, star, weight, v))
+        return np.concatenate(interpreted(smooth.derivatives)(moved, star, metric, weight, v))
 
     def energy(way):
-        return interpreted(smooth.star_energy)(position, star, weight, v, *(position[v] + way))[0]
+        return interpreted(smooth.star_energy)(position, star, metric, weight, v, *(position[v] + way))[0]
 
     found, units = derivatives(np.zeros(3)), step * np.eye(3)
     slopes = np.array([energy(way) - energy(-way) for way in units]) / (2 * step)

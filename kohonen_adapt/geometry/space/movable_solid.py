@@ -12,9 +12,9 @@ from scipy.spatial import cKDTree
 from skfem import MeshTet
 from skfem.generic_utils import OrientedBoundary
 
-from kohonen_adapt.arrays import Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.movable import Movable, arrays_of, names_beside
-from kohonen_adapt.geometry.rules import Rules, check_for, checked_surfaces, floor_of, pinned_nodes
+from kohonen_adapt.geometry.rules import Rules, check_for, checked_surfaces, euclidean_floor_of, floor_of, pinned_nodes
 from kohonen_adapt.geometry.space.midsides import NO_EDGES, InputEdges, offsets_on_surfaces
 from kohonen_adapt.geometry.space.patches import Patches, constrained_faces, edges_of, on_their_patches, seams_of
 from kohonen_adapt.geometry.space.projection import (
@@ -26,13 +26,14 @@ from kohonen_adapt.geometry.space.projection import (
 )
 from kohonen_adapt.geometry.space.recognition import patches_of
 from kohonen_adapt.geometry.space.ridges import Ridges, freedom_of, ridges_of
-from kohonen_adapt.kernels.arrays import KernelMesh
+from kohonen_adapt.kernels.arrays import KernelMesh, Metric
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,
     INSIDE,
     ON_PATCH,
     ON_RIDGE,
     PLANE,
+    ROUND_METRIC,
     Constraints,
     Freedom,
     Samples,
@@ -44,15 +45,16 @@ from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.host import facets_opposite, set_boundaries
 from kohonen_adapt.mesh.measures import with_edge_offsets
 from kohonen_adapt.mesh.names import boundary_of, turned
+from kohonen_adapt.mesh.shapes import round_shapes
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 
-__all__ = ["MovableSolid", "with_round_edges"]
+__all__ = ["MovableSolid", "metric_of", "with_round_edges"]
 
 logger = logging.getLogger("kohonen_adapt")
 
 # The arrays that change when nodes move: (m, ...) by element, the others (n, ...) by node.
 BY_ELEMENT = ("tetrahedra.node", "tetrahedra.neighbour", "tetrahedra.region", "tetrahedra.patch")
-STATE_NAMES = ("position", *BY_ELEMENT, "freedom.number", "freedom.place", "freedom.pinned")
+STATE_NAMES = ("position", "shape", *BY_ELEMENT, "freedom.number", "freedom.place", "freedom.pinned")
 
 
 @dataclass
@@ -89,6 +91,9 @@ class MovableSolid(Movable):
     patches: Patches
     floor: float
     flips: bool
+    least: float
+    shape: Floats
+    in_metric: bool = False
     curved: bool = False
     input_edges: InputEdges = NO_EDGES
 
@@ -113,11 +118,12 @@ class MovableSolid(Movable):
         ridges = ridges_of(edges, patches, on_their_patches(faces.nodes, patches, tet.position))
         elements = tet.elements
         write_on_both_sides(elements.patch, elements.neighbour, faces.element, faces.corner, patches.of_face)
-        floor = floor_of(rules, 3)
+        floor, least = floor_of(rules, 3), euclidean_floor_of(rules, 3)
         freedom = freedom_of(faces, patches, ridges, pinned, tet.position)
         there = surfaces_of(patches, ridges, samples_of(faces, patches, tet.position))
         curved_output = bool(wanted) and (len(input_edges.ends) > 0 or bool(np.any(patches.shape != PLANE)))
-        return cls(tet, there, freedom, patches, floor, rules.flips, curved_output, input_edges)
+        fixed, shape = (tet, there, freedom, patches), round_shapes(tet.nnodes, 3)
+        return cls(*fixed, floor, rules.flips, least, shape, curved=curved_output, input_edges=input_edges)
 
     @property
     def tessellation(self) -> Tetrahedralization:
@@ -125,9 +131,12 @@ class MovableSolid(Movable):
 
     def kernel_mesh(self) -> KernelMesh:
         tet = self.tetrahedralization
-        return KernelMesh(
-            tet.position, tet.elements, tet.star, Constraints(self.freedom, self.surfaces, inner_nodes(tet))
-        )
+        constraints = Constraints(self.freedom, self.surfaces, inner_nodes(tet), self.metric)
+        return KernelMesh(tet.position, tet.elements, tet.star, constraints)
+
+    @property
+    def metric(self) -> Metric:
+        return metric_of(self.shape, self.relief)
 
     def mesh(self) -> MeshTet:
         if not self.curved:
@@ -178,11 +187,14 @@ class MovableSolid(Movable):
 
     def copy(self) -> "MovableSolid":
         freedom = Freedom(*(array.copy() for array in self.freedom))
-        return replace(self, tetrahedralization=self.tetrahedralization.copy(), freedom=freedom)
+        return replace(
+            self, tetrahedralization=self.tetrahedralization.copy(), freedom=freedom, shape=self.shape.copy()
+        )
 
     def records(self) -> dict[str, Any]:
         tet = self.tetrahedralization
-        return {"": SimpleNamespace(position=tet.position), "tetrahedra": tet.elements, "freedom": self.freedom}
+        loose = SimpleNamespace(position=tet.position, shape=self.shape)
+        return {"": loose, "tetrahedra": tet.elements, "freedom": self.freedom}
 
     def ranges(self, n: int, m: int) -> dict[str, tuple[int, int]]:
         return {
@@ -205,12 +217,12 @@ class MovableSolid(Movable):
     def set_arrays(self, state: Mapping[str, NDArray[Any]]) -> None:
         tet = self.tetrahedralization
         tet.set_arrays(state["position"], tet.elements._replace(**arrays_of("tetrahedra", state)))
-        self.freedom = self.freedom._replace(**arrays_of("freedom", state))
+        self.freedom, self.shape = self.freedom._replace(**arrays_of("freedom", state)), state["shape"]
 
     def project_nodes(self) -> None:
         tet = self.tetrahedralization
         target = projected_positions(tet.position, self.surfaces, self.freedom, self.patches)
-        tet.position[:] = move_to_targets(tet.position, tet.elements, target, self.floor)
+        tet.position[:] = move_to_targets(tet.position, tet.elements, target, self.euclidean_floor)
 
     def sagitta(self) -> float:
         tet = self.tetrahedralization
@@ -233,8 +245,16 @@ class MovableSolid(Movable):
         return f"one without a name, with a face near ({', '.join(f'{place:.4g}' for place in x)})"
 
     @property
+    def floor_of_map(self) -> float:
+        return self.floor  # relieved by the kernels
+
+    @property
     def held_nodes(self) -> Mask:
         return self.freedom.number == HELD
+
+
+def metric_of(shape: Floats, relief: float) -> Metric:
+    return ROUND_METRIC if np.array_equal(shape, round_shapes(len(shape), 3)) else Metric(shape, relief)
 
 
 def inner_nodes(tet: Tetrahedralization) -> Mask:

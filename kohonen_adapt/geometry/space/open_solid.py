@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints, free_rows, padded, ranks
-from kohonen_adapt.geometry.space.movable_solid import BY_ELEMENT, MovableSolid
+from kohonen_adapt.geometry.space.movable_solid import BY_ELEMENT, MovableSolid, metric_of
 from kohonen_adapt.geometry.space.thread_parts import Parts, wait_in
 from kohonen_adapt.kernels.arrays import Pool
 from kohonen_adapt.kernels.ordering import along_curve
@@ -25,6 +25,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 from kohonen_adapt.kernels.tetrahedron.geometry import fill_star, mark_non_manifold
 from kohonen_adapt.kernels.tetrahedron.surfaces import measure_sagittas
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
+from kohonen_adapt.mesh.shapes import round_shapes
 
 __all__ = ["OpenSolid", "swap_elements"]
 
@@ -33,7 +34,7 @@ GOOD = 0.7  # quality above which elements are not queued after nodes have moved
 ELEMENTS_PER_CALL = 50_000  # elements per compiled call, so that Ctrl-C takes effect within half a second
 
 # Values of unused rows; all other arrays have -1 there.
-UNUSED = {"position": 0.0, "freedom.number": HELD, "freedom.pinned": False}
+UNUSED = {"position": 0.0, "shape": 0.0, "freedom.number": HELD, "freedom.pinned": False}
 
 
 @dataclass(frozen=True)
@@ -48,11 +49,14 @@ class OpenSolid:
         The same arrays as a kernel record.
     queue
         Elements whose surroundings have changed since the last search for swaps.
+    floor
+        Minimum Euclidean quality after a swap, or the worst quality before if that is lower.
     """
 
     state: dict[str, NDArray[Any]]
     mesh: OpenTetrahedra
     queue: Queue
+    floor: float
 
     @classmethod
     def of(cls, movable: MovableSolid, density: Floats, target: int = 0) -> "OpenSolid":
@@ -74,7 +78,9 @@ class OpenSolid:
         stack = np.empty(capacity, dtype=np.int32)
         stack[: capacity - used] = np.sort(empty)[::-1]
         height = np.array([rows - n, capacity - used], dtype=np.int64)
+        state["shape"][n:] = round_shapes(rows - n, 3)
         position, elements, freedom = records_of(state)
+        metric = metric_of(state["shape"], movable.relief)
         mesh = OpenTetrahedra(
             position,
             elements,
@@ -83,23 +89,28 @@ class OpenSolid:
             Pool(padded(first, rows, -1), free_rows(n, rows), stack, height),
             Origins(fineness, numbers, start_element, non_manifold, sagitta),
             Cavity.of(rows, capacity),
+            metric,
         )
         mark_non_manifold(mesh, star, non_manifold)
         measure_sagittas(mesh, sagitta)
         queue = Queue.of(capacity)
         enter_worse(mesh, queue, 1.0)
-        return cls(state, mesh, queue)
+        return cls(state, mesh, queue, movable.euclidean_floor)
 
     def copy(self) -> "OpenSolid":
         state = {name: array.copy() for name, array in self.state.items()}
         position, elements, freedom = records_of(state)
         pool = Pool(*(array.copy() for array in self.mesh.pool))
         origins = Origins(*(array.copy() for array in self.mesh.origins))
-        own = OpenTetrahedra(position, elements, self.mesh.surfaces, freedom, pool, origins, self.mesh.cavity)
-        return OpenSolid(state, own, Queue(*(array.copy() for array in self.queue)))
+        metric = metric_of(state["shape"], self.mesh.metric.relief)
+        own = OpenTetrahedra(position, elements, self.mesh.surfaces, freedom, pool, origins, self.mesh.cavity, metric)
+        return OpenSolid(state, own, Queue(*(array.copy() for array in self.queue)), self.floor)
 
     def swap(self) -> int:
-        return round(self.parts().work_off(self.queue, lambda *part: swap_waiting(*part, 1.0, ELEMENTS_PER_CALL)))
+        floor = self.floor**3
+        return round(
+            self.parts().work_off(self.queue, lambda *part: swap_waiting(*part, 1.0, floor, ELEMENTS_PER_CALL))
+        )
 
     def queue_worse(self) -> None:
         enter_worse(self.mesh, self.queue, GOOD**3)

@@ -15,6 +15,7 @@ __all__ = [
     "I2",
     "L1",
     "LESSON",
+    "METRIC",
     "POOL",
     "R1",
     "R2",
@@ -30,6 +31,7 @@ R1, R2, R3, R4 = float64[::1], float64[:, ::1], float64[:, :, ::1], float64[:, :
 I1, I2, L1, B1 = int32[::1], int32[:, ::1], int64[::1], boolean[::1]
 
 # Records of loops over triangles and over tetrahedra.
+METRIC = record_type(arrays.Metric, (R2, float64))
 POOL = record_type(arrays.Pool, (I1, I1, I1, L1))
 HEAP = record_type(heap.Heap, (R1, I2, L1))
 SEARCH_SCRATCH = record_type(arrays.SearchScratch, (L1, L1, L1, I1, I1, R1, I2))

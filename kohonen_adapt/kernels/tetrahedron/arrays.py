@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import Modes, Pool
+from kohonen_adapt.kernels.arrays import Metric, Modes, Pool
 from kohonen_adapt.kernels.functionals import Laws
 from kohonen_adapt.kernels.numba.compilation import record
 
@@ -37,6 +37,8 @@ FOLLOWS, FIELD_X, FIELD_Y, FIELD_Z = range(4)
 GRADIENT_XX, GRADIENT_XY, GRADIENT_XZ, GRADIENT_YY, GRADIENT_YZ, GRADIENT_ZZ = range(4, 10)
 AT_X, AT_Y, AT_Z, CORRECTION = range(10, 14)
 NO_APPLIED = np.zeros((0, 14))
+
+ROUND_METRIC = Metric(np.zeros((0, 6)), 1.0)
 
 # Levels of derivatives at order 2: none, by unknowns, and by the position of corner 0.
 VALUE, BLOCK, POSITION = range(3)
@@ -161,6 +163,7 @@ class OpenTetrahedra(NamedTuple):
     pool: Pool
     origins: Origins
     cavity: Cavity
+    metric: Metric = ROUND_METRIC
 
 
 @record
@@ -181,6 +184,7 @@ class Constraints(NamedTuple):
     freedom: Freedom
     surfaces: Surfaces
     inner: np.ndarray  # (n,) bool: all neighbours are in one region
+    metric: Metric = ROUND_METRIC
 
 
 @record

@@ -13,6 +13,7 @@ from kohonen_adapt.kernels.numba.entry import (
     I2,
     L1,
     LESSON,
+    METRIC,
     POOL,
     R1,
     R2,
@@ -23,6 +24,7 @@ from kohonen_adapt.kernels.numba.entry import (
 from kohonen_adapt.kernels.tetrahedron import (
     arrays,
     geometry,
+    guard,
     locate,
     recycle,
     smooth,
@@ -47,11 +49,11 @@ STAR = record_type(arrays.Star, (I1, I1, I2))
 SAMPLES = record_type(arrays.Samples, (I1, R2, R2, R3))
 SURFACES = record_type(arrays.Surfaces, (int8[::1], R2, R2, R1, int32[:, ::1], int8[::1], R2, R2, R1, SAMPLES))
 FREEDOM = record_type(arrays.Freedom, (int8[::1], I1, B1))
-CONSTRAINTS = record_type(arrays.Constraints, (FREEDOM, SURFACES, B1))
+CONSTRAINTS = record_type(arrays.Constraints, (FREEDOM, SURFACES, B1, METRIC))
 ORIGINS = record_type(arrays.Origins, (R1, I1, I1, B1, R1))
 I3 = int32[:, :, ::1]
 CAVITY = record_type(arrays.Cavity, (L1, L1, L1, I1, I1, I1, I2, I1, I2, I1, I2, I1, I2, I2, R3, I3, I2, I1))
-OPEN_TETRAHEDRA = record_type(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, FREEDOM, POOL, ORIGINS, CAVITY))
+OPEN_TETRAHEDRA = record_type(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, FREEDOM, POOL, ORIGINS, CAVITY, METRIC))
 QUEUE = record_type(arrays.Queue, (int8[::1], I1, L1))
 LAWS = record_type(functionals.Laws, (I1, int64, R3))
 TRIAL = record_type(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, B1, R2, R2, R2))
@@ -79,7 +81,7 @@ SPACE: dict[str, tuple[Entry, ...]] = {
         Entry(geometry.mark_non_manifold, OPEN_TETRAHEDRA, STAR, B1),
         Entry(surfaces.measure_sagittas, OPEN_TETRAHEDRA, R1),
         Entry(swap.enter_worse, OPEN_TETRAHEDRA, QUEUE, float64),
-        Entry(swap.swap_waiting, OPEN_TETRAHEDRA, QUEUE, float64, int64),
+        Entry(swap.swap_waiting, OPEN_TETRAHEDRA, QUEUE, float64, float64, int64),
         Entry(smooth.smooth_nodes, KERNEL_MESH, R1, float64, I1),
     ),
     "space recycling": (
@@ -88,7 +90,7 @@ SPACE: dict[str, tuple[Entry, ...]] = {
     ),
     "space map": (
         Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
-        Entry(geometry.mark_valid, R2, STAR, float64, int64, int64, B1),
+        Entry(guard.mark_valid, R2, STAR, float64, int64, int64, B1),
         Entry(locate.find_winners, KERNEL_MESH, R2, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
         Entry(train.learn, KERNEL_MESH, LESSON, float64, float64, boolean[::1], SEARCH_SCRATCH),
     ),

@@ -9,7 +9,8 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_RIDGE, RIDGE_PATCHES
-from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, OPPOSITE, star_quality, star_tolerable
+from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, OPPOSITE
+from kohonen_adapt.kernels.tetrahedron.guard import effective_around, star_tolerable
 from kohonen_adapt.kernels.tetrahedron.surfaces import onto_ridge, within_reach
 
 CORNER_RIDGES = 3  # maximum number of ridges at a corner that nodes may leave
@@ -283,18 +284,18 @@ def relabel_face(mesh, v, f, third, patch):
 @inner_kernel
 def exchange_positions(mesh, v, f, x, y, z, floor):
     position, elements, star = mesh.position, mesh.elements, mesh.star
-    surfaces = mesh.constraints.surfaces
+    surfaces, metric = mesh.constraints.surfaces, mesh.constraints.metric
     corner_x, corner_y, corner_z = position[v, 0], position[v, 1], position[v, 2]
     old_x, old_y, old_z = position[f, 0], position[f, 1], position[f, 2]
     if not within_reach(position, elements, star, surfaces, f, corner_x, corner_y, corner_z):
         return False
-    before = worst_of_two(position, star, v, f)
+    before = worst_of_two(position, star, metric, v, f)
     position[v, 0], position[v, 1], position[v, 2] = x, y, z
     position[f, 0], position[f, 1], position[f, 2] = corner_x, corner_y, corner_z
-    both = star_tolerable(position, star, v, x, y, z, floor)
-    both = both and star_tolerable(position, star, f, corner_x, corner_y, corner_z, floor)
+    both = star_tolerable(position, star, metric, v, x, y, z, floor)
+    both = both and star_tolerable(position, star, metric, f, corner_x, corner_y, corner_z, floor)
     if not both:
-        after = worst_of_two(position, star, v, f)
+        after = worst_of_two(position, star, metric, v, f)
         both = after > FLAT and after >= before
     if not both:
         position[v, 0], position[v, 1], position[v, 2] = corner_x, corner_y, corner_z
@@ -303,8 +304,8 @@ def exchange_positions(mesh, v, f, x, y, z, floor):
 
 
 @inner_kernel
-def worst_of_two(position, star, v, w):
+def worst_of_two(position, star, metric, v, w):
     return min(
-        star_quality(position, star, v, position[v, 0], position[v, 1], position[v, 2], -2.0),
-        star_quality(position, star, w, position[w, 0], position[w, 1], position[w, 2], -2.0),
+        effective_around(position, star, metric, v, position[v, 0], position[v, 1], position[v, 2], -2.0),
+        effective_around(position, star, metric, w, position[w, 0], position[w, 1], position[w, 2], -2.0),
     )

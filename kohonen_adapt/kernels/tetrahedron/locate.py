@@ -9,7 +9,9 @@ import numpy as np
 from kohonen_adapt.kernels.grid import cell_index, clear_counts, enter, sum_up_counts
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import PLANE
+from kohonen_adapt.kernels.tetrahedron.metric import cholesky, mapped
 from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance
+from kohonen_adapt.kernels.tetrahedron.vectors import cross, dot, from_to, minus
 
 TOLERANCE = 1e-10  # relative to the element size, so that points on faces are inside
 WALK = 128  # maximum number of steps; walks from grid cells in uniform meshes take three or four
@@ -160,11 +162,6 @@ def next_stamp(scratch):
 
 
 @inner_kernel
-def triple(a, b, c):
-    return a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
-
-
-@inner_kernel
 def squared_distance(position, v, x):
     dx, dy, dz = x[0] - position[v, 0], x[1] - position[v, 1], x[2] - position[v, 2]
     return dx * dx + dy * dy + dz * dz
@@ -257,13 +254,13 @@ def find_element(mesh, v, x, region, scratch):
 
 
 @inner_kernel
-def nearest_reached(position, elements, e, x, scratch):
+def nearest_reached(position, elements, factor, e, x, scratch):
     """Return the nearest node visible from x in its region, and the squared distance.
 
-    Ties are resolved by the lowest index. A node is visible if the ball around x with the node on its boundary
-    connects both within the region. Each element has a reach, the smallest radius of a ball that connects x to
-    the element (the largest distance to a crossed face). Elements are visited by increasing reach, and nodes
-    nearer than the reach are skipped, because a slit or an edge is in between.
+    Distances are measured after the linear map `factor`. Ties are resolved by the lowest index. A node is visible if
+    the ball around x with the node on its boundary connects both within the region. Each element has a reach, the
+    smallest radius of a ball that connects x to the element (the largest distance to a crossed face). Elements are
+    visited by increasing reach, and nodes nearer than the reach are skipped, because a slit or an edge is in between.
     """
     stamp, frontier, reach = next_stamp(scratch), scratch.frontier, scratch.reach
     region = elements.region[e]
@@ -281,7 +278,8 @@ def nearest_reached(position, elements, e, x, scratch):
         frontier[near], reach[near] = frontier[count], reach[count]
         for k in range(4):
             v = np.int64(elements.node[e, k])
-            distance = squared_distance(position, v, x)
+            offset = mapped(factor, from_to(x, position, v))
+            distance = dot(offset, offset)
             if distance >= entered and (distance < best or (distance == best and v < winner)):
                 winner, best = v, distance
         for k in range(4):
@@ -295,7 +293,7 @@ def nearest_reached(position, elements, e, x, scratch):
                     waiting += 1
                 if waiting == count:
                     continue
-            distance = max(entered, squared_distance_to_face(position, elements.node, e, k, x))
+            distance = max(entered, squared_distance_to_face(position, elements.node, factor, e, k, x))
             if known:
                 reach[waiting] = min(reach[waiting], distance)
             elif distance <= best:
@@ -306,41 +304,34 @@ def nearest_reached(position, elements, e, x, scratch):
 
 
 @inner_kernel
-def squared_distance_to_face(position, node, e, k, x):
-    a, b, c = node[e, (k + 1) % 4], node[e, (k + 2) % 4], node[e, (k + 3) % 4]
-    ax, ay, az = position[a, 0] - x[0], position[a, 1] - x[1], position[a, 2] - x[2]
-    bx, by, bz = position[b, 0] - x[0], position[b, 1] - x[1], position[b, 2] - x[2]
-    cx, cy, cz = position[c, 0] - x[0], position[c, 1] - x[1], position[c, 2] - x[2]
-    ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    square = nx * nx + ny * ny + nz * nz
+def squared_distance_to_face(position, node, factor, e, k, x):
+    a = mapped(factor, from_to(x, position, node[e, (k + 1) % 4]))
+    b = mapped(factor, from_to(x, position, node[e, (k + 2) % 4]))
+    c = mapped(factor, from_to(x, position, node[e, (k + 3) % 4]))
+    normal = cross(minus(b, a), minus(c, a))
+    square = dot(normal, normal)
     # the foot of the perpendicular is in the face if on the inner side of every edge
-    to_a, to_b, to_c, normal = (ax, ay, az), (bx, by, bz), (cx, cy, cz), (nx, ny, nz)
-    beyond_ab, beyond_bc = triple(normal, to_a, to_b) < 0.0, triple(normal, to_b, to_c) < 0.0
-    beyond_ca = triple(normal, to_c, to_a) < 0.0
+    beyond_ab, beyond_bc = dot(normal, cross(a, b)) < 0.0, dot(normal, cross(b, c)) < 0.0
+    beyond_ca = dot(normal, cross(c, a)) < 0.0
     if not (beyond_ab or beyond_bc or beyond_ca) and square > 0.0:
-        side = ax * nx + ay * ny + az * nz
+        side = dot(a, normal)
         return side * side / square
-    return min(
-        squared_distance_to_edge(ax, ay, az, bx, by, bz),
-        squared_distance_to_edge(bx, by, bz, cx, cy, cz),
-        squared_distance_to_edge(cx, cy, cz, ax, ay, az),
-    )
+    return min(squared_distance_to_edge(a, b), squared_distance_to_edge(b, c), squared_distance_to_edge(c, a))
 
 
 @inner_kernel
-def squared_distance_to_edge(ax, ay, az, bx, by, bz):
-    ux, uy, uz = bx - ax, by - ay, bz - az
-    along, length = -(ax * ux + ay * uy + az * uz), ux * ux + uy * uy + uz * uz
-    fraction = min(1.0, max(0.0, along / length)) if length > 0.0 else 0.0
-    x, y, z = ax + fraction * ux, ay + fraction * uy, az + fraction * uz
-    return x * x + y * y + z * z
+def squared_distance_to_edge(a, b):
+    along = minus(b, a)
+    ahead, length = -dot(a, along), dot(along, along)
+    fraction = min(1.0, max(0.0, ahead / length)) if length > 0.0 else 0.0
+    foot = a[0] + fraction * along[0], a[1] + fraction * along[1], a[2] + fraction * along[2]
+    return dot(foot, foot)
 
 
 @inner_kernel
-def find_winner(mesh, v, x, region, scratch):
+def find_winner(mesh, v, x, factor, region, scratch):
     e = find_element(mesh, v, x, region, scratch)
-    winner, squared = nearest_reached(mesh.position, mesh.elements, e, x, scratch)
+    winner, squared = nearest_reached(mesh.position, mesh.elements, factor, e, x, scratch)
     return winner, np.sqrt(squared)
 
 
@@ -348,6 +339,7 @@ def find_winner(mesh, v, x, region, scratch):
 def find_winners(mesh, points, shape, region, start_nodes, winners, distances, scratch):
     """Find the winner of every point, and its distance.
 
+    Distances are measured in the `shape` of the point, shape (t, 6).
     `start_nodes` holds a start node in the region of each point, best a former winner. The winner of the previous point
     is a second start, except at every STRETCH-th point, so that points can be distributed in stretches with the
     same result.
@@ -358,5 +350,7 @@ def find_winners(mesh, points, shape, region, start_nodes, winners, distances, s
             other = np.int64(winners[t - 1])
             if squared_distance(mesh.position, other, x) < squared_distance(mesh.position, v, x):
                 v = other
-        winner, distance = find_winner(mesh, v, x, region[t], scratch)
+        s = shape[t]
+        factor = cholesky((s[0], s[1], s[2], s[3], s[4], s[5]))
+        winner, distance = find_winner(mesh, v, x, factor, region[t], scratch)
         winners[t], distances[t] = winner, distance

@@ -1,7 +1,7 @@
 """Recycling on tetrahedra, the longest edges split and the shortest collapsed.
 
-As in `kernels/triangle/recycle.py`, in the metric |e|^2 (rho_a rho_b)^(1/3) for a density rho of nodes per
-volume.
+As in `kernels/triangle/recycle.py`, in the metric e'Me (rho_a rho_b)^(1/3) for a shape M and a density rho of
+nodes per volume.
 """
 
 import numpy as np

@@ -8,14 +8,13 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     OPPOSITE,
     allowed,
     corner_of,
-    element_quality,
     element_volumes,
     gather_around,
     gather_edge,
     has_constrained_face,
     rounded,
-    squared_distance,
 )
+from kohonen_adapt.kernels.tetrahedron.metric import effective_quality, set_mean_shape, squared_length
 from kohonen_adapt.kernels.tetrahedron.surfaces import exceeds_sagitta, onto_patch, onto_ridge, ridge_distance
 
 UNLIMITED = np.inf  # length of edges after a collapse
@@ -25,9 +24,12 @@ EQUAL = 1e-9  # relative tolerance of equal volumes
 
 @inner_kernel
 def metric_length(mesh, a, b):
-    """Return the squared metric length |e|^2 (rho_a rho_b)^(1/3)."""
+    """Return the squared metric length e'Me (rho_a rho_b)^(1/3).
+
+    M is the mean shape of the ends.
+    """
     fineness = mesh.origins.fineness
-    return rounded(squared_distance(mesh.position, a, b) * (fineness[a] * fineness[b]))
+    return rounded(squared_length(mesh.position, mesh.metric, a, b) * (fineness[a] * fineness[b]))
 
 
 @inner_kernel
@@ -220,18 +222,19 @@ def prepare_split(mesh, a, b, floor):
         return 0
     p = np.int64(pool.free_nodes[pool.height[0] - 1])
     put_between(mesh, p, a, b, number, place)
+    set_mean_shape(mesh.metric, p, a, b)
     freedom.number[p], freedom.place[p] = number, place
     before, after, new = 2.0, 2.0, 0
     for i in range(count):
         e = np.int64(cavity.old[i])
-        before = min(before, element_quality(mesh.position, elements.node, e))
+        before = min(before, effective_quality(mesh.position, mesh.metric, elements.node, e))
         for end, other in ((a, b), (b, a)):
             for k in range(4):
                 v = elements.node[e, k]
                 cavity.new[new, k] = p if v == end else v
                 cavity.patch[new, k] = -1 if v == other else elements.patch[e, k]
             cavity.region[new] = elements.region[e]
-            after = min(after, element_quality(mesh.position, cavity.new, new))
+            after = min(after, effective_quality(mesh.position, mesh.metric, cavity.new, new))
             new += 1
     return count if allowed(after, before, floor) else 0
 
@@ -287,7 +290,7 @@ def prepare_collapse(mesh, v, w, floor, longest):
     before, volume, planar = 2.0, 0.0, True
     for i in range(count):
         e = np.int64(cavity.old[i])
-        before = min(before, element_quality(position, elements.node, e))
+        before = min(before, effective_quality(position, mesh.metric, elements.node, e))
         volume += element_volumes(position, elements.node, e)
         for j in range(4):
             patch = elements.patch[e, j]
@@ -304,7 +307,7 @@ def prepare_collapse(mesh, v, w, floor, longest):
         for j in range(4):
             cavity.new[new, j], cavity.patch[new, j] = elements.node[e, j], elements.patch[e, j]
         cavity.new[new, k], cavity.region[new] = w, elements.region[e]
-        after = min(after, element_quality(position, cavity.new, new))
+        after = min(after, effective_quality(position, mesh.metric, cavity.new, new))
         if not allowed(after, before, floor):
             return 0.0, 0, 0
         volume_after += element_volumes(position, cavity.new, new)

@@ -1,11 +1,11 @@
 """Swaps of edges and faces while the worst of the touched elements improves.
 
-Edge removal triangulates the ring of nodes around an edge by the dynamic program of Klincsek ("Minimal
-triangulations of polygonal domains", Ann. Discrete Math. 9, 1980), here for the largest worst quality
-(Shewchuk, "Two discrete optimization algorithms for the topological improvement of tetrahedral meshes",
-2002). An edge on an outer patch has an open ring, an edge on a patch between regions two rings.
-`kernels/tetrahedron/polish/swap_by_energy.py` passes a `trial` to minimise the functional instead. With None the
-quality is maximised, and numba compiles both versions.
+Quality is that in the metric, and Euclidean quality stays above the floor. Edge removal triangulates the ring of nodes
+around an edge by the dynamic program of Klincsek ("Minimal triangulations of polygonal domains", Ann. Discrete Math. 9,
+1980), here for the largest worst quality (Shewchuk, "Two discrete optimization algorithms for the topological
+improvement of tetrahedral meshes", 2002). An edge on an outer patch has an open ring, an edge on a patch between
+regions two rings. `kernels/tetrahedron/polish/swap_by_energy.py` passes a `trial` to minimise the functional instead.
+With None the quality is maximised, and numba compiles both versions.
 """
 
 import numpy as np
@@ -24,6 +24,7 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     has_constrained_face,
     triangle_vectors,
 )
+from kohonen_adapt.kernels.tetrahedron.metric import UNBOUNDED, is_round, quality_above, quality_on_both_sides
 from kohonen_adapt.kernels.tetrahedron.polish.energy import energy_on, source_along, triangle_tilts, value_at
 from kohonen_adapt.kernels.tetrahedron.surfaces import edge_sagitta, exceeds_sagitta
 from kohonen_adapt.kernels.tetrahedron.surgery import EQUAL, NOWHERE, replace
@@ -106,12 +107,12 @@ def walk_shell(mesh, queue, side, e, a, b, first, second):
 
 
 @inner_kernel
-def triangulate(mesh, trial, side, count, a, b, least):
+def triangulate(mesh, trial, side, count, a, b, least, floor):
     """Find the best triangulation of a ring of `count` nodes, and return its merit.
 
     Each triangle of the ring has two elements, with a and with b. Without a trial the merit is the worst cubed
-    quality, which must exceed `least`. With a trial the merit is minus the functional, and no element may be
-    worse than `least`. Otherwise the merit is RULED_OUT.
+    quality in the metric, which must exceed `least`. With a trial the merit is minus the functional. No Euclidean
+    quality may be below `floor`. Otherwise the merit is RULED_OUT.
     """
     merit, apex, by_quality = mesh.cavity.merit, mesh.cavity.apex, trial is None
     for i in range(count - 1):
@@ -120,7 +121,7 @@ def triangulate(mesh, trial, side, count, a, b, least):
         for i in range(count - length):
             k, best = i + length, RULED_OUT
             for j in range(i + 1, k):
-                value = merit_with(mesh, trial, side, i, j, k, a, b, max(best, least) if by_quality else least)
+                value = merit_with(mesh, trial, side, i, j, k, a, b, max(best, least), floor)
                 if value > best:
                     best, apex[side, i, k] = value, j
             merit[side, i, k] = best
@@ -128,21 +129,25 @@ def triangulate(mesh, trial, side, count, a, b, least):
 
 
 @inner_kernel
-def merit_with(mesh, trial, side, i, j, k, a, b, least):
+def merit_with(mesh, trial, side, i, j, k, a, b, least, floor):
     position, ring, merit = mesh.position, mesh.cavity.ring, mesh.cavity.merit
     p, q, r, before, after = ring[side, i], ring[side, j], ring[side, k], merit[side, i, j], merit[side, j, k]
     value = min(before, after)
     if value == RULED_OUT or (trial is None and not value > least):
         return RULED_OUT
+    if trial is None and not is_round(mesh.metric):
+        value = min(value, quality_on_both_sides(position, mesh.metric, p, q, r, a, b, floor))
+        return value if value > least else RULED_OUT
     vectors = triangle_vectors(position, p, q, r)
     x, y, z = position[p, 0], position[p, 1], position[p, 2]
     to_b = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
     to_a = position[a, 0] - x, position[a, 1] - y, position[a, 2] - z
+    bound = least if trial is None else floor
     above = cubed_quality_on(vectors, to_b, 1.0)
-    if not above >= least:
+    if not above >= bound:
         return RULED_OUT
     worst = min(above, cubed_quality_on(vectors, to_a, -1.0))
-    if not worst >= least:
+    if not worst >= bound:
         return RULED_OUT
     if trial is None:
         value = min(value, worst)
@@ -275,15 +280,27 @@ def add_shells(mesh, rings):
 
 
 @inner_kernel
-def remove_edge(mesh, queue, e, edge, below):
+def quality_of_old(mesh, count, euclidean):
+    if is_round(mesh.metric):
+        return euclidean
+    worst = 2.0
+    for i in range(count):
+        e = mesh.cavity.old[i]
+        worst = min(worst, quality_above(mesh.position, mesh.metric, mesh.elements.node, e, UNBOUNDED))
+    return worst
+
+
+@inner_kernel
+def remove_edge(mesh, queue, e, edge, below, floor):
     a, b, rings = shells_around(mesh, queue, e, edge)
     if rings[0] < 3:
         return 0
-    before = add_shells(mesh, rings)
+    worst = add_shells(mesh, rings)
+    before, floor = quality_of_old(mesh, rings[1] + rings[3], worst), max(FLAT, min(floor, worst))
     least = max(FLAT, BETTER * before)
-    if before >= below or triangulate(mesh, None, 0, rings[0], a, b, least) == RULED_OUT:
+    if before >= below or triangulate(mesh, None, 0, rings[0], a, b, least, floor) == RULED_OUT:
         return 0
-    if rings[2] > 0 and triangulate(mesh, None, 1, rings[2], a, b, least) == RULED_OUT:
+    if rings[2] > 0 and triangulate(mesh, None, 1, rings[2], a, b, least, floor) == RULED_OUT:
         return 0
     return replace_shells(mesh, a, b, rings)
 
@@ -321,27 +338,30 @@ def write_face_swap(mesh, queue, e, k):
 
 
 @inner_kernel
-def swap_face(mesh, queue, e, k, below):
-    before = write_face_swap(mesh, queue, e, k)
-    if before == RULED_OUT or before >= below:
+def swap_face(mesh, queue, e, k, below, floor):
+    worst = write_face_swap(mesh, queue, e, k)
+    if worst == RULED_OUT:
         return 0
+    before, floor = quality_of_old(mesh, 2, worst), max(FLAT, min(floor, worst))
     least = max(FLAT, BETTER * before)
+    if before >= below:
+        return 0
     for new in range(3):
-        if not element_quality(mesh.position, mesh.cavity.new, new) > least:
+        if not quality_above(mesh.position, mesh.metric, mesh.cavity.new, new, floor) > least:
             return 0
     return 3 if replace(mesh, 2, 3) else 0
 
 
 @inner_kernel
-def swap_at(mesh, queue, e, below):
+def swap_at(mesh, queue, e, below, floor):
     made = 0
     for edge in range(6):
-        made = remove_edge(mesh, queue, e, edge, below)
+        made = remove_edge(mesh, queue, e, edge, below, floor)
         if made > 0:
             break
     if made == 0:
         for k in range(4):
-            made = swap_face(mesh, queue, e, k, below)
+            made = swap_face(mesh, queue, e, k, below, floor)
             if made > 0:
                 break
     for i in range(made):
@@ -352,22 +372,25 @@ def swap_at(mesh, queue, e, below):
 @kernel
 def enter_worse(mesh, queue, below):
     for e in range(mesh.elements.node.shape[0]):
-        if mesh.elements.node[e, 0] >= 0 and element_quality(mesh.position, mesh.elements.node, e) < below:
+        if mesh.elements.node[e, 0] < 0:
+            continue
+        if quality_above(mesh.position, mesh.metric, mesh.elements.node, e, UNBOUNDED) < below:
             enter(queue, e)
 
 
 @kernel
-def swap_waiting(mesh, queue, below, limit):
+def swap_waiting(mesh, queue, below, floor, limit):
     """Search up to `limit` waiting elements, swap, and return the number of swaps.
 
-    A swap is done if the worst touched element is below `below` (cubed quality) and improves. New elements enter
-    the queue. The queue is empty if all searches are done. An edge is searched with its last waiting element.
+    A swap is done if the worst touched element is below `below` (cubed quality) and improves, and if no Euclidean
+    quality is below `floor` (cubed) and below the worst before. New elements enter the queue. The queue is empty if all
+    searches are done. An edge is searched with its last waiting element.
     """
     swaps = 0
     for _ in range(limit):
         if queue.state[1] == 0:
             break
         e = take_first(queue)
-        if mesh.elements.node[e, 0] >= 0 and swap_at(mesh, queue, e, below):
+        if mesh.elements.node[e, 0] >= 0 and swap_at(mesh, queue, e, below, floor):
             swaps += 1
     return swaps

@@ -9,7 +9,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE
-from kohonen_adapt.kernels.tetrahedron.geometry import may_move, star_tolerable
+from kohonen_adapt.kernels.tetrahedron.guard import may_move, star_tolerable
 from kohonen_adapt.kernels.tetrahedron.jump import jump
 from kohonen_adapt.kernels.tetrahedron.locate import next_stamp
 from kohonen_adapt.kernels.tetrahedron.surfaces import slid, within_reach
@@ -54,7 +54,7 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
     """
     by_quality, by_reach = 0, 0
     position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
-    freedom, surfaces = constraints.freedom, constraints.surfaces
+    freedom, surfaces, metric = constraints.freedom, constraints.surfaces, constraints.metric
     queue, stamps = scratch.queue, scratch.node_stamp
     for t in range(lesson.points.shape[0]):
         x, region = lesson.points[t], lesson.region[t]
@@ -82,8 +82,8 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
                 ):
                     by_reach += 1
                     continue
-                if star_tolerable(position, star, v, new_x, new_y, new_z, floor) or (
-                    not is_valid[v] and may_move(position, star, v, new_x, new_y, new_z, floor)
+                if star_tolerable(position, star, metric, v, new_x, new_y, new_z, floor) or (
+                    not is_valid[v] and may_move(position, star, metric, v, new_x, new_y, new_z, floor)
                 ):
                     position[v, 0], position[v, 1], position[v, 2] = new_x, new_y, new_z
                 else:

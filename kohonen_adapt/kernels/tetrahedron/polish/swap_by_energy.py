@@ -54,11 +54,11 @@ def remove_edge_downhill(mesh, trial, queue, open_patch, e, edge, floor):
     if nodes < 3 or (patch >= 0 and not open_patch[patch]):
         return 0, 0.0
     least = max(FLAT, min(floor, add_shells(mesh, rings)))
-    after = -triangulate(mesh, trial, 0, nodes, a, b, least)
+    after = -triangulate(mesh, trial, 0, nodes, a, b, RULED_OUT, least)
     if after == np.inf:
         return 0, 0.0
     if other > 0:
-        after -= triangulate(mesh, trial, 1, other, a, b, least)
+        after -= triangulate(mesh, trial, 1, other, a, b, RULED_OUT, least)
     before, magnitude = energy_of_old(mesh, trial, found + found_other, a, b)
     gain = before - after
     if not gain > ROUNDING * magnitude:

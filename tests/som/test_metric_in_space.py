@@ -1,0 +1,89 @@
+"""Relocation of tetrahedra by density tensors, with edges that are uniform in the metric."""
+
+import numpy as np
+import pytest
+from helpers.solids import box, two_regions, volumes
+from helpers.tetrahedra import thrown
+from scipy.spatial.transform import Rotation
+
+import kohonen_adapt as ka
+
+STAGES = (ka.Stage(2, 1, 0.3), ka.Stage(1, 1, 0.2))
+SLAB = np.diag([1.0, 1.0, 100.0]) / 100 ** (1 / 3)  # edges 10 times longer along x and y than along z
+
+
+def everywhere(mesh, tensor):
+    return np.tile(tensor, (mesh.nelements, 1, 1))
+
+
+def lengths(mesh, tensor):
+    along = mesh.p[:, mesh.edges[1]] - mesh.p[:, mesh.edges[0]]
+    return np.sqrt(np.einsum("in,ij,jn->n", along, tensor, along))
+
+
+def spread(mesh, tensor):
+    """Coefficient of variation of the lengths of edges in a metric."""
+    found = lengths(mesh, tensor)
+    return found.std() / found.mean()
+
+
+def test_edges_in_a_metric_are_as_uniform_as_those_of_a_density():
+    """In the median over seeds of meshes; a density leaves edges in the metric with a spread of 0.6."""
+    found = []
+    for seed in range(5):
+        mesh = thrown(box(8), seed, reach=0.3)
+        plain = ka.relocate(mesh, np.ones(mesh.nelements), topology="recycle")
+        slab = ka.relocate(mesh, everywhere(mesh, SLAB), topology="recycle")
+        assert slab.nvertices == mesh.nvertices and slab.is_valid() and ka.quality(slab).min() > 0.02
+        assert np.abs(volumes(slab)).sum() == pytest.approx(1.0, rel=1e-12)
+        found.append((spread(plain, np.eye(3)), spread(slab, SLAB), spread(plain, SLAB)))
+    plain, slab, before = np.median(found, axis=0)
+    assert slab < 1.05 * plain < 0.4 * before
+
+
+@pytest.mark.parametrize("topology", ["flip", "recycle", "fixed"])
+@pytest.mark.parametrize("schedule", [None, ka.Schedule(STAGES, sweeps=2)], ids=["sweeps", "map"])
+def test_round_tensors_give_the_mesh_of_the_density(topology, schedule):
+    mesh = two_regions(6)
+    x = mesh.p[:, mesh.t].mean(axis=1)
+    level = np.round(2.0 * x[0] + x[2])
+    wanted, tensors = 8.0**level, 4.0 ** level[:, None, None] * np.eye(3)  # powers of two, whose roots are exact
+    plain, by_tensors = (ka.relocate(mesh, d, topology=topology, schedule=schedule) for d in (wanted, tensors))
+    np.testing.assert_array_equal(plain.p, by_tensors.p)
+    np.testing.assert_array_equal(plain.t, by_tensors.t)
+
+
+@pytest.mark.parametrize("schedule", [None, ka.Schedule(STAGES, sweeps=2)], ids=["sweeps", "map"])
+def test_names_and_volumes_are_kept(schedule):
+    mesh = two_regions(6)
+    found = ka.relocate(mesh, everywhere(mesh, SLAB), topology="recycle", schedule=schedule)
+    assert found.is_valid() and sorted(found.boundaries) == sorted(mesh.boundaries)
+    for name, rows in mesh.subdomains.items():
+        before, after = np.abs(volumes(mesh))[rows].sum(), np.abs(volumes(found))[found.subdomains[name]].sum()
+        assert after == pytest.approx(before, rel=1e-12)
+    heights = np.ptp(found.p[2][found.t], axis=0).mean(), np.ptp(found.p[0][found.t], axis=0).mean()
+    assert 4.0 * heights[0] < heights[1]
+
+
+def test_a_rotation_of_mesh_and_metric_changes_little():
+    mesh, turn = thrown(box(7), 1, reach=0.3), Rotation.from_euler("xyz", [0.3, 0.5, 0.7]).as_matrix()
+    turned, tensor = type(mesh)(turn @ mesh.p, mesh.t), turn @ SLAB @ turn.T
+    found = ka.relocate(mesh, everywhere(mesh, SLAB), topology="recycle")
+    other = ka.relocate(turned, everywhere(turned, tensor), topology="recycle")
+    assert other.nvertices == found.nvertices
+    assert other.nelements == pytest.approx(found.nelements, rel=0.02)
+    assert spread(other, tensor) == pytest.approx(spread(found, SLAB), rel=0.1)
+    assert ka.quality(other).mean() == pytest.approx(ka.quality(found).mean(), rel=0.05)
+
+
+def test_the_map_stretches_elements_where_nodes_keep_their_numbers():
+    mesh, schedule = box(7), ka.Schedule(STAGES, sweeps=4)
+    tensor = np.diag([1.0, 1.0, 9.0]) / 9 ** (1 / 3)
+    found = ka.relocate(mesh, everywhere(mesh, tensor), schedule=schedule)
+    assert found.is_valid() and spread(found, tensor) < 0.8 * spread(mesh, tensor)
+
+
+def test_a_number_as_least_quality_stays_euclidean():
+    mesh = box(7)
+    found = ka.relocate(mesh, everywhere(mesh, SLAB), topology="recycle", min_quality=0.25)
+    assert ka.quality(found).min() >= 0.25
