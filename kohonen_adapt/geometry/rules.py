@@ -57,7 +57,8 @@ class Rules:
     min_quality
         Minimum quality of elements, from 0 to below 1. A move, flip, collapse or split is accepted if the worst quality
         of the elements involved is at least ``min(min_quality, worst quality before)`` afterwards. ``"auto"`` means 0.3
-        for triangles and 0.2 for tetrahedra, because good tetrahedra alone do not fill space. None disables all checks
+        for triangles and 0.2 for tetrahedra, because good tetrahedra alone do not fill space. With a metric, ``"auto"``
+        is measured in the metric, above a Euclidean quality of 0.02; numbers stay Euclidean. None disables all checks
         (`KohonenMap` only).
     pinned
         Nodes that stay where they are, as node numbers and names of boundaries and subdomains.

@@ -68,6 +68,10 @@ def relocate(
         Wanted nodes per area or volume up to a factor, >= 0 and not zero everywhere: an array of shape (nelements,), or
         a callable of points x, shape (2, n), in space (3, n), that returns shape (n,). Zeros are raised to 1e-6 of the
         largest value.
+
+        Or density tensors D of shape (nelements, d, d), from a callable (n, d, d), symmetric and positive definite:
+        ``sqrt(det D)`` is the density, and edges e are to have the same ``e' D e``. These are a metric up to a factor,
+        see `density_from_sizes` and `metric_from_hessian`.
     schedule
         Schedule of the map. None means `Schedule.default` with a first radius that depends on how far the mesh is from
         the density, so that repeated calls, each with a new estimate, continue to improve the mesh. ``Schedule(())``
@@ -92,7 +96,8 @@ def relocate(
     ------
     ValueError
         If the mesh is not a valid `skfem.MeshTri`, `skfem.MeshTri2` or `skfem.MeshTet`, if an argument is out of range,
-        or if the mesh has fewer layers than `layers` requests.
+        or if the mesh has fewer layers than `layers` requests. If a tensor is not finite, not symmetric or not positive
+        definite, or if its longest edge is more than 1e6 times its shortest.
 
     Notes
     -----
@@ -111,6 +116,15 @@ def relocate(
     >>> finer_below = ka.relocate(mesh, lambda x: 1 / (0.1 + x[1]))
     >>> finer_below.p.shape == mesh.p.shape
     True
+
+    Edges that are four times as long along x as along y:
+
+    >>> import numpy as np
+    >>> metric = np.tile(np.diag([1.0, 16.0]), (mesh.nelements, 1, 1))
+    >>> longer = ka.relocate(mesh, metric, topology="recycle")
+    >>> x, y = np.abs(longer.p[:, longer.facets[0]] - longer.p[:, longer.facets[1]]).mean(axis=1)
+    >>> bool(x > 3.0 * y)
+    True
     """
     check_training(schedule, seed)
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
@@ -119,7 +133,7 @@ def relocate(
     check_for(rules, method.dim)
     layered = with_layers(mesh, rules)
     movable = method.open(layered, rules, None)
-    if layered is not mesh and not callable(density) and np.shape(density) == mesh.t.shape[1:]:
+    if layered is not mesh and not callable(density) and np.shape(density)[:1] == mesh.t.shape[1:]:
         density = np.asarray(density)[find_elements(mesh, layered.p[:, layered.t].mean(axis=1))]
     expect(*method.moving_kernels(topology, schedule))
     moved = method.relocate(movable, density, schedule, topology, np.random.default_rng(seed), int(mesh.nvertices))

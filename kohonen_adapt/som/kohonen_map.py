@@ -1,10 +1,11 @@
 """Kohonen map on a mesh, trained with user-defined points."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
@@ -17,7 +18,9 @@ from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
 from kohonen_adapt.mesh.locate import Locator, as_rows, find_elements
+from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.motions import Pair
+from kohonen_adapt.mesh.shapes import are_round, density_and_shape, shapes_at_nodes, tensors_of_elements
 from kohonen_adapt.som.map_method import map_method_of
 from kohonen_adapt.som.schedule import Schedule, check_training
 from kohonen_adapt.som.training import Trainer
@@ -42,6 +45,11 @@ class KohonenMap:
         ``"flip"`` keeps every region constrained Delaunay by flips between epochs; where three interfaces meet, an
         element may change its side of an interface to let a neuron leave the junction. Elements of a `skfem.MeshTet`
         are swapped while this raises the worst quality involved. ``"fixed"`` keeps the elements.
+    metric
+        Symmetric positive definite tensors of the elements of `mesh`, shape (nelements, d, d). Then the winner is the
+        neuron that is nearest in the metric of the training point, and edges flip to Delaunay's rule in the metric.
+        Directions and ratios of lengths matter, but lengths do not: the points have the density. None is the Euclidean
+        metric.
     min_quality
         As in `Rules`. None disables all checks: then elements may overlap (Fig. 7 of the paper).
     pinned, curves, periodic, layers, surfaces
@@ -79,6 +87,7 @@ class KohonenMap:
         mesh: Mesh,
         *,
         topology: str = "flip",
+        metric: ArrayLike | None = None,
         min_quality: LeastQuality | None = "auto",
         pinned: Pinned = (),
         curves: Mapping[str, Curve] | None = None,
@@ -94,6 +103,9 @@ class KohonenMap:
         expect(*method.kernel_groups)
         solid = method.cell is TETRAHEDRON
         self._movable = MovableSolid.of(mesh, rules) if solid else MovableMesh.of(mesh, rules)
+        self._shapes = None if metric is None else ShapesOfElements.of(mesh, metric)
+        if self._shapes is not None:
+            self._movable.measure_by(self._shapes.at_nodes())
         self._trainer = Trainer.of(self._movable)
 
     def __repr__(self) -> str:
@@ -131,7 +143,8 @@ class KohonenMap:
         -------
         tuple of float
             Quantisation error of every epoch, the mean distance of the training points to their winners before the
-            update, in mesh units. Multiplied by the number of points, this is equation 2 of the paper.
+            update, in mesh units. Multiplied by the number of points, this is equation 2 of the paper. With a metric,
+            distances are measured in its tensors divided by the d-th root of the determinant.
 
         Raises
         ------
@@ -206,7 +219,8 @@ class KohonenMap:
             raise ValueError(
                 f"training points must lie in the mesh; {len(outside)} do not, point {outside[0]} at {where}."
             )
-        return Draw(rows, element, region, weight).reordered(along_curve(rows))
+        shape = None if self._shapes is None else self._shapes.at(rows)
+        return Draw(rows, element, region, weight, shape).reordered(along_curve(rows))
 
     def _schedule_without_sweeps(self, schedule: Schedule | None) -> Schedule:
         if schedule is None:
@@ -217,6 +231,31 @@ class KohonenMap:
                 f"train has no density to sweep with; got sweeps = {schedule.sweeps}. Use kohonen_adapt.relocate."
             )
         return schedule
+
+
+@dataclass
+class ShapesOfElements:
+    """Shapes (nelements, 3) or (nelements, 6) of a metric on the input mesh."""
+
+    mesh: Mesh
+    shape: Floats
+
+    @classmethod
+    def of(cls, mesh: Mesh, metric: ArrayLike) -> "ShapesOfElements | None":
+        """Return the shapes of tensors (nelements, d, d), or None if all are round."""
+        shape = density_and_shape(tensors_of_elements(metric, mesh.nelements, len(mesh.p), "metric"))[1]
+        return None if are_round(shape) else cls(mesh, shape)
+
+    def at_nodes(self) -> Floats:
+        return shapes_at_nodes(self.mesh.t.T, self.shape, area(self.mesh), self.mesh.nvertices)
+
+    def at(self, points: Floats) -> Floats:
+        element = find_elements(self.mesh, points.T)
+        outside = np.flatnonzero(element < 0)  # between a chord that has moved and its curve
+        if len(outside):
+            centroids = self.mesh.p[:, self.mesh.t].mean(axis=1).T
+            element[outside] = cKDTree(centroids).query(points[outside])[1]
+        return self.shape[element]
 
 
 def points_and_weights(answer: object) -> tuple[ArrayLike, ArrayLike | None]:

@@ -65,7 +65,22 @@ def command(meaning):
     return door
 
 
-DOORS = {"sizes": sizes, "file": file, "--sizes": command("sizes"), "--density": command("density")}
+def relocated(mesh, tensors, folder):
+    ka.relocate(mesh, tensors)
+
+
+def trained(mesh, tensors, folder):
+    ka.KohonenMap(mesh, metric=tensors)
+
+
+DOORS = {
+    "sizes": sizes,
+    "relocate": relocated,
+    "map": trained,
+    "file": file,
+    "--sizes": command("sizes"),
+    "--density": command("density"),
+}
 
 
 @pytest.mark.filterwarnings("error")
@@ -77,20 +92,48 @@ def test_faults_have_an_element_and_a_value(tmp_path, capsys, dim, door, fault):
     tensors = with_fault(mesh, part)
     kept = tensors.copy()
     shown = re.escape(str(tensors[BAD].tolist()))
-    message = rf"^(sizes|density|'m' of '.*') must {rule}; the tensor of element {BAD} (is|has [\d.e+]+:) {shown}\.$"
+    message = (
+        rf"^(sizes|density|metric|'m' of '.*') must {rule}; the tensor of element {BAD} (is|has [\d.e+]+:) {shown}\.$"
+    )
     with pytest.raises(ValueError, match=message):
         DOORS[door](mesh, tensors, tmp_path, *([capsys] if door.startswith("-") else []))
     np.testing.assert_array_equal(tensors, kept)
 
 
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_faults_of_a_function_have_a_point_and_a_value(dim, fault):
+    mesh, (part, rule) = MESHES[dim], FAULTS[fault]
+
+    def metric(x):
+        tensors = np.tile(100.0 * np.eye(dim), (x.shape[1], 1, 1))
+        tensors[x[0] > 0.6, :2, :2] = part
+        return tensors
+
+    shown = re.escape(str(with_fault(mesh, part)[BAD].tolist()))
+    place = r"\(" + ", ".join([r"(0\.[6-9]\d*|1\.0)", *[r"\d\.\d+"] * (dim - 1)]) + r"\)"
+    message = rf"^density must {rule}; the tensor at {place} (is|has [\d.e+]+:) {shown}\.$"
+    with pytest.raises(ValueError, match=message):
+        ka.relocate(mesh, metric)
+
+
+CALLS = {
+    "sizes": lambda mesh, tensors: ka.density_from_sizes(mesh, tensors),
+    "density": lambda mesh, tensors: ka.relocate(mesh, tensors),
+    "metric": lambda mesh, tensors: ka.KohonenMap(mesh, metric=tensors),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
 @pytest.mark.parametrize("shape", [(31, 2, 2), (32, 3, 3), (32, 2, 1), (2, 2, 32), (1, 2, 2)])
-def test_shapes(shape):
-    message = r"^sizes must have shape \(nelements, 2, 2\) = \(32, 2, 2\) as tensors; got "
-    with pytest.raises(ValueError, match=message + re.escape(str(shape))):
-        ka.density_from_sizes(MESHES[2], np.ones(shape))
+def test_shapes(name, shape):
+    message = rf"^{name} must have shape \(nelements, 2, 2\) = \(32, 2, 2\) as tensors; got {re.escape(str(shape))}\.$"
+    with pytest.raises(ValueError, match=message):
+        CALLS[name](MESHES[2], np.ones(shape))
 
 
+@pytest.mark.parametrize("name", CALLS)
 @pytest.mark.parametrize("values", [np.full((32, 2, 2), 1j), np.full((32, 2, 2), "a")], ids=["complex", "text"])
-def test_types(values):
-    with pytest.raises(ValueError, match=r"^sizes must be real numbers; got (complex128|<U1)\.$"):
-        ka.density_from_sizes(MESHES[2], values)
+def test_types(name, values):
+    with pytest.raises(ValueError, match=rf"^{name} must be real numbers; got (complex128|<U1)\.$"):
+        CALLS[name](MESHES[2], values)
