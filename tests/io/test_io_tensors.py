@@ -21,7 +21,8 @@ SYMMETRIC = {2: [0, 3, 1], 3: [0, 4, 8, 1, 5, 2]}  # XX, YY, XY; XX, YY, ZZ, XY,
 ROWS_OF_UPPER = {3: [0, 1, 2, 4, 5, 8]}
 LOWER = {2: [0, 2, 3], 3: [0, 3, 4, 6, 7, 8]}
 LAYOUTS = [
-    *[(dim, ".vtu", layout) for dim in (2, 3) for layout in (FULL, SYMMETRIC)],
+    *[(dim, suffix, layout) for dim in (2, 3) for suffix in (".vtu", ".vtk") for layout in (FULL, SYMMETRIC)],
+    *[(dim, ".med", FULL) for dim in (2, 3)],
     *[(3, ".xdmf", layout) for layout in (FULL, ROWS_OF_UPPER)],
 ]
 

@@ -117,6 +117,20 @@ def test_faults_of_a_function_have_a_point_and_a_value(dim, fault):
         ka.relocate(mesh, metric)
 
 
+@pytest.mark.parametrize("fault", sorted(FAULTS.keys() - {"not symmetric"}))
+def test_faults_of_a_solution_have_an_element_of_the_node(tmp_path, fault):
+    mesh, (part, rule) = MESHES[2], FAULTS[fault]
+    rows = ["100 0 100"] * mesh.nvertices
+    rows[7] = f"{part[0][0]} {part[0][1]} {part[1][1]}"
+    head = f"MeshVersionFormatted 2 Dimension 2 SolAtVertices {mesh.nvertices} 1 3"
+    (tmp_path / "f.sol").write_text("\n".join([head, *rows, "End"]))
+    shown = re.escape(str(np.array(part).tolist()))
+    element = "|".join(map(str, np.flatnonzero(np.any(mesh.t == 7, axis=0))))
+    message = rf"^'solution 1' of '.*' must {rule}; the tensor of element ({element}) (is|has [\d.e+]+:) {shown}\.$"
+    with pytest.raises(ValueError, match=message):
+        ka.read_field(tmp_path / "f.sol", mesh)
+
+
 CALLS = {
     "sizes": lambda mesh, tensors: ka.density_from_sizes(mesh, tensors),
     "density": lambda mesh, tensors: ka.relocate(mesh, tensors),
