@@ -130,6 +130,16 @@ class Asked:
         return x / np.linalg.norm(x, axis=0)
 
 
+@pytest.mark.parametrize(("order", "cells", "nodes"), [(1, 2, 300), (2, 1, 100)])
+def test_growth_from_faces_without_inner_nodes_lowers_the_functional(order, cells, nodes):
+    problem = Minimised(FICHERA, order)
+    coarse = ka.adapt(fichera(cells), problem, passes=2)
+    found = ka.adapt(coarse.mesh, problem, passes=2, target_nodes=nodes)
+    assert coarse.history[2].functional < 0.9 * coarse.history[0].functional  # both are negative
+    assert found.mesh.nvertices > 0.9 * nodes
+    assert found.history[2].functional < found.history[0].functional
+
+
 def test_growing():
     problem = Minimised(FICHERA)
     result = ka.adapt(fichera(2), problem, passes=3, target_nodes=300)

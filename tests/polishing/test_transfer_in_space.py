@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.solids import ball, box, cut, l_shape, two_regions
+from helpers.tetrahedra import fichera
 from skfem import MeshTet
 
 import kohonen_adapt as ka
@@ -16,12 +17,12 @@ from kohonen_adapt.som.relocate import move_in_space
 TOPOLOGIES = ("recycle", "flip", "fixed")
 
 
-def moved_and_carried(mesh, values, fixed, topology="recycle"):
+def moved_and_carried(mesh, values, fixed, topology="recycle", nodes=0):
     """A mesh that has moved towards a point, and what became of values (nnodes,) of which some are given."""
     solid = MovableSolid.of(mesh, Rules(topology, min_quality=0.1))
     functional = SolidFunctional.of(Ritz(values, fixed, 1.0), solid, mesh)
     x = solid.tetrahedralization.centroids() - solid.tetrahedralization.position.mean(axis=0) - 0.2
-    moved = move_in_space(solid, 1.0 / (0.01 + (x**2).sum(axis=1)), None, topology, np.random.default_rng(0))
+    moved = move_in_space(solid, 1.0 / (0.01 + (x**2).sum(axis=1)), None, topology, np.random.default_rng(0), nodes)
     return solid, moved, transferred_in_space(functional, moved.before, solid, moved.recycled.start_element)
 
 
@@ -42,6 +43,20 @@ def test_a_linear_function_is_carried_as_it_is(build, topology):
         x, y, z = solid.tetrahedralization.position.T
         np.testing.assert_allclose(trial.values, 2.0 + x - 3.0 * y + 0.5 * z, rtol=0.0, atol=2e-13)
         np.testing.assert_array_equal(trial.fixed, given(solid.mesh()))
+
+
+@pytest.mark.parametrize("given", [lambda x: np.ones(x.shape[1], dtype=bool), lambda x: x[2] == x[2].min()])
+@pytest.mark.parametrize("build", [lambda: box(1), lambda: fichera(1)])
+def test_new_nodes_on_faces_without_inner_nodes_are_given_between_given_nodes(build, given):
+    mesh = build()
+    values = 2.0 + mesh.p[0] - 3.0 * mesh.p[1] + 0.5 * mesh.p[2]
+    solid, moved, trial = moved_and_carried(mesh, values, rim(mesh) & given(mesh.p), nodes=120)
+    x, y, z = solid.tetrahedralization.position.T
+    new = rim(solid.mesh()) & (moved.recycled.old < 0)
+    assert np.count_nonzero(new) > 10
+    np.testing.assert_array_equal(trial.fixed[new & (z == mesh.p[2].min())], True)
+    wanted = (2.0 + x - 3.0 * y + 0.5 * z)[trial.fixed]
+    np.testing.assert_allclose(trial.values[trial.fixed], wanted, rtol=0.0, atol=2e-13)
 
 
 @pytest.mark.parametrize("topology", TOPOLOGIES)

@@ -87,6 +87,8 @@ class SolidFunctional:
         Patches with offsets or loads, (p,) bool.
     slides
         Patches and ridges with loads whose nodes slide nevertheless, (p + r,) bool.
+    unknown
+        Patches and ridges without a sliding node that may have Dirichlet values, (p + r,) bool.
     rate
         Gradient of the Dirichlet values along patches and ridges, (p + r, 3), valid where `dirichlet` and not `held`.
     comparable
@@ -111,6 +113,7 @@ class SolidFunctional:
     held: Mask
     driven: Mask
     slides: Mask
+    unknown: Mask
     rate: Floats
     comparable: bool
     law: NDArray[np.int32]
@@ -170,7 +173,7 @@ class SolidFunctional:
         shift = np.atleast_2d(flux_table(np.asarray(ritz.shift), TETRAHEDRON.dim).T)
         shift = shift[number if len(shift) > 1 else np.zeros_like(number)]
         data = np.hstack([constants_of(ritz, number, TETRAHEDRON.dim), shift, reduced[:, None]]) / PARTS
-        places, comparable = (on.dirichlet, held, driven, slides, on.rate), ritz.comparable and same_space
+        places, comparable = (on.dirichlet, held, driven, slides, on.unknown, on.rate), ritz.comparable and same_space
         return cls(solution, ritz, number, data, patches, *places, comparable, law, tables, faces)
 
     @classmethod

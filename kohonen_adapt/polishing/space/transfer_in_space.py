@@ -20,17 +20,20 @@ from kohonen_adapt.problem.boundary_terms import corner_values, reduced_regions
 
 __all__ = ["transferred_in_space"]
 
+NEGLIGIBLE = 1e-9  # barycentric coordinate of a corner of which the value is irrelevant
+
 
 def transferred_in_space(
     functional: SolidFunctional, before: MovableSolid, movable: MovableSolid, start_element: Ints
 ) -> TrialFunction:
     """Interpolate the solution of a functional onto the moved mesh.
 
-    Held nodes take the value of the old node at the same position, all others that of the old element around
-    them. Nodes on patches and ridges with Dirichlet values take the linear function, or without one the mean of
-    the surrounding Dirichlet values. Node numbers may differ. `before` is the unmoved mesh of the solution, and
-    `start_element` (n,) is an old element near every node, in a region that touches the node. Offsets and loads are
-    evaluated on the moved mesh.
+    Held nodes take the value of the old node at the same position, all others that of the old element around them.
+    Nodes on patches and ridges with Dirichlet values take the linear function, or without one the mean of the
+    surrounding Dirichlet values. New nodes where no node was on the patch or ridge are Dirichlet nodes, if the nodes
+    around are, because their patch may have Dirichlet values. Node numbers may differ. `before` is the unmoved mesh of
+    the solution, and `start_element` (n,) is an old element near every node, in a region that touches the node. Offsets
+    and loads are evaluated on the moved mesh.
     """
     solution, freedom, old = functional.solution, movable.freedom, before.tetrahedralization
     position, surface = movable.tetrahedralization.position, surface_on(functional, before, movable)
@@ -50,7 +53,8 @@ def transferred_in_space(
     for kind, first in ((ON_PATCH, 0), (ON_RIDGE, functional.patches)):
         rows = np.flatnonzero(freedom.number == kind)
         place = freedom.place[rows] + first
-        fixed[rows] = functional.dirichlet[place]
+        between = np.all(solution.fixed[corners[rows]] | (weights[rows] < NEGLIGIBLE), axis=1)
+        fixed[rows] = functional.dirichlet[place] | (functional.unknown[place] & between)
         rows, place = rows[functional.dirichlet[place]], place[functional.dirichlet[place]]
         weight = weights[rows] * solution.fixed[corners[rows]]
         values[rows] = averages(weight, on_corners[rows], values[rows])
@@ -126,6 +130,9 @@ def carried_modes(
     on_ends = corner_values(at_nodes.values, nodal[1], ends.T, in_reduced)
     mode = quadratic_values(solution, on_corners, found, weights) - on_ends.mean(axis=0)
     dirichlet = np.all(solution.modes.dirichlet[found], axis=1) if solution.modes else np.zeros(len(code), dtype=bool)
+    e, k = np.nonzero((patch >= 0) & np.append(functional.unknown[: functional.patches], False)[patch])
+    on = edge[e[:, None], EDGES_OF_FACES[k]]
+    dirichlet[on] |= np.all(at_nodes.fixed[ends[on]], axis=2)
     for linear in (False, True):
         some = functional.dirichlet[: functional.patches] & (linear != functional.held[: functional.patches])
         e, k = np.nonzero((patch >= 0) & np.append(some, False)[patch])
