@@ -19,13 +19,14 @@ from kohonen_adapt.som.derivatives import highest_derivatives
 
 __all__ = ["hessian_shapes", "indicators_of_shapes", "metric_from_hessian"]
 
-# Exponent of the shape. On perfectly aligned elements the error of values is least with edges in the ratio of the roots
-# of the eigenvalues (1), the error of the gradient with edges in the ratio of the eigenvalues (2; Cao, SIAM J. Numer.
-# Anal. 43, 2005), and on layers between both.
-STRETCH = {"energy": 4.0 / 3.0, "L2": 1.0}
+# Edges that are longer by this ratio have the least error of the gradient on perfectly aligned elements of large ratio
+# by the model of `error_of_shapes`, 1 / y with the root of y^4 (1 + c) = c (2 y^2 + 3). The error of values has none.
+STRETCH = {"energy": 1.37, "L2": 1.0}
 # Weight of the slopes of the interpolant in the error of the gradient. Predictions of errors on layers are within 12 %.
 MISFIT = 0.075
 LARGEST_RATIO = 1e3
+LONGEST = 0.5  # edge, relative to the extent of the mesh; longer elements would leave no nodes for the layers' ends
+ROUNDS = 10  # of the bound of edges, whose size depends on the bound
 ROUNDING = 1e-11  # least part that curvature has in the values of an element, relative to the largest value
 
 
@@ -72,21 +73,22 @@ def metric_from_hessian(
     The error of the gradient on an element with the edges of the matrix C (``J J'`` of determinant 1, for the map J
     from the regular element) is modelled as ``eta^2 ~ |K| tr(Q C)^(k - 1) (tr(Q Q C) + c tr(C^-1) tr(Q C)^2)``, with
     the second derivatives of the function and the slopes of its interpolant (compare Huang, J. Comput. Phys. 204, 2005;
-    Formaggia and Perotto, Numer. Math. 94, 2003; Alauzet and Loseille, CAD 72, 2016). The shape of M is ``Q^(4/3)`` of
-    determinant 1, between Q, the best for values and the shape for the L2 norm, and its square, the best for gradients
-    on perfectly aligned elements. The density is that of `density_from_indicators`, for indicators multiplied by the
+    Formaggia and Perotto, Numer. Math. 94, 2003; Alauzet and Loseille, CAD 72, 2016). The shape of M is Q of
+    determinant 1 for the L2 norm. In the energy norm, edges of the ratio r in Q have the ratio
+    ``r min(r^(1/3), 1.37)`` in M. The density is that of `density_from_indicators`, for indicators multiplied by the
     ratio of the errors of the new shapes and of the present shapes of the elements by this model.
 
-    Metrics are round where derivatives cannot be recovered: in regions with a single layer of elements, or where the
-    values are polynomials of degree k.
+    Long edges are at most half as long as the mesh in a metric of a constant ``M / Q``. Metrics are round where
+    derivatives cannot be recovered: in regions with a single layer of elements, or where the values are polynomials of
+    degree k.
 
     Examples
     --------
     >>> import skfem, kohonen_adapt as ka
     >>> mesh = skfem.MeshTri().refined(3)
-    >>> metric = ka.metric_from_hessian(mesh, 8 * mesh.p[0] ** 2 + mesh.p[1] ** 2)
-    >>> metric.shape, round(float((metric[0, 0, 0] / metric[0, 1, 1]) ** 0.5), 6)  # edges 8^(2/3) times longer in y
-    ((128, 2, 2), 4.0)
+    >>> metric = ka.metric_from_hessian(mesh, 2 * mesh.p[0] ** 2 + mesh.p[1] ** 2)
+    >>> metric.shape, round(float((metric[0, 0, 0] / metric[0, 1, 1]) ** 0.5), 6)  # edges 2^(2/3) times longer in y
+    ((128, 2, 2), 1.587401)
     """
     check_mesh(mesh, curved=True, space=True)
     if isinstance(order, bool) or order not in (1, 2, 3, 4):
@@ -96,7 +98,7 @@ def metric_from_hessian(
     cell, straight = cell_of(mesh), corners_of(mesh)
     function = finite_reals("values", values, {"nvertices": straight.p.shape[1]}, "node")
     curvature = curvatures(mesh, function, order)
-    shapes = shapes_of(curvature, STRETCH[norm])
+    shapes = shapes_of(straight, curvature, STRETCH[norm])
     if indicators is None:
         error = np.sqrt(error_of_shapes(curvature, raised(unpacked(shapes), -1.0), order))
         eta = error * area(straight) ** (0.5 + order / cell.dim)
@@ -108,13 +110,13 @@ def metric_from_hessian(
 
 def hessian_shapes(mesh: Mesh, values: Floats, order: int, norm: str = "energy") -> Floats:
     """Return shapes of elements, rows as in `mesh/shapes.py`."""
-    return shapes_of(curvatures(mesh, values, order), STRETCH[norm])
+    return shapes_of(corners_of(mesh), curvatures(mesh, values, order), STRETCH[norm])
 
 
 def indicators_of_shapes(mesh: Mesh, indicators: Floats, shapes: Floats, order: int, norm: str = "energy") -> Floats:
     """Return the indicators of elements of the same sizes with other shapes."""
     metric = unpacked(shapes)
-    curvature = raised(metric, 1.0 / STRETCH[norm])
+    curvature = unstretched(metric, STRETCH[norm])
     new = error_of_shapes(curvature, mean_edges(mesh, raised(metric, -1.0)), order)
     old = error_of_shapes(curvature, mean_edges(mesh, edges_of(mesh)), order)
     return indicators * np.sqrt(new / old)
@@ -167,12 +169,41 @@ def means_around(mesh: Mesh, region: Ints, tensors: Floats, found: Mask) -> Floa
     return unpacked(np.transpose(sums) / np.where(weight > 0.0, weight, 1.0)[:, None])
 
 
-def shapes_of(curvature: Floats, stretch: float) -> Floats:
+def shapes_of(mesh: Mesh, curvature: Floats, stretch: float) -> Floats:
     values, vectors = np.linalg.eigh(curvature)
-    values[values[:, -1] <= 0.0] = 1.0
-    values = np.maximum(values / values[:, -1:], LARGEST_RATIO ** (-2.0 / stretch)) ** stretch
-    values /= np.prod(values, axis=1, keepdims=True) ** (1.0 / values.shape[1])
-    return packed((vectors * values[:, None]) @ np.swapaxes(vectors, 1, 2))
+    ratio = ratios_of_bounded_edges(mesh, np.maximum(values, 0.0))
+    return packed(shapes_along(vectors, ratio * np.maximum(np.cbrt(ratio), stretch**-2)))
+
+
+def unstretched(shapes: Floats, stretch: float) -> Floats:
+    values, vectors = np.linalg.eigh(shapes)
+    ratio = values / values[:, -1:]
+    return shapes_along(vectors, np.minimum(ratio**0.75, ratio * stretch**2))
+
+
+def shapes_along(vectors: Floats, values: Floats) -> Floats:
+    values = values / np.prod(values, axis=1, keepdims=True) ** (1.0 / values.shape[1])
+    return (vectors * values[:, None]) @ np.swapaxes(vectors, 1, 2)
+
+
+def ratios_of_bounded_edges(mesh: Mesh, values: Floats) -> Floats:
+    # Eigenvalues relative to the largest, raised to the value at which edges are as long as the bound in a metric of as
+    # many nodes as the mesh has. The metric depends on the bound in turn.
+    sizes, dim, largest = area(mesh), values.shape[1], values[:, -1:]
+    longest, count = LONGEST * extent(mesh, sizes), cell_of(mesh).size_per_node * mesh.nvertices
+    bounded = np.repeat(largest, dim, axis=1)
+    for _ in range(ROUNDS):
+        scale = (sizes @ np.sqrt(np.prod(bounded, axis=1)) / count) ** (2.0 / dim)
+        bounded = np.maximum(values, np.minimum(scale / longest**2, largest))
+    return np.where(largest > 0.0, np.maximum(bounded / np.where(largest > 0.0, largest, 1.0), LARGEST_RATIO**-2), 1.0)
+
+
+def extent(mesh: Mesh, sizes: Floats) -> Floats:
+    # length of a box with the same largest moment of inertia
+    centroid = mesh.p[:, mesh.t].mean(axis=1)
+    weight = sizes / sizes.sum()
+    offset = centroid - (centroid @ weight)[:, None]
+    return np.sqrt(12.0 * np.linalg.eigvalsh((weight * offset) @ offset.T)[-1])
 
 
 def raised(tensors: Floats, exponent: float) -> Floats:
