@@ -12,11 +12,14 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints, Mask, padded
 from kohonen_adapt.checks import check_state, listed
 from kohonen_adapt.mesh.names import named_sets
-from kohonen_adapt.mesh.shapes import round_shapes
+from kohonen_adapt.mesh.shapes import are_round, round_shapes
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["Movable", "Recycled", "Work", "arrays_of", "names_beside", "shown", "unchanged"]
+
+
+POLISH_FLOOR = 0.1  # least Euclidean quality that the polish may leave in a metric with min_quality="auto"
 
 
 class Movable(ABC):
@@ -91,8 +94,10 @@ class Movable(ABC):
         return self.least if self.in_metric else self.floor
 
     @property
-    def floor_of_map(self) -> float:
-        return self.euclidean_floor
+    def polish_floor(self) -> float:
+        # The energy stretches elements of a metric further than pays off on the next mesh: `python -m benchmarks
+        # anisotropy` has the errors.
+        return min(self.floor, max(self.least, POLISH_FLOOR)) if self.in_metric else self.floor
 
     @property
     def relief(self) -> float:
@@ -119,6 +124,8 @@ class Movable(ABC):
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         self.check_state(state)
         self.set_arrays({name: state[name].copy() for name in self.state_names})
+        if "shape" in self.state_names:
+            self.in_metric = not are_round(self.shape)
 
     def check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         n, m = len(state.get("position", ())), len(state.get(self.by_element[0], ()))

@@ -85,6 +85,7 @@ def adapt(
     checkpoint: str | PathLike[str] | None = None,
     max_nodes: int | None = None,
     goal_rtol: float | None = None,
+    anisotropic: bool | str = "auto",
 ) -> AdaptResult:
     """Adapt a mesh to a problem until the error is within a tolerance.
 
@@ -99,7 +100,7 @@ def adapt(
     - accuracy: `passes`, `rtol`, `atol`, `output_rtol`, `goal_rtol`, `polish`
     - number of nodes: `target_nodes`, `max_nodes`
     - positions of nodes: `pinned`, `curves`, `surfaces`, `periodic`, `layers`, `topology`, `min_quality`, `schedule`,
-      `seed`
+      `anisotropic`, `seed`
     - records and display: `outputs`, `callback`, `progress`, `interim`, `checkpoint`
 
     Parameters
@@ -180,6 +181,10 @@ def adapt(
     goal_rtol
         Relative tolerance of the goal of the problem. The loop stops if its ``goal_error`` is at most this fraction of
         its value.
+    anisotropic
+        True to give elements the directions of the solution, by the metric of `metric_from_hessian` or of the method
+        ``metric`` of the problem. ``"auto"`` does so if the values of the solution are known, and not with
+        ``topology="fixed"``. False gives elements the same length in all directions before the polish.
     max_nodes
         Largest number of nodes that a tolerance leads to, by default 200 000.
 
@@ -226,7 +231,7 @@ def adapt(
     checked = check_outputs(outputs, output_rtol)
     if stop.max_nodes is not None:
         problem = aimed(problem, checked, stop.of_result)
-    settings = Settings(rules, schedule, seed, polish, constant, checked, stop.of_result)
+    settings = Settings(rules, schedule, seed, polish, constant, checked, anisotropic, stop.of_result)
     return run(mesh, problem, stop, settings, target_nodes, checkpoint, interim, Steps(progress))
 
 

@@ -2,9 +2,9 @@
 
 import logging
 
+from numpy.typing import ArrayLike
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats
 from kohonen_adapt.geometry.held_nodes import reasons_in_plane, reasons_in_space
 from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.plane.arcs import possible_arcs
@@ -60,6 +60,7 @@ def opened_in_plane(mesh: Mesh, rules: Rules, curved: bool | None) -> MovableMes
 
 class PlaneMethod(Method):
     dim = TRIANGLE.dim
+    takes_metric = True
     passes_by_density = 3
     transfer_kernels = ("carrying",)
     open = staticmethod(opened_in_plane)
@@ -83,7 +84,7 @@ class PlaneMethod(Method):
     def move(
         self,
         movable: MovableMesh,
-        density: Floats,
+        density: ArrayLike,
         functional: Functional | None,
         estimate: float,
         settings: Settings,
@@ -110,6 +111,7 @@ class PlaneMethod(Method):
 
 class SpaceMethod(Method):
     dim = TETRAHEDRON.dim
+    takes_metric = False
     passes_by_density = 2
     transfer_kernels = ("space carrying",)
     open = staticmethod(MovableSolid.of)
@@ -137,7 +139,7 @@ class SpaceMethod(Method):
     def move(
         self,
         movable: MovableSolid,
-        density: Floats,
+        density: ArrayLike,
         functional: SolidFunctional | None,
         estimate: float,
         settings: Settings,

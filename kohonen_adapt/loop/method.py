@@ -38,6 +38,7 @@ class Method(ABC):
     # pass to positions from which the energy removes them again. For the measured optimum run
     # `python -m benchmarks space-passes`.
     passes_by_density: ClassVar[int]
+    takes_metric: ClassVar[bool]
 
     @abstractmethod
     def open(self, mesh: Mesh, rules: Rules, curved: bool | None) -> Any:
@@ -70,7 +71,7 @@ class Method(ABC):
     def move(
         self,
         movable: Any,
-        density: Floats,
+        density: ArrayLike,
         functional: Any,
         estimate: float,
         settings: Settings,
@@ -78,13 +79,13 @@ class Method(ABC):
         nodes: int,
         recycles: bool,
     ) -> Moved[Any]:
-        """Relocate to a density (nelements,) in pass `number`, with `nodes` nodes.
+        """Relocate to a density or to tensors in pass `number`, with `nodes` nodes.
 
         Nodes are exchanged only if the pass `recycles`.
         """
 
     @abstractmethod
-    def split(self, movable: Any, density: Floats, nodes: int) -> Moved[Any]: ...
+    def split(self, movable: Any, density: ArrayLike, nodes: int) -> Moved[Any]: ...
 
     @abstractmethod
     def functional(self, ritz: Ritz, movable: Any, mesh: Mesh) -> Any:

@@ -61,6 +61,7 @@ class Settings:
     polish: bool
     growth: NodeCounts = field(metadata={"argument": "target_nodes"})
     outputs: Mapping[str, Output]
+    anisotropic: bool | str = "auto"
     tolerance: "Tolerance" = field(default_factory=lambda: Tolerance(), metadata=ONLY_ENDS)
 
     def __post_init__(self) -> None:
@@ -69,6 +70,8 @@ class Settings:
             raise ValueError(
                 f"polish must be True or False; got {self.polish!r}. kohonen_adapt.polish polishes without a map."
             )
+        if not isinstance(self.anisotropic, bool | np.bool_) and self.anisotropic != "auto":
+            raise ValueError(f"anisotropic must be 'auto', True or False; got {self.anisotropic!r}.")
 
     def rng(self, number: int) -> np.random.Generator:
         return np.random.default_rng(int(np.random.SeedSequence((self.seed, number)).generate_state(1)[0]))

@@ -13,6 +13,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.loop.directions import wanted_of
 from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass, Steps, text_of
@@ -44,11 +45,9 @@ from kohonen_adapt.problem.protocol import (
     goal_unit_of,
     is_calibrated,
     norm_of,
-    order_of,
 )
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.uncertain import Uncertain, doubts_of, error_of, shifted
-from kohonen_adapt.som.density import equidistributing
 from kohonen_adapt.som.relocation_record import Moved
 
 __all__ = ["UNSOLVED", "Adaptation", "Solved", "functional_of", "root_of_squares"]
@@ -215,11 +214,10 @@ class Adaptation:
 
     def relocate(self, solved: Solved, by_energy: bool) -> Moved[Any]:
         with self.steps("relocate"):
-            record, order, norm = solved.record, order_of(self.problem), norm_of(self.problem)
-            density = equidistributing(record.mesh, record.indicators, order, norm)
-            settings, number = self.settings, self.steps.number
-            estimate, functional = root_of_squares(record.indicators), solved.functional
+            settings, number, functional = self.settings, self.steps.number, solved.functional
             ritz = None if functional is None else functional.ritz
+            wanted = wanted_of(self.problem, solved.record, solved.solution, ritz, self.anisotropic(by_energy))
+            record, density, estimate = wanted.record, wanted.density, root_of_squares(solved.record.indicators)
             # on a surface that holds its nodes in the polish only a density adds nodes
             steers = ritz is not None and not ritz.shapes_only and ritz.surface is None
             exchanges_by_energy = by_energy or (steers and number > self.method.passes_by_density)
@@ -232,6 +230,12 @@ class Adaptation:
             else:
                 moved = self.method.move(self.movable, density, functional, estimate, settings, number, nodes, recycles)
             return moved if held is None else replace(moved, held_in_polish=int(held.sum()))
+
+    def anisotropic(self, by_energy: bool) -> bool | str:
+        # Elements whose edges stay cannot turn. After a pass that was worse the energy alone moves nodes.
+        can_turn = self.method.takes_metric and self.settings.rules.topology != "fixed"
+        given = self.settings.anisotropic
+        return False if by_energy or (given == "auto" and not can_turn) else given
 
     def polish(self, solved: Solved, moved: Moved[Any]) -> tuple[Moved[Any], float]:
         with self.steps("polish"):

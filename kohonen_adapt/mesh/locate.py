@@ -104,9 +104,15 @@ class Locator:
         return found
 
     def barycentric_coordinates(self, points: Floats, found: Ints) -> Floats:
-        out = np.empty((len(points), points.shape[1] + 1))
-        self.search.kernels.barycentric(self.position, self.elements.node, points, found, out)
-        return out
+        return barycentric_coordinates(self.position, self.elements.node, points, found)
+
+
+def barycentric_coordinates(position: Floats, node: Ints, points: Floats, found: Ints) -> Floats:
+    # (n, dim + 1), of points (n, dim) in the elements `found`
+    out = np.empty((len(points), points.shape[1] + 1))
+    kind = Triangulation if points.shape[1] == 2 else Tetrahedralization
+    SEARCHES[kind].kernels.barycentric(position, node, points, found, out)
+    return out
 
 
 def walk_to_elements(

@@ -120,7 +120,7 @@ class Stars(NamedTuple):
         lengths = (np.hypot(*np.stack(self.sides(place)).T) for place in (x, before))
         new, old = lengths
         too_long = np.any((new > self.reach) & (new > old), axis=1)
-        valid = (after > FLAT) & (after >= np.minimum(self.movable.euclidean_floor, now))
+        valid = (after > FLAT) & (after >= np.minimum(self.movable.polish_floor, now))
         return valid & (self.totals(too_long.astype(float)) == 0.0)
 
     def evaluated(self, parameter: Floats) -> tuple[Floats, Floats, list[Floats]]:

@@ -235,9 +235,9 @@ class Functional:
         mesh = KernelMesh(mesh.position, mesh.elements, movable.triangulation.star, mesh.constraints)
         trials = self.trials(movable.triangulation, trial)
         if trial.affine:
-            return Linear(mesh, trials, movable.euclidean_floor)
+            return Linear(mesh, trials, movable.polish_floor)
         shapes = shapes_of(self.ritz, movable.midside_offsets(), len(mesh.elements.node))
-        return Higher(mesh, trials, movable.euclidean_floor, trial.all_modes, self.reference, *shapes)
+        return Higher(mesh, trials, movable.polish_floor, trial.all_modes, self.reference, *shapes)
 
     def trial(self, triangulation: Triangulation, values: Floats, fixed: Mask) -> Trial:
         law, nonlinear = self.law[triangulation.elements.region], np.zeros(len(values), dtype=np.bool_)

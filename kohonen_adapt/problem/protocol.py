@@ -57,6 +57,7 @@ METHODS = {
     "singular_nodes": "mesh, solution",
     "corner_exponents": "mesh",
     "aimed_at": "output",
+    "metric": "mesh, solution",
 }
 
 OF_PASSES = 2  # order of the passes before a higher order; the polish of order 2 takes the least time to an error
@@ -109,6 +110,8 @@ class Problem(Protocol):
     ``singular_nodes(mesh, solution)``            numbers of the nodes that get layers; default: from ``ritz``
     ``corner_exponents(mesh)``                    exponents of the solution by number of the corner, a mapping; messages
                                                   name those below 0.35; default: from ``ritz``
+    ``metric(mesh, solution)``                    tensors (nelements, d, d) for the directions of elements, as from
+                                                  `metric_from_hessian`; default: from the values of the solution
     ``goal(solution)``                            value of a goal, a float, see below
     ``goal_error(solution)``                      estimated signed error of the goal, a float, see below
     ``goal_unit = ""``                            unit of the goal

@@ -1,5 +1,7 @@
 """Metric of a mesh from recovered derivatives and error indicators."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 from skfem import Mesh
@@ -17,7 +19,7 @@ from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.som.density import equidistributing, per_element
 from kohonen_adapt.som.derivatives import highest_derivatives
 
-__all__ = ["hessian_shapes", "indicators_of_shapes", "metric_from_hessian"]
+__all__ = ["hessian_shapes", "indicators_of_shapes", "metric_from_hessian", "metric_of_shapes"]
 
 # Edges that are longer by this ratio have the least error of the gradient on perfectly aligned elements of large ratio
 # by the model of `error_of_shapes`, 1 / y with the root of y^4 (1 + c) = c (2 y^2 + 3). The error of values has none.
@@ -97,20 +99,27 @@ def metric_from_hessian(
         raise ValueError(f"norm must be 'energy' or 'L2'; got {norm!r}.")
     cell, straight = cell_of(mesh), corners_of(mesh)
     function = finite_reals("values", values, {"nvertices": straight.p.shape[1]}, "node")
-    curvature = curvatures(mesh, function, order)
+    curvature = curvatures(mesh, [function], order)
     shapes = shapes_of(straight, curvature, STRETCH[norm])
     if indicators is None:
         error = np.sqrt(error_of_shapes(curvature, raised(unpacked(shapes), -1.0), order))
         eta = error * area(straight) ** (0.5 + order / cell.dim)
     else:
         eta = indicators_of_shapes(mesh, per_element(mesh.nelements, indicators, "indicators"), shapes, order, norm)
-    density = equidistributing(straight, eta, order, norm)
+    return metric_of_shapes(mesh, shapes, equidistributing(straight, eta, order, norm))
+
+
+def metric_of_shapes(mesh: Mesh, shapes: Floats, density: Floats) -> Floats:
+    cell = cell_of(mesh)
     return unpacked(shapes) * (cell.size_per_node * density)[:, None, None] ** (2.0 / cell.dim)
 
 
-def hessian_shapes(mesh: Mesh, values: Floats, order: int, norm: str = "energy") -> Floats:
-    """Return shapes of elements, rows as in `mesh/shapes.py`."""
-    return shapes_of(corners_of(mesh), curvatures(mesh, values, order), STRETCH[norm])
+def hessian_shapes(mesh: Mesh, functions: Sequence[Floats], order: int, norm: str = "energy") -> Floats:
+    """Return shapes of elements for functions whose squared errors add up.
+
+    Every function is given by its values at the vertices, (nvertices,). The rows are as in `mesh/shapes.py`.
+    """
+    return shapes_of(corners_of(mesh), curvatures(mesh, functions, order), STRETCH[norm])
 
 
 def indicators_of_shapes(mesh: Mesh, indicators: Floats, shapes: Floats, order: int, norm: str = "energy") -> Floats:
@@ -149,14 +158,17 @@ def offsets(mesh: Mesh) -> Floats:
     return np.ascontiguousarray((corners - corners.mean(axis=1, keepdims=True)).T)
 
 
-def curvatures(mesh: Mesh, values: Floats, order: int) -> Floats:
+def curvatures(mesh: Mesh, functions: Sequence[Floats], order: int) -> Floats:
     """Return the tensors Q of `metric_from_hessian`, zero if not recovered."""
     body = (Tetrahedralization if cell_of(mesh) is TETRAHEDRON else Triangulation).of(mesh)
-    largest = np.abs(values).max()
-    scaled = np.ldexp(values, -np.frexp(largest)[1])
-    derivatives, found = highest_derivatives(body.mesh, body.region_of_input, scaled, order + 1)
-    rows = derivatives.reshape(mesh.nelements, -1, derivatives.shape[-1])
-    curvature = raised(np.swapaxes(rows, 1, 2) @ rows, 1.0 / (order + 1))
+    exponent = np.frexp(max(np.abs(values).max() for values in functions))[1]
+    squares = np.zeros((mesh.nelements, mesh.dim(), mesh.dim()))
+    for values in functions:
+        scaled = np.ldexp(values, -exponent)
+        derivatives, found = highest_derivatives(body.mesh, body.region_of_input, scaled, order + 1)
+        rows = derivatives.reshape(mesh.nelements, -1, derivatives.shape[-1])
+        squares += np.swapaxes(rows, 1, 2) @ rows
+    curvature = raised(squares, 1.0 / (order + 1))
     offset = offsets(body.mesh)
     part = np.sum((offset @ curvature) * offset, axis=(1, 2))
     curvature[part ** (0.5 * (order + 1)) < ROUNDING] = 0.0

@@ -35,6 +35,9 @@ __all__ = ["RATIO", "recycle_nodes", "recycle_pairs", "starts_of"]
 
 RATIO = 2.2  # ratio of the longest to the shortest edge in the metric; below 2, splits and collapses alternate forever
 ROUNDS = 2  # number of rounds: a forbidden collapse may be allowed after changes nearby
+TURNS = 4  # rounds of splits and collapses apart, in a metric
+FEW_MISFITS = 0.1  # fraction of edges of another length than desired, up to which no turn follows
+BETTER = 0.8  # a turn that leaves more of this fraction is the last
 SETTLED = 0.01  # fraction of nodes: a round with fewer splits is the last
 SPARE = 8  # spare rows of nodes for every facet of a pair
 SPLITS = 100_000  # splits per compiled call, so that Ctrl-C takes effect within half a second
@@ -58,12 +61,20 @@ def recycle_nodes(
     if movable.constraints.chains.paired.any():
         row, density, done = recycled_pairs(movable, density, target, pairs, done)
         longest = None if longest is None else np.where(row >= 0, longest[row], 0.0)
-    missing = target - movable.nnodes
-    surgery = Surgery.on(movable, density, max(target, movable.nnodes), done, movable.relief)
+    missing, turns = target - movable.nnodes, TURNS if pairs and movable.in_metric else 0
+    most = max(target, movable.nnodes) + (surplus(target) if turns else 0)
+    surgery = Surgery.on(movable, density, most, done, movable.relief)
     if longest is not None:
         limits = surgery.mesh.origins.longest[: movable.nnodes]
         np.maximum(limits, longest, out=limits)
     splits, collapses = exchange(surgery.mesh, movable.floor, missing, RATIO if pairs else np.inf)
+    before = np.inf
+    for _ in range(turns):
+        now = misfits(surgery.mesh, target)
+        if now < FEW_MISFITS or now > BETTER * before:
+            break
+        more, fewer = turn(surgery.mesh, movable.floor, surplus(target))
+        splits, collapses, before = splits + more, collapses + fewer, now
     if not splits and not collapses:
         return done
     rows, _ = surgery.write_back(movable, renumbered=pairs)
@@ -105,6 +116,27 @@ def exchange(mesh: OpenMesh, floor: float, missing: int, ratio: float) -> tuple[
         if splits - at_first <= SETTLED * len(mesh.position):
             break
     return splits, collapses
+
+
+def turn(mesh: OpenMesh, floor: float, surplus: int) -> tuple[int, int]:
+    # Split first and collapse then: no pair can be exchanged where all edges of one direction are too long and all of
+    # another too short.
+    added, _ = exchange(mesh, floor, surplus, np.inf)
+    _, removed = exchange(mesh, floor, -added, np.inf)
+    more, fewer = exchange(mesh, floor, 0, RATIO)
+    return added + more, removed + fewer
+
+
+def surplus(target: int) -> int:
+    return target // 2
+
+
+def misfits(mesh: OpenMesh, target: int) -> float:
+    # fraction of edges whose squared length differs from the desired one by more than `RATIO`
+    node = mesh.elements.node[mesh.elements.node[:, 0] >= 0]
+    a, b = node, np.roll(node, 1, axis=1)
+    length = squared_lengths(mesh, a, b) / desired_length(mesh, target)
+    return float(np.mean((length > RATIO) | (length < 1.0 / RATIO)))
 
 
 def starts_of(before: Triangulation, recycled: Recycled) -> Ints:
@@ -198,11 +230,15 @@ def facets_along(mesh: OpenMesh, c: int) -> tuple[Ints, Ints, Ints]:
 
 
 def lengths(mesh: OpenMesh, facets: Facets) -> Floats:
-    chord = mesh.position[facets.start] - mesh.position[facets.end]
+    return squared_lengths(mesh, facets.start, facets.end).max(axis=1)
+
+
+def squared_lengths(mesh: OpenMesh, start: Ints, end: Ints) -> Floats:
+    chord = mesh.position[start] - mesh.position[end]
     density, shape = mesh.origins.density, mesh.metric.shape
-    xx, xy, yy = np.moveaxis(0.5 * (shape[facets.start] + shape[facets.end]), 2, 0)
+    xx, xy, yy = np.moveaxis(0.5 * (shape[start] + shape[end]), -1, 0)
     squared = xx * chord[..., 0] ** 2 + yy * chord[..., 1] ** 2 + 2.0 * xy * chord[..., 0] * chord[..., 1]
-    return (squared * np.sqrt(density[facets.start] * density[facets.end])).max(axis=1)
+    return squared * np.sqrt(density[start] * density[end])
 
 
 def collapse_short(mesh: OpenMesh, facets: Facets, least: float, longest: float, floor: float) -> int:

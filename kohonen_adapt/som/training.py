@@ -128,6 +128,7 @@ class Trainer:
         for number in range(sweeps):
             if number % density.lasting == 0:
                 weight = density.squares(movable.triangulation)
+                movable.measure_by(density.shapes_now(movable.triangulation))
             self.sweep(weight, movable.flips)
             self._flip()
         movable.project_nodes()
@@ -157,14 +158,14 @@ class Trainer:
 
     def _valid_stars(self) -> Mask:
         is_valid = np.empty(self.movable.nnodes, dtype=np.bool_)
-        arrays = self.neurons.position, self.neurons.star, self.movable.floor_of_map
+        arrays = self.neurons.position, self.neurons.star, self.movable.floor
         cuts = even_cuts(len(is_valid), FEW)
         shared(lambda thread, first, last: self.method.mark_valid(*arrays, first, last, is_valid), cuts)
         return is_valid
 
     def sweep(self, weight: Floats, circumcentres: bool) -> None:
         movable = self._triangles("sweeps")
-        mesh, shape, floor = movable.kernel_mesh(), movable.shape, movable.euclidean_floor
+        mesh, shape, floor = movable.kernel_mesh(), movable.shape, movable.floor
         parts = parts_for(movable.nnodes, 1, self.method.cell.dim)
         interior = self._interior_nodes(parts, 1)
 
@@ -223,7 +224,7 @@ class Trainer:
         return np.append(cuts[: tiles + 1 : tiles // parts], cuts[-1]), order
 
     def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Ints, is_valid: Mask, cuts: Ints) -> None:
-        floor, strength = self.movable.floor_of_map, stage.strength()
+        floor, strength = self.movable.floor, stage.strength()
 
         def task(thread: int, first: int, last: int) -> tuple[int, int]:
             part, ends = slice(first, last), np.empty(stage.radius + 2, dtype=np.int64)

@@ -1,6 +1,7 @@
 """Densities of nodes, and training points drawn from them."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import factorial
 from typing import NamedTuple
 
@@ -19,8 +20,8 @@ from kohonen_adapt.kernels.triangle.smooth import (
     multiply_factors,
     update_factors,
 )
-from kohonen_adapt.mesh.locate import walk_to_elements
-from kohonen_adapt.mesh.shapes import shapes_at_nodes
+from kohonen_adapt.mesh.locate import barycentric_coordinates, walk_to_elements
+from kohonen_adapt.mesh.shapes import logarithms, mean_shapes, shapes_at_nodes
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.som.density import parts_of, per_element, values_at, without_zeros
@@ -74,6 +75,7 @@ class OfElements:
 
     masses: Floats
     shape: Floats | None = None
+    _near: Ints
 
     def __init__(self, mesh: Triangulation | Tetrahedralization) -> None:
         self.position, self.elements = mesh.position.copy(), mesh.elements
@@ -84,9 +86,17 @@ class OfElements:
         self.sizes = self.method.cell.determinant(corners) / factorial(self.method.cell.dim)
         self._order = along_curve(mesh.centroids()).astype(np.int32)
 
-    def shapes_at_nodes(self) -> Floats | None:
-        node = self.elements.node
-        return None if self.shape is None else shapes_at_nodes(node, self.shape, self.sizes, int(node.max()) + 1)
+    def shapes_now(self, mesh: Triangulation | Tetrahedralization, near: Ints | None = None) -> Floats | None:
+        # at the nodes of a mesh, each `near` an element of the mesh of the density, or near the element found before
+        if self.shape is None:
+            return None
+        base = replace(mesh, position=self.position, elements=self.elements)  # type: ignore[arg-type]
+        self._near = walk_to_elements(base, mesh.position, self._near if near is None else near, across_regions=True)
+        share = barycentric_coordinates(self.position, self.elements.node, mesh.position, self._near)
+        share = np.maximum(share, 0.0)
+        logs = logarithms(shapes_at_nodes(self.elements.node, self.shape, self.sizes, len(self.position)))
+        mean = np.einsum("nk,nki->ni", share, logs[self.elements.node[self._near]])
+        return mean_shapes(mean / share.sum(axis=1, keepdims=True))
 
     def at_nodes(self) -> Floats:
         node, values = self.elements.node, self.masses / self.sizes
@@ -110,7 +120,10 @@ class ElementSource(OfElements):
 
 
 class ElementDensity(ElementSource):
-    lasting = 4  # sweeps with the same squares: in so few the density at a node changes little
+    @property
+    def lasting(self) -> int:
+        # sweeps with the same squares: in so few the density at a node changes little, except across a thin layer
+        return 4 if self.shape is None else 1
 
     def __init__(self, triangulation: Triangulation, values: Floats) -> None:
         super().__init__(triangulation, values)

@@ -102,7 +102,8 @@ class MovableMesh(Movable):
 
     def kernel_mesh(self) -> KernelMesh:
         tri = self.triangulation
-        return KernelMesh(tri.position, tri.elements, tri.star, self.constraints)
+        constraints = self.constraints._replace(metric=Metric(self.shape, self.relief))
+        return KernelMesh(tri.position, tri.elements, tri.star, constraints)
 
     def mesh(self, least: float = MIN_JACOBIAN) -> MeshTri:
         return self._with_offsets(self.midside_offsets(least))

@@ -245,10 +245,6 @@ class MovableSolid(Movable):
         return f"one without a name, with a face near ({', '.join(f'{place:.4g}' for place in x)})"
 
     @property
-    def floor_of_map(self) -> float:
-        return self.floor  # relieved by the kernels
-
-    @property
     def held_nodes(self) -> Mask:
         return self.freedom.number == HELD
 

@@ -135,6 +135,7 @@ class Constraints(NamedTuple):
     inner: np.ndarray  # (n,) bool: in the interior of a region, with all neighbours in the closed region
     chains: Chains
     periodic: PeriodicPairs
+    metric: Metric = Metric(np.zeros((0, 3)), 1.0)  # of the map; Euclidean in the polish
 
     @property
     def own_chain(self) -> np.ndarray:

@@ -32,7 +32,7 @@ from kohonen_adapt.kernels.triangle.arrays import (
     STRAIGHT,
     TABLED,
 )
-from kohonen_adapt.kernels.triangle.geometry import may_move
+from kohonen_adapt.kernels.triangle.guard import may_move
 
 BISECTIONS = 45  # of a span between knots, one bit of the nearest point each
 
@@ -288,7 +288,7 @@ def slide(mesh, v, parameter, floor):
     x, y = point_at(constraints.chains, chain, parameter)
     if not within_reach(mesh, chain, v, x, y):
         return BY_REACH
-    if not may_move(position, mesh.star, v, x, y, floor):
+    if not may_move(position, mesh.star, constraints.metric, v, x, y, floor):
         return BY_QUALITY
     position[v, 0], position[v, 1], constraints.parameter[v] = x, y, parameter
     return MOVED
@@ -304,7 +304,7 @@ def slide_pair(mesh, v, parameter, floor):
     if cause != MOVED:
         return cause
     x, y = point_at(constraints.chains, np.int64(constraints.chain[w, OWN]), parameter)
-    if not may_move(position, mesh.star, w, x, y, floor):
+    if not may_move(position, mesh.star, constraints.metric, w, x, y, floor):
         position[v, 0], position[v, 1], constraints.parameter[v] = before_x, before_y, before
         return BY_QUALITY
     position[w, 0], position[w, 1], constraints.parameter[w] = x, y, parameter

@@ -18,7 +18,8 @@ from kohonen_adapt.kernels.triangle.chains import (
     slide,
     slide_pair,
 )
-from kohonen_adapt.kernels.triangle.geometry import corner_of, may_move
+from kohonen_adapt.kernels.triangle.geometry import corner_of
+from kohonen_adapt.kernels.triangle.guard import may_move
 from kohonen_adapt.kernels.triangle.locate import (
     STRETCH,
     TOLERANCE,
@@ -185,7 +186,7 @@ def sweep(mesh, shape, weight, circumcentres, floor, order, interior, which):
             continue
         x, y, mass = centre_mean(position, star, shape, weight, circumcentres, v)
         if constraints.kind[v] == FREE:
-            by_quality += not step_towards(position, star, v, x, y, floor)
+            by_quality += not step_towards(position, star, constraints.metric, v, x, y, floor)
             continue
         chains, chain, parameter = constraints.chains, np.int64(constraints.chain[v, OWN]), constraints.parameter[v]
         distance = signed_distance(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
@@ -245,10 +246,10 @@ def slide_along_chain(mesh, v, distance, floor):
 
 
 @inner_kernel
-def step_towards(position, star, v, x, y, floor):
+def step_towards(position, star, metric, v, x, y, floor):
     dx, dy = RELAXATION * (x - position[v, 0]), RELAXATION * (y - position[v, 1])
     for _ in range(HALVINGS + 1):
-        if may_move(position, star, v, position[v, 0] + dx, position[v, 1] + dy, floor):
+        if may_move(position, star, metric, v, position[v, 0] + dx, position[v, 1] + dy, floor):
             position[v, 0] += dx
             position[v, 1] += dy
             return True

@@ -21,7 +21,8 @@ from kohonen_adapt.kernels.triangle.chains import (
     slide_pair,
     within_reach,
 )
-from kohonen_adapt.kernels.triangle.geometry import allowed, corner_of, may_move, star_tolerable, worst_in_star
+from kohonen_adapt.kernels.triangle.geometry import allowed, corner_of
+from kohonen_adapt.kernels.triangle.guard import may_move, star_tolerable, worst_around
 from kohonen_adapt.kernels.triangle.locate import next_stamp
 
 
@@ -59,7 +60,7 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
     position, star, constraints = mesh.position, mesh.star, mesh.constraints
     points, region, weights, winners = lesson.points, lesson.region, lesson.weights, lesson.winners
     strength, rings = lesson.strength, lesson.ends
-    kind, chains = constraints.kind, constraints.chains
+    kind, chains, metric = constraints.kind, constraints.chains, constraints.metric
     queue, stamps, radius, parameter = scratch.queue, scratch.node_stamp, strength.shape[0] - 1, 0.0
     by_quality, by_reach = 0, 0
     periodic, rings[0] = constraints.periodic.motions.shape[0] > 0, 0
@@ -95,8 +96,8 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
                     elif ring == 0 and constraints.chain[v, OWN] == JUNCTION:  # winners only, or junctions would drift
                         jump_at_junction(mesh, v, x[0], x[1], step, floor)
                     continue
-                if star_tolerable(position, star, v, new_x, new_y, floor) or (
-                    not is_valid[v] and may_move(position, star, v, new_x, new_y, floor)
+                if star_tolerable(position, star, metric, v, new_x, new_y, floor) or (
+                    not is_valid[v] and may_move(position, star, metric, v, new_x, new_y, floor)
                 ):
                     position[v, 0], position[v, 1] = new_x, new_y
                     if kind[v] == SLIDING:
@@ -168,7 +169,7 @@ def move_to_image(mesh, v, x, y, step, floor):
     chain = np.int64(constraints.chain[v, OWN])
     if constraints.kind[v] == FREE:
         new_x, new_y = position[v, 0] + step * (x - position[v, 0]), position[v, 1] + step * (y - position[v, 1])
-        if may_move(position, mesh.star, v, new_x, new_y, floor):
+        if may_move(position, mesh.star, constraints.metric, v, new_x, new_y, floor):
             position[v, 0], position[v, 1] = new_x, new_y
     elif constraints.kind[v] == SLIDING and not constraints.chains.flags[chain, PAIRED]:
         slide(mesh, v, stepped_parameter(constraints, chain, v, x, y, step), floor)
@@ -296,12 +297,12 @@ def chain_of_edge(elements, e, v):
 
 @inner_kernel
 def swap_nodes(position, star, constraints, v, next_node, onto, parameter, floor):
-    before = worst_of_two(position, star, v, next_node)
+    before = worst_of_two(position, star, constraints.metric, v, next_node)
     corner_x, corner_y = position[v, 0], position[v, 1]
     next_x, next_y = position[next_node, 0], position[next_node, 1]
     position[v, 0], position[v, 1] = point_at(constraints.chains, onto, parameter)
     position[next_node, 0], position[next_node, 1] = corner_x, corner_y
-    if allowed(worst_of_two(position, star, v, next_node), before, floor):
+    if allowed(worst_of_two(position, star, constraints.metric, v, next_node), before, floor):
         return True
     position[v, 0], position[v, 1] = corner_x, corner_y
     position[next_node, 0], position[next_node, 1] = next_x, next_y
@@ -309,10 +310,10 @@ def swap_nodes(position, star, constraints, v, next_node, onto, parameter, floor
 
 
 @inner_kernel
-def worst_of_two(position, star, v, w):
+def worst_of_two(position, star, metric, v, w):
     return min(
-        worst_in_star(position, star, v, position[v, 0], position[v, 1]),
-        worst_in_star(position, star, w, position[w, 0], position[w, 1]),
+        worst_around(position, star, metric, v, position[v, 0], position[v, 1]),
+        worst_around(position, star, metric, w, position[w, 0], position[w, 1]),
     )
 
 

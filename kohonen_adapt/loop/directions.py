@@ -1,0 +1,80 @@
+"""Directions of elements in a pass, from the solution."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from skfem import Mesh
+
+from kohonen_adapt.arrays import Floats
+from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.mesh.host import count_unknowns
+from kohonen_adapt.mesh.shapes import are_round, density_and_shape, tensors_of_elements
+from kohonen_adapt.problem.protocol import Problem, has_method, norm_of, order_of
+from kohonen_adapt.problem.ritz import Ritz
+from kohonen_adapt.som.density import equidistributing
+from kohonen_adapt.som.hessian_metric import hessian_shapes, indicators_of_shapes, metric_of_shapes
+
+__all__ = ["Wanted", "wanted_of"]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Density of a pass, with the indicators of elements of its shapes.
+
+    Attributes
+    ----------
+    record
+        The pass, with these indicators.
+    density
+        Density (nelements,), or tensors (nelements, d, d) where elements have directions.
+    """
+
+    record: Pass
+    density: ArrayLike
+
+
+def wanted_of(problem: Problem, record: Pass, solution: Any, ritz: Ritz | None, anisotropic: bool | str) -> Wanted:
+    mesh, order, norm = record.mesh, order_of(problem), norm_of(problem)
+    shapes = shapes_of_solution(problem, mesh, solution, ritz) if anisotropic else None
+    if shapes is None:
+        if anisotropic is True:
+            raise ValueError(
+                "anisotropic=True needs a method `metric` of the problem, or a solution that is an array of the values "
+                f"at the unknowns; got {type(solution).__name__}. Give anisotropic='auto' or False instead."
+            )
+        return Wanted(record, equidistributing(mesh, record.indicators, order, norm))
+    indicators = indicators_of_shapes(mesh, record.indicators, shapes, order, norm)
+    density = equidistributing(mesh, indicators, order, norm)
+    if are_round(shapes):
+        return Wanted(record, density)
+    return Wanted(replace(record, indicators=indicators), metric_of_shapes(mesh, shapes, density))
+
+
+def shapes_of_solution(problem: Problem, mesh: Mesh, solution: Any, ritz: Ritz | None) -> Floats | None:
+    # None if the values at the nodes are not known
+    if has_method(problem, "metric"):
+        tensors = problem.metric(mesh, solution)  # type: ignore[attr-defined]
+        name = "metric of the problem"
+        return density_and_shape(tensors_of_elements(tensors, mesh.nelements, mesh.dim(), name))[1]
+    functions = functions_of(problem, mesh, solution, ritz)
+    return hessian_shapes(mesh, functions, order_of(problem), norm_of(problem)) if functions else None
+
+
+def functions_of(problem: Problem, mesh: Mesh, solution: Any, ritz: Ritz | None) -> list[Floats]:
+    # Values at the nodes of functions whose squared errors add up: the solution, or with a goal the terms of the
+    # functional in `Ritz.dual`.
+    n = mesh.nvertices
+    if ritz is not None:
+        own = np.asarray(ritz.values, dtype=np.float64)[:n]
+        if ritz.dual is None:
+            return [own]
+        weight = np.sqrt(ritz.share)
+        return [weight * own, np.asarray(ritz.dual.values, dtype=np.float64)[:n] / weight]
+    values = getattr(solution, "potential", solution)
+    if not isinstance(values, np.ndarray) or values.ndim != 1 or not np.isrealobj(values):
+        return []
+    if len(values) not in (n, count_unknowns(mesh, order_of(problem))):
+        return []
+    return [np.asarray(values[:n], dtype=np.float64)]

@@ -1,0 +1,96 @@
+"""Adaptation with a metric: directions of a layer, of a problem's own metric, and of nothing."""
+
+import numpy as np
+import pytest
+import skfem
+from helpers.layers import Layer, LayerWithFunctional, error_of
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+
+
+def median_error(problem, seeds=range(3), **arguments):
+    results = [ka.adapt(MeshTri().refined(4), problem, seed=seed, passes=3, **arguments) for seed in seeds]
+    return np.median([error_of(problem, result.mesh) for result in results])
+
+
+@pytest.mark.parametrize(("kind", "most"), [(Layer, 0.85), (LayerWithFunctional, 0.95)])
+@pytest.mark.parametrize("steepness", [30.0, 60.0])
+def test_elements_along_a_layer_have_a_smaller_error(kind, most, steepness):
+    problem = kind(steepness)
+    assert median_error(problem) < most * median_error(problem, anisotropic=False)
+
+
+def test_a_problem_may_have_a_metric_of_its_own():
+    class Own(Layer):
+        def metric(self, mesh, solution):
+            return np.tile(np.diag([64.0, 1.0]), (mesh.nelements, 1, 1))
+
+    result = ka.adapt(MeshTri().refined(4), Own(30.0), passes=1)
+    moved = result.history[1].mesh
+    extent = np.ptp(moved.p[:, moved.t], axis=1).mean(axis=1)
+    assert extent[1] > 3.0 * extent[0]
+
+
+def test_a_metric_of_the_problem_is_checked():
+    class Bad(Layer):
+        def metric(self, mesh, solution):
+            return np.tile(np.diag([1.0, -1.0]), (mesh.nelements, 1, 1))
+
+    result = ka.adapt(MeshTri().refined(3), Bad(30.0), passes=2)
+    assert result.status is ka.Status.FAILED
+    assert "metric of the problem must be positive definite" in str(result.error)
+
+
+class Wrapped(Layer):
+    """A problem whose solutions are no arrays."""
+
+    def solve(self, mesh):
+        return {"values": super().solve(mesh)}
+
+    def indicators(self, mesh, solution):
+        return super().indicators(mesh, solution["values"])
+
+    def energy_norm(self, mesh, solution):
+        return super().energy_norm(mesh, solution["values"])
+
+
+def test_solutions_without_known_values_have_round_elements():
+    mesh, problem = MeshTri().refined(4), Wrapped(30.0)
+    wrapped = ka.adapt(mesh, problem, passes=2)
+    plain = ka.adapt(mesh, Layer(30.0), passes=2, anisotropic=False)
+    np.testing.assert_array_equal(wrapped.mesh.p, plain.mesh.p)
+    forced = ka.adapt(mesh, problem, passes=2, anisotropic=True)
+    assert forced.status is ka.Status.FAILED
+    assert "anisotropic=True needs" in str(forced.error)
+
+
+def test_values_without_curvature_have_round_elements():
+    class Flat:
+        def solve(self, mesh):
+            return mesh.p[0].copy()
+
+        def indicators(self, mesh, solution):
+            return 1.0 + mesh.p[1, mesh.t].mean(axis=0)
+
+    mesh = MeshTri().refined(4)
+    with_metric = ka.adapt(mesh, Flat(), passes=1, schedule=ka.Schedule.default(mesh.nvertices, topology="recycle"))
+    without = ka.adapt(
+        mesh, Flat(), passes=1, schedule=ka.Schedule.default(mesh.nvertices, topology="recycle"), anisotropic=False
+    )
+    np.testing.assert_array_equal(with_metric.mesh.p, without.mesh.p)
+
+
+@pytest.mark.parametrize("value", [0.5, "yes", None])
+def test_anisotropic_is_auto_or_a_truth_value(value):
+    with pytest.raises(ValueError, match="anisotropic must be 'auto', True or False"):
+        ka.adapt(MeshTri().refined(2), Layer(30.0), anisotropic=value)
+
+
+def test_a_run_in_a_metric_is_resumed_bit_for_bit(tmp_path):
+    mesh, problem = MeshTri().refined(4), LayerWithFunctional(30.0)
+    whole = ka.adapt(mesh, problem, passes=3)
+    ka.adapt(mesh, problem, passes=2, checkpoint=tmp_path)
+    resumed = ka.adapt(mesh, problem, passes=3, checkpoint=tmp_path)
+    np.testing.assert_array_equal(resumed.mesh.p, whole.mesh.p)
+    assert isinstance(resumed.mesh, skfem.MeshTri)

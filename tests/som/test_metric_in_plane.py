@@ -1,0 +1,91 @@
+"""Relocation of triangles to a metric: shapes, bits of round metrics, names, and winners."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from skfem import MeshTri
+
+import kohonen_adapt as ka
+from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.mesh.shapes import density_and_shape, unpacked
+from kohonen_adapt.som.training import Trainer
+from kohonen_adapt.som.training_points import Draw
+
+HALVES = {"left": lambda x: x[0] < 0.5, "right": lambda x: x[0] > 0.5}
+MESH = MeshTri().refined(4).with_subdomains(HALVES).with_boundaries({"floor": lambda x: x[1] == 0.0})
+
+
+def turned(ratio, angle):
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return turn @ np.diag([ratio**2, 1.0]) @ turn.T
+
+
+def everywhere(mesh, tensor):
+    return np.tile(tensor, (mesh.nelements, 1, 1))
+
+
+def in_metric(mesh, tensor):
+    return MeshTri(np.linalg.cholesky(tensor).T @ mesh.p, mesh.t)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, 1.1])
+@pytest.mark.parametrize("ratio", [2.0, 4.0, 8.0])
+def test_elements_are_regular_in_a_constant_metric(ratio, angle):
+    tensor = turned(ratio, angle)
+    qualities = []
+    for seed in range(5):
+        mesh = MESH
+        for _ in range(2):
+            mesh = ka.relocate(mesh, everywhere(mesh, tensor), topology="recycle", seed=seed)
+        qualities.append(ka.quality(in_metric(mesh, tensor)).mean())
+    assert np.median(qualities) > 0.8
+
+
+@pytest.mark.parametrize("topology", ["recycle", "flip"])
+def test_names_and_areas_stay(topology):
+    mesh = ka.relocate(MESH, everywhere(MESH, turned(6.0, 0.3)), topology=topology)
+    for name in HALVES:
+        corners = mesh.p[:, mesh.t[:, mesh.subdomains[name]]]
+        side = corners[:, 1:] - corners[:, :1]
+        area = 0.5 * np.abs(side[0, 0] * side[1, 1] - side[0, 1] * side[1, 0]).sum()
+        assert area == pytest.approx(0.5, rel=1e-12)
+    assert np.all(mesh.p[1, mesh.facets[:, mesh.boundaries["floor"]]] == 0.0)
+    assert ka.quality(mesh).min() >= 0.02
+
+
+@pytest.mark.parametrize("schedule", [None, ka.Schedule((ka.Stage(2, 2, 0.3),), sweeps=3)])
+@pytest.mark.parametrize("topology", ["recycle", "flip", "fixed"])
+def test_round_tensors_give_the_bits_of_their_density(topology, schedule):
+    density = np.random.default_rng(0).uniform(1.0, 9.0, MESH.nelements)
+    tensors = density[:, None, None] * np.eye(2)
+    by_density, by_tensors = (
+        ka.relocate(MESH, wanted, topology=topology, schedule=schedule) for wanted in (density, tensors)
+    )
+    np.testing.assert_array_equal(by_tensors.p, by_density.p)
+    np.testing.assert_array_equal(by_tensors.t, by_density.t)
+
+
+def test_a_function_may_return_tensors():
+    def tensors(x):
+        return np.tile(turned(5.0, 0.7), (x.shape[1], 1, 1)) * (1.0 + x[0])[:, None, None]
+
+    mesh = ka.relocate(MESH, tensors, topology="recycle")
+    assert ka.quality(in_metric(mesh, turned(5.0, 0.7))).mean() > 0.8
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_winner_is_the_nearest_node_in_the_metric_of_the_point(seed):
+    rng = np.random.default_rng(seed)
+    movable = MovableMesh.of(MeshTri().refined(3), ka.Rules("fixed"))
+    trainer, count = Trainer.of(movable), 40
+    points = rng.uniform(0.35, 0.65, (count, 2))  # far from the boundary, behind which no ellipse hides a node
+    tensors = np.stack([turned(rng.uniform(1.0, 3.0), angle) for angle in rng.uniform(0.0, np.pi, count)])
+    shape = density_and_shape(tensors)[1]
+    region, start = np.zeros(count, dtype=np.int32), rng.integers(0, movable.nnodes, count).astype(np.int32)
+    found, distances = trainer.search(Draw(points, region, region, np.ones(count), shape), start)
+    offset = movable.triangulation.position[None] - points[:, None]
+    squared = np.einsum("tni,tij,tnj->tn", offset, unpacked(shape), offset)
+    np.testing.assert_allclose(distances, np.sqrt(squared.min(axis=1)), rtol=1e-12)
+    np.testing.assert_allclose(squared[np.arange(count), found], squared.min(axis=1), rtol=1e-12)
