@@ -108,7 +108,8 @@ def fitted(offset: Floats, values: Floats, degree: int) -> tuple[Floats, Mask]:
     scale = np.sqrt([factorial(len(axes)) / repeated(axes) for axes in powers])
     basis = np.stack([np.prod(local[..., list(axes)], axis=-1) for axes in powers], axis=-1) * scale
     transposed = np.swapaxes(basis, 1, 2) / number
-    inverse = np.linalg.inv(transposed @ basis + RIDGE * np.eye(len(powers)))
+    gram = transposed @ basis
+    inverse = np.linalg.inv(gram + RIDGE * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(len(powers)))
     coefficients = (inverse @ (transposed @ values[..., None]))[..., 0]
     tensors = np.empty((len(offset), *[dim] * (degree - 1)))
     for axes in np.ndindex(*[dim] * (degree - 1)):
