@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from benchmarks.checks import (
+    anisotropy,
     axis,
     ball,
     budget,
@@ -74,6 +75,7 @@ CHECKS = {
     "forces-in-space": forces_in_space.report,
     "speed": speed.report,
     "warmup": warmup.report,
+    "anisotropy": anisotropy.report,
     "drift": drift.report,
     "spread": spread.report,
     "scale": scale.report,

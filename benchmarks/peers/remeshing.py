@@ -18,6 +18,7 @@ MetricOf = Callable[[Any, MeshTri, Any], Array]
 
 TOLERANCE = 1.02  # of the last number of nodes
 TRIALS = 8
+FLAT = 1e-5  # of the largest eigenvalue; a larger share has larger errors on all layers of `problems/layers.py`
 
 
 def remeshed_meshes(
@@ -65,7 +66,26 @@ def curvature_metric(problem: Any, mesh: MeshTri, solution: Array) -> Array:
     size = np.maximum(size, 1e-3 * np.median(size.max(axis=1)))  # where the solution is flat
     if getattr(problem, "norm", "energy") == "L2":
         size *= size.prod(axis=1, keepdims=True) ** (-1 / 6)
-    tensors = np.einsum("nik,nk,njk->nij", vectors, size, vectors)
+    return _tensors(size, vectors)
+
+
+def gradient_metric(problem: Any, mesh: MeshTri, solution: Array) -> Array:
+    """Tensors (3, nnodes) for the gradient of linear interpolants: |H| ||H||^(1/2) det|H|^(-1/4), or those for L2.
+
+    Huang, *Metric tensors for anisotropic mesh generation*, J. Comput. Phys. 204 (2005).
+    """
+    if getattr(problem, "norm", "energy") == "L2":
+        return curvature_metric(problem, mesh, solution)
+    eigenvalues, vectors = np.linalg.eigh(recovered_hessian(mesh, solution))
+    size = np.abs(eigenvalues)
+    size = np.maximum(size, FLAT * size.max())
+    return _tensors(
+        size * np.sqrt(size.max(axis=1, keepdims=True) / np.sqrt(size.prod(axis=1, keepdims=True))), vectors
+    )
+
+
+def _tensors(eigenvalues: Array, vectors: Array) -> Array:
+    tensors = np.einsum("nik,nk,njk->nij", vectors, eigenvalues, vectors)
     return np.stack((tensors[:, 0, 0], tensors[:, 0, 1], tensors[:, 1, 1]))
 
 
