@@ -4,8 +4,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from kohonen_adapt.loop.growth import drift_of_nodes
-from kohonen_adapt.loop.passes import Pass, resolves_more
+from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.step import Solved
+from kohonen_adapt.loop.underrating import error_measure
 
 __all__ = ["BestPasses"]
 
@@ -71,12 +72,8 @@ class BestPasses:
 
 
 def has_less_error(step: Pass, best: Pass) -> bool:
-    if resolves_more(step, best):
-        return True
-    if best.number > 0 and resolves_more(best, step):  # the input may have any energy
-        return False
     # indicators that are all zero do not compare passes
-    now, least = step.worth, best.worth
+    now, least = error_measure(step, best), error_measure(best, step)
     return now < least or (now == least == 0.0 and step.unknowns > best.unknowns)
 
 

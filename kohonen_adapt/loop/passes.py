@@ -17,8 +17,6 @@ from kohonen_adapt.problem.uncertain import corrected
 
 __all__ = ["Pass", "Status", "StepFailed", "Steps", "corrected_value", "text_of"]
 
-UNRESOLVED = 0.5  # of the energy of another pass, which no pass with a solution of some use falls below
-
 TIMED = ("solve", "estimate", "relocate", "polish")
 
 
@@ -67,7 +65,8 @@ class Pass(Work):
     worth
         Error measure that compares passes if the functional cannot: the estimated error in the problem's norm. The mean
         density of the squared error also counts between straight sides or faces and their curves. The data oscillation
-        is added if the mesh does not resolve the source of ``ritz``.
+        is added if the mesh does not resolve the source or flux of ``ritz``. Where smaller elements of another pass
+        have more error, the comparison scales their error to the size of the larger elements.
     energy_norm
         Energy norm of the solution, None if the problem has no ``energy_norm``.
     calibrated
@@ -175,16 +174,6 @@ def corrected_value(step: Pass, name: str) -> float | None:
     is_output = name in step.outputs
     value, error = step.outputs.get(name, step.goal), step.output_errors.get(name) if is_output else step.goal_error
     return None if value is None or error is None else corrected(value, error, step.doubts.get(name, 0.0))
-
-
-def resolves_more(step: Pass, other: Pass) -> bool:
-    # True if the source is not resolved by the mesh of `other`. The squared norms of a solution of least energy and of
-    # its error add up to the squared norm of the exact solution. Two norms that differ by more than both errors
-    # therefore contradict the estimate of the pass with less energy.
-    if step.energy_norm is None or other.energy_norm is None or step.goal is not None:
-        return False
-    energy, less = step.energy_norm**2, other.energy_norm**2
-    return less < UNRESOLVED * energy and energy - less > max(step.estimate, other.estimate) ** 2
 
 
 class StepFailed(Exception):

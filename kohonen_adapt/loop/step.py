@@ -14,6 +14,7 @@ from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.directions import wanted_of
+from kohonen_adapt.loop.functional_of_pass import FROZEN, FunctionalOfPass, differs_on, functional_of
 from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.method import Method
 from kohonen_adapt.loop.passes import Pass, Steps, text_of
@@ -21,11 +22,9 @@ from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.sides import Sides
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import area, quality
-from kohonen_adapt.polishing.energy_tables import VariesInside
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.held_nodes import counted
 from kohonen_adapt.polishing.polish import PLAN, SWEEPS, descend_and_recycle
-from kohonen_adapt.polishing.unresolved_source import UnresolvedSource
 from kohonen_adapt.problem.evaluation import (
     check_signs,
     energy_norm,
@@ -34,11 +33,9 @@ from kohonen_adapt.problem.evaluation import (
     goal_of,
     improved,
     output_value,
-    ritz_of,
     solve,
     solve_again,
 )
-from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.problem.protocol import (
     NotOffered,
     Problem,
@@ -46,19 +43,14 @@ from kohonen_adapt.problem.protocol import (
     is_calibrated,
     norm_of,
 )
-from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.uncertain import Uncertain, doubts_of, error_of, shifted
 from kohonen_adapt.som.relocation_record import Moved
 
-__all__ = ["UNSOLVED", "Adaptation", "Solved", "functional_of", "root_of_squares"]
+__all__ = ["UNSOLVED", "Adaptation", "Solved", "root_of_squares"]
 
 GROWING_ENTRIES = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
 
 TWICE = 1.8  # factor of the unknowns from which the difference of two passes bounds the error of an output
-
-FROZEN = "the functional is another one in every pass, as with a term frozen at the solution"
-# Change of a functional by the data of the pass before, relative to its change since then, of another functional
-ANOTHER = 0.1
 
 UNSOLVED = object()  # replaces the solution of a pass of an earlier process
 
@@ -129,9 +121,10 @@ class Adaptation:
             sides = Sides(self.problem, mesh, solution, self.curved_mesh())
             estimated = self.estimated(sides)
             share = before.functional.share if before and before.functional else None
-            functional, value, unpolished, oscillation = self._functional(mesh, solution, share)
+            found = self._functional(mesh, solution, share)
+            functional = found.functional
         incomparable = self.incomparable(before, functional, mesh)
-        qualities, estimated["worth"] = quality(mesh), float(np.hypot(estimated["worth"], oscillation))
+        qualities, estimated["worth"] = quality(mesh), float(np.hypot(estimated["worth"], found.oscillation))
         outputs, unknowns = self.outputs(solution), count_unknowns(mesh, self.order)
         errors, unimproved = dict[str, float](), ""
         if self.settings.tolerance.output_rtol is not None:
@@ -147,11 +140,11 @@ class Adaptation:
             unknowns=unknowns,
             min_quality=float(qualities.min()),
             mean_quality=float(qualities.mean()),
-            functional=value,
+            functional=found.value,
             comparable=functional is not None and not incomparable,
             incomparable=incomparable,
             share=functional.share if functional else None,
-            unpolished=unpolished,
+            unpolished=found.unpolished,
             sagitta=self.movable.sagitta(),
             outputs=outputs,
             output_errors=errors,
@@ -199,7 +192,7 @@ class Adaptation:
         # problem.
         solution = solve_again(self.problem, record.mesh, record.indicators)
         check_signs(record.outputs, self.outputs(solution))
-        functional = self._functional(record.mesh, solution, record.share)[0]
+        functional = self._functional(record.mesh, solution, record.share).functional
         return Solved(record, solution, functional, self.curved_mesh(), self.state())
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -277,11 +270,9 @@ class Adaptation:
         except Exception as error:  # an unknown error is no reason to lose the result
             return None, text_of(error)
 
-    def _functional(
-        self, mesh: Mesh, solution: Any, share: float | None
-    ) -> tuple[Functional | None, float | None, str, float]:
+    def _functional(self, mesh: Mesh, solution: Any, share: float | None) -> FunctionalOfPass:
         if not self.settings.polish:
-            return None, None, "polish=False", 0.0
+            return FunctionalOfPass(unpolished="polish=False")
         return functional_of(self.problem, self.method, self.movable, mesh, solution, share)
 
     def outputs(self, solution: Any) -> dict[str, float]:
@@ -298,44 +289,6 @@ def goal_error(sides: Sides) -> Uncertain:
         return error
     goal, on_exact = (goal_of(sides.problem, solution) or 0.0 for solution in (sides.solution, exact))
     return shifted(error, on_exact - goal)
-
-
-def functional_of(
-    problem: Problem, method: Method, movable: Any, mesh: Mesh, solution: Any, share: float | None = None
-) -> tuple[Functional | None, float | None, str, float]:
-    # The value is None if the functional only shapes elements. A dual gets the weight `share` of an earlier pass. The
-    # reason for having no functional, and the data oscillation of a mesh that does not resolve the source, are last.
-    in_energy_norm = norm_of(problem) == "energy"
-    if not in_energy_norm and not is_calibrated(problem):  # the polish stretches elements, which residuals overrate
-        return None, None, f"the norm {norm_of(problem)!r} requires `calibrated` indicators", 0.0
-    try:
-        ritz = ritz_of(problem, mesh, solution)
-        ritz = ritz if in_energy_norm else replace(ritz, comparable=False)
-        ritz = ritz if share is None else replace(ritz, share=share)
-        functional = method.functional(ritz, movable, mesh)
-        value = None if ritz.shapes_only else method.value(functional, ritz, movable, mesh)
-        return functional, value, "", 0.0
-    except UnresolvedSource as reason:
-        return None, None, str(reason), reason.oscillation
-    except NotOffered as reason:
-        return None, None, str(reason), 0.0
-    except VariesInside:
-        return None, None, "coefficients vary inside a region of the mesh", 0.0
-
-
-def differs_on(mesh: Mesh, ritz: Ritz, old: Ritz, before: Pass) -> bool:
-    # True if the data of an earlier pass give another value at the same solution
-    changed = {}
-    for name in ("coefficient", "source", "flux"):
-        data, now = getattr(old, name), getattr(ritz, name)
-        if callable(data) != callable(now) or np.shape(data) != np.shape(now):
-            continue
-        if data != now if callable(data) else not np.array_equal(data, now):
-            changed[name] = data
-    if not changed or before.functional is None:
-        return False
-    value, by_old_data = functional_value(mesh, ritz), functional_value(mesh, replace(ritz, **changed))
-    return abs(by_old_data - value) > ANOTHER * abs(before.functional - value)
 
 
 def indices_in_input(before: Solved | None, moved: Moved[Any] | None, nnodes: int, ninput: int) -> Ints:

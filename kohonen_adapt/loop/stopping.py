@@ -9,9 +9,10 @@ import numpy as np
 from kohonen_adapt.checks import check_count, check_hook, listed
 from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.loop.growth import drift_of_nodes
-from kohonen_adapt.loop.passes import Pass, Status, StepFailed, resolves_more, text_of
+from kohonen_adapt.loop.passes import Pass, Status, StepFailed, text_of
 from kohonen_adapt.loop.settings import Settings, Tolerance, percent
 from kohonen_adapt.loop.table import energy_norm_error
+from kohonen_adapt.loop.underrating import error_measure, underrating
 
 __all__ = [
     "STALL_GAIN",
@@ -46,12 +47,6 @@ WORSE = 1.25
 # Ratio of the estimate of the pass with the lowest functional to the least estimate above which a warning is given. An
 # inaccurately integrated functional once selected a pass with 30 times the least estimate; scatter is a few per cent.
 DISAGREEMENT = 3.0
-
-# Ratio of the squared error of a pass, known from the functional of the next pass, to its squared estimate above which
-# the mesh does not resolve the solution. In 578 runs with a finer reference (C-cores of 57 to 211 nodes, devices of 60
-# to 1024 nodes, orders 1 to 3) the warning after one pass is given for 11 of 50 results with an error above 1.2 times
-# the estimate, and for 6 of the remaining 528; after two and three passes falsely for 1 of 542 and for 1 of 548.
-UNRESOLVED = 2.0
 
 FULL = 0.98  # fraction of the largest number of nodes from which a mesh is full
 
@@ -210,18 +205,9 @@ def _resolution_remark(passes: Passes, best: Pass) -> str:
 
 
 def underrated(passes: Passes, best: Pass) -> float:
-    # Return the error over the estimate of the pass before the best, or 1 without a comparable pass.
-    # A functional lies above its minimum by half the square of the error in the energy norm. Hence the squared error of
-    # the pass before is twice the decrease from there to the best pass, plus the squared error of the best pass.
+    # of the pass before the best, or 1
     before = next((step for step in passes if step.number == best.number - 1), None)
-    if before is None or best.functional is None or before.functional is None or best.share is not None:
-        return 1.0
-    if not (best.calibrated and best.comparable and before.comparable) or best.estimate >= before.estimate:
-        return 1.0
-    squared_error = 2.0 * (before.functional - best.functional) + best.estimate**2
-    if squared_error <= UNRESOLVED * before.estimate**2:
-        return 1.0
-    return float(np.sqrt(squared_error) / before.estimate)
+    return 1.0 if before is None else underrating(before, best)
 
 
 def _polish_remark(passes: Passes, settings: Settings, norm: str) -> str:
@@ -284,10 +270,13 @@ def _named(step: Pass) -> str:
 
 
 def stalls_by_estimate(passes: Passes) -> bool:
-    errors = [step.worth for step in passes if not resolves_more(passes[-1], step)]
-    if len(errors) <= STALL_PASSES:
+    if len(passes) <= STALL_PASSES:
         return False
-    return min(errors[-STALL_PASSES:]) > (1.0 - STALL_GAIN) * min(errors[:-STALL_PASSES])
+    before = min(passes[:-STALL_PASSES], key=lambda step: step.worth)
+    return all(
+        error_measure(step, before) > (1.0 - STALL_GAIN) * error_measure(before, step)
+        for step in passes[-STALL_PASSES:]
+    )
 
 
 def stalls_by_functional(passes: Passes) -> bool:

@@ -11,7 +11,7 @@ from kohonen_adapt.geometry.held_nodes import with_pins
 from kohonen_adapt.geometry.plane.surgery import with_layers
 from kohonen_adapt.geometry.rules import Rules, check_for, with_pinned
 from kohonen_adapt.loop.dimension import method_of
-from kohonen_adapt.loop.step import functional_of
+from kohonen_adapt.loop.functional_of_pass import functional_of
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.problem.evaluation import curves_of, solve
 from kohonen_adapt.problem.protocol import (
@@ -114,5 +114,7 @@ def opened(mesh: Mesh, rules: Rules, problem: Problem | None) -> Any:
 def polish_reasons(mesh: Mesh, movable: Any, problem: Problem, solution: Any) -> list[str]:
     method, start = method_of(mesh), movable.start()
     solution = solve(problem, start) if solution is None else solution
-    functional, _, reason, _ = functional_of(problem, method, movable, start, solution)
-    return [reason] * movable.nnodes if functional is None else method.polish_reasons(movable, functional)
+    found = functional_of(problem, method, movable, start, solution)
+    if found.functional is None:
+        return [found.unpolished] * movable.nnodes
+    return method.polish_reasons(movable, found.functional)

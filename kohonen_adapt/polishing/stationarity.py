@@ -15,18 +15,15 @@ from kohonen_adapt.mesh.measures import CurvedTetrahedra
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.polynomials import by_points, exact_reference, law_reference
 from kohonen_adapt.mesh.quadratic_in_space import function_slopes, hierarchical_loads
-from kohonen_adapt.polishing.unresolved_source import Doubt, UnresolvedSource, doubt_about_source
+from kohonen_adapt.polishing.unresolved_data import Doubt, UnresolvedData, doubt_about
 from kohonen_adapt.problem.boundary_terms import nodal_terms
 from kohonen_adapt.problem.functional_in_space import (
-    MEANS,
-    OF_SOURCE,
     at_curved_points,
     coefficients_in_space,
     fields_at_corners,
     fluxes,
     loads_in_space,
     quadratic_loads,
-    rule_of,
     rules,
     secants,
     shifted_slope,
@@ -35,10 +32,9 @@ from kohonen_adapt.problem.functional_value import elements_by_rule, flux_on, so
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_table, source_at, value_by_region
 
-__all__ = ["check_in_space", "check_residual", "derivatives_on", "loads_of", "numbers_of", "sums"]
+__all__ = ["check_in_space", "check_residual", "derivatives_on", "doubts_of", "numbers_of", "sums"]
 
 ROWS = 20_000  # elements per block, to limit the memory
-MARGIN = 3.0  # factor of the difference between the mean of a flux or source and its value at the centre
 
 # Largest residual relative to the terms at an unknown, and relative to the largest terms anywhere. Linear solvers with
 # relative tolerance 1e-5 leave 1e-6 of the largest, Newton's method less. Missing terms are as large as present terms.
@@ -56,12 +52,11 @@ class Derivatives(NamedTuple):
 
     total: Floats
     size: Floats  # sum of the magnitudes of the terms
-    uncertainty: Floats  # uncertainty by the choice of quadrature rule if source or flux is a function
 
 
 def derivatives_on(corners: Floats, coefficients: Floats, region: Ints, ritz: Ritz, offsets: Floats) -> Derivatives:
     # `corners` and the midside `offsets` have shape (m, 3, 2).
-    derivatives = Derivatives(*np.zeros((3, *coefficients.shape)))
+    derivatives = Derivatives(*np.zeros((2, *coefficients.shape)))
     kind = kinds_at_axis(corners[:, :, 0]) if ritz.axisymmetric else np.where(np.any(offsets, axis=(1, 2)), 0, -1)
     for one_kind, nonlinear, rows in elements_by_rule(kind, region, ritz):
         for block in np.split(rows, range(ROWS, len(rows), ROWS)):
@@ -75,7 +70,7 @@ def derivatives_on(corners: Floats, coefficients: Floats, region: Ints, ritz: Ri
 
 def _derivatives_of_kind(
     corners: Floats, coefficients: Floats, region: Ints, ritz: Ritz, offsets: Floats, kind: int, nonlinear: bool
-) -> tuple[Floats, Floats, Floats]:
+) -> tuple[Floats, Floats]:
     points = by_points(ritz.order, nonlinear)
     at = law_reference(ritz.order) if nonlinear else exact_reference(ritz.order)
     weight, slope = (at.weight, at.slope) if kind < 0 else (points.weight[kind], points.slope[kind])
@@ -97,22 +92,16 @@ def _derivatives_of_kind(
     energy_term = tested(*(secants(gradient, x, region, ritz) * gradient))
     ones = np.ones_like(along)
     flux_term = tested(*(flux_on(corners, region, ritz).reshape(2, 1, -1) * ones))
-    uncertainty = np.zeros_like(energy_term)
-    if callable(ritz.flux):
-        centre = np.broadcast_to(corners.mean(axis=1, keepdims=True), corners.shape)
-        uncertainty = MARGIN * np.abs(flux_term - tested(*(flux_on(centre, region, ritz).reshape(2, 1, -1) * ones)))
-    if kind < 0:
-        mean = np.abs(doubled_area[0])[:, None] * at.mean
-    else:
-        mean = 0.5 * (weight[:, None] * np.abs(doubled_area)).T @ points.value[kind]
     if callable(ritz.source):
         source_term = loads(corners, offsets, region, ritz, kind, points, doubled_area)
-        centre = source_at(corners.mean(axis=1).T[:, None], region, ritz.source)[0]
-        uncertainty = uncertainty + np.abs(source_term - centre[:, None] * mean)
     else:
+        if kind < 0:
+            mean = np.abs(doubled_area[0])[:, None] * at.mean
+        else:
+            mean = 0.5 * (weight[:, None] * np.abs(doubled_area)).T @ points.value[kind]
         source_term = np.reshape(value_by_region(np.asarray(ritz.source), region), (-1, 1)) * mean
     size = np.abs(energy_term) + np.abs(flux_term) + np.abs(source_term)
-    return energy_term - flux_term - source_term, size, uncertainty
+    return energy_term - flux_term - source_term, size
 
 
 def loads(
@@ -132,8 +121,7 @@ def loads(
 
 
 def derivatives_in_space(corners: Floats, values: Floats, region: Ints, ritz: Ritz) -> Derivatives:
-    # `corners` has shape (3, 4, m), and the nodal `values` have shape (4, m). ``grad u`` is constant in every
-    # element, so that only a source that is a function needs a quadrature rule.
+    # `corners` has shape (3, 4, m), and the nodal `values` have shape (4, m).
     hats, volume = TETRAHEDRON.hat_gradients(corners), np.abs(TETRAHEDRON.determinant(corners)) / 6.0
     gradient = np.einsum("dkm,km->dm", hats, values)
     gradient = shifted_slope(gradient, region, ritz)
@@ -141,16 +129,13 @@ def derivatives_in_space(corners: Floats, values: Floats, region: Ints, ritz: Ri
     table = flux_table(np.asarray(ritz.flux), 3)
     flux = np.stack([value_by_region(component, region) * np.ones_like(volume) for component in table])
     energy_term, flux_term = (volume * np.einsum("dkm,dm->km", hats, part) for part in (field, flux))
-    uncertainty = np.zeros_like(energy_term)
     if callable(ritz.source):
         source_term = loads_in_space(corners, region, ritz.source)
-        centre = source_at(corners.mean(axis=1)[:, None], region, ritz.source)[0]
-        uncertainty = np.abs(source_term - centre * volume / 4.0)
     else:
         source = value_by_region(np.asarray(ritz.source), region)
         source_term = np.broadcast_to(source * volume / 4.0, energy_term.shape)
     size = np.abs(energy_term) + np.abs(flux_term) + np.abs(source_term)
-    return Derivatives((energy_term - flux_term - source_term).T, size.T, uncertainty.T)
+    return Derivatives((energy_term - flux_term - source_term).T, size.T)
 
 
 def curved_derivatives(corners: Floats, offset: Floats, coefficients: Floats, region: Ints, ritz: Ritz) -> Derivatives:
@@ -166,7 +151,7 @@ def curved_derivatives(corners: Floats, offset: Floats, coefficients: Floats, re
         )
         total[:, rows] += terms[0] - terms[1] - terms[2]
         size[:, rows] += sum(map(np.abs, terms))
-    return Derivatives(total.T, size.T, np.zeros_like(total.T))
+    return Derivatives(total.T, size.T)
 
 
 def quadratic_derivatives(corners: Floats, coefficients: Floats, region: Ints, ritz: Ritz) -> Derivatives:
@@ -181,17 +166,14 @@ def quadratic_derivatives(corners: Floats, coefficients: Floats, region: Ints, r
         own = shifted_slope(slope.reshape(3, -1), np.tile(region[rows], len(weight)), ritz).reshape(slope.shape)
         strength = secants(own, np.ones(()), region[rows], ritz) * own
         moments[:, :, rows] = six[rows] * np.einsum("q,qk,dqm->kdm", weight, barycentric, strength)
-    energy_term, flux_term, uncertainty = np.zeros((3, *coefficients.shape))
+    energy_term, flux_term = np.zeros((2, *coefficients.shape))
     for corner, moment in zip(np.eye(4), moments, strict=True):
         slopes = function_slopes(corners, corner)
         energy_term += np.einsum("dkm,dm->km", slopes, moment)
         flux_term += np.einsum("dkm,dm->km", slopes, six / 24.0 * flux)
     source_term = quadratic_loads(corners, region, ritz)
-    if callable(ritz.source):
-        centre = source_at(corners.mean(axis=1)[:, None], region, ritz.source)[0]
-        uncertainty = np.abs(source_term - MEANS[:, None] * centre * six / 6.0)
     size = np.abs(energy_term) + np.abs(flux_term) + np.abs(source_term)
-    return Derivatives((energy_term - flux_term - source_term).T, size.T, uncertainty.T)
+    return Derivatives((energy_term - flux_term - source_term).T, size.T)
 
 
 def check_in_space(ritz: Ritz, mesh: MeshTet) -> None:
@@ -203,24 +185,18 @@ def check_in_space(ritz: Ritz, mesh: MeshTet) -> None:
         parts = derivatives_of_order_2(mesh, coefficients, number, ritz)
         place = np.vstack([mesh.p.T[: mesh.nvertices], mesh.p[:, mesh.edges].mean(axis=1).T])
     fixed = np.asarray(ritz.fixed)
-    total, size, doubt = sums(parts, unknowns.T, len(fixed))
+    total, size = sums(parts, unknowns.T, len(fixed))
     if len(nodal):
         load = nodal[:, LOAD] if ritz.order == 1 else hierarchical_loads(mesh, nodal[:, LOAD])
         total, size = total - load, size + np.abs(load)
-    points, weight = rule_of(OF_SOURCE)
-    rule = points, 6.0 * weight
-    check_residual(total, size, doubt, ~fixed, place, mesh, loads_of(ritz, mesh, unknowns.T, len(fixed), rule))
+    check_residual(total, size, ~fixed, place, mesh, doubts_of(ritz, mesh, unknowns.T, len(fixed)))
 
 
-def loads_of(ritz: Ritz, mesh: Mesh, index: Ints, count: int, rule: tuple[Floats, Floats]) -> Doubt:
+def doubts_of(ritz: Ritz, mesh: Mesh, index: Ints, count: int) -> Doubt:
     # `index` (m, functions) has the unknowns of every element. The doubts of elements are added for every unknown.
-    if not callable(ritz.source):
-        return Doubt(np.zeros(count), 0.0)
-    number = numbers_of(ritz, mesh.t.shape[1])
-    coefficient = np.broadcast_to(value_by_region(np.asarray(ritz.coefficient), number), number.shape)
-    found = doubt_about_source(mesh.p[:, mesh.t], number, ritz.source, rule, coefficient)
-    load = np.repeat(found.load, index.shape[1])
-    return Doubt(np.bincount(index.ravel(), load, count).astype(np.float64), found.oscillation)
+    found = doubt_about(mesh.p[:, mesh.t], numbers_of(ritz, mesh.t.shape[1]), ritz)
+    doubt = np.repeat(found.residual, index.shape[1])
+    return found._replace(residual=np.bincount(index.ravel(), doubt, count).astype(np.float64))
 
 
 def derivatives_of_order_2(mesh: MeshTet, coefficients: Floats, number: Ints, ritz: Ritz) -> Derivatives:
@@ -236,20 +212,18 @@ def numbers_of(ritz: Ritz, count: int) -> Ints:
     return np.zeros(count, dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
 
 
-def sums(parts: Derivatives, index: Ints, count: int) -> tuple[Floats, Floats, Floats]:
-    total, size, doubt = (np.bincount(index.ravel(), part.ravel(), count).astype(np.float64) for part in parts)
-    return total, size, doubt
+def sums(parts: Derivatives, index: Ints, count: int) -> tuple[Floats, Floats]:
+    total, size = (np.bincount(index.ravel(), part.ravel(), count).astype(np.float64) for part in parts)
+    return total, size
 
 
-def check_residual(
-    total: Floats, size: Floats, doubt: Floats, free: Mask, place: Floats, mesh: Mesh, loads: Doubt
-) -> None:
-    allowed = OF_TERMS * size + OF_LARGEST * size.max(initial=0.0) + doubt
+def check_residual(total: Floats, size: Floats, free: Mask, place: Floats, mesh: Mesh, doubt: Doubt) -> None:
+    allowed = OF_TERMS * size + OF_LARGEST * size.max(initial=0.0) + doubt.residual
     excess = np.where(free, np.abs(total) - allowed, -np.inf)
     wrong = int(np.count_nonzero(excess > 0.0))
-    if not np.any(excess > loads.load + (MARGIN - 1.0) * doubt):
-        if loads.oscillation:
-            raise UnresolvedSource(loads.oscillation)
+    if not wrong:
+        if doubt.oscillation:
+            raise UnresolvedData(doubt)
         return
     worst = int(np.argmax(excess))
     raise ValueError(

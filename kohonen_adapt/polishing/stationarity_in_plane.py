@@ -10,9 +10,8 @@ from kohonen_adapt.mesh.basis import trace_columns
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.polynomials import TrialFunction, facets_of_sides, local_coefficients
 from kohonen_adapt.polishing.boundary import BoundaryTerms, sides_on
-from kohonen_adapt.polishing.stationarity import check_residual, derivatives_on, loads_of, numbers_of, sums
+from kohonen_adapt.polishing.stationarity import check_residual, derivatives_on, doubts_of, numbers_of, sums
 from kohonen_adapt.problem.boundary_terms import facet_terms
-from kohonen_adapt.problem.functional_value import source_points
 from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = ["check_in_plane"]
@@ -44,7 +43,7 @@ def check_in_plane(
     index, place = unknowns_of(mesh, node, coefficients.shape[1])
     turn = np.ones(coefficients.shape[1]) * np.ones((len(node), 1))
     turn[:, 6:9] = np.where(node[:, AFTER] < node[:, BEFORE], 1.0, -1.0)[:, : max(0, min(3, turn.shape[1] - 6))]
-    total, size, doubt = sums(parts._replace(total=turn * parts.total), index, len(place))
+    total, size = sums(parts._replace(total=turn * parts.total), index, len(place))
     free, paired = np.ones(len(place), dtype=np.bool_), movable.constraints.chains.paired
     free[: len(values)] = ~solution.fixed & (movable.constraints.periodic.partner < 0)
     if solution.modes is not None:
@@ -56,10 +55,10 @@ def check_in_plane(
     primary, partner, times = (array[times != 0.0] for array in (primary, partner, times))
     total[primary] += times * total[partner]
     size[primary] += size[partner]
-    doubt[primary] += doubt[partner]
+    doubt = doubts_of(ritz, mesh, index, len(place))
+    doubt.residual[primary] += doubt.residual[partner]
     free[primary] = ~solution.fixed[primary]
-    rule = source_points(ritz.order)
-    check_residual(total, size, doubt, free, place, mesh, loads_of(ritz, mesh, index, len(place), rule))
+    check_residual(total, size, free, place, mesh, doubt)
 
 
 def unknowns_of(mesh: Mesh, node: Ints, functions: int) -> tuple[Ints, Floats]:

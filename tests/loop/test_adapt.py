@@ -379,7 +379,7 @@ def test_with_the_l2_norm_the_best_has_the_least_area_weighted_sum():
 
     class Moving(Script):
         def indicators(self, mesh, solution):
-            return np.where(wide, *((1.0, 0.0) if solution == 0 else (0.0, 0.6)))
+            return np.where(wide, *((1.0, 0.45) if solution == 0 else (0.1, 0.6)))
 
     problem = Moving([0, 0])
     by_energy = adapt(mesh, problem, passes=1, topology="fixed")
@@ -786,29 +786,3 @@ def test_what_an_output_raises_later_ends_the_loop_with_the_best_so_far():
         "Failed in pass 2, output 'force': ZeroDivisionError: no current. Best: pass 1, estimated error 20 %. "
         "See `error`."
     )
-
-
-@dataclass
-class WithEnergies(Script):
-    """A scripted problem whose k-th solution has the k-th energy norm."""
-
-    energies: list = field(default_factory=list)
-
-    def energy_norm(self, mesh, solution):
-        return self.energies[solution]
-
-
-@pytest.mark.parametrize(
-    ("estimates", "energies", "best"),
-    [
-        ((1.0, 3.0, 2.0), (0.5, 9.0, 10.0), 2),  # the input does not see the source
-        ((1.0, 3.0, 2.0, 0.5), (0.5, 9.0, 10.0, 0.4), 2),  # nor does the last mesh
-        ((1.0, 3.0, 2.0), (9.9, 9.5, 10.0), 0),
-        ((3.0, 2.0, 1.0), (20.0, 12.0, 10.0), 2),  # with prescribed values energies fall
-        ((1.0, 3.0), (20.0, 9.0), 0),
-    ],
-)
-def test_a_pass_that_lacks_the_energy_of_another_one_is_not_the_best(estimates, energies, best):
-    problem = WithEnergies(list(estimates), energies=list(energies))
-    result = adapt(MESH, problem, passes=len(estimates) - 1)
-    assert result.best.number == best

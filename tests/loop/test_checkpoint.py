@@ -22,6 +22,7 @@ from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
+from kohonen_adapt.mesh.measures import area
 
 PROBLEM = Magnetostatics(
     {"core": Material(permeability=100.0, remanence=(0.0, 1.0)), "air": Material()}, potential={"outer": 0.0}
@@ -209,6 +210,12 @@ class Counting:
         return PROBLEM.indicators(mesh, solution)
 
 
+def worse_than_the_input(mesh, indicators):
+    """On other meshes the largest element has all the error, which no element of the input contradicts."""
+    largest = np.arange(mesh.nelements) == np.argmax(area(mesh))
+    return np.where(largest & (not np.array_equal(mesh.p, MESH.p)), 100.0 * indicators.max(), indicators)
+
+
 def test_only_the_last_pass_is_solved_again(tmp_path):
     ka.adapt(MESH, Counting(), passes=2, checkpoint=tmp_path)
     problem = Counting()
@@ -227,7 +234,7 @@ def test_a_loop_that_has_ended_ends_again_with_one_solve(tmp_path):
 def test_the_best_pass_is_solved_again_where_it_is_not_the_last(tmp_path):
     class Worse(Counting):
         def indicators(self, mesh, solution):
-            return PROBLEM.indicators(mesh, solution) * (1.0 if np.array_equal(mesh.p, MESH.p) else 10.0)
+            return worse_than_the_input(mesh, PROBLEM.indicators(mesh, solution))
 
     ka.adapt(MESH, Worse(), passes=1, checkpoint=tmp_path)
     problem = Worse()
@@ -247,7 +254,7 @@ class FailsOnTheInput(Counting):
         return PROBLEM.solve(mesh)
 
     def indicators(self, mesh, solution):
-        return PROBLEM.indicators(mesh, solution) * (1.0 if np.array_equal(mesh.p, MESH.p) else 10.0)
+        return worse_than_the_input(mesh, PROBLEM.indicators(mesh, solution))
 
 
 @pytest.mark.parametrize("hooks", [{}, {"interim": lambda result: None}], ids=["at the end", "interim"])

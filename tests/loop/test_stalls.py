@@ -2,14 +2,19 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+from skfem import MeshTri
 
 from kohonen_adapt.loop.stopping import STALL_GAIN, stalls_by_estimate, stalls_by_functional
 
+MESH = MeshTri()
+
 
 def passes(levels, worths, comparable=True):
+    common = {"comparable": comparable, "calibrated": False, "mesh": MESH, "order": 1, "share": None}
     return tuple(
-        SimpleNamespace(functional=level, worth=worth, comparable=comparable, energy_norm=None)
+        SimpleNamespace(functional=level, worth=worth, estimate=worth, indicators=np.full(2, worth), **common)
         for level, worth in zip(levels, worths, strict=True)
     )
 
