@@ -109,7 +109,7 @@ class History:
         if not self.by_energy:
             return last
         best = self._passes.best
-        self._adaptation.movable.restore(best.state)
+        self._adaptation.movable.restore(best.movable.state())
         if best.solution is UNSOLVED:
             with self._steps("solve again", number=best.record.number):
                 solved = self._adaptation.assess_again(best.record)

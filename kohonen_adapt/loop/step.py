@@ -2,11 +2,10 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -67,17 +66,18 @@ class Solved:
         Solution returned by the problem, or `UNSOLVED` for a pass of an earlier process.
     functional
         Functional for the polish, or None.
-    curved
-        Copy of the movable mesh if sides are curved, else None.
-    state
-        Copies of the arrays of the movable mesh.
+    movable
+        Copy of the movable mesh.
     """
 
     record: Pass
     solution: Any
-    functional: Functional | None = None
-    curved: MovableMesh | None = None
-    state: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    functional: Functional | None
+    movable: MovableMesh | MovableSolid
+
+    @property
+    def curved(self) -> MovableMesh | None:
+        return curved_of(self.movable)
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,8 @@ class Adaptation:
             number_facets(mesh)  # faster than scikit-fem, which numbers them otherwise in the solver
             solution = solve(self.problem, mesh, *((before.record.mesh, before.solution) if before else ()))
         with self.steps("estimate"):
-            sides = Sides(self.problem, mesh, solution, self.curved_mesh())
+            movable = self.movable.copy()
+            sides = Sides(self.problem, mesh, solution, curved_of(movable))
             estimated = self.estimated(sides)
             share = before.functional.share if before and before.functional else None
             found = self._functional(mesh, solution, share)
@@ -153,7 +154,7 @@ class Adaptation:
             seconds=self.steps.seconds,  # last, because outputs add their time
             compile_seconds=self.steps.compile_seconds,
         )
-        return Solved(record, solution, functional, sides.curved, self.state())
+        return Solved(record, solution, functional, movable)
 
     def incomparable(self, before: Solved | None, functional: Any, mesh: Mesh) -> str:
         # reason for which functionals do not compare passes
@@ -193,17 +194,10 @@ class Adaptation:
         solution = solve_again(self.problem, record.mesh, record.indicators)
         check_signs(record.outputs, self.outputs(solution))
         functional = self._functional(record.mesh, solution, record.share).functional
-        return Solved(record, solution, functional, self.curved_mesh(), self.state())
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        return {name: array.copy() for name, array in self.movable.state().items()}
+        return Solved(record, solution, functional, self.movable.copy())
 
     def unsolved(self, record: Pass) -> Solved:
-        return Solved(record, UNSOLVED, None, self.curved_mesh(), self.state())
-
-    def curved_mesh(self) -> MovableMesh | None:
-        movable = self.movable
-        return movable.copy() if isinstance(movable, MovableMesh) and movable.curved else None
+        return Solved(record, UNSOLVED, None, self.movable.copy())
 
     def relocate(self, solved: Solved, by_energy: bool) -> Moved[Any]:
         with self.steps("relocate"):
@@ -281,6 +275,10 @@ class Adaptation:
             with self.steps("estimate", f"output {name!r}"):
                 values[name] = output_value(name, function, solution)
         return values
+
+
+def curved_of(movable: MovableMesh | MovableSolid) -> MovableMesh | None:
+    return movable if isinstance(movable, MovableMesh) and movable.curved else None
 
 
 def goal_error(sides: Sides) -> Uncertain:

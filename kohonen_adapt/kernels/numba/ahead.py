@@ -18,6 +18,7 @@ from numba.core import event
 
 from kohonen_adapt.kernels.entries import ENTRIES
 from kohonen_adapt.kernels.numba.cache import is_cacheable, is_cached
+from kohonen_adapt.kernels.numba.clock import OutermostCompilation
 from kohonen_adapt.kernels.numba.compilation import expected, number_of_threads
 from kohonen_adapt.kernels.numba.entry import Entry, name_of
 
@@ -58,37 +59,31 @@ def compile_each(names: Iterable[str]) -> None:
         sys.stdout.flush()
 
 
-class _Compiling(event.Listener):
+class _Compiling(OutermostCompilation):
     def __init__(self) -> None:
+        super().__init__()
         self._work: dict[str, int] = {}  # of loops to be compiled, in instructions
         self._count = 0
         self._total = self._first = 0
-        self._start = 0.0
+        self._begun = 0.0
         self._announcement = ""
         self._processes = 1
-        self._depth = 0
         self._collects = True
 
-    def on_start(self, event: Any) -> None:
-        if not self._depth:
-            self._collects = gc.isenabled()
-            gc.disable()  # numba's objects are not freed, and the collector takes 5 % of the time
-        self._depth += 1
-        function = event.data["dispatcher"].py_func
-        if self._depth == 1 and function.__module__.startswith(KERNELS) and name_of(function) not in self._work:
-            self._begin(event.data["dispatcher"])
+    def begin(self, loop: Any) -> None:
+        self._collects = gc.isenabled()
+        gc.disable()  # numba's objects are not freed, and the collector takes 5 % of the time
+        if loop.py_func.__module__.startswith(KERNELS) and name_of(loop.py_func) not in self._work:
+            self._plan(loop)
 
-    def on_end(self, event: Any) -> None:
-        self._depth -= 1
-        if self._depth == 0:
-            if self._collects:
-                _count_as_old()
-                gc.enable()
-            name = name_of(event.data["dispatcher"].py_func)
-            self._announce()
-            self._finish(name)
+    def end(self, loop: Any, seconds: float) -> None:
+        if self._collects:
+            _count_as_old()
+            gc.enable()
+        self._announce(seconds)
+        self._finish(name_of(loop.py_func))
 
-    def _begin(self, loop: Any) -> None:
+    def _plan(self, loop: Any) -> None:
         # A second process compiles all `expected` groups and the group of `loop`, unless code cannot be stored.
         name, once = name_of(loop.py_func), is_cacheable(loop)
         expected.update(chapter for chapter in ENTRIES if any(name == entry.name for entry in ENTRIES[chapter]))
@@ -98,7 +93,7 @@ class _Compiling(event.Listener):
         self._count = len(self._work)
         self._total = sum(self._work.values())
         self._first = self._work[name]  # kept, because the second process may finish the same loop before
-        self._start = time.perf_counter()
+        self._begun = time.perf_counter()
         in_parallel = len(missing) > 1 and number_of_threads() > 1 and once and self._start_second_process(missing)
         self._processes = 2 if in_parallel else 1
         self._announcement = f"compiling loops of kohonen_adapt{', once' * once} ({self._count}, about %.0f s)"
@@ -122,18 +117,17 @@ class _Compiling(event.Listener):
             self._finish(line.strip())
         process.wait()
 
-    def _announce(self) -> None:
+    def _announce(self, seconds: float) -> None:
         if self._announcement:
             # the first loop shows the speed of this machine
-            elapsed = time.perf_counter() - self._start
-            seconds = elapsed * max(1.0, self._total / self._first / self._processes)
-            logger.warning(self._announcement, max(1.0, seconds))
+            times = max(1.0, self._total / self._first / self._processes)
+            logger.warning(self._announcement, max(1.0, seconds * times))
             self._announcement = ""
 
     def _finish(self, name: str) -> None:
         if self._work.pop(name, None) is not None:
             done, left = self._count - len(self._work), sum(self._work.values())
-            seconds = (time.perf_counter() - self._start) / (self._total - left) * left
+            seconds = (time.perf_counter() - self._begun) / (self._total - left) * left
             progress.info("compiled %d of %d loops, about %.0f s left", done, self._count, seconds)
 
 

@@ -5,24 +5,39 @@ from typing import Any
 
 from numba.core import event
 
-__all__ = ["seconds_compiling"]
+__all__ = ["OutermostCompilation", "seconds_compiling"]
 
 
-class _Clock(event.Listener):
+class OutermostCompilation(event.Listener):
+    """Listener to the compilation of loops, without the loops inside."""
+
     def __init__(self) -> None:
-        self.seconds = 0.0
         self._depth = 0
         self._start = 0.0
 
+    def begin(self, loop: Any) -> None: ...
+
+    def end(self, loop: Any, seconds: float) -> None: ...
+
     def on_start(self, event: Any) -> None:
-        if not self._depth:
-            self._start = perf_counter()
         self._depth += 1
+        if self._depth == 1:
+            self._start = perf_counter()
+            self.begin(event.data["dispatcher"])
 
     def on_end(self, event: Any) -> None:
         self._depth -= 1
         if not self._depth:
-            self.seconds += perf_counter() - self._start
+            self.end(event.data["dispatcher"], perf_counter() - self._start)
+
+
+class _Clock(OutermostCompilation):
+    def __init__(self) -> None:
+        super().__init__()
+        self.seconds = 0.0
+
+    def end(self, loop: Any, seconds: float) -> None:
+        self.seconds += seconds
 
 
 _clock = _Clock()
