@@ -1,6 +1,7 @@
 """Parts of the adaptive loop for triangles and for tetrahedra."""
 
 import logging
+from dataclasses import replace
 
 from numpy.typing import ArrayLike
 from skfem import Mesh
@@ -95,8 +96,11 @@ class PlaneMethod(Method):
         longest = None
         if functional is not None and functional.dual is None:  # the effect of arcs on a goal is unknown
             longest = longest_on_arcs(functional.ritz, movable, estimate)
-        topology, rng = settings.rules.topology, settings.rng(number)
-        return move(movable, density, settings.schedule, topology, rng, nodes, recycles, longest)
+        topology, rng, schedule = settings.rules.topology, settings.rng(number), settings.schedule
+        if schedule is None and topology == "recycle" and functional is not None:
+            # the polish moves nodes further than sweeps do: `python -m benchmarks map`
+            schedule = replace(Schedule.default(nodes, topology=topology), sweeps=0)
+        return move(movable, density, schedule, topology, rng, nodes, recycles, longest)
 
     def value(self, functional: Functional, ritz: Ritz, movable: MovableMesh, mesh: Mesh) -> float:
         curved_part = functional.energy_beyond_chords(movable.triangulation, functional.solution)

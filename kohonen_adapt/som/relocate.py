@@ -25,7 +25,7 @@ from kohonen_adapt.kernels.triangle.arrays import Elements
 from kohonen_adapt.som.density import DensityInSpace, density_in_space
 from kohonen_adapt.som.recycling import RATIO, recycle_nodes, starts_of
 from kohonen_adapt.som.relocation_record import Moved, why_still
-from kohonen_adapt.som.schedule import Schedule, Stage, most_doublings
+from kohonen_adapt.som.schedule import Schedule, most_doublings
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import Density, density_of, source_of
 
@@ -49,9 +49,6 @@ SETTLED = 0.005  # fraction of nodes: a round with fewer splits is the last
 TURNS = 4  # further recyclings in a metric, because collapses on a mesh without its directions need sweeps before
 MIXED = 0.1  # fraction of nodes: after a round with more splits rows are ordered again
 POWER = 5.0 / 3.0  # exponent of the density as weight of smoothing, which equalises the mass of elements
-# After recycling in a metric nodes are near their places, and a low rate averages many points per node. For the errors
-# by schedule run `python -m benchmarks map`.
-IN_METRIC = Schedule((Stage(1, 1, 0.05, points_per_neuron=8.0),))
 PAIRS, NODES = 10_000, 50_000  # per compiled call, so that Ctrl-C takes effect within half a second
 
 
@@ -86,9 +83,7 @@ def move(
             starts = starts_of(before.triangulation, recycled)
             movable.measure_by(wanted.shapes_now(movable.triangulation, recycled.start_element))
         trainer = Trainer.of(movable)
-        if schedule is None and movable.in_metric and pairs:
-            schedule = IN_METRIC
-        elif schedule is None:
+        if schedule is None:
             radius = radius_for(trainer, wanted, topology, recycled)
             schedule = Schedule.default(target, radius=radius, topology=topology)
         errors = trainer.learn(wanted.draw, schedule, rng, starts)

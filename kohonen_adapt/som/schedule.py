@@ -12,13 +12,7 @@ from kohonen_adapt.checks import is_count, is_number
 __all__ = ["Schedule", "Stage"]
 
 # More sweeps concentrate nodes too much, which raises the error of later passes, or stretch fixed elements.
-SWEEPS = {"flip": 6, "fixed": 4, "recycle": 4}
-# Epochs and learning rate of the default schedules at radius 1.
-LOCAL: dict[str, tuple[int, float | tuple[float, float]]] = {
-    "flip": (1, 0.3),
-    "fixed": (5, (0.3, 0.1)),
-    "recycle": (1, 0.45),  # as good as two epochs with 0.3
-}
+SWEEPS = {"flip": 6, "fixed": 4, "recycle": 2}
 # Doublings of the first radius at which points are presented, and epochs at each radius above 1.
 NEAR = {"flip": (1, 1), "fixed": (2, 3), "recycle": (1, 1)}
 ROUNDLESS = 2  # doublings that need no transport, to radius 2 and 4
@@ -219,9 +213,10 @@ class Schedule:
         -----
         At a local radius a wave of 2n nodes decays by only ``1 - O((pi / n)^2)`` per epoch; a round of transport
         removes most of the wave at once, whatever its length. At radius 1 the density of nodes lags behind the density
-        of points, and the sweeps of smoothing at the end overshoot: over many passes both effects balance.
+        of points, and the sweeps of smoothing at the end overshoot: over many passes both effects balance. After
+        recycling nodes are near their places, and a low rate averages many points per node.
         """
-        if topology not in LOCAL:
+        if topology not in SWEEPS:
             raise ValueError(f"topology must be 'fixed', 'flip' or 'recycle'; got {topology!r}.")
         if not is_count(nnodes):
             raise ValueError(f"nnodes must be an integer >= 0; got {nnodes!r}.")
@@ -233,7 +228,7 @@ class Schedule:
         radii = [2**k for k in range(min(doublings, near), 0, -1)]
         stages = [Stage(r, epochs, min(0.3, 1 / r), points_per_neuron=2 / r**2) for r in radii]
         rounds = max(0, doublings - ROUNDLESS)
-        return cls((*stages, Stage(1, *LOCAL[topology])), rounds=rounds, sweeps=SWEEPS[topology])
+        return cls((*stages, LOCAL[topology]), rounds=rounds, sweeps=SWEEPS[topology])
 
     @property
     def trains(self) -> bool:
@@ -259,3 +254,11 @@ def are_two_rates(rates: Iterable[float]) -> bool:
 
 def most_doublings(nnodes: int) -> int:
     return max(1, math.floor(math.log2(max(2.0, 0.6 * math.sqrt(nnodes)))))
+
+
+# Stages at radius 1 of the default schedules. For the errors run `python -m benchmarks map`.
+LOCAL = {
+    "flip": Stage(1, 1, 0.3),
+    "fixed": Stage(1, 5, (0.3, 0.1)),
+    "recycle": Stage(1, 1, 0.05, points_per_neuron=8.0),
+}
