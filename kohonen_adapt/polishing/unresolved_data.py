@@ -17,6 +17,7 @@ from kohonen_adapt.problem.tables import flux_at, source_at, value_by_region
 
 __all__ = ["Doubt", "UnresolvedData", "doubt_about"]
 
+INSIDE = 1e-6  # distance of points from the corners of their elements, relative to that of the centre
 ROWS = 5_000  # elements per block, to limit the memory
 MARGIN = 3.0  # factor of the largest difference between rules, because solvers have rules of their own
 # Difference of the loads by a rule and by the rule in parts of an element, relative to the load by the magnitude of the
@@ -125,7 +126,8 @@ def variation(values_at: Callable[[Floats, slice], Floats], corners: Floats, rul
         np.tile(rule.weight, len(parts)) / len(parts),
     )
     share = np.full(functions, 1.0 / functions)
-    rules = (fine, rule, Rule(share[None], np.ones(1)), Rule(np.eye(functions), share))
+    corner = (1.0 - INSIDE) * np.eye(functions) + INSIDE * share  # other regions begin at the corners
+    rules = (fine, rule, Rule(share[None], np.ones(1)), Rule(corner, share))
     found = Variation(np.empty(count, dtype=np.bool_), *np.empty((4, count)))
     for first in range(0, count, ROWS):
         rows = slice(first, first + ROWS)

@@ -37,7 +37,7 @@ from kohonen_adapt.problem.tables import flux_at, flux_table, source_at, value_b
 __all__ = ["elements_by_rule", "flux_on", "functional_value", "reference_of", "source_on", "source_points", "value_on"]
 
 
-LOWER = 3  # degree of a second rule, besides that of the source and the function
+LOWER = 3  # as `degree` of `source_points`, of a second rule
 AGREEMENT = 1e-4  # difference of both rules relative to the magnitude, above which elements are integrated in parts
 HALVINGS = 2  # of the edges of these elements
 ROWS = 2_000  # elements at once, to limit the memory
