@@ -79,13 +79,33 @@ def killed_at(number, step, mesh, problem, folder):
         ka.adapt(mesh, problem, checkpoint=folder, progress=progress)
 
 
+class Misled:
+    """A problem with indicators that fade away from a corner without much error, where the map moves the nodes."""
+
+    def __init__(self, problem):
+        self.problem = problem
+
+    def __getattr__(self, name):
+        return getattr(self.problem, name)
+
+    def indicators(self, mesh, solution):
+        to_corner = mesh.p[:, mesh.t].mean(axis=1) - 0.8
+        return self.problem.indicators(mesh, solution) * np.exp(-3.0 * np.sum(to_corner**2, axis=0))
+
+
+def adapted_magnet():
+    problem = magnet(1, False)
+    return ka.adapt(magnet_mesh(20, False), problem, passes=6).mesh, Misled(problem)
+
+
 @pytest.fixture(scope="module", params=["plane", "space"])
 def adapted(request):
     """A mesh on which the polish has little left to do, the problem, and the run from it."""
-    mesh, problem = (
-        (magnet_mesh(20, False), magnet(1, False)) if request.param == "plane" else (fichera(2), Minimised())
-    )
-    mesh = ka.adapt(mesh, problem, passes=6).mesh
+    if request.param == "plane":
+        mesh, problem = adapted_magnet()
+    else:
+        problem = Minimised()
+        mesh = ka.adapt(fichera(2), problem, passes=6).mesh
     return mesh, problem, ka.adapt(mesh, problem)
 
 
@@ -116,8 +136,7 @@ def test_the_only_pass_is_followed_by_one_if_the_input_is_better(adapted):
 
 
 def test_a_mesh_that_grows_keeps_the_nodes_of_the_best_and_splits_edges():
-    problem, start = magnet(1, False), magnet_mesh(20, False)
-    start = ka.adapt(start, problem, passes=6).mesh
+    start, problem = adapted_magnet()
     history = ka.adapt(start, problem, passes=3, target_nodes=447).history
     assert [step.mesh.nvertices for step in history] == [441, 444, 447, 447]
     assert history[1].functional > history[0].functional > history[2].functional
