@@ -17,7 +17,7 @@ from kohonen_adapt.problem.tables import flux_at, source_at, value_by_region
 
 __all__ = ["Doubt", "UnresolvedData", "doubt_about"]
 
-INSIDE = 1e-6  # distance of points from the corners of their elements, relative to that of the centre
+INSIDE = 1e-6  # distance of points from the corners of elements, relative to the distance of the centre
 ROWS = 5_000  # elements per block, to limit the memory
 MARGIN = 3.0  # factor of the largest difference between rules, because solvers have rules of their own
 # Difference of the loads by a rule and by the rule in parts of an element, relative to the load by the magnitude of the
