@@ -19,9 +19,6 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 __all__ = ["Movable", "Recycled", "Work", "arrays_of", "names_beside", "shown", "unchanged"]
 
 
-POLISH_FLOOR = 0.1  # least Euclidean quality that the polish may leave in a metric with min_quality="auto"
-
-
 class Movable(ABC):
     """Mesh as arrays, with the constraints on its nodes.
 
@@ -35,6 +32,8 @@ class Movable(ABC):
         Names of the arrays with a row per element; all others have a row per node.
     curved_parts
         Words for curved parts of the boundary and for their facets in messages.
+    least_in_polish
+        Minimum Euclidean quality that the polish may leave in a metric with min_quality="auto".
     floor
         Minimum quality after a change, or the worst quality before the change if that is lower.
     least
@@ -48,6 +47,7 @@ class Movable(ABC):
     state_names: ClassVar[tuple[str, ...]]
     by_element: ClassVar[tuple[str, ...]]
     curved_parts: ClassVar[tuple[str, str]]
+    least_in_polish: ClassVar[float]
 
     floor: float
     least: float
@@ -97,7 +97,7 @@ class Movable(ABC):
     def polish_floor(self) -> float:
         # The energy stretches elements of a metric further than pays off on the next mesh: `python -m benchmarks
         # anisotropy` has the errors.
-        return min(self.floor, max(self.least, POLISH_FLOOR)) if self.in_metric else self.floor
+        return min(self.floor, max(self.least, self.least_in_polish)) if self.in_metric else self.floor
 
     @property
     def relief(self) -> float:

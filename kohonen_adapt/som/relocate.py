@@ -220,7 +220,7 @@ def rearrange(
         smooth(opened, density, SWEEPS[topology], movable)
         more, fewer = exchange(opened, movable.floor, swaps, target, RATIO)
         splits, collapses = splits + more, collapses + fewer
-        if more <= SETTLED * len(opened.mesh.position):
+        if more <= MIXED * len(opened.mesh.position):
             break
     counts = smooth(opened, density, SWEEPS[topology] if sweeps is None else sweeps, movable)
     if refused is not None:

@@ -64,6 +64,7 @@ class MovableMesh(Movable):
     state_names = STATE_NAMES
     by_element = BY_ELEMENT
     curved_parts = "curves", "facets"
+    least_in_polish = 0.1
 
     triangulation: Triangulation
     outline: Outline

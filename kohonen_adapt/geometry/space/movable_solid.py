@@ -84,6 +84,7 @@ class MovableSolid(Movable):
     state_names = STATE_NAMES
     by_element = BY_ELEMENT
     curved_parts = "surfaces", "faces"
+    least_in_polish = 0.05
 
     tetrahedralization: Tetrahedralization
     surfaces: Surfaces

@@ -59,10 +59,11 @@ class OpenSolid:
     floor: float
 
     @classmethod
-    def of(cls, movable: MovableSolid, density: Floats, target: int = 0) -> "OpenSolid":
+    def of(cls, movable: MovableSolid, density: Floats, target: int = 0, relief: float | None = None) -> "OpenSolid":
         """Copy the arrays of `movable`, with spare rows and all elements in the queue.
 
-        `density`, shape (nnodes,), is the wanted number of nodes per volume up to a factor.
+        `density`, shape (nnodes,), is the wanted number of nodes per volume up to a factor. `relief` is that of
+        `Metric`, None for that of `movable`.
         """
         n, node = movable.nnodes, movable.tetrahedralization.elements.node
         rows = max(n, target) + 2
@@ -80,7 +81,7 @@ class OpenSolid:
         height = np.array([rows - n, capacity - used], dtype=np.int64)
         state["shape"][n:] = round_shapes(rows - n, 3)
         position, elements, freedom = records_of(state)
-        metric = metric_of(state["shape"], movable.relief)
+        metric = metric_of(state["shape"], movable.relief if relief is None else relief)
         mesh = OpenTetrahedra(
             position,
             elements,

@@ -178,14 +178,14 @@ class SpaceDescent:
     def of(
         cls, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, recycled: Recycled
     ) -> "SpaceDescent":
-        opened = with_origins(OpenSolid.of(movable, np.ones(movable.nnodes)), recycled)
+        opened = with_origins(OpenSolid.of(movable, np.ones(movable.nnodes), relief=1.0), recycled)
         rows = len(opened.mesh.position)
         surface = padded(trial.surface, rows, 0.0) if len(trial.surface) else trial.surface
         own = functional.trial(padded(trial.values, rows, 0.0), padded(trial.fixed, rows, False), surface)
         seen, applied = np.zeros((len(opened.mesh.elements.node), 2)), applied_field(functional.ritz.surface)
         if len(own.applied) and applied is not None:
             start_field(opened.mesh, own, applied)
-        return cls(movable, recycled, opened, functional, own, movable.floor, movable.flips, seen)
+        return cls(movable, recycled, opened, functional, own, movable.polish_floor, movable.flips, seen)
 
     def copy(self) -> Self:
         names = ("value", "fixed", "surface", "applied")

@@ -78,7 +78,7 @@ class QuadraticDescent(SpaceDescent):
         if trial.modes is None:
             raise TypeError("a descent of order 2 requires coefficients of edges")
         spare = movable.nnodes + movable.nnodes // SPARE + MORE
-        opened = with_origins(OpenSolid.of(movable, np.ones(movable.nnodes), spare), recycled)
+        opened = with_origins(OpenSolid.of(movable, np.ones(movable.nnodes), spare, relief=1.0), recycled)
         nodes, elements = len(opened.mesh.position), len(opened.mesh.elements.node)
         modes = Modes(*(padded(array, elements, 0) for array in trial.modes))
         fixed, surface = padded(trial.fixed, nodes, False), trial.surface
@@ -87,7 +87,8 @@ class QuadraticDescent(SpaceDescent):
             fixed |= on_patches(opened.mesh, functional.driven)
             modes.dirichlet[:] |= edges_of_patches(opened.mesh, functional.driven)
         own = functional.trial(padded(trial.values, nodes, 0.0), fixed, surface)
-        common = movable, recycled, opened, functional, own, movable.floor, movable.flips, np.zeros((elements, 2))
+        rules, seen = (movable.polish_floor, movable.flips), np.zeros((elements, 2))
+        common = movable, recycled, opened, functional, own, *rules, seen
         return cls(*common, modes, size_of(opened.mesh), CurvedEdges.of(movable, nodes))
 
     def copy(self) -> Self:
