@@ -1,4 +1,4 @@
-"""Measure whether a density should place nodes of tetrahedra in every pass, and what passes reach with 10^5 nodes."""
+"""Measure densities with and without directions on tetrahedra, in how many passes, and what 10^5 nodes reach."""
 
 from collections.abc import Sequence
 
@@ -28,12 +28,15 @@ def report(seeds: Sequence[int], quick: bool) -> str:
 
 
 def compared(problem: Solid, cells: int) -> list[list[str | int | float]]:
-    """A row of a run, and one of runs of one pass each, which begin with a density every time."""
-    run = ka.adapt(problem.mesh(cells), problem, passes=PASSES).history
-    every = [run[0]]
-    for _ in range(PASSES):
-        every.append(ka.adapt(every[-1].mesh, problem, passes=1).history[-1])
-    return [row(problem, word, steps) for word, steps in (("in two passes", run), ("in every pass", every))]
+    """Rows of a run and of runs of one pass each, which begin with a density every time, round and with directions."""
+    rows = []
+    for anisotropic, kind in ((False, "round"), (True, "directions")):
+        run = ka.adapt(problem.mesh(cells), problem, passes=PASSES, anisotropic=anisotropic).history
+        every = [run[0]]
+        for _ in range(PASSES):
+            every.append(ka.adapt(every[-1].mesh, problem, passes=1, anisotropic=anisotropic).history[-1])
+        rows += [row(problem, f"{kind}, two passes", run), row(problem, f"{kind}, every pass", every)]
+    return rows
 
 
 def row(problem: Solid, word: str, steps: Sequence[ka.Pass]) -> list[str | int | float]:

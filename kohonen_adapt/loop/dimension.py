@@ -13,6 +13,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.method import Method
+from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.stopping import stalls_by_estimate, stalls_by_functional
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, cell_of
@@ -61,7 +62,6 @@ def opened_in_plane(mesh: Mesh, rules: Rules, curved: bool | None) -> MovableMes
 
 class PlaneMethod(Method):
     dim = TRIANGLE.dim
-    takes_metric = True
     passes_by_density = 3
     transfer_kernels = ("carrying",)
     open = staticmethod(opened_in_plane)
@@ -106,6 +106,9 @@ class PlaneMethod(Method):
         curved_part = functional.energy_beyond_chords(movable.triangulation, functional.solution)
         return functional_value(mesh, ritz) + curved_part
 
+    def takes_directions(self, settings: Settings, last: Pass) -> bool:
+        return settings.rules.topology != "fixed"
+
     def corrects(self, problem: Problem) -> bool:
         # At order 1 the misplaced nodes cost 0.5 to 1 % of the error after three or four passes, and save a pass over
         # all nodes: `python -m benchmarks growth`. At higher orders they cost several per cent, and on tetrahedra as
@@ -115,7 +118,6 @@ class PlaneMethod(Method):
 
 class SpaceMethod(Method):
     dim = TETRAHEDRON.dim
-    takes_metric = False
     passes_by_density = 2
     transfer_kernels = ("space carrying",)
     open = staticmethod(MovableSolid.of)
@@ -155,6 +157,12 @@ class SpaceMethod(Method):
             return self.split(movable, density, movable.nnodes)
         topology, rng = settings.rules.topology, settings.rng(number)
         return move_in_space(movable, density, settings.schedule, topology, rng, nodes)
+
+    def takes_directions(self, settings: Settings, last: Pass) -> bool:
+        # Directions multiply errors at a given number of nodes by .67 to .97 (`python -m benchmarks space-passes`).
+        # Residuals overrate long elements, so runs to a tolerance take up to four times as long, and a goal has
+        # directions of the dual solution, too.
+        return settings.rules.topology != "fixed" and not settings.tolerance and last.goal is None
 
     def value(self, functional: SolidFunctional, ritz: Ritz, movable: MovableSolid, mesh: Mesh) -> float:
         tet = movable.tetrahedralization

@@ -34,11 +34,10 @@ class Method(ABC):
     """
 
     dim: ClassVar[int]
-    # A density is isotropic: if long elements have the lowest energy, the density moves a fifth of all nodes in every
-    # pass to positions from which the energy removes them again. For the measured optimum run
-    # `python -m benchmarks space-passes`.
+    # A density without directions moves a fifth of all nodes in every pass to positions from which the energy removes
+    # them again, if long elements have the lowest energy. With directions, too, further passes by density gain nothing
+    # (`python -m benchmarks space-passes`).
     passes_by_density: ClassVar[int]
-    takes_metric: ClassVar[bool]
 
     @abstractmethod
     def open(self, mesh: Mesh, rules: Rules, curved: bool | None) -> Any:
@@ -113,6 +112,10 @@ class Method(ABC):
     @abstractmethod
     def descent(self, movable: Any, functional: Any, trial: Any, recycled: Recycled) -> Descent:
         """Return the descent for the polish, which changes `movable`."""
+
+    @abstractmethod
+    def takes_directions(self, settings: Settings, last: Pass) -> bool:
+        """Return True if elements get directions with ``anisotropic="auto"``."""
 
     @abstractmethod
     def stalls(self, passes: tuple[Pass, ...]) -> bool: ...

@@ -203,7 +203,9 @@ class Adaptation:
         with self.steps("relocate"):
             settings, number, functional = self.settings, self.steps.number, solved.functional
             ritz = None if functional is None else functional.ritz
-            wanted = wanted_of(self.problem, solved.record, solved.solution, ritz, self.anisotropic(by_energy))
+            wanted = wanted_of(
+                self.problem, solved.record, solved.solution, ritz, self.anisotropic(solved.record, by_energy)
+            )
             record, density, estimate = wanted.record, wanted.density, root_of_squares(solved.record.indicators)
             # on a surface that holds its nodes in the polish only a density adds nodes
             steers = ritz is not None and not ritz.shapes_only and ritz.surface is None
@@ -218,11 +220,11 @@ class Adaptation:
                 moved = self.method.move(self.movable, density, functional, estimate, settings, number, nodes, recycles)
             return moved if held is None else replace(moved, held_in_polish=int(held.sum()))
 
-    def anisotropic(self, by_energy: bool) -> bool | str:
+    def anisotropic(self, last: Pass, by_energy: bool) -> bool | str:
         # Elements whose edges stay cannot turn. After a pass that was worse the energy alone moves nodes.
-        can_turn = self.method.takes_metric and self.settings.rules.topology != "fixed"
         given = self.settings.anisotropic
-        return False if by_energy or (given == "auto" and not can_turn) else given
+        kept = given == "auto" and not self.method.takes_directions(self.settings, last)
+        return False if by_energy or kept else given
 
     def polish(self, solved: Solved, moved: Moved[Any]) -> tuple[Moved[Any], float]:
         with self.steps("polish"):

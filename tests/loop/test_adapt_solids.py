@@ -43,7 +43,7 @@ def test_the_error_falls_at_a_constant_number_of_nodes(topology, most):
 def test_the_error_falls_at_the_rate_of_uniform_meshes_and_lies_a_fifth_below():
     """As |u - u_h| = C N^(-1/3): half as many nodes would do."""
     problem, cells = Poisson(), np.array([4, 5, 6, 8])
-    runs = [ka.adapt(box(n), problem, passes=3) for n in cells]
+    runs = [ka.adapt(box(n), problem, passes=3, anisotropic=False) for n in cells]
     uniform = np.array([problem.error(run.history[0]) for run in runs])
     best = np.array([problem.error(run.best) for run in runs])
     for errors in (uniform, best):
@@ -75,7 +75,7 @@ def test_the_history_tells_what_was_done():
     assert (first.moved, first.splits, first.collapses, first.max_displacement) == (0, 0, 0, 0.0)
     for step in rest:
         assert step.splits == step.collapses > 0 and step.moved > 0 and 0.0 < step.max_displacement < 2.0
-        assert step.mean_quality > 0.8 and step.unknowns == 316 and set(step.seconds) >= {"relocate", "solve"}
+        assert step.mean_quality > 0.6 and step.unknowns == 316 and set(step.seconds) >= {"relocate", "solve"}
         assert step.functional is None and not step.comparable
     text = str(adapted())
     assert "splits" in text and "Poisson has no method ritz" in text
@@ -99,11 +99,24 @@ def test_nodes_tells_which_were_there(topology):
 
 def test_a_pass_is_relocate_with_the_density_of_its_indicators():
     mesh, problem = fichera(), Poisson()
-    density = ka.density_from_indicators(mesh, problem.indicators(mesh, problem.solve(mesh)))
-    found = ka.relocate(mesh, density, topology="recycle")
-    again = ka.adapt(mesh, problem, passes=1).history[1].mesh
-    assert_array_equal(again.p, found.p)
-    assert_array_equal(again.t, found.t)
+    solution = problem.solve(mesh)
+    indicators = problem.indicators(mesh, solution)
+    wanted = {False: ka.density_from_indicators(mesh, indicators)}
+    wanted["auto"] = ka.metric_from_hessian(mesh, solution, indicators)
+    for anisotropic, density in wanted.items():
+        found = ka.relocate(mesh, density, topology="recycle")
+        again = ka.adapt(mesh, problem, passes=1, anisotropic=anisotropic).history[1].mesh
+        assert_array_equal(again.p, found.p)
+        assert_array_equal(again.t, found.t)
+
+
+def test_directions_lower_the_error_but_not_with_a_tolerance():
+    """Residuals overrate long elements, so a tolerance leads to the meshes without directions."""
+    found = [adapted().best, ka.adapt(fichera(), Poisson(FICHERA), passes=4, anisotropic=False).best]
+    assert Poisson(FICHERA).error(found[0]) < 0.8 * Poisson(FICHERA).error(found[1])
+    arguments = {"rtol": 0.3, "passes": 3}
+    by_tolerance = [ka.adapt(fichera(2), Poisson(FICHERA), anisotropic=a, **arguments) for a in ("auto", False)]
+    assert_array_equal(by_tolerance[0].mesh.p, by_tolerance[1].mesh.p)
 
 
 def test_with_the_l2_norm_the_result_is_the_best_in_it():
@@ -117,7 +130,7 @@ def test_with_the_l2_norm_the_result_is_the_best_in_it():
 
 def test_elements_of_second_order_have_their_own_density_and_no_polish():
     problem = Poisson(order=2)
-    result = ka.adapt(cube(3), problem, passes=2)
+    result = ka.adapt(cube(3), problem, passes=2, anisotropic=False)
     mesh = result.best.mesh
     assert result.best.unknowns == mesh.nvertices + mesh.edges.shape[1] == len(result.solution)
     assert "unknowns" in str(result) and "No polish" in result.message
