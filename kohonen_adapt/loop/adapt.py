@@ -183,9 +183,9 @@ def adapt(
         its value.
     anisotropic
         True to give elements the directions of the solution, by the metric of `metric_from_hessian` or of the method
-        ``metric`` of the problem. ``"auto"`` does so if the values of the solution are known, and not with
-        ``topology="fixed"``, on tetrahedra neither with a tolerance nor with a goal. False gives elements the same
-        length in all directions before the polish.
+        ``metric`` of the problem. ``"auto"`` does so if the values of the solution are known, and neither with
+        a goal nor with ``topology="fixed"``, on tetrahedra not with a tolerance. False gives elements the same length
+        in all directions before the polish.
     max_nodes
         Largest number of nodes that a tolerance leads to, by default 200 000.
 

@@ -1,7 +1,6 @@
 """Parts of the adaptive loop for triangles and for tetrahedra."""
 
 import logging
-from dataclasses import replace
 
 from numpy.typing import ArrayLike
 from skfem import Mesh
@@ -45,7 +44,7 @@ from kohonen_adapt.som.relocate import (
     split_edges_in_space,
 )
 from kohonen_adapt.som.relocation_record import Moved
-from kohonen_adapt.som.schedule import Schedule
+from kohonen_adapt.som.schedule import BEFORE_POLISH, Schedule
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -98,8 +97,7 @@ class PlaneMethod(Method):
             longest = longest_on_arcs(functional.ritz, movable, estimate)
         topology, rng, schedule = settings.rules.topology, settings.rng(number), settings.schedule
         if schedule is None and topology == "recycle" and functional is not None:
-            # the polish moves nodes further than sweeps do: `python -m benchmarks map`
-            schedule = replace(Schedule.default(nodes, topology=topology), sweeps=0)
+            schedule = BEFORE_POLISH
         return move(movable, density, schedule, topology, rng, nodes, recycles, longest)
 
     def value(self, functional: Functional, ritz: Ritz, movable: MovableMesh, mesh: Mesh) -> float:

@@ -37,7 +37,10 @@ class Wanted:
 
 def wanted_of(problem: Problem, record: Pass, solution: Any, ritz: Ritz | None, anisotropic: bool | str) -> Wanted:
     mesh, order, norm = record.mesh, order_of(problem), norm_of(problem)
-    shapes = shapes_of_solution(problem, mesh, solution, ritz) if anisotropic else None
+    # With a goal the errors of two solutions are multiplied, which no sum of curvatures describes.
+    has_goal = record.goal is not None or (ritz is not None and ritz.dual is not None)
+    wants = anisotropic is True or (anisotropic == "auto" and not has_goal)
+    shapes = shapes_of_solution(problem, mesh, solution, ritz) if wants else None
     if shapes is None:
         if anisotropic is True:
             raise ValueError(

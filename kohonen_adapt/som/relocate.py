@@ -25,7 +25,7 @@ from kohonen_adapt.kernels.triangle.arrays import Elements
 from kohonen_adapt.som.density import DensityInSpace, density_in_space
 from kohonen_adapt.som.recycling import RATIO, recycle_nodes, starts_of
 from kohonen_adapt.som.relocation_record import Moved, why_still
-from kohonen_adapt.som.schedule import Schedule, most_doublings
+from kohonen_adapt.som.schedule import IN_METRIC, Schedule, most_doublings
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import Density, density_of, source_of
 
@@ -83,7 +83,9 @@ def move(
             starts = starts_of(before.triangulation, recycled)
             movable.measure_by(wanted.shapes_now(movable.triangulation, recycled.start_element))
         trainer = Trainer.of(movable)
-        if schedule is None:
+        if schedule is None and movable.in_metric and topology == "recycle":
+            schedule = IN_METRIC
+        elif schedule is None:
             radius = radius_for(trainer, wanted, topology, recycled)
             schedule = Schedule.default(target, radius=radius, topology=topology)
         errors = trainer.learn(wanted.draw, schedule, rng, starts)

@@ -196,7 +196,7 @@ def test_adaptation_lowers_the_error(letter, number, variant, low, high):
     name = next(iter(start.figures))
     assert low < outcome.figures[name] / start.figures[name] < high
     assert outcome.mesh.p.shape[1] == start.mesh.p.shape[1]
-    assert ka.quality(outcome.mesh).min() > (0.0 if variant is FIXED else 0.3 - 1e-9)
+    assert ka.quality(outcome.mesh).min() > (0.0 if variant is FIXED else 0.02)  # in a metric
 
 
 def test_example_22_keeps_the_rate_of_refinement():
