@@ -35,7 +35,8 @@ __all__ = ["RATIO", "recycle_nodes", "recycle_pairs", "starts_of"]
 
 RATIO = 2.2  # ratio of the longest to the shortest edge in the metric; below 2, splits and collapses alternate forever
 ROUNDS = 2  # number of rounds: a forbidden collapse may be allowed after changes nearby
-TURNS = 4  # rounds of splits and collapses apart, in a metric
+TURNS = 4  # rounds of collapses and splits apart, in a metric
+TURNED = 1.0 / 3.0  # fraction of the nodes that such a round exchanges
 FEW_MISFITS = 0.1  # fraction of edges of another length than desired, up to which no turn follows
 BETTER = 0.8  # a turn that leaves more of this fraction is the last
 SETTLED = 0.01  # fraction of nodes: a round with fewer splits is the last
@@ -62,8 +63,7 @@ def recycle_nodes(
         row, density, done = recycled_pairs(movable, density, target, pairs, done)
         longest = None if longest is None else np.where(row >= 0, longest[row], 0.0)
     missing, turns = target - movable.nnodes, TURNS if pairs and movable.in_metric else 0
-    most = max(target, movable.nnodes) + (surplus(target) if turns else 0)
-    surgery = Surgery.on(movable, density, most, done, movable.relief)
+    surgery = Surgery.on(movable, density, max(target, movable.nnodes), done, movable.relief)
     if longest is not None:
         limits = surgery.mesh.origins.longest[: movable.nnodes]
         np.maximum(limits, longest, out=limits)
@@ -73,7 +73,7 @@ def recycle_nodes(
         now = misfits(surgery.mesh, target)
         if now < FEW_MISFITS or now > BETTER * before:
             break
-        more, fewer = turn(surgery.mesh, movable.floor, surplus(target))
+        more, fewer = turn(surgery.mesh, movable.floor, int(TURNED * target))
         splits, collapses, before = splits + more, collapses + fewer, now
     if not splits and not collapses:
         return done
@@ -118,17 +118,13 @@ def exchange(mesh: OpenMesh, floor: float, missing: int, ratio: float) -> tuple[
     return splits, collapses
 
 
-def turn(mesh: OpenMesh, floor: float, surplus: int) -> tuple[int, int]:
-    # Split first and collapse then: no pair can be exchanged where all edges of one direction are too long and all of
+def turn(mesh: OpenMesh, floor: float, nodes: int) -> tuple[int, int]:
+    # Collapse first and split then: no pair can be exchanged where all edges of one direction are too long and all of
     # another too short.
-    added, _ = exchange(mesh, floor, surplus, np.inf)
-    _, removed = exchange(mesh, floor, -added, np.inf)
-    more, fewer = exchange(mesh, floor, 0, RATIO)
+    _, removed = exchange(mesh, floor, -nodes, np.inf)
+    added, _ = exchange(mesh, floor, removed, np.inf)
+    more, fewer = exchange(mesh, floor, removed - added, RATIO)
     return added + more, removed + fewer
-
-
-def surplus(target: int) -> int:
-    return target // 2
 
 
 def misfits(mesh: OpenMesh, target: int) -> float:

@@ -48,7 +48,7 @@ def test_demo_magnet(tmp_path, capsys):
     assert [int(number) for number, _ in progress] == [0, 1, 2]
     assert float(progress[2][1]) <= 0.2 < float(progress[1][1])
     assert (
-        "pass 2: 468 nodes of order 4, estimate" in said and "Converged after 1 pass and a solve of order 4: " in said
+        re.search(r"pass 2: 4\d\d nodes of order 4, estimate", said) and "Converged after 1 pass and a solve of order 4: " in said
     )
     assert "Energy-norm error %" in said
     assert said.endswith(f"Files in {files}: magnet.html, magnet.msh, magnet.png, magnet.vtu.\n")

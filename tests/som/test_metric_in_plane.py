@@ -52,6 +52,7 @@ def test_names_and_areas_stay(topology):
         assert area == pytest.approx(0.5, rel=1e-12)
     assert np.all(mesh.p[1, mesh.facets[:, mesh.boundaries["floor"]]] == 0.0)
     assert ka.quality(mesh).min() >= 0.02
+    assert mesh.nvertices == MESH.nvertices
 
 
 @pytest.mark.parametrize("schedule", [None, ka.Schedule((ka.Stage(2, 2, 0.3),), sweeps=3)])
