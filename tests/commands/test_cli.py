@@ -47,14 +47,13 @@ def test_demo_magnet(tmp_path, capsys):
     progress = re.findall(r"^pass (\d): .*, estimate [\d.]+ \(([\d.]+) %\), [\d.]+ s$", said, re.MULTILINE)
     assert [int(number) for number, _ in progress] == [0, 1, 2]
     assert float(progress[2][1]) <= 0.2 < float(progress[1][1])
-    assert (
-        re.search(r"pass 2: 4\d\d nodes of order 4, estimate", said) and "Converged after 1 pass and a solve of order 4: " in said
-    )
+    assert re.search(r"pass 2: 4\d\d nodes of order 4, estimate", said)
+    assert "Converged after 1 pass and a solve of order 4: " in said
     assert "Energy-norm error %" in said
     assert said.endswith(f"Files in {files}: magnet.html, magnet.msh, magnet.png, magnet.vtu.\n")
     mesh = ka.read_mesh(files / "magnet.msh")
     assert set(mesh.subdomains) == {"air", "iron", "magnet"} and set(mesh.boundaries) == {"outer"}
-    assert mesh.p.shape[1] == 468
+    assert 400 < mesh.p.shape[1] < 500
 
 
 def test_demo_without_matplotlib_writes_its_files_and_names_the_remedy(tmp_path, capsys, monkeypatch):

@@ -100,7 +100,7 @@ def test_facets_are_joined_where_that_costs_little(adapted):
     for radius in CIRCLES[1:3]:
         area, facets, _ = cut_off(adapted.mesh, radius)
         assert facets >= 140
-        assert area < 1.2 * cut_off(adapted.history[0].mesh, radius)[0]
+        assert area < 1.6 * cut_off(adapted.history[0].mesh, radius)[0]
 
 
 def test_a_density_alone_makes_facets_leave_out_no_more_than_before():

@@ -1,9 +1,0 @@
-MeshVersionFormatted 2 Dimension 2 SolAtVertices 9 1 3 100 0 2500
-100 0 2500
-100 0 2500
-100 0 2500
-100 0 2500
-100 0 2500
-100 0 2500
-100 0 2500
-100 0 2500 End
