@@ -43,7 +43,7 @@ def are_round(shapes: Floats) -> bool:
 
 
 def packed(tensors: Floats) -> Floats:
-    return tensors[:, *np.triu_indices(tensors.shape[-1])]
+    return np.ascontiguousarray(tensors[:, *np.triu_indices(tensors.shape[-1])])  # as kernels take
 
 
 def unpacked(shapes: Floats) -> Floats:

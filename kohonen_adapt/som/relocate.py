@@ -53,7 +53,7 @@ PAIRS, NODES = 10_000, 50_000  # per compiled call, so that Ctrl-C takes effect 
 
 
 def loops_in_plane(topology: str) -> tuple[str, ...]:
-    return "ground", "map", "recycling" if topology == "recycle" else "transport"
+    return "ground", "map", "carrying", "recycling" if topology == "recycle" else "transport"
 
 
 def move(
