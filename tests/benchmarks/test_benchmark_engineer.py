@@ -20,7 +20,7 @@ BY_TITLE = {model.title: model for model in MODELS}
 HALBACH, QUADRATIC, MOTOR, QUADRATIC_MOTOR, TORQUE, COIL, QUADRATIC_COIL, GETDP, ELASTIC, STOKES = BY_TITLE
 WITHOUT_GMSH = HALBACH, QUADRATIC, ELASTIC, STOKES  # Gmsh draws the other meshes
 BOUNDS = [  # in percent, of the mesh adapted by default and of the one that is adapted for a goal
-    (HALBACH, undulator.HARMONIC, 0.8, 0.8),
+    (HALBACH, undulator.HARMONIC, 1.5, 1.5),
     (HALBACH, undulator.RECOVERED, 12.0, 6.0),  # 5 to 10 by seed
     (HALBACH, undulator.FORCE, 2.5, 0.7),
     (QUADRATIC, undulator.HARMONIC, 0.1, 0.05),

@@ -1,6 +1,5 @@
 """After a pass that is worse than the best one, the next starts from the best mesh and descends by energy alone."""
 
-
 import numpy as np
 import pytest
 from helpers.examples import examples
