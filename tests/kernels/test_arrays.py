@@ -17,6 +17,7 @@ NO_ARRAYS = {
     "Constraints": {"chains", "periodic"},
     "Descent": {"elements", "star", "constraints", "trial", "modes", "reference", "points", "shapes", "block"},
     "Laws": {"first"},
+    "Metric": {"relief"},
     "KernelMesh": {"elements", "star", "constraints"},
     "Points": {"plain"},
     "Reference": {"plain"},

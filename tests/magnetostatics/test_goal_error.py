@@ -59,7 +59,8 @@ def told(case, k, degrees, adapted, order=1):
     problem = replace(problem, order=order)
     wanted = replace(problem, goal=goal)
     if adapted:
-        mesh = ka.adapt(mesh, {"goal": wanted, "energy": problem}[adapted]).mesh
+        # round elements: a goal told on a mesh with the directions of another solution may be off by its own size
+        mesh = ka.adapt(mesh, {"goal": wanted, "energy": problem}[adapted], anisotropic=False).mesh
     field = problem.solve(mesh)
     return wanted.goal_error(field), exact - goal(field)
 
