@@ -14,7 +14,7 @@ from kohonen_adapt.kernels.triangle import arrays
 
 ROW = re.compile(r"^    (\w+): np\.ndarray  # \(([^)]+)\)(?: (int8|int32|int64|bool)\b)?", re.MULTILINE)
 NO_ARRAYS = {
-    "Constraints": {"chains", "periodic"},
+    "Constraints": {"chains", "periodic", "metric"},
     "Descent": {"elements", "star", "constraints", "trial", "modes", "reference", "points", "shapes", "block"},
     "Laws": {"first"},
     "Metric": {"relief"},
@@ -22,7 +22,7 @@ NO_ARRAYS = {
     "Points": {"plain"},
     "Reference": {"plain"},
     "Shapes": {"around"},
-    "OpenMesh": {"elements", "constraints", "pool", "origins", "scratch"},
+    "OpenMesh": {"elements", "constraints", "pool", "origins", "scratch", "metric"},
     "Trial": {"laws"},
     "Trials": {"primal", "dual"},
 }
