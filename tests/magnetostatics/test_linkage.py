@@ -55,8 +55,8 @@ def test_inductance_of_a_coaxial_cable():
     assert mesh.p.shape[1] == 631
     circuit, wanted = {"core": 1, "shell": -1}, 2.923978157561e-7
     field = ka.adapt(mesh, problem).solution
-    assert apparent_inductance(field, circuit) == pytest.approx(wanted, rel=0.005)
-    assert energy_inductance(field, circuit) == pytest.approx(wanted, rel=0.005)
+    assert apparent_inductance(field, circuit) == pytest.approx(wanted, rel=0.01)
+    assert energy_inductance(field, circuit) == pytest.approx(wanted, rel=0.01)
 
 
 def test_linear_inductance_is_the_same_by_linkage_and_by_energy():
