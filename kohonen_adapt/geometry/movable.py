@@ -124,8 +124,7 @@ class Movable(ABC):
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         self.check_state(state)
         self.set_arrays({name: state[name].copy() for name in self.state_names})
-        if "shape" in self.state_names:
-            self.in_metric = not are_round(self.shape)
+        self.in_metric = not are_round(self.shape)
 
     def check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         n, m = len(state.get("position", ())), len(state.get(self.by_element[0], ()))

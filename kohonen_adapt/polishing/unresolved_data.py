@@ -1,16 +1,14 @@
 """Sources and fluxes that meshes do not resolve."""
 
 from collections.abc import Callable, Iterator
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.linalg import norm
-from skfem import MeshTet, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.problem.functional_in_space import OF_SOURCE, rule_of
-from kohonen_adapt.problem.functional_value import source_points
+from kohonen_adapt.problem.functional_value import parts_of_element, source_points
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_at, source_at, value_by_region
@@ -67,13 +65,6 @@ class Variation(NamedTuple):
     peak: Floats  # largest distance from the mean
     variance: Floats
     difference: Floats  # largest difference between mean loads by quadrature rules
-
-
-@cache
-def parts_of_element(dim: int) -> Floats:
-    # barycentric coordinates of the corners of equal parts, (parts, dim + 1, dim + 1)
-    parts = {2: MeshTri, 3: MeshTet}[dim].init_refdom().refined()
-    return np.vstack([1.0 - parts.p.sum(axis=0), parts.p]).T[parts.t.T]
 
 
 def doubt_about(corners: Floats, region: Ints, ritz: Ritz) -> Doubt:

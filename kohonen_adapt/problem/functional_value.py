@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import ElementTriP1, Mesh, MeshTri
+from skfem import ElementTriP1, Mesh, MeshTet, MeshTri
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -34,7 +34,16 @@ from kohonen_adapt.problem.functional_in_space import coefficients_in_space, val
 from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of, plane_only_term
 from kohonen_adapt.problem.tables import flux_at, flux_table, source_at, value_by_region
 
-__all__ = ["elements_by_rule", "flux_on", "functional_value", "reference_of", "source_on", "source_points", "value_on"]
+__all__ = [
+    "elements_by_rule",
+    "flux_on",
+    "functional_value",
+    "parts_of_element",
+    "reference_of",
+    "source_on",
+    "source_points",
+    "value_on",
+]
 
 
 LOWER = 3  # as `degree` of `source_points`, of a second rule
@@ -164,10 +173,16 @@ def source_points(order: int, degree: int = 4) -> tuple[Floats, Floats]:
 
 
 @cache
+def parts_of_element(dim: int, halvings: int = 1) -> Floats:
+    # barycentric coordinates of the corners of equal parts, (parts, dim + 1, dim + 1)
+    parts = {2: MeshTri, 3: MeshTet}[dim].init_refdom().refined(halvings)
+    return np.vstack([1.0 - parts.p.sum(axis=0), parts.p]).T[parts.t.T]
+
+
+@cache
 def points_in_parts(order: int) -> tuple[Floats, Floats]:
     barycentric, weight = source_points(order)
-    parts = MeshTri.init_refdom().refined(HALVINGS)
-    corners = np.vstack([1.0 - parts.p.sum(axis=0), parts.p]).T[parts.t.T]
+    corners = parts_of_element(2, HALVINGS)
     return (barycentric @ corners).reshape(-1, 3), np.tile(weight / len(corners), len(corners))
 
 
