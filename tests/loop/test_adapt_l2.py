@@ -59,10 +59,14 @@ def squares(n):
     ],
 )
 def test_the_error_in_l2_is_lower_than_without_a_polish(wave, topology, most, of_plain):
-    result = ka.adapt(squares(14), wave, topology=topology)
-    plain = ka.adapt(squares(14), wave, topology=topology, polish=False)
-    assert wave.error(result.best) < most * wave.error(result.history[0])
-    assert wave.error(result.best) < of_plain * wave.error(plain.best)
+    of_input, of_unpolished = [], []
+    for seed in range(5):
+        result = ka.adapt(squares(14), wave, topology=topology, seed=seed)
+        plain = ka.adapt(squares(14), wave, topology=topology, polish=False, seed=seed)
+        error = wave.error(result.best)
+        of_input.append(error / wave.error(result.history[0]))
+        of_unpolished.append(error / wave.error(plain.best))
+    assert np.median(of_input) < most and np.median(of_unpolished) < of_plain
 
 
 @pytest.mark.parametrize("topology", ["recycle", "flip", "fixed"])
