@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-LONGEST = {"kernels": 400}  # lines of a file, by chapter
-LONGEST_ELSEWHERE = 320
+LONGEST = 400  # lines of a file
 SHORTEST = 60
 MOST_FILES = 20  # in a folder
 BODY = 40  # lines of a function without its docstring
@@ -27,7 +26,7 @@ def figures(root: Path) -> dict[str, int]:
     found = {
         "lines": sum(lines.values()),
         "files": len(lines),
-        "files that are too long": sum(n > LONGEST.get(chapter(path), LONGEST_ELSEWHERE) for path, n in lines.items()),
+        "files that are too long": sum(n > LONGEST for n in lines.values()),
         "files that are too short": sum(n < SHORTEST and not is_face(path, trees[path]) for path, n in lines.items()),
         "folders of many files": sum(n > MOST_FILES for n in Counter(path.parent for path in lines).values()),
         "long functions outside of kernels": sum(length(node) > BODY for node in outside),

@@ -12,7 +12,7 @@ FILES = {
     "loop/step.py": "from kohonen_adapt.kernels import f\nclass Step:\n    def of(self, a, b, c, d, e, f, g, h): 0\n",
     "kernels/__init__.py": "def f(a, b, c, d, e, f, g, h, i): ...\n",
     "kernels/long.py": "x = 0\n" * 350 + "def f():\n" + "    x = 1\n" * 60,
-    "mesh.py": "x = 0\n" * 250 + 'def f():\n    """' + "\n" * 70 + '    """\n' + "    x = 1\n" * 40,
+    "mesh.py": "x = 0\n" * 330 + 'def f():\n    """' + "\n" * 70 + '    """\n' + "    x = 1\n" * 40,
 }
 
 
@@ -28,7 +28,7 @@ def checkout(tmp_path):
 
 def test_figures_are_those_counted_by_hand(checkout):
     assert figures(checkout) == {
-        "lines": 5 + 1 + 4 + 3 + 1 + 411 + 362,
+        "lines": 5 + 1 + 4 + 3 + 1 + 411 + 442,
         "files": 7,
         "files that are too long": 2,
         "files that are too short": 3,  # the loop's two files, and kernels/__init__.py, which defines a function
@@ -38,7 +38,7 @@ def test_figures_are_those_counted_by_hand(checkout):
         "functions of many arguments in kernels": 1,
         "longest chain of imports": 4,
         "dependencies": 2,
-        "lines of the top level": 5 + 362,
+        "lines of the top level": 5 + 442,
         "lines of loop": 8,
         "lines of kernels": 412,
     }
