@@ -161,6 +161,7 @@ def main() -> None:
     parser.add_argument("--values", type=Path, metavar="FILE", help="oracle CASE.toml: of another program, by output")
     parser.add_argument("--suite", type=Path, metavar="FILE", help="budget: what pytest printed of the last run")
     parser.add_argument("--warmup", action="store_true", help="budget: compile every kernel to see how long it takes")
+    parser.add_argument("--close", type=Path, metavar="FILE", help="fingerprints: numbers, written or compared")
     options = parser.parse_args()
     if options.seeds < 1:
         parser.error(f"--seeds must be at least 1, how many there are; got {options.seeds}")
@@ -178,6 +179,11 @@ def main() -> None:
         elif name == "hp":
             for part in hp.parts(options.quick, options.loops):
                 print(part + "\n", flush=True)
+        elif name == "fingerprints" and options.close:
+            try:
+                print(fingerprints.closeness(options.close, options.quick) + "\n", flush=True)
+            except ValueError as error:
+                parser.exit(1, f"fingerprints: {error}\n")
         elif name in CHECKS:
             print(CHECKS[name](range(options.seeds), options.quick) + "\n", flush=True)
         elif name == "coils":

@@ -1,8 +1,11 @@
 """A hash of what a dozen runs give, so that a change meant to change no result can be seen to change none.
 
 The bits depend on the machine's type of CPU and on the versions of its libraries: compare two commits on one machine.
+Where a change sums in another order the bits change, and with them the ways of nodes. What must stay then are the numbers
+of the input meshes, which no node has left: `closeness` compares them with those that it wrote before the change.
 """
 
+import json
 import tempfile
 from collections.abc import Callable, Sequence
 from hashlib import sha256
@@ -17,7 +20,7 @@ from benchmarks.problems.c_core import CCore, c_core_mesh
 from benchmarks.problems.l_shape import LShape, l_shaped_mesh
 from benchmarks.problems.solids import BUMP, EDGE, FICHERA
 from benchmarks.problems.square_magnet import SquareMagnet, magnet_mesh
-from benchmarks.table import aligned
+from benchmarks.table import Cell, aligned
 from kohonen_adapt.magnetostatics import Froehlich, Magnetostatics, Material
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -38,6 +41,40 @@ def report(seeds: Sequence[int], quick: bool) -> str:
     """The runs with their hashes, each of the mesh and of every number of every pass; the quick ones alone if asked."""
     rows = [[name, fingerprint(run())] for name, run in RUNS.items() if not (quick and name in SLOW)]
     return aligned(["run", "hash"], rows)
+
+
+def closeness(file: Path, quick: bool) -> str:
+    """Write the numbers of input meshes to a new file; to a file of before compare them.
+
+    Raises
+    ------
+    ValueError
+        If a number differs by more than 1e-9 of its size from that in the file.
+    """
+    found = {name: numbers_of_input(run()) for name, run in RUNS.items() if not (quick and name in SLOW)}
+    if not file.exists():
+        file.write_text(json.dumps(found, indent=1), encoding="utf-8")
+        return f"numbers of {len(found)} input meshes written to {file}"
+    before = json.loads(file.read_text(encoding="utf-8"))
+    rows: list[list[Cell]] = []
+    for name, now in found.items():
+        known, asked = np.array(before[name]), np.array(now)
+        rows.append(
+            [name, len(now), float(np.max(np.abs(asked - known) / np.maximum(np.abs(known), 1e-300), initial=0.0))]
+        )
+    text = aligned(["run", "numbers", "largest relative change"], rows)
+    if max(row[2] for row in rows) > 1e-9:
+        raise ValueError(f"numbers of input meshes changed:\n{text}")
+    return text
+
+
+def numbers_of_input(result: ka.AdaptResult | MeshTri) -> list[float]:
+    """Return estimate, norm, functional, indicators and outputs before any node moves; none of a map by itself."""
+    if not isinstance(result, ka.AdaptResult):
+        return []
+    first = result.history[0]
+    known = [number for number in (first.estimate, first.energy_norm, first.functional) if number is not None]
+    return [float(number) for number in (*known, *first.indicators, *first.outputs.values())]
 
 
 def fingerprint(result: ka.AdaptResult | MeshTri) -> str:
