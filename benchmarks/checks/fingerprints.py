@@ -1,8 +1,8 @@
 """A hash of what a dozen runs give, so that a change meant to change no result can be seen to change none.
 
 The bits depend on the machine's type of CPU and on the versions of its libraries: compare two commits on one machine.
-Where a change sums in another order the bits change, and with them the ways of nodes. What must stay then are the numbers
-of the input meshes, which no node has left: `closeness` compares them with those that it wrote before the change.
+Where a change sums in another order the bits change, and with them the ways of nodes. What must stay then are numbers
+of the input meshes, before any node moves: `closeness` compares them with those that it wrote before the change.
 """
 
 import json
@@ -58,10 +58,9 @@ def closeness(file: Path, quick: bool) -> str:
     before = json.loads(file.read_text(encoding="utf-8"))
     rows: list[list[Cell]] = []
     for name, now in found.items():
-        known, asked = np.array(before[name]), np.array(now)
-        rows.append(
-            [name, len(now), float(np.max(np.abs(asked - known) / np.maximum(np.abs(known), 1e-300), initial=0.0))]
-        )
+        known = np.array(before[name])
+        size = np.maximum(np.abs(known), 1e-6 * np.max(np.abs(known), initial=0.0))  # what is zero but for rounding
+        rows.append([name, len(now), float(np.max(np.abs(np.array(now) - known) / size, initial=0.0))])
     text = aligned(["run", "numbers", "largest relative change"], rows)
     if max(row[2] for row in rows) > 1e-9:
         raise ValueError(f"numbers of input meshes changed:\n{text}")
