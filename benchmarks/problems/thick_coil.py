@@ -7,7 +7,7 @@ from skfem import MeshTri
 
 from benchmarks.problems.drawing import meshed
 from benchmarks.problems.geometry import Gmsh
-from kohonen_adapt.magnetostatics import FluxLinkage, Magnetostatics, Material, apparent_inductance
+from kohonen_adapt.magnetostatics import FluxLinkage, Magnetostatics, Material
 
 INCH = 0.0254
 INNER, OUTER, LENGTH = 0.5 * INCH, 1.5 * INCH, 2.0 * INCH  # radii, and along the axis
@@ -73,7 +73,7 @@ class ThickCoil:
         """The same of a solution on a mesh."""
         field, points = self.problem(setting).solve(mesh), np.stack((np.zeros(HEIGHTS.size), HEIGHTS))
         plain, recovered = (1e3 * field.flux_density_at(points, recovered=smooth)[1] for smooth in (False, True))
-        found = apparent_inductance(field, {"coil": TURNS})
+        found = field.flux_linkage("coil", TURNS) / CURRENT
         return {INDUCTANCE: np.array([1e3 * found]), ON_AXIS: plain, RECOVERED: recovered}
 
 

@@ -315,14 +315,14 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
 
         The problem is linearised at the solution, with the differential reluctivity along B and the secant one across.
         Magnets, prescribed potentials and other currents stay constant. For linear material without these the result
-        equals `apparent_inductance`. Hysteresis and eddy currents are neglected.
+        is the flux linkage divided by the current. Hysteresis and eddy currents are neglected.
 
         Parameters
         ----------
         field
             The solution that `solve` returned.
         circuit
-            As in `circuit_current`; its sides need not carry a current.
+            Subdomain to turns for every side of a coil, negative for return sides: ``{"go": 100, "return": -100}``.
 
         Returns
         -------

@@ -21,6 +21,8 @@ from kohonen_adapt.magnetostatics import (
     lorentz_torque,
 )
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*removed in 1.2:DeprecationWarning")
+
 magpylib = pytest.importorskip("magpylib", reason="magpylib knows the field of a loop; it is in the test extra")
 
 AIR = Material()

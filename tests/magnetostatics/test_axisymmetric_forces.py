@@ -17,6 +17,8 @@ from kohonen_adapt.magnetostatics import (
     lorentz_torque,
 )
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*removed in 1.2:DeprecationWarning")
+
 MU0 = 4e-7 * np.pi
 
 

@@ -14,6 +14,8 @@ from kohonen_adapt.magnetostatics import Magnetostatics, Material, arkkio_torque
 from kohonen_adapt.mesh.curved import Isoparametric, with_midside_offsets
 from kohonen_adapt.mesh.measures import area
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*removed in 1.2:DeprecationWarning")
+
 MU0 = 4e-7 * np.pi
 INNER, OUTER = 0.4, 1.0  # radii of the magnet, and of the air around it
 

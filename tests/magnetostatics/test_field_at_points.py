@@ -1,5 +1,7 @@
 """Fields of quadratic elements inside the elements: at points, at corners, and in every integral, against exact ones.
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*removed in 1.2:DeprecationWarning")
+
 Each fails where the mean of an element stands for its field.
 """
 

@@ -18,6 +18,8 @@ import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material, arkkio_torque, lorentz_force, lorentz_torque
 from kohonen_adapt.mesh.measures import area
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*removed in 1.2:DeprecationWarning")
+
 AIR, IRON = Material(), Material(1000.0)
 
 

@@ -8,6 +8,8 @@ from helpers.devices import CIRCUIT, TURNS, actuator, machine, plunger
 
 from kohonen_adapt.magnetostatics import FluxLinkage, Material, apparent_inductance, energy_inductance
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*removed in 1.2:DeprecationWarning")
+
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_of_linear_material_it_is_the_inductance(order):

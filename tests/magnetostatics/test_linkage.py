@@ -18,6 +18,8 @@ from kohonen_adapt.magnetostatics import (
 )
 from kohonen_adapt.mesh.measures import area
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*removed in 1.2:DeprecationWarning")
+
 AIR = Material()
 
 

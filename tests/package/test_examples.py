@@ -270,22 +270,20 @@ def test_motor_starts_every_angle_from_the_last(motor):
 
 
 def test_motor_has_the_mean_torque_of_its_electric_power(motor):
-    """Twelve angles integrate what is periodic over the slot pitch; Arkkio agrees with the eggshell."""
+    """Twelve angles integrate what is periodic over the slot pitch."""
     _, _, (plain, adapted) = motor
-    eggshell, arkkio, electric, cogging = adapted[:, :-1].mean(axis=1)
+    eggshell, electric, cogging = adapted[:, :-1].mean(axis=1)
     assert eggshell == pytest.approx(electric, rel=1.5e-3)
-    assert arkkio == pytest.approx(eggshell, rel=2.5e-3)
-    assert abs(cogging) < 0.015 * np.ptp(adapted[3])
-    np.testing.assert_allclose(adapted[1], adapted[0], rtol=3e-3)
-    off = abs(plain[0, :-1].mean() / plain[2, :-1].mean() - 1.0)
+    assert abs(cogging) < 0.015 * np.ptp(adapted[2])
+    off = abs(plain[0, :-1].mean() / plain[1, :-1].mean() - 1.0)
     assert 2.0 * abs(eggshell / electric - 1.0) < off
 
 
 def test_motor_repeats_after_a_slot_pitch_and_its_cogging_is_odd(motor):
     """The slots to the left and to the right of the magnet are mirror images."""
     _, _, (_, adapted) = motor
-    np.testing.assert_allclose(adapted[:3, -1], adapted[:3, 0], rtol=3e-3)
-    cogging = adapted[3]
+    np.testing.assert_allclose(adapted[:2, -1], adapted[:2, 0], rtol=3e-3)
+    cogging = adapted[2]
     np.testing.assert_allclose(cogging + cogging[::-1], 0.0, atol=0.02 * np.ptp(cogging))
 
 

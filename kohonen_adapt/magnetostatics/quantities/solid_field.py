@@ -272,7 +272,7 @@ class SolidField(LocalSolid):
         """Return the flux linkage of a coil divided by its current.
 
         For linear material without magnets and other currents this is the inductance. Magnets and other currents add
-        flux to the linkage, and the result is then no inductance, as in `apparent_inductance` in the plane.
+        flux to the linkage, and the result is then no inductance.
 
         Parameters
         ----------
