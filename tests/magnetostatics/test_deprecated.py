@@ -42,9 +42,7 @@ def test_a_current_is_what_the_problem_was_given(field):
 
 def test_an_inductance_is_linkage_or_energy_by_current(field):
     linkage = sum(field.flux_linkage(name, turns) for name, turns in CIRCUIT.items())
-    with pytest.warns(
-        DeprecationWarning, match=r"^apparent_inductance is .* 1\.2; use field\.flux_linkage\(coil, "
-    ):
+    with pytest.warns(DeprecationWarning, match=r"^apparent_inductance is .* 1\.2; use field\.flux_linkage\(coil, "):
         assert apparent_inductance(field, CIRCUIT) == pytest.approx(linkage / 3.0, rel=1e-12)
     with pytest.warns(DeprecationWarning, match=r"^energy_inductance is .* in 1\.2; use 2 \* field\.energy / current"):
         assert energy_inductance(field, CIRCUIT) == pytest.approx(2 * field.energy / 3.0**2, rel=1e-12)
@@ -55,9 +53,7 @@ def test_a_torque_is_that_of_the_field(field):
         found = lorentz_torque(field, "go", (0.0, 0.5))
     assert found == pytest.approx(field.torque("go", (0.0, 0.5)), rel=0.05)
     with (
-        pytest.warns(
-            DeprecationWarning, match=r"^arkkio_torque is .* 1\.2; use field\.torque\(body, centre\) of "
-        ),
+        pytest.warns(DeprecationWarning, match=r"^arkkio_torque is .* 1\.2; use field\.torque\(body, centre\) of "),
         pytest.raises(ValueError, match="must be bounded by two circles"),
     ):
         arkkio_torque(field, "air")
