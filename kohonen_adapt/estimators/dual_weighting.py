@@ -1,22 +1,27 @@
 """Dual-weighted error estimates for a functional of the solution, the goal."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import Mesh, MeshTri
+from skfem import Basis, BilinearForm, LinearForm, Mesh, condense, solve
+from skfem.helpers import dot, grad
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.estimators.discrete_flux import DiscreteFlux
-from kohonen_adapt.estimators.equilibration import equilibrated_correction, weighted_product
-from kohonen_adapt.estimators.explicit import mean_and_rest, recovered_correction
-from kohonen_adapt.estimators.residual_of_orders import DualPair, higher_order
-from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
+from kohonen_adapt.estimators.discrete_flux import DiscreteFlux, Given, of_dual
+from kohonen_adapt.estimators.equilibration import equilibrated_correction, fixed_nodes
+from kohonen_adapt.estimators.recovery_estimator import recovered_correction
+from kohonen_adapt.estimators.residual_estimator import HIGHER_SCALES, ProblemOfOrder
+from kohonen_adapt.mesh.basis import KINDS
+from kohonen_adapt.mesh.cells import TRIANGLE, cell_of, check_kind
+from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["goal_error", "goal_oriented"]
 
-OF_DUAL = "of the dual problem, "  # prefix of error messages about its arguments
+CURVED = 2  # additional degrees of the quadrature in elements with curved sides
 
-Given = tuple[ArrayLike, ArrayLike | None, ArrayLike | None]  # nodal values, source and flux of one problem
+Arguments = tuple[ArrayLike, ArrayLike | None, ArrayLike | None]  # nodal values, source and flux of one problem
 
 
 def goal_oriented(
@@ -99,11 +104,12 @@ def goal_oriented(
     """
     check_mesh(mesh, curved=True, space=True)
     primal, weight = (potential, source, flux), (dual, dual_source, dual_flux)
-    order = higher_order(mesh, potential)
-    if order > 1:
-        pair = DualPair(mesh, order, reluctivity)
-        return pair.indicators(pair.checked(*primal), pair.checked(*weight, of=OF_DUAL))
-    return np.sqrt(np.abs(_contributions(mesh, reluctivity, (fixed, region), primal, weight)))
+    order = _order_of(mesh, potential)
+    if order == 1:
+        return np.sqrt(np.abs(_contributions(mesh, reluctivity, fixed, region, primal, weight)))
+    problem = ProblemOfOrder(mesh, order, reluctivity)
+    product = problem.residual(problem.given(*primal)) * problem.residual(_given_dual(problem, weight))
+    return HIGHER_SCALES[order] * np.sqrt(product)
 
 
 def goal_error(
@@ -168,39 +174,76 @@ def goal_error(
     """
     check_mesh(mesh, curved=True, space=True)
     primal, weight = (potential, source, flux), (dual, dual_source, dual_flux)
-    order = higher_order(mesh, potential)
+    order = _order_of(mesh, potential)
     if order == 1:  # also in the plane, to refuse values that do not solve their problem
-        parts = _contributions(mesh, reluctivity, (fixed, region), primal, weight)
+        parts = _contributions(mesh, reluctivity, fixed, region, primal, weight)
         if cell_of(mesh) is not TRIANGLE:
             return float(np.sum(parts))
-    pair = DualPair(mesh, order, reluctivity)
-    return pair.error(pair.checked(*primal), pair.checked(*weight, of=OF_DUAL), fixed)
+    problem = ProblemOfOrder(mesh, order, reluctivity)
+    return _weighted_residual(problem, problem.given(*primal), _given_dual(problem, weight), fixed)
+
+
+def _order_of(mesh: Mesh, potential: ArrayLike) -> int:
+    if cell_of(mesh) is not TRIANGLE:
+        return 1
+    return next((order for order in (2, 3) if np.size(potential) == count_unknowns(mesh, order)), 1)
+
+
+def _given_dual(problem: ProblemOfOrder, dual: Arguments) -> Given:
+    with of_dual():
+        return problem.given(*dual)
 
 
 def _contributions(
     mesh: Mesh,
     reluctivity: ArrayLike,
-    fixed_and_region: tuple[ArrayLike | None, ArrayLike | None],
-    primal: Given,
-    dual: Given,
+    fixed: ArrayLike | None,
+    region: ArrayLike | None,
+    primal: Arguments,
+    dual: Arguments,
 ) -> Floats:
     """Return the signed ``int_K t_u . t_z / nu`` of every element, in the unit of J."""
-    fixed, region = fixed_and_region
-    if cell_of(mesh) is not TRIANGLE:
-        discrete, one, number = recovered_correction(mesh, primal[0], reluctivity, *primal[1:], region)
-        _, other, _ = recovered_correction(mesh, dual[0], reluctivity, *dual[1:], number)
-        return weighted_product(discrete, one, other)
-    flux, varying = mean_and_rest(mesh, "flux", primal[2])
-    dual_flux, dual_varying = mean_and_rest(mesh, "dual_flux", dual[2])
-    discrete, one = equilibrated_correction(mesh, primal[0], reluctivity, primal[1], flux, fixed)
-    _, other = _of_dual(mesh, reluctivity, fixed, (*dual[:2], dual_flux))
-    return weighted_product(discrete, one + varying, other + dual_varying)
+
+    def correction(problem: Arguments, material: ArrayLike | None) -> tuple[DiscreteFlux, Floats, ArrayLike | None]:
+        values, source, flux = problem
+        if cell_of(mesh) is not TRIANGLE:
+            return recovered_correction(mesh, values, reluctivity, source, flux, material)
+        return *equilibrated_correction(mesh, values, reluctivity, source, flux, fixed, varying=True), None
+
+    check_kind(mesh, space=True)
+    discrete, one, number = correction(primal, region)
+    with of_dual():
+        _, other, _ = correction(dual, number)
+    return discrete.product(one, other)
 
 
-def _of_dual(
-    mesh: MeshTri, reluctivity: ArrayLike, fixed: ArrayLike | None, dual: Given
-) -> tuple[DiscreteFlux, Floats]:
-    try:
-        return equilibrated_correction(mesh, dual[0], reluctivity, *dual[1:], fixed)
-    except ValueError as error:
-        raise ValueError(f"{OF_DUAL}{error}") from error
+def _weighted_residual(problem: ProblemOfOrder, primal: Given, dual: Given, fixed: ArrayLike | None) -> float:
+    """Return the dual-weighted residual, an estimate of the error of the goal.
+
+    The residual is ``int source w - (nu grad u_h - flux) . grad w`` for ``w = z - z_h``, where z is the dual solution
+    by elements of one order more.
+    """
+    order, held = problem.order, fixed_nodes(problem.shape.corners, fixed)
+    degree = 2 * order + 2 + CURVED * problem.curved
+    own, more = (Basis(problem.mesh, KINDS[k](), intorder=degree) for k in (order, order + 1))
+    nothing = dual._replace(values=np.zeros_like(dual.values))
+    load = _residual_of(more, dual.source, problem.strength(own, nothing))
+    stiffness = BilinearForm(slopes).assemble(more, nu=problem.reluctivity[:, None])
+    outer = (more.mesh.f2t[1] < 0) & held[more.mesh.facets].all(axis=0)
+    prescribed = np.concatenate((more.nodal_dofs[0, held], more.facet_dofs[:, outer].ravel()))
+    better = solve(*condense(stiffness, load, D=prescribed))
+    strength = problem.strength(own, primal)
+    left, there = (_residual_of(basis, primal.source, strength) for basis in (more, own))
+    return float(left @ better - there @ dual.values)
+
+
+def _residual_of(basis: Basis, source: Floats, strength: Floats) -> Floats:
+    return LinearForm(balance).assemble(basis, source=source[:, None], strength=strength)
+
+
+def balance(v: Any, w: Any) -> Any:
+    return w.source * v - dot(w.strength, grad(v))
+
+
+def slopes(u: Any, v: Any, w: Any) -> Any:
+    return w.nu * dot(grad(u), grad(v))

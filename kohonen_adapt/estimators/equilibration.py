@@ -25,7 +25,6 @@ __all__ = [
     "equilibrated_correction",
     "equilibrated_flux",
     "fixed_nodes",
-    "weighted_product",
 ]
 
 # Limit for the residual at a node, relative to the largest sum of absolute terms at any node. Direct solvers leave
@@ -86,7 +85,7 @@ def equilibrated(
     True
     """
     discrete, correction = equilibrated_correction(mesh, potential, reluctivity, source, flux, fixed)
-    return np.sqrt(weighted_product(discrete, correction, correction))
+    return np.sqrt(discrete.product(correction, correction))
 
 
 def equilibrated_flux(
@@ -229,13 +228,14 @@ def equilibrated_correction(
     source: ArrayLike | None,
     flux: ArrayLike | None,
     fixed: ArrayLike | None,
+    varying: bool = False,
 ) -> tuple[DiscreteFlux, Floats]:
     """Return the discrete flux sigma_h and the correction ``sigma* - sigma_h``.
 
-    The correction is given at the corners, shape (2, 3, nelements).
+    The correction is given at the corners, shape (2, 3, nelements). With `varying` the flux may be, too.
     """
     _check_plane(mesh)
-    discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
+    discrete = discrete_flux(mesh, potential, reluctivity, source, flux, varying)
     fixed_mask = fixed_nodes(mesh, fixed)
     problem, order = _problem(mesh, discrete, fixed_mask)
     rows, imbalance = np.zeros((*order.shape, 2)), np.zeros(mesh.p.shape[1])
@@ -244,17 +244,7 @@ def equilibrated_correction(
     _check_balance(mesh, discrete, fixed_mask, imbalance)
     correction = np.empty_like(rows)
     np.put_along_axis(correction, order[:, :, None], rows, axis=1)
-    return discrete, correction.T
-
-
-def weighted_product(discrete: DiscreteFlux, one: Floats, other: Floats) -> Floats:
-    """Return ``int_K one . other / nu`` per element, shape (nelements,).
-
-    The two fluxes are linear in every element, given at its corners, (d, d + 1, nelements).
-    """
-    product = np.sum(one * other, axis=(0, 1)) + np.sum(one.sum(axis=1) * other.sum(axis=1), axis=0)
-    corners = one.shape[1]
-    return discrete.area / (corners * (corners + 1)) * product / discrete.reluctivity
+    return discrete, correction.T + discrete.variation
 
 
 def fixed_nodes(mesh: MeshTri, fixed: ArrayLike | None) -> Mask:

@@ -19,19 +19,21 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTet, RefTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.estimators.explicit import outflows
+from kohonen_adapt.estimators.residual_estimator import outflows
 from kohonen_adapt.mesh.cells import TETRAHEDRON, tetrahedron_rule
+from kohonen_adapt.mesh.measures import hat_gradients
 
 __all__ = ["Surplus", "cubic_slopes"]
 
-EDGES, FACES = np.transpose(RefTet.edges), np.transpose(TETRAHEDRON.facets)
+EDGES, FACES = np.transpose(RefTet.edges), np.transpose(TETRAHEDRON.facets)  # corners, (2, 6) and (3, 4)
 DEGREE = 5  # of products of two slopes, and of a function and a jump
 TOLERANCE = 1e-4  # relative residual
 
 
 class Surplus:
     # `fixed` (nfacets,) are the facets with Dirichlet values; facets and edges of the mesh are numbered.
-    # Curved elements count as straight but for their `normals`, as of `outflows`.
+    # Curved elements count as straight but for their `normals`, the gradients of barycentric coordinates at every
+    # corner, (4, 3, 4, nelements).
     def __init__(self, mesh: MeshTet, volume: Floats, fixed: Mask, normals: Floats | None = None) -> None:
         self.mesh, self.volume, self.normals = mesh, volume, normals
         nedges, (i, j) = mesh.edges.shape[1], EDGES
@@ -47,13 +49,21 @@ class Surplus:
         # Right-hand sides of elements, (10, nelements), for B, (3, 4, nelements), and its divergence, (4, nelements),
         # given at the corners and linear between them.
         mesh = self.mesh
-        jump, size = outflows(mesh, field, self.volume, self.normals)
+        inward = hat_gradients(mesh)[:, TETRAHEDRON.opposite]
+        size = 3.0 * self.volume * np.linalg.norm(inward, axis=0)
+        jump = outflows(mesh, np.stack([self._outflow(field, inward, corners) for corners in FACES]))
         jump[:, mesh.f2t[1] < 0] *= 2.0  # no flux leaves the mesh, and one element has the whole facet
         right = -_moments() @ (self.volume * divergence)
-        for table, facet, corners in zip(_on_sides(), mesh.t2f, TETRAHEDRON.facets, strict=True):
+        for table, facet, area, corners in zip(_on_sides(), mesh.t2f, size, TETRAHEDRON.facets, strict=True):
             own = [np.sum(jump[:, facet] * (mesh.facets[:, facet] == mesh.t[corner]), axis=0) for corner in corners]
-            right += 0.5 * np.einsum("jk,ji->ik", size[facet] * np.stack(own), table)
+            right += 0.5 * np.einsum("jk,ji->ik", area * np.stack(own), table)
         return right * self.signs
+
+    def _outflow(self, field: Floats, inward: Floats, corners: Ints) -> Floats:
+        # the normal component of the flux out of elements at one corner of every side, (4, nelements)
+        if self.normals is not None:
+            inward = np.moveaxis(self.normals[corners, :, TETRAHEDRON.opposite], 1, 0)
+        return -np.sum(field[:, corners] * inward, axis=0) / np.linalg.norm(inward, axis=0)
 
     def solve(self, metric: Floats, right: Floats) -> tuple[Floats, Floats]:
         # The error in elements, (10, nelements), with signs as in single elements, and its squared norms, (nelements,),

@@ -10,7 +10,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux, goal_oriented, recovery, residual
-from kohonen_adapt.estimators.residual_of_orders import HIGHER_SCALES, Facets
+from kohonen_adapt.estimators.residual_estimator import HIGHER_SCALES, Facets
 from kohonen_adapt.magnetostatics.equations.around_axis import AroundAxis
 from kohonen_adapt.magnetostatics.equations.conditions import (
     Boundaries,

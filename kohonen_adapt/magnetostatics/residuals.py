@@ -3,7 +3,13 @@
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.estimators.residual_of_orders import LATTICE, Facets, divergences, residual_at_points
+from kohonen_adapt.estimators.residual_estimator import (
+    LATTICE,
+    Facets,
+    divergences,
+    outflow_at_points,
+    residual_indicators,
+)
 from kohonen_adapt.magnetostatics.equations.around_axis import AroundAxis
 from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
@@ -48,7 +54,8 @@ def _residual(field: Field, at: PointField, flux: Floats, load: Floats, joined: 
     weight = np.sqrt(secant * differential).reshape(flux.shape[1], -1).mean(axis=0)
     midpoints = shape.corners.p[:, shape.corners.facets].mean(axis=1)
     circumference = volume(elements.centroids, np.ones(size.size)), volume(midpoints, np.ones(midpoints.shape[1]))
-    return residual_at_points(shape, size, flux, load, weight, circumference, joined)
+    outflow = outflow_at_points(shape, flux)
+    return residual_indicators(shape.corners, size, outflow, load, weight, joined, circumference)
 
 
 def on_lattice(elements: Elements, values: Floats) -> Floats:

@@ -8,7 +8,7 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import finite_reals
-from kohonen_adapt.estimators.explicit import corner_averages
+from kohonen_adapt.estimators.recovery_estimator import corner_averages
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.measures import area

@@ -11,7 +11,7 @@ from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import checked_points
-from kohonen_adapt.estimators.explicit import corner_averages
+from kohonen_adapt.estimators.recovery_estimator import corner_averages
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
