@@ -35,7 +35,7 @@ def cuboids(step: float) -> MeshTet:
 
 def solved(step: float) -> list[list[Cell]]:
     energy, field = QUADRATIC.functional_on(cuboids(step))
-    hessian, right = energy.hessian(field.unknown), -energy.linear_residual(field.unknown)
+    hessian, right = energy.hessian(field.unknown), -energy.gradient(field.unknown)
     matrix, solver = hessian.matrix, QUADRATIC.method.solver
     inverse = diags_array(1.0 / matrix.diagonal())
     ways: dict[str, Callable[[], Any]] = {

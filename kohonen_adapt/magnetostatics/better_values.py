@@ -8,7 +8,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.geometry.plane.arcs import refined_on_arcs
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries
-from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
+from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
@@ -30,7 +30,7 @@ STRAIGHT, SHARPEST = 1e-3, 1.0  # turns between chords of an arc, approximately 
 # Rest of the series of the changes by one order, over the last change, if the ratio of successive changes is a third.
 REST = 0.5
 MORE_ORDERS = 2  # at most, after the first
-EnergyOn = Callable[[MeshTri, int], EnergyFunctional]  # the functional on a mesh, of an order
+EnergyOn = Callable[[MeshTri, int], PlaneEnergy]  # the functional on a mesh, of an order
 
 
 def error_of_goal(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton, energy_on: EnergyOn) -> Uncertain:

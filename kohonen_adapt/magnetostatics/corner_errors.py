@@ -6,7 +6,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.corner_layers import FACTOR, size_at
 from kohonen_adapt.magnetostatics.better_values import EnergyOn
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries
-from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
+from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.estimation import energy_products
 from kohonen_adapt.magnetostatics.quantities.field import Field
@@ -54,5 +54,5 @@ def squared_error(
     return float(squared)
 
 
-def level_on(energy: EnergyFunctional, field: Field, newton: Newton) -> float:
+def level_on(energy: PlaneEnergy, field: Field, newton: Newton) -> float:
     return energy.value(unknown_of(energy, field, newton)[0])[0]

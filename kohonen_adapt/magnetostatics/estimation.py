@@ -19,7 +19,7 @@ from kohonen_adapt.magnetostatics.equations.conditions import (
     fixed_values,
     ties_of,
 )
-from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional, Scalar, scalar_problem
+from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy, Scalar, scalar_problem
 from kohonen_adapt.magnetostatics.equations.high_orders import HighOrder
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
@@ -65,7 +65,7 @@ class Step:
     """
 
     elements: HighOrder
-    energy: EnergyFunctional
+    energy: PlaneEnergy
     start: Floats  # (nunknowns,)
     change: Floats  # (nunknowns,)
 
@@ -74,9 +74,7 @@ class Step:
         elements = field.elements.at_order(order)
         energy = energy_on(elements, field, boundaries)
         start = energy.conditions.admissible(interpolated_on(elements, field.elements, field.unknown))
-        nonlinear = field.coefficients.nonlinear_materials
-        gradient = energy.residual(start)[0] if nonlinear else energy.linear_residual(start)
-        return cls(elements, energy, start, newton.full_step(energy, start, gradient))
+        return cls(elements, energy, start, newton.full_step(energy, start, energy.gradient(start)))
 
 
 def indicators_by_orders(field: HighOrderField, boundaries: Boundaries, newton: Newton) -> Floats:
@@ -120,14 +118,13 @@ def sum_over_change(before: float, now: float, order: int) -> float:
     return float(zeta(power, place) * place**power)
 
 
-def energy_products(energy: EnergyFunctional, u: Floats, first: Floats, second: Floats) -> Floats:
+def energy_products(energy: PlaneEnergy, u: Floats, first: Floats, second: Floats) -> Floats:
     # ``int dH . dB`` of two changes of a solution u, shape (nelements,)
-    elements, symmetry = energy.elements, energy.symmetry
+    elements, symmetry = energy.space, energy.symmetry
     coefficients = energy.coefficients.at_quadrature(elements.element, elements.points)
-    at = PointField(elements.element, elements.points, energy.flux_density(u), coefficients)
-    density = energy.flux_density(second)
-    strength = at.change_of_strength(energy.flux_density(first))
-    terms = symmetry.volume(elements.points, elements.weights) * np.sum(strength * density, axis=0)
+    density, one, other = (symmetry.flux_density(elements.points, energy.vector(each)) for each in (u, first, second))
+    strength = PointField(elements.element, elements.points, density, coefficients).change_of_strength(one)
+    terms = symmetry.volume(elements.points, elements.weights) * np.sum(strength * other, axis=0)
     return np.bincount(elements.element, terms, elements.corners.t.shape[1]).astype(np.float64)
 
 

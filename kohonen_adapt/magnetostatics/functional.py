@@ -1,7 +1,7 @@
 """Energy functionals of both potentials, in the plane with the dual of a goal."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from skfem import MeshTet
@@ -10,11 +10,10 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators import residual
 from kohonen_adapt.magnetostatics.equations.applied_field import aligned_potential
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Conditions, Value, circle_of, conditions_of
-from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
-from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Inverse
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Inverse, Scaled
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
@@ -22,6 +21,7 @@ from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.residuals import dual_residual_by_points, residual_by_points
 from kohonen_adapt.magnetostatics.solution import at_points, tangent_solution
 from kohonen_adapt.problem.boundary_terms import SurfaceTerms
+from kohonen_adapt.problem.energy import Energy
 from kohonen_adapt.problem.protocol import HIGHEST_POLISHED, NotOffered
 from kohonen_adapt.problem.ritz import Flux, Ritz
 from kohonen_adapt.problem.tables import EnergyLaw
@@ -111,7 +111,8 @@ def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, 
     if coefficients.nonlinear_materials:
         laws = tuple(material.bh for material in present.values())
     if field.axisymmetric:
-        scaled = {id(law): ScaledLaw(law, extent) for law in laws if law is not None}  # equal laws stay identical
+        own = [material.bh for material in present.values() if material.bh is not None]
+        scaled = {id(law): Scaled(law, extent) for law in own}  # equal laws stay identical
         laws = tuple(scaled.get(id(law)) for law in laws)
     tables = extent * coefficients.reluctivity[first], symmetry.source(coefficients.current_density[first]), flux
     order, around_axis = field.elements.order, field.axisymmetric
@@ -140,27 +141,13 @@ def robin_of(field: Field, boundaries: Boundaries) -> dict[str, tuple[float, Val
     return {name: (extent / (VACUUM_PERMEABILITY * radius), load)}
 
 
-@dataclass(frozen=True)
-class ScaledLaw:
-    """B-H law integrated over the angle around an axis."""
-
-    law: EnergyLaw
-    factor: float
-
-    def field_strength(self, b: Floats) -> Floats:
-        return self.factor * self.law.field_strength(b)
-
-    def energy(self, b: Floats) -> Floats:
-        return self.factor * self.law.energy(b)
-
-
 def _flux_of(materials: Mapping[str, Material], symmetry: Symmetry) -> Callable[[Floats, Ints], Floats]:
     return lambda x, index: symmetry.flux(coercivity_at(materials, x, index))
 
 
 NO_LOAD = 1e-12  # largest rounding error of the load of a field parallel to a face, relative to the largest load
 ConditionsOf = Callable[[SolidField], Conditions]
-FunctionalOn = Callable[[MeshTet], tuple[CoenergyFunctional, SolidField]]
+FunctionalOn = Callable[[MeshTet], tuple[Energy, SolidField]]
 
 
 def functional_in_space(

@@ -13,7 +13,7 @@ from kohonen_adapt.magnetostatics.arguments import Arguments, check_plane_mesh, 
 from kohonen_adapt.magnetostatics.better_values import better_values, error_of_goal
 from kohonen_adapt.magnetostatics.corner_errors import with_strong_corners
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
-from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
+from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
 from kohonen_adapt.magnetostatics.equations.high_orders import BY_LAGRANGE, elements_on
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
@@ -183,7 +183,7 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
     def check(self, mesh: MeshTri) -> None:
         self._energy_on(mesh)
 
-    def _energy_on(self, mesh: MeshTri, order: int | None = None) -> EnergyFunctional:
+    def _energy_on(self, mesh: MeshTri, order: int | None = None) -> PlaneEnergy:
         order = checked_order(self.order if order is None else order)
         check_plane_mesh(mesh, curved=order > 1)
         symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
@@ -191,7 +191,7 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         size = partial(exact_area, sides=sides) if order > BY_LAGRANGE else area
         material = coefficients(mesh, self.materials, self.ampere_turns, size)
         elements = elements_on(mesh, order, symmetry, material.nonlinear, sides)
-        return EnergyFunctional(elements, symmetry, material, conditions_of(elements, self.boundaries, symmetry))
+        return PlaneEnergy.of(elements, symmetry, material, conditions_of(elements, self.boundaries, symmetry))
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:
         if self.goal is not None:

@@ -14,7 +14,7 @@ from kohonen_adapt.geometry.space.movable_solid import with_round_edges
 from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace, conditions_in_space
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, drive_on
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
+from kohonen_adapt.magnetostatics.equations.energy import coenergy
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem, check_elements, chosen_order, scaled_to, vanish
@@ -36,6 +36,7 @@ from kohonen_adapt.magnetostatics.solid_estimation import (
 )
 from kohonen_adapt.magnetostatics.vector_potential import MagneticVectorPotential
 from kohonen_adapt.mesh.curved import corners_of
+from kohonen_adapt.problem.energy import Energy
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.protocol import AutoOrder
 from kohonen_adapt.problem.ritz import Ritz
@@ -154,7 +155,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
     def solve(self, mesh: MeshTet) -> SolidField:
         energy, field = self.functional_on(mesh)
         steps = tuple[NewtonStep, ...]()
-        if energy.coefficients.nonlinear_materials:
+        if not energy.is_quadratic:
             unknown, steps = self.method.descend_coenergy(energy, self._start(mesh, energy, field.drive))
         else:
             unknown = self.method.linear(energy)
@@ -162,7 +163,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         refuse_unconverged(result)
         return result
 
-    def _start(self, mesh: MeshTet, energy: CoenergyFunctional, drive: Drive) -> Floats | None:
+    def _start(self, mesh: MeshTet, energy: Energy, drive: Drive) -> Floats | None:
         # The solution of order 1 on the same mesh. A start from another mesh takes more steps, because the
         # interpolation error of the small H in iron is a B deep in saturation.
         if self.order == 1:
@@ -175,7 +176,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         if self.estimator == "bracket":
             self.vector_potential.check(mesh)
 
-    def functional_on(self, mesh: MeshTet) -> tuple[CoenergyFunctional, SolidField]:
+    def functional_on(self, mesh: MeshTet) -> tuple[Energy, SolidField]:
         """Return the functional to minimise on a mesh, and the field before the solve.
 
         Parameters
@@ -185,7 +186,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
 
         Returns
         -------
-        CoenergyFunctional, SolidField
+        Energy, SolidField
             The unknown of the field has the prescribed values, and is 0 elsewhere.
 
         Raises
@@ -195,13 +196,13 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         """
         return self._functional(mesh)
 
-    def _functional(self, mesh: MeshTet, known: Drive | None = None) -> tuple[CoenergyFunctional, SolidField]:
+    def _functional(self, mesh: MeshTet, known: Drive | None = None) -> tuple[Energy, SolidField]:
         material, planes = self.given_on(mesh, self.order)
         parallel = [plane.facets for plane in planes.values() if plane.kind == "parallel"]
         closed = np.concatenate([np.zeros(0, dtype=np.int64), *parallel])
         drive = drive_on(mesh, material, self.free_field, closed, self.order, known)
         conditions = conditions_in_space(drive, self.potential or {}, planes)
-        energy = CoenergyFunctional.of(drive, material, conditions)
+        energy = coenergy(drive, material, conditions)
         field = SolidField(
             mesh, conditions.values, material, drive, planes, far=ends_far(drive, conditions, planes.values())
         )

@@ -13,7 +13,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators import recovery, residual
 from kohonen_adapt.estimators.hierarchical import Surplus, cubic_slopes
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.magnetostatics.equations.energy import CoenergyFunctional
+from kohonen_adapt.magnetostatics.equations.energy import coenergy
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.tetrahedra import Tetrahedra
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
@@ -23,6 +23,7 @@ from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid, Stre
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.measures import CurvedTetrahedra, inner_points, magnitude, unit_vectors
+from kohonen_adapt.problem.energy import Energy
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.uncertain import Uncertain
 
@@ -260,15 +261,15 @@ def at_edges(mesh: MeshTet, material: Ints) -> Mask:
     return np.asarray(nodes[mesh.t].any(axis=0))
 
 
-def quadratic_values(values: Floats, energy: CoenergyFunctional) -> Floats:
+def quadratic_values(values: Floats, energy: Energy) -> Floats:
     # The potential in nonlinear material is total, so that H on straight edges does not change.
-    ends = values[energy.elements.mesh.edges].mean(axis=0)
+    ends = values[energy.space.mesh.edges].mean(axis=0)
     return energy.conditions.admissible(np.concatenate([values, ends]))
 
 
-def linearised_at(field: LocalSolid, energy: CoenergyFunctional, quadratic: SolidField, newton: Newton) -> SolidField:
+def linearised_at(field: LocalSolid, energy: Energy, quadratic: SolidField, newton: Newton) -> SolidField:
     start, newton = quadratic_values(field.unknown, energy), replace(newton, solver=replace(newton.solver, rtol=ROUGH))
-    return replace(quadratic, unknown=start + newton.full_step(energy, start, energy.residual(start)[0]))
+    return replace(quadratic, unknown=start + newton.full_step(energy, start, energy.gradient(start)))
 
 
 def linear_fit(elements: Tetrahedra, values: Floats) -> Floats:
@@ -281,7 +282,7 @@ def linear_fit(elements: Tetrahedra, values: Floats) -> Floats:
 def _dual(field: LocalSolid, load: Floats, conditions: Conditions, newton: Newton) -> Floats:
     drive, elements = field.drive, field.elements
     terms = elements.assemble_vector(elements.against_gradients(load))
-    energy = CoenergyFunctional.of(drive, field.coefficients, conditions)
+    energy = coenergy(drive, field.coefficients, conditions)
     return newton.full_step(energy, field.unknown, -terms[conditions.free])
 
 

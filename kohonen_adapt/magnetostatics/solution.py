@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
-from kohonen_adapt.magnetostatics.equations.energy import EnergyFunctional
+from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
 from kohonen_adapt.magnetostatics.equations.high_orders import HighOrder, elements_on, high_order_elements
 from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
@@ -121,30 +121,28 @@ class HighOrderField(QuadraticField):
         return self.degree
 
 
-def unknown_of(energy: EnergyFunctional, old: Field | None, newton: Newton) -> tuple[Floats, tuple[NewtonStep, ...]]:
-    if energy.coefficients.nonlinear_materials:
+def unknown_of(energy: PlaneEnergy, old: Field | None, newton: Newton) -> tuple[Floats, tuple[NewtonStep, ...]]:
+    if not energy.is_quadratic:
         return newton.descend(energy, _start_values(energy, old, newton))
     return newton.linear(energy), ()
 
 
-def solution_of(energy: EnergyFunctional, depth: float | None, old: Field | None, newton: Newton) -> Field:
+def solution_of(energy: PlaneEnergy, depth: float | None, old: Field | None, newton: Newton) -> Field:
     field = field_of(energy, depth, *unknown_of(energy, old, newton))
     refuse_unconverged(field)
     return field
 
 
-def linearised_solution(energy: EnergyFunctional, old: Field, newton: Newton) -> Field:
+def linearised_solution(energy: PlaneEnergy, old: Field, newton: Newton) -> Field:
     # `old` may be on another mesh. The equations are linearised there.
-    if not energy.coefficients.nonlinear_materials:
+    if energy.is_quadratic:
         return solution_of(energy, old.depth, old, newton)
     start = _start_values(energy, old, newton)
-    return field_of(energy, old.depth, start + newton.full_step(energy, start, energy.residual(start)[0]))
+    return field_of(energy, old.depth, start + newton.full_step(energy, start, energy.gradient(start)))
 
 
-def field_of(
-    energy: EnergyFunctional, depth: float | None, unknown: Floats, steps: tuple[NewtonStep, ...] = ()
-) -> Field:
-    elements = energy.elements
+def field_of(energy: PlaneEnergy, depth: float | None, unknown: Floats, steps: tuple[NewtonStep, ...] = ()) -> Field:
+    elements = energy.space
     values = energy.symmetry.potential(elements.doflocs, unknown)
     arguments = elements.mesh, values[: elements.corners.p.shape[1]], energy.coefficients, energy.symmetry, depth, steps
     if elements.order == 1:
@@ -157,14 +155,14 @@ def field_of(
     return field
 
 
-def _start_values(energy: EnergyFunctional, old: Field | None, newton: Newton) -> Floats:
+def _start_values(energy: PlaneEnergy, old: Field | None, newton: Newton) -> Floats:
     # From A = 0 the first step is the whole linear solution, halved if that saturates everything. Beside prescribed
     # values A = 0 is a steep wall, and the linear solution is a better start.
     conditions = energy.conditions
-    if isinstance(old, HighOrderField) and old.mesh is energy.elements.mesh:
-        return conditions.admissible(interpolated_on(energy.elements, old.elements, old.unknown))
+    if isinstance(old, HighOrderField) and old.mesh is energy.space.mesh:
+        return conditions.admissible(interpolated_on(energy.space, old.elements, old.unknown))
     if old is not None:
-        x = energy.elements.doflocs
+        x = energy.space.doflocs
         return conditions.admissible(energy.symmetry.unknown(x, old_potential_at(x, old)))
     return newton.linear(energy) if np.any(conditions.values) else conditions.values
 
@@ -192,7 +190,7 @@ def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton:
     Prescribed values do not change. `load` is as in `Elements.loads`.
     """
     conditions = conditions_of(field.elements, boundaries, field.symmetry)
-    energy = EnergyFunctional(field.elements, field.symmetry, field.coefficients, conditions)
+    energy = PlaneEnergy.of(field.elements, field.symmetry, field.coefficients, conditions)
     return newton.full_step(energy, field.unknown, -load[conditions.free])
 
 
@@ -216,10 +214,10 @@ def richer_solution(field: Field, boundaries: Boundaries, newton: Newton, linear
     return linearised_solution(energy, field, newton) if linearised else solution_of(energy, field.depth, field, newton)
 
 
-def energy_on(elements: Elements, field: Field, boundaries: Boundaries) -> EnergyFunctional:
+def energy_on(elements: Elements, field: Field, boundaries: Boundaries) -> PlaneEnergy:
     """Return the functional of the problem of `field` on elements of another order."""
     conditions = conditions_of(elements, boundaries, field.symmetry, anchored=True)  # as `field` has been solved
-    return EnergyFunctional(elements, field.symmetry, field.coefficients, conditions)
+    return PlaneEnergy.of(elements, field.symmetry, field.coefficients, conditions)
 
 
 def linkage_slope(field: Field, boundaries: Boundaries, circuit: Mapping[str, float], newton: Newton) -> float:

@@ -11,13 +11,13 @@ from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace, co
 from kohonen_adapt.magnetostatics.equations.applied_field import permeable
 from kohonen_adapt.magnetostatics.equations.auxiliary import EdgeSolver
 from kohonen_adapt.magnetostatics.equations.edge_elements import (
+    Curls,
     EdgeElements,
-    Stiffness,
     conditions_on_edges,
     open_surfaces,
     prescribed_flux_load,
 )
-from kohonen_adapt.magnetostatics.equations.edge_equations import CurlFunctional, edge_drive
+from kohonen_adapt.magnetostatics.equations.edge_equations import curl_energy, edge_drive
 from kohonen_adapt.magnetostatics.equations.newton import (
     TOLERANCE,
     Newton,
@@ -32,6 +32,7 @@ from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.solid_estimation import tangential_jumps
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.names import named
+from kohonen_adapt.problem.energy import Energy
 
 __all__ = ["MagneticVectorPotential"]
 
@@ -91,10 +92,10 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
 
     def solve(self, mesh: MeshTet) -> EdgeField:
         energy, start = self.functional_on(mesh)
-        nonlinear, steps = bool(energy.coefficients.nonlinear_materials), tuple[NewtonStep, ...]()
+        nonlinear, steps = not energy.is_quadratic, tuple[NewtonStep, ...]()
         solver = replace(
             self.solver,
-            edges=energy.edges,
+            edges=energy.space.edges,
             conditions=energy.conditions,
             rtol=RTOL_OF_STEPS if nonlinear else self.solver.rtol,
             floor=SMALL * float(np.linalg.norm(energy.load)) if nonlinear else 0.0,
@@ -110,7 +111,7 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
     def check(self, mesh: MeshTet) -> None:
         self.functional_on(mesh)
 
-    def functional_on(self, mesh: MeshTet) -> tuple[CurlFunctional, EdgeField]:
+    def functional_on(self, mesh: MeshTet) -> tuple[Energy, EdgeField]:
         """Return the functional to minimise on a mesh, and the field before the solve.
 
         Parameters
@@ -120,7 +121,7 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
 
         Returns
         -------
-        CurlFunctional, EdgeField
+        Energy, EdgeField
             The unknown of the field is 0.
 
         Raises
@@ -136,10 +137,11 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
         far = ends_far(drive, prescribed, planes.values())
         crossed = self._crossed(edges, [plane.facets for plane in planes.values() if plane.kind == "normal"])
         conditions = conditions_on_edges(edges, np.setdiff1d(mesh.boundary_facets(), crossed))
-        load = edges.against_curls(drive.mean + material.coercivity)
+        curls = Curls(edges, conditions.free)
+        load = curls.assemble_vector(curls.against_gradients(drive.mean + material.coercivity))
         load += prescribed_flux_load(edges, crossed, prescribed.values)
         zero = EdgeField(mesh, np.zeros(load.size), material, drive, planes, far=far)
-        return CurlFunctional(edges, material, conditions, load, Stiffness(edges, conditions.free)), zero
+        return curl_energy(curls, material, conditions, load), zero
 
     def _crossed(self, edges: EdgeElements, normal: list[Ints]) -> Ints:
         # outer facets that the flux may cross

@@ -43,9 +43,9 @@ def test_the_bounds_are_the_values_of_both_functionals(body, arguments):
     mesh, materials = cube(), {"body": body, "air": AIR}
     found = bracket(mesh, materials, **arguments)
     problem = MagneticScalarPotential(materials, **arguments)
-    functional, _ = problem.vector_potential.functional_on(mesh)
-    coercivity = np.linalg.norm(functional.coefficients.coercivity, axis=0)[None]
-    at_rest = float(np.sum(found.scalar.volume * functional.coefficients.law_coenergy(coercivity)))
+    functional, start = problem.vector_potential.functional_on(mesh)
+    coercivity = np.linalg.norm(start.coefficients.coercivity, axis=0)[None]
+    at_rest = float(np.sum(found.scalar.volume * start.coefficients.law_coenergy(coercivity)))
     size = abs(found.lower) + abs(found.upper) + at_rest
     if "coils" not in arguments:
         assert np.isclose(found.upper, found.scalar.coenergy, rtol=1e-9)

@@ -10,14 +10,15 @@ from skfem.refdom import RefTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
+from kohonen_adapt.magnetostatics.equations.system import Reduced
 from kohonen_adapt.magnetostatics.equations.tetrahedra import EDGES, LinearTetrahedra
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.host import keys_of, number_edges, number_facets
 
 __all__ = [
     "FACET_SIGNS",
+    "Curls",
     "EdgeElements",
-    "Stiffness",
     "conditions_on_edges",
     "open_surfaces",
     "prescribed_flux_load",
@@ -86,10 +87,6 @@ class EdgeElements:
         slopes = self.hats[:, second] - self.hats[:, first]
         return np.einsum("cik,ik->ck", slopes, 0.25 * self._sign * a[self.unknowns])
 
-    def against_curls(self, strength: Floats) -> Floats:
-        terms = np.einsum("cik,ck->ik", self.curls, strength * self.volumes)
-        return np.bincount(self.unknowns.ravel(), terms.ravel(), self.nodes.shape[1]).astype(np.float64)
-
     @cached_property
     def gradient(self) -> csr_array:
         """Circulations of the gradients of the hat functions, (nedges, nnodes)."""
@@ -116,20 +113,33 @@ class EdgeElements:
         return np.sum(normals(self.mesh.p.T, corners.T).T * outward, axis=0) > 0.0
 
 
-class Stiffness:
-    """Matrix of ``int nu curl w . curl w`` of the free edges.
+class Curls:
+    """Curls of functions on edges, in place of the gradients of an `Energy`.
 
-    It has one entry for both edges at a corner of a facet, and one for opposite edges of an element. The pattern is
-    computed once for all nu.
+    The matrix of ``int nu curl w . curl w`` of the free edges has one entry for both edges at a corner of a facet, and
+    one for opposite edges of an element. Its pattern is computed once for all nu.
     """
 
     def __init__(self, edges: EdgeElements, free: Ints) -> None:
-        self._edges, self._free = edges, free
+        self.edges, self.free = edges, free
+
+    def gradient(self, a: Floats) -> Floats:
+        return self.edges.curl(a)
+
+    def against_gradients(self, strength: Floats) -> Floats:
+        return np.einsum("cik,ck->ik", self.edges.curls, strength * self.edges.volumes)
+
+    def against_slopes(self, size: Floats) -> Floats:
+        return size * self.edges.volumes * np.sqrt(np.sum(self.edges.curls**2, axis=0))
+
+    def assemble_vector(self, terms: Floats) -> Floats:
+        count = self.edges.nodes.shape[1]
+        return np.bincount(self.edges.unknowns.ravel(), terms.ravel(), count).astype(np.float64)
 
     @cached_property
     def _entry(self) -> Ints:
         # of the pairs `AT_CORNERS` in every element, (12, nelements)
-        mesh, found = self._edges.mesh, list[Ints]()
+        mesh, found = self.edges.mesh, list[Ints]()
         for facet, corners in enumerate(RefTet.facets):
             for corner in corners:
                 others = [other for other in corners if other != corner]
@@ -139,9 +149,9 @@ class Stiffness:
     @cached_property
     def _pattern(self) -> csr_array:
         # the matrix with places in `values` as entries
-        edges, count = self._edges, self._free.size
+        edges, count = self.edges, self.free.size
         index = np.full(edges.nodes.shape[1], -1, dtype=np.int32)
-        index[self._free] = np.arange(count)
+        index[self.free] = np.arange(count)
         ends = np.empty((2, 3 * edges.mesh.facets.shape[1]), dtype=np.int32)
         ends[:, self._entry] = index[edges.unknowns[AT_CORNERS]]
         opposite = index[edges.unknowns[OPPOSITE]].reshape(2, -1)
@@ -152,22 +162,23 @@ class Stiffness:
         indices = np.concatenate((start, end, diagonal)), np.concatenate((end, start, diagonal))
         return coo_array((place, indices), shape=(count, count)).tocsr()
 
-    def matrix(self, across: Floats, along: tuple[Floats, Floats] | None = None) -> csr_array:
+    def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> Reduced:
         """Return the matrix for nu in every element.
 
         `across` is nu. `along` is a second coefficient and the unit vectors, shape (3, nelements), in whose direction
-        it applies.
+        it applies. `free` are the edges of the pattern.
         """
-        edges, pattern = self._edges, self._pattern
+        edges, pattern = self.edges, self._pattern
         forms = [(across * edges.volumes, edges.curls)]
         if along is not None:
             slope = np.einsum("ck,cik->ik", along[1], edges.curls)
             forms.append(((along[0] - across) * edges.volumes, slope[None]))
         same, at_corners, opposite = (_products(forms, pairs) for pairs in (SAME, AT_CORNERS, OPPOSITE))
-        diagonal = np.bincount(edges.unknowns.ravel(), same.ravel(), edges.nodes.shape[1])[self._free]
+        diagonal = np.bincount(edges.unknowns.ravel(), same.ravel(), edges.nodes.shape[1])[self.free]
         on_facets = np.bincount(self._entry.ravel(), at_corners.ravel(), 3 * edges.mesh.facets.shape[1])
         values = np.concatenate((diagonal, on_facets, opposite.ravel()))
-        return csr_array((values[pattern.data], pattern.indices, pattern.indptr), shape=pattern.shape)
+        # CSR of a symmetric matrix is CSC
+        return Reduced(csc_array((values[pattern.data], pattern.indices, pattern.indptr), shape=pattern.shape))
 
 
 def _products(forms: list[tuple[Floats, Floats]], pairs: Ints) -> Floats:

@@ -1,7 +1,6 @@
 """Drive and energy of a vector potential on edge elements."""
 
-from dataclasses import dataclass, replace
-from typing import Self
+from dataclasses import dataclass
 
 import numpy as np
 from skfem.quadrature import get_quadrature
@@ -10,13 +9,13 @@ from skfem.refdom import RefTet
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, total_potential
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.magnetostatics.equations.edge_elements import EdgeElements, Stiffness
+from kohonen_adapt.magnetostatics.equations.edge_elements import Curls, EdgeElements
 from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, circulations, field_at
-from kohonen_adapt.magnetostatics.equations.system import Reduced
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
-from kohonen_adapt.mesh.measures import magnitude, unit_vectors
+from kohonen_adapt.magnetostatics.materials.laws import Scaled
+from kohonen_adapt.problem.energy import Densities, Energy
 
-__all__ = ["CurlFunctional", "EdgeDrive", "edge_drive"]
+__all__ = ["EdgeDrive", "curl_energy", "edge_drive"]
 
 DEGREE = 4  # of the quadrature rule of the difference: 2 is too coarse in elements that a winding cuts
 
@@ -73,43 +72,11 @@ def edge_drive(edges: EdgeElements, iron: Mask, function: AppliedField | None) -
     return EdgeDrive(elements, function, iron, chi, zeros, layer, edges, circulation)
 
 
-@dataclass(frozen=True)
-class CurlFunctional:
-    """Functional ``int (int_0^|B| H dB) - load . u`` with ``B = curl A``.
+def curl_energy(curls: Curls, coefficients: Coefficients, conditions: Conditions, load: Floats) -> Energy:
+    """Return the functional ``int (int_0^|B| H dB) - load . u`` with ``B = curl A``.
 
-    It is convex because H rises with B. Its minimum is the negative of the minimum of `CoenergyFunctional` (without its
-    constant terms), and values above the minimum bound the exact co-energy from below.
+    Its minimum is the negative of the minimum of the co-energy (without its constant terms), and values above the
+    minimum bound the exact co-energy from below. The load is in A.
     """
-
-    edges: EdgeElements
-    coefficients: Coefficients
-    conditions: Conditions
-    load: Floats  # (nedges,) in A
-    stiffness: Stiffness
-
-    def at_zero_field(self) -> Self:
-        return replace(self, coefficients=replace(self.coefficients, nonlinear_materials=()))
-
-    def value(self, u: Floats) -> tuple[float, float]:
-        size = magnitude(self.edges.curl(u))
-        stored = float(np.sum(self.edges.volumes * self.coefficients.law_energy(size[None])))
-        work = self.load * u
-        return stored - float(np.sum(work)), np.finfo(float).eps * (stored + float(np.sum(np.abs(work))))
-
-    def residual(self, u: Floats) -> tuple[Floats, float]:
-        density, edges = self.edges.curl(u), self.edges
-        strength = self.coefficients.reluctivities(density)[0] * density
-        sizes = edges.volumes * magnitude(strength) * np.sqrt(np.sum(edges.curls**2, axis=0))
-        size = np.bincount(edges.unknowns.ravel(), sizes.ravel(), u.size) + np.abs(self.load)
-        return (edges.against_curls(strength) - self.load)[self.conditions.free], float(np.linalg.norm(size))
-
-    def linear_residual(self, u: Floats) -> Floats:
-        strength = self.coefficients.reluctivity * self.edges.curl(u)
-        return (self.edges.against_curls(strength) - self.load)[self.conditions.free]
-
-    def hessian(self, u: Floats) -> Reduced:
-        if not self.coefficients.nonlinear_materials:
-            return Reduced(self.stiffness.matrix(self.coefficients.reluctivity).T)
-        density = self.edges.curl(u)
-        secant, differential = self.coefficients.reluctivities(density)
-        return Reduced(self.stiffness.matrix(secant, (differential, unit_vectors(density))).T)
+    laws = [(Scaled(group.law, 1.0), group.elements) for group in coefficients.nonlinear_materials]
+    return Energy(curls, Densities(curls.edges.volumes, coefficients.reluctivity, laws), load, conditions)

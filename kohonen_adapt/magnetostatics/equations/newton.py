@@ -3,14 +3,16 @@
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, Self
+from typing import Any
 
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.magnetostatics.equations.system import Reduced, Solver
+from kohonen_adapt.magnetostatics.equations.energy import Tangent
+from kohonen_adapt.magnetostatics.equations.system import Solver
+from kohonen_adapt.problem.energy import Energy
 
-__all__ = ["TOLERANCE", "Convex", "Newton", "NewtonStep", "NotConverged", "refuse_unconverged"]
+__all__ = ["TOLERANCE", "Newton", "NewtonStep", "NotConverged", "refuse_unconverged"]
 
 TOLERANCE = 1e-8  # of the relative residual and of the relative change by all further steps
 DESCENT = 1e-4  # fraction of the descent predicted by the slope that a step must reach (Armijo)
@@ -20,40 +22,6 @@ NEAR = 0.03  # relative residual from which a step for the potential alone is tr
 SLOW = 0.3  # largest residual after this step, relative to the residual before
 
 logger = logging.getLogger("kohonen_adapt")
-
-
-class Convex(Protocol):
-    """Convex functional of the unknowns, to minimise by Newton's method.
-
-    `value` returns the functional and its rounding error. `residual` returns the gradient at the free unknowns and the
-    norm of the summed magnitudes of its terms; `linear_residual` returns the gradient for linear material.
-    `at_zero_field` returns the quadratic functional of the material at zero field.
-    """
-
-    @property
-    def conditions(self) -> Any: ...  # `Conditions`
-    def at_zero_field(self) -> Self: ...
-    def value(self, u: Floats) -> tuple[float, float]: ...
-    def residual(self, u: Floats) -> tuple[Floats, float]: ...
-    def linear_residual(self, u: Floats) -> Floats: ...
-    def hessian(self, u: Floats) -> Reduced: ...
-
-
-class Tangent(Protocol):
-    # the linear equations of a law linearised about some B, and the B of their solution
-
-    @property
-    def conditions(self) -> Any: ...
-    def flux_density(self, u: Floats) -> Floats: ...
-    def linear_residual(self, u: Floats) -> Floats: ...
-    def hessian(self, u: Floats) -> Reduced: ...
-
-
-class Coenergy(Convex, Protocol):
-    # of a potential of H, with a law H(B)
-
-    def flux_density(self, u: Floats) -> Floats: ...
-    def linearised(self, flux_density: Floats) -> Tangent: ...
 
 
 @dataclass(frozen=True)
@@ -119,7 +87,7 @@ class Newton:
     most_steps: int = 60
     solver: Solver = field(default_factory=Solver)
 
-    def full_step(self, energy: Convex | Tangent, u: Floats, gradient: Floats) -> Floats:
+    def full_step(self, energy: Energy, u: Floats, gradient: Floats) -> Floats:
         step, conditions = np.zeros_like(u), energy.conditions
         if conditions.free.size:
             hessian = energy.hessian(u)
@@ -138,24 +106,24 @@ class Newton:
             )
         return step
 
-    def linear(self, energy: Convex) -> Floats:
+    def linear(self, energy: Energy) -> Floats:
         values, quadratic = energy.conditions.values, energy.at_zero_field()
-        return values + self.full_step(quadratic, values, quadratic.linear_residual(values))
+        return values + self.full_step(quadratic, values, quadratic.gradient(values))
 
-    def descend_coenergy(self, energy: Coenergy, start: Floats | None = None) -> tuple[Floats, tuple[NewtonStep, ...]]:
+    def descend_coenergy(self, energy: Energy, start: Floats | None = None) -> tuple[Floats, tuple[NewtonStep, ...]]:
         # Newton's method for the potential and B together (as Chan, Golub and Mulet, SIAM J. Sci. Comput. 20, 1999, for
         # another functional), by default from the solution of the material at zero field. In saturation H(B) is convex
         # where B(H) is concave, so that the next step corrects a B that is too large. The functional may rise for some
         # steps, after which `descend` continues from the lowest. Near the minimum, steps for the potential alone, with
         # the B of the potential, converge faster. Each is tried, and refused if the residual falls too little.
         u = self.linear(energy) if start is None else start
-        density = (energy.at_zero_field() if start is None else energy).flux_density(u)
+        density = (energy.at_zero_field() if start is None else energy).flux(u)
         steps, best, least, since, pause, wait = list[NewtonStep](), u, energy.value(u)[0], 0, 1, 1
         while since <= PATIENCE and 2 * len(steps) < self.most_steps and not (steps and steps[-1].converged):
             alone = wait == 0 and steps[-1].residual < NEAR
-            tangent = energy.linearised(energy.flux_density(u) if alone else density)
+            tangent = Tangent.of(energy, energy.flux(u) if alone else density)
             try:
-                change = self.full_step(tangent, u, tangent.linear_residual(u))
+                change = self.full_step(tangent, u, tangent.gradient(u))
             except np.linalg.LinAlgError:
                 break
             after = u + change
@@ -165,7 +133,7 @@ class Newton:
                 pause *= 2
                 wait = pause
                 continue
-            u, density, wait = after, tangent.flux_density(after), max(0, wait - 1)
+            u, density, wait = after, tangent.flux(after), max(0, wait - 1)
             steps.append(step)
             since = 0 if functional <= least + 10.0 * rounding else since + 1
             best, least = (best, least) if since else (u, functional)
@@ -174,7 +142,7 @@ class Newton:
         u, rest = replace(self, most_steps=self.most_steps - len(steps)).descend(energy, best)
         return u, (*steps, *rest)
 
-    def descend(self, energy: Convex, start: Floats) -> tuple[Floats, tuple[NewtonStep, ...]]:
+    def descend(self, energy: Energy, start: Floats) -> tuple[Floats, tuple[NewtonStep, ...]]:
         """Return the last values and all steps of a descent from admissible values.
 
         Steps are halved until the functional decreases by a fraction of the slope (Armijo), up to rounding. A whole
@@ -204,7 +172,7 @@ class Newton:
 
 
 def _damping(
-    energy: Convex, u: Floats, step: Floats, slope: float, level: tuple[float, float]
+    energy: Energy, u: Floats, step: Floats, slope: float, level: tuple[float, float]
 ) -> tuple[float, tuple[float, float]]:
     (before, rounding), damping = level, 1.0
     while True:
@@ -215,7 +183,7 @@ def _damping(
 
 
 def _recorded(
-    energy: Convex,
+    energy: Energy,
     u: Floats,
     change: Floats,
     residual: tuple[Floats, float],

@@ -101,9 +101,6 @@ class Coefficients:
             strength[:, rows] = secant * flux_density[:, rows] - self.coercivity[:, rows]
         return strength
 
-    def largest_terms(self, flux_density: Floats) -> Floats:
-        return self.reluctivities(flux_density)[0] * magnitude(flux_density) + magnitude(self.coercivity)
-
     def present(self, materials: Mapping[str, Material]) -> tuple[dict[str, Material], Ints, Ints]:
         used, first, index = np.unique(self.material_index, return_index=True, return_inverse=True)
         return {name: material for k, (name, material) in enumerate(materials.items()) if k in used}, first, index
@@ -129,7 +126,7 @@ class Coefficients:
         for group in self.nonlinear_materials:
             rows = group.elements
             size = magnitude(strength[:, rows] + self.coercivity[:, rows])
-            secant[rows], differential[rows] = Inverse(group.law).permeabilities(size)
+            secant[rows], differential[rows] = Inverse(group.law).secants(size)
         return secant, differential
 
     def energy_density(self, flux_density: Floats) -> Floats:

@@ -19,6 +19,7 @@ __all__ = [
     "Froehlich",
     "Inverse",
     "Law",
+    "Scaled",
     "flux_density_of",
     "reluctivities",
 ]
@@ -253,6 +254,24 @@ def reluctivities(law: Law, b: Floats) -> tuple[Floats, Floats]:
 
 
 @dataclass(frozen=True)
+class Scaled:
+    """B-H law times a factor, as the angle around an axis."""
+
+    law: Law
+    factor: float
+
+    def field_strength(self, b: Floats) -> Floats:
+        return self.factor * self.law.field_strength(b)
+
+    def energy(self, b: Floats) -> Floats:
+        return self.factor * self.law.energy(b)
+
+    def secants(self, b: Floats) -> tuple[Floats, Floats]:
+        secant, differential = reluctivities(self.law, b)
+        return self.factor * secant, self.factor * differential
+
+
+@dataclass(frozen=True)
 class Inverse:
     """Inverse B(H) of a B-H law, as an `EnergyLaw` of a scalar potential."""
 
@@ -266,7 +285,8 @@ class Inverse:
         b = flux_density_of(self.law, h)
         return h * b - self.law.energy(b)
 
-    def permeabilities(self, h: Floats) -> tuple[Floats, Floats]:
+    def secants(self, h: Floats) -> tuple[Floats, Floats]:
+        # the permeabilities B / H and dB/dH
         secant, differential = reluctivities(self.law, flux_density_of(self.law, h))
         return 1.0 / secant, 1.0 / differential
 
