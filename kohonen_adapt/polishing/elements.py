@@ -120,7 +120,7 @@ def with_source(
     The polynomial of degree order + 2 is the best fit at the quadrature points of the functional.
     """
     share, _ = source_points(order)
-    sampled = source_at(np.einsum("qk,dkm->dqm", share, corners), number, source)
+    sampled = source_at(share @ corners, number, source)
     (ax, ay), (bx, by) = (corners[:, k] - corners[:, 0] for k in (1, 2))
     doubled, x, y = ax * by - ay * bx, share[:, 1] - 1.0 / 3.0, share[:, 2] - 1.0 / 3.0
     degree = order + 2

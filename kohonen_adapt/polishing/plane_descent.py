@@ -66,31 +66,34 @@ class PlaneDescent:
         # Sampled sources and fluxes hold near the sampled positions only. They are sampled again every few sweeps,
         # which are undone if the functional has not decreased. The same holds with slivers between chords and curves,
         # which the kernels do not include.
-        movable, functional, trial = self.movable, self.functional, self.trial
-        if not functional.is_approximate:
-            return self, sweep(movable, functional, trial, sweeps, swap_first)
-        total, interval = 0.0, RESAMPLE_SOURCE if functional.has_varying_source else RESAMPLE
+        if not self.functional.is_approximate:
+            return self, sweep(self.movable, self.functional, self.trial, sweeps, swap_first)
+        total, value = 0.0, self.value()
+        interval = RESAMPLE_SOURCE if self.functional.has_varying_source else RESAMPLE
         for done in range(0, sweeps, interval):
             ways = dict.fromkeys([(swap_first, True), (False, True), (False, False)])
-            gains = (self.descend_sampled(min(interval, sweeps - done), *way) for way in ways)
-            gain = next((gain for gain in gains if gain > 0.0), 0.0)
+            tries = (self.descend_sampled(value, min(interval, sweeps - done), *way) for way in ways)
+            gain, value = next((found for found in tries if found[0] > 0.0), (0.0, value))
             if not gain:
                 break
             total += gain
         return self, total
 
-    def descend_sampled(self, sweeps: int, swap_first: bool, flips: bool) -> float:
+    def value(self) -> float:
+        return self.functional.value(self.movable.triangulation, self.trial)
+
+    def descend_sampled(self, before: float, sweeps: int, swap_first: bool, flips: bool) -> tuple[float, float]:
+        # Returned are the decrease, and the functional after it.
         movable, functional, trial = self.movable, self.functional, self.trial
         state, old = {name: array.copy() for name, array in movable.state().items()}, trial.copy()
-        before = functional.value(movable.triangulation, trial)
         gain = sweep(movable, functional, trial, sweeps, swap_first, flips)
         gain += descend_curves(movable, functional, trial)
-        full_decrease = before - functional.value(movable.triangulation, trial)
-        if full_decrease > 0.0:
-            return min(gain, full_decrease)
+        after = self.value()
+        if after < before:
+            return min(gain, before - after), after
         movable.restore(state)
         trial.restore(old)
-        return 0.0
+        return 0.0, before
 
     def recycle_checked(self, sweeps: int, swap_first: bool, whole: bool) -> tuple[Self, float, bool]:
         exchange = self.recycle()

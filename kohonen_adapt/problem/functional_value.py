@@ -47,8 +47,8 @@ __all__ = [
 
 
 LOWER = 3  # as `degree` of `source_points`, of a second rule
-AGREEMENT = 1e-4  # difference of both rules relative to the magnitude, above which elements are integrated in parts
-HALVINGS = 2  # of the edges of these elements
+AGREEMENT = 1e-4  # difference of two rules relative to the magnitude, above which elements are integrated in parts
+HALVINGS = (1, 2)  # of the edges of these elements; the second where the first differs by as much, a fifth of them
 ROWS = 2_000  # elements at once, to limit the memory
 
 
@@ -118,7 +118,7 @@ def _varying_source_term(
     # because passes and sweeps differ by less than the rule misses in a layer.
     def mean(rule: tuple[Floats, Floats], rows: Ints | slice) -> tuple[Floats, Floats]:
         barycentric, weight = rule
-        source = source_at(np.einsum("qk,mkd->dqm", barycentric, corners[rows]), region[rows], function)
+        source = source_at(barycentric @ corners[rows].transpose(2, 1, 0), region[rows], function)
         product = source * (functions_at(barycentric, order) @ coefficients[rows].T)
         return weight @ product, weight @ np.abs(product)
 
@@ -126,9 +126,12 @@ def _varying_source_term(
     total, magnitude = mean(source_points(order), every)
     lower, _ = mean(source_points(order, LOWER), every)
     doubtful = np.flatnonzero(np.abs(total - lower) > AGREEMENT * magnitude)
-    for first in range(0, len(doubtful), ROWS):
-        rows = doubtful[first : first + ROWS]
-        total[rows], _ = mean(points_in_parts(order), rows)
+    for halvings in HALVINGS:
+        before = total[doubtful]
+        for first in range(0, len(doubtful), ROWS):
+            rows = doubtful[first : first + ROWS]
+            total[rows], _ = mean(points_in_parts(order, halvings), rows)
+        doubtful = doubtful[np.abs(total[doubtful] - before) > AGREEMENT * magnitude[doubtful]]
     return total
 
 
@@ -180,9 +183,9 @@ def parts_of_element(dim: int, halvings: int = 1) -> Floats:
 
 
 @cache
-def points_in_parts(order: int) -> tuple[Floats, Floats]:
+def points_in_parts(order: int, halvings: int) -> tuple[Floats, Floats]:
     barycentric, weight = source_points(order)
-    corners = parts_of_element(2, HALVINGS)
+    corners = parts_of_element(2, halvings)
     return (barycentric @ corners).reshape(-1, 3), np.tile(weight / len(corners), len(corners))
 
 
