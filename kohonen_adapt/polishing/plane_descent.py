@@ -83,7 +83,7 @@ class PlaneDescent:
         return self.functional.value(self.movable.triangulation, self.trial)
 
     def descend_sampled(self, before: float, sweeps: int, swap_first: bool, flips: bool) -> tuple[float, float]:
-        # Returned are the decrease, and the functional after it.
+        # Returned are the decrease and the new functional.
         movable, functional, trial = self.movable, self.functional, self.trial
         state, old = {name: array.copy() for name, array in movable.state().items()}, trial.copy()
         gain = sweep(movable, functional, trial, sweeps, swap_first, flips)
