@@ -80,7 +80,7 @@ def conditions_in_space(drive: Drive, potential: Mapping[str, Value], mirrors: M
     A connected part without a given value has a first node that is neither fixed nor free, because u is determined
     there up to a constant only.
     """
-    elements, mesh = drive.elements, drive.elements.mesh
+    elements, mesh = drive.elements, drive.elements.corners
     for name in potential:
         surface(mesh, name, "potential")
     fixed, values = fixed_values(elements, Boundaries(potential))
@@ -97,7 +97,7 @@ def conditions_in_space(drive: Drive, potential: Mapping[str, Value], mirrors: M
 def _check_field(drive: Drive, name: str, mirror: Mirror) -> None:
     if drive.function is None:
         return
-    mesh = drive.elements.mesh
+    mesh = drive.elements.corners
     field = field_at(drive.function, mesh.p[:, np.unique(mesh.facets[:, mirror.facets])])
     across = np.outer(mirror.normal, mirror.normal @ field)
     wrong = magnitude(across if mirror.kind == "parallel" else field - across).max()

@@ -11,7 +11,6 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux, goal_oriented, recovery, residual
 from kohonen_adapt.estimators.residual_estimator import HIGHER_SCALES, Facets
-from kohonen_adapt.magnetostatics.equations.around_axis import AroundAxis
 from kohonen_adapt.magnetostatics.equations.conditions import (
     Boundaries,
     Conditions,
@@ -20,7 +19,6 @@ from kohonen_adapt.magnetostatics.equations.conditions import (
     ties_of,
 )
 from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy, Scalar, scalar_problem
-from kohonen_adapt.magnetostatics.equations.high_orders import HighOrder
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
@@ -35,7 +33,9 @@ from kohonen_adapt.magnetostatics.solution import (
     interpolated_on,
     richer_solution,
 )
+from kohonen_adapt.mesh.functions import ON_AXIS
 from kohonen_adapt.mesh.measures import gradient, inner_points
+from kohonen_adapt.mesh.space import Space
 
 __all__ = ["RESIDUAL_SCALE", "energy_indicators", "goal_indicators"]
 
@@ -64,7 +64,7 @@ class Step:
     The step is exact for linear material, and correct to second order in its size for others.
     """
 
-    elements: HighOrder
+    elements: Space
     energy: PlaneEnergy
     start: Floats  # (nunknowns,)
     change: Floats  # (nunknowns,)
@@ -235,7 +235,7 @@ def goal_indicators(field: Field, goal: Goal, boundaries: Boundaries, newton: Ne
         primal_residual, dual_residual = residual_by_points(field, joined), dual_residual_by_points(field, dual, joined)
         return _residual_scale(field) * np.sqrt(primal_residual * dual_residual)
     pair = _primal_and_dual(field, goal, boundaries, newton)
-    if isinstance(field.elements, AroundAxis):  # there B decreases like 1 / r within elements
+    if field.elements.axis:  # there B decreases like 1 / r within elements
         for name, strength in zip(("flux", "dual_flux"), field.strength_at_corners(pair["dual"]), strict=True):
             flux = field.symmetry.flux(strength)
             pair[name] = pair[name][:, None] - flux + flux.mean(axis=1, keepdims=True)
@@ -255,7 +255,7 @@ def _primal_and_dual(field: Field, goal: Goal, boundaries: Boundaries, newton: N
     current = symmetry.source(field.current_density)
     nu = symmetry.reluctivity(elements.centroids, weight)
     change = symmetry.flux(at.change_of_strength(symmetry.flux_density(at.x, elements.gradient(dual))))
-    strength, change = elements.balanced(symmetry.flux(at.field_strength), current), elements.balanced(change, source)
+    strength, change = balanced(elements, symmetry.flux(at.field_strength), current), balanced(elements, change, source)
     return {
         "potential": u,
         "dual": dual,
@@ -263,9 +263,30 @@ def _primal_and_dual(field: Field, goal: Goal, boundaries: Boundaries, newton: N
         "source": current,
         "flux": nu * gradient(field.mesh, u) - strength,
         "dual_source": source,
-        "dual_flux": nu * gradient(field.mesh, dual) - change + elements.balanced(load, np.zeros_like(source)),
+        "dual_flux": nu * gradient(field.mesh, dual) - change + balanced(elements, load, np.zeros_like(source)),
         "fixed": _fixed_nodes(conditions_of(elements, boundaries, symmetry)),
     }
+
+
+def balanced(elements: Space, flux: Floats, source: Floats) -> Floats:
+    """Return element means of a flux with equal loads, around an axis.
+
+    `flux` is at the quadrature points of elements of order 1, `source` has shape (nelements,). The loads of the means,
+    shape (2, nelements), by hat functions equal the loads of the flux by the functions of these elements, so that the
+    estimators of order 1 see a balanced problem. Edges from the axis are dual to the gradients of the hat functions at
+    their outer ends. In the plane the flux is returned.
+    """
+    if not elements.axis:
+        return flux
+    mean, off_axis = elements.plain_mean(flux), np.where(ON_AXIS[elements.kind].T, 0.0, 1.0)
+    load = elements.against_gradients(flux) - elements.against_functions(source)
+    target = load / elements.volumes + source / 3.0
+    missing = off_axis * (target - np.einsum("ck,cik->ik", mean, elements.hats))
+    touching = np.flatnonzero(elements.kind)
+    corner, off_axis = elements.corners.p[:, elements.corners.t[:, touching]], off_axis[:, touching]
+    projection = np.sum((1.0 - off_axis) * corner, axis=1) / np.sum(1.0 - off_axis, axis=0)
+    mean[:, touching] += np.einsum("ik,cik->ck", missing[:, touching], corner - projection[:, None])
+    return mean
 
 
 def _fixed_nodes(conditions: Conditions) -> Mask:

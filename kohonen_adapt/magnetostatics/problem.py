@@ -14,7 +14,6 @@ from kohonen_adapt.magnetostatics.better_values import better_values, error_of_g
 from kohonen_adapt.magnetostatics.corner_errors import with_strong_corners
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
-from kohonen_adapt.magnetostatics.equations.high_orders import BY_LAGRANGE, elements_on
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.estimation import energy_indicators, goal_indicators
@@ -26,7 +25,9 @@ from kohonen_adapt.magnetostatics.solution import field_of, linkage_slope, solut
 from kohonen_adapt.magnetostatics.strong_corners import materials_of
 from kohonen_adapt.mesh.blended import exact_area
 from kohonen_adapt.mesh.corners import corner_exponents, singular_nodes
+from kohonen_adapt.mesh.functions import EQUIDISTANT
 from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.space import Space
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.ritz import Ritz
 
@@ -188,9 +189,9 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         check_plane_mesh(mesh, curved=order > 1)
         symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
         sides = {name: curve.project for name, curve in (self.sides or {}).items()}
-        size = partial(exact_area, sides=sides) if order > BY_LAGRANGE else area
+        size = partial(exact_area, sides=sides) if order > EQUIDISTANT else area
         material = coefficients(mesh, self.materials, self.ampere_turns, size)
-        elements = elements_on(mesh, order, symmetry, material.nonlinear, sides)
+        elements = Space(mesh, order, material.nonlinear, self.axisymmetric, sides)
         return PlaneEnergy.of(elements, symmetry, material, conditions_of(elements, self.boundaries, symmetry))
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:

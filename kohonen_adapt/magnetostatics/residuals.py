@@ -10,12 +10,11 @@ from kohonen_adapt.estimators.residual_estimator import (
     outflow_at_points,
     residual_indicators,
 )
-from kohonen_adapt.magnetostatics.equations.around_axis import AroundAxis
-from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
 from kohonen_adapt.magnetostatics.quantities.local_field import PointField
 from kohonen_adapt.mesh.basis import functions_at
 from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.space import Space
 
 __all__ = ["dual_residual_by_points", "residual_by_points"]
 
@@ -58,14 +57,14 @@ def _residual(field: Field, at: PointField, flux: Floats, load: Floats, joined: 
     return residual_indicators(shape.corners, size, outflow, load, weight, joined, circumference)
 
 
-def on_lattice(elements: Elements, values: Floats) -> Floats:
+def on_lattice(elements: Space, values: Floats) -> Floats:
     """Return fits to quadrature values on the `LATTICE`, (2, 6, nelements).
 
     `values` has shape (2, npoints). The fit is of degree 2. Around an axis, where no arm is a factor, it has the degree
     of B, because there the points of order 2 lie on two lines about a corner and do not determine a quadratic
     polynomial.
     """
-    degree = elements.order - 1 if isinstance(elements, AroundAxis) else 2
+    degree = elements.order - 1 if elements.axis else 2
     element, barycentric, weight = elements.fine_rule
     functions, count = functions_at(barycentric.T, degree), elements.corners.t.shape[1]
 

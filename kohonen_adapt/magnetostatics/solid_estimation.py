@@ -15,7 +15,6 @@ from kohonen_adapt.estimators.hierarchical import Surplus, cubic_slopes
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.energy import coenergy
 from kohonen_adapt.magnetostatics.equations.newton import Newton
-from kohonen_adapt.magnetostatics.equations.tetrahedra import Tetrahedra
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
@@ -23,6 +22,7 @@ from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid, Stre
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.measures import CurvedTetrahedra, inner_points, magnitude, unit_vectors
+from kohonen_adapt.mesh.space import Space
 from kohonen_adapt.problem.energy import Energy
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.uncertain import Uncertain
@@ -106,9 +106,9 @@ def flux_and_divergence(field: LocalSolid) -> tuple[Floats, Floats]:
     # B, (3, 4, nelements), and its divergence, (4, nelements), at the corners. The applied field has no divergence,
     # so that its interpolation error does not count as a source.
     elements, corners, coefficients = field.elements, field.mesh.t.shape, field.coefficients
-    at = np.tile(np.arange(corners[1]), 4), np.repeat(np.eye(4), corners[1], axis=1)
-    offset = np.where(field.drive.iron[at[0]], 0.0, elements.gradient_at(field.drive.potential, *at))
-    slope = offset - elements.gradient_at(field.unknown, *at)
+    at_corners = elements.gradient_in_each(field.drive.potential, np.eye(4))
+    offset = np.where(np.tile(field.drive.iron, 4), 0.0, at_corners)
+    slope = offset - elements.gradient_in_each(field.unknown, np.eye(4))
     flux = field.at_corners.flux_density.reshape(3, *corners)
     own = np.where(coefficients.nonlinear, flux, slope.reshape(3, *corners) / coefficients.reluctivity)
     divergence = np.tile(np.einsum("cik,cik->k", own, elements.hats), (4, 1))
@@ -165,7 +165,7 @@ def are_parallel(field: LocalSolid, dual: Floats) -> bool:
 
 
 def cubic_functions(field: LocalSolid, conditions: Conditions) -> Surplus:
-    mesh, elements = field.elements.mesh, field.elements
+    mesh, elements = field.elements.corners, field.elements
     fixed = np.all(conditions.fixed[elements.on_facets(np.arange(mesh.facets.shape[1]))], axis=0)
     return Surplus(mesh, elements.volumes, np.asarray(fixed), elements.hats_of_corners)
 
@@ -185,7 +185,7 @@ def cubic_error(field: LocalSolid, conditions: Conditions) -> tuple[Floats, Floa
 
 
 def scale_at_edges(field: LocalSolid, materials: Mapping[str, Material]) -> Floats:
-    return np.where(at_edges(field.elements.mesh, _equal_materials(field, materials)), AT_EDGES, 1.0)
+    return np.where(at_edges(field.elements.corners, _equal_materials(field, materials)), AT_EDGES, 1.0)
 
 
 def arguments_of_goal(
@@ -272,7 +272,7 @@ def linearised_at(field: LocalSolid, energy: Energy, quadratic: SolidField, newt
     return replace(quadratic, unknown=start + newton.full_step(energy, start, energy.gradient(start)))
 
 
-def linear_fit(elements: Tetrahedra, values: Floats) -> Floats:
+def linear_fit(elements: Space, values: Floats) -> Floats:
     # the values at the corners, (3, 4, nelements), of the best linear functions
     barycentric = elements.barycentric(elements.points, elements.element)
     moments = np.stack([elements.mean(values * part) for part in barycentric], axis=1)

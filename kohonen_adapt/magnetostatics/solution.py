@@ -10,12 +10,12 @@ from scipy.spatial import KDTree
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
 from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
-from kohonen_adapt.magnetostatics.equations.high_orders import HighOrder, elements_on, high_order_elements
-from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
 from kohonen_adapt.mesh.blended import Projections
+from kohonen_adapt.mesh.functions import nodes
+from kohonen_adapt.mesh.space import Space
 
 __all__ = [
     "CubicField",
@@ -111,9 +111,9 @@ class HighOrderField(QuadraticField):
     sides: Projections | None = None
 
     @cached_property
-    def elements(self) -> HighOrder:
+    def elements(self) -> Space:
         """Finite elements of the potential."""
-        return high_order_elements(self.mesh, self.order, self.symmetry, self.coefficients.nonlinear, self.sides)
+        return Space(self.mesh, self.order, self.coefficients.nonlinear, self.axisymmetric, self.sides, arcs=True)
 
     @property
     def order(self) -> int:
@@ -147,7 +147,7 @@ def field_of(energy: PlaneEnergy, depth: float | None, unknown: Floats, steps: t
     arguments = elements.mesh, values[: elements.corners.p.shape[1]], energy.coefficients, energy.symmetry, depth, steps
     if elements.order == 1:
         field = Field(*arguments)
-    elif isinstance(elements, HighOrder):
+    elif elements.arcs:
         field = HighOrderField(*arguments, values=values, degree=elements.order, sides=elements.sides)
     else:
         field = (QuadraticField if elements.order == 2 else CubicField)(*arguments, values=values)
@@ -167,10 +167,10 @@ def _start_values(energy: PlaneEnergy, old: Field | None, newton: Newton) -> Flo
     return newton.linear(energy) if np.any(conditions.values) else conditions.values
 
 
-def interpolated_on(elements: Elements, old: HighOrder, unknown: Floats) -> Floats:
+def interpolated_on(elements: Space, old: Space, unknown: Floats) -> Floats:
     """Return the unknowns (nunknowns,) of a function in elements of another order."""
     result = np.empty(elements.doflocs.shape[1])
-    result[elements.unknowns] = old.at_nodes(unknown, elements.order)
+    result[elements.unknowns] = old.in_each(unknown, nodes(elements.order, elements.dim, elements.arcs))
     return result
 
 
@@ -187,7 +187,7 @@ def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton:
     """Return the linearised change of `field.unknown` by `load`, shape (nunknowns,).
 
     The problem is linearised at the field, with the differential reluctivity along B and the secant one across.
-    Prescribed values do not change. `load` is as in `Elements.loads`.
+    Prescribed values do not change. `load` is as in `Space.loads`.
     """
     conditions = conditions_of(field.elements, boundaries, field.symmetry)
     energy = PlaneEnergy.of(field.elements, field.symmetry, field.coefficients, conditions)
@@ -207,14 +207,14 @@ def at_points(field: Field, derivative: tuple[Floats, Floats]) -> tuple[Floats, 
 def richer_solution(field: Field, boundaries: Boundaries, newton: Newton, linearised: bool = False) -> Field:
     # one order more, or the Newton step to its solution
     if isinstance(field, HighOrderField):
-        elements: Elements = field.elements.at_order(field.order + 1)
+        elements = field.elements.at_order(field.order + 1)
     else:
-        elements = elements_on(field.mesh, field.order + 1, field.symmetry, field.coefficients.nonlinear)
+        elements = Space(field.mesh, field.order + 1, field.coefficients.nonlinear, field.axisymmetric)
     energy = energy_on(elements, field, boundaries)
     return linearised_solution(energy, field, newton) if linearised else solution_of(energy, field.depth, field, newton)
 
 
-def energy_on(elements: Elements, field: Field, boundaries: Boundaries) -> PlaneEnergy:
+def energy_on(elements: Space, field: Field, boundaries: Boundaries) -> PlaneEnergy:
     """Return the functional of the problem of `field` on elements of another order."""
     conditions = conditions_of(elements, boundaries, field.symmetry, anchored=True)  # as `field` has been solved
     return PlaneEnergy.of(elements, field.symmetry, field.coefficients, conditions)

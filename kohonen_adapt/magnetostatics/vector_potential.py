@@ -24,7 +24,6 @@ from kohonen_adapt.magnetostatics.equations.newton import (
     NewtonStep,
     refuse_unconverged,
 )
-from kohonen_adapt.magnetostatics.equations.tetrahedra import LinearTetrahedra
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
 from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
@@ -32,6 +31,7 @@ from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.solid_estimation import tangential_jumps
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.names import named
+from kohonen_adapt.mesh.space import Space
 from kohonen_adapt.problem.energy import Energy
 
 __all__ = ["MagneticVectorPotential"]
@@ -131,7 +131,7 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
         """
         mesh = corners_of(mesh)
         material, planes = self.given_on(mesh)
-        edges = EdgeElements(LinearTetrahedra(mesh, varies=self.free_field is not None))
+        edges = EdgeElements(Space(mesh, 1, varies=self.free_field is not None))
         drive = edge_drive(edges, permeable(material), self.free_field)
         prescribed = conditions_in_space(drive, self.potential or {}, planes)
         far = ends_far(drive, prescribed, planes.values())

@@ -13,12 +13,13 @@ from skfem.refdom import RefTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, Sources, circulations, field_at
-from kohonen_adapt.magnetostatics.equations.tetrahedra import EDGES, Tetrahedra, tetrahedra_on
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, subdomains_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.mesh.functions import reference_functions
 from kohonen_adapt.mesh.host import edges_in, number_edges, number_facets
-from kohonen_adapt.mesh.measures import hat_gradients
+from kohonen_adapt.mesh.measures import EDGES, hat_gradients
+from kohonen_adapt.mesh.space import Space
 from kohonen_adapt.problem.boundary_terms import FACET_DEGREE
 
 __all__ = [
@@ -54,7 +55,7 @@ class Drive:
     mu changes, so that no quadrature point lies on a wire inside a region.
     """
 
-    elements: Tetrahedra
+    elements: Space
     function: AppliedField | None
     iron: Mask  # (nelements,)
     potential: Floats  # chi at the unknowns, (nunknowns,) in A; 0 away from iron
@@ -77,7 +78,7 @@ class Drive:
 
     @cached_property
     def at_corners(self) -> Floats:
-        mesh = self.elements.mesh
+        mesh = self.elements.corners
         return self._at(mesh.p, mesh.t.ravel(), np.tile(np.arange(self.iron.size), len(mesh.t)))
 
     @cached_property
@@ -87,7 +88,7 @@ class Drive:
     @cached_property
     def current_density(self) -> Floats:
         # Largest ``|curl Hs . n|`` on the faces of elements, (nelements,) in A/m^2.
-        return _current_density(self.elements.mesh, self.function)
+        return _current_density(self.elements.corners, self.function)
 
     @property
     def sources(self) -> "Sources":
@@ -96,11 +97,11 @@ class Drive:
     @cached_property
     def current_density_without_coils(self) -> Floats:
         coils, applied = self.sources.coils, self.sources.applied
-        return _current_density(self.elements.mesh, applied) if coils else self.current_density
+        return _current_density(self.elements.corners, applied) if coils else self.current_density
 
     @cached_property
     def inside(self) -> Floats:
-        """Part of T that `load` does not cover, as `Tetrahedra.gradient` in A/m."""
+        """Part of T that `load` does not cover, as `Space.gradient` in A/m."""
         offset, elements = self.elements.gradient(self.potential), self.elements
         element = np.arange(self.iron.size) if elements.order == 1 else elements.element
         return np.where(self.iron[element], self.layer[:, element], offset)
@@ -123,8 +124,8 @@ def drive_on(
     known: Drive | None = None,
 ) -> Drive:
     # `known` is of another order on the same nodes, where chi is the same.
-    elements = tetrahedra_on(mesh, order, function is not None, coefficients.nonlinear)
-    mesh, zeros = elements.mesh, np.zeros(elements.doflocs.shape[1])
+    elements = Space(mesh, order, coefficients.nonlinear, varies=function is not None)
+    mesh, zeros = elements.corners, np.zeros(elements.doflocs.shape[1])
     iron = permeable(coefficients)
     if function is None:
         return Drive(elements, None, np.zeros_like(iron), zeros, zeros, np.zeros((3, iron.size)))
@@ -138,12 +139,12 @@ def drive_on(
     return Drive(elements, function, iron, chi, load, layer)
 
 
-def _flux_out(elements: Tetrahedra, permeability: Floats, function: AppliedField, closed: Ints) -> Floats:
+def _flux_out(elements: Space, permeability: Floats, function: AppliedField, closed: Ints) -> Floats:
     """Return ``int mu Hs . n v`` over surfaces of elements, (nunknowns,) in Wb.
 
     Facets `closed` are left out; v are the functions of the elements.
     """
-    mesh = elements.mesh
+    mesh = elements.corners
     number_facets(mesh)
     first, second = mesh.f2t
     jump = permeability[first] - np.where(second >= 0, permeability[second], 0.0)
@@ -156,16 +157,16 @@ def _flux_out(elements: Tetrahedra, permeability: Floats, function: AppliedField
         barycentric = np.array([1.0 - s - t, s, t])
         x, normal = elements.facet_points(surface, barycentric)
         normal_flux = np.sum(0.5 * normal * sign * field_at(function, x), axis=0)
-        terms = 2.0 * weight * elements.functions(barycentric[:, None]) * normal_flux
+        terms = 2.0 * weight * reference_functions(barycentric[None], elements.order)[0] * normal_flux
         load += np.bincount(unknowns.ravel(), terms.ravel(), load.size)
     size = np.abs(load)  # the sum is the flux out of closed surfaces, which is 0 but for the error of the quadrature
     return load - size * (load.sum() / size.sum()) if size.any() else load
 
 
-def _at_unknowns(elements: Tetrahedra, chi: Floats, iron: Mask, function: AppliedField) -> Floats:
+def _at_unknowns(elements: Space, chi: Floats, iron: Mask, function: AppliedField) -> Floats:
     if elements.order == 1:
         return chi
-    mesh, nnodes = elements.mesh, chi.size
+    mesh, nnodes = elements.corners, chi.size
     edge = np.unique(mesh.t2e[:, iron])
     node, middle = mesh.edges[:, edge], nnodes + edge
     along, _ = circulations(elements.doflocs, np.stack((node.ravel(), np.tile(middle, 2))), function)
@@ -216,7 +217,7 @@ def _current_density(mesh: MeshTet, function: AppliedField | None) -> Floats:
 
 def aligned_potential(drive: Drive, before: Drive) -> Floats:
     # chi is known up to a constant in every piece of iron, and values that are carried to another mesh need the same.
-    mesh, old, chi = drive.elements.mesh, before.elements.mesh, drive.potential.copy()
+    mesh, old, chi = drive.elements.corners, before.elements.corners, drive.potential.copy()
     nodes, corners = np.unique(old.t[:, before.iron]), np.unique(mesh.t[:, drive.iron])
     if drive.function is None or not corners.size:
         return chi

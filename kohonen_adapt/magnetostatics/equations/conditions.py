@@ -11,13 +11,12 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.pairs import Unmatched, image_nodes
-from kohonen_adapt.magnetostatics.equations.elements import FiniteElements
-from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.names import named, named_sets, nodes_of_points
+from kohonen_adapt.mesh.space import Space
 
 __all__ = ["Boundaries", "Conditions", "Value", "circle_of", "conditions_of", "fixed_values", "ties_of"]
 
@@ -108,7 +107,7 @@ class Conditions:
         return result
 
 
-def conditions_of(elements: Elements, boundaries: Boundaries, symmetry: Symmetry, anchored: bool = False) -> Conditions:
+def conditions_of(elements: Space, boundaries: Boundaries, symmetry: Symmetry, anchored: bool = False) -> Conditions:
     fixed, values = fixed_values(elements, boundaries)
     values, axis = symmetry.unknown(elements.doflocs, values), symmetry.on_axis(elements.doflocs)
     fixed, values = fixed | axis, np.where(axis, 0.0, values)
@@ -126,7 +125,7 @@ def conditions_of(elements: Elements, boundaries: Boundaries, symmetry: Symmetry
 
 
 def open_boundary_of(
-    elements: Elements, name: str, symmetry: Symmetry, applied_field: tuple[float, float]
+    elements: Space, name: str, symmetry: Symmetry, applied_field: tuple[float, float]
 ) -> OpenBoundary:
     """Return the condition ``nu' du/dn + nu' u / R0 = d nu' u0 / R0`` on a boundary.
 
@@ -171,7 +170,7 @@ def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
     return centre, radius
 
 
-def fixed_values(elements: FiniteElements, boundaries: Boundaries) -> tuple[Mask, Floats]:
+def fixed_values(elements: Space, boundaries: Boundaries) -> tuple[Mask, Floats]:
     x, mesh = elements.doflocs, elements.corners
     at_points = nodes_of_points(mesh, boundaries.points)
     fixed, values = np.zeros(x.shape[1], dtype=bool), np.zeros(x.shape[1])
@@ -182,7 +181,7 @@ def fixed_values(elements: FiniteElements, boundaries: Boundaries) -> tuple[Mask
     return fixed, values
 
 
-def _on_boundary(elements: FiniteElements, name: str) -> Ints:
+def _on_boundary(elements: Space, name: str) -> Ints:
     try:
         facets = named(elements.corners.boundaries, name, "boundary")
     except ValueError as error:
@@ -194,7 +193,7 @@ def _on_boundary(elements: FiniteElements, name: str) -> Ints:
     return np.unique(elements.on_facets(facets))
 
 
-def ties_of(elements: Elements, periodic: Sequence[Pair], antiperiodic: Sequence[Pair]) -> Ties:
+def ties_of(elements: Space, periodic: Sequence[Pair], antiperiodic: Sequence[Pair]) -> Ties:
     mesh, pairs = elements.corners, [*periodic, *antiperiodic]
     try:
         nodes_and_images = image_nodes(mesh, pairs)

@@ -10,10 +10,11 @@ from skfem.refdom import RefTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.magnetostatics.equations.system import Reduced
-from kohonen_adapt.magnetostatics.equations.tetrahedra import EDGES, LinearTetrahedra
+from kohonen_adapt.mesh.assembly import Reduced
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.host import keys_of, number_edges, number_facets
+from kohonen_adapt.mesh.measures import EDGES
+from kohonen_adapt.mesh.space import Space
 
 __all__ = [
     "FACET_SIGNS",
@@ -50,8 +51,8 @@ class EdgeElements:
     nodes: Ints  # (2, nedges): lower and higher node of every edge
     unknowns: Ints  # (6, nelements): edges of every element
 
-    def __init__(self, elements: LinearTetrahedra) -> None:
-        self.elements, self.mesh = elements, elements.mesh
+    def __init__(self, elements: Space) -> None:
+        self.elements, self.mesh = elements, elements.corners
         number_facets(self.mesh)
         number_edges(self.mesh)
         self.nodes, self.unknowns = self.mesh.edges, self.mesh.t2e

@@ -8,12 +8,12 @@ import numpy as np
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, Symmetry
-from kohonen_adapt.magnetostatics.equations.system import Reduced
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import Inverse, Scaled, reluctivities
+from kohonen_adapt.mesh.assembly import Reduced
 from kohonen_adapt.mesh.measures import magnitude, unit_vectors
+from kohonen_adapt.mesh.space import Space
 from kohonen_adapt.problem.energy import Densities, Energy
 
 __all__ = ["PlaneEnergy", "Scalar", "Tangent", "coenergy", "scalar_problem"]
@@ -28,7 +28,7 @@ class Scalar:
     source: Floats  # (nelements,)
 
 
-def scalar_problem(elements: Elements, symmetry: Symmetry, coefficients: Coefficients) -> Scalar:
+def scalar_problem(elements: Space, symmetry: Symmetry, coefficients: Coefficients) -> Scalar:
     return Scalar(
         symmetry.reluctivity(elements.points, coefficients.reluctivity),
         -symmetry.flux(-coefficients.coercivity),
@@ -44,7 +44,7 @@ class PlaneEnergy(Energy):
     coefficients: Coefficients
 
     @classmethod
-    def of(cls, elements: Elements, symmetry: Symmetry, coefficients: Coefficients, conditions: Conditions) -> Self:
+    def of(cls, elements: Space, symmetry: Symmetry, coefficients: Coefficients, conditions: Conditions) -> Self:
         points = elements.points
         at = coefficients.at_quadrature(elements.element, points)
         laws = [(Scaled(group.law, symmetry.extent), group.elements) for group in at.nonlinear_materials]

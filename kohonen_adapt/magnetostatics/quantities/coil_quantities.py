@@ -170,7 +170,7 @@ def is_coil(field: LocalSolid, name: Any) -> bool:
 
 
 def ends_far(drive: Drive, conditions: Conditions, planes: Iterable[Mirror]) -> bool:
-    mesh = drive.elements.mesh
+    mesh = drive.elements.corners
     zero = conditions.fixed & (conditions.values == drive.potential)
     in_planes = np.concatenate([np.zeros(0, dtype=np.int64), *(plane.facets for plane in planes)])
     outer = np.setdiff1d(mesh.boundary_facets(), in_planes)

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators.recovery_estimator import corner_averages
-from kohonen_adapt.magnetostatics.equations.elements import Linear
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.quantities.bodies import Names
 from kohonen_adapt.magnetostatics.quantities.forces import eggshell_force, eggshell_torque
@@ -181,7 +180,7 @@ class Field(LocalField):
         return self._interpolated(np.asarray(x, dtype=float))
 
     def _interpolated(self, x: Floats) -> Floats:
-        if isinstance(self.elements, Linear):
+        if self.elements.has_constant_gradients:
             return interpolate(self.mesh, self.potential, x)
         element, barycentric = self._located(x)
         return np.where(element >= 0, self._potential_at(element, barycentric), np.nan)

@@ -7,14 +7,12 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.magnetostatics.equations.elements import Linear
-from kohonen_adapt.magnetostatics.equations.high_orders import elements_on
-from kohonen_adapt.magnetostatics.equations.higher import Elements
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField, PointValues, tangent_product
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.space import Space
 
 __all__ = ["LocalField", "PointField"]
 
@@ -68,8 +66,8 @@ class LocalField(MagneticField):
         return self.symmetry is AXISYMMETRIC
 
     @cached_property
-    def elements(self) -> Elements:
-        return elements_on(self.mesh, self.order, self.symmetry, self.coefficients.nonlinear)
+    def elements(self) -> Space:
+        return Space(self.mesh, self.order, self.coefficients.nonlinear, self.axisymmetric)
 
     @cached_property
     def unknown(self) -> Floats:
@@ -127,11 +125,11 @@ class LocalField(MagneticField):
         return PointField(element, x, density, self._coefficients_at(element, x))
 
     def _coefficients_at(self, element: Ints, x: Floats) -> Coefficients:
-        linear = isinstance(self.elements, Linear)
+        linear = self.elements.has_constant_gradients
         return (replace(self.coefficients, varying_magnets=()) if linear else self.coefficients).at_points(element, x)
 
     def _density_of(self, unknown: Floats, element: Ints, barycentric: Floats) -> Floats:
-        if isinstance(self.elements, Linear):
+        if self.elements.has_constant_gradients:
             slope = self.elements.gradient(unknown)
             return self.symmetry.flux_density(self.elements.points, slope)[:, element]
         limit = self.elements.limit_points(element, barycentric)
@@ -152,14 +150,21 @@ class LocalField(MagneticField):
 
         `at` is the result of `at_each` for the same `share`.
         """
-        return at.change_of_strength(self._density_of(other, *self._in_each(share)))
+        return at.change_of_strength(self._density_in_each(other, share))
 
     def at_each(self, share: Floats) -> PointField:
         """Return the field at barycentric coordinates (3, k) of every element.
 
         Points are in the order (k, nelements), each evaluated from inside its element.
         """
-        return self.at_shares(*self._in_each(share))
+        element, barycentric = self._in_each(share)
+        x = self.elements.shape.points(element, barycentric)
+        return PointField(element, x, self._density_in_each(self.unknown, share), self._coefficients_at(element, x))
+
+    def _density_in_each(self, unknown: Floats, share: Floats) -> Floats:
+        if self.axisymmetric:  # B on the axis is a limit
+            return self._density_of(unknown, *self._in_each(share))
+        return self.symmetry.flux_density(self.elements.points, self.elements.gradient_in_each(unknown, share.T))
 
     def potential_at_each(self, share: Floats) -> Floats:
         """Return the potential at the points of `at_each`, shape (k, nelements)."""

@@ -15,11 +15,11 @@ from kohonen_adapt.estimators.recovery_estimator import corner_averages
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
-from kohonen_adapt.magnetostatics.equations.tetrahedra import Tetrahedra
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField, PointValues, tangent_product
 from kohonen_adapt.mesh.locate import Locator, as_rows, locator_of
+from kohonen_adapt.mesh.space import Space
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 
 __all__ = ["LocalSolid", "Strength"]
@@ -76,7 +76,7 @@ class LocalSolid(MagneticField):
         return self.unknown - self.drive.potential
 
     @property
-    def elements(self) -> Tetrahedra:
+    def elements(self) -> Space:
         return self.drive.elements
 
     @property
@@ -165,13 +165,13 @@ class LocalSolid(MagneticField):
 
     def load_in(self, element: Ints, x: Floats, weight: Floats) -> Floats:
         change = self.at(x, element).change_of_flux_density(weight)
-        return -self.elements.load_at(x, element, change)
+        return -self.elements.load_at(element, self.elements.barycentric(x, element), change)
 
     @cached_property
     def at_corners(self) -> Strength:
         corners, count = self.mesh.t, self.mesh.t.shape[1]
         x, element = self.mesh.p[:, corners.ravel()], np.tile(np.arange(count), 4)
-        slope = self.elements.gradient_at(self.unknown, element, np.repeat(np.eye(4), count, axis=1))
+        slope = self.elements.gradient_in_each(self.unknown, np.eye(4))
         return Strength(x, self.drive.at_corners - slope, self.coefficients.at_points(element, x))
 
     @cached_property

@@ -1,0 +1,166 @@
+"""Assembly of element matrices, with eliminated interiors."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import coo_array, csc_array, csr_array
+from scipy.sparse.linalg import SuperLU, splu
+from skfem import MeshTri
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.mesh.host import number_facets
+
+__all__ = ["Interiors", "Pattern", "Reduced", "Skeleton", "assembled", "symmetric_factors", "without_interiors"]
+
+
+@dataclass(frozen=True)
+class Interiors:
+    """Unknowns inside elements, eliminated from the equations of all others."""
+
+    inner: Ints  # (nelements, i): indices among the free unknowns
+    outer: Ints  # (nelements, o): rows of the matrix of the unknowns on the sides, -1 for prescribed ones
+    inverse: Floats  # (nelements, i, i): inverse of the matrix of the inner unknowns
+    coupling: Floats  # (nelements, i, o): the inverse times the coupling of inner and outer unknowns
+
+
+@dataclass(frozen=True)
+class Reduced:
+    matrix: csc_array
+    interiors: Interiors | None = None
+    rows: Ints | None = None  # of the matrix among the free unknowns, in an order of elimination; None for all
+    prolongation: csr_array | None = None  # (nfree, ncoarse): functions of order 1 in elements of order 2
+
+    def eliminated(self, right: Floats) -> Floats:
+        if self.interiors is None or self.rows is None:
+            return right
+        inner, outer = self.interiors.inner, self.interiors.outer
+        moved = np.einsum("mio,mi->mo", self.interiors.coupling, right[inner])
+        count = self.rows.size
+        return right[self.rows] - np.bincount(np.where(outer < 0, count, outer).ravel(), moved.ravel(), count + 1)[:-1]
+
+    def completed(self, solution: Floats, right: Floats) -> Floats:
+        if self.interiors is None or self.rows is None:
+            return solution
+        inner, outer = self.interiors.inner, self.interiors.outer
+        values, outer_values = np.empty_like(right), np.append(solution, 0.0)[outer]
+        values[self.rows] = solution
+        values[inner] = np.einsum("mij,mj->mi", self.interiors.inverse, right[inner])
+        values[inner] -= np.einsum("mio,mo->mi", self.interiors.coupling, outer_values)
+        return values
+
+
+def symmetric_factors(matrix: csc_array, order: str = "MMD_AT_PLUS_A") -> SuperLU:
+    # Pivots on the diagonal halve the time of the defaults. Relaxed supernodes and panels of several columns never save
+    # time, and relaxed supernodes multiply the time on some meshes (`benchmarks round`).
+    return splu(
+        matrix,
+        permc_spec=order,
+        diag_pivot_thresh=0.0,
+        relax=1,
+        panel_size=1,
+        options={"SymmetricMode": True, "Equil": False},
+    )
+
+
+def assembled(unknowns: Ints, products: Floats, index: Ints, nfree: int) -> csc_array:
+    """Return a symmetric matrix of the free unknowns.
+
+    `products` has the entries of the upper triangles of the element matrices, by rows, (k (k + 1) / 2, nelements), and
+    `index` (nunknowns,) the rows of the matrix, -1 for prescribed unknowns.
+    """
+    i, j = np.triu_indices(len(unknowns))
+    # Diagonal terms are summed before the assembly.
+    on_diagonal, upper = np.flatnonzero(i == j), np.flatnonzero(i != j)
+    free = np.flatnonzero(index >= 0)
+    diagonal = np.bincount(unknowns.ravel(), products[on_diagonal].ravel(), index.size)[free]
+    rows = index[unknowns]
+    start, end = rows[i[upper]], rows[j[upper]]
+    inner = (start >= 0) & (end >= 0)
+    values, start, end = products[upper][inner], start[inner], end[inner]
+    entries = np.concatenate((values, values, diagonal))
+    places = np.concatenate((start, end, index[free])), np.concatenate((end, start, index[free]))
+    return coo_array((entries, places), shape=(nfree, nfree)).tocsc()
+
+
+def without_interiors(matrices: Floats, outside: int) -> tuple[Floats, Floats, Floats]:
+    """Return element matrices (m, k, k) without all but the first `outside` unknowns.
+
+    With them are returned the inverse of the eliminated block and its product with the coupling.
+    """
+    inverse = np.asarray(np.linalg.inv(matrices[:, outside:, outside:]), dtype=np.float64)
+    coupling = inverse @ matrices[:, outside:, :outside]
+    return matrices[:, :outside, :outside] - matrices[:, :outside, outside:] @ coupling, inverse, coupling
+
+
+@dataclass(frozen=True)
+class Pattern:
+    rows: Ints  # (n,): numbers of the free unknowns that the rows of the matrix belong to
+    outer: Ints  # (nelements, 3 p): rows of the unknowns on the sides of elements, -1 for prescribed ones
+    places: Ints  # (nelements, 9 p^2): indices of the data, beyond the last for prescribed unknowns
+    indices: Ints
+    starts: Ints
+
+    def matrix(self, products: Floats) -> csc_array:
+        data = np.bincount(self.places.ravel(), products.ravel())[: self.indices.size]
+        return csc_array((data, self.indices, self.starts), shape=(self.rows.size,) * 2)
+
+
+class Skeleton:
+    """Nodes and facets of a mesh, here called parts, with their neighbours.
+
+    The order of elimination is that of one unknown per part. It serves all orders of the elements, and fills factors
+    less than an order of all unknowns.
+    """
+
+    def __init__(self, mesh: MeshTri) -> None:
+        number_facets(mesh)
+        self.nodes, self.count = mesh.p.shape[1], mesh.p.shape[1] + mesh.facets.shape[1]
+        self.parts = np.vstack([mesh.t, self.nodes + mesh.t2f]).T  # (nelements, 6)
+
+    @cached_property
+    def _position(self) -> Ints:
+        # of every part in the order of elimination
+        row, column = np.broadcast_arrays(self.parts[:, :, None], self.parts[:, None])
+        values = np.broadcast_to(6.0 * np.eye(6) - 0.9, row.shape)  # positive definite
+        graph = coo_array((values.ravel(), (row.ravel(), column.ravel())), shape=(self.count,) * 2)
+        return np.asarray(symmetric_factors(graph.tocsc()).perm_c, dtype=np.int64)
+
+    @cached_property
+    def _blocks(self) -> tuple[Ints, Ints, Ints]:
+        # pairs of parts in a common element by columns, as positions, and their numbers, (nelements, 36)
+        own = self._position[self.parts]
+        key, number = np.unique(own[:, None] * self.count + own[:, :, None], return_inverse=True)
+        return key % self.count, key // self.count, number.reshape(-1, 36)
+
+    def pattern(self, order: int, number: Ints) -> Pattern:
+        # `number` (nunknowns,) numbers the free unknowns, -1 for prescribed ones; inside a facet all are free, or none
+        facet = np.arange(self.count - self.nodes)
+        first = np.append(np.arange(self.nodes), self.nodes + (order - 1) * facet)
+        sorted_parts = np.argsort(self._position)
+        size = np.where(sorted_parts < self.nodes, 1, order - 1) * (number[first[sorted_parts]] >= 0)  # by position
+        start = np.cumsum(size) - size
+        rows = np.repeat(first[sorted_parts] - start, size) + np.arange(size.sum())
+        index = np.full(number.size, -1)
+        index[rows] = np.arange(rows.size)
+
+        row, column, block = self._blocks
+        height = np.bincount(column, size[row], self.count).astype(np.int64)  # of the columns of a part
+        above, before = np.cumsum(size[row]) - size[row], np.cumsum(height) - height
+        starts = np.cumsum(np.append(0, np.repeat(height, size)))
+        stacked = np.repeat(start[row] - above, size[row]) + np.arange(size[row].sum())  # rows of the blocks in columns
+        of_column = np.repeat(before, size) - starts[:-1]
+        indices = stacked[np.repeat(of_column, np.diff(starts)) + np.arange(starts[-1])]
+
+        part = np.append([0, 1, 2], np.repeat([3, 4, 5], order - 1))
+        inside = np.append([0, 0, 0], np.tile(np.arange(order - 1), 3))
+        base = np.append(starts, starts[-1])[start[column]] + above - before[column]
+        stride, absent = height[column], size[row] * size[column] == 0
+        base[absent], stride[absent] = starts[-1], 0
+        pair = (6 * part[:, None] + part).ravel()
+        places = np.take(stride[block], pair, axis=1)
+        places *= np.tile(inside, inside.size)
+        places += np.take(base[block], pair, axis=1)
+        places += np.repeat(inside, inside.size)
+        outer = index[first[self.parts][:, part] + inside]
+        return Pattern(number[rows], outer, places, indices.astype(np.int32), starts.astype(np.int32))

@@ -1,0 +1,229 @@
+"""Reference functions of edges, triangles and tetrahedra, of any order.
+
+Points are barycentric coordinates, shape (n, d + 1), and slopes are derivatives by the last d of these. Hierarchical
+functions have Legendre polynomials along edges, faces and the inside (B. Szabo and I. Babuska, Finite Element Analysis,
+1991). They are the functions of the kernels up to order 3, and the polynomials from which the functions of nodal values
+are made. The nodes are those of scikit-fem, or Gauss-Lobatto points of the sides with points inside (T. Isaac, SIAM J.
+Sci. Comput. 42, 2020), for which the condition of the matrices grows slowly with the order.
+
+At an axis x = 0 some functions of triangles have the factor s, which is 0 on the axis, see `falling`.
+"""
+
+from functools import cache
+from itertools import combinations, product
+
+import numpy as np
+from numpy.polynomial import legendre
+from skfem.refdom import RefTet
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.kernels.arrays import NEAR_AXIS
+from kohonen_adapt.mesh.cells import TETRAHEDRON
+from kohonen_adapt.mesh.curved import AFTER, BEFORE
+
+__all__ = [
+    "EQUIDISTANT",
+    "ON_AXIS",
+    "corner_slopes",
+    "factor_at",
+    "falling",
+    "hierarchical",
+    "kinds_at_axis",
+    "nodes",
+    "on_axis",
+    "positions",
+    "reference_functions",
+    "trace_columns",
+    "traces_at",
+]
+
+EQUIDISTANT = 3  # highest order with the nodes of scikit-fem by default
+OFF_AXIS = 1e-9  # least factor of a node that is not on the axis
+ODD = 13.5  # of the side functions of order 3; other lowest functions are 1 at the centroid of their part
+# Corners on the axis for the 7 kinds of elements: none (0), corner k (1 + k), the side opposite to corner k (4 + k).
+ON_AXIS = np.vstack([np.zeros((1, 3)), np.eye(3), 1.0 - np.eye(3)]) > 0.0
+# Edges of hierarchical functions, by dimension: of triangles opposite to the corners. The odd functions rise from the
+# first to the second corner.
+EDGES = {1: ((0, 1),), 2: tuple(zip(AFTER, BEFORE, strict=True)), 3: TETRAHEDRON.edges}
+NODE_EDGES = {1: ((0, 1),), 2: ((0, 1), (1, 2), (0, 2)), 3: RefTet.edges}  # edges of nodes, as of scikit-fem
+
+
+@cache
+def corner_slopes(dim: int) -> Floats:
+    """Return the slopes of the barycentric coordinates, (d + 1, d)."""
+    return np.vstack([-np.ones(dim), np.eye(dim)])
+
+
+def _legendre(degree: int, x: Floats) -> tuple[Floats, Floats]:
+    value, slope = np.ones((degree + 1, x.size)), np.zeros((degree + 1, x.size))
+    if degree > 0:
+        value[1], slope[1] = x, 1.0
+    for k in range(1, degree):
+        value[k + 1] = ((2 * k + 1) * x * value[k] - k * value[k - 1]) / (k + 1)
+        slope[k + 1] = slope[k - 1] + (2 * k + 1) * value[k]
+    return value, slope
+
+
+def _on_part(corners: tuple[int, ...], at: Floats, order: int) -> tuple[Floats, Floats]:
+    """Return the functions that vanish off an edge, a face or the inside.
+
+    The part has the `corners`. Values are (k, n), and slopes (k, d, n).
+    """
+    hats, rates = at.T[list(corners)], corner_slopes(at.shape[1] - 1)[list(corners)]
+    bubble, degree = hats.prod(axis=0), order - len(corners)
+    of_bubble = sum(np.delete(hats, i, axis=0).prod(axis=0) * rate[:, None] for i, rate in enumerate(rates))
+    along = [_legendre(degree, hats[1] - hats[0]), *(_legendre(degree, 2.0 * hat - 1.0) for hat in hats[2:])]
+    rises = [rates[1] - rates[0], *(2.0 * rate for rate in rates[2:])]
+    values, slopes = [], []
+    for degrees in product(range(degree + 1), repeat=len(along)):
+        if sum(degrees) > degree:
+            continue
+        scale = ODD if degrees == (1,) else float(len(corners) ** len(corners))
+        powers = [(*pair, k, rise) for pair, k, rise in zip(along, degrees, rises, strict=True) if k]
+        value, slope = bubble, of_bubble
+        for term, rate, k, rise in powers:
+            slope = slope * term[k] + (value * rate[k]) * rise[:, None]
+            value = value * term[k]
+        values.append(scale * value)
+        slopes.append(scale * slope)
+    return np.stack(values), np.stack(slopes)
+
+
+def hierarchical(at: Floats, order: int) -> tuple[Floats, Floats]:
+    """Return values (k, n) and slopes (k, d, n) of the hierarchical functions.
+
+    The order is corners, then all edges for every degree from 2, then faces, then the inside.
+    """
+    dim = at.shape[1] - 1
+    values, slopes = [at.T], [np.repeat(corner_slopes(dim)[:, :, None], len(at), axis=2)]
+    for size in range(2, min(order, dim + 1) + 1):
+        corners = EDGES[dim] if size == 2 else combinations(range(dim + 1), size)
+        on_parts = zip(*(_on_part(each, at, order) for each in corners), strict=True)
+        for found, parts in zip((values, slopes), on_parts, strict=True):
+            by_degree = np.stack(parts, axis=1)
+            found.append(by_degree.reshape(len(by_degree) * len(parts), *by_degree.shape[2:]))
+    return np.concatenate(values), np.concatenate(slopes)
+
+
+@cache
+def positions(order: int, spread: bool) -> Floats:
+    """Return the positions of nodes along a side, from 0 to 1.
+
+    They are equidistant, or Gauss-Lobatto points if `spread`.
+    """
+    if not spread or order < 3:
+        return np.linspace(0.0, 1.0, order + 1)
+    inner = np.real(legendre.legroots(legendre.legder(np.eye(order + 1)[order])))  # complex from numpy 2.5 on
+    points = np.concatenate([[-1.0], inner, [1.0]])
+    return 0.5 + 0.25 * (points - points[::-1])  # exactly symmetric
+
+
+def _interpolated(index: tuple[int, ...], spread: bool) -> Floats:
+    # Coordinates of a node are a weighted mean over the facets.
+    total = sum(index)
+    if len(index) == 2:
+        return positions(total, spread)[list(index)] if total else np.zeros(2)
+    facets = [np.insert(_interpolated(index[:k] + index[k + 1 :], spread), k, 0.0) for k in range(len(index))]
+    weights = positions(total, spread)[[total - each for each in index]]
+    return np.einsum("k,ki->i", weights, facets) / weights.sum()
+
+
+@cache
+def nodes(order: int, dim: int, spread: bool) -> Floats:
+    """Return the barycentric coordinates of the nodes, (k, d + 1).
+
+    The order is that of scikit-fem, corners, edges, faces and the inside; on an edge from its first to its second
+    corner.
+    """
+    found = [np.eye(dim + 1)]
+    for size in range(2, min(order, dim + 1) + 1):
+        inner = [each for each in product(range(1, order), repeat=size) if sum(each) == order]
+        own = np.stack([_interpolated(each, spread) for each in (inner[::-1] if size == 2 else inner)])
+        for corners in NODE_EDGES[dim] if size == 2 else combinations(range(dim + 1), size):
+            found.append(own @ np.eye(dim + 1)[list(corners)])
+    return np.vstack(found)
+
+
+@cache
+def _to_nodal(order: int, dim: int, kind: int, spread: bool) -> Floats:
+    # The factor is 0 on the axis, where values are taken of the functions without the factor.
+    at = nodes(order, dim, spread)
+    values, _ = hierarchical(at, order)
+    if kind:
+        factor = factor_at(np.array(kind), at)
+        values = np.where(falling(order)[kind][:, None] & (factor > OFF_AXIS), values * factor, values)
+    return np.asarray(np.linalg.inv(values), dtype=np.float64)
+
+
+def near_axis(at: Floats, order: int, kind: int) -> tuple[Floats, Floats]:
+    """Return the hierarchical functions of elements of a kind of `ON_AXIS`."""
+    values, slopes = hierarchical(at, order)
+    if not kind:
+        return values, slopes
+    falls, factor = falling(order)[kind], factor_at(np.array(kind), at)
+    fall = -(ON_AXIS[kind] @ corner_slopes(2))
+    falling_slopes = factor * slopes + values[:, None] * fall[:, None]
+    return np.where(falls[:, None], factor * values, values), np.where(falls[:, None, None], falling_slopes, slopes)
+
+
+def reference_functions(at: Floats, order: int, kind: int = 0, spread: bool | None = None) -> tuple[Floats, Floats]:
+    """Return values (k, n) and slopes (k, d, n) of the functions of nodal values.
+
+    `kind` is the kind of a triangle at an axis. The nodes are spread by default above order 3.
+    """
+    matrix = _to_nodal(order, at.shape[1] - 1, kind, order > EQUIDISTANT if spread is None else spread)
+    values, slopes = near_axis(at, order, kind)
+    return matrix @ values, (matrix @ slopes.reshape(len(matrix), -1)).reshape(slopes.shape)
+
+
+# at an axis
+
+
+def on_axis(x: Floats) -> Mask:
+    return x <= NEAR_AXIS * x.max(axis=1, keepdims=True)
+
+
+def kinds_at_axis(x: Floats) -> Ints:
+    on = on_axis(x)
+    count = on.sum(axis=1)
+    return np.where(count == 1, 1 + np.argmax(on, axis=1), np.where(count == 2, 4 + np.argmin(on, axis=1), 0))
+
+
+def factor_at(kind: Ints, barycentric: Floats) -> Floats:
+    """Return the factor s at barycentric coordinates (n, 3).
+
+    The factor is one minus the sum of the barycentric coordinates of corners on the axis.
+    """
+    return 1.0 - np.sum(ON_AXIS[kind] * barycentric, axis=-1)
+
+
+@cache
+def falling(order: int) -> Mask:
+    """Return a mask of the functions with the factor s, (7, functions).
+
+    The rows are kinds of elements, as in `ON_AXIS`. If a side is on the axis, all functions have the factor, because
+    they must decay like x^2 and not only like x. If one corner is on the axis, only the functions that do not vanish on
+    the sides at this corner have the factor, to be continuous with the adjacent element. The remaining functions decay
+    like x^2 without the factor, and with the factor functions of order 2 would not contain a uniform field.
+    """
+    inner = (order - 1) * (order - 2) // 2
+    rows = np.hstack([np.ones((3, 3)), *[1.0 - np.eye(3)] * (order - 1), np.zeros((3, inner))])
+    return np.vstack([np.zeros_like(rows[:1]), rows, np.ones_like(rows)]) > 0.0
+
+
+# on facets
+
+
+def traces_at(fraction: Floats, order: int) -> Floats:
+    # `fraction` (n,) is the position along the side, from 0 at corner k + 1 to 1 at corner k + 2. Values have shape
+    # (n, order + 1), in the order of `trace_columns`.
+    return hierarchical(np.stack([1.0 - fraction, fraction], axis=1), order)[0].T
+
+
+def trace_columns(k: Ints, order: int) -> Ints:
+    """Return the functions that do not vanish on the sides opposite to corners k.
+
+    Indices have shape (n, order + 1). The functions of the next and the previous corner are followed by those of the
+    side.
+    """
+    return np.stack([(k + 1) % 3, (k + 2) % 3, *(3 * d + k for d in range(1, order))], axis=1)

@@ -1,0 +1,183 @@
+"""Integrals over elements with one quadrature rule."""
+
+from functools import cache, cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.mesh.functions import reference_functions
+from kohonen_adapt.mesh.measures import magnitude
+from kohonen_adapt.mesh.rules import rule_of
+
+__all__ = ["Form", "Group", "all_points", "check_orientation", "reference", "times"]
+
+CHUNK = 1 << 14  # elements whose products are computed at once
+
+
+class Form(NamedTuple):
+    """Properties of the elements of a group."""
+
+    order: int
+    dim: int
+    arcs: bool  # True for spread nodes and arcs as sides
+    axis: bool
+    kind: int  # of elements at an axis, as in `ON_AXIS`
+    curved: bool
+    law: bool
+
+    @property
+    def varies(self) -> bool:
+        """True if coefficients or gradients of coordinates differ between points."""
+        return self.law or self.curved or self.axis
+
+
+class Reference:
+    """Functions of a form of elements at the points of its rule."""
+
+    def __init__(self, form: Form) -> None:
+        self.form = form
+        self.barycentric, self.weight = rule_of(*form)  # (q, d + 1), (q,)
+        # values (k, q) and slopes (k, d, q)
+        self.values, self.slopes = reference_functions(self.barycentric, form.order, form.kind, form.arcs)
+
+    @cached_property
+    def products(self) -> Floats:
+        """Products of slopes times weights, (pairs of functions, pairs of coordinates q).
+
+        Pairs are those of upper triangles, by rows. Sums over the points replace the points if nothing varies.
+        """
+        (i, j), (a, b) = np.triu_indices(len(self.slopes)), np.triu_indices(self.form.dim)
+        first, second = self.slopes[i], self.slopes[j]
+        mixed = np.where(a == b, 0.0, 1.0)[:, None] * first[:, b] * second[:, a]
+        found = (first[:, a] * second[:, b] + mixed) * self.weight
+        return found.reshape(len(found), -1) if self.form.varies else found.sum(axis=2)
+
+    @cached_property
+    def pair(self) -> Ints:
+        """Index of a pair of functions in `products`, (k, k)."""
+        upper, found = np.triu_indices(len(self.slopes)), np.empty((len(self.slopes),) * 2, dtype=np.int64)
+        found[upper] = found[upper[::-1]] = np.arange(upper[0].size)
+        return found
+
+
+@cache
+def reference(form: Form) -> Reference:
+    return Reference(form)
+
+
+class Group:
+    """Elements of one form. Arrays at points have shape (..., q, m).
+
+    Parameters
+    ----------
+    at
+        Functions at the quadrature points.
+    rows
+        Indices of the elements.
+    first
+        Number of quadrature points of the groups before.
+    hats : (d, d, q or 1, m)
+        Gradients of the last d barycentric coordinates.
+    volumes : (q or 1, m)
+        Volumes of the elements, in curved elements determinants over d!.
+    """
+
+    def __init__(self, at: Reference, rows: Ints | slice, first: int, hats: Floats, volumes: Floats) -> None:
+        self.at, self.rows, self.hats, self.volumes = at, rows, hats, volumes
+        self.columns = slice(first, first + at.weight.size * volumes.shape[1])
+
+    @cached_property
+    def point_volumes(self) -> Floats:
+        return self.at.weight[:, None] * self.volumes
+
+    @property
+    def element_volumes(self) -> Floats:
+        return self.point_volumes.sum(axis=0) if self.at.form.curved else self.volumes[0]
+
+    @property
+    def integrals(self) -> Floats:
+        return self.at.values @ np.broadcast_to(self.point_volumes, (self.at.weight.size, self.volumes.shape[1]))
+
+    def restrict(self, values: Floats) -> Floats:
+        own = values[..., self.columns]
+        return own.reshape(*own.shape[:-1], self.at.weight.size, -1)
+
+    def mean(self, values: Floats) -> Floats:
+        own = self.restrict(values)
+        if self.at.form.curved:
+            return np.sum(own * self.point_volumes, axis=-2) / self.element_volumes
+        return np.tensordot(own, self.at.weight, (-2, 0))
+
+    def gradient_of_linear(self, local: Floats) -> Floats:
+        """Return gradients (d, q, m) of linear functions, from values at corners."""
+        found = times(self.hats, (local[1:] - local[0])[:, None])
+        return np.broadcast_to(found, (len(found), self.at.weight.size, local.shape[1]))
+
+    def gradient(self, local: Floats) -> Floats:
+        """Return gradients (d, q, m) from values at the unknowns (k, m)."""
+        return times(self.hats, np.tensordot(self.at.slopes, local, (0, 0)))
+
+    def against_gradients(self, flux: Floats) -> Floats:
+        along = times(self.hats.swapaxes(0, 1), self.restrict(flux) * self.point_volumes)
+        return np.tensordot(self.at.slopes, along, ((1, 2), (0, 1)))
+
+    def against_slopes(self, size: Floats) -> Floats:
+        # The root mean square of the slopes over all directions, which needs no gradient at each point.
+        stretch = np.sqrt(np.sum(self.hats**2, axis=(0, 1)) / len(self.hats))
+        return magnitude(self.at.slopes.swapaxes(0, 1)) @ (self.restrict(size) * self.point_volumes * stretch)
+
+    def upper_products(self, across: Floats, along: tuple[Floats, Floats] | None) -> Floats:
+        """Return the upper triangles of the element matrices, (k (k + 1) / 2, m).
+
+        Arguments are those of `Space.stiffness`.
+        """
+        count, products = self.volumes.shape[1], self.at.products
+        if count <= CHUNK:
+            return products @ self._metric(across, along, slice(None))
+        found = np.empty((len(products), count))
+        for first in range(0, count, CHUNK):
+            part = slice(first, first + CHUNK)
+            found[:, part] = products @ self._metric(across, along, part)
+        return found
+
+    def matrices(self, across: Floats, along: tuple[Floats, Floats] | None) -> Floats:
+        """Return the element matrices, (m, k, k)."""
+        metric, pair = self._metric(across, along, slice(None)), self.at.pair
+        if self.at.form.varies:
+            return (metric.T @ self.at.products.T)[:, pair]
+        return (metric.T @ self.at.products.T[:, pair.ravel()]).reshape(-1, *pair.shape)
+
+    def _metric(self, across: Floats, along: tuple[Floats, Floats] | None, part: slice) -> Floats:
+        # coefficient times products of the gradients of barycentric coordinates, (pairs of coordinates q or 1, m)
+        a, b = np.triu_indices(len(self.hats))
+        hats, volume = self.hats[..., part], self.volumes[:, part]
+        points = slice(None) if self.at.form.varies else slice(1)  # of a coefficient that is constant in elements
+        weight = self.restrict(across)[points, part] * volume
+        metric = np.sum(hats[:, a] * hats[:, b], axis=0) * weight
+        if along is not None and (self.at.form.law or self.at.weight.size == 1):
+            more = self.restrict(along[0])[points, part] * volume - weight
+            slope = times(hats.swapaxes(0, 1), self.restrict(along[1])[:, points, part])
+            metric += more * slope[a] * slope[b]
+        return metric.reshape(-1, metric.shape[-1])
+
+
+def times(matrix: Floats, vector: Floats) -> Floats:
+    # (r, c, ...) times (c, ...); far faster than einsum
+    return np.stack([sum(entry * part for entry, part in zip(row, vector, strict=True)) for row in matrix])
+
+
+def all_points(rows: Ints, barycentric: Floats) -> tuple[Ints, Floats]:
+    """Return elements and coordinates for points (q, d + 1) in elements `rows`."""
+    return np.tile(rows, len(barycentric)), np.repeat(barycentric.T, rows.size, axis=1)
+
+
+def check_orientation(rows: Ints, determinants: Floats) -> None:
+    """Raise an error if determinants (q, m) of elements have different signs."""
+    sign = np.sign(determinants)
+    folded = rows[np.any(sign != sign[:1], axis=0)]
+    if folded.size:
+        raise ValueError(
+            f"arcs must not fold elements of order 4 and above; they fold {folded.size}, first element {folded[0]}. "
+            "Refine the mesh at its curves, or use an order from 1 to 3."
+        )

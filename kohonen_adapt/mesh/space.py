@@ -1,0 +1,400 @@
+"""Finite element spaces on triangles and tetrahedra."""
+
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import product
+from math import factorial
+from typing import Self
+
+import numpy as np
+from skfem import Mesh
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.mesh.assembly import Interiors, Pattern, Reduced, Skeleton, assembled, without_interiors
+from kohonen_adapt.mesh.blended import Projections
+from kohonen_adapt.mesh.cells import CELLS
+from kohonen_adapt.mesh.functions import OFF_AXIS, ON_AXIS, factor_at, nodes, reference_functions
+from kohonen_adapt.mesh.groups import Form, Group, all_points, check_orientation, reference, times
+from kohonen_adapt.mesh.measures import area, hat_gradients
+from kohonen_adapt.mesh.unknowns import Unknowns
+
+__all__ = ["Space"]
+
+INWARDS = 1e-6  # distance from the axis at which limits on the axis are evaluated, relative to the way to the centroid
+RANK = 1e-12  # relative size of the singular values of constants, which have no gradient
+
+
+class Space(Unknowns):
+    """Functions with values at nodes as unknowns.
+
+    Up to order 3 sides are parabolas, and the unknowns those of scikit-fem. With `arcs` sides are arcs as in `Blended`,
+    unknowns are at Gauss-Lobatto points, and those inside elements are eliminated from the equations. Around an axis,
+    for u = r A in the half-plane x = r >= 0, functions fall like r^2 towards the axis. Therefore ``nu |grad u|^2 / r``
+    is integrated without modification, the energy is an upper bound of the exact one, and ``B = (-du/dz, du/dr) / r``
+    also holds on the axis.
+
+    Arrays at quadrature points have shape (..., npoints). A group of elements with one rule has the first points of all
+    its elements, then the second.
+
+    Parameters
+    ----------
+    mesh, order
+        A mesh and the order of the polynomials.
+    nonlinear : (nelements,)
+        Elements with a B-H law, which have quadrature rules of their own.
+    axis
+        True for functions around the axis x = 0.
+    sides
+        Projections onto the curves of boundaries by name, for `arcs`.
+    arcs
+        None for the default of the order.
+    varies
+        True if fields vary inside tetrahedra of order 1: these have four points, and one column in `gradient`.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        order: int,
+        nonlinear: Mask | None = None,
+        axis: bool = False,
+        sides: Projections | None = None,
+        arcs: bool | None = None,
+        varies: bool = False,
+    ) -> None:
+        super().__init__(mesh, order, nonlinear, axis, sides, arcs)
+        self._varies = varies
+        self._known: tuple[Ints, tuple[Ints, Pattern]] | None = None  # by the free unknowns
+
+    def at_order(self, order: int) -> Self:
+        found = type(self)(self.mesh, order, self.nonlinear, self.axis, self.sides, self.arcs)
+        vars(found).update(shape=self.shape, corners=self.corners, skeleton=self.skeleton)
+        return found
+
+    # quadrature
+
+    @cached_property
+    def hats(self) -> Floats:
+        """Gradients of barycentric coordinates if straight, (d, d + 1, nelements)."""
+        return hat_gradients(self.corners)
+
+    @cached_property
+    def groups(self) -> Sequence[Group]:
+        law = self.nonlinear if self.order > 1 or self.axis else np.zeros_like(self.nonlinear)
+        groups, first = list[Group](), 0
+        for kind, curved, has_law in product(np.unique(self.kind).tolist(), (False, True), (False, True)):
+            rows = np.flatnonzero((self.kind == kind) & (self.curved == curved) & (law == has_law))
+            if rows.size:
+                form = Form(self.order, self.dim, self.arcs, self.axis, kind, curved, has_law)
+                groups.append(self._group(form, slice(None) if rows.size == law.size else rows, first))
+                first = groups[-1].columns.stop
+        return groups
+
+    def _group(self, form: Form, rows: Ints | slice, first: int) -> Group:
+        at = reference(form)
+        if not form.curved:
+            return Group(at, rows, first, self.hats[:, 1:, None, rows], self._straight_volumes[None, rows])
+        element = np.arange(self.curved.size)[rows]
+        hats = self.shape.hat_gradients(*all_points(element, at.barycentric))[:, 1:]
+        hats = hats.reshape(*hats.shape[:2], -1, element.size)
+        determinants = CELLS[self.dim].determinant(np.concatenate([np.zeros_like(hats[:, :1]), hats], axis=1))
+        if self.arcs:
+            check_orientation(element, determinants)
+        return Group(at, rows, first, hats, np.abs(1.0 / determinants) / factorial(self.dim))
+
+    @cached_property
+    def _straight_volumes(self) -> Floats:
+        return area(self.corners)
+
+    @cached_property
+    def _sampled(self) -> Sequence[Group]:
+        # groups with the points at which fields are evaluated
+        if not self._varies or not self.has_constant_gradients:
+            return self.groups
+        return [self._group(Form(1, self.dim, False, False, 0, False, law=True), slice(None), 0)]
+
+    @cached_property
+    def volumes(self) -> Floats:
+        return self._by_element([group.element_volumes for group in self.groups])
+
+    @cached_property
+    def element(self) -> Ints:
+        """Element of every quadrature point, (npoints,)."""
+        count = np.arange(self.curved.size)
+        return np.concatenate([np.tile(count[group.rows], group.at.weight.size) for group in self._sampled])
+
+    @cached_property
+    def weights(self) -> Floats:
+        """Volumes that the quadrature points stand for, (npoints,)."""
+        return np.concatenate([group.point_volumes.ravel() for group in self._sampled])
+
+    @property
+    def gradient_weights(self) -> Floats:
+        """Volumes of the columns of `gradient`."""
+        return self.volumes if self.has_constant_gradients else self.weights
+
+    @cached_property
+    def points(self) -> Floats:
+        """Quadrature points, (d, npoints)."""
+        found, count = [], np.arange(self.curved.size)
+        for group in self._sampled:
+            if group.at.form.curved:
+                x = self.shape.points(*all_points(count[group.rows], group.at.barycentric))
+            else:
+                x = group.at.barycentric @ self.corners.p[:, self.corners.t[:, group.rows]]
+            found.append(x.reshape(self.dim, -1))
+        return np.concatenate(found, axis=1)
+
+    @cached_property
+    def fine_rule(self) -> tuple[Ints, Floats, Floats]:
+        """Elements (n,), barycentric coordinates (d + 1, n) and weights (n,) of a rule.
+
+        It integrates the product of two gradients and two coordinates.
+        """
+        if self.has_constant_gradients:
+            middle, count = 0.5 - 0.5 * np.eye(3), self.curved.size
+            return *all_points(np.arange(count), middle), np.tile(self.volumes / 3.0, 3)
+        return self.element, self.barycentric_of_points, self.weights
+
+    @cached_property
+    def barycentric_of_points(self) -> Floats:
+        """Barycentric coordinates of the quadrature points, (d + 1, npoints)."""
+        each = [np.repeat(group.at.barycentric.T, group.volumes.shape[1], axis=1) for group in self._sampled]
+        return np.concatenate(each, axis=1)
+
+    def _by_element(self, found: Sequence[Floats]) -> Floats:
+        if len(found) == 1:
+            return found[0]
+        whole = np.empty((*found[0].shape[:-1], self.curved.size))
+        for group, values in zip(self.groups, found, strict=True):
+            whole[..., group.rows] = values
+        return whole
+
+    @property
+    def centroids(self) -> Floats:
+        corners = self.corners
+        return self.plain_mean(self.points) if self.curved.any() else corners.p[:, corners.t].mean(axis=1)
+
+    def plain_mean(self, values: Floats) -> Floats:
+        """Return means over elements in the plane, of values at the quadrature points."""
+        return self._by_element([group.mean(values) for group in self._sampled])
+
+    def mean(self, values: Floats) -> Floats:
+        # around an axis weighted by r, as the volume of a ring is
+        return (
+            self.plain_mean(values * self.points[0]) / self.plain_mean(self.points[0])
+            if self.axis
+            else self.plain_mean(values)
+        )
+
+    def mean_function(self, u: Floats) -> Floats:
+        return np.sum(self.integrals * u[self.unknowns], axis=0) / self.volumes
+
+    # integrals
+
+    @cached_property
+    def integrals(self) -> Floats:
+        """Integrals of the functions, (k, nelements)."""
+        return self._by_element([group.integrals for group in self.groups])
+
+    def gradient(self, u: Floats) -> Floats:
+        """Return gradients at the quadrature points, if constant of elements."""
+        return self._gradient(u, self.groups)
+
+    def gradient_at_points(self, u: Floats) -> Floats:
+        return self._gradient(u, self._sampled)
+
+    def _gradient(self, u: Floats, groups: Sequence[Group]) -> Floats:
+        local = u[self.unknowns]
+        found = [group.gradient(local[:, group.rows]).reshape(self.dim, -1) for group in groups]
+        return found[0] if len(found) == 1 else np.concatenate(found, axis=1)
+
+    def slope_of_corners(self, values: Floats) -> Floats:
+        """Return gradients at the quadrature points from nodal values, (d, npoints).
+
+        The values are linear in barycentric coordinates.
+        """
+        local = values[self.corners.t]
+        found = [group.gradient_of_linear(local[:, group.rows]).reshape(self.dim, -1) for group in self._sampled]
+        return np.concatenate(found, axis=1)
+
+    def against_functions(self, source: Floats) -> Floats:
+        """Return ``int source phi``, (k, nelements), of a source by element."""
+        return self.integrals * source
+
+    def against_function(self, source: Floats, u: Floats) -> Floats:
+        return self.against_functions(source) * u[self.unknowns]
+
+    def against_gradients(self, flux: Floats) -> Floats:
+        """Return ``int flux . grad phi``, (k, nelements), of columns as in `gradient`."""
+        return self._by_element([group.against_gradients(flux) for group in self.groups])
+
+    def against_slopes(self, size: Floats) -> Floats:
+        return self._by_element([group.against_slopes(size) for group in self.groups])
+
+    def assemble_vector(self, terms: Floats) -> Floats:
+        return np.bincount(self.unknowns.ravel(), terms.ravel(), self.doflocs.shape[1]).astype(np.float64)
+
+    def loads(self, source: Floats, flux: Floats) -> Floats:
+        """Return ``int source phi + flux . grad phi`` of every unknown.
+
+        `source` has shape (nelements,), `flux` is at the quadrature points.
+        """
+        return self.assemble_vector(self.against_functions(source) + self.against_gradients(flux))
+
+    # equations
+
+    def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> Reduced:
+        """Return the matrix of ``int nu grad phi . grad phi`` of the free unknowns.
+
+        `across` is nu at the columns of `gradient`, constant in straight elements without a law. `along` is a second
+        coefficient and the unit vectors, shape (d, npoints), in whose direction it applies in elements with a law.
+        """
+        if self.arcs:
+            return self._without_interiors(across, free, along)
+        products = self._by_element([group.upper_products(across, along) for group in self.groups])
+        index = np.full(self.doflocs.shape[1], -1, dtype=np.int32)
+        index[free] = np.arange(free.size)
+        prolongation = self.prolongation(index) if self.dim == 3 and self.order > 1 else None
+        return Reduced(assembled(self.unknowns, products, index, free.size), prolongation=prolongation)
+
+    def _without_interiors(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None) -> Reduced:
+        found, outside = [group.matrices(across, along) for group in self.groups], 3 * self.order
+        matrices = found[0] if len(found) == 1 else np.empty((self.curved.size, *found[0].shape[1:]))
+        for group, own in zip(self.groups, found, strict=True):
+            matrices[group.rows] = own
+        condensed, inverse, coupling = without_interiors(matrices, outside)
+        number, pattern = self._pattern(free)
+        interiors = Interiors(number[self.unknowns[outside:]].T, pattern.outer, inverse, coupling)
+        return Reduced(pattern.matrix(condensed), interiors, pattern.rows)
+
+    @cached_property
+    def skeleton(self) -> Skeleton:
+        return Skeleton(self.corners)
+
+    def _pattern(self, free: Ints) -> tuple[Ints, Pattern]:
+        if self._known is None or self._known[0] is not free:
+            number = np.full(self.doflocs.shape[1], -1)
+            number[free] = np.arange(free.size)
+            self._known = free, (number, self.skeleton.pattern(self.order, number))
+        return self._known[1]
+
+    # values at points
+
+    def functions(self, element: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
+        """Return values (k, n) and slopes (k, d, n) of the functions at points."""
+        if not self.axis:
+            return reference_functions(barycentric.T, self.order, 0, self.arcs)
+        count, kind = len(self.unknowns), self.kind[element]
+        values, slopes = np.empty((count, kind.size)), np.empty((count, self.dim, kind.size))
+        for one in np.unique(kind).tolist():
+            rows = np.flatnonzero(kind == one)
+            found = reference_functions(barycentric[:, rows].T, self.order, one, self.arcs)
+            values[:, rows], slopes[:, :, rows] = found
+        return values, slopes
+
+    def at(self, u: Floats, element: Ints, barycentric: Floats) -> Floats:
+        return np.sum(self.functions(element, barycentric)[0] * u[self.unknowns[:, element]], axis=0)
+
+    def gradient_at(self, u: Floats, element: Ints, barycentric: Floats) -> Floats:
+        slope = np.einsum("icn,in->cn", self.functions(element, barycentric)[1], u[self.unknowns[:, element]])
+        return np.einsum("in,cin->cn", slope, self.hats_at(element, barycentric)[:, 1:])
+
+    def hats_at(self, element: Ints, barycentric: Floats) -> Floats:
+        """Return the gradients of the barycentric coordinates at points, (d, d + 1, n)."""
+        hats, rows = self.hats[:, :, element], np.flatnonzero(self.curved[element])
+        if rows.size:
+            hats[:, :, rows] = self.shape.hat_gradients(element[rows], barycentric[:, rows])
+        return hats
+
+    def in_each(self, u: Floats, at: Floats) -> Floats:
+        """Return values (n, nelements) at coordinates (n, d + 1) of every element."""
+        found = np.empty((len(at), self.kind.size))
+        for kind in np.unique(self.kind).tolist():
+            rows = np.flatnonzero(self.kind == kind)
+            found[:, rows] = reference_functions(at, self.order, kind, self.arcs)[0].T @ u[self.unknowns[:, rows]]
+        return found
+
+    def gradient_in_each(self, u: Floats, at: Floats) -> Floats:
+        """Return gradients at barycentric coordinates (n, d + 1) of every element.
+
+        The shape is (d, n nelements), with the first points of all elements before the second.
+        """
+        count, along = self.kind.size, np.empty((self.dim, len(at), self.kind.size))
+        for kind in np.unique(self.kind).tolist():
+            rows = np.flatnonzero(self.kind == kind) if self.axis else slice(None)
+            slopes = reference_functions(at, self.order, kind, self.arcs)[1]
+            along[..., rows] = np.tensordot(slopes, u[self.unknowns[:, rows]], (0, 0))
+        found, rows = times(self.hats[:, 1:, None], along), np.flatnonzero(self.curved)
+        if rows.size:
+            hats = self.shape.hat_gradients(*all_points(rows, at))[:, 1:]
+            found[..., rows] = times(hats.reshape(*hats.shape[:2], len(at), -1), along[..., rows])
+        return found.reshape(self.dim, len(at) * count)
+
+    def barycentric(self, x: Floats, element: Ints) -> Floats:
+        """Return the barycentric coordinates (d + 1, n) of points in elements."""
+        mesh = self.corners
+        middle = mesh.p[:, mesh.t[:, element]].mean(axis=1)
+        found = 1.0 / (self.dim + 1.0) + np.einsum("cin,cn->in", self.hats[:, :, element], x - middle)
+        rows = np.flatnonzero(self.curved[element])
+        if rows.size:
+            found[:, rows] = self.shape.barycentric_coordinates(element[rows], x[:, rows])
+        return found
+
+    def located(self, x: Floats, straight: Ints) -> Ints:
+        """Return the elements of points, -1 outside, from the straight ones."""
+        return self.shape.locate(x, straight)[0] if self.curved.any() else straight
+
+    def slope_of_corners_at(self, values: Floats, element: Ints, x: Floats) -> Floats:
+        """Return gradients at points as in `slope_of_corners`, (d, n)."""
+        hats = self.hats_at(element, self.barycentric(x, element))
+        return np.einsum("in,cin->cn", values[self.corners.t[:, element]], hats)
+
+    @property
+    def hats_of_corners(self) -> Floats | None:
+        """`hats` at corners, (d + 1, d, d + 1, nelements), None if all are straight."""
+        element = np.arange(self.kind.size)
+        if not self.curved.any():
+            return None
+        return np.stack([self.hats_at(element, np.tile(at[:, None], element.size)) for at in np.eye(self.dim + 1)])
+
+    def limit_points(self, element: Ints, barycentric: Floats) -> Floats:
+        """Return points off the axis for limits on the axis from inside the element."""
+        if not self.axis:
+            return barycentric
+        on_axis = factor_at(self.kind[element], barycentric.T) < INWARDS
+        return np.where(on_axis, barycentric + INWARDS * (1.0 / 3.0 - barycentric), barycentric)
+
+    def load_at(self, element: Ints, barycentric: Floats, vectors: Floats) -> Floats:
+        """Return a load at the quadrature points from vectors at points.
+
+        ``int load . grad phi`` is the sum of ``vectors . grad phi`` over the points. In an element of the plane the
+        load is the gradient of a function, in space the projection of the vectors onto linear functions.
+        """
+        if self.dim == 3:
+            moments = (barycentric[:, None] * vectors).reshape(12, -1)
+            sums = np.stack([np.bincount(element, each, self.volumes.size) for each in moments]).reshape(4, 3, -1)
+            nodal = 20.0 / self.volumes * (sums - 0.2 * sums.sum(axis=0))
+            return np.einsum("in,icn->cn", self.barycentric_of_points, nodal[:, :, self.element])
+        order = np.argsort(element, kind="stable")
+        touched, first = np.unique(element[order], return_index=True)
+        against = np.einsum("icn,cn->in", self._gradients(element, barycentric), vectors)
+        sums = np.add.reduceat(against[:, order], first, axis=1)
+        load, at = np.zeros((2, self.element.size)), self.barycentric_of_points
+        for row, total in zip(touched, sums.T, strict=True):
+            points = np.flatnonzero(self.element == row)
+            slopes = self._gradients(self.element[points], at[:, points])
+            products = np.einsum("icn,jcn,n->ij", slopes, slopes, self.weights[points], optimize=True)
+            load[:, points] = np.einsum("i,icn->cn", np.linalg.lstsq(products, total, rcond=RANK)[0], slopes)
+        return load
+
+    def _gradients(self, element: Ints, barycentric: Floats) -> Floats:
+        # of the functions at points, (k, d, n)
+        slopes = self.functions(element, barycentric)[1]
+        found = np.einsum("kin,cin->kcn", slopes, self.hats_at(element, barycentric)[:, 1:])
+        if self.axis:
+            # Functions with values on the axis, where u is 0, have no finite energy.
+            at_nodes = nodes(self.order, self.dim, self.arcs)
+            factor = np.stack([factor_at(np.array(kind), at_nodes) for kind in range(len(ON_AXIS))], axis=1)
+            found *= (factor > OFF_AXIS)[:, None, self.kind[element]]
+        return found

@@ -1,0 +1,212 @@
+"""Numbers and positions of the unknowns of finite elements."""
+
+from functools import cached_property
+from math import comb, factorial
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array
+from skfem import Mesh
+
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.mesh.blended import Blended, Projections
+from kohonen_adapt.mesh.curved import Isoparametric, is_second_order
+from kohonen_adapt.mesh.functions import EQUIDISTANT, ON_AXIS, kinds_at_axis, nodes, positions, reference_functions
+from kohonen_adapt.mesh.host import edges_between, number_edges, number_facets, remade
+from kohonen_adapt.mesh.measures import isoparametric, magnitude
+from kohonen_adapt.mesh.rules import facet_rule
+
+__all__ = ["Unknowns"]
+
+FACET_EDGES = {2: ((0, 1),), 3: ((0, 1), (1, 2), (0, 2))}  # by dimension of the mesh
+
+
+class Unknowns:
+    """Unknowns of finite elements at nodes, see `Space`."""
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        order: int,
+        nonlinear: Mask | None = None,
+        axis: bool = False,
+        sides: Projections | None = None,
+        arcs: bool | None = None,
+    ) -> None:
+        self.mesh, self.order, self.axis, self.sides, self.dim = mesh, order, axis, sides, len(mesh.p)
+        self.arcs = order > EQUIDISTANT if arcs is None else arcs
+        self.nonlinear = np.zeros(mesh.t.shape[1], dtype=bool) if nonlinear is None else nonlinear
+        # scikit-fem sorts the corners of a `MeshTri` and relies on the order.
+        if is_second_order(mesh) and not np.array_equal(mesh.t, self.corners.t):
+            names = {"boundaries": mesh.boundaries, "subdomains": mesh.subdomains}
+            self.mesh = remade(mesh, mesh.doflocs, self.corners.t, **names)
+
+    @cached_property
+    def shape(self) -> Any:
+        """Map of curved elements, a `CurvedElements`."""
+        return Blended(self.mesh, self.sides) if self.arcs else isoparametric(self.mesh)
+
+    @cached_property
+    def corners(self) -> Mesh:
+        """The mesh with straight sides."""
+        found = self.shape.corners if is_second_order(self.mesh) else self.mesh
+        if self.dim == 2:
+            number_facets(found)
+        return found
+
+    @property
+    def has_constant_gradients(self) -> bool:
+        return self.order == 1 and not self.axis
+
+    @cached_property
+    def curved(self) -> Mask:
+        if is_second_order(self.mesh) and not self.has_constant_gradients:
+            return self.shape.curved
+        return np.zeros(self.mesh.t.shape[1], dtype=bool)
+
+    @cached_property
+    def kind(self) -> Ints:
+        """Kinds of elements as in `ON_AXIS`, (nelements,)."""
+        corners = self.corners
+        return kinds_at_axis(corners.p[0, corners.t.T]) if self.axis else np.zeros(corners.t.shape[1], dtype=np.int64)
+
+    @cached_property
+    def unknowns(self) -> Ints:
+        """Unknowns of elements at corners, edges, faces and inside, (k, nelements).
+
+        In space orders above 2 need elements with ascending corners.
+        """
+        mesh, found = self.corners, [self.corners.t]
+        first, nelements = mesh.p.shape[1], mesh.t.shape[1]
+        for size in range(1, min(self.order, self.dim + 1)):
+            index, number = self._edges if size == 1 else (mesh.t2f, mesh.facets.shape[1])
+            if size == self.dim:
+                index, number = np.arange(nelements)[None], nelements
+            inner = comb(self.order - 1, size)
+            found.append((first + inner * index[:, None] + np.arange(inner)[:, None]).reshape(-1, nelements))
+            first += inner * number
+        return np.vstack(found)
+
+    @property
+    def _edges(self) -> tuple[Ints, int]:
+        # edges of elements, and the number of all
+        mesh = self.corners
+        if self.dim == 2:
+            return mesh.t2f, mesh.facets.shape[1]
+        number_edges(mesh)
+        return mesh.t2e, mesh.edges.shape[1]
+
+    @cached_property
+    def doflocs(self) -> Floats:
+        """Positions of the unknowns, (d, nunknowns)."""
+        mesh, nelements = self.corners, self.corners.t.shape[1]
+        if self.order == 1:
+            return mesh.p
+        on_edges = self._edge_points(positions(self.order, self.arcs)[1:-1]).reshape(self.dim, -1)
+        found = np.empty((self.dim, int(self.unknowns.max()) + 1))
+        found[:, : mesh.p.shape[1] + on_edges.shape[1]] = np.hstack((mesh.p, on_edges))
+        first = self.dim + 1 + (self.order - 1) * len(self._edges[0])
+        inside = nodes(self.order, self.dim, self.arcs)[first:]
+        element, at = np.tile(np.arange(nelements), len(inside)), np.repeat(inside.T, nelements, axis=1)
+        found[:, self.unknowns[first:].ravel()] = self.shape.points(element, at)
+        return found
+
+    def _edge_points(self, at: Floats) -> Floats:
+        # at positions from 0 to 1 along all edges, (d, nedges, n)
+        if isinstance(self.shape, Blended):
+            return self.shape.facet_points(np.arange(self.corners.facets.shape[1]), at)[0]
+        start, end = self.corners.p[:, self._edge_ends].swapaxes(0, 1)
+        return (start[..., None] + at * (end - start)[..., None]) + 4.0 * at * (1.0 - at) * self._offset[..., None]
+
+    @property
+    def _edge_ends(self) -> Ints:
+        return self.corners.facets if self.dim == 2 else self.corners.edges
+
+    @property
+    def _offset(self) -> Floats:
+        # midside offsets of all edges, (d, nedges)
+        return self.shape.facet_offset if isinstance(self.shape, Isoparametric) else self.shape.edge_offset
+
+    def on_facets(self, facets: Ints) -> Ints:
+        """Return the unknowns of facets, at corners first, (k, nfacets).
+
+        In space orders above 2 have more.
+        """
+        number_facets(self.corners)
+        corners = self.corners.facets[:, facets]
+        if self.order == 1:
+            return corners
+        inner = np.arange(self.order - 1)[:, None]
+        on_edges = [self.corners.p.shape[1] + (self.order - 1) * edge + inner for edge in self._facet_edges(facets)]
+        return np.vstack((corners, *on_edges))
+
+    def _facet_edges(self, facets: Ints) -> list[Ints]:
+        if self.dim == 2:
+            return [np.asarray(facets)]
+        corners = self.corners.facets[:, facets]
+        return [edges_between(self.corners, corners[a], corners[b]) for a, b in FACET_EDGES[3]]
+
+    def prolongation(self, index: Ints) -> csr_array:
+        """Return the functions of order 1 by their values at the free unknowns.
+
+        `index` (nunknowns,) is the number of an unknown among the free ones, -1 for prescribed ones.
+        """
+        owner, local = np.empty((2, index.size), dtype=np.int64)  # an element of every unknown, and its number there
+        owner[self.unknowns], local[self.unknowns] = (
+            np.arange(self.unknowns.shape[1]),
+            np.arange(len(self.unknowns))[:, None],
+        )
+        value = nodes(self.order, self.dim, self.arcs)[local]
+        row, node = np.repeat(index, self.dim + 1), index[self.corners.t[:, owner].T.ravel()]
+        used = (row >= 0) & (node >= 0) & (value.ravel() > 0.0)
+        shape = np.count_nonzero(index >= 0), np.count_nonzero(index[: self.corners.p.shape[1]] >= 0)
+        return csr_array((value.ravel()[used], (row[used], node[used])), shape=shape)
+
+    def facet_points(self, facets: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
+        """Return points of facets at barycentric coordinates (d,), and normals, (d, n).
+
+        The length of a normal is the size of the facet, in space twice its size, if the facet is straight.
+        """
+        if isinstance(self.shape, Blended):
+            on_arcs, tangent = (part[..., 0] for part in self.shape.facet_points(facets, barycentric[1:]))
+            return on_arcs, _normal(tangent[:, None])
+        mesh = self.corners
+        number_facets(mesh)
+        corners = mesh.p[:, mesh.facets[:, facets]]
+        x, rates = np.einsum("i,cin->cn", barycentric, corners), corners.copy()
+        if self.curved.any():
+            for (a, b), edge in zip(FACET_EDGES[self.dim], self._facet_edges(facets), strict=True):
+                offset = 4.0 * self._offset[:, edge]
+                x += barycentric[a] * barycentric[b] * offset
+                rates[:, a] += barycentric[b] * offset
+                rates[:, b] += barycentric[a] * offset
+        return x, _normal(rates[:, 1:] - rates[:, :1])
+
+    def products_on(self, facets: Ints, weight: Floats) -> Floats:
+        """Return integrals of ``weight phi_i phi_j`` over facets, (k, k, nfacets).
+
+        Around an axis they have the factor 1 / r.
+        """
+        found = np.zeros((self.order + 1, self.order + 1, len(facets)))
+        for at, of_point in zip(*facet_rule(self.order, self.arcs, self.axis), strict=True):
+            x, normal = self.facet_points(facets, at)
+            values = self._traces(facets, at)
+            size = weight * of_point * magnitude(normal) / factorial(self.dim - 1)
+            found += values[:, None] * values * (size / x[0] if self.axis else size)
+        return found
+
+    def _traces(self, facets: Ints, at: Floats) -> Floats:
+        # the functions of facets at barycentric coordinates (d,), (k, n)
+        values = reference_functions(at[None], self.order, spread=self.arcs)[0]
+        if not self.axis:
+            return values
+        on_axis = np.isin(self.corners.facets[:, facets], self.corners.t[ON_AXIS[self.kind].T])
+        factor, there = 1.0 - at @ on_axis, 1.0 - nodes(self.order, self.dim - 1, self.arcs) @ on_axis
+        return values * factor / np.where(there > 0.0, there, 1.0)
+
+
+def _normal(tangents: Floats) -> Floats:
+    # of tangents (d, d - 1, n)
+    if len(tangents) == 3:
+        return np.cross(tangents[:, 0], tangents[:, 1], axis=0)
+    return np.stack((tangents[1, 0], -tangents[0, 0]))
