@@ -13,7 +13,7 @@ from benchmarks.peers.ngsolve_mesh import curve_sides, element_numbers, netgen_m
 from kohonen_adapt.cases.potentials import LinearPotential, TabulatedPotential
 from kohonen_adapt.magnetostatics import Magnetostatics
 from kohonen_adapt.magnetostatics.equations.conditions import circle_of
-from kohonen_adapt.magnetostatics.quantities.bodies import mirror_cut, sector_cut
+from kohonen_adapt.magnetostatics.quantities.cuts import mirror_cut, sector_cut, without_cancelled
 from kohonen_adapt.mesh.curved import corners_of
 
 MOST_STEPS, CONVERGED = 60, 1e-12  # of Newton's method; decrease of the functional, relative to its terms
@@ -219,8 +219,7 @@ class NgsolveField:
         """Return the force (2,) in N/m, with a depth and around an axis in N."""
         cut = mirror_cut(self.skfem_mesh, self._inside(body))
         force = pull(self, body, cut).sum(axis=1)
-        if cut.direction is not None:
-            force = cut.direction * (cut.direction @ force)
+        force = without_cancelled(cut, force, torque=False)
         return np.array([0.0, force[1]]) if self.problem.axisymmetric else force
 
     def torque(self, body: str | Sequence[str], centre: Sequence[float] = (0.0, 0.0)) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.peers.ngsolve_mesh import ends_of
 from kohonen_adapt.magnetostatics import Material
-from kohonen_adapt.magnetostatics.quantities.bodies import Cut
+from kohonen_adapt.magnetostatics.quantities.cuts import Cut
 
 VACUUM_PERMEABILITY = 4e-7 * np.pi
 

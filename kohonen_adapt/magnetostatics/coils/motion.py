@@ -1,4 +1,4 @@
-"""Rigid motions of coils, and the images of coils by planes of symmetry."""
+"""Rigid motions, and the images of coils by planes of symmetry."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 
-__all__ = ["Images", "Motion", "change_of_field", "images_of"]
+__all__ = ["Images", "Motion", "change_of_field", "images_of", "motion_of"]
 
 STEP = 1e-2  # largest displacement of a coil in a central difference, relative to its section
 EQUAL = 1e-6  # tolerance of equal reflections
@@ -20,19 +20,27 @@ MOST_IMAGES = 48  # of three planes
 
 
 class Motion(NamedTuple):
-    # velocity ``shift + spin x (x - centre)``
-    shift: Floats  # (3,)
-    spin: Floats  # (3,)
-    centre: Floats  # (3,)
+    # velocity ``shift + turn (x - centre)``, in the plane and in space
+    shift: Floats  # (d,)
+    turn: Floats  # (d, d), antisymmetric
+    centre: Floats  # (d,)
 
     def at(self, x: Floats) -> Floats:
-        return self.shift[:, None] + np.cross(self.spin, x - self.centre[:, None], axisb=0).T
+        return self.shift[:, None] + self.turn @ (x - self.centre[:, None])
+
+
+def motion_of(vector: Floats, centre: Floats | None) -> Motion:
+    """Return the shift along a vector, or the turn about an axis through a centre."""
+    if centre is None:
+        return Motion(vector, np.zeros((vector.size,) * 2), np.zeros(vector.size))
+    turn = np.cross(vector, np.eye(3)).T[: centre.size, : centre.size]
+    return Motion(np.zeros(centre.size), turn, centre)
 
 
 def change_of_field(coil: Coil, motion: Motion, x: Floats) -> Floats:
     step = STEP * min(coil.width, coil.height) / np.linalg.norm(motion.at(coil.path), axis=0).max()
     generator, total = np.zeros((4, 4)), np.zeros_like(x)
-    generator[:3, :3], generator[:3, 3:] = np.cross(motion.spin, np.eye(3)).T, motion.at(np.zeros((3, 1)))
+    generator[:3, :3], generator[:3, 3:] = motion.turn, motion.at(np.zeros((3, 1)))
     for sign in (1.0, -1.0):
         moved = expm(sign * step * generator)
         rotation, shift = moved[:3, :3], moved[:3, 3]
@@ -58,9 +66,9 @@ class Images(NamedTuple):
 
     def moved(self, motion: Motion, image: int) -> Motion:
         matrix = self.matrix[image]
-        spin = np.linalg.det(matrix) * (matrix @ motion.spin)
-        shift = matrix @ motion.at(np.zeros((3, 1)))[:, 0] - np.cross(spin, self.shift[image])
-        return Motion(shift, spin, np.zeros(3))
+        turn = matrix @ motion.turn @ matrix.T
+        shift = matrix @ motion.at(np.zeros((3, 1)))[:, 0] - turn @ self.shift[image]
+        return Motion(shift, turn, np.zeros(3))
 
     def folded(self, x: Floats, current: Floats) -> tuple[Floats, Floats]:
         x, current = x.copy(), current.copy()

@@ -17,7 +17,7 @@ from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, Sources, field_at
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
-from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
+from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 
 __all__ = ["OfCoil", "ampere_turns", "ends_far", "is_coil"]
 
@@ -32,7 +32,7 @@ class OfCoil:
     # ``lambda = lambda_0 + int mu0 M . h``, with the field h of the coil per ampere-turn and ``mu0 M = B - mu0 H``. A
     # force is ``I d lambda`` by a motion of the coil. Planes of symmetry leave the part of the coil in the mesh.
 
-    field: LocalSolid
+    field: MagneticField
     name: str
     motion: Motion | None = None
 
@@ -120,7 +120,7 @@ class OfCoil:
         return self.field.load_of(weight) + VACUUM_PERMEABILITY * weight
 
     def _in_free_space(self) -> float:
-        coil, rest = self._coil, self.field.drive.sources.without(self.name)
+        coil, rest = self._coil, self.field.sources.without(self.name)
         if self._motion is None:
             return VACUUM_PERMEABILITY * self._linkage_in_free_space()
         if rest is None:  # a coil makes no force on itself
@@ -132,7 +132,7 @@ class OfCoil:
     def _linkage_in_free_space(self) -> float:
         # The field of a smaller coil in the bore is not smooth there. Mutual inductances are equal, so that the rule of
         # the smaller coil serves.
-        sources, unit = self.field.drive.sources, _per_ampere_turn(self._coil)
+        sources, unit = self.field.sources, _per_ampere_turn(self._coil)
         smaller = [coil for coil in sources.coils.values() if _extent(coil) < _extent(unit)]
         larger = {name: coil for name, coil in sources.coils.items() if _extent(coil) >= _extent(unit)}
         total = _flux(unit, Sources(larger, sources.applied))
@@ -152,21 +152,21 @@ def _per_ampere_turn(coil: Coil) -> Coil:
     return Coil(coil.path, coil.width, coil.height, 1.0, coil.radius)
 
 
-def coil_in(field: LocalSolid, name: str) -> Coil:
+def coil_in(field: MagneticField, name: str) -> Coil:
     if not is_coil(field, name):
-        raise ValueError(f"{name!r} is no coil of the problem; its coils are {listed(field.drive.sources.coils)}.")
-    return field.drive.sources.coils[name]
+        raise ValueError(f"{name!r} is no coil of the problem; its coils are {listed(field.sources.coils)}.")
+    return field.sources.coils[name]
 
 
-def ampere_turns(field: LocalSolid, name: str) -> float:
+def ampere_turns(field: MagneticField, name: str) -> float:
     current = coil_in(field, name).ampere_turns
     if current == 0.0:
         raise ValueError(f"the coil {name!r} carries no current, by which its linkage could be divided.")
     return current
 
 
-def is_coil(field: LocalSolid, name: Any) -> bool:
-    return isinstance(name, str) and name in field.drive.sources.coils
+def is_coil(field: MagneticField, name: Any) -> bool:
+    return isinstance(name, str) and name in field.sources.coils
 
 
 def ends_far(drive: Drive, conditions: Conditions, planes: Iterable[Mirror]) -> bool:

@@ -10,7 +10,7 @@ from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.bodies import Names, air_elements, elements_in
 from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.magnetostatics.quantities.forces import check_planar, checked_point, current_force
+from kohonen_adapt.magnetostatics.quantities.forces import check_plane, check_torque, checked_point, current_force
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit
 from kohonen_adapt.mesh.measures import area
 
@@ -55,7 +55,8 @@ def arkkio_torque(field: Field, gap: Names, centre: ArrayLike = (0.0, 0.0)) -> f
         by more than 5 % of its width.
     """
     _warn("arkkio_torque", "field.torque(body, centre) of the parts that turn")
-    check_planar(field)
+    check_plane(field)
+    check_torque(field)
     ring, middle = elements_in(field.mesh, gap), checked_point("centre", centre)
     solid = int(np.count_nonzero(~air_elements(field)[ring]))
     if solid:
@@ -96,7 +97,7 @@ def lorentz_torque(field: Field, coil: Names, centre: ArrayLike = (0.0, 0.0)) ->
         If the field is axisymmetric, and as in `lorentz_force`.
     """
     _warn("lorentz_torque", "field.torque(coil, centre)")
-    check_planar(field)
+    check_torque(field)
     force = current_force(field, coil)
     x, y = field.at_quadrature.x - checked_point("centre", centre)[:, None]
     return float(np.sum(x * force[1] - y * force[0]))

@@ -14,7 +14,7 @@ from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid, Strength
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
-from kohonen_adapt.magnetostatics.quantities.solid_forces import oriented_surface
+from kohonen_adapt.magnetostatics.quantities.surfaces import oriented_surface
 from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["EdgeField"]

@@ -12,7 +12,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators.recovery_estimator import corner_averages
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.quantities.bodies import Names
-from kohonen_adapt.magnetostatics.quantities.forces import eggshell_force, eggshell_torque
+from kohonen_adapt.magnetostatics.quantities.forces import OUT_OF_PAGE, checked_point, force_along
 from kohonen_adapt.magnetostatics.quantities.linkage import coil_linkage
 from kohonen_adapt.magnetostatics.quantities.local_field import LocalField, PointField
 from kohonen_adapt.mesh.locate import as_rows, find_elements, interpolate
@@ -263,7 +263,7 @@ class Field(LocalField):
         >>> round(float(field.force("coil")[0]), 1)  # 1000 A/m^2 times 0.25 m^2 times 1 T, in N/m
         250.0
         """
-        return eggshell_force(self, body)
+        return np.array([force_along(self, body, along) for along in np.eye(2)])
 
     def torque(self, body: Names, centre: ArrayLike = (0.0, 0.0)) -> float:
         """Return the magnetic torque on a body about a centre.
@@ -304,4 +304,4 @@ class Field(LocalField):
         >>> abs(field.torque("coil", centre=(0.5, 0.5))) < 0.1  # N m/m
         True
         """
-        return eggshell_torque(self, body, centre)
+        return force_along(self, body, np.array(OUT_OF_PAGE), checked_point("centre", centre))

@@ -181,16 +181,13 @@ class FluxDensityAt(VectorGoal):
             raise ValueError(f"radius of FluxDensityAt must be a finite number > 0 in m, or None; got {self.radius!r}.")
 
     def __call__(self, field: Any) -> float:
-        spot = self._spot(field)
+        spot = self._place(field)
         return float(np.sum(spot.weight * field.flux_density_at(spot.x)))
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
-        return np.zeros(field.mesh.t.shape[1]), field.load_at(*self._spot(field))
+        return np.zeros(field.mesh.t.shape[1]), field.load_at(*self._place(field))
 
-    def _check_place(self, field: Any) -> None:
-        self._spot(field)
-
-    def _spot(self, field: Any) -> Spot:
+    def _place(self, field: Any) -> Spot:
         self.check_dimension(len(field.mesh.p))
         x, around_axis = np.array(self.x), getattr(field, "axisymmetric", False)
         element = find_elements(field.elements.corners, x[:, None])[0]

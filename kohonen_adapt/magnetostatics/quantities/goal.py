@@ -52,11 +52,11 @@ class VectorGoal(Goal):
             raise ValueError(f"a {type(self).__name__} must have vectors {kind} as a goal; got {self}.")
 
     def check_on(self, field: Any) -> None:
-        self.check_dimension(len(field.mesh.p))
-        self._check_place(field)
+        self._place(field)
 
     @abstractmethod
-    def _check_place(self, field: Any) -> None: ...
+    def _place(self, field: Any) -> Any:
+        """Return the data of the value at a field, or raise a ValueError."""
 
 
 def unit_vector(name: str, value: tuple[float, ...]) -> tuple[float, ...]:

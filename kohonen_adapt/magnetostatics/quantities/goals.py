@@ -1,25 +1,17 @@
 """Goals of mesh adaptation."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.magnetostatics.quantities import forces
-from kohonen_adapt.magnetostatics.quantities.bodies import (
-    Component,
-    Names,
-    component_change,
-    component_value,
-    elements_in,
-)
+from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_in
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil
-from kohonen_adapt.magnetostatics.quantities.forces import checked_point
+from kohonen_adapt.magnetostatics.quantities.forces import OUT_OF_PAGE, OfBody, checked_point, parts_along
 from kohonen_adapt.magnetostatics.quantities.goal import POINT, SIZES, Goal, VectorGoal, unit_vector
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
-from kohonen_adapt.magnetostatics.quantities.solid_forces import OfBody, parts_along
 
 __all__ = [
     "FluxLinkage",
@@ -58,35 +50,27 @@ def check_goal_on(goal: Goal | None, field: Any) -> None:
 
 
 class _ComponentGoal(VectorGoal):
-    # in the plane, and in space of bodies and coils
-    _component: Callable[[Any], Component]
-    _parts: Callable[[Any], list[OfBody | OfCoil]]
+    body: Any
+    _along: Any  # vector of a force, or axis and centre of a torque
     _vanishing: Any  # message without a component
+
+    def _place(self, field: Any) -> list[OfBody | OfCoil]:
+        self.check_dimension(len(field.mesh.p))
+        vector, centre = self._along
+        parts = parts_along(field, self.body, np.array(vector), centre if centre is None else np.array(centre))
+        if all(part.vanishes for part in parts):
+            raise ValueError(self._vanishing)
+        return parts
 
     def __call__(self, field: Any) -> float:
         """Return the component in N/m, of a torque in N m/m.
 
         With `depth`, axisymmetric, and in space in N or N m.
         """
-        self.check_on(field)
-        if self.dimension == 3:
-            return float(sum(part.value() for part in self._parts(field)))
-        return component_value(field.point_volumes, self._component(field), field.at_quadrature.flux_density)
+        return float(sum(part.value() for part in self._place(field)))
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
-        self.check_on(field)
-        if self.dimension == 3:
-            return np.zeros(field.mesh.t.shape[1]), np.sum([part.load() for part in self._parts(field)], axis=0)
-        return _of_flux_density(field, component_change(self._component(field), field.at_quadrature.flux_density))
-
-    def _check_place(self, field: Any) -> None:
-        vanishes = (
-            all(part.vanishes for part in self._parts(field))
-            if self.dimension == 3
-            else not self._component(field).arm.any()
-        )
-        if vanishes:
-            raise ValueError(self._vanishing)
+        return np.zeros(field.mesh.t.shape[1]), np.sum([part.load() for part in self._place(field)], axis=0)
 
 
 @dataclass(frozen=True)
@@ -129,11 +113,9 @@ class Force(_ComponentGoal):
     def __post_init__(self) -> None:
         object.__setattr__(self, "direction", unit_vector("direction of Force", self.direction))
 
-    def _component(self, field: Any) -> Component:
-        return forces.force_component(field, self.body, np.array(self.direction))
-
-    def _parts(self, field: Any) -> list[OfBody | OfCoil]:
-        return parts_along(field, self.body, np.array(self.direction), None)
+    @property
+    def _along(self) -> tuple[tuple[float, ...], None]:
+        return self.direction, None
 
     @property
     def _vanishing(self) -> str:
@@ -185,11 +167,9 @@ class Torque(_ComponentGoal):
         if self.axis is not None:
             object.__setattr__(self, "axis", unit_vector("axis of Torque", self.axis))
 
-    def _component(self, field: Any) -> Component:
-        return forces.torque_component(field, self.body, self.centre)
-
-    def _parts(self, field: Any) -> list[OfBody | OfCoil]:
-        return parts_along(field, self.body, np.array(self.axis), np.array(self.centre))
+    @property
+    def _along(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        return self.axis or OUT_OF_PAGE, self.centre
 
     @property
     def _vanishing(self) -> str:

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,11 +12,17 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import checked_points
 from kohonen_adapt.estimators.recovery_estimator import corner_averages
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive
+from kohonen_adapt.magnetostatics.equations.given_field import Sources
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
-from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField, PointValues, tangent_product
+from kohonen_adapt.magnetostatics.quantities.magnetic_field import (
+    MagneticField,
+    PointValues,
+    WeightedPoints,
+    tangent_product,
+)
 from kohonen_adapt.mesh.locate import Locator, as_rows, locator_of
 from kohonen_adapt.mesh.space import Space
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
@@ -88,10 +93,9 @@ class LocalSolid(MagneticField):
     def mirrors(self) -> tuple[Mirror, ...]:
         return tuple(self.planes.values())
 
-    @cached_property
-    def kept(self) -> dict[Any, Any]:
-        # results common to several quantities of a body or a goal
-        return {}
+    @property
+    def sources(self) -> Sources:
+        return self.drive.sources
 
     @cached_property
     def _locator(self) -> Locator:
@@ -139,6 +143,11 @@ class LocalSolid(MagneticField):
         # points (3, n) of a quadrature in some elements, with their elements and volumes
         rows = inside[self.elements.element]
         return self.elements.points[:, rows], self.elements.element[rows], self.point_volumes[rows]
+
+    def weighted_points(self, inside: Mask, weight: Floats) -> WeightedPoints:
+        x, element, volumes = self.points_in(inside)
+        slope = self.elements.slope_of_corners_at(weight, element, x)
+        return WeightedPoints(x, element, volumes, slope, self.at(x, element).flux_density)
 
     def magnetisation_in(self, inside: Mask) -> tuple[Floats, Floats]:
         # mu0 M in T times volumes at the points of a quadrature in some elements, with the points, (3, n) each

@@ -4,17 +4,23 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from skfem.quadrature import get_quadrature
+from skfem.refdom import RefTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import finite_triple
 from kohonen_adapt.magnetostatics.quantities.bodies import Names
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, ampere_turns
+from kohonen_adapt.magnetostatics.quantities.forces import force_along
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_turns
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
-from kohonen_adapt.magnetostatics.quantities.solid_forces import flux_through, total_force
+from kohonen_adapt.magnetostatics.quantities.surfaces import oriented_surface
+from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["SolidField"]
+
+DEGREE, CURVED_DEGREE = 2, 5  # of the quadrature of a flux
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -143,7 +149,16 @@ class SolidField(LocalSolid):
         >>> round(field.flux("right"), 6), round(field.flux("left"), 6)  # mu0 1e4 times 1 A/m times 1 m^2
         (0.012566, -0.012566)
         """
-        return flux_through(self, surface)
+        mesh, total = self.mesh, 0.0
+        facets, straight, sign = oriented_surface(mesh, surface)
+        first, second = mesh.f2t[:, facets]
+        points, weights = get_quadrature(RefTri, CURVED_DEGREE if is_second_order(mesh) else DEGREE)
+        for (s, t), weight in zip(points.T, weights, strict=True):
+            x, normal = self.elements.facet_points(facets, np.array([1.0 - s - t, s, t]))
+            normal *= 0.5 * weight * sign * np.sign(np.sum(normal * straight, axis=0))
+            for element in (first, np.where(second < 0, first, second)):
+                total += float(np.sum(self.at(x, element).flux_density * normal))
+        return total
 
     def force(self, body: Names) -> Floats:
         """Return the magnetic force on a body or a coil.
@@ -185,7 +200,7 @@ class SolidField(LocalSolid):
         >>> field.force("iron").tolist()  # nothing drives this field
         [0.0, 0.0, 0.0]
         """
-        return total_force(self, body)
+        return np.array([force_along(self, body, along) for along in np.eye(3)])
 
     def torque(self, body: Names, centre: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
         """Return the magnetic torque on a body or a coil about a centre.
@@ -223,7 +238,8 @@ class SolidField(LocalSolid):
         >>> field.torque("iron", centre=(0.5, 0.5, 0.5)).tolist()  # nothing drives this field
         [0.0, 0.0, 0.0]
         """
-        return total_force(self, body, np.array(finite_triple(centre, "centre")))
+        about = np.array(finite_triple(centre, "centre"))
+        return np.array([force_along(self, body, axis, about) for axis in np.eye(3)])
 
     def flux_linkage(self, coil: Names, turns: float = 1) -> float:
         """Return the flux linkage of a coil, or of coils in series.

@@ -1,0 +1,50 @@
+"""Named surfaces in space with the direction in which a flux counts."""
+
+import numpy as np
+from skfem import MeshTet
+from skfem.generic_utils import OrientedBoundary
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.magnetostatics.equations.symmetry import surface
+from kohonen_adapt.mesh.cells import normals
+
+__all__ = ["oriented_surface"]
+
+EDGEWISE = 0.1  # cosine between the normal of a facet and of its surface, below which the facet has no side
+
+
+def oriented_surface(mesh: MeshTet, name: str) -> tuple[Ints, Floats, Floats]:
+    """Return the facets of a surface, their normals, and the sign of their flux.
+
+    The normals, (3, nfacets), point out of the first element and have the length of the area; the sign is 1 if the flux
+    counts along the normal, else -1.
+    """
+    rows = surface(mesh, name, "flux")
+    facets = np.asarray(rows)
+    if not facets.size:
+        raise ValueError(f"the surface {name!r} has no facets; name one that has.")
+    first = mesh.f2t[0, facets]
+    normal = 0.5 * normals(mesh.p.T, mesh.facets[:, facets].T).T
+    outward = mesh.p[:, mesh.facets[0, facets]] - mesh.p[:, mesh.t[:, first]].mean(axis=1)
+    normal *= np.sign(np.sum(normal * outward, axis=0))
+    return facets, normal, _flux_sign(mesh, name, facets, normal)
+
+
+def _flux_sign(mesh: MeshTet, name: str, facets: Ints, normal: Floats) -> Floats:
+    rows = mesh.boundaries[name]
+    if isinstance(rows, OrientedBoundary):
+        return np.where(rows.ori == 0, 1.0, -1.0)
+    outer = mesh.f2t[1, facets] < 0
+    if outer.all():
+        return np.ones(facets.size)
+    size = np.linalg.norm(normal, axis=0)
+    unit = normal / size
+    mean_normal = np.linalg.eigh((unit * size) @ unit.T)[1][:, -1]
+    mean_normal = mean_normal * np.sign(mean_normal[np.argmax(np.abs(mean_normal))])
+    along = mean_normal @ unit
+    if np.abs(along).min() < EDGEWISE:
+        raise ValueError(
+            f"the surface {name!r} inside the mesh turns too far to have one normal direction; orient it by a "
+            "skfem.OrientedBoundary, or name parts of it."
+        )
+    return np.sign(along)
