@@ -12,8 +12,8 @@ from kohonen_adapt.estimators.discrete_flux import DiscreteFlux, Given, of_dual
 from kohonen_adapt.estimators.equilibration import equilibrated_correction, fixed_nodes
 from kohonen_adapt.estimators.recovery_estimator import recovered_correction
 from kohonen_adapt.estimators.residual_estimator import HIGHER_SCALES, ProblemOfOrder
-from kohonen_adapt.mesh.basis import KINDS
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of, check_kind
+from kohonen_adapt.mesh.functions import KINDS
 from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.mesh.validity import check_mesh
 

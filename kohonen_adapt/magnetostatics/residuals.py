@@ -12,7 +12,7 @@ from kohonen_adapt.estimators.residual_estimator import (
 )
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
 from kohonen_adapt.magnetostatics.quantities.local_field import PointField
-from kohonen_adapt.mesh.basis import functions_at
+from kohonen_adapt.mesh.functions import hierarchical
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.space import Space
 
@@ -66,7 +66,7 @@ def on_lattice(elements: Space, values: Floats) -> Floats:
     """
     degree = elements.order - 1 if elements.axis else 2
     element, barycentric, weight = elements.fine_rule
-    functions, count = functions_at(barycentric.T, degree), elements.corners.t.shape[1]
+    functions, count = hierarchical(barycentric.T, degree)[0].T, elements.corners.t.shape[1]
 
     def sums(terms: Floats) -> Floats:
         return np.stack([np.bincount(element, term, count) for term in terms.reshape(-1, element.size)], axis=-1)
@@ -76,7 +76,7 @@ def on_lattice(elements: Space, values: Floats) -> Floats:
     )
     moments = sums(np.einsum("ni,cn,n->icn", functions, values, weight)).reshape(count, -1, 2)
     fits = np.linalg.solve(products, moments)
-    return np.einsum("pi,kic->cpk", functions_at(LATTICE, degree), fits)
+    return np.einsum("pi,kic->cpk", hierarchical(LATTICE, degree)[0].T, fits)
 
 
 def divergences_by_differences(field: Field) -> Floats:

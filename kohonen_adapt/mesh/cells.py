@@ -2,11 +2,9 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from math import sqrt
 
 import numpy as np
-from scipy.special import roots_jacobi
 from skfem import Mesh
 from skfem.mesh import MeshTet1, MeshTet2, MeshTri1, MeshTri2
 
@@ -24,7 +22,6 @@ __all__ = [
     "check_kind",
     "normals",
     "remedy_for",
-    "tetrahedron_rule",
 ]
 
 # The kernels take third powers of volumes. An element 1e8 times smaller than a mesh of this extent has one in range.
@@ -192,15 +189,3 @@ def remedy_for(mesh: object, space: bool) -> str:
     if any(kind in name for kind in SOLID):
         return "Split its elements into tetrahedra: mesh.to_meshtet()."
     return f"Build one with skfem.MeshTri{' or MeshTet' if space else ''} or kohonen_adapt.read_mesh."
-
-
-@cache
-def tetrahedron_rule(degree: int) -> tuple[Floats, Floats]:
-    # Barycentric coordinates (n, 4) and positive weights (n,) with sum 1. All points are inside, where a magnetisation
-    # of one region has a unique value; scikit-fem's rules have points on edges, or negative weights.
-    count = degree // 2 + 1
-    (a, of_a), (b, of_b), (c, of_c) = (roots_jacobi(count, 0, power) for power in (2, 1, 0))
-    far, across, along = (0.5 + 0.5 * part for part in np.meshgrid(a, b, c, indexing="ij"))
-    barycentric = np.stack([1.0 - far, far * (1.0 - across), far * across * (1.0 - along), far * across * along])
-    weights = of_a[:, None, None] * of_b[:, None] * of_c
-    return barycentric.reshape(4, -1).T, weights.ravel() / weights.sum()

@@ -14,21 +14,26 @@ from itertools import combinations, product
 
 import numpy as np
 from numpy.polynomial import legendre
+from skfem import ElementTriP1, ElementTriP2, ElementTriP3, ElementTriP4
 from skfem.refdom import RefTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import NEAR_AXIS
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
+from kohonen_adapt.mesh.rules import product_rule
 
 __all__ = [
     "EQUIDISTANT",
+    "KINDS",
     "ON_AXIS",
     "corner_slopes",
+    "facet_products",
     "factor_at",
     "falling",
     "hierarchical",
     "kinds_at_axis",
+    "near_axis",
     "nodes",
     "on_axis",
     "positions",
@@ -38,6 +43,7 @@ __all__ = [
 ]
 
 EQUIDISTANT = 3  # highest order with the nodes of scikit-fem by default
+KINDS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}  # scikit-fem elements by order
 OFF_AXIS = 1e-9  # least factor of a node that is not on the axis
 ODD = 13.5  # of the side functions of order 3; other lowest functions are 1 at the centroid of their part
 # Corners on the axis for the 7 kinds of elements: none (0), corner k (1 + k), the side opposite to corner k (4 + k).
@@ -155,15 +161,18 @@ def _to_nodal(order: int, dim: int, kind: int, spread: bool) -> Floats:
     return np.asarray(np.linalg.inv(values), dtype=np.float64)
 
 
-def near_axis(at: Floats, order: int, kind: int) -> tuple[Floats, Floats]:
-    """Return the hierarchical functions of elements of a kind of `ON_AXIS`."""
+def near_axis(at: Floats, order: int, kind: Ints | int) -> tuple[Floats, Floats]:
+    """Return the hierarchical functions of elements of kinds of `ON_AXIS`.
+
+    `kind` is a single kind, or the kind at every point, (n,).
+    """
     values, slopes = hierarchical(at, order)
-    if not kind:
+    if not np.any(kind):
         return values, slopes
-    falls, factor = falling(order)[kind], factor_at(np.array(kind), at)
-    fall = -(ON_AXIS[kind] @ corner_slopes(2))
-    falling_slopes = factor * slopes + values[:, None] * fall[:, None]
-    return np.where(falls[:, None], factor * values, values), np.where(falls[:, None, None], falling_slopes, slopes)
+    falls, factor = np.atleast_2d(falling(order)[kind]).T, factor_at(np.asarray(kind), at)
+    fall = -np.atleast_2d(ON_AXIS[kind] @ corner_slopes(2)).T
+    falling_slopes = factor * slopes + values[:, None] * fall
+    return np.where(falls, factor * values, values), np.where(falls[:, None], falling_slopes, slopes)
 
 
 def reference_functions(at: Floats, order: int, kind: int = 0, spread: bool | None = None) -> tuple[Floats, Floats]:
@@ -227,3 +236,11 @@ def trace_columns(k: Ints, order: int) -> Ints:
     side.
     """
     return np.stack([(k + 1) % 3, (k + 2) % 3, *(3 * d + k for d in range(1, order))], axis=1)
+
+
+@cache
+def facet_products(order: int) -> Floats:
+    """Return the integrals of products of the functions of a side of length 1."""
+    at, weights = product_rule((order + 1,))
+    values, _ = reference_functions(at, order, spread=False)
+    return values * weights @ values.T

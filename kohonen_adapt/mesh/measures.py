@@ -18,7 +18,6 @@ from kohonen_adapt.mesh.cells import (
     TETRAHEDRON,
     cell_of,
     check_kind,
-    tetrahedron_rule,
 )
 from kohonen_adapt.mesh.curved import (
     LATTICE,
@@ -35,6 +34,7 @@ from kohonen_adapt.mesh.curved import (
     midside_offsets,
 )
 from kohonen_adapt.mesh.host import number_edges, number_facets, of_kind
+from kohonen_adapt.mesh.rules import tetrahedron_rule
 
 __all__ = [
     "EDGES",

@@ -1,45 +1,42 @@
-"""Functions of order 1 to 3 on triangles, by hierarchical coefficients.
+"""Functions of the kernels, by hierarchical coefficients.
 
 A function is stored by its values at the nodes and by coefficients of side and bubble functions (`Modes`). The basis is
-described in `Reference`. scikit-fem uses values at points (Lagrange elements), and `modes_of` converts these.
+that of `functions.hierarchical`, of order 1 to 3 on triangles, and of order 1 and 2 on tetrahedra, and the records of
+kernels are filled from it. scikit-fem uses values at points (Lagrange elements), and `modes_of` and `edge_coefficients`
+convert these.
 """
 
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from skfem import ElementTriP1, MeshTri
-from skfem.quadrature import get_quadrature
+from skfem import MeshTet, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.tetrahedron.arrays import NO_SURFACE
+from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.kernels.triangle.arrays import Points, Reference
-from kohonen_adapt.mesh.basis import (
-    BUBBLE,
-    EVEN,
-    HAT_SLOPES,
-    LAW_DEGREE,
-    ON_AXIS,
-    factor_at,
-    falling,
-    functions_at,
-    points_near_axis,
-    slopes_at,
-)
+from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
-from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.functions import ON_AXIS, corner_slopes, factor_at, hierarchical, near_axis
+from kohonen_adapt.mesh.host import ascending, keys_of, number_edges, number_facets
+from kohonen_adapt.mesh.rules import LAW_DEGREE, points_near_axis, triangle_rule
 
 __all__ = [
+    "FIRST",
     "LINEAR_FUNCTIONS",
+    "SECOND",
     "TrialFunction",
     "by_points",
+    "edge_coefficients",
     "evaluated",
     "exact_reference",
     "facets_of_sides",
     "fields_at",
-    "functions_near_axis",
+    "function_slopes",
     "gradients",
+    "hierarchical_loads",
     "joined_points",
     "joined_reference",
     "law_reference",
@@ -49,10 +46,11 @@ __all__ = [
     "reference",
     "set_bubbles",
     "set_sides",
-    "slopes_near_axis",
+    "unknowns_of_elements",
 ]
 
 SIDES = slice(3, None)  # side functions of order 2
+FIRST, SECOND = EDGES[:, 0], EDGES[:, 1]  # corners of the six edges
 
 
 class TrialFunction(NamedTuple):
@@ -91,15 +89,18 @@ class TrialFunction(NamedTuple):
 
 @cache
 def reference(order: int, degree: int) -> Reference:
-    points, weights = get_quadrature(ElementTriP1, degree)
-    barycentric = np.stack([1.0 - points.sum(axis=0), *points], axis=1)
-    mean = [*[1.0 / 6.0] * 3, *[EVEN / 24.0] * 3, 0.0, 0.0, 0.0, BUBBLE / 120.0]
-    slope = np.ascontiguousarray(slopes_at(barycentric, order))
-    weights = 2.0 * weights
+    barycentric, weights = triangle_rule(degree)
+    slope = _as_rows(hierarchical(barycentric, order)[1])
     products = np.einsum("q,qir,qjs->ijrs", weights, slope, slope)
     both = np.stack([products[..., 0, 0], products[..., 0, 1] + products[..., 1, 0], products[..., 1, 1]], axis=2)
-    means = np.array(mean[: slope.shape[1]]), np.einsum("q,qir->ir", weights, slope)
-    return Reference(slope, weights, *means, both, halves(order), weights.size)
+    exact, of_point = triangle_rule(order)
+    mean = 0.5 * hierarchical(exact, order)[0] @ of_point
+    return Reference(slope, weights, mean, np.einsum("q,qir->ir", weights, slope), both, halves(order), weights.size)
+
+
+def _as_rows(parts: Floats) -> Floats:
+    # points before functions and contiguous, as in the records of kernels
+    return np.ascontiguousarray(np.moveaxis(parts, -1, 0))
 
 
 def exact_reference(order: int) -> Reference:
@@ -116,24 +117,13 @@ def joined_reference(order: int) -> Reference:
     return own._replace(slope=np.concatenate([own.slope, more.slope]), weight=np.append(own.weight, more.weight))
 
 
-def functions_near_axis(kind: Ints, barycentric: Floats, order: int) -> Floats:
-    return np.where(falling(order)[kind], factor_at(kind, barycentric)[:, None], 1.0) * functions_at(barycentric, order)
-
-
-def slopes_near_axis(kind: int, barycentric: Floats, order: int) -> Floats:
-    falls, factor = falling(order)[kind][:, None], factor_at(np.array(kind), barycentric)[:, None, None]
-    fall = functions_at(barycentric, order)[..., None] * (ON_AXIS[kind] @ HAT_SLOPES)
-    plain = slopes_at(barycentric, order)
-    return np.where(falls, factor * plain - fall, plain)
-
-
 def halves(order: int) -> Floats:
     # With the midpoint p of the side between corners 1 and 2, the halves are (p, 0, 1) and (p, 2, 0). Matrices have
     # shape (2, functions, functions).
     steps = np.array([(i, j, order - i - j) for i in range(order + 1) for j in range(order + 1 - i)]) / order
     corner = np.array([[0.0, 0.5, 0.5], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    here = functions_at(steps, order)
-    parts = [np.linalg.solve(here, functions_at(steps @ corner[rows], order)) for rows in ([0, 1, 2], [0, 3, 1])]
+    here = hierarchical(steps, order)[0].T
+    parts = [np.linalg.solve(here, hierarchical(steps @ corner[rows], order)[0].T) for rows in ([0, 1, 2], [0, 3, 1])]
     return np.stack(parts)
 
 
@@ -194,7 +184,7 @@ def set_bubbles(modes: Modes, corners: Floats, middle: Floats, kind: Ints | None
     if kind is None:
         modes.bubble[:] = middle - corners.mean(axis=1) - 4.0 / 9.0 * modes.side[..., 0].sum(axis=1)
         return
-    at, modes.bubble[:] = functions_near_axis(kind, np.full(corners.shape, 1.0 / 3.0), 3), 0.0
+    at, modes.bubble[:] = near_axis(np.full(corners.shape, 1.0 / 3.0), 3, kind)[0].T, 0.0
     modes.bubble[:] = (middle - np.sum(at * local_coefficients(corners, modes), axis=1)) / at[:, -1]
 
 
@@ -214,8 +204,8 @@ def gradients(corners: Floats, coefficients: Floats, at: Reference) -> tuple[Flo
 
 def evaluated(coefficients: Floats, barycentric: Floats, kind: Ints | None = None) -> Floats:
     order = {3: 1, 6: 2, 10: 3}[coefficients.shape[1]]
-    at = functions_at(barycentric, order) if kind is None else functions_near_axis(kind, barycentric, order)
-    return np.sum(at * coefficients, axis=1)
+    values, _ = near_axis(barycentric, order, 0 if kind is None else kind)
+    return np.sum(values.T * coefficients, axis=1)
 
 
 LINEAR_FUNCTIONS = reference(1, 0)
@@ -223,12 +213,12 @@ LINEAR_FUNCTIONS = reference(1, 0)
 
 @cache
 def by_points(order: int, law: bool = False) -> Points:
-    (barycentric, weight), kinds = points_near_axis(order, law), range(len(ON_AXIS))
-    value = [functions_near_axis(np.full(len(barycentric[kind]), kind), barycentric[kind], order) for kind in kinds]
-    slope = [slopes_near_axis(kind, barycentric[kind], order) for kind in kinds]
-    even = [functions_at(barycentric[kind], 2)[:, SIDES, None] for kind in kinds]
-    sides = [np.concatenate([even[kind], slopes_at(barycentric[kind], 2)[:, SIDES]], axis=2) for kind in kinds]
-    return Points(weight, barycentric, np.stack(value), np.stack(slope), np.stack(sides), weight.shape[1])
+    barycentric, weight = points_near_axis(order, law)
+    own = [near_axis(at, order, kind) for kind, at in enumerate(barycentric)]
+    value, slope = (np.stack([_as_rows(each) for each in parts]) for parts in zip(*own, strict=True))
+    even = [(values[SIDES, None], slopes[SIDES]) for values, slopes in (hierarchical(at, 2) for at in barycentric)]
+    sides = np.stack([_as_rows(np.concatenate(parts, axis=1)) for parts in even])
+    return Points(weight, barycentric, value, slope, sides, weight.shape[1])
 
 
 @cache
@@ -250,10 +240,44 @@ def fields_at(
     (points, m), and the gradients, (2, points, m).
     """
     side = points.side[kind]
-    tangent = np.einsum("id,mic->mcd", HAT_SLOPES, corners) + np.einsum("qkd,mkc->qmcd", side[:, :, 1:], offset)
+    tangent = np.einsum("id,mic->mcd", corner_slopes(2), corners) + np.einsum("qkd,mkc->qmcd", side[:, :, 1:], offset)
     x = points.share[kind] @ corners[:, :, 0].T + side[:, :, 0] @ offset[:, :, 0].T
     along, aside = np.einsum("qid,mi->dqm", points.slope[kind], coefficients)
     (ax, bx), (ay, by) = np.moveaxis(tangent, (2, 3), (0, 1))
     doubled = ax * by - bx * ay
     slope = np.stack([by * along - ay * aside, ax * aside - bx * along]) / doubled
     return doubled, x, points.value[kind] @ coefficients.T, slope
+
+
+# on tetrahedra
+
+
+def unknowns_of_elements(mesh: MeshTet, node: Ints) -> Ints:
+    # unknowns of `ElementTetP2`, (10, m), of elements `node` (4, m)
+    number_edges(mesh)
+    count = int(mesh.nvertices)
+    own = keys_of(ascending(node[FIRST], node[SECOND]), count)
+    return np.vstack([node, count + np.searchsorted(keys_of(ascending(*mesh.edges), count), own)])
+
+
+def edge_coefficients(values: Floats) -> Floats:
+    # coefficients of elements from their values at the unknowns, (10, m)
+    return np.vstack([values[:4], values[4:] - 0.5 * (values[FIRST] + values[SECOND])])
+
+
+def hierarchical_loads(mesh: MeshTet, load: Floats) -> Floats:
+    # `load` by functions of `ElementTetP2`, the result by hierarchical functions, (nunknowns,)
+    number_edges(mesh)
+    count, found = int(mesh.nvertices), load.copy()
+    for end in mesh.edges:
+        found[:count] += 0.5 * np.bincount(end, load[count:], count)
+    return found
+
+
+def function_slopes(corners: Floats, barycentric: Floats) -> Floats:
+    """Return the gradients of functions of order 2 in tetrahedra, (3, 10, m).
+
+    `corners` has shape (3, 4, m), and `barycentric` (4,) is a point of each.
+    """
+    slopes = hierarchical(barycentric[None], 2)[1][..., 0]
+    return np.tensordot(TETRAHEDRON.hat_gradients(corners)[:, 1:], slopes, (1, 1)).swapaxes(1, 2)

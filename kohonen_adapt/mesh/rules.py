@@ -20,6 +20,7 @@ __all__ = [
     "LAW_RULE_IN_SPACE",
     "facet_rule",
     "points_near_axis",
+    "product_rule",
     "rule_about",
     "rule_of",
     "tetrahedron_rule",

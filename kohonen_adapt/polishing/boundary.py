@@ -12,7 +12,7 @@ from scipy.sparse.linalg import spsolve
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.kernels.triangle.arrays import Points, Reference
-from kohonen_adapt.mesh.basis import kinds_at_axis, trace_columns
+from kohonen_adapt.mesh.functions import kinds_at_axis, trace_columns
 from kohonen_adapt.mesh.polynomials import TrialFunction, by_points, fields_at, local_coefficients
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.problem.boundary_terms import facet_terms, robin_value

@@ -19,7 +19,7 @@ from kohonen_adapt.kernels.triangle.arrays import (
     Points,
     Shapes,
 )
-from kohonen_adapt.mesh.basis import kinds_at_axis
+from kohonen_adapt.mesh.functions import kinds_at_axis
 from kohonen_adapt.mesh.measures import inner_points
 from kohonen_adapt.mesh.polynomials import (
     LINEAR_FUNCTIONS,

@@ -9,12 +9,17 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.kernels.tetrahedron.arrays import LOAD
 from kohonen_adapt.kernels.triangle.arrays import Points
-from kohonen_adapt.mesh.basis import HAT_SLOPES, functions_at, kinds_at_axis
 from kohonen_adapt.mesh.cells import TETRAHEDRON
+from kohonen_adapt.mesh.functions import corner_slopes, hierarchical, kinds_at_axis
 from kohonen_adapt.mesh.measures import CurvedTetrahedra
 from kohonen_adapt.mesh.names import named_sets
-from kohonen_adapt.mesh.polynomials import by_points, exact_reference, law_reference
-from kohonen_adapt.mesh.quadratic_in_space import function_slopes, hierarchical_loads
+from kohonen_adapt.mesh.polynomials import (
+    by_points,
+    exact_reference,
+    function_slopes,
+    hierarchical_loads,
+    law_reference,
+)
 from kohonen_adapt.polishing.unresolved_data import Doubt, UnresolvedData, doubt_about
 from kohonen_adapt.problem.boundary_terms import nodal_terms
 from kohonen_adapt.problem.functional_in_space import (
@@ -74,7 +79,7 @@ def _derivatives_of_kind(
     points = by_points(ritz.order, nonlinear)
     at = law_reference(ritz.order) if nonlinear else exact_reference(ritz.order)
     weight, slope = (at.weight, at.slope) if kind < 0 else (points.weight[kind], points.slope[kind])
-    columns, x = np.einsum("id,mic->dcm", HAT_SLOPES, corners)[:, :, None], np.ones(())
+    columns, x = np.einsum("id,mic->dcm", corner_slopes(2), corners)[:, :, None], np.ones(())
     if kind >= 0:
         side = points.side[kind]
         columns = columns + np.einsum("qkd,mkc->dcqm", side[:, :, 1:], offsets)
@@ -110,7 +115,7 @@ def loads(
     if kind < 0 and callable(ritz.source):
         barycentric, weight = source_points(ritz.order)
         source = source_at(np.einsum("qk,mkd->dqm", barycentric, corners), region, ritz.source)
-        value = functions_at(barycentric, ritz.order)
+        value = hierarchical(barycentric, ritz.order)[0].T
     else:
         source, weight, value = (
             source_on(points, kind, corners, offsets, region, ritz),

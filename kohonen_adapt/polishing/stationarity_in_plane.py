@@ -6,8 +6,8 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.pairs import sliding_pairs
-from kohonen_adapt.mesh.basis import trace_columns
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
+from kohonen_adapt.mesh.functions import trace_columns
 from kohonen_adapt.mesh.polynomials import TrialFunction, facets_of_sides, local_coefficients
 from kohonen_adapt.polishing.boundary import BoundaryTerms, sides_on
 from kohonen_adapt.polishing.stationarity import check_residual, derivatives_on, doubts_of, numbers_of, sums

@@ -8,15 +8,11 @@ from skfem import ElementTetP1, MeshTet
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.mesh.basis import CURVED_RULE_IN_SPACE, LAW_RULE_IN_SPACE
 from kohonen_adapt.mesh.cells import TETRAHEDRON
+from kohonen_adapt.mesh.functions import hierarchical
 from kohonen_adapt.mesh.measures import tangent_corners
-from kohonen_adapt.mesh.quadratic_in_space import (
-    function_slopes,
-    hierarchical,
-    quadratic_functions,
-    unknowns_of_elements,
-)
+from kohonen_adapt.mesh.polynomials import edge_coefficients, function_slopes, unknowns_of_elements
+from kohonen_adapt.mesh.rules import CURVED_RULE_IN_SPACE, LAW_RULE_IN_SPACE
 from kohonen_adapt.problem.boundary_terms import corner_values, nodal_terms, reduced_regions
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_table, source_at, value_by_region
@@ -55,7 +51,7 @@ def coefficients_in_space(mesh: MeshTet, ritz: Ritz, region: Ints) -> tuple[Ints
     unknowns = mesh.t if ritz.order == 1 else unknowns_of_elements(mesh, mesh.t)
     nodal, reduced = nodal_terms(ritz.surface), reduced_regions(ritz.surface, region)
     local = corner_values(np.asarray(ritz.values), nodal, unknowns, reduced)
-    return unknowns, local if ritz.order == 1 else hierarchical(local)
+    return unknowns, local if ritz.order == 1 else edge_coefficients(local)
 
 
 def value_in_space(corners: Floats, values: Floats, region: Ints, ritz: Ritz) -> float:
@@ -167,7 +163,7 @@ def at_curved_points(
             else:
                 source = value_by_region(np.asarray(ritz.source), region[rows]) * np.ones(rows.size)
             six = weight * np.abs(TETRAHEDRON.determinant(own))
-            yield six, function_slopes(own, at), quadratic_functions(at), source, rows
+            yield six, function_slopes(own, at), hierarchical(at[None], 2)[0][:, 0], source, rows
 
 
 def fields_at_corners(corners: Floats, coefficients: Floats) -> Floats:
@@ -204,7 +200,7 @@ def quadratic_loads(corners: Floats, region: Ints, ritz: Ritz) -> Floats:
     loads = np.zeros((len(MEANS), len(six)))
     for barycentric, weight in zip(*rule_of(OF_SOURCE_2), strict=True):
         x = np.einsum("k,dkm->dm", barycentric, corners)[:, None]
-        loads += weight * quadratic_functions(barycentric)[:, None] * source_at(x, region, ritz.source)[0]
+        loads += weight * hierarchical(barycentric[None], 2)[0] * source_at(x, region, ritz.source)[0]
     return loads * six
 
 

@@ -10,9 +10,9 @@ from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.triangle.arrays import Points, Reference
-from kohonen_adapt.mesh.basis import functions_at, kinds_at_axis
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved import is_second_order, midside_offsets
+from kohonen_adapt.mesh.functions import hierarchical, kinds_at_axis
 from kohonen_adapt.mesh.measures import CurvedTetrahedra, inner_points
 from kohonen_adapt.mesh.polynomials import (
     by_points,
@@ -119,7 +119,7 @@ def _varying_source_term(
     def mean(rule: tuple[Floats, Floats], rows: Ints | slice) -> tuple[Floats, Floats]:
         barycentric, weight = rule
         source = source_at(barycentric @ corners[rows].transpose(2, 1, 0), region[rows], function)
-        product = source * (functions_at(barycentric, order) @ coefficients[rows].T)
+        product = source * (hierarchical(barycentric, order)[0].T @ coefficients[rows].T)
         return weight @ product, weight @ np.abs(product)
 
     every = slice(None)

@@ -29,11 +29,12 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Tetrahedra,
 )
 from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import FACE_POINTS, FACE_WEIGHTS
-from kohonen_adapt.mesh.basis import CURVED_RULE_IN_SPACE
 from kohonen_adapt.mesh.cells import FACES, TETRAHEDRON
+from kohonen_adapt.mesh.functions import hierarchical
 from kohonen_adapt.mesh.host import edges_between, keys_of
 from kohonen_adapt.mesh.measures import EDGES, edge_midside_offsets, tangent_corners
-from kohonen_adapt.mesh.quadratic_in_space import function_slopes, quadratic_functions
+from kohonen_adapt.mesh.polynomials import function_slopes
+from kohonen_adapt.mesh.rules import CURVED_RULE_IN_SPACE
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.problem.boundary_terms import corner_values, reduced_regions
 from kohonen_adapt.problem.functional_in_space import (
@@ -158,7 +159,9 @@ class CurvedFaces:
                 move = self.patches.project(patch, x.T).T - x
                 normal = -0.5 * TETRAHEDRON.determinant(tangent) * TETRAHEDRON.hat_gradients(tangent)[:, k]
                 slope = np.einsum("dkm,km->dm", function_slopes(tangent, point), own)
-                source = value_by_region(np.asarray(self.ritz.source), region) * (quadratic_functions(point) @ own)
+                source = value_by_region(np.asarray(self.ritz.source), region) * (
+                    hierarchical(point[None], 2)[0][:, 0] @ own
+                )
                 density, shifted = density_in_space(slope, region, self.ritz), shifted_slope(slope, region, self.ritz)
                 secant = secants(shifted[:, None], np.ones(()), region, self.ritz)[0]
                 field = secant * shifted - fluxes(region, self.ritz)

@@ -26,8 +26,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Trial,
 )
 from kohonen_adapt.mesh.cells import TETRAHEDRON
-from kohonen_adapt.mesh.polynomials import TrialFunction
-from kohonen_adapt.mesh.quadratic_in_space import hierarchical, hierarchical_loads, unknowns_of_elements
+from kohonen_adapt.mesh.polynomials import TrialFunction, edge_coefficients, hierarchical_loads, unknowns_of_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import Tables, constants_of, laws_of_regions, numbers_of_regions
 from kohonen_adapt.polishing.space.applied_field import sliding_places
@@ -262,7 +261,7 @@ def solution_on(ritz: Ritz, tet: Tetrahedralization, mesh: MeshTet, reduced: Mas
     modes = Modes(np.zeros((m, 6, 1)), np.zeros(m), np.zeros((m, 6), dtype=np.bool_))
     unknowns = unknowns_of_elements(mesh, tet.elements.node[tet.used].T)
     local = corner_values(values, surface, unknowns, reduced[tet.elements.region[tet.used]])
-    modes.side[tet.used, :, 0], modes.dirichlet[tet.used] = hierarchical(local)[4:].T, fixed[unknowns[4:]].T
+    modes.side[tet.used, :, 0], modes.dirichlet[tet.used] = edge_coefficients(local)[4:].T, fixed[unknowns[4:]].T
     return TrialFunction(values[:n].copy(), fixed[:n].copy(), modes, surface=own)
 
 

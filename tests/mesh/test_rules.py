@@ -1,0 +1,38 @@
+"""Rules of quadrature are exact to their degree, with positive weights and points inside."""
+
+from math import factorial, prod
+
+import numpy as np
+import pytest
+
+from kohonen_adapt.mesh.rules import LAW_RULE_IN_SPACE, product_rule, rule_about, tetrahedron_rule, triangle_rule
+
+
+def check(rule, degree, tolerance):
+    (points, weights), dim = rule, rule[0].shape[1] - 1
+    assert points.min() > 0.0 and weights.min() > 0.0
+    np.testing.assert_allclose(points.sum(axis=1), 1.0, rtol=1e-14)
+    for powers in filter(lambda powers: sum(powers) <= degree, np.ndindex((degree + 1,) * dim)):
+        exact = factorial(dim) * prod(factorial(power) for power in powers) / factorial(dim + sum(powers))
+        assert abs(weights @ np.prod(points[:, :dim] ** powers, axis=1) - exact) < tolerance
+
+
+def test_laws_in_space_are_integrated_by_points_inside():
+    points, _ = LAW_RULE_IN_SPACE
+    assert points.shape == (46, 4) and points.min() > 0.01
+    check(LAW_RULE_IN_SPACE, 8, 1e-15)
+
+
+@pytest.mark.parametrize(
+    ("rule", "degree"),
+    [
+        (product_rule((4,)), 7),
+        (triangle_rule(12), 12),
+        (triangle_rule(26), 26),
+        (rule_about(2, 9), 9),
+        (tetrahedron_rule(3), 3),
+        (tetrahedron_rule(8), 8),
+    ],
+)
+def test_rules_integrate_their_degree(rule, degree):
+    check(rule, degree, 1e-14)
