@@ -2,7 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, ClassVar
 
 import numpy as np
 from skfem import MeshTri
@@ -11,14 +12,22 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_number, listed, nearest_name
 from kohonen_adapt.geometry.plane.curves import Arc, Curve
 from kohonen_adapt.geometry.rules import checked_pair
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value
+from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Value, conditions_of
+from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
+from kohonen_adapt.magnetostatics.equations.newton import Newton
+from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.field_problem import check_elements, chosen_order
+from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.quantities.goals import Torque, check_goal, unit_of_goal
+from kohonen_adapt.mesh.blended import exact_area
 from kohonen_adapt.mesh.cells import TETRAHEDRON
+from kohonen_adapt.mesh.functions import EQUIDISTANT
+from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.motions import Pair
+from kohonen_adapt.mesh.space import Space
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.protocol import AutoOrder
 
@@ -32,8 +41,10 @@ ESTIMATORS = ("residual", "recovery", "equilibrated")  # see `estimation.energy_
 class Arguments:
     """Checked arguments of `Magnetostatics`, where each is documented.
 
-    Mappings are copied.
+    Mappings are copied. `energy_on` is the functional of the problem on a mesh.
     """
+
+    method: ClassVar[Newton] = Newton()  # subclasses may override
 
     materials: Mapping[str, Material]
     potential: Mapping[str, Value] | None = None
@@ -103,6 +114,16 @@ class Arguments:
             self.applied_field,
             {name: np.asarray(x) for name, x in (self.points or {}).items()},
         )
+
+    def energy_on(self, mesh: MeshTri, order: int | None = None) -> PlaneEnergy:
+        order = checked_order(self.order if order is None else order)
+        check_plane_mesh(mesh, curved=order > 1)
+        symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
+        sides = {name: curve.project for name, curve in (self.sides or {}).items()}
+        size = partial(exact_area, sides=sides) if order > EQUIDISTANT else area
+        material = coefficients(mesh, self.materials, self.ampere_turns, size)
+        elements = Space(mesh, order, material.nonlinear, self.axisymmetric, sides)
+        return PlaneEnergy.of(elements, symmetry, material, conditions_of(elements, self.boundaries, symmetry))
 
     def curves(self, mesh: MeshTri) -> dict[str, Arc]:
         """Return the arcs on which a rotating body ends, if its torque is the goal.

@@ -1,8 +1,8 @@
 """Arguments and boundary conditions of both potentials in space."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -10,21 +10,26 @@ from scipy.sparse.csgraph import connected_components
 from skfem import MeshTet
 from skfem.mesh import MeshTet1, MeshTet2
 
-from kohonen_adapt.arrays import Mask
+from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.placement import check_placement, checked_coils
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, permeable
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Conditions, Value, fixed_values
 from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, checked_field, field_at, sources_of
+from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror, checked_symmetry, mirrors_of, surface
+from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, coefficients
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
+from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 from kohonen_adapt.mesh.cells import remedy_for
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["ArgumentsInSpace", "conditions_in_space"]
+__all__ = ["ArgumentsInSpace", "solved"]
+
+SolidKind = TypeVar("SolidKind", bound=LocalSolid)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +39,7 @@ class ArgumentsInSpace:
     applied_field: Any = None
     symmetry: Mapping[str, str] | None = None
     coils: Mapping[str, Coil] | None = field(default=None, kw_only=True)
+    method: ClassVar[Newton] = Newton(solver=IN_SPACE)  # subclasses may override
 
     def __post_init__(self) -> None:
         check_materials(self.materials, 3)
@@ -70,28 +76,38 @@ class ArgumentsInSpace:
             check_placement(mesh, permeable(material) | material.coercivity.any(axis=0), self.coils, planes)
         return material, planes
 
+    def conditions(self, drive: Drive, mirrors: Mapping[str, Mirror]) -> Conditions:
+        """Return the conditions on u, the reduced potential, in iron the total one.
+
+        A connected part without a given value has a first node that is neither fixed nor free, because u is determined
+        there up to a constant only.
+        """
+        elements, mesh, potential = drive.elements, drive.elements.corners, self.potential or {}
+        for name in potential:
+            surface(mesh, name, "potential")
+        fixed, values = fixed_values(elements, Boundaries(potential))
+        for name, mirror in mirrors.items():
+            _check_field(drive, name, mirror)
+            if mirror.kind == "normal":
+                rows = np.unique(elements.on_facets(mirror.facets))
+                fixed[rows], values[rows] = True, 0.0
+        held, nnodes = fixed.copy(), mesh.p.shape[1]
+        held[:nnodes] |= _first_of_floating(mesh, fixed[:nnodes])
+        return Conditions(fixed, np.where(held, values + drive.potential, 0.0), np.flatnonzero(~held))
+
+    def conditions_of(self, field: LocalSolid) -> Conditions:
+        if "conditions" not in field.kept:
+            field.kept["conditions"] = self.conditions(field.drive, field.planes)
+        return field.kept["conditions"]
+
+
+def solved(start: SolidKind, unknown: Floats, steps: tuple[NewtonStep, ...] = ()) -> SolidKind:
+    result = replace(start, unknown=unknown, newton=steps)
+    refuse_unconverged(result)
+    return result
+
 
 ASYMMETRY = 0.01  # allowed asymmetric part of the applied field on a plane, relative to the largest
-
-
-def conditions_in_space(drive: Drive, potential: Mapping[str, Value], mirrors: Mapping[str, Mirror]) -> Conditions:
-    """Return the conditions on u, the reduced potential, in iron the total one.
-
-    A connected part without a given value has a first node that is neither fixed nor free, because u is determined
-    there up to a constant only.
-    """
-    elements, mesh = drive.elements, drive.elements.corners
-    for name in potential:
-        surface(mesh, name, "potential")
-    fixed, values = fixed_values(elements, Boundaries(potential))
-    for name, mirror in mirrors.items():
-        _check_field(drive, name, mirror)
-        if mirror.kind == "normal":
-            rows = np.unique(elements.on_facets(mirror.facets))
-            fixed[rows], values[rows] = True, 0.0
-    held, nnodes = fixed.copy(), mesh.p.shape[1]
-    held[:nnodes] |= _first_of_floating(mesh, fixed[:nnodes])
-    return Conditions(fixed, np.where(held, values + drive.potential, 0.0), np.flatnonzero(~held))
 
 
 def _check_field(drive: Drive, name: str, mirror: Mirror) -> None:

@@ -1,45 +1,29 @@
 """Better values of outputs and goals, for their errors."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
-from skfem import MeshTri
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.geometry.plane.arcs import refined_on_arcs
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries
-from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
-from kohonen_adapt.magnetostatics.equations.newton import Newton
+from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.magnetostatics.quantities.goal import Goal
-from kohonen_adapt.magnetostatics.solution import (
-    HighOrderField,
-    linearised_solution,
-    richer_solution,
-    solution_of,
-)
+from kohonen_adapt.magnetostatics.solution import HighOrderField, richer_solution, solution_of
 from kohonen_adapt.magnetostatics.strong_corners import layer_counts, layered, materials_of, strong_corners
 from kohonen_adapt.mesh.corners import meetings, singular_nodes
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.problem.evaluation import Output
-from kohonen_adapt.problem.uncertain import Uncertain, error_of
+from kohonen_adapt.problem.uncertain import Uncertain
 
-__all__ = ["EnergyOn", "better_values", "error_of_goal"]
+__all__ = ["better_values"]
 
 STRAIGHT, SHARPEST = 1e-3, 1.0  # turns between chords of an arc, approximately in radians
 # Rest of the series of the changes by one order, over the last change, if the ratio of successive changes is a third.
 REST = 0.5
 MORE_ORDERS = 2  # at most, after the first
-EnergyOn = Callable[[MeshTri, int], PlaneEnergy]  # the functional on a mesh, of an order
 
 
-def error_of_goal(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton, energy_on: EnergyOn) -> Uncertain:
-    return error_of(goal(field), better_values(field, {"goal": goal}, boundaries, newton, energy_on)["goal"])
-
-
-def better_values(
-    field: Field, outputs: Mapping[str, Output], boundaries: Boundaries, newton: Newton, energy_on: EnergyOn
-) -> dict[str, Uncertain]:
+def better_values(problem: Arguments, field: Field, outputs: Mapping[str, Output]) -> dict[str, Uncertain]:
     """Return values of outputs by two or three orders more, and their doubts.
 
     Arcs are rounder, too. The outputs themselves are evaluated, because a derivative omits terms that are as large as
@@ -51,36 +35,36 @@ def better_values(
     a sixteenth. The difference of two solves, with and without rounder arcs, is extrapolated accordingly. Both are
     linearised at the field, because their errors of second order cancel.
     """
-    better = better_solution(field, boundaries, newton, energy_on)
+    better = better_solution(problem, field)
     values, before = ({name: float(output(each)) for name, output in outputs.items()} for each in (better, field))
     doubts = dict.fromkeys(outputs, np.inf)
     for _ in range(MORE_ORDERS):
         if all(doubt <= 0.5 * abs(values[name] - before[name]) for name, doubt in doubts.items()):
             break
-        better = richer_solution(better, boundaries, newton, linearised=True)
+        better = richer_solution(problem, better, linearised=True)
         now = {name: float(output(better)) for name, output in outputs.items()}
         doubts = {name: REST * abs(value - values[name]) for name, value in now.items()}
         values = now
     meshes, fraction = refined_on_arcs(field.mesh), 15.0 / 16.0 if is_second_order(field.mesh) else 0.75
     if meshes is not None and not (isinstance(better, HighOrderField) and is_second_order(field.mesh)):
-        chords, arcs = (linearised_solution(energy_on(finer, field.order), field, newton) for finer in meshes)
+        chords, arcs = (solution_of(problem, problem.energy_on(each, field.order), field, True) for each in meshes)
         for name, output in outputs.items():
             values[name] += (output(arcs) - output(chords)) / fraction
     return {name: Uncertain(value, doubts[name]) for name, value in values.items()}
 
 
-def better_solution(field: Field, boundaries: Boundaries, newton: Newton, energy_on: EnergyOn) -> Field:
+def better_solution(problem: Arguments, field: Field) -> Field:
     # Where the field is singular, the error falls by a power of the order only, and one order more removes a part.
-    corners, exponent = strong_corners(field, boundaries)
+    corners, exponent = strong_corners(problem, field)
     counts = layer_counts(field.mesh, corners, exponent)
     if not isinstance(field, HighOrderField):
-        others = np.setdiff1d(singular_nodes(field.mesh, materials_of(field, boundaries)), corners)
+        others = np.setdiff1d(singular_nodes(field.mesh, materials_of(problem, field)), corners)
         corners, counts = np.append(corners, others), np.append(counts, np.ones_like(others))
     allowed = ~np.isin(corners, on_outer_arcs(field))
-    mesh, layers = layered(field.mesh, corners[allowed], counts[allowed], boundaries)
+    mesh, layers = layered(problem, field.mesh, corners[allowed], counts[allowed])
     if layers:
-        return solution_of(energy_on(mesh, field.order + 1), field.depth, field, newton)
-    return richer_solution(field, boundaries, newton)
+        return solution_of(problem, problem.energy_on(mesh, field.order + 1), field)
+    return richer_solution(problem, field)
 
 
 def on_outer_arcs(field: Field) -> Ints:

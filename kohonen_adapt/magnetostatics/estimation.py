@@ -1,35 +1,28 @@
 """Error estimates of the vector potential in the plane."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from scipy.special import zeta
-from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux, goal_oriented, recovery, residual
 from kohonen_adapt.estimators.residual_estimator import HIGHER_SCALES, Facets
-from kohonen_adapt.magnetostatics.equations.conditions import (
-    Boundaries,
-    Conditions,
-    conditions_of,
-    fixed_values,
-    ties_of,
-)
+from kohonen_adapt.magnetostatics.arguments import Arguments
+from kohonen_adapt.magnetostatics.equations.conditions import Conditions, fixed_values, ties_of
 from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy, Scalar, scalar_problem
-from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
-from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.quantities.local_field import PointField
+from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 from kohonen_adapt.magnetostatics.residuals import dual_residual_by_points, residual_by_points
 from kohonen_adapt.magnetostatics.solution import (
     HighOrderField,
     dual_of,
-    energy_on,
+    energy_of,
     interpolated_on,
     richer_solution,
 )
@@ -37,7 +30,7 @@ from kohonen_adapt.mesh.functions import ON_AXIS
 from kohonen_adapt.mesh.measures import gradient, inner_points
 from kohonen_adapt.mesh.space import Space
 
-__all__ = ["RESIDUAL_SCALE", "energy_indicators", "goal_indicators"]
+__all__ = ["RESIDUAL_SCALE", "energy_indicators", "equal_materials", "goal_indicators"]
 
 # Estimate over error of orders 4 to 7 with layers on the C-core and on a magnet over iron: from the orders around p
 # 0.85 to 1.04, from lower orders 0.98 to 1.17 for orders 6 to 8. A geometric series (Aitken) gives 0.77 to 0.95 there.
@@ -51,33 +44,22 @@ LEAST_POWER = 2.0  # of the fall of the squared changes with the order, 4 l + 1 
 #     rectangle in free space, squares / Gmsh, 400 to 9 500 nodes     3.57 - 3.77 / 3.24 - 3.64
 #     benchmark M, permeability 1 / 1000, squares, 441 to 25 921      3.58 - 3.78 / 3.56 - 3.59
 #     the same after one to three relocations                         3.51 - 3.66
+#     balls in space (benchmarks magnets)                             3.5 - 3.8
 RESIDUAL_SCALE = 1.0 / 3.6
 # The same around an axis, for a coil with and without an iron core, on squares and on adapted meshes (`benchmarks
 # axis`): order 1 3.4 - 4.8, order 2 4.3 - 8.9, order 3 6.6 - 13.9, the largest where the polish stretches elements.
 AXIS_SCALES = HIGHER_SCALES | {1: 1.0 / 4.2}
 
 
-@dataclass(frozen=True)
-class Step:
-    """Newton step in elements of another order, from the values of a field.
-
-    The step is exact for linear material, and correct to second order in its size for others.
-    """
-
-    elements: Space
-    energy: PlaneEnergy
-    start: Floats  # (nunknowns,)
-    change: Floats  # (nunknowns,)
-
-    @classmethod
-    def of(cls, field: HighOrderField, order: int, boundaries: Boundaries, newton: Newton) -> "Step":
-        elements = field.elements.at_order(order)
-        energy = energy_on(elements, field, boundaries)
-        start = energy.conditions.admissible(interpolated_on(elements, field.elements, field.unknown))
-        return cls(elements, energy, start, newton.full_step(energy, start, energy.gradient(start)))
+def step_to(problem: Arguments, field: HighOrderField, order: int) -> tuple[PlaneEnergy, Floats, Floats]:
+    # The functional of another order, the values of a field there, and the Newton step from these. The step is exact
+    # for linear material, and correct to second order in its size for others.
+    energy = energy_of(problem, field, order)
+    start = energy.conditions.admissible(interpolated_on(energy.space, field.elements, field.unknown))
+    return energy, start, problem.method.full_step(energy, start, energy.gradient(start))
 
 
-def indicators_by_orders(field: HighOrderField, boundaries: Boundaries, newton: Newton) -> Floats:
+def indicators_by_orders(problem: Arguments, field: HighOrderField) -> Floats:
     """Return unsquared indicators of the energy norm, shape (nelements,).
 
     The change from order p to p + 1 misses what higher orders would add. The squared change between orders n and n + 1
@@ -86,24 +68,23 @@ def indicators_by_orders(field: HighOrderField, boundaries: Boundaries, newton: 
     """
     nonlinear, round_sides = bool(field.coefficients.nonlinear_materials), field.elements.shape.curved.any()
     if field.order >= FROM_BELOW and not (nonlinear or round_sides):
-        return _from_below(field, boundaries, newton)
-    lower, higher = (Step.of(field, field.order + difference, boundaries, newton) for difference in (-1, 1))
-    from_lower = field.unknown - interpolated_on(field.elements, lower.elements, lower.start + lower.change)
-    before = energy_products(energy_on(field.elements, field, boundaries), field.unknown, from_lower, from_lower)
-    now = energy_products(higher.energy, higher.start, higher.change, higher.change)
+        return _from_below(problem, field)
+    (below, start, step), higher = (step_to(problem, field, field.order + difference) for difference in (-1, 1))
+    from_lower = field.unknown - interpolated_on(field.elements, below.space, start + step)
+    before = energy_products(energy_of(problem, field), field.unknown, from_lower, from_lower)
+    energy, start, step = higher
+    now = energy_products(energy, start, step, step)
     return np.asarray(np.sqrt(now * sum_over_change(float(before.sum()), float(now.sum()), field.order)))
 
 
-def _from_below(field: HighOrderField, boundaries: Boundaries, newton: Newton) -> Floats:
-    elements, unknown, changes = field.elements, field.unknown, list[Floats]()
-    energy = energy_on(elements, field, boundaries)
+def _from_below(problem: Arguments, field: HighOrderField) -> Floats:
+    energy, unknown, changes = energy_of(problem, field), field.unknown, list[Floats]()
     for order in (field.order - 1, field.order - 2):
-        lower = elements.at_order(order)
-        below = energy_on(lower, field, boundaries)
-        solution = newton.linear(below)
-        change = unknown - interpolated_on(elements, lower, solution)
+        below = energy_of(problem, field, order)
+        solution = problem.method.linear(below)
+        change = unknown - interpolated_on(energy.space, below.space, solution)
         changes.append(energy_products(energy, unknown, change, change))
-        elements, energy, unknown = lower, below, solution
+        energy, unknown = below, solution
     now, before = changes
     factor = sum_over_change(float(before.sum()), float(now.sum()), field.order - 1) - 1.0
     return np.asarray(np.sqrt(now * factor))
@@ -128,51 +109,42 @@ def energy_products(energy: PlaneEnergy, u: Floats, first: Floats, second: Float
     return np.bincount(elements.element, terms, elements.corners.t.shape[1]).astype(np.float64)
 
 
-def goal_indicators_by_orders(field: HighOrderField, goal: Goal, boundaries: Boundaries, newton: Newton) -> Floats:
+def goal_indicators_by_orders(problem: Arguments, field: HighOrderField, goal: Goal) -> Floats:
     """Return unsquared indicators of a goal, in the root of its unit.
 
     Their squares are the magnitudes of the energy products of what one order more adds to the field and to the dual.
     """
-    higher = richer_solution(field, boundaries, newton)
-    duals = (dual_of(each, goal.derivative(each), boundaries, newton).values for each in (field, higher))
+    higher = richer_solution(problem, field)
+    duals = (dual_of(problem, each, goal.derivative(each)).values for each in (field, higher))
     pairs = (field.unknown, higher.unknown), tuple(duals)
     added = (now - interpolated_on(higher.elements, field.elements, before) for before, now in pairs)
-    energy = energy_on(higher.elements, field, boundaries)
-    return np.asarray(np.sqrt(np.abs(energy_products(energy, higher.unknown, *added))))
+    return np.asarray(np.sqrt(np.abs(energy_products(energy_of(problem, higher), higher.unknown, *added))))
 
 
-def energy_indicators(
-    mesh: MeshTri,
-    field: Field,
-    estimator: str,
-    boundaries: Boundaries,
-    materials: Mapping[str, Material],
-    newton: Newton,
-) -> Floats:
+def energy_indicators(problem: Arguments, field: Field) -> Floats:
     if isinstance(field, HighOrderField):
-        return indicators_by_orders(field, boundaries, newton)
-    joined = _tied_facets(field, boundaries)
+        return indicators_by_orders(problem, field)
+    estimator, coefficients = problem.estimator, field.coefficients
+    joined = _tied_facets(problem, field)
     if estimator == "residual" and (field.order > 1 or field.axisymmetric):
         return _residual_scale(field) * residual_by_points(field, joined)
     if estimator == "equilibrated":
-        return equilibrated_bound(mesh, field, boundaries)
-    coefficients, unknown = field.coefficients, field.unknown
+        return equilibrated_bound(problem, field)
     is_linear = not coefficients.nonlinear_materials and not field.axisymmetric
     scalar = scalar_problem(field.elements, field.symmetry, coefficients) if is_linear else linearised(field, estimator)
     flux = scalar.flux
     if coefficients.varying_magnets and not field.axisymmetric:  # around an axis `linearised` has H at the corners
-        flux = flux.reshape(2, -1, mesh.t.shape[1]) + flux_variation(field, materials)
+        flux = flux.reshape(2, -1, field.mesh.t.shape[1]) + flux_variation(field, problem.materials)
+    given = field.mesh, field.unknown, scalar.reluctivity
     if estimator == "residual":
-        unscaled = residual(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=flux, joined=joined)
-        return RESIDUAL_SCALE * unscaled
-    region = _equal_materials(field, list(materials.values()))
-    return recovery(mesh, unknown, scalar.reluctivity, source=scalar.source, flux=flux, region=region)
+        return RESIDUAL_SCALE * residual(*given, source=scalar.source, flux=flux, joined=joined)
+    varies = not is_linear or any(material.turns for material in problem.materials.values())
+    region = equal_materials(field, problem.materials) if varies else None
+    return recovery(*given, source=scalar.source, flux=flux, region=region)
 
 
-def _tied_facets(field: Field, boundaries: Boundaries) -> Facets | None:
-    if not (boundaries.periodic or boundaries.antiperiodic):
-        return None
-    return ties_of(field.elements, boundaries.periodic, boundaries.antiperiodic).facets
+def _tied_facets(problem: Arguments, field: Field) -> Facets | None:
+    return ties_of(field.elements, problem.periodic, problem.antiperiodic).facets if problem.pairs else None
 
 
 def _residual_scale(field: Field) -> float:
@@ -187,22 +159,19 @@ def flux_variation(field: Field, materials: Mapping[str, Material]) -> Floats:
     return field.symmetry.flux(2.0 * (coercivity - coercivity.mean(axis=1, keepdims=True)))
 
 
-def _equal_materials(field: Field, materials: Sequence[Material]) -> Ints | None:
-    first_equal = np.array([materials.index(material) for material in materials])
-    varies = (
-        field.axisymmetric or field.coefficients.nonlinear_materials or any(material.turns for material in materials)
-    )
-    return first_equal[field.coefficients.material_index] if varies else None
+def equal_materials(field: Field | LocalSolid, materials: Mapping[str, Material]) -> Ints:
+    values = list(materials.values())
+    return np.array([values.index(material) for material in values])[field.coefficients.material_index]
 
 
-def equilibrated_bound(mesh: MeshTri, field: Field, boundaries: Boundaries) -> Floats:
-    fixed, _ = fixed_values(field.elements, boundaries)
-    coefficients = field.coefficients
-    source, flux = coefficients.current_density, coefficients.flux
+def equilibrated_bound(problem: Arguments, field: Field) -> Floats:
+    coefficients, fixed = field.coefficients, fixed_values(field.elements, problem.boundaries)[0]
+    given = {"source": coefficients.current_density, "flux": coefficients.flux, "fixed": fixed}
     if not coefficients.nonlinear_materials:
-        return equilibrated(mesh, field.potential, coefficients.reluctivity, source=source, flux=flux, fixed=fixed)
-    balanced = equilibrated_flux(mesh, field.potential, field.reluctivity, source=source, flux=flux, fixed=fixed)
-    return duality_gap(mesh, field.potential, balanced, coefficients.law_energy, coefficients.law_coenergy, flux=flux)
+        return equilibrated(field.mesh, field.potential, coefficients.reluctivity, **given)
+    balanced = equilibrated_flux(field.mesh, field.potential, field.reluctivity, **given)
+    laws = coefficients.law_energy, coefficients.law_coenergy
+    return duality_gap(field.mesh, field.potential, balanced, *laws, flux=coefficients.flux)
 
 
 def linearised(field: Field, estimator: str) -> Scalar:
@@ -226,30 +195,32 @@ def linearised(field: Field, estimator: str) -> Scalar:
     return Scalar(reluctivity, flux, field.symmetry.source(field.current_density))
 
 
-def goal_indicators(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> Floats:
+def goal_indicators(problem: Arguments, field: Field, goal: Goal) -> Floats:
     if isinstance(field, HighOrderField):
-        return goal_indicators_by_orders(field, goal, boundaries, newton)
+        return goal_indicators_by_orders(problem, field, goal)
+    dual = dual_of(problem, field, goal.derivative(field))
     if field.order > 1:
         # Errors from a solve of one order more in every pass gave no better force between two magnets.
-        dual, joined = dual_of(field, goal.derivative(field), boundaries, newton), _tied_facets(field, boundaries)
-        primal_residual, dual_residual = residual_by_points(field, joined), dual_residual_by_points(field, dual, joined)
-        return _residual_scale(field) * np.sqrt(primal_residual * dual_residual)
-    pair = _primal_and_dual(field, goal, boundaries, newton)
+        joined = _tied_facets(problem, field)
+        return _residual_scale(field) * np.sqrt(
+            residual_by_points(field, joined) * dual_residual_by_points(field, dual, joined)
+        )
+    pair = _primal_and_dual(problem, field, dual)
     if field.elements.axis:  # there B decreases like 1 / r within elements
-        for name, strength in zip(("flux", "dual_flux"), field.strength_at_corners(pair["dual"]), strict=True):
+        for name, strength in zip(("flux", "dual_flux"), field.strength_at_corners(dual.values), strict=True):
             flux = field.symmetry.flux(strength)
             pair[name] = pair[name][:, None] - flux + flux.mean(axis=1, keepdims=True)
     return goal_oriented(field.mesh, **pair)
 
 
-def _primal_and_dual(field: Field, goal: Goal, boundaries: Boundaries, newton: Newton) -> dict[str, Any]:
+def _primal_and_dual(problem: Arguments, field: Field, of_goal: Dual) -> dict[str, Any]:
     """Return the arguments of `goal_oriented` for a field and its dual.
 
     Both solve ``-div(nu grad u - flux) = source``. For nonlinear material nu is the root of the determinant of the
     tensor of the linearised problem, and the fluxes make ``nu grad u - flux`` the field strength and, of the dual, its
     change.
     """
-    dual, source, load = dual_of(field, goal.derivative(field), boundaries, newton)
+    dual, source, load = of_goal
     elements, symmetry, u, at = field.elements, field.symmetry, field.unknown, field.at_quadrature
     weight = np.sqrt(field.reluctivity * field.differential_reluctivity)
     current = symmetry.source(field.current_density)
@@ -264,7 +235,7 @@ def _primal_and_dual(field: Field, goal: Goal, boundaries: Boundaries, newton: N
         "flux": nu * gradient(field.mesh, u) - strength,
         "dual_source": source,
         "dual_flux": nu * gradient(field.mesh, dual) - change + balanced(elements, load, np.zeros_like(source)),
-        "fixed": _fixed_nodes(conditions_of(elements, boundaries, symmetry)),
+        "fixed": _fixed_nodes(energy_of(problem, field).conditions),
     }
 
 

@@ -10,7 +10,8 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
-from kohonen_adapt.problem.protocol import AutoOrder, NotOffered
+from kohonen_adapt.problem.protocol import AutoOrder, NotOffered, optional_method
+from kohonen_adapt.problem.uncertain import error_of
 
 __all__ = ["FieldProblem", "check_elements", "chosen_order", "scaled_to", "vanish"]
 
@@ -24,6 +25,7 @@ FieldKind = TypeVar("FieldKind", bound=Field | SolidField)
 class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
     norm: ClassVar[str] = "energy"
     goal: Goal | None
+    no_goal: ClassVar[str]  # how to get a goal, the end of a message
 
     @abstractmethod
     def solve(self, mesh: MeshKind) -> FieldKind:
@@ -90,7 +92,6 @@ class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
             its unit.
         """
 
-    @abstractmethod
     def goal_error(self, field: FieldKind) -> float:
         """Return an estimate of the error of the goal, exact less computed value.
 
@@ -124,6 +125,10 @@ class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
         >>> 0.9 < problem.goal_error(field) / (problem.goal(finer) - problem.goal(field)) < 1.1
         True
         """
+        if self.goal is None:
+            raise ValueError(f"goal_error needs a goal{self.no_goal}")
+        improved = optional_method(self, "improved")
+        return error_of(self.goal(field), improved(field.mesh, field, {"goal": self.goal})["goal"])
 
     def energy_norm(self, mesh: MeshKind, field: FieldKind) -> float:
         """Return the energy norm ``sqrt(int nu |B|^2)`` of a solution.

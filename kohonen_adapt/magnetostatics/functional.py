@@ -8,9 +8,10 @@ from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators import residual
+from kohonen_adapt.magnetostatics.arguments import Arguments
+from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace
 from kohonen_adapt.magnetostatics.equations.applied_field import aligned_potential
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Conditions, Value, circle_of, conditions_of
-from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Inverse, Scaled
@@ -19,7 +20,7 @@ from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.residuals import dual_residual_by_points, residual_by_points
-from kohonen_adapt.magnetostatics.solution import at_points, tangent_solution
+from kohonen_adapt.magnetostatics.solution import at_points, dual_of
 from kohonen_adapt.problem.boundary_terms import SurfaceTerms
 from kohonen_adapt.problem.energy import Energy
 from kohonen_adapt.problem.protocol import HIGHEST_POLISHED, NotOffered
@@ -31,9 +32,7 @@ __all__ = ["functional_for", "functional_in_space"]
 TOLERANCE = 1e-9  # tolerance of equality, relative to the largest derivative or to the sum of the terms of the goal
 
 
-def functional_for(
-    field: Field, goal: Goal | None, boundaries: Boundaries, materials: Mapping[str, Material], newton: Newton
-) -> Ritz:
+def functional_for(problem: Arguments, field: Field, goal: Goal | None) -> Ritz:
     """Return the functional of a field, with the dual functional of a goal.
 
     Raises
@@ -44,21 +43,21 @@ def functional_for(
     """
     if field.order > HIGHEST_POLISHED:
         raise NotOffered(f"elements of order {field.order} are not polished, only elements of order 1 to 3")
-    ritz = functional_of(field, boundaries, materials)
+    ritz = functional_of(problem, field)
     if goal is None:
         return ritz
     if field.axisymmetric:
         raise NotOffered("around an axis a goal has no functional to minimise")
     if field.coefficients.nonlinear_materials:
         raise NotOffered("with nonlinear material a goal has no functional to minimise")
-    source, load = at_points(field, goal.derivative(field))
-    dual = dual_functional(field, ritz, source, load)
-    values = tangent_solution(field, boundaries, field.elements.loads(source, load), newton)
-    primal_error, dual_error = estimates_of(field, Dual(values, source, load))
+    derivative = at_points(field, goal.derivative(field))
+    functional = dual_functional(field, ritz, *derivative)
+    dual = dual_of(problem, field, derivative)
+    primal_error, dual_error = estimates_of(field, dual)
     ratio = dual_error / primal_error if primal_error * dual_error > 0.0 else 1.0
-    return replace(
-        ritz, dual=replace(dual, values=values), share=ratio, comparable=is_comparable(field, goal, source, load)
-    )
+    # Parabolas omit parts of curves that change a value by as much as a goal improves in a pass.
+    comparable = not field.elements.shape.curved.any() and is_linear(field, goal, dual)
+    return replace(ritz, dual=replace(functional, values=dual.values), share=ratio, comparable=comparable)
 
 
 def dual_functional(field: Field, ritz: Ritz, source: Floats, load: Floats) -> Ritz:
@@ -75,9 +74,8 @@ def dual_functional(field: Field, ritz: Ritz, source: Floats, load: Floats) -> R
         )
     robin = {name: (kappa, 0.0) for name, (kappa, _) in ritz.robin.items()}
     tables = np.asarray(ritz.coefficient)[primal_region[first]], source[first], load[:, point]
-    return Ritz(
-        np.zeros(np.size(ritz.values)), ritz.fixed, *tables, region, order=ritz.order, robin=robin, signs=ritz.signs
-    )
+    values = np.zeros(np.size(ritz.values))
+    return Ritz(values, ritz.fixed, *tables, region, order=ritz.order, robin=robin, signs=ritz.signs)
 
 
 def estimates_of(field: Field, dual: Dual) -> tuple[float, float]:
@@ -90,20 +88,15 @@ def estimates_of(field: Field, dual: Dual) -> tuple[float, float]:
     return primal_norm, dual_norm
 
 
-def is_comparable(field: Field, goal: Goal, source: Floats, load: Floats) -> bool:
-    # Parabolas omit parts of curves that change a value by as much as a goal improves in a pass.
-    return not field.elements.shape.curved.any() and is_linear(field, goal, source, load)
-
-
-def is_linear(field: Field, goal: Goal, source: Floats, load: Floats) -> bool:
-    terms = field.unknown * field.elements.loads(source, load)  # Euler's theorem on homogeneous functions
+def is_linear(field: Field, goal: Goal, dual: Dual) -> bool:
+    terms = field.unknown * field.elements.loads(dual.source, dual.load)  # Euler's theorem on homogeneous functions
     return bool(abs(terms.sum() - goal(field)) <= TOLERANCE * np.abs(terms).sum())
 
 
-def functional_of(field: Field, boundaries: Boundaries, materials: Mapping[str, Material]) -> Ritz:
-    coefficients = field.coefficients
+def functional_of(problem: Arguments, field: Field) -> Ritz:
+    coefficients, boundaries = field.coefficients, problem.boundaries
     conditions = conditions_of(field.elements, boundaries, field.symmetry, anchored=True)
-    present, first, region = coefficients.present(materials)
+    present, first, region = coefficients.present(problem.materials)
     varies = any(material.turns for material in present.values())
     symmetry, extent = field.symmetry, field.symmetry.extent
     flux: Flux = _flux_of(present, symmetry) if varies else symmetry.flux(coefficients.coercivity[:, first])
@@ -146,15 +139,12 @@ def _flux_of(materials: Mapping[str, Material], symmetry: Symmetry) -> Callable[
 
 
 NO_LOAD = 1e-12  # largest rounding error of the load of a field parallel to a face, relative to the largest load
-ConditionsOf = Callable[[SolidField], Conditions]
 FunctionalOn = Callable[[MeshTet], tuple[Energy, SolidField]]
 
 
-def functional_in_space(
-    field: SolidField, conditions_of: ConditionsOf, materials: Mapping[str, Material], functional_on: FunctionalOn
-) -> Ritz:
+def functional_in_space(problem: ArgumentsInSpace, field: SolidField, functional_on: FunctionalOn) -> Ritz:
     coefficients_of_mesh = field.coefficients
-    present, first, region = coefficients_of_mesh.present(materials)
+    present, first, region = coefficients_of_mesh.present(problem.materials)
     if any(material.turns and material.bh is not None for material in present.values()):
         raise NotOffered("nonlinear magnets that vary in a region have no functional to minimise")
     varies = any(material.turns for material in present.values())
@@ -170,7 +160,7 @@ def functional_in_space(
     laws = tuple(None if material.bh is None else Inverse(material.bh) for material in present.values())
     return Ritz(
         field.unknown,
-        conditions_of(field).fixed,
+        problem.conditions_of(field).fixed,
         mu,
         0.0,
         flux,
@@ -178,12 +168,12 @@ def functional_in_space(
         laws if coefficients_of_mesh.nonlinear_materials else (),
         order=field.order,
         shift=coercivity,
-        surface=surface_terms(field, ~field.drive.iron[first], conditions_of, functional_on),
+        surface=surface_terms(problem, field, ~field.drive.iron[first], functional_on),
     )
 
 
 def surface_terms(
-    field: SolidField, reduced: Mask, conditions_of: ConditionsOf, functional_on: FunctionalOn
+    problem: ArgumentsInSpace, field: SolidField, reduced: Mask, functional_on: FunctionalOn
 ) -> SurfaceTerms | None:
     drive = field.drive
     if drive.function is None:
@@ -193,9 +183,11 @@ def surface_terms(
 
     def on_mesh(mesh: MeshTet) -> Floats:
         moved = functional_on(mesh)[1]
-        return nodal_terms(moved, conditions_of(moved), aligned_potential(moved.drive, drive))
+        return nodal_terms(moved, problem.conditions_of(moved), aligned_potential(moved.drive, drive))
 
-    return SurfaceTerms(nodal_terms(field, conditions_of(field), drive.potential), reduced, on_mesh, drive.function)
+    return SurfaceTerms(
+        nodal_terms(field, problem.conditions_of(field), drive.potential), reduced, on_mesh, drive.function
+    )
 
 
 def nodal_terms(field: SolidField, conditions: Conditions, potential: Floats) -> Floats:

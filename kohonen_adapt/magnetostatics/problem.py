@@ -2,32 +2,22 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import ClassVar, Self
 
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.curves import Curve
-from kohonen_adapt.magnetostatics.arguments import Arguments, check_plane_mesh, checked_order
-from kohonen_adapt.magnetostatics.better_values import better_values, error_of_goal
+from kohonen_adapt.magnetostatics.arguments import Arguments
+from kohonen_adapt.magnetostatics.better_values import better_values
 from kohonen_adapt.magnetostatics.corner_errors import with_strong_corners
-from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
-from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
-from kohonen_adapt.magnetostatics.equations.newton import Newton
-from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR
 from kohonen_adapt.magnetostatics.estimation import energy_indicators, goal_indicators
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem, scaled_to, vanish
 from kohonen_adapt.magnetostatics.functional import functional_for
-from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.solution import field_of, linkage_slope, solution_of
 from kohonen_adapt.magnetostatics.strong_corners import materials_of
-from kohonen_adapt.mesh.blended import exact_area
 from kohonen_adapt.mesh.corners import corner_exponents, singular_nodes
-from kohonen_adapt.mesh.functions import EQUIDISTANT
-from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.mesh.space import Space
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.ritz import Ritz
 
@@ -129,8 +119,8 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
     True
     """
 
-    method: ClassVar[Newton] = Newton()  # subclasses may override
     orders: ClassVar[tuple[int, int]] = (1, 8)
+    no_goal: ClassVar[str] = "; give one to Magnetostatics, for instance goal=Torque('rotor')."
 
     def solve(self, mesh: MeshTri, *, order: int | None = None) -> Field:
         """Solve on a mesh by a sparse direct method, with Newton's method if nonlinear.
@@ -158,7 +148,7 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         NotConverged
             If Newton's method does not converge (a kind of LinAlgError); its `field` is the last iterate.
         """
-        return solution_of(self._energy_on(mesh, order), self.depth, None, self.method)
+        return solution_of(self, self.energy_on(mesh, order))
 
     def solve_from(self, mesh: MeshTri, old_mesh: MeshTri, old_field: Field, *, order: int | None = None) -> Field:
         """Solve like `solve`, starting from a solution on another mesh.
@@ -179,29 +169,19 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         Field
             As in `solve`, with the same errors raised.
         """
-        return solution_of(self._energy_on(mesh, order), self.depth, old_field, self.method)
+        return solution_of(self, self.energy_on(mesh, order), old_field)
 
     def check(self, mesh: MeshTri) -> None:
-        self._energy_on(mesh)
-
-    def _energy_on(self, mesh: MeshTri, order: int | None = None) -> PlaneEnergy:
-        order = checked_order(self.order if order is None else order)
-        check_plane_mesh(mesh, curved=order > 1)
-        symmetry = AXISYMMETRIC if self.axisymmetric else PLANAR
-        sides = {name: curve.project for name, curve in (self.sides or {}).items()}
-        size = partial(exact_area, sides=sides) if order > EQUIDISTANT else area
-        material = coefficients(mesh, self.materials, self.ampere_turns, size)
-        elements = Space(mesh, order, material.nonlinear, self.axisymmetric, sides)
-        return PlaneEnergy.of(elements, symmetry, material, conditions_of(elements, self.boundaries, symmetry))
+        self.energy_on(mesh)
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:
         if self.goal is not None:
-            found = goal_indicators(field, self.goal, self.boundaries, self.method)
+            found = goal_indicators(self, field, self.goal)
             if not vanish(found, self.goal(field)):
                 return found
-        of_energy = energy_indicators(mesh, field, self.estimator, self.boundaries, self.materials, self.method)
+        of_energy = energy_indicators(self, field)
         if self.estimator == "residual":
-            of_energy = with_strong_corners(of_energy, field, self.boundaries, self.method, self._energy_on)
+            of_energy = with_strong_corners(self, field, of_energy)
         return of_energy if self.goal is None else scaled_to(of_energy, self.goal_error(field))
 
     def functional(self, mesh: MeshTri, field: Field) -> float:
@@ -231,7 +211,7 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         >>> round(problem.functional(mesh, field) / problem.energy_norm(mesh, field) ** 2, 6)
         -0.5
         """
-        energy = self._energy_on(mesh, field.order)
+        energy = self.energy_on(mesh, field.order)
         return energy.value(field.unknown)[0] - energy.value(0.0 * field.unknown)[0]
 
     def on_curves(self, curves: Mapping[str, Curve]) -> Self:
@@ -278,7 +258,7 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         >>> mesh.p[:, nodes].tolist()
         [[0.75, 0.25, 0.25, 0.75], [0.25, 0.75, 0.25, 0.75]]
         """
-        return singular_nodes(mesh, materials_of(field, self.boundaries))
+        return singular_nodes(mesh, materials_of(self, field))
 
     def corner_exponents(self, mesh: MeshTri) -> dict[int, float]:
         """Return the exponents of corners at which B is infinite, before any solve.
@@ -306,9 +286,9 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         >>> [(mesh.p[:, node].tolist(), round(l, 4)) for node, l in problem.corner_exponents(mesh).items()]
         [([0.5, 0.5], 0.0402)]
         """
-        energy = self._energy_on(mesh)
+        energy = self.energy_on(mesh)
         blank = field_of(energy, self.depth, energy.conditions.values)
-        nodes, least = corner_exponents(mesh, materials_of(blank, self.boundaries))
+        nodes, least = corner_exponents(mesh, materials_of(self, blank))
         return dict(zip(nodes.tolist(), least.tolist(), strict=True))
 
     def incremental_inductance(self, field: Field, circuit: Mapping[str, float]) -> float:
@@ -335,12 +315,7 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         ValueError
             If the circuit is no such mapping, or the mesh lacks its names.
         """
-        return linkage_slope(field, self.boundaries, circuit, self.method)
-
-    def goal_error(self, field: Field) -> float:
-        if self.goal is None:
-            raise ValueError("goal_error needs a goal; give one to Magnetostatics, for instance goal=Torque('rotor').")
-        return error_of_goal(field, self.goal, self.boundaries, self.method, self._energy_on)
+        return linkage_slope(self, field, circuit)
 
     def improved(self, mesh: MeshTri, field: Field, outputs: Mapping[str, Output]) -> Mapping[str, float]:
         """Return better values of outputs.
@@ -361,7 +336,7 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
             Name to value, a float with the attribute ``doubt``, the estimated magnitude of its own error: half the
             change by the last order.
         """
-        return better_values(field, outputs, self.boundaries, self.method, self._energy_on)
+        return better_values(self, field, outputs)
 
     def ritz(self, mesh: MeshTri, field: Field) -> Ritz:
         """Return the energy functional and its minimiser, the potential.
@@ -388,4 +363,4 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         NotOffered
             For goals without a functional.
         """
-        return functional_for(field, self.goal, self.boundaries, self.materials, self.method)
+        return functional_for(self, field, self.goal)

@@ -2,21 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_count
-from kohonen_adapt.estimators import goal_oriented
 from kohonen_adapt.geometry.space.movable_solid import with_round_edges
-from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace, conditions_in_space
+from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace, solved
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, drive_on
-from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.energy import coenergy
-from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
-from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem, check_elements, chosen_order, scaled_to, vanish
 from kohonen_adapt.magnetostatics.functional import functional_in_space
 from kohonen_adapt.magnetostatics.hypercircle import gap_indicators, with_currents_of
@@ -29,7 +25,7 @@ from kohonen_adapt.magnetostatics.solid_estimation import (
     arguments_of_goal,
     better_values,
     energy_indicators_in_space,
-    goal_indicators_by_surplus,
+    goal_indicators_in_space,
     linearised_at,
     quadratic_values,
     with_surplus,
@@ -40,7 +36,6 @@ from kohonen_adapt.problem.energy import Energy
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.protocol import AutoOrder
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.problem.uncertain import error_of
 
 __all__ = ["MagneticScalarPotential"]
 
@@ -119,7 +114,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
     goal: Goal | None = None
     order: int = AutoOrder(2)
     curved: bool = True
-    method: ClassVar[Newton] = Newton(solver=IN_SPACE)  # subclasses may override
+    no_goal: ClassVar[str] = "; give one, for instance goal=Force('armature', (0.0, 0.0, 1.0))."
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -153,15 +148,10 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         )
 
     def solve(self, mesh: MeshTet) -> SolidField:
-        energy, field = self.functional_on(mesh)
-        steps = tuple[NewtonStep, ...]()
-        if not energy.is_quadratic:
-            unknown, steps = self.method.descend_coenergy(energy, self._start(mesh, energy, field.drive))
-        else:
-            unknown = self.method.linear(energy)
-        result = replace(field, unknown=unknown, newton=steps)
-        refuse_unconverged(result)
-        return result
+        energy, start = self.functional_on(mesh)
+        if energy.is_quadratic:
+            return solved(start, self.method.linear(energy))
+        return solved(start, *self.method.descend_coenergy(energy, self._start(mesh, energy, start.drive)))
 
     def _start(self, mesh: MeshTet, energy: Energy, drive: Drive) -> Floats | None:
         # The solution of order 1 on the same mesh. A start from another mesh takes more steps, because the
@@ -201,7 +191,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         parallel = [plane.facets for plane in planes.values() if plane.kind == "parallel"]
         closed = np.concatenate([np.zeros(0, dtype=np.int64), *parallel])
         drive = drive_on(mesh, material, self.free_field, closed, self.order, known)
-        conditions = conditions_in_space(drive, self.potential or {}, planes)
+        conditions = self.conditions(drive, planes)
         energy = coenergy(drive, material, conditions)
         field = SolidField(
             mesh, conditions.values, material, drive, planes, far=ends_far(drive, conditions, planes.values())
@@ -210,24 +200,15 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         return energy, field
 
     def indicators(self, mesh: MeshTet, field: SolidField) -> Floats:
-        if self.goal is None and self.estimator == "bracket":
+        if self.goal is not None:
+            found = goal_indicators_in_space(self, field, self.goal)
+            if not vanish(found, self.goal(field)):
+                return found
+            return scaled_to(energy_indicators_in_space(self, field, "residual"), self.goal_error(field))
+        if self.estimator == "bracket":
             vector = self.vector_potential.solve(mesh)
             return gap_indicators(with_currents_of(vector, field), vector)
-        if self.goal is None:
-            return energy_indicators_in_space(field, self.estimator, self._conditions(field), self.materials)
-        conditions, pair = self._conditions(field), self._pair(field, self.goal)
-        found = (
-            goal_indicators_by_surplus(field, conditions, **pair) if field.order > 1 else goal_oriented(mesh, **pair)
-        )
-        if not vanish(found, self.goal(field)):
-            return found
-        of_energy = energy_indicators_in_space(field, "residual", conditions, self.materials)
-        return scaled_to(of_energy, self.goal_error(field))
-
-    def goal_error(self, field: SolidField) -> float:
-        if self.goal is None:
-            raise ValueError("goal_error needs a goal; give one, for instance goal=Force('armature', (0.0, 0.0, 1.0)).")
-        return error_of(self.goal(field), self.improved(field.mesh, field, {"goal": self.goal})["goal"])
+        return energy_indicators_in_space(self, field, self.estimator)
 
     def aimed_at(self, output: object) -> Self:
         """Return the problem for an output, with a goal where that is quicker.
@@ -279,19 +260,10 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
 
     def _better_solution(self, field: SolidField) -> SolidField:
         if field.order > 1:
-            return with_surplus(field, self._conditions(field), self.materials, self.method)
+            return with_surplus(self, field)
         quadratic = replace(self, order=2, goal=None, estimator="residual")
         mesh = with_round_edges(field.mesh) if self.curved else field.mesh  # faces cut off a part of round bodies
         return linearised_at(field, *quadratic._functional(mesh, field.drive), self.method)
-
-    def _conditions(self, field: SolidField) -> Conditions:
-        return conditions_in_space(field.drive, self.potential or {}, field.planes)
-
-    def _pair(self, field: SolidField, goal: Goal) -> dict[str, Any]:
-        if field.kept.get("goal") is not goal:  # indicators and the functional have the same dual
-            pair = arguments_of_goal(field, goal, self._conditions(field), self.materials, self.method)
-            field.kept.update(goal=goal, pair=pair)
-        return field.kept["pair"]
 
     def ritz(self, mesh: MeshTet, field: SolidField) -> Ritz:
         """Return the co-energy functional and its minimiser, the potential.
@@ -321,8 +293,8 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
             For nonlinear material with a remanence that varies in a region, and for iron that links a current. At order
             2 for all magnets that vary in a region.
         """
-        ritz = functional_in_space(field, self._conditions, self.materials, self.functional_on)
+        ritz = functional_in_space(self, field, self.functional_on)
         if self.goal is None:
             return ritz
-        shapes_only = not are_parallel(field, self._pair(field, self.goal)["dual"])
+        shapes_only = not are_parallel(field, arguments_of_goal(self, field, self.goal)["dual"])
         return replace(ritz, comparable=False, shapes_only=shapes_only)

@@ -10,13 +10,13 @@ import numpy as np
 from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.estimators import recovery, residual
+from kohonen_adapt.estimators import goal_oriented, recovery, residual
 from kohonen_adapt.estimators.hierarchical import Surplus, cubic_slopes
-from kohonen_adapt.magnetostatics.equations.conditions import Conditions
+from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace
 from kohonen_adapt.magnetostatics.equations.energy import coenergy
 from kohonen_adapt.magnetostatics.equations.newton import Newton
+from kohonen_adapt.magnetostatics.estimation import RESIDUAL_SCALE, equal_materials
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
-from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid, Strength
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
@@ -33,7 +33,7 @@ __all__ = [
     "at_edges",
     "better_values",
     "energy_indicators_in_space",
-    "goal_indicators_by_surplus",
+    "goal_indicators_in_space",
     "linearised_at",
     "primal_and_dual",
     "quadratic_values",
@@ -41,7 +41,6 @@ __all__ = [
     "with_surplus",
 ]
 
-RESIDUAL_SCALE = 1.0 / 3.6  # the unscaled estimate is 3.5 to 3.8 times the error on balls (benchmarks magnets)
 # At edges of materials cubic functions are two thirds of the error (benchmarks forces-in-space).
 AT_EDGES = 1.5
 TURNED = 1.0  # least measure of a turn at an edge: twice the square of the sine, of 45 degrees
@@ -89,17 +88,15 @@ class EnrichedField(SolidField):
         return np.asarray(np.einsum("an,can->cn", along, self.elements.hats[:, :, element]))
 
 
-def energy_indicators_in_space(
-    field: LocalSolid, estimator: str, conditions: Conditions, materials: Mapping[str, Material]
-) -> Floats:
+def energy_indicators_in_space(problem: ArgumentsInSpace, field: LocalSolid, estimator: str) -> Floats:
     if field.order > 1:
-        return scale_at_edges(field, materials) * cubic_error(field, conditions)[1]
+        return scale_at_edges(problem, field) * cubic_error(problem, field)[1]
     secant, differential = field.permeabilities
     weight = np.sqrt(secant * differential) if estimator == "residual" else differential
-    flux = _flux_for(field, weight)
+    given, flux = (field.mesh, field.unknown, weight), _flux_for(field, weight)
     if estimator == "residual":
-        return RESIDUAL_SCALE * residual(field.mesh, field.unknown, weight, flux=flux)
-    return recovery(field.mesh, field.unknown, weight, flux=flux, region=_equal_materials(field, materials))
+        return RESIDUAL_SCALE * residual(*given, flux=flux)
+    return recovery(*given, flux=flux, region=equal_materials(field, problem.materials))
 
 
 def flux_and_divergence(field: LocalSolid) -> tuple[Floats, Floats]:
@@ -130,9 +127,7 @@ def _divergence_of_remanence(field: LocalSolid, elements: Ints) -> Floats:
     return np.asarray(mean + np.sqrt(5.0) * (total - mean))
 
 
-def primal_and_dual(
-    field: LocalSolid, goal: Goal, conditions: Conditions, materials: Mapping[str, Material], newton: Newton
-) -> dict[str, Any]:
+def primal_and_dual(problem: ArgumentsInSpace, field: LocalSolid, goal: Goal) -> dict[str, Any]:
     """Return the arguments of `goal_oriented` for a field and its dual.
 
     Both solve ``-div(mu grad u - flux) = 0``. For nonlinear material mu is the root of the determinant of the tensor of
@@ -141,7 +136,7 @@ def primal_and_dual(
     """
     elements, (_, load) = field.elements, goal.derivative(field)
     load = elements.mean(load) if load.shape == elements.points.shape else load
-    dual = _dual(field, load, conditions, newton)
+    dual = _dual(problem, field, load)
     weight = np.sqrt(np.multiply(*field.permeabilities))
     change = elements.mean(field.change_of_flux_density(elements.slope_of_corners(dual)))
     return {
@@ -150,7 +145,7 @@ def primal_and_dual(
         "reluctivity": weight,
         "flux": _flux_for(field, weight),
         "dual_flux": weight * elements.gradient(dual) - change + load,
-        "region": _equal_materials(field, materials),
+        "region": equal_materials(field, problem.materials),
     }
 
 
@@ -164,17 +159,17 @@ def are_parallel(field: LocalSolid, dual: Floats) -> bool:
     return float(np.sum(one * other)) ** 2 > PARALLEL**2 * float(np.sum(one**2) * np.sum(other**2))
 
 
-def cubic_functions(field: LocalSolid, conditions: Conditions) -> Surplus:
+def cubic_functions(problem: ArgumentsInSpace, field: LocalSolid) -> Surplus:
     mesh, elements = field.elements.corners, field.elements
-    fixed = np.all(conditions.fixed[elements.on_facets(np.arange(mesh.facets.shape[1]))], axis=0)
+    fixed = np.all(problem.conditions_of(field).fixed[elements.on_facets(np.arange(mesh.facets.shape[1]))], axis=0)
     return Surplus(mesh, elements.volumes, np.asarray(fixed), elements.hats_of_corners)
 
 
-def cubic_error(field: LocalSolid, conditions: Conditions) -> tuple[Floats, Floats]:
+def cubic_error(problem: ArgumentsInSpace, field: LocalSolid) -> tuple[Floats, Floats]:
     # The error of a field of order 2 as coefficients of cubic functions, (10, nelements), and its norms, (nelements,).
     # Indicators, outputs and goals have the same.
     if "cubic" not in field.kept:
-        surplus, hats = cubic_functions(field, conditions), field.elements.hats
+        surplus, hats = cubic_functions(problem, field), field.elements.hats
         secant, differential = field.permeabilities
         slope = np.einsum("ck,cak->ak", unit_vectors(field.field_strength + field.coefficients.coercivity), hats)
         metric = secant * np.einsum("cak,cbk->abk", hats, hats)
@@ -184,43 +179,51 @@ def cubic_error(field: LocalSolid, conditions: Conditions) -> tuple[Floats, Floa
     return field.kept["cubic"]
 
 
-def scale_at_edges(field: LocalSolid, materials: Mapping[str, Material]) -> Floats:
-    return np.where(at_edges(field.elements.corners, _equal_materials(field, materials)), AT_EDGES, 1.0)
+def scale_at_edges(problem: ArgumentsInSpace, field: LocalSolid) -> Floats:
+    return np.where(at_edges(field.elements.corners, equal_materials(field, problem.materials)), AT_EDGES, 1.0)
 
 
-def arguments_of_goal(
-    field: LocalSolid, goal: Goal, conditions: Conditions, materials: Mapping[str, Material], newton: Newton
-) -> dict[str, Any]:
-    """Return the arguments of the goal indicators of an order."""
-    if field.order == 1:
-        return primal_and_dual(field, goal, conditions, materials, newton)
+def arguments_of_goal(problem: ArgumentsInSpace, field: LocalSolid, goal: Goal) -> dict[str, Any]:
+    """Return the arguments of goal indicators, kept for the functional."""
+    if field.kept.get("goal") is not goal:
+        arguments = primal_and_dual if field.order == 1 else _dual_and_load
+        field.kept.update(goal=goal, pair=arguments(problem, field, goal))
+    return field.kept["pair"]
+
+
+def _dual_and_load(problem: ArgumentsInSpace, field: LocalSolid, goal: Goal) -> dict[str, Any]:
     elements, (_, load) = field.elements, goal.derivative(field)
     load = load if load.shape == elements.points.shape else load[:, elements.element]
-    return {"dual": _dual(field, load, conditions, newton), "load": load}
+    return {"dual": _dual(problem, field, load), "load": load}
 
 
-def goal_indicators_by_surplus(field: LocalSolid, conditions: Conditions, dual: Floats, load: Floats) -> Floats:
+def goal_indicators_in_space(problem: ArgumentsInSpace, field: LocalSolid, goal: Goal) -> Floats:
+    arguments = arguments_of_goal(problem, field, goal)
+    if field.order == 1:
+        return goal_oriented(field.mesh, **arguments)
+    return goal_indicators_by_surplus(problem, field, **arguments)
+
+
+def goal_indicators_by_surplus(problem: ArgumentsInSpace, field: LocalSolid, dual: Floats, load: Floats) -> Floats:
     # The squares are the magnitudes of the residual of the dual, weighted by the error of the field.
     elements = field.elements
     of_dual = linear_fit(elements, load - field.change_of_flux_density(elements.gradient(dual)))
-    surplus, error = cubic_functions(field, conditions), cubic_error(field, conditions)[0]
+    surplus, error = cubic_functions(problem, field), cubic_error(problem, field)[0]
     divergence = np.tile(np.einsum("cik,cik->k", of_dual, elements.hats), (4, 1))
     right = surplus.residual(of_dual, divergence) * surplus.signs
     return np.asarray(np.sqrt(np.abs(np.sum(right * error, axis=0))))
 
 
-def with_surplus(
-    field: LocalSolid, conditions: Conditions, materials: Mapping[str, Material], newton: Newton
-) -> EnrichedField:
+def with_surplus(problem: ArgumentsInSpace, field: LocalSolid) -> EnrichedField:
     # The cubic functions alone are not in balance with the quadratic functions. For a linear goal the change by the sum
     # is the residual of the dual, weighted by the cubic functions.
     parts = field.mesh, field.unknown, field.coefficients, field.drive, field.planes
-    scale = scale_at_edges(field, materials)
-    cubic, norms = (scale * part for part in cubic_error(field, conditions))
+    scale = scale_at_edges(problem, field)
+    cubic, norms = (scale * part for part in cubic_error(problem, field))
     relative = float(np.sum(norms**2)) / field.squared_norm if norms.any() else 0.0
     enriched = EnrichedField(*parts, far=field.far, cubic=cubic, error_of_energy=relative)
     slope = enriched.cubic_slope(field.elements.points, field.elements.element)
-    change = _dual(field, -field.change_of_flux_density(slope), conditions, newton)
+    change = _dual(problem, field, -field.change_of_flux_density(slope))
     return replace(enriched, unknown=field.unknown + change)
 
 
@@ -279,11 +282,10 @@ def linear_fit(elements: Space, values: Floats) -> Floats:
     return 20.0 * moments - 4.0 * moments.sum(axis=1, keepdims=True)
 
 
-def _dual(field: LocalSolid, load: Floats, conditions: Conditions, newton: Newton) -> Floats:
-    drive, elements = field.drive, field.elements
+def _dual(problem: ArgumentsInSpace, field: LocalSolid, load: Floats) -> Floats:
+    energy, elements = coenergy(field.drive, field.coefficients, problem.conditions_of(field)), field.elements
     terms = elements.assemble_vector(elements.against_gradients(load))
-    energy = coenergy(drive, field.coefficients, conditions)
-    return newton.full_step(energy, field.unknown, -terms[conditions.free])
+    return problem.method.full_step(energy, field.unknown, -terms[energy.conditions.free])
 
 
 def _flux_for(field: LocalSolid, weight: Floats) -> Floats:
@@ -292,11 +294,6 @@ def _flux_for(field: LocalSolid, weight: Floats) -> Floats:
     if field.drive.function is None and not field.coefficients.varying_magnets:
         return weight * slope + field.flux_density
     return (weight * slope)[:, None] + field.at_corners.flux_density.reshape(3, 4, -1)
-
-
-def _equal_materials(field: LocalSolid, materials: Mapping[str, Material]) -> Ints:
-    values = list(materials.values())
-    return np.array([values.index(material) for material in values])[field.coefficients.material_index]
 
 
 def tangential_jumps(field: LocalSolid) -> Floats:

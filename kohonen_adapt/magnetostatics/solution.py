@@ -8,7 +8,8 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
+from kohonen_adapt.magnetostatics.arguments import Arguments
+from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
@@ -24,10 +25,9 @@ __all__ = [
     "QuadraticField",
     "at_points",
     "dual_of",
-    "energy_on",
+    "energy_of",
     "field_of",
     "interpolated_on",
-    "linearised_solution",
     "linkage_slope",
     "richer_solution",
     "solution_of",
@@ -121,24 +121,23 @@ class HighOrderField(QuadraticField):
         return self.degree
 
 
-def unknown_of(energy: PlaneEnergy, old: Field | None, newton: Newton) -> tuple[Floats, tuple[NewtonStep, ...]]:
-    if not energy.is_quadratic:
-        return newton.descend(energy, _start_values(energy, old, newton))
-    return newton.linear(energy), ()
+def unknown_of(
+    problem: Arguments, energy: PlaneEnergy, old: Field | None = None, linearised: bool = False
+) -> tuple[Floats, tuple[NewtonStep, ...]]:
+    # The minimiser, or the Newton step from `old`. The field `old` may be on another mesh.
+    newton = problem.method
+    if energy.is_quadratic:
+        return newton.linear(energy), ()
+    start = _start_values(energy, old, newton)
+    if linearised:
+        return start + newton.full_step(energy, start, energy.gradient(start)), ()
+    return newton.descend(energy, start)
 
 
-def solution_of(energy: PlaneEnergy, depth: float | None, old: Field | None, newton: Newton) -> Field:
-    field = field_of(energy, depth, *unknown_of(energy, old, newton))
+def solution_of(problem: Arguments, energy: PlaneEnergy, old: Field | None = None, linearised: bool = False) -> Field:
+    field = field_of(energy, problem.depth, *unknown_of(problem, energy, old, linearised))
     refuse_unconverged(field)
     return field
-
-
-def linearised_solution(energy: PlaneEnergy, old: Field, newton: Newton) -> Field:
-    # `old` may be on another mesh. The equations are linearised there.
-    if energy.is_quadratic:
-        return solution_of(energy, old.depth, old, newton)
-    start = _start_values(energy, old, newton)
-    return field_of(energy, old.depth, start + newton.full_step(energy, start, energy.gradient(start)))
 
 
 def field_of(energy: PlaneEnergy, depth: float | None, unknown: Floats, steps: tuple[NewtonStep, ...] = ()) -> Field:
@@ -183,20 +182,14 @@ def old_potential_at(x: Floats, old: Field) -> Floats:
     return values
 
 
-def tangent_solution(field: Field, boundaries: Boundaries, load: Floats, newton: Newton) -> Floats:
+def tangent_solution(problem: Arguments, field: Field, load: Floats) -> Floats:
     """Return the linearised change of `field.unknown` by `load`, shape (nunknowns,).
 
     The problem is linearised at the field, with the differential reluctivity along B and the secant one across.
     Prescribed values do not change. `load` is as in `Space.loads`.
     """
-    conditions = conditions_of(field.elements, boundaries, field.symmetry)
-    energy = PlaneEnergy.of(field.elements, field.symmetry, field.coefficients, conditions)
-    return newton.full_step(energy, field.unknown, -load[conditions.free])
-
-
-def dual_of(field: Field, derivative: tuple[Floats, Floats], boundaries: Boundaries, newton: Newton) -> Dual:
-    source, load = at_points(field, derivative)
-    return Dual(tangent_solution(field, boundaries, field.elements.loads(source, load), newton), source, load)
+    energy = energy_of(problem, field)
+    return problem.method.full_step(energy, field.unknown, -load[energy.conditions.free])
 
 
 def at_points(field: Field, derivative: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
@@ -204,24 +197,30 @@ def at_points(field: Field, derivative: tuple[Floats, Floats]) -> tuple[Floats, 
     return source, load if load.shape == at.x.shape else load[:, at.element]
 
 
-def richer_solution(field: Field, boundaries: Boundaries, newton: Newton, linearised: bool = False) -> Field:
+def dual_of(problem: Arguments, field: Field, derivative: tuple[Floats, Floats]) -> Dual:
+    source, load = at_points(field, derivative)
+    return Dual(tangent_solution(problem, field, field.elements.loads(source, load)), source, load)
+
+
+def richer_solution(problem: Arguments, field: Field, linearised: bool = False) -> Field:
     # one order more, or the Newton step to its solution
-    if isinstance(field, HighOrderField):
-        elements = field.elements.at_order(field.order + 1)
+    return solution_of(problem, energy_of(problem, field, field.order + 1), field, linearised)
+
+
+def energy_of(problem: Arguments, field: Field, order: int | None = None) -> PlaneEnergy:
+    """Return the functional of a solved problem, also for another order."""
+    if order is None:
+        elements = field.elements
+    elif isinstance(field, HighOrderField):
+        elements = field.elements.at_order(order)
     else:
-        elements = Space(field.mesh, field.order + 1, field.coefficients.nonlinear, field.axisymmetric)
-    energy = energy_on(elements, field, boundaries)
-    return linearised_solution(energy, field, newton) if linearised else solution_of(energy, field.depth, field, newton)
-
-
-def energy_on(elements: Space, field: Field, boundaries: Boundaries) -> PlaneEnergy:
-    """Return the functional of the problem of `field` on elements of another order."""
-    conditions = conditions_of(elements, boundaries, field.symmetry, anchored=True)  # as `field` has been solved
+        elements = Space(field.mesh, order, field.coefficients.nonlinear, field.axisymmetric)
+    conditions = conditions_of(elements, problem.boundaries, field.symmetry, anchored=True)
     return PlaneEnergy.of(elements, field.symmetry, field.coefficients, conditions)
 
 
-def linkage_slope(field: Field, boundaries: Boundaries, circuit: Mapping[str, float], newton: Newton) -> float:
+def linkage_slope(problem: Arguments, field: Field, circuit: Mapping[str, float]) -> float:
     density, zero = turns_density(field, checked_circuit(circuit)), np.zeros_like(field.elements.points)
     linked = field.elements.loads(density, zero)
     load = field.elements.loads(field.symmetry.source(density), zero)
-    return turn_length(field) * float(linked @ tangent_solution(field, boundaries, load, newton))
+    return turn_length(field) * float(linked @ tangent_solution(problem, field, load))

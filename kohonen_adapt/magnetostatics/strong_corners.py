@@ -9,7 +9,8 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.corner_layers import FACTOR, RESOLVED, size_at, with_layers
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, conditions_of
+from kohonen_adapt.magnetostatics.arguments import Arguments
+from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.mesh.corners import Materials, corner_exponents, fixed_parts
 from kohonen_adapt.mesh.exponents import STRONG
@@ -20,8 +21,8 @@ LEFT = 0.02  # fraction of the squared error at a corner after enough layers
 ROOM = 10.0  # least size of elements in layers, as a multiple of `RESOLVED`
 
 
-def strong_corners(field: Field, boundaries: Boundaries) -> tuple[Ints, Floats]:
-    nodes, exponent = corner_exponents(field.mesh, materials_of(field, boundaries))
+def strong_corners(problem: Arguments, field: Field) -> tuple[Ints, Floats]:
+    nodes, exponent = corner_exponents(field.mesh, materials_of(problem, field))
     strong = exponent < STRONG
     return nodes[strong], exponent[strong]
 
@@ -35,17 +36,17 @@ def layer_counts(mesh: MeshTri, nodes: Ints, exponent: Floats) -> Ints:
     return np.floor(np.clip(most, 0.0, enough)).astype(np.int64)
 
 
-def layered(mesh: MeshTri, nodes: Ints, counts: Ints, boundaries: Boundaries) -> tuple[MeshTri, int]:
-    pairs, total = (*boundaries.periodic, *boundaries.antiperiodic), 0
+def layered(problem: Arguments, mesh: MeshTri, nodes: Ints, counts: Ints) -> tuple[MeshTri, int]:
+    total = 0
     for count in np.unique(counts[counts > 0]):
-        mesh, having = with_layers(mesh, nodes[counts == count], int(count), pairs)
+        mesh, having = with_layers(mesh, nodes[counts == count], int(count), problem.pairs)
         total += having.size
     return mesh, total
 
 
-def materials_of(field: Field, boundaries: Boundaries) -> Materials:
+def materials_of(problem: Arguments, field: Field) -> Materials:
     coefficients = field.coefficients
-    conditions = conditions_of(field.elements, boundaries, field.symmetry, anchored=True)
+    conditions = conditions_of(field.elements, problem.boundaries, field.symmetry, anchored=True)
     flux = None if coefficients.varying_magnets else coefficients.flux
     values = coefficients.material_index[None] if flux is None else flux
     table = np.stack(

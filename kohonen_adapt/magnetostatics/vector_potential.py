@@ -7,7 +7,7 @@ import numpy as np
 from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace, conditions_in_space
+from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace, solved
 from kohonen_adapt.magnetostatics.equations.applied_field import permeable
 from kohonen_adapt.magnetostatics.equations.auxiliary import EdgeSolver
 from kohonen_adapt.magnetostatics.equations.edge_elements import (
@@ -21,8 +21,6 @@ from kohonen_adapt.magnetostatics.equations.edge_equations import curl_energy, e
 from kohonen_adapt.magnetostatics.equations.newton import (
     TOLERANCE,
     Newton,
-    NewtonStep,
-    refuse_unconverged,
 )
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
@@ -89,10 +87,11 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
     order: ClassVar[int] = 1
     goal: Goal | None = field(default=None, init=False)
     solver: ClassVar[EdgeSolver] = EdgeSolver()  # subclasses may override
+    no_goal: ClassVar[str] = ", which a vector potential does not take; use MagneticScalarPotential."
 
     def solve(self, mesh: MeshTet) -> EdgeField:
         energy, start = self.functional_on(mesh)
-        nonlinear, steps = not energy.is_quadratic, tuple[NewtonStep, ...]()
+        nonlinear = not energy.is_quadratic
         solver = replace(
             self.solver,
             edges=energy.space.edges,
@@ -102,11 +101,7 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
         )
         method = Newton(solver=solver)
         unknown = method.linear(energy)
-        if nonlinear:
-            unknown, steps = method.descend(energy, unknown)
-        result = replace(start, unknown=unknown, newton=steps)
-        refuse_unconverged(result)
-        return result
+        return solved(start, *method.descend(energy, unknown)) if nonlinear else solved(start, unknown)
 
     def check(self, mesh: MeshTet) -> None:
         self.functional_on(mesh)
@@ -133,7 +128,7 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
         material, planes = self.given_on(mesh)
         edges = EdgeElements(Space(mesh, 1, varies=self.free_field is not None))
         drive = edge_drive(edges, permeable(material), self.free_field)
-        prescribed = conditions_in_space(drive, self.potential or {}, planes)
+        prescribed = self.conditions(drive, planes)
         far = ends_far(drive, prescribed, planes.values())
         crossed = self._crossed(edges, [plane.facets for plane in planes.values() if plane.kind == "normal"])
         conditions = conditions_on_edges(edges, np.setdiff1d(mesh.boundary_facets(), crossed))
@@ -164,8 +159,3 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
 
     def indicators(self, mesh: MeshTet, field: EdgeField) -> Floats:
         return tangential_jumps(field)
-
-    def goal_error(self, field: EdgeField) -> float:
-        raise ValueError(
-            "goal_error needs a goal, which a vector potential does not take; use MagneticScalarPotential."
-        )

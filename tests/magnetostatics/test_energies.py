@@ -36,7 +36,7 @@ def in_plane(order, axisymmetric=False):
         materials = {"body": body, "air": Material(current_density=2e5)}
         problem = Magnetostatics(materials, fixed, order=order, axisymmetric=axisymmetric)
         mesh = body_and_air(MeshTri.init_tensor(*[np.linspace(0.0, 1.0, 9)] * 2))
-        return problem, mesh, problem._energy_on(mesh)
+        return problem, mesh, problem.energy_on(mesh)
 
     return made
 

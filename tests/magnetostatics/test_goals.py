@@ -40,7 +40,6 @@ from kohonen_adapt.magnetostatics import (
     StoredEnergy,
     Torque,
 )
-from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.solution import at_points, dual_of
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.problem.functional_value import functional_value
@@ -113,7 +112,7 @@ def test_the_dual_tells_what_a_current_does_to_the_goal(case, order):
     (mesh, problem), field = make(), solved(make, order)
     problem, dual = (
         replace(problem, order=order),
-        dual_of(field, goal.derivative(field), problem.boundaries, Newton()).values,
+        dual_of(problem, field, goal.derivative(field)).values,
     )
     name = next(name for name in ("go", "coil") if name in mesh.subdomains)
     density = np.where(np.isin(np.arange(mesh.t.shape[1]), mesh.subdomains[name]), 1e4, 0.0)
@@ -134,7 +133,7 @@ def test_the_goal_of_a_linear_problem_is_the_dual_times_its_source():
     mesh, problem = actuator()
     problem = replace(problem, materials=problem.materials | {"bar": Material(500.0)})
     field, goal = problem.solve(mesh), FluxLinkage(CIRCUIT)
-    dual = dual_of(field, goal.derivative(field), problem.boundaries, Newton()).values
+    dual = dual_of(problem, field, goal.derivative(field)).values
     load = field.elements.loads(field.current_density, np.zeros((2, mesh.t.shape[1])))
     assert load @ dual == pytest.approx(goal(field), rel=1e-9)
 

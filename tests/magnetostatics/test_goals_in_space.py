@@ -116,7 +116,7 @@ def test_the_dual_tells_what_a_magnet_does_to_the_goal(case, goal):
         materials = {**problem.materials, "far": Material(remanence=tuple(sign * size * way))}
         return goal(replace(problem, materials=materials).solve(mesh))
 
-    dual = primal_and_dual(field, goal, problem._conditions(field), problem.materials, problem.method)["dual"]
+    dual = primal_and_dual(problem, field, goal)["dual"]
     slope = field.elements.gradient(dual)[:, far] @ field.elements.volumes[far]
     assert size * way @ slope == pytest.approx(0.5 * (value(1.0) - value(-1.0)), rel=2e-4)
 
