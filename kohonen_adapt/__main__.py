@@ -41,7 +41,7 @@ from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotentia
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.validity import check_mesh
-from kohonen_adapt.problem.protocol import at_order_of_passes
+from kohonen_adapt.problem.protocol import CheckedProblem
 from kohonen_adapt.report.summary import bracket_sentences
 from kohonen_adapt.version import __version__
 
@@ -134,7 +134,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     result = run.result()
     terminal.say(result)
     # a resumed run has only the meshes
-    before = passes.before or adapt(mesh, at_order_of_passes(case.problem), passes=0)
+    before = passes.before or adapt(mesh, CheckedProblem(case.problem).of_passes, passes=0)
     bracket = None
     if case.bracket and isinstance(case.problem, MagneticScalarPotential) and result.status is not Status.FAILED:
         bracket = bracket_of(case.problem, result.solution)

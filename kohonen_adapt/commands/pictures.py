@@ -24,7 +24,7 @@ from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.hypercircle import Bracket
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.mesh.measures import magnitude
-from kohonen_adapt.problem.protocol import at_order_of_passes, order_of, pairs_of
+from kohonen_adapt.problem.protocol import CheckedProblem
 from kohonen_adapt.report.scene import FieldOf
 from kohonen_adapt.report.writing import write_report
 from kohonen_adapt.som.density import density_from_indicators
@@ -84,7 +84,7 @@ def write_overview(
 def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
     from kohonen_adapt import plotting  # needs matplotlib
 
-    unit, order = _length_unit(after), order_of(at_order_of_passes(case.problem))
+    unit, order = _length_unit(after), CheckedProblem(case.problem).of_passes.order
     plane, axis = _plane_through(after), _is_axisymmetric(case)
     slope = -order / len(after.mesh.p) * (1 if case.goal is None else 2)  # the error of a goal has twice the order
     density = density_from_indicators(before.mesh, before.indicators, order=order)
@@ -170,13 +170,13 @@ def _rules(case: Case, before: AdaptResult, result: AdaptResult) -> Rules:
     return Rules(
         pinned=[*names, *np.flatnonzero(np.isin(result.nodes, numbers)).tolist()],
         curves=options.get("curves"),
-        periodic=options.get("periodic", pairs_of(case.problem)),
+        periodic=options.get("periodic", CheckedProblem(case.problem).pairs),
         surfaces=options.get("surfaces"),
     )
 
 
 def _why_held(case: Case, before: AdaptResult, result: AdaptResult) -> NDArray[np.str_]:
-    why = reasons_at(result.mesh, case.problem, _rules(case, before, result), result.solution)
+    why = reasons_at(result.mesh, CheckedProblem(case.problem), _rules(case, before, result), result.solution)
     why[why == f"polish: {result.best.unpolished}"] = ""  # for all nodes, and in the summary
     return why
 

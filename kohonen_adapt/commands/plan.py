@@ -23,7 +23,7 @@ from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.host import keys_of
 from kohonen_adapt.mesh.measures import magnitude
-from kohonen_adapt.problem.protocol import at_order_of_passes, final_orders, order_of
+from kohonen_adapt.problem.protocol import CheckedProblem
 
 __all__ = [
     "allowed_errors",
@@ -118,8 +118,9 @@ def _nodes(case: Case, mesh: Mesh) -> str:
 
 
 def _orders(case: Case) -> str:
-    problem, last = case.problem, final_orders(case.problem, case.follows_tolerance)
-    order = order_of(at_order_of_passes(problem) if last else problem)
+    problem = CheckedProblem(case.problem)
+    last = problem.final_orders(case.follows_tolerance)
+    order = problem.of_passes.order if last else problem.order
     if not last:
         return f"order {order}"
     return f"order {order}, then one solve of order {last[-1]}" if len(last) == 1 else f"orders {order} to {last[-1]}"

@@ -27,18 +27,8 @@ from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
-from kohonen_adapt.problem.evaluation import Output, check_outputs, curves_of, has_goal
-from kohonen_adapt.problem.protocol import (
-    Problem,
-    at_order_of_passes,
-    check_problem,
-    final_orders,
-    has_method,
-    is_curved,
-    nodes_of_problem,
-    order_of,
-    pairs_of,
-)
+from kohonen_adapt.problem.evaluation import Output, check_outputs, curves_of
+from kohonen_adapt.problem.protocol import CheckedProblem, Problem, checked_problem
 from kohonen_adapt.som.schedule import Schedule
 
 __all__ = ["adapt"]
@@ -223,29 +213,29 @@ def adapt(
     (True, ['outer'], 'max_passes')
     """
     stop = stop_test(mesh, passes, Tolerance(rtol, atol, output_rtol, goal_rtol), target_nodes, callback, max_nodes)
-    check_problem(problem, rtol)
-    check_goal(problem, goal_rtol, outputs)
+    checked = checked_problem(problem, rtol)
+    check_goal(checked, goal_rtol, outputs)
     check_mesh(mesh, curved=True, inverted=True, space=True)
     given = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, curves, (), layers, surfaces)
-    rules = rules_for(problem, mesh, given, periodic)
+    rules = rules_for(checked, mesh, given, periodic)
     constant = Growth.of(int(mesh.nvertices), None, stop.passes, False)
-    checked = check_outputs(outputs, output_rtol)
+    functions = check_outputs(outputs, output_rtol)
     if stop.max_nodes is not None:
-        problem = aimed(problem, checked, stop.of_result)
-    settings = Settings(rules, schedule, seed, polish, constant, checked, anisotropic, stop.of_result)
-    return run(mesh, problem, stop, settings, target_nodes, checkpoint, interim, Steps(progress))
+        checked = aimed(checked, functions, stop.of_result)
+    settings = Settings(rules, schedule, seed, polish, constant, functions, anisotropic, stop.of_result)
+    return run(mesh, checked, stop, settings, target_nodes, checkpoint, interim, Steps(progress))
 
 
-def rules_for(problem: Problem, mesh: Mesh, rules: Rules, periodic: Sequence[Pair] | None) -> Rules:
-    pairs = pairs_of(problem) if periodic is None else periodic
+def rules_for(problem: CheckedProblem, mesh: Mesh, rules: Rules, periodic: Sequence[Pair] | None) -> Rules:
+    pairs = problem.pairs if periodic is None else periodic
     rules = replace(rules, curves=curves_of(problem, mesh, rules.curves), periodic=pairs)
     check_for(rules, mesh.dim())
-    return with_pinned(rules.guarded(), nodes_of_problem(problem, mesh))
+    return with_pinned(rules.guarded(), problem.nodes_on(mesh))
 
 
 def run(
     mesh: Mesh,
-    problem: Problem,
+    problem: CheckedProblem,
     stop: StopTest,
     settings: Settings,
     target_nodes: int | None,
@@ -253,16 +243,16 @@ def run(
     interim: Callable[[AdaptResult], Any] | None,
     steps: Steps,
 ) -> AdaptResult:
-    orders, method = final_orders(problem, stop.max_nodes is not None), method_of(mesh)
-    of_passes, grading = at_order_of_passes(problem) if orders else problem, GradingTolerance(stop, orders)
+    orders, method = problem.final_orders(stop.max_nodes is not None), method_of(mesh)
+    of_passes, grading = problem.of_passes if orders else problem, GradingTolerance(stop, orders)
     allowed = grading.aim if orders else stop.tolerance
     growth = node_counts(of_passes, method, mesh, settings.rules, target_nodes, stop, allowed)
     settings = replace(settings, growth=growth)
     mesh = with_layers(mesh, settings.rules, grows=growth.target > growth.start)
-    movable = method.open(mesh, settings.rules, is_curved(of_passes))
+    movable = method.open(mesh, settings.rules, of_passes.is_curved)
     passes_on_disk = Checkpoint.at(checkpoint, mesh, problem, settings)
     expect_kernels(method, of_passes, settings)
-    adaptation = Adaptation(of_passes, method, movable, settings, steps, order_of(of_passes))
+    adaptation = Adaptation(of_passes, method, movable, settings, steps, of_passes.order)
     history = History(adaptation, replace(stop, of_passes=grading) if orders else stop, passes_on_disk, interim)
     if orders:
         return run_to_order(adaptation, history, problem, stop, grading, orders)
@@ -289,7 +279,7 @@ def stop_test(
 
 
 def node_counts(
-    problem: Problem,
+    problem: CheckedProblem,
     method: Method,
     mesh: Mesh,
     rules: Rules,
@@ -299,30 +289,30 @@ def node_counts(
 ) -> NodeCounts:
     start, removes = int(mesh.nvertices), rules.topology == "recycle"
     if stop.max_nodes is not None:
-        return GrowthByTolerance(start, stop.max_nodes, allowed, order_of(problem), method.dim, removes)
+        return GrowthByTolerance(start, stop.max_nodes, allowed, problem.order, method.dim, removes)
     return Growth.of(start, target_nodes, stop.passes, method.corrects(problem))
 
 
-def check_goal(problem: Problem, goal_rtol: float | None, outputs: Mapping[str, Output] | None) -> None:
-    if goal_rtol is not None and not has_goal(problem):
+def check_goal(problem: CheckedProblem, goal_rtol: float | None, outputs: Mapping[str, Output] | None) -> None:
+    if goal_rtol is not None and not problem.has_goal:
         raise ValueError(
             "goal_rtol requires a problem with a goal and its goal_error; use rtol or output_rtol instead."
         )
-    if "goal" in (outputs or {}) and has_goal(problem):
+    if "goal" in (outputs or {}) and problem.has_goal:
         raise ValueError("outputs must not have the name 'goal' beside a goal of the problem; rename the output.")
 
 
-def aimed(problem: Problem, outputs: Mapping[str, Output], tolerance: Tolerance) -> Problem:
+def aimed(problem: CheckedProblem, outputs: Mapping[str, Output], tolerance: Tolerance) -> CheckedProblem:
     names = tolerance.only_outputs(outputs)
-    if len(names) != 1 or not has_method(problem, "aimed_at"):
+    if len(names) != 1 or not problem.has("aimed_at"):
         return problem
-    found: Problem = problem.aimed_at(outputs[names[0]])  # type: ignore[attr-defined]
-    if found is not problem:
+    found = CheckedProblem(problem.aimed_at(outputs[names[0]]))
+    if found.given is not problem.given:
         logger.info("%s is the goal of the passes", names[0])
     return found
 
 
-def expect_kernels(method: Method, problem: Problem, settings: Settings) -> None:
+def expect_kernels(method: Method, problem: CheckedProblem, settings: Settings) -> None:
     expect(*method.moving_kernels(settings.rules.topology, settings.schedule))
     if settings.polish:
         expect(*method.polish_kernels(problem), *method.transfer_kernels)

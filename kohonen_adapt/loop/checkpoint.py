@@ -18,7 +18,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import DIGEST, Settings, fingerprint
-from kohonen_adapt.problem.protocol import Problem
+from kohonen_adapt.problem.protocol import CheckedProblem
 
 __all__ = ["Checkpoint"]
 
@@ -51,7 +51,7 @@ class Checkpoint:
 
     @classmethod
     def at(
-        cls, folder: str | PathLike[str] | None, mesh: Mesh, problem: Problem, settings: Settings
+        cls, folder: str | PathLike[str] | None, mesh: Mesh, problem: CheckedProblem, settings: Settings
     ) -> "Checkpoint | None":
         """Return the checkpoint in a folder, or None for None.
 

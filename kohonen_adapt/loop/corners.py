@@ -12,7 +12,7 @@ from kohonen_adapt.loop.passes import Status
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.corners import corner_exponents, singular_nodes
 from kohonen_adapt.problem.evaluation import ritz_of
-from kohonen_adapt.problem.protocol import NotOffered, Problem, has_method
+from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.singular_nodes import materials_of
 
@@ -26,20 +26,20 @@ SEEN = 1e-3  # least relative error that is named
 LIMITED = (Status.MAX_PASSES, Status.MAX_NODES, Status.STALLED, Status.NOT_MOVED)
 
 
-def corners_of_field(problem: Problem, mesh: Mesh, solution: Any) -> Ints:
-    if has_method(problem, "singular_nodes"):
-        return np.asarray(problem.singular_nodes(mesh, solution))  # type: ignore[attr-defined]
+def corners_of_field(problem: CheckedProblem, mesh: Mesh, solution: Any) -> Ints:
+    if problem.has("singular_nodes"):
+        return np.asarray(problem.singular_nodes(mesh, solution))
     try:
         return singular_nodes(mesh, materials_of(mesh, ritz_of(problem, mesh, solution)))
     except NotOffered:
         return np.zeros(0, dtype=np.int64)
 
 
-def corner_remark(status: Status, problem: Problem, mesh: Mesh, ritz: Ritz | None) -> str:
+def corner_remark(status: Status, problem: CheckedProblem, mesh: Mesh, ritz: Ritz | None) -> str:
     if status not in LIMITED or cell_of(mesh) is not TRIANGLE:
         return ""
-    if has_method(problem, "corner_exponents"):
-        exponents = dict(problem.corner_exponents(mesh))  # type: ignore[attr-defined]
+    if problem.has("corner_exponents"):
+        exponents = dict(problem.corner_exponents(mesh))
     elif ritz is None:
         return ""
     else:

@@ -33,7 +33,7 @@ from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.space.transfer_in_space import transferred_in_space
 from kohonen_adapt.polishing.transfer import transferred
 from kohonen_adapt.problem.functional_value import functional_value
-from kohonen_adapt.problem.protocol import Problem, has_functional, order_of
+from kohonen_adapt.problem.protocol import CheckedProblem
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.relocate import (
     loops_in_plane,
@@ -77,8 +77,8 @@ class PlaneMethod(Method):
     def moving_kernels(self, topology: str, schedule: Schedule | None) -> tuple[str, ...]:
         return loops_in_plane(topology)
 
-    def polish_kernels(self, problem: Problem) -> tuple[str, ...]:
-        higher = order_of(problem) > 1 or getattr(problem, "axisymmetric", False)
+    def polish_kernels(self, problem: CheckedProblem) -> tuple[str, ...]:
+        higher = problem.order > 1 or getattr(problem, "axisymmetric", False)
         return "ground", "polish of higher order" if higher else "polish"
 
     def move(
@@ -107,11 +107,11 @@ class PlaneMethod(Method):
     def takes_directions(self, settings: Settings, last: Pass) -> bool:
         return settings.rules.topology != "fixed"
 
-    def corrects(self, problem: Problem) -> bool:
+    def corrects(self, problem: CheckedProblem) -> bool:
         # At order 1 the misplaced nodes cost 0.5 to 1 % of the error after three or four passes, and save a pass over
         # all nodes: `python -m benchmarks growth`. At higher orders they cost several per cent, and on tetrahedra as
         # well, because growth by density shortens long elements.
-        return has_functional(problem) and order_of(problem) == 1
+        return problem.has_functional and problem.order == 1
 
 
 class SpaceMethod(Method):
@@ -131,8 +131,8 @@ class SpaceMethod(Method):
     def moving_kernels(self, topology: str, schedule: Schedule | None) -> tuple[str, ...]:
         return *loops_in_space(topology, schedule), "space locating"
 
-    def polish_kernels(self, problem: Problem) -> tuple[str, ...]:
-        return "space ground", "space moves", "space polish of order 2" if order_of(problem) == 2 else "space polish"
+    def polish_kernels(self, problem: CheckedProblem) -> tuple[str, ...]:
+        return "space ground", "space moves", "space polish of order 2" if problem.order == 2 else "space polish"
 
     def descent(
         self, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, recycled: Recycled

@@ -11,7 +11,7 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.mesh.shapes import are_round, density_and_shape, tensors_of_elements
-from kohonen_adapt.problem.protocol import Problem, has_method, norm_of, order_of
+from kohonen_adapt.problem.protocol import CheckedProblem
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.density import equidistributing
 from kohonen_adapt.som.hessian_metric import hessian_shapes, indicators_of_shapes, metric_of_shapes
@@ -35,8 +35,10 @@ class Wanted:
     density: ArrayLike
 
 
-def wanted_of(problem: Problem, record: Pass, solution: Any, ritz: Ritz | None, anisotropic: bool | str) -> Wanted:
-    mesh, order, norm = record.mesh, order_of(problem), norm_of(problem)
+def wanted_of(
+    problem: CheckedProblem, record: Pass, solution: Any, ritz: Ritz | None, anisotropic: bool | str
+) -> Wanted:
+    mesh, order, norm = record.mesh, problem.order, problem.norm
     # With a goal the errors of two solutions are multiplied, which no sum of curvatures describes.
     has_goal = record.goal is not None or (ritz is not None and ritz.dual is not None)
     wants = anisotropic is True or (anisotropic == "auto" and not has_goal)
@@ -55,17 +57,17 @@ def wanted_of(problem: Problem, record: Pass, solution: Any, ritz: Ritz | None, 
     return Wanted(replace(record, indicators=indicators), metric_of_shapes(mesh, shapes, density))
 
 
-def shapes_of_solution(problem: Problem, mesh: Mesh, solution: Any, ritz: Ritz | None) -> Floats | None:
+def shapes_of_solution(problem: CheckedProblem, mesh: Mesh, solution: Any, ritz: Ritz | None) -> Floats | None:
     # None if the values at the nodes are not known
-    if has_method(problem, "metric"):
-        tensors = problem.metric(mesh, solution)  # type: ignore[attr-defined]
+    if problem.has("metric"):
+        tensors = problem.metric(mesh, solution)
         name = "metric of the problem"
         return density_and_shape(tensors_of_elements(tensors, mesh.nelements, mesh.dim(), name))[1]
     functions = functions_of(problem, mesh, solution, ritz)
-    return hessian_shapes(mesh, functions, order_of(problem), norm_of(problem)) if functions else None
+    return hessian_shapes(mesh, functions, problem.order, problem.norm) if functions else None
 
 
-def functions_of(problem: Problem, mesh: Mesh, solution: Any, ritz: Ritz | None) -> list[Floats]:
+def functions_of(problem: CheckedProblem, mesh: Mesh, solution: Any, ritz: Ritz | None) -> list[Floats]:
     # Values at the nodes of functions whose squared errors add up: the solution, or with a goal the terms of the
     # functional in `Ritz.dual`.
     n = mesh.nvertices
@@ -78,6 +80,6 @@ def functions_of(problem: Problem, mesh: Mesh, solution: Any, ritz: Ritz | None)
     values = getattr(solution, "potential", solution)
     if not isinstance(values, np.ndarray) or values.ndim != 1 or not np.isrealobj(values):
         return []
-    if len(values) not in (n, count_unknowns(mesh, order_of(problem))):
+    if len(values) not in (n, count_unknowns(mesh, problem.order)):
         return []
     return [np.asarray(values[:n], dtype=np.float64)]

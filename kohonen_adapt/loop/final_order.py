@@ -31,8 +31,8 @@ from kohonen_adapt.loop.stopping import (
 )
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import quality
-from kohonen_adapt.problem.evaluation import energy_norm, estimate, goal_error_of, goal_of, solve
-from kohonen_adapt.problem.protocol import AtOrder, Problem, has_method, order_of
+from kohonen_adapt.problem.evaluation import energy_norm, estimate, goal_error_of, goal_of
+from kohonen_adapt.problem.protocol import CheckedProblem
 from kohonen_adapt.problem.uncertain import doubts_of
 
 __all__ = ["GradingTolerance", "run_to_order"]
@@ -98,7 +98,12 @@ class GradingTolerance:
 
 
 def run_to_order(
-    adaptation: Adaptation, history: History, problem: Problem, stop: StopTest, grading: GradingTolerance, orders: range
+    adaptation: Adaptation,
+    history: History,
+    problem: CheckedProblem,
+    stop: StopTest,
+    grading: GradingTolerance,
+    orders: range,
 ) -> AdaptResult:
     result = run_loop(adaptation, history)
     while result.status not in (Status.STOPPED, Status.FAILED) and not (len(orders) > 1 and is_met(result, stop)):
@@ -132,7 +137,7 @@ def is_met(result: AdaptResult, stop: StopTest) -> bool:
 
 def at_orders(
     result: AdaptResult,
-    problem: Problem,
+    problem: CheckedProblem,
     adaptation: Adaptation,
     stop: StopTest,
     orders: range,
@@ -152,7 +157,7 @@ def at_orders(
 
 def at_order(
     result: AdaptResult,
-    problem: Problem,
+    problem: CheckedProblem,
     adaptation: Adaptation,
     stop: StopTest,
     order: int,
@@ -163,10 +168,10 @@ def at_order(
     with steps("relocate"):
         mesh, corners, remark = layered(result, adaptation, layers, curved)
     with steps("solve"):
-        if has_method(problem, "on_curves"):
-            problem = problem.on_curves(adaptation.settings.rules.curves or {})  # type: ignore[attr-defined]
-        problem = AtOrder(problem, order)
-        solution = solve(problem, mesh, result.mesh, result.solution)
+        if problem.has("on_curves"):
+            problem = problem.on_curves(adaptation.settings.rules.curves or {})
+        problem = CheckedProblem(problem, order)
+        solution = problem.solve(mesh, result.mesh, result.solution)
     record = assessed(result, problem, adaptation, mesh, solution)
     record = replace(record, seconds=steps.seconds, compile_seconds=steps.compile_seconds)
     history = (*result.history, record)
@@ -215,14 +220,14 @@ def remark_on_sides(distance: float) -> str:
     return f" Sides are up to {distance:.2g} off their curves, which no estimate includes; use more nodes there."
 
 
-def assessed(result: AdaptResult, problem: Problem, adaptation: Adaptation, mesh: Mesh, solution: Any) -> Pass:
+def assessed(result: AdaptResult, problem: CheckedProblem, adaptation: Adaptation, mesh: Mesh, solution: Any) -> Pass:
     best, last = result.best, result.history[-1]
     with adaptation.steps("estimate"):
         indicators = estimate(problem, mesh, solution)
         norm = energy_norm(problem, mesh, solution, adaptation.settings.tolerance.rtol)
         goal = goal_of(problem, solution)
         error = None if goal is None else goal_error_of(problem, solution)
-        outputs, unknowns = adaptation.outputs(solution), count_unknowns(mesh, order_of(problem))
+        outputs, unknowns = adaptation.outputs(solution), count_unknowns(mesh, problem.order)
         errors, unimproved = dict[str, float](), ""
         if goal is not None or adaptation.settings.tolerance.output_rtol is not None:
             errors, unimproved = adaptation.output_errors(Sides(problem, mesh, solution), outputs, unknowns, best)
@@ -234,7 +239,7 @@ def assessed(result: AdaptResult, problem: Problem, adaptation: Adaptation, mesh
         mesh=mesh,
         indicators=indicators,
         nodes=np.append(best.nodes, np.full(mesh.nvertices - best.nodes.size, -1)),
-        order=int(order_of(problem)),
+        order=int(problem.order),
         unknowns=unknowns,
         estimate=total,
         worth=total,

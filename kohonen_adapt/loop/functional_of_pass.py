@@ -13,7 +13,7 @@ from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.unresolved_data import UnresolvedData
 from kohonen_adapt.problem.evaluation import ritz_of
 from kohonen_adapt.problem.functional_value import functional_value
-from kohonen_adapt.problem.protocol import NotOffered, Problem, is_calibrated, norm_of
+from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered
 from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = ["FROZEN", "FunctionalOfPass", "differs_on", "functional_of"]
@@ -46,12 +46,12 @@ class FunctionalOfPass:
 
 
 def functional_of(
-    problem: Problem, method: Method, movable: Any, mesh: Mesh, solution: Any, share: float | None = None
+    problem: CheckedProblem, method: Method, movable: Any, mesh: Mesh, solution: Any, share: float | None = None
 ) -> FunctionalOfPass:
     # A dual gets the weight `share` of an earlier pass.
-    in_energy_norm = norm_of(problem) == "energy"
-    if not in_energy_norm and not is_calibrated(problem):  # the polish stretches elements, which residuals overrate
-        return FunctionalOfPass(unpolished=f"the norm {norm_of(problem)!r} requires `calibrated` indicators")
+    in_energy_norm = problem.norm == "energy"
+    if not in_energy_norm and not problem.calibrated:  # the polish stretches elements, which residuals overrate
+        return FunctionalOfPass(unpolished=f"the norm {problem.norm!r} requires `calibrated` indicators")
     try:
         ritz = ritz_of(problem, mesh, solution)
         ritz = ritz if in_energy_norm else replace(ritz, comparable=False)

@@ -29,7 +29,6 @@ from kohonen_adapt.loop.stopping import (
     with_remarks,
 )
 from kohonen_adapt.problem.evaluation import solve_again
-from kohonen_adapt.problem.protocol import norm_of
 from kohonen_adapt.problem.uncertain import doubts_of
 
 __all__ = ["History", "run_loop"]
@@ -181,7 +180,7 @@ class History:
         if self._ending is None:
             raise RuntimeError("the loop has not ended.")
         adaptation, passes = self._adaptation, self._passes
-        norm = norm_of(adaptation.problem)
+        norm = adaptation.problem.norm
         best, functional = passes.best.record, passes.best.functional
         ending = with_remarks(self._ending, passes.passes, best, adaptation.settings, norm)
         remark = corner_remark(ending.status, adaptation.problem, best.mesh, functional.ritz if functional else None)

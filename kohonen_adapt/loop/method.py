@@ -14,7 +14,7 @@ from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.polishing.polish import Descent
-from kohonen_adapt.problem.protocol import Problem
+from kohonen_adapt.problem.protocol import CheckedProblem
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.relocation_record import Moved
 from kohonen_adapt.som.schedule import Schedule
@@ -48,7 +48,7 @@ class Method(ABC):
         """Return the groups of `kernels/entries.py` that a relocation needs."""
 
     @abstractmethod
-    def polish_kernels(self, problem: Problem) -> tuple[str, ...]: ...
+    def polish_kernels(self, problem: CheckedProblem) -> tuple[str, ...]: ...
 
     @property
     @abstractmethod
@@ -120,5 +120,5 @@ class Method(ABC):
     @abstractmethod
     def stalls(self, passes: tuple[Pass, ...]) -> bool: ...
 
-    def corrects(self, problem: Problem) -> bool:
+    def corrects(self, problem: CheckedProblem) -> bool:
         return False

@@ -17,7 +17,7 @@ from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.loop.growth import Growth, GrowthByTolerance, NodeCounts
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.problem.evaluation import Output
-from kohonen_adapt.problem.protocol import Problem, at_order_of_passes, is_curved, norm_of, order_of
+from kohonen_adapt.problem.protocol import CheckedProblem
 from kohonen_adapt.som.schedule import Schedule, check_training
 
 __all__ = [
@@ -77,13 +77,13 @@ class Settings:
         return np.random.default_rng(int(np.random.SeedSequence((self.seed, number)).generate_state(1)[0]))
 
 
-def fingerprint(mesh: Mesh, problem: Problem, settings: Settings) -> dict[str, str]:
+def fingerprint(mesh: Mesh, problem: CheckedProblem, settings: Settings) -> dict[str, str]:
     # The results of the problem and of the outputs are not included, nor the settings that only end the loop.
-    sides = {None: "", True: " on curved elements", False: " on straight elements"}[is_curved(problem)]
-    order = order_of(at_order_of_passes(problem))
+    sides = {None: "", True: " on curved elements", False: " on straight elements"}[problem.is_curved]
+    order = problem.of_passes.order
     texts = {
         "mesh": digest(mesh.p, mesh.t, *_set_arrays(mesh.boundaries), *_set_arrays(mesh.subdomains)),
-        "problem": f"{type(problem).__name__} of order {order} in the {norm_of(problem)} norm{sides}",
+        "problem": f"{problem.name} of order {order} in the {problem.norm} norm{sides}",
     }
     for group in (settings.rules, settings):
         for entry in fields(group):

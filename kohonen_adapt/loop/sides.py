@@ -18,8 +18,8 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.mesh.blended import is_folded
 from kohonen_adapt.mesh.curved import least_determinants
 from kohonen_adapt.mesh.host import number_facets
-from kohonen_adapt.problem.evaluation import functional_of_solution, solve
-from kohonen_adapt.problem.protocol import AtOrder, Problem, has_method, order_of, takes_order
+from kohonen_adapt.problem.evaluation import functional_of_solution
+from kohonen_adapt.problem.protocol import CheckedProblem
 
 __all__ = ["Sides", "on_whole_curves"]
 
@@ -30,7 +30,7 @@ LEAST_JACOBIANS = 0.003, 0.01, 0.03, 0.05, 0.07, 0.1  # of elements, relative to
 
 @dataclass(frozen=True, eq=False)
 class Sides:
-    problem: Problem
+    problem: CheckedProblem
     mesh: Mesh
     solution: Any
     curved: MovableMesh | None = None  # the movable mesh if sides are curved
@@ -48,10 +48,10 @@ class Sides:
     def error_with_sides(self, error: float, curves: Mapping[str, Curve] | None) -> float:
         # The functional exceeds its minimum by half the squared error, and rises by sides off their curves. Parabolas
         # are off at all orders, by a share of the error that rises with the order. Exact curves are for orders above 3.
-        problem, order = self.problem, order_of(self.problem)
-        if self.curved and order == PARABOLIC and takes_order(problem) and has_method(problem, "on_curves"):
+        problem, order = self.problem, self.problem.order
+        if self.curved and order == PARABOLIC and problem.takes_order and problem.has("on_curves"):
             exact = on_whole_curves(self.mesh, self.curved)
-            problem = AtOrder(problem.on_curves(curves or {}), PARABOLIC + 1)  # type: ignore[attr-defined]
+            problem = CheckedProblem(problem.on_curves(curves or {}), PARABOLIC + 1)
             solution = self._solved(problem, exact)
         else:
             exact, solution = self.exact
@@ -60,11 +60,11 @@ class Sides:
         change = functional_of_solution(problem, exact, solution)
         change -= functional_of_solution(self.problem, self.mesh, self.solution)
         difference = float(np.sqrt(2.0 * abs(change)))
-        return max(error, difference) if order_of(problem) > order else float(np.hypot(error, difference))
+        return max(error, difference) if problem.order > order else float(np.hypot(error, difference))
 
-    def _solved(self, problem: Problem, exact: Mesh) -> Any:
+    def _solved(self, problem: CheckedProblem, exact: Mesh) -> Any:
         number_facets(exact)
-        return solve(problem, exact, self.mesh, self.solution)
+        return problem.solve(exact, self.mesh, self.solution)
 
 
 def on_whole_curves(flattened: Mesh, movable: MovableMesh) -> Mesh:

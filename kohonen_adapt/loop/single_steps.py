@@ -21,15 +21,7 @@ from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.polishing.polish import SWEEPS, descend_and_recycle
 from kohonen_adapt.problem.evaluation import ritz_of
-from kohonen_adapt.problem.protocol import (
-    NotOffered,
-    Problem,
-    check_names,
-    has_method,
-    is_curved,
-    nodes_of_problem,
-    optional_method,
-)
+from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered, Problem, check_names
 from kohonen_adapt.som.relocate import report_sagitta
 from kohonen_adapt.som.schedule import Schedule, check_training
 
@@ -231,15 +223,16 @@ def polish(
     >>> problem.solve(better).energy > problem.solve(mesh).energy  # nearer to the exact energy, from below
     True
     """
-    check_polish(problem, sweeps, topology, seed)
+    checked = CheckedProblem(problem)
+    check_polish(checked, sweeps, topology, seed)
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
     check_kind(mesh, curved=True, space=True)
     method = method_of(mesh)
-    movable = method.open(mesh, with_pinned(rules, nodes_of_problem(problem, mesh)), is_curved(problem))
+    movable = method.open(mesh, with_pinned(rules, checked.nodes_on(mesh)), checked.is_curved)
     mesh = movable.start()
-    expect(*method.polish_kernels(problem))
+    expect(*method.polish_kernels(checked))
     try:
-        functional = method.functional(ritz_of(problem, mesh, problem.solve(mesh)), movable, mesh)
+        functional = method.functional(ritz_of(checked, mesh, checked.solve(mesh)), movable, mesh)
     except NotOffered as reason:
         raise without_functional(reason) from None
     start = unchanged(movable.tessellation)
@@ -247,16 +240,16 @@ def polish(
     return movable.mesh()
 
 
-def check_polish(problem: Problem, sweeps: object, topology: object, seed: object) -> None:
+def check_polish(problem: CheckedProblem, sweeps: object, topology: object, seed: object) -> None:
     if topology not in ("fixed", "flip"):
         raise ValueError(f"topology must be 'fixed' or 'flip', because polish keeps all nodes; got {topology!r}.")
     check_count("seed", seed)
     check_count("sweeps", sweeps)
-    if not has_method(problem, "solve"):
-        raise ValueError(f"polish requires a problem with the method solve(mesh); {type(problem).__name__} has none.")
+    if not problem.has("solve"):
+        raise ValueError(f"polish requires a problem with the method solve(mesh); {problem.name} has none.")
     check_names(problem)
     try:
-        optional_method(problem, "ritz")
+        problem.optional("ritz")
     except NotOffered as reason:
         raise without_functional(reason) from None
 

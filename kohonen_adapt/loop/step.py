@@ -30,18 +30,10 @@ from kohonen_adapt.problem.evaluation import (
     estimate,
     goal_error_of,
     goal_of,
-    improved,
     output_value,
-    solve,
     solve_again,
 )
-from kohonen_adapt.problem.protocol import (
-    NotOffered,
-    Problem,
-    goal_unit_of,
-    is_calibrated,
-    norm_of,
-)
+from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered
 from kohonen_adapt.problem.uncertain import Uncertain, doubts_of, error_of, shifted
 from kohonen_adapt.som.relocation_record import Moved
 
@@ -100,7 +92,7 @@ class Adaptation:
         Degree of the elements, read from the problem once.
     """
 
-    problem: Problem
+    problem: CheckedProblem
     method: Method
     movable: MovableMesh | MovableSolid
     settings: Settings
@@ -116,7 +108,7 @@ class Adaptation:
         mesh = self.movable.mesh() if before else self.movable.start()
         with self.steps("solve"):
             number_facets(mesh)  # faster than scikit-fem, which numbers them otherwise in the solver
-            solution = solve(self.problem, mesh, *((before.record.mesh, before.solution) if before else ()))
+            solution = self.problem.solve(mesh, *((before.record.mesh, before.solution) if before else ()))
         with self.steps("estimate"):
             movable = self.movable.copy()
             sides = Sides(self.problem, mesh, solution, curved_of(movable))
@@ -173,7 +165,7 @@ class Adaptation:
         indicators = estimate(problem, mesh, solution)
         norm, goal = energy_norm(problem, mesh, solution, tolerance.rtol), goal_of(problem, solution)
         total, length, size = root_of_squares(indicators), 1.0, area(mesh)
-        if norm_of(problem) != "energy":
+        if problem.norm != "energy":
             length = size ** (1 / mesh.dim())
         if goal is None and total <= (tolerance.of_energy(norm) or 0.0):
             total = sides.error_with_sides(total, self.settings.rules.curves)
@@ -182,10 +174,10 @@ class Adaptation:
             "estimate": total,
             "worth": root_of_squares(length * indicators) * math.sqrt(1.0 + self.movable.cut_off() / float(size.sum())),
             "energy_norm": norm,
-            "calibrated": is_calibrated(problem),
+            "calibrated": problem.calibrated,
             "goal": goal,
             "goal_error": None if tolerance.goal_rtol is None else goal_error(sides),
-            "goal_unit": "" if goal is None else goal_unit_of(problem),
+            "goal_unit": "" if goal is None else problem.goal_unit,
         }
 
     def assess_again(self, record: Pass) -> Solved:
@@ -249,7 +241,7 @@ class Adaptation:
     def better_outputs(self, sides: Sides) -> tuple[Mapping[str, float], str]:
         outputs, solution = self.settings.outputs, sides.solution
         try:
-            better = improved(sides.problem, sides.mesh, solution, outputs) if outputs else {}
+            better = sides.problem.optional("improved")(sides.mesh, solution, outputs) if outputs else {}
             exact = sides.exact[1] if better else solution
             if exact is solution:
                 return better, ""

@@ -13,18 +13,8 @@ from kohonen_adapt.geometry.rules import Rules, check_for, with_pinned
 from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.functional_of_pass import functional_of
 from kohonen_adapt.mesh.cells import check_kind
-from kohonen_adapt.problem.evaluation import curves_of, solve
-from kohonen_adapt.problem.protocol import (
-    Problem,
-    at_order_of_passes,
-    check_names,
-    final_orders,
-    has_method,
-    is_curved,
-    nodes_of_problem,
-    pairs_of,
-    points_of,
-)
+from kohonen_adapt.problem.evaluation import curves_of
+from kohonen_adapt.problem.protocol import CheckedProblem, Problem, check_names
 
 __all__ = [
     "reasons_at",
@@ -80,40 +70,42 @@ def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | 
     rules = Rules() if rules is None else rules
     if not isinstance(rules, Rules):
         raise TypeError(f"rules of why_held must be kohonen_adapt.Rules; got {rules!r}.")
-    if problem is not None:
-        if not has_method(problem, "solve"):
-            raise TypeError(f"why_held requires a problem with the method solve(mesh), or Rules; got {problem!r}.")
-        check_names(problem)
-    return reasons_at(mesh, problem, rules)
+    if problem is None:
+        return reasons_at(mesh, None, rules)
+    checked = CheckedProblem(problem)
+    if not checked.has("solve"):
+        raise TypeError(f"why_held requires a problem with the method solve(mesh), or Rules; got {problem!r}.")
+    check_names(checked)
+    return reasons_at(mesh, checked, rules)
 
 
-def reasons_at(mesh: Mesh, problem: Problem | None, rules: Rules, solution: Any = None) -> NDArray[np.str_]:
-    orders = range(0) if problem is None else final_orders(problem, False)
+def reasons_at(mesh: Mesh, problem: CheckedProblem | None, rules: Rules, solution: Any = None) -> NDArray[np.str_]:
+    orders = range(0) if problem is None else problem.final_orders(False)
     if problem is not None and orders:  # the solution is not of the order of the passes
-        problem, solution = at_order_of_passes(problem), None
+        problem, solution = problem.of_passes, None
     if problem is not None:
-        curves, pairs = curves_of(problem, mesh, rules.curves), rules.periodic or pairs_of(problem)
+        curves, pairs = curves_of(problem, mesh, rules.curves), rules.periodic or problem.pairs
         rules = replace(rules, curves=curves, periodic=pairs)
     check_for(rules, mesh.dim())
     movable = opened(mesh, rules, problem)
     reasons = method_of(mesh).reasons(movable)
-    reasons = with_pins(reasons, mesh, rules.pinned, None if problem is None else points_of(problem, mesh))
+    reasons = with_pins(reasons, mesh, rules.pinned, None if problem is None else problem.points_on(mesh))
     if problem is not None:
         polish = polish_reasons(mesh, movable, problem, solution)
         reasons = [why or (f"polish: {other}" if other else "") for why, other in zip(reasons, polish, strict=False)]
     return np.array(reasons, dtype=np.str_)
 
 
-def opened(mesh: Mesh, rules: Rules, problem: Problem | None) -> Any:
+def opened(mesh: Mesh, rules: Rules, problem: CheckedProblem | None) -> Any:
     if problem is not None:
-        rules = with_pinned(rules, nodes_of_problem(problem, mesh))
+        rules = with_pinned(rules, problem.nodes_on(mesh))
     layered = with_layers(mesh, rules)  # nodes of missing layers follow the nodes of the input
-    return method_of(mesh).open(layered, rules.guarded(), None if problem is None else is_curved(problem))
+    return method_of(mesh).open(layered, rules.guarded(), None if problem is None else problem.is_curved)
 
 
-def polish_reasons(mesh: Mesh, movable: Any, problem: Problem, solution: Any) -> list[str]:
+def polish_reasons(mesh: Mesh, movable: Any, problem: CheckedProblem, solution: Any) -> list[str]:
     method, start = method_of(mesh), movable.start()
-    solution = solve(problem, start) if solution is None else solution
+    solution = problem.solve(start) if solution is None else solution
     found = functional_of(problem, method, movable, start, solution)
     if found.functional is None:
         return [found.unpolished] * movable.nnodes

@@ -10,7 +10,7 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
-from kohonen_adapt.problem.protocol import AutoOrder, NotOffered, optional_method
+from kohonen_adapt.problem.protocol import AutoOrder, CheckedProblem, NotOffered
 from kohonen_adapt.problem.uncertain import error_of
 
 __all__ = ["FieldProblem", "check_elements", "chosen_order", "scaled_to", "vanish"]
@@ -127,8 +127,8 @@ class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
         """
         if self.goal is None:
             raise ValueError(f"goal_error needs a goal{self.no_goal}")
-        improved = optional_method(self, "improved")
-        return error_of(self.goal(field), improved(field.mesh, field, {"goal": self.goal})["goal"])
+        better = CheckedProblem(self).improved(field.mesh, field, {"goal": self.goal})["goal"]
+        return error_of(self.goal(field), better)
 
     def energy_norm(self, mesh: MeshKind, field: FieldKind) -> float:
         """Return the energy norm ``sqrt(int nu |B|^2)`` of a solution.

@@ -10,12 +10,9 @@ from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.checks import as_reals, check_fraction, listed
 from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.problem.protocol import (
+    CheckedProblem,
     NotOffered,
-    Problem,
-    has_method,
     missing_norm_error,
-    optional_method,
-    order_of,
 )
 from kohonen_adapt.problem.ritz import VECTORS, Ritz
 from kohonen_adapt.problem.uncertain import Uncertain
@@ -30,11 +27,8 @@ __all__ = [
     "functional_of_solution",
     "goal_error_of",
     "goal_of",
-    "has_goal",
-    "improved",
     "output_value",
     "ritz_of",
-    "solve",
     "solve_again",
 ]
 
@@ -43,13 +37,7 @@ RESTART_TOLERANCE = 1e-4  # of the largest indicator: allowed effect of the star
 Output = Callable[[Any], float]  # of the solution
 
 
-def solve(problem: Problem, mesh: Mesh, old_mesh: Mesh | None = None, old_solution: Any = None) -> Any:
-    if old_mesh is not None and has_method(problem, "solve_from"):
-        return problem.solve_from(mesh, old_mesh, old_solution)  # type: ignore[attr-defined]
-    return problem.solve(mesh)
-
-
-def estimate(problem: Problem, mesh: Mesh, solution: Any) -> Floats:
+def estimate(problem: CheckedProblem, mesh: Mesh, solution: Any) -> Floats:
     """Return a copy of the indicators, shape (nelements,).
 
     Raises ValueError for another shape, and for values that are not finite numbers >= 0.
@@ -71,7 +59,7 @@ def _check_values(values: Floats, good: Mask, wanted: str) -> None:
         )
 
 
-def solve_again(problem: Problem, mesh: Mesh, indicators: Floats) -> Any:
+def solve_again(problem: CheckedProblem, mesh: Mesh, indicators: Floats) -> Any:
     solution = problem.solve(mesh)
     difference = float(np.abs(estimate(problem, mesh, solution) - indicators).max())
     if difference > RESTART_TOLERANCE * indicators.max():
@@ -92,9 +80,9 @@ def check_signs(before: Mapping[str, float], now: Mapping[str, float]) -> None:
             )
 
 
-def energy_norm(problem: Problem, mesh: Mesh, solution: Any, rtol: float | None = None) -> float | None:
+def energy_norm(problem: CheckedProblem, mesh: Mesh, solution: Any, rtol: float | None = None) -> float | None:
     try:
-        value = float(optional_method(problem, "energy_norm")(mesh, solution))
+        value = float(problem.optional("energy_norm")(mesh, solution))
     except NotOffered as reason:
         if rtol is not None:
             raise missing_norm_error(reason) from None
@@ -104,17 +92,17 @@ def energy_norm(problem: Problem, mesh: Mesh, solution: Any, rtol: float | None 
     return value
 
 
-def functional_of_solution(problem: Problem, mesh: Mesh, solution: Any) -> float:
+def functional_of_solution(problem: CheckedProblem, mesh: Mesh, solution: Any) -> float:
     # by default of a linear problem with homogeneous conditions
     try:
-        return float(optional_method(problem, "functional")(mesh, solution))
+        return float(problem.optional("functional")(mesh, solution))
     except NotOffered:
         return -0.5 * (energy_norm(problem, mesh, solution) or 0.0) ** 2
 
 
-def ritz_of(problem: Problem, mesh: Mesh, solution: Any) -> Ritz:
+def ritz_of(problem: CheckedProblem, mesh: Mesh, solution: Any) -> Ritz:
     try:
-        method = optional_method(problem, "ritz")
+        method = problem.optional("ritz")
     except NotOffered as reason:
         if is_vector_valued(mesh, solution):
             raise NotOffered(f"{reason}; {VECTORS}") from None
@@ -122,8 +110,8 @@ def ritz_of(problem: Problem, mesh: Mesh, solution: Any) -> Ritz:
     ritz = method(mesh, solution)
     if not isinstance(ritz, Ritz):
         raise ValueError(f"ritz of the problem must return a kohonen_adapt.Ritz; got {type(ritz).__name__}.")
-    if ritz.order != order_of(problem):
-        raise NotOffered(f"the order of Ritz is {ritz.order}, the order of the problem is {order_of(problem)}")
+    if ritz.order != problem.order:
+        raise NotOffered(f"the order of Ritz is {ritz.order}, the order of the problem is {problem.order}")
     return ritz
 
 
@@ -132,7 +120,7 @@ def is_vector_valued(mesh: Mesh, solution: Any) -> bool:
     return size >= 2 * mesh.nvertices and size not in {count_unknowns(mesh, order) for order in (1, 2, 3, 4)}
 
 
-def curves_of(problem: Problem, mesh: Mesh, given: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+def curves_of(problem: CheckedProblem, mesh: Mesh, given: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
     method = getattr(problem, "curves", None)
     if not callable(method) or not (given is None or isinstance(given, Mapping)):
         return given
@@ -144,23 +132,13 @@ def curves_of(problem: Problem, mesh: Mesh, given: Mapping[str, Any] | None) -> 
     return {**found, **(given or {})} if found else given
 
 
-def has_goal(problem: Problem) -> bool:
-    return has_method(problem, "goal") and has_method(problem, "goal_error")
+def goal_of(problem: CheckedProblem, solution: Any) -> float | None:
+    return float(problem.goal(solution)) if problem.has_goal else None
 
 
-def goal_of(problem: Problem, solution: Any) -> float | None:
-    if not has_goal(problem):
-        return None
-    return float(problem.goal(solution))  # type: ignore[attr-defined]
-
-
-def goal_error_of(problem: Problem, solution: Any) -> Uncertain:
-    error = problem.goal_error(solution)  # type: ignore[attr-defined]
+def goal_error_of(problem: CheckedProblem, solution: Any) -> Uncertain:
+    error = problem.goal_error(solution)
     return error if isinstance(error, Uncertain) else Uncertain(error, 0.0)
-
-
-def improved(problem: Problem, mesh: Mesh, solution: Any, outputs: Mapping[str, Any]) -> Mapping[str, float]:
-    return optional_method(problem, "improved")(mesh, solution, outputs)
 
 
 def check_outputs(outputs: Any, output_rtol: Any) -> dict[str, Output]:

@@ -1,7 +1,6 @@
 """Interface of a problem, and the optional attributes and methods of a problem."""
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping
 from inspect import signature
 from typing import Any, Protocol
 
@@ -10,32 +9,17 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.checks import checked_points, is_count
-from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.names import nodes_of_points
 
 __all__ = [
     "HIGHEST_POLISHED",
-    "AtOrder",
     "AutoOrder",
+    "CheckedProblem",
     "NotOffered",
     "Problem",
-    "at_order_of_passes",
     "check_names",
-    "check_problem",
-    "final_orders",
-    "goal_unit_of",
-    "has_functional",
-    "has_method",
-    "is_calibrated",
-    "is_curved",
+    "checked_problem",
     "missing_norm_error",
-    "nodes_of_problem",
-    "norm_of",
-    "optional_method",
-    "order_of",
-    "pairs_of",
-    "points_of",
-    "takes_order",
 ]
 
 ATTRIBUTES = {
@@ -58,6 +42,16 @@ METHODS = {
     "corner_exponents": "mesh",
     "aimed_at": "output",
     "metric": "mesh, solution",
+}
+
+DEFAULTS: dict[str, Any] = {
+    "orders": None,
+    "norm": "energy",
+    "calibrated": False,
+    "curved": None,
+    "pairs": (),
+    "points": {},
+    "goal_unit": "",
 }
 
 OF_PASSES = 2  # order of the passes before a higher order; the polish of order 2 takes the least time to an error
@@ -150,12 +144,90 @@ class Problem(Protocol):
         """Return unsquared error indicators in the energy norm, shape (nelements,)."""
 
 
-def order_of(problem: Problem) -> int:
-    return getattr(problem, "order", 1)
+class AutoOrder(int):
+    """Order that follows the tolerance of `adapt`, or else its value."""
 
 
-def orders_of(problem: Problem) -> tuple[int, int] | None:
-    return getattr(problem, "orders", None)
+class CheckedProblem:
+    """Problem with the defaults of optional attributes, also at one of its orders.
+
+    Names that are not here are those of the problem.
+    """
+
+    def __init__(self, problem: Any, order: int | None = None) -> None:
+        if isinstance(problem, CheckedProblem):
+            problem, order = problem.given, problem.chosen_order if order is None else order
+        self.given: Any = problem
+        self.chosen_order = order
+        self.name = type(problem).__name__
+
+    def __getattr__(self, name: str) -> Any:
+        default = DEFAULTS.get(name)
+        value = getattr(self.given, name, default) if name in DEFAULTS else getattr(self.given, name)
+        return default if value is None else value
+
+    @property
+    def order(self) -> int:
+        return getattr(self.given, "order", 1) if self.chosen_order is None else self.chosen_order
+
+    @property
+    def is_curved(self) -> bool | None:
+        return self.curved and self.order > 1 if isinstance(self.curved, bool) else self.curved
+
+    @property
+    def has_goal(self) -> bool:
+        return self.has("goal") and self.has("goal_error")
+
+    @property
+    def has_functional(self) -> bool:
+        return self.norm == "energy" and self.has("ritz")
+
+    def has(self, name: str) -> bool:
+        return callable(getattr(self.given, name, None))
+
+    def optional(self, name: str) -> Callable[..., Any]:
+        reason = f"{self.name} has no method {name}(mesh, solution)"
+        try:
+            method = getattr(self.given, name)
+        except AttributeError as error:
+            raise NotOffered(str(error) if hasattr(type(self.given), name) else reason) from None
+        if not callable(method):
+            raise NotOffered(reason)
+        return method
+
+    def solve(self, mesh: Mesh, old_mesh: Mesh | None = None, old_solution: Any = None) -> Any:
+        chosen = {} if self.chosen_order is None else {"order": self.chosen_order}
+        if old_mesh is not None and self.has("solve_from"):
+            return self.given.solve_from(mesh, old_mesh, old_solution, **chosen)
+        return self.given.solve(mesh, **chosen)
+
+    def points_on(self, mesh: Mesh) -> dict[str, Ints]:
+        if not isinstance(self.points, Mapping):
+            raise ValueError(f"points of the problem must be {ATTRIBUTES['points']}; got {self.points!r}.")
+        positions = {
+            name: checked_points(x, f"points[{name!r}] of the problem", mesh.dim()) for name, x in self.points.items()
+        }
+        return nodes_of_points(mesh, positions)
+
+    def nodes_on(self, mesh: Mesh) -> list[int]:
+        return [int(node) for rows in self.points_on(mesh).values() for node in rows]
+
+    @property
+    def takes_order(self) -> bool:
+        takes = self.chosen_order is None and self.orders is not None
+        return takes and "order" in signature(self.given.solve).parameters  # or overridden
+
+    def final_orders(self, has_tolerance: bool) -> range:
+        if not self.takes_order:
+            return range(0)
+        highest, order = self.orders[1], self.order
+        if isinstance(order, AutoOrder) and order >= OF_PASSES:
+            return range(HIGHEST_POLISHED + 1, highest + 1) if has_tolerance else range(0)
+        return range(order, order + 1) if order > HIGHEST_POLISHED else range(0)
+
+    @property
+    def of_passes(self) -> "CheckedProblem":
+        return CheckedProblem(self, OF_PASSES) if self.final_orders(has_tolerance=True) else self
 
 
 def are_orders(value: object) -> bool:
@@ -163,45 +235,8 @@ def are_orders(value: object) -> bool:
     return pair and (value is None or 1 <= value[0] <= value[1])  # type: ignore[index]
 
 
-def norm_of(problem: Problem) -> str:
-    return getattr(problem, "norm", "energy")
-
-
-def has_functional(problem: Problem) -> bool:
-    return norm_of(problem) == "energy" and has_method(problem, "ritz")
-
-
-def is_calibrated(problem: Problem) -> bool:
-    return getattr(problem, "calibrated", False)
-
-
-def is_curved(problem: Problem) -> bool | None:
-    wanted = getattr(problem, "curved", None)
-    return wanted and order_of(problem) > 1 if isinstance(wanted, bool) else wanted
-
-
-def goal_unit_of(problem: Problem) -> str:
-    return str(getattr(problem, "goal_unit", ""))
-
-
-def pairs_of(problem: Problem) -> Sequence[Pair]:
-    return getattr(problem, "pairs", None) or ()
-
-
-def points_of(problem: Problem, mesh: Mesh) -> dict[str, Ints]:
-    points = getattr(problem, "points", None) or {}
-    if not isinstance(points, Mapping):
-        raise ValueError(f"points of the problem must be {ATTRIBUTES['points']}; got {points!r}.")
-    positions = {name: checked_points(x, f"points[{name!r}] of the problem", mesh.dim()) for name, x in points.items()}
-    return nodes_of_points(mesh, positions)
-
-
-def nodes_of_problem(problem: Problem, mesh: Mesh) -> list[int]:
-    return [int(node) for rows in points_of(problem, mesh).values() for node in rows]
-
-
-def check_names(problem: Problem) -> None:
-    kind = type(problem).__name__
+def check_names(problem: CheckedProblem) -> None:
+    kind = problem.name
     for name, wanted in ATTRIBUTES.items():
         if callable(getattr(problem, name, None)):
             raise ValueError(
@@ -215,91 +250,36 @@ def check_names(problem: Problem) -> None:
                 f"{name} of the problem must be a method {name}({arguments}); {kind} has a {type(value).__name__} of "
                 "this name. Rename an attribute with another purpose."
             )
-    lowest, highest = (orders_of(problem) if are_orders(orders_of(problem)) else None) or (1, 4)
+    lowest, highest = (problem.orders if are_orders(problem.orders) else None) or (1, 4)
     valid = {
-        "pairs": isinstance(pairs_of(problem), tuple | list),
-        "norm": norm_of(problem) in ("energy", "L2"),
-        "calibrated": isinstance(is_calibrated(problem), bool),
-        "curved": isinstance(is_curved(problem), bool | None),
-        "orders": are_orders(orders_of(problem)),
-        "order": is_count(order_of(problem)) and lowest <= order_of(problem) <= highest,
+        "pairs": isinstance(problem.pairs, tuple | list),
+        "norm": problem.norm in ("energy", "L2"),
+        "calibrated": isinstance(problem.calibrated, bool),
+        "curved": isinstance(problem.curved, bool | None),
+        "orders": are_orders(problem.orders),
+        "order": is_count(problem.order) and lowest <= problem.order <= highest,
     }
     for name, is_valid in valid.items():
         if not is_valid:
             raise ValueError(f"{name} of the problem must be {ATTRIBUTES[name]}; got {getattr(problem, name)!r}.")
 
 
-def check_problem(problem: Problem, rtol: float | None) -> None:
-    kind = type(problem).__name__
-    missing = [name for name in ("solve", "indicators") if not has_method(problem, name)]
+def checked_problem(given: Problem, rtol: float | None) -> CheckedProblem:
+    problem = CheckedProblem(given)
+    missing = [name for name in ("solve", "indicators") if not problem.has(name)]
     if missing:
         raise ValueError(
             f"problem must have the methods solve(mesh) and indicators(mesh, solution); "
-            f"{kind} has no {' and no '.join(missing)}."
+            f"{problem.name} has no {' and no '.join(missing)}."
         )
     check_names(problem)
     if rtol is not None:
         try:
-            optional_method(problem, "energy_norm")
+            problem.optional("energy_norm")
         except NotOffered as reason:
             raise missing_norm_error(reason) from None
+    return problem
 
 
 def missing_norm_error(reason: object) -> ValueError:
     return ValueError(f"rtol requires the energy norm of the problem, but {reason}. Use atol instead.")
-
-
-def has_method(problem: Problem, name: str) -> bool:
-    return callable(getattr(problem, name, None))
-
-
-def optional_method(problem: Problem, name: str) -> Callable[..., Any]:
-    reason = f"{type(problem).__name__} has no method {name}(mesh, solution)"
-    try:
-        method = getattr(problem, name)
-    except AttributeError as error:
-        raise NotOffered(str(error) if hasattr(type(problem), name) else reason) from None
-    if not callable(method):
-        raise NotOffered(reason)
-    return method
-
-
-class AtOrder:
-    """Problem solved with elements of one of its orders.
-
-    All names but `order`, `solve` and `solve_from` are those of the problem.
-    """
-
-    def __init__(self, problem: Problem, order: int) -> None:
-        self._problem, self.order = problem, order
-
-    def solve(self, mesh: Mesh) -> Any:
-        return self._problem.solve(mesh, order=self.order)  # type: ignore[call-arg]
-
-    def indicators(self, mesh: Mesh, solution: Any) -> ArrayLike:
-        return self._problem.indicators(mesh, solution)
-
-    def __getattr__(self, name: str) -> Any:
-        value = getattr(self._problem, name)
-        return partial(value, order=self.order) if name == "solve_from" else value
-
-
-class AutoOrder(int):
-    """Order that follows the tolerance of `adapt`, or else its value."""
-
-
-def takes_order(problem: Problem) -> bool:
-    return orders_of(problem) is not None and "order" in signature(problem.solve).parameters  # or overridden
-
-
-def final_orders(problem: Problem, has_tolerance: bool) -> range:
-    if not takes_order(problem):
-        return range(0)
-    highest, order = (orders_of(problem) or (1, 1))[1], order_of(problem)
-    if isinstance(order, AutoOrder) and order >= OF_PASSES:
-        return range(HIGHEST_POLISHED + 1, highest + 1) if has_tolerance else range(0)
-    return range(order, order + 1) if order > HIGHEST_POLISHED else range(0)
-
-
-def at_order_of_passes(problem: Problem) -> Problem:
-    return AtOrder(problem, OF_PASSES) if final_orders(problem, has_tolerance=True) else problem
