@@ -8,7 +8,7 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.functions import reference_functions
 from kohonen_adapt.mesh.measures import magnitude
-from kohonen_adapt.mesh.rules import rule_of
+from kohonen_adapt.mesh.rules import Rule, rule_of
 
 __all__ = ["Form", "Group", "all_points", "check_orientation", "reference", "times"]
 
@@ -35,11 +35,10 @@ class Form(NamedTuple):
 class Reference:
     """Functions of a form of elements at the points of its rule."""
 
-    def __init__(self, form: Form) -> None:
+    def __init__(self, form: Form, rule: Rule, functions: tuple[Floats, Floats]) -> None:
         self.form = form
-        self.barycentric, self.weight = rule_of(*form)  # (q, d + 1), (q,)
-        # values (k, q) and slopes (k, d, q)
-        self.values, self.slopes = reference_functions(self.barycentric, form.order, form.kind, form.arcs)
+        self.barycentric, self.weight = rule  # (q, d + 1), (q,)
+        self.values, self.slopes = functions  # (k, q), (k, d, q)
 
     @cached_property
     def products(self) -> Floats:
@@ -63,7 +62,8 @@ class Reference:
 
 @cache
 def reference(form: Form) -> Reference:
-    return Reference(form)
+    rule = rule_of(*form)
+    return Reference(form, rule, reference_functions(rule[0], form.order, form.kind, form.arcs))
 
 
 class Group:

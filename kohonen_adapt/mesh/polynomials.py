@@ -17,9 +17,8 @@ from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.tetrahedron.arrays import NO_SURFACE
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.kernels.triangle.arrays import Points, Reference
-from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
-from kohonen_adapt.mesh.functions import ON_AXIS, corner_slopes, factor_at, hierarchical, near_axis
+from kohonen_adapt.mesh.functions import ON_AXIS, factor_at, hierarchical, near_axis
 from kohonen_adapt.mesh.host import ascending, keys_of, number_edges, number_facets
 from kohonen_adapt.mesh.rules import LAW_DEGREE, points_near_axis, triangle_rule
 
@@ -33,13 +32,10 @@ __all__ = [
     "evaluated",
     "exact_reference",
     "facets_of_sides",
-    "fields_at",
-    "function_slopes",
     "gradients",
     "hierarchical_loads",
     "joined_points",
     "joined_reference",
-    "law_reference",
     "local_coefficients",
     "modes_of",
     "places_on_sides",
@@ -230,25 +226,6 @@ def joined_points(order: int) -> Points:
     return Points(weight, barycentric, value, slope, side, own.plain)
 
 
-def fields_at(
-    points: Points, kind: int, corners: Floats, offset: Floats, coefficients: Floats
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return the fields of elements of one kind at the quadrature points.
-
-    `corners` (m, 3, 2) and `offset` (m, 3, 2) are the corners and midside offsets of elements with curved sides,
-    `coefficients` has shape (m, functions). The results are the Jacobian determinant, x and the values, each
-    (points, m), and the gradients, (2, points, m).
-    """
-    side = points.side[kind]
-    tangent = np.einsum("id,mic->mcd", corner_slopes(2), corners) + np.einsum("qkd,mkc->qmcd", side[:, :, 1:], offset)
-    x = points.share[kind] @ corners[:, :, 0].T + side[:, :, 0] @ offset[:, :, 0].T
-    along, aside = np.einsum("qid,mi->dqm", points.slope[kind], coefficients)
-    (ax, bx), (ay, by) = np.moveaxis(tangent, (2, 3), (0, 1))
-    doubled = ax * by - bx * ay
-    slope = np.stack([by * along - ay * aside, ax * aside - bx * along]) / doubled
-    return doubled, x, points.value[kind] @ coefficients.T, slope
-
-
 # on tetrahedra
 
 
@@ -272,12 +249,3 @@ def hierarchical_loads(mesh: MeshTet, load: Floats) -> Floats:
     for end in mesh.edges:
         found[:count] += 0.5 * np.bincount(end, load[count:], count)
     return found
-
-
-def function_slopes(corners: Floats, barycentric: Floats) -> Floats:
-    """Return the gradients of functions of order 2 in tetrahedra, (3, 10, m).
-
-    `corners` has shape (3, 4, m), and `barycentric` (4,) is a point of each.
-    """
-    slopes = hierarchical(barycentric[None], 2)[1][..., 0]
-    return np.tensordot(TETRAHEDRON.hat_gradients(corners)[:, 1:], slopes, (1, 1)).swapaxes(1, 2)

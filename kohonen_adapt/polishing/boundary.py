@@ -11,14 +11,13 @@ from scipy.sparse.linalg import spsolve
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.chains import on_chains
-from kohonen_adapt.kernels.triangle.arrays import Points, Reference
-from kohonen_adapt.mesh.functions import kinds_at_axis, trace_columns
-from kohonen_adapt.mesh.polynomials import TrialFunction, by_points, fields_at, local_coefficients
+from kohonen_adapt.kernels.triangle.arrays import Reference
+from kohonen_adapt.mesh.measures import magnitude
+from kohonen_adapt.mesh.polynomials import TrialFunction, local_coefficients
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.problem.boundary_terms import facet_terms, robin_value
-from kohonen_adapt.problem.functional_value import elements_by_rule, flux_on, source_on, value_on
+from kohonen_adapt.problem.boundary_terms import robin_value, terms_of_sides
+from kohonen_adapt.problem.functional_value import energy_on, functions_on, loads_on, value_on
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.problem.tables import value_by_region
 
 __all__ = ["BoundaryTerms"]
 
@@ -57,58 +56,54 @@ class BoundaryTerms:
             found[np.concatenate(elements.ends(*np.nonzero(on_chains(elements.chain, self.on))))] = True
         return found
 
-    def value(self, chain: Ints, corners: Floats, coefficients: Floats, offsets: Floats | None = None) -> float:
-        # `chain` (m, 3) holds the curve segment of every side, `corners` (m, 3, 2) and `coefficients` (m, b) belong
-        # to the elements, and `offsets` (m, 3, 2) holds the midside offsets.
+    def value(self, chain: Ints, corners: Floats, coefficients: Floats, offset: Floats | None = None) -> float:
+        # `chain` (m, 3) holds the curve segment of every side, `corners` (2, 3, m) and `coefficients` (k, m) belong
+        # to the elements, and `offset` (2, 3, m) holds the midside offsets.
         total = 0.0
         for name, chains in self.chains.items():
             sides, terms = sides_on(chain, chains), self.ritz.robin[name]
-            total += robin_value(corners, coefficients, sides, terms, self.ritz.axisymmetric, offsets)
+            total += robin_value(corners, coefficients, sides, terms, self.ritz.axisymmetric, offset)
         return total
 
     def improve(self, triangulation: Triangulation, trial: TrialFunction, offsets: Floats | None = None) -> None:
         # All values are found by one linear solve. With nonlinear laws the matrix has secant coefficients, and the
         # step is undone if the functional rises. `offsets` holds the midside offsets, shape (m, 3, 2).
-        unknown, count = self._unknowns(triangulation, trial) if self.chains else (np.empty((0, 3), dtype=int), 0)
+        unknown, count = self._unknowns(triangulation, trial) if self.chains else (np.empty((3, 0), dtype=int), 0)
         if not count:
             return
-        rows = np.flatnonzero(np.any(unknown >= 0, axis=1))
-        offsets = np.zeros((len(rows), 3, 2)) if offsets is None else offsets[rows]
-        near = RobinElements.of(triangulation, trial, offsets, rows, unknown[rows], self.number)
+        rows = np.flatnonzero(np.any(unknown >= 0, axis=0))
+        offset = None if offsets is None else offsets[rows].T
+        near = RobinElements.of(triangulation, trial, offset, rows, unknown[:, rows], self.number)
         matrix, rest = self._equations(near, count)
         change, before = spsolve(matrix.tocsc(), -rest), self._total(near)
         near.add(trial, change)
-        if (
-            any(self.ritz.laws)
-            and self._total(RobinElements.of(triangulation, trial, offsets, rows, near.unknown, self.number)) > before
-        ):
+        after = RobinElements.of(triangulation, trial, offset, rows, near.unknown, self.number)
+        if any(self.ritz.laws) and self._total(after) > before:
             near.add(trial, -change)
 
     def _unknowns(self, triangulation: Triangulation, trial: TrialFunction) -> tuple[Ints, int]:
         elements = triangulation.elements
         free = self.nodes(triangulation) & ~trial.fixed
         count, functions = int(free.sum()), self.reference.slope.shape[1]
-        unknown = np.full((len(elements.node), functions), -1)
-        unknown[:, :3] = np.where(free, np.cumsum(free) - 1, -1)[elements.node]
+        unknown = np.full((functions, len(elements.node)), -1)
+        unknown[:3] = np.where(free, np.cumsum(free) - 1, -1)[elements.node.T]
         e, k = sides_on(elements.chain, self.on & ~self.dirichlet)
         for first in range(3, min(functions, 9), 3):
-            unknown[e, first + k] = count + np.arange(len(e))
+            unknown[first + k, e] = count + np.arange(len(e))
             count += len(e)
         return unknown, count
 
     def _total(self, near: "RobinElements") -> float:
-        own = value_on(near.corners, near.coefficients, near.number, self.ritz, near.offsets)
-        return own + self.value(near.chain, near.corners, near.coefficients, near.offsets)
+        own = value_on(near.corners, near.coefficients, near.number, self.ritz, near.offset)
+        return own + self.value(near.chain, near.corners, near.coefficients, near.offset)
 
     def _equations(self, near: "RobinElements", count: int) -> tuple[coo_array, Floats]:
-        parts = [(near.unknown, *self._of_elements(near))]
+        parts, ritz = [(near.unknown.T, *self._of_elements(near))], self.ritz
         for name, chains in self.chains.items():
-            e, k = sides_on(near.chain, chains)
-            ends = np.stack([near.corners[e, (k + 1) % 3], near.corners[e, (k + 2) % 3]], axis=1)
-            terms, offset = self.ritz.robin[name], near.offsets[e, k]
-            matrix, load = facet_terms(ends, self.ritz.order, terms, self.ritz.axisymmetric, offset)
-            own = e[:, None], trace_columns(k, self.ritz.order)
-            parts.append((near.unknown[own], matrix, np.einsum("fij,fj->fi", matrix, near.coefficients[own]) - load))
+            data = ritz.order, ritz.robin[name], ritz.axisymmetric, near.offset
+            places, matrix, load = terms_of_sides(near.corners, sides_on(near.chain, chains), *data)
+            pulled = np.einsum("fij,fj->fi", matrix, near.coefficients[places])
+            parts.append((near.unknown[places], matrix, pulled - load))
         total, right = coo_array((count, count)), np.zeros(count)
         for at, matrix, slope in parts:
             i, j = np.broadcast_arrays(at[:, :, None], at[:, None, :])
@@ -118,31 +113,12 @@ class BoundaryTerms:
         return total, right
 
     def _of_elements(self, near: "RobinElements") -> tuple[Floats, Floats]:
-        (m, b), kind = near.coefficients.shape, np.zeros(len(near.rows), dtype=int)
-        if self.ritz.axisymmetric:
-            kind = kinds_at_axis(near.corners[:, :, 0])
-        stiffness, rest = np.empty((m, b, b)), np.empty((m, b))
-        for rule, law, rows in elements_by_rule(kind, near.number, self.ritz):
-            stiffness[rows], rest[rows] = self._of_kind(near, rows, rule, by_points(self.ritz.order, law))
-        return stiffness, rest
-
-    def _of_kind(self, near: "RobinElements", rows: Ints, kind: int, points: Points) -> tuple[Floats, Floats]:
-        ritz, (m, b) = self.ritz, (len(rows), near.coefficients.shape[1])
-        corners, offsets, number = near.corners[rows], near.offsets[rows], near.number[rows]
-        doubled, x, _, slope = fields_at(points, kind, corners, offsets, near.coefficients[rows])
-        repeated = np.repeat(corners, b, axis=0), np.repeat(offsets, b, axis=0), np.tile(np.eye(b), (m, 1))
-        each = fields_at(points, kind, *repeated)[3].reshape(2, -1, m, b)
-        radius, weight = x if ritz.axisymmetric else np.ones_like(x), 0.5 * points.weight[kind][:, None] * doubled
-        secant = value_by_region(np.asarray(ritz.coefficient), number) / radius
-        for place, law in enumerate(ritz.laws):
-            if law is not None:
-                own = number == place
-                size = np.maximum(np.hypot(*slope[:, :, own]), np.finfo(float).tiny)
-                secant[:, own] = law.field_strength(size / radius[:, own]) / size
-        flux = np.broadcast_to(np.reshape(flux_on(corners, number, ritz), (2, 1, -1)), slope.shape)
-        stiffness = np.einsum("qm,cqmi,cqmj->mij", weight * secant, each, each)
-        pulled = (weight * source_on(points, kind, corners, offsets, number, ritz)).T @ points.value[kind]
-        return stiffness, np.einsum("cqm,cqmi->mi", weight * (secant * slope - flux), each) - pulled
+        functions = functions_on(near.corners, near.number, self.ritz, near.offset)
+        loads = loads_on(functions, near.number, self.ritz)
+        energy = energy_on(functions, near.number, self.ritz, np.add(*loads))
+        vector = energy.vector(near.coefficients)
+        secant = energy.densities.secant(magnitude(vector))
+        return functions.matrices(secant), (functions.against_gradients(secant * vector) - energy.load).T
 
 
 @dataclass(frozen=True)
@@ -151,22 +127,22 @@ class RobinElements:
     node: Ints  # (k, 3)
     chain: Ints  # (k, 3)
     number: Ints  # (k,): indices of regions in the tables of the functional
-    corners: Floats  # (k, 3, 2)
-    offsets: Floats  # (k, 3, 2): midside offsets
-    coefficients: Floats  # (k, b)
-    unknown: Ints  # (k, b): index of every coefficient, -1 if fixed
+    corners: Floats  # (2, 3, k)
+    offset: Floats | None  # (2, 3, k): midside offsets
+    coefficients: Floats  # (b, k)
+    unknown: Ints  # (b, k): index of every coefficient, -1 if fixed
 
     @classmethod
     def of(
-        cls, tri: Triangulation, trial: TrialFunction, offsets: Floats, rows: Ints, unknown: Ints, number: Ints
+        cls, tri: Triangulation, trial: TrialFunction, offset: Floats | None, rows: Ints, unknown: Ints, number: Ints
     ) -> "RobinElements":
         node, chain, region = (array[rows] for array in (tri.elements.node, tri.elements.chain, tri.elements.region))
-        coefficients = local_coefficients(trial.values[node], trial.modes and trial.modes.rows(rows))
-        return cls(rows, node, chain, number[region], tri.position[node], offsets, coefficients, unknown)
+        coefficients = local_coefficients(trial.values[node], trial.modes and trial.modes.rows(rows)).T
+        return cls(rows, node, chain, number[region], tri.position.T[:, node.T], offset, coefficients, unknown)
 
     def add(self, trial: TrialFunction, change: Floats) -> None:
-        e, i = np.nonzero(self.unknown >= 0)
-        at_nodes, more = i < 3, change[self.unknown[e, i]]
+        i, e = np.nonzero(self.unknown >= 0)
+        at_nodes, more = i < 3, change[self.unknown[i, e]]
         v, first = np.unique(self.node[e[at_nodes], i[at_nodes]], return_index=True)
         trial.values[v] += more[at_nodes][first]
         if trial.modes is not None:

@@ -19,20 +19,19 @@ from kohonen_adapt.kernels.triangle.arrays import (
     Points,
     Shapes,
 )
+from kohonen_adapt.mesh.element_functions import ElementFunctions
 from kohonen_adapt.mesh.functions import kinds_at_axis
-from kohonen_adapt.mesh.measures import inner_points
+from kohonen_adapt.mesh.measures import inner_points, magnitude
 from kohonen_adapt.mesh.polynomials import (
     LINEAR_FUNCTIONS,
     TrialFunction,
     by_points,
-    fields_at,
     gradients,
     joined_points,
-    law_reference,
     local_coefficients,
 )
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.problem.functional_value import source_points
+from kohonen_adapt.problem.functional_value import source_rule
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_at, source_at
 
@@ -81,16 +80,10 @@ def without_modes(m: int) -> Modes:
 
 def steepest(ritz: Ritz, triangulation: Triangulation, values: Floats, modes: Modes | None) -> float:
     node = triangulation.elements.node
-    coefficients, corners = local_coefficients(values[node], modes), triangulation.position[node]
-    kind = kinds_of(ritz, triangulation)
-    if kind is None:
-        return float(np.hypot(*gradients(corners, coefficients, law_reference(ritz.order))[1]).max(initial=0.0))
-    points, largest = by_points(ritz.order, law=True), 0.0
-    for value in np.unique(kind):
-        rows = np.flatnonzero(kind == value)
-        _, x, _, slope = fields_at(points, int(value), corners[rows], np.zeros_like(corners[rows]), coefficients[rows])
-        largest = max(largest, float((np.hypot(*slope) / x).max()))
-    return largest
+    corners, every = triangulation.position.T[:, node.T], np.ones(len(node), dtype=np.bool_)
+    functions = ElementFunctions(corners, ritz.order, every, axis=ritz.axisymmetric)
+    slope = magnitude(functions.gradient(local_coefficients(values[node], modes).T))
+    return float(np.max(slope / functions.points[0] if ritz.axisymmetric else slope, initial=0.0))
 
 
 def expanded(constants: Floats, corners: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) -> Floats:
@@ -119,7 +112,7 @@ def with_source(
 
     The polynomial of degree order + 2 is the best fit at the quadrature points of the functional.
     """
-    share, _ = source_points(order)
+    share, _ = source_rule(order, 2)
     sampled = source_at(share @ corners, number, source)
     (ax, ay), (bx, by) = (corners[:, k] - corners[:, 0] for k in (1, 2))
     doubled, x, y = ax * by - ay * bx, share[:, 1] - 1.0 / 3.0, share[:, 2] - 1.0 / 3.0

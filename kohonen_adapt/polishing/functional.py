@@ -13,7 +13,13 @@ from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.functionals import Laws
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING, OpenMesh, Reference, Trial, Trials
-from kohonen_adapt.mesh.polynomials import TrialFunction, local_coefficients, modes_of
+from kohonen_adapt.mesh.polynomials import (
+    TrialFunction,
+    exact_reference,
+    joined_reference,
+    local_coefficients,
+    modes_of,
+)
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.polishing.boundary import BoundaryTerms
 from kohonen_adapt.polishing.chords import Chords
@@ -39,7 +45,7 @@ from kohonen_adapt.polishing.energy_tables import (
 )
 from kohonen_adapt.polishing.loops import Higher, Linear
 from kohonen_adapt.polishing.stationarity_in_plane import check_in_plane
-from kohonen_adapt.problem.functional_value import reference_of, value_on
+from kohonen_adapt.problem.functional_value import value_on
 from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of
 
 __all__ = ["Functional"]
@@ -170,7 +176,8 @@ class Functional:
         followed = outline.straight | (movable.curved and ritz.order <= FOLLOWED)
         linear = whole & ~bare & followed & (deviation <= LINEAR * np.ptp(values))
         dirichlet = (whole & ~bare) | partly
-        number, at = numbers_of_regions(ritz, triangulation.elements.region), reference_of(ritz)
+        number = numbers_of_regions(ritz, triangulation.elements.region)
+        at = (joined_reference if any(ritz.laws) else exact_reference)(ritz.order)
         boundary = BoundaryTerms(ritz, at, number, {name: outline.names[name] != 0 for name in ritz.robin}, dirichlet)
         held = ~outline.straight | (dirichlet & ~linear) | (whole & bare) | boundary.on
         largest = steepest(ritz, triangulation, values, modes) if any(ritz.laws) else 0.0
@@ -204,9 +211,10 @@ class Functional:
 
     def value(self, triangulation: Triangulation, trial: TrialFunction, offsets: Floats | None = None) -> float:
         node, number = triangulation.elements.node, self.number[triangulation.elements.region]
-        corners, coefficients = triangulation.position[node], local_coefficients(trial.values[node], trial.modes)
-        total = value_on(corners, coefficients, number, self.ritz, offsets)
-        total += self.boundary.value(triangulation.elements.chain, corners, coefficients, offsets)
+        coefficients = local_coefficients(trial.values[node], trial.modes).T
+        corners, offset = triangulation.position.T[:, node.T], None if offsets is None else offsets.T
+        total = value_on(corners, coefficients, number, self.ritz, offset)
+        total += self.boundary.value(triangulation.elements.chain, corners, coefficients, offset)
         total += self.chords.value(triangulation, trial.values)
         if self.dual is None or trial.dual is None:
             return total

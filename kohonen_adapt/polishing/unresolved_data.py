@@ -7,8 +7,7 @@ import numpy as np
 from numpy.linalg import norm
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.problem.functional_in_space import OF_SOURCE, rule_of
-from kohonen_adapt.problem.functional_value import parts_of_element, source_points
+from kohonen_adapt.problem.functional_value import parts_of_element, source_rule
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import flux_at, source_at, value_by_region
@@ -97,8 +96,8 @@ def doubt_about(corners: Floats, region: Ints, ritz: Ritz) -> Doubt:
 def variations(corners: Floats, region: Ints, ritz: Ritz) -> Iterator[tuple[str, Variation]]:
     source, flux, hats = ritz.source, ritz.flux, np.eye(len(corners) + 1)
     if callable(source):
-        points, weight = source_points(ritz.order) if len(corners) == 2 else rule_of(OF_SOURCE)
-        rule = Rule(points, weight / weight.sum())
+        dim = len(corners)
+        rule = Rule(*source_rule(ritz.order if dim == 2 else 1, dim))  # in space of positive weights
         yield "source", variation(lambda x, rows: source_at(x, region[rows], source)[None], corners, rule, hats)
     if callable(flux):  # on triangles, at `inner_points`
         rule = Rule(0.5 * (np.eye(3) + 1.0 / 3.0), np.full(3, 1.0 / 3.0))

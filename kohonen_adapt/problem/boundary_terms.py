@@ -29,6 +29,7 @@ __all__ = [
     "robin_value",
     "sides_of_boundary",
     "surface_work",
+    "terms_of_sides",
 ]
 
 Load = float | Callable[[Floats], ArrayLike]
@@ -109,22 +110,37 @@ def axis_factors(ends: Floats, fraction: Floats) -> Floats:
     return 1.0 - at_axis[:, :1] * (1.0 - fraction) - at_axis[:, 1:] * fraction
 
 
+def terms_of_sides(
+    corners: Floats,
+    sides: tuple[Ints, Ints],
+    order: int,
+    terms: tuple[float, Load],
+    axisymmetric: bool,
+    offset: Floats | None,
+) -> tuple[tuple[Ints, Ints], Floats, Floats]:
+    """Return the places (f, k) of coefficients on sides, and their `facet_terms`.
+
+    `corners` and the midside offsets `offset` have shape (2, 3, m), `sides` contains elements and opposite corners
+    (f,). Places are indices of coefficients (k, m).
+    """
+    e, k = sides
+    ends = np.stack([corners[:, (k + 1) % 3, e].T, corners[:, (k + 2) % 3, e].T], axis=1)
+    matrix, load = facet_terms(ends, order, terms, axisymmetric, None if offset is None else offset[:, k, e].T)
+    return (trace_columns(k, order), e[:, None]), matrix, load
+
+
 def robin_value(
     corners: Floats,
     coefficients: Floats,
     sides: tuple[Ints, Ints],
     terms: tuple[float, Load],
     axisymmetric: bool,
-    offsets: Floats | None,
+    offset: Floats | None,
 ) -> float:
-    """Return the terms of a condition on sides, for coefficients (m, functions).
-
-    `corners` and the midside `offsets` have shape (m, 3, 2), `sides` contains elements and opposite corners (f,).
-    """
-    (e, k), order = sides, (3, 6, 10).index(coefficients.shape[1]) + 1
-    ends = np.stack([corners[e, (k + 1) % 3], corners[e, (k + 2) % 3]], axis=1)
-    matrix, load = facet_terms(ends, order, terms, axisymmetric, None if offsets is None else offsets[e, k])
-    trace = coefficients[e[:, None], trace_columns(k, order)]
+    """Return the terms of a condition on sides, for coefficients (k, m)."""
+    order = (3, 6, 10).index(len(coefficients)) + 1
+    places, matrix, load = terms_of_sides(corners, sides, order, terms, axisymmetric, offset)
+    trace = coefficients[places]
     return float(0.5 * np.einsum("fi,fij,fj", trace, matrix, trace) - np.sum(load * trace))
 
 

@@ -20,17 +20,20 @@ class Densities:
     axis, and 1 elsewhere. The second derivatives need laws with a method ``secants(b)`` that returns H / b and dH/db.
     """
 
-    weights: Floats  # (n,): areas or volumes of the points
+    weights: Floats | float  # (n,): areas or volumes of the points
     coefficient: Floats  # (n,); of a law at b = 0
     laws: Sequence[tuple[Any, Ints]] = ()  # with the indices of their points
     x: Floats | float = 1.0  # (n,)
 
-    def energy(self, size: Floats) -> float:
+    def density(self, size: Floats) -> Floats:
         b = size / self.x
         density = 0.5 * self.coefficient * b**2
         for law, rows in self.laws:
             density[rows] = law.energy(b[rows])
-        return float(np.sum(self.weights * self.x * density))
+        return self.x * density
+
+    def energy(self, size: Floats) -> float:
+        return float(np.sum(self.weights * self.density(size)))
 
     def secant(self, size: Floats) -> Floats:
         """Return ``H(b) / s``."""
@@ -68,7 +71,7 @@ class Energy:
     load
         Integrals of sources and fluxes against the functions, (nunknowns,).
     conditions
-        Prescribed values, pairs and terms on boundaries.
+        Prescribed values, pairs and terms on boundaries, None without any.
     given
         Part of v that does not depend on u, (d, n), None for 0.
     sign
@@ -80,7 +83,7 @@ class Energy:
     space: Any
     densities: Densities
     load: Floats
-    conditions: Any
+    conditions: Any = None
     given: Floats | None = None
     sign: float = 1.0
     constant: float = 0.0
@@ -106,7 +109,10 @@ class Energy:
     def value(self, u: Floats) -> tuple[float, float]:
         """Return the functional and its rounding error."""
         stored, work = self.densities.energy(magnitude(self.vector(u))), self.load * u
-        exterior, size = self.conditions.open_boundary, stored + abs(self.constant) + float(np.abs(work).sum())
+        exterior, size = (
+            getattr(self.conditions, "open_boundary", None),
+            stored + abs(self.constant) + float(np.abs(work).sum()),
+        )
         outside, outside_size = (0.0, 0.0) if exterior is None else exterior.energy(u)
         return stored + self.constant - float(work.sum()) + outside, EPSILON * (size + outside_size)
 

@@ -1,178 +1,241 @@
-"""Value of a Ritz functional on any mesh."""
+"""Ritz functionals on elements, and their value on any mesh."""
 
 from collections.abc import Callable, Iterator
 from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import ElementTriP1, Mesh, MeshTet, MeshTri
+from skfem import ElementTetP1, Mesh, MeshTet, MeshTri
 from skfem.quadrature import get_quadrature
 
-from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.triangle.arrays import Points, Reference
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved import is_second_order, midside_offsets
+from kohonen_adapt.mesh.element_functions import ElementFunctions
 from kohonen_adapt.mesh.functions import hierarchical, kinds_at_axis
-from kohonen_adapt.mesh.measures import CurvedTetrahedra, inner_points
-from kohonen_adapt.mesh.polynomials import (
-    by_points,
-    exact_reference,
-    fields_at,
-    gradients,
-    joined_reference,
-    law_reference,
-    local_coefficients,
-    modes_of,
-)
+from kohonen_adapt.mesh.measures import CurvedTetrahedra, inner_points, magnitude
+from kohonen_adapt.mesh.polynomials import edge_coefficients, local_coefficients, modes_of, unknowns_of_elements
+from kohonen_adapt.mesh.rules import Rule, triangle_rule
 from kohonen_adapt.problem.boundary_terms import (
+    corner_values,
     nodal_terms,
+    reduced_regions,
     robin_value,
     sides_of_boundary,
     surface_work,
 )
-from kohonen_adapt.problem.functional_in_space import coefficients_in_space, value_in_space, value_of_order_2
-from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of, plane_only_term
+from kohonen_adapt.problem.energy import Densities, Energy
+from kohonen_adapt.problem.ritz import Flux, Ritz, check_matches, parts_of, plane_only_term
 from kohonen_adapt.problem.tables import flux_at, flux_table, source_at, value_by_region
 
 __all__ = [
-    "elements_by_rule",
-    "flux_on",
+    "coefficients_on",
+    "densities_of",
+    "energy_on",
     "functional_value",
+    "functions_on",
+    "has_law",
+    "in_blocks",
+    "integrand",
+    "loads_on",
+    "numbers_of",
+    "offsets_on",
     "parts_of_element",
-    "reference_of",
-    "source_on",
-    "source_points",
+    "source_loads",
+    "source_rule",
     "value_on",
+    "vectors_of",
 ]
 
+Source = Callable[[Floats, Ints], ArrayLike]
 
-LOWER = 3  # as `degree` of `source_points`, of a second rule
+LOWER = 3  # as `degree` of `source_rule`, of a second rule
 AGREEMENT = 1e-4  # difference of two rules relative to the magnitude, above which elements are integrated in parts
 HALVINGS = (1, 2)  # of the edges of these elements; the second where the first differs by as much, a fifth of them
-ROWS = 2_000  # elements at once, to limit the memory
+IN_PARTS, BLOCK = 2_000, 1 << 15  # elements, and coefficients of elements, at once, to limit the memory
+IN_SPACE = {1: 7, 2: 8}  # degree of the rule of a source, by order; the rule of degree 6 has points on faces
 
 
-def reference_of(ritz: Ritz) -> Reference:
-    return joined_reference(ritz.order) if any(ritz.laws) else exact_reference(ritz.order)
+def functional_value(mesh: Mesh, ritz: Ritz) -> float:
+    if mesh.dim() == TETRAHEDRON.dim and plane_only_term(ritz):
+        raise ValueError(f"Ritz cannot be evaluated on tetrahedra: {plane_only_term(ritz)}.")
+    return sum(value_of_part(mesh, part) for part in parts_of(ritz))
 
 
-def elements_by_rule(kind: Ints, region: Ints, ritz: Ritz) -> Iterator[tuple[int, bool, Ints]]:
-    nonlinear = np.zeros(len(region), dtype=np.bool_)
-    if ritz.laws and (ritz.order > 1 or ritz.axisymmetric):  # otherwise gradients are constant, and one point suffices
-        nonlinear = np.array([law is not None for law in ritz.laws])[region]
-    for one_kind in np.unique(kind):
-        for law in (False, True):
-            rows = np.flatnonzero((kind == one_kind) & (nonlinear == law))
-            if rows.size:
-                yield int(one_kind), law, rows
-
-
-def value_of_part(mesh: MeshTri, ritz: Ritz) -> float:
+def value_of_part(mesh: Mesh, ritz: Ritz) -> float:
     check_matches(ritz, mesh)
-    region = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
-    values, node = np.asarray(ritz.values), mesh.t.T
-    kind = kinds_at_axis(mesh.p[0, node]) if ritz.axisymmetric else None
-    modes = None if ritz.order == 1 else modes_of(mesh, node, values, ritz.order, kind=kind)
-    corners, coefficients = mesh.p.T[node], local_coefficients(values[node], modes)
-    offsets = midside_offsets(mesh) if is_second_order(mesh) else None
-    total = value_on(corners, coefficients, region, ritz, offsets)
+    number, corners = numbers_of(ritz, mesh), mesh.p[:, mesh.t]
+    coefficients, offset = coefficients_on(mesh, ritz, number), offsets_on(mesh, ritz)
+    total = value_on(corners, coefficients, number, ritz, offset)
     for name, terms in ritz.robin.items():
         sides = sides_of_boundary(mesh, name)
-        total += robin_value(corners, coefficients, sides, terms, ritz.axisymmetric, offsets)
-    return total
+        total += robin_value(corners, coefficients, sides, terms, ritz.axisymmetric, offset)
+    return total - surface_work(np.asarray(ritz.values), nodal_terms(ritz.surface))
 
 
-def value_on(corners: Floats, coefficients: Floats, region: Ints, ritz: Ritz, offsets: Floats | None = None) -> float:
-    """Return the functional on triangles with corners (m, 3, 2).
+def numbers_of(ritz: Ritz, mesh: Mesh) -> Ints:
+    return np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
 
-    `coefficients` has shape (m, functions), `region` contains region numbers (m,), and `offsets` midside offsets
-    (m, 3, 2). Elements with curved sides or around an axis are integrated by the rules of `by_points`.
+
+def offsets_on(mesh: Mesh, ritz: Ritz) -> Floats | None:
+    # midside offsets as of `ElementFunctions`; tetrahedra of order 1 have straight edges
+    if not is_second_order(mesh) or (mesh.dim() == TETRAHEDRON.dim and ritz.order == 1):
+        return None
+    return midside_offsets(mesh).T if mesh.dim() == 2 else CurvedTetrahedra(mesh).offset
+
+
+def coefficients_on(mesh: Mesh, ritz: Ritz, number: Ints) -> Floats:
+    """Return the hierarchical coefficients of a solution, (k, m)."""
+    values = np.asarray(ritz.values)
+    if mesh.dim() == TETRAHEDRON.dim:
+        unknowns = mesh.t if ritz.order == 1 else unknowns_of_elements(mesh, mesh.t)
+        local = corner_values(values, nodal_terms(ritz.surface), unknowns, reduced_regions(ritz.surface, number))
+        return local if ritz.order == 1 else edge_coefficients(local)
+    node = mesh.t.T
+    kind = kinds_at_axis(mesh.p[0, node]) if ritz.axisymmetric else None
+    modes = None if ritz.order == 1 else modes_of(mesh, node, values, ritz.order, kind=kind)
+    return local_coefficients(values[node], modes).T
+
+
+def value_on(corners: Floats, coefficients: Floats, number: Ints, ritz: Ritz, offset: Floats | None = None) -> float:
+    """Return the functional on elements without its terms on boundaries.
+
+    `coefficients` has shape (k, m), and `number` contains region numbers (m,). `corners` and the midside offsets
+    `offset` are those of `ElementFunctions`.
     """
-    offsets = np.zeros_like(corners) if offsets is None else offsets
-    special = np.any(offsets != 0.0, axis=(1, 2)) | ritz.axisymmetric
-    kind = np.where(special, kinds_at_axis(corners[:, :, 0]) if ritz.axisymmetric else 0, -1)
     total = 0.0
-    for one_kind, nonlinear, rows in elements_by_rule(kind, region, ritz):
-        args = corners[rows], coefficients[rows], region[rows], ritz
-        if one_kind < 0:
-            total += _straight_value(*args, law_reference(ritz.order) if nonlinear else exact_reference(ritz.order))
-        else:
-            total += _value_by_points(*args, offsets[rows], one_kind, by_points(ritz.order, nonlinear))
+    for rows in in_blocks(coefficients):
+        functions, own = functions_on(corners, number, ritz, offset, rows), coefficients[:, rows]
+        load = np.add(*loads_on(functions, number[rows], ritz, own))
+        total += energy_on(functions, number[rows], ritz, load).value(own)[0]
     return total
 
 
-def _straight_value(corners: Floats, coefficients: Floats, region: Ints, ritz: Ritz, at: Reference) -> float:
-    doubled_area, slope = gradients(corners, coefficients, at)
-    density = at.weight @ _density(slope, 1.0, corners, region, ritz)
-    if callable(ritz.source):
-        source_term = _varying_source_term(corners, coefficients, region, ritz.source, ritz.order)
-    else:
-        source_term = 2.0 * value_by_region(np.asarray(ritz.source), region) * (coefficients @ at.mean)
-    return 0.5 * float(np.sum(np.abs(doubled_area) * (density - source_term)))
+def in_blocks(coefficients: Floats) -> Iterator[slice]:
+    functions, count = coefficients.shape
+    size = BLOCK // functions
+    return (slice(first, first + size) for first in range(0, count, size))
 
 
-def _varying_source_term(
-    corners: Floats, coefficients: Floats, region: Ints, function: Callable[[Floats, Ints], ArrayLike], order: int
-) -> Floats:
-    # Mean of source times function, (m,). Elements in which a rule of lower degree disagrees are integrated in parts,
-    # because passes and sweeps differ by less than the rule misses in a layer.
-    def mean(rule: tuple[Floats, Floats], rows: Ints | slice) -> tuple[Floats, Floats]:
-        barycentric, weight = rule
-        source = source_at(barycentric @ corners[rows].transpose(2, 1, 0), region[rows], function)
-        product = source * (hierarchical(barycentric, order)[0].T @ coefficients[rows].T)
-        return weight @ product, weight @ np.abs(product)
-
-    every = slice(None)
-    total, magnitude = mean(source_points(order), every)
-    lower, _ = mean(source_points(order, LOWER), every)
-    doubtful = np.flatnonzero(np.abs(total - lower) > AGREEMENT * magnitude)
-    for halvings in HALVINGS:
-        before = total[doubtful]
-        for first in range(0, len(doubtful), ROWS):
-            rows = doubtful[first : first + ROWS]
-            total[rows], _ = mean(points_in_parts(order, halvings), rows)
-        doubtful = doubtful[np.abs(total[doubtful] - before) > AGREEMENT * magnitude[doubtful]]
-    return total
+def functions_on(
+    corners: Floats, number: Ints, ritz: Ritz, offset: Floats | None, rows: slice = slice(None)
+) -> ElementFunctions:
+    offset = None if offset is None else offset[:, :, rows]
+    return ElementFunctions(corners[:, :, rows], ritz.order, has_law(ritz, number[rows]), offset, ritz.axisymmetric)
 
 
-def _value_by_points(
-    corners: Floats, coefficients: Floats, region: Ints, ritz: Ritz, offsets: Floats, kind: int, points: Points
-) -> float:
-    doubled_area, x, value, slope = fields_at(points, kind, corners, offsets, coefficients)
-    density = _density(slope, x if ritz.axisymmetric else 1.0, corners, region, ritz)
-    density -= source_on(points, kind, corners, offsets, region, ritz) * value
-    return 0.5 * float(np.sum(points.weight[kind] @ (np.abs(doubled_area) * density)))
+def has_law(ritz: Ritz, number: Ints) -> Mask:
+    if not ritz.laws:
+        return np.zeros(np.shape(number), dtype=np.bool_)
+    return np.array([law is not None for law in ritz.laws])[number]
 
 
-def _density(slope: Floats, x: Floats | float, corners: Floats, region: Ints, ritz: Ritz) -> Floats:
-    """Return the integrand without the source for gradients (2, points, m).
+def energy_on(functions: ElementFunctions, number: Ints, ritz: Ritz, load: Floats) -> Energy:
+    """Return the functional of coefficients (k, m) with a load (k, m)."""
+    at = number[functions.element]
+    x = functions.points[0] if ritz.axisymmetric else 1.0
+    shift = vectors_of(ritz.shift, at, functions.dim) if any(ritz.laws) and np.any(ritz.shift) else None
+    given = None if shift is None else -np.where(has_law(ritz, at), shift, 0.0)
+    return Energy(functions, densities_of(ritz, at, functions.weights, x), load, given=given)
 
-    Around an axis `x` contains the distances of the points from the axis.
+
+def densities_of(ritz: Ritz, number: Ints, weights: Floats | float = 1.0, x: Floats | float = 1.0) -> Densities:
+    """Return the energy densities of a `Ritz` at points of regions (n,)."""
+    laws = [(law, np.flatnonzero(number == k)) for k, law in enumerate(ritz.laws) if law is not None]
+    return Densities(weights, value_by_region(np.asarray(ritz.coefficient), number) * np.ones(number.size), laws, x)
+
+
+def vectors_of(table: Flux, number: Ints, dim: int) -> Floats:
+    """Return a constant vector of every region at points of regions (n,), (d, n)."""
+    return np.stack(
+        [value_by_region(part, number) * np.ones(number.size) for part in flux_table(np.asarray(table), dim)]
+    )
+
+
+def integrand(slope: Floats, number: Ints, ritz: Ritz) -> tuple[Floats, Floats]:
+    """Return the integrand without the source, and its derivatives.
+
+    Gradients `slope` and the derivatives by gradients have shape (3, n).
     """
-    flux_x, flux_y = flux_on(corners, region, ritz)
-    stored = 0.5 * value_by_region(np.asarray(ritz.coefficient), region) * np.sum(slope**2, axis=0) / x
-    distance = np.broadcast_to(x, stored.shape)
-    for k, law in enumerate(ritz.laws):
-        if law is not None:
-            rows = region == k
-            stored[:, rows] = distance[:, rows] * law.energy(np.hypot(*slope[:, :, rows]) / distance[:, rows])
-    return stored - flux_x * slope[0] - flux_y * slope[1]
+    densities, flux = densities_of(ritz, number), vectors_of(ritz.flux, number, len(slope))
+    own = slope - np.where(has_law(ritz, number), vectors_of(ritz.shift, number, len(slope)), 0.0)
+    size = magnitude(own)
+    return densities.density(size) - np.sum(flux * slope, axis=0), densities.secant(size) * own - flux
 
 
-def flux_on(corners: Floats, region: Ints, ritz: Ritz) -> Floats:
+def loads_on(
+    functions: ElementFunctions, number: Ints, ritz: Ritz, coefficients: Floats | None = None
+) -> tuple[Floats, Floats]:
+    """Return the integrals of source and flux against the functions, (k, m).
+
+    A flux that is a function has its mean over three points of an element. A source that is a function is integrated in
+    parts of elements in which rules disagree about the work of `coefficients`, unless these are None.
+    """
     if callable(ritz.flux):
-        return flux_at(inner_points(corners.transpose(2, 1, 0)), region, ritz.flux).mean(axis=1)
-    return np.stack([value_by_region(part, region) for part in flux_table(np.asarray(ritz.flux), 2)])
+        flux = flux_at(inner_points(functions.corners), number, ritz.flux).mean(axis=1)
+    else:
+        flux = vectors_of(ritz.flux, number, functions.dim)
+    of_flux = functions.against_gradients(flux[:, functions.element]) if flux.any() else np.zeros(())
+    if not callable(ritz.source):
+        return functions.integrals * value_by_region(np.asarray(ritz.source), number), of_flux
+    return source_loads(functions, number, ritz.source, coefficients), of_flux
+
+
+def source_loads(
+    functions: ElementFunctions, number: Ints, source: Source, coefficients: Floats | None = None
+) -> Floats:
+    """Return the integrals of a source that is a function, as in `loads_on`."""
+    found = []
+    for group in functions.groups:
+        own, form = number[group.rows], group.at.form
+        if form.curved or form.axis:
+            values = source_at(functions.points_of(group), own, source)
+            found.append(group.at.values @ (values * group.point_volumes))
+        else:
+            local = None
+            if coefficients is not None and form.dim == 2:
+                local = coefficients[:, group.rows]
+            means = mean_loads(functions.corners[:, :, group.rows], own, source, form.order, local)
+            found.append(means * group.volumes)
+    return functions.by_element(found)
+
+
+def mean_loads(corners: Floats, number: Ints, source: Source, order: int, coefficients: Floats | None) -> Floats:
+    # Elements in which a rule of lower degree disagrees are integrated in parts, because passes and sweeps differ by
+    # less than the rule misses in a layer.
+    dim = len(corners)
+
+    def sampled(rule: Rule, rows: Ints | slice) -> tuple[Floats, Floats]:
+        return hierarchical(rule[0], order)[0] * rule[1], source_at(rule[0] @ corners[:, :, rows], number[rows], source)
+
+    functions, values = sampled(source_rule(order, dim), slice(None))
+    loads = np.asarray(functions @ values)
+    if coefficients is None:
+        return loads
+    allowed = AGREEMENT * np.sum(np.abs(values * (functions.T @ coefficients)), axis=0)
+    functions, values = sampled(source_rule(order, dim, LOWER), slice(None))
+    doubtful = np.flatnonzero(np.abs(np.sum((loads - functions @ values) * coefficients, axis=0)) > allowed)
+    for halvings in HALVINGS:
+        before = loads[:, doubtful]
+        for first in range(0, len(doubtful), IN_PARTS):
+            rows = doubtful[first : first + IN_PARTS]
+            functions, values = sampled(rule_in_parts(order, halvings), rows)
+            loads[:, rows] = functions @ values
+        change = np.sum((loads[:, doubtful] - before) * coefficients[:, doubtful], axis=0)
+        doubtful = doubtful[np.abs(change) > allowed[doubtful]]
+    return loads
 
 
 @cache
-def source_points(order: int, degree: int = 4) -> tuple[Floats, Floats]:
-    """Return barycentric coordinates (points, 3) and weights for a source.
+def source_rule(order: int, dim: int, degree: int = 4) -> Rule:
+    """Return barycentric coordinates (q, d + 1) and weights of a rule for a source.
 
-    The sum of the weights is 1. The rule is exact for a source that is a polynomial of degree ``order + degree``.
+    In the plane the rule is exact for a source that is a polynomial of degree ``order + degree``, in space of degree 6.
     """
-    points, weight = get_quadrature(ElementTriP1, 2 * order + degree)
-    return np.stack([1.0 - points.sum(axis=0), *points], axis=1), 2.0 * weight
+    if dim == 2:
+        return triangle_rule(2 * order + degree)
+    points, weights = get_quadrature(ElementTetP1, IN_SPACE[order])
+    return np.stack([1.0 - points.sum(axis=0), *points], axis=1), 6.0 * weights
 
 
 @cache
@@ -183,36 +246,7 @@ def parts_of_element(dim: int, halvings: int = 1) -> Floats:
 
 
 @cache
-def points_in_parts(order: int, halvings: int) -> tuple[Floats, Floats]:
-    barycentric, weight = source_points(order)
+def rule_in_parts(order: int, halvings: int) -> Rule:
+    barycentric, weight = source_rule(order, 2)
     corners = parts_of_element(2, halvings)
     return (barycentric @ corners).reshape(-1, 3), np.tile(weight / len(corners), len(corners))
-
-
-def source_on(points: Points, kind: int, corners: Floats, offsets: Floats, region: Ints, ritz: Ritz) -> Floats:
-    """Return the source of curved elements at their quadrature points, (points, m).
-
-    All elements have the same `kind`. Their points x are the sum of barycentric coordinates times `corners` and of
-    quadratic side functions times midside `offsets`, both (m, 3, 2). A source that is constant by region is returned as
-    one value per element, shape (m,).
-    """
-    if not callable(ritz.source):
-        return value_by_region(np.asarray(ritz.source), region)
-    x = np.einsum("qk,mkd->dqm", points.share[kind], corners)
-    x += np.einsum("qk,mkd->dqm", points.side[kind, :, :, 0], offsets)
-    return source_at(x, region, ritz.source)
-
-
-def functional_value(mesh: Mesh, ritz: Ritz) -> float:
-    if mesh.dim() == TETRAHEDRON.dim:
-        if plane_only_term(ritz):
-            raise ValueError(f"Ritz cannot be evaluated on tetrahedra: {plane_only_term(ritz)}.")
-        check_matches(ritz, mesh)
-        region = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
-        corners, (_, coefficients) = mesh.p[:, mesh.t], coefficients_in_space(mesh, ritz, region)
-        work = surface_work(np.asarray(ritz.values), nodal_terms(ritz.surface))
-        if ritz.order == 1:
-            return value_in_space(corners, coefficients, region, ritz) - work
-        offset = CurvedTetrahedra(mesh).offset
-        return value_of_order_2(corners, offset, coefficients, mesh.t, region, ritz) - work
-    return sum(value_of_part(mesh, part) for part in parts_of(ritz))

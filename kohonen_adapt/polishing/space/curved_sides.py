@@ -33,18 +33,10 @@ from kohonen_adapt.mesh.cells import FACES, TETRAHEDRON
 from kohonen_adapt.mesh.functions import hierarchical
 from kohonen_adapt.mesh.host import edges_between, keys_of
 from kohonen_adapt.mesh.measures import EDGES, edge_midside_offsets, tangent_corners
-from kohonen_adapt.mesh.polynomials import function_slopes
-from kohonen_adapt.mesh.rules import CURVED_RULE_IN_SPACE
+from kohonen_adapt.mesh.rules import CURVED_RULE_IN_SPACE, LAW_RULE_IN_SPACE
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.problem.boundary_terms import corner_values, reduced_regions
-from kohonen_adapt.problem.functional_in_space import (
-    LAW_POINTS,
-    LAW_WEIGHTS,
-    density_in_space,
-    fluxes,
-    secants,
-    shifted_slope,
-)
+from kohonen_adapt.problem.functional_value import integrand
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import value_by_region
 
@@ -140,8 +132,8 @@ class CurvedFaces:
         volume = volumes(position, elements, self.patches, e, k)
         volume = np.where(outer, np.minimum(volume, TETRAHEDRON.determinant(corners) / 6.0), volume)
         own, outer_number = (self.number[elements.region[rows]] for rows in (e, across))
-        change = np.where(across >= 0, density_in_space(slope, outer_number, self.ritz), 0.0)
-        own_density = density_in_space(slope, own, self.ritz)
+        change = np.where(across >= 0, integrand(slope, outer_number, self.ritz)[0], 0.0)
+        own_density, _ = integrand(slope, own, self.ritz)
         return float(2.0 * volume @ np.maximum(np.where(outer, change - own_density, own_density), 0.0))
 
     def value_of_order_2(self, position: Floats, elements: Tetrahedra, coefficients: Floats, offset: Floats) -> float:
@@ -153,18 +145,16 @@ class CurvedFaces:
             corners, offsets = position.T[:, elements.node[used[rows]].T], offset[:, :, rows]
             own = coefficients[:, rows]
             region, patch = self.number[elements.region[used[rows]]], elements.patch[used[rows], k]
-            for point, weight in zip(np.insert(FACE_POINTS, k, 0.0, axis=1), FACE_WEIGHTS, strict=True):
+            at = np.insert(FACE_POINTS, k, 0.0, axis=1)
+            for point, weight, value, rate in zip(at, FACE_WEIGHTS, *by_points(at), strict=True):
                 tangent = tangent_corners(corners, offsets, point[:, None])
                 x = 0.5 * np.einsum("k,dkm->dm", point, tangent + corners)
                 move = self.patches.project(patch, x.T).T - x
-                normal = -0.5 * TETRAHEDRON.determinant(tangent) * TETRAHEDRON.hat_gradients(tangent)[:, k]
-                slope = np.einsum("dkm,km->dm", function_slopes(tangent, point), own)
-                source = value_by_region(np.asarray(self.ritz.source), region) * (
-                    hierarchical(point[None], 2)[0][:, 0] @ own
-                )
-                density, shifted = density_in_space(slope, region, self.ritz), shifted_slope(slope, region, self.ritz)
-                secant = secants(shifted[:, None], np.ones(()), region, self.ritz)[0]
-                field = secant * shifted - fluxes(region, self.ritz)
+                hats = TETRAHEDRON.hat_gradients(tangent)
+                normal = -0.5 * TETRAHEDRON.determinant(tangent) * hats[:, k]
+                slope = np.einsum("dcm,cm->dm", hats[:, 1:], rate.T @ own)
+                source = value_by_region(np.asarray(self.ritz.source), region) * (value @ own)
+                density, field = integrand(slope, region, self.ritz)
                 across = np.sum(field * normal, axis=0) * np.sum(slope * move, axis=0)
                 found[used[rows], k] += weight * ((density - source) * np.sum(move * normal, axis=0) - across)
         e, faces = np.nonzero(np.append(self.counted, False)[elements.patch] & (elements.node[:, :1] >= 0))
@@ -172,6 +162,12 @@ class CurvedFaces:
         back = np.argmax(elements.neighbour[across] == e[:, None], axis=1)
         total = found[e, faces] + np.where(across >= 0, found[across, back], 0.0)
         return float(np.sum((total + np.abs(total))[(across < 0) | (e < across)]))
+
+
+def by_points(barycentric: Floats) -> tuple[Floats, Floats]:
+    # values (q, 10) and slopes (q, 10, 3) of the functions of order 2
+    values, slopes = hierarchical(barycentric, 2)
+    return values.T, np.moveaxis(slopes, 2, 0)
 
 
 def is_outside(position: Floats, elements: Tetrahedra, patches: Patches, e: Ints, k: Ints) -> Mask:
@@ -233,7 +229,7 @@ class CurvedEdges(NamedTuple):
         return np.diff(self.start) > 0 if self.end.size else np.zeros(count, dtype=np.bool_)
 
     def block(self) -> SolidBlock:
-        return SolidBlock.of(LAW_POINTS, LAW_WEIGHTS, self, CURVED_RULE_IN_SPACE)
+        return SolidBlock.of(*LAW_RULE_IN_SPACE, self, CURVED_RULE_IN_SPACE)
 
 
 def places_of_edges(movable: MovableSolid, mesh: MeshTet) -> Ints:

@@ -26,6 +26,9 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Trial,
 )
 from kohonen_adapt.mesh.cells import TETRAHEDRON
+from kohonen_adapt.mesh.element_functions import ElementFunctions
+from kohonen_adapt.mesh.functions import hierarchical
+from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.mesh.polynomials import TrialFunction, edge_coefficients, hierarchical_loads, unknowns_of_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import Tables, constants_of, laws_of_regions, numbers_of_regions
@@ -40,13 +43,7 @@ from kohonen_adapt.problem.boundary_terms import (
     reduced_regions,
     surface_work,
 )
-from kohonen_adapt.problem.functional_in_space import (
-    fields_at_corners,
-    loads_in_space,
-    shifted_slope,
-    value_in_space,
-    value_of_order_2,
-)
+from kohonen_adapt.problem.functional_value import has_law, source_loads, value_on, vectors_of
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz, check_matches, plane_only_term
 from kohonen_adapt.problem.tables import flux_table
@@ -218,7 +215,8 @@ class SolidFunctional:
         used = elements.node[:, 0] >= 0
         node, region, shape = elements.node[used].T, elements.region[used], trial.source.shape
         corners, row = position.T[:, node], (node * np.int64(shape[1]) + region).ravel()
-        loads = loads_in_space(corners, self.number[region], self.ritz.source)
+        functions = ElementFunctions(corners, 1, np.zeros(region.shape, dtype=np.bool_))
+        loads = source_loads(functions, self.number[region], self.ritz.source)
         six = np.broadcast_to(np.abs(TETRAHEDRON.determinant(corners)), node.shape)
         load, total = (np.bincount(row, part.ravel(), trial.source.size).reshape(shape) for part in (loads, six))
         trial.source[:] = np.divide(load, total, out=np.zeros(shape), where=total > 0.0)
@@ -247,9 +245,9 @@ class SolidFunctional:
         if trial.modes is not None:  # without the work of loads, whose values do not change
             coefficients = np.vstack([on_corners, trial.modes.side[used, :, 0].T])
             offset = np.zeros((3, 6, node.shape[1])) if curves is None else curves.on(node)
-            own = value_of_order_2(position.T[:, node], offset, coefficients, node, number, self.ritz)
+            own = value_on(position.T[:, node], coefficients, number, self.ritz, offset)
             return own + self.faces.value_of_order_2(position, elements, coefficients, offset)
-        own = value_in_space(position.T[:, node], on_corners, number, self.ritz) - surface_work(values, trial.surface)
+        own = value_on(position.T[:, node], on_corners, number, self.ritz) - surface_work(values, trial.surface)
         return own + self.faces.value(position, elements, values, trial.surface)
 
 
@@ -277,10 +275,8 @@ def steepest(tet: Tetrahedralization, function: TrialFunction, ritz: Ritz, numbe
     node, region = tet.elements.node[tet.used].T, number[tet.elements.region[tet.used]]
     corners = tet.position.T[:, node]
     on_corners = corner_values(function.values, function.surface, node, reduced_regions(ritz.surface, region))
-    if function.modes is None:
-        fields = np.einsum("dkm,km->dm", TETRAHEDRON.hat_gradients(corners), on_corners)[None]
-    else:
-        coefficients = np.vstack([on_corners, function.modes.side[tet.used, :, 0].T])
-        fields = fields_at_corners(corners, coefficients)
-    squares = [np.sum(shifted_slope(slope, region, ritz) ** 2, axis=0).max(initial=0.0) for slope in fields]
-    return float(np.sqrt(max(squares)))
+    modes, shift = function.modes, np.where(has_law(ritz, region), vectors_of(ritz.shift, region, 3), 0.0)
+    coefficients = on_corners if modes is None else np.vstack([on_corners, modes.side[tet.used, :, 0].T])
+    slopes, hats = hierarchical(np.eye(4), ritz.order)[1], TETRAHEDRON.hat_gradients(corners)[:, 1:]
+    fields = np.einsum("dcm,kcq,km->dqm", hats, slopes, coefficients, optimize=True)
+    return float(magnitude(fields - shift[:, None]).max(initial=0.0))
