@@ -61,7 +61,7 @@ def corner_slopes(dim: int) -> Floats:
 
 
 def _legendre(degree: int, x: Floats) -> tuple[Floats, Floats]:
-    value, slope = np.ones((degree + 1, x.size)), np.zeros((degree + 1, x.size))
+    value, slope = np.ones((degree + 1, *x.shape)), np.zeros((degree + 1, *x.shape))
     if degree > 0:
         value[1], slope[1] = x, 1.0
     for k in range(1, degree):
@@ -70,29 +70,31 @@ def _legendre(degree: int, x: Floats) -> tuple[Floats, Floats]:
     return value, slope
 
 
-def _on_part(corners: tuple[int, ...], at: Floats, order: int) -> tuple[Floats, Floats]:
-    """Return the functions that vanish off an edge, a face or the inside.
+def _on_parts(corners: Ints, at: Floats, order: int) -> tuple[Floats, Floats]:
+    """Return the functions that vanish off edges, faces or the inside.
 
-    The part has the `corners`. Values are (k, n), and slopes (k, d, n).
+    The parts have the `corners`, shape (m, corners). Values are (k m, n), and slopes (k m, d, n), with the lowest
+    functions of all parts first.
     """
-    hats, rates = at.T[list(corners)], corner_slopes(at.shape[1] - 1)[list(corners)]
-    bubble, degree = hats.prod(axis=0), order - len(corners)
-    of_bubble = sum(np.delete(hats, i, axis=0).prod(axis=0) * rate[:, None] for i, rate in enumerate(rates))
-    along = [_legendre(degree, hats[1] - hats[0]), *(_legendre(degree, 2.0 * hat - 1.0) for hat in hats[2:])]
-    rises = [rates[1] - rates[0], *(2.0 * rate for rate in rates[2:])]
+    hats, rates = at.T[corners], corner_slopes(at.shape[1] - 1)[corners]
+    bubble, size = hats.prod(axis=1), corners.shape[1]
+    of_bubble = sum(np.delete(hats, i, axis=1).prod(axis=1)[:, None] * rates[:, i, :, None] for i in range(size))
+    along = [_legendre(order - size, hats[:, 1] - hats[:, 0])]
+    along += [_legendre(order - size, 2.0 * hats[:, i] - 1.0) for i in range(2, size)]
+    rises = [rates[:, 1] - rates[:, 0], *(2.0 * rates[:, i] for i in range(2, size))]
     values, slopes = [], []
-    for degrees in product(range(degree + 1), repeat=len(along)):
-        if sum(degrees) > degree:
+    for degrees in product(range(order - size + 1), repeat=size - 1):
+        if sum(degrees) > order - size:
             continue
-        scale = ODD if degrees == (1,) else float(len(corners) ** len(corners))
-        powers = [(*pair, k, rise) for pair, k, rise in zip(along, degrees, rises, strict=True) if k]
         value, slope = bubble, of_bubble
-        for term, rate, k, rise in powers:
-            slope = slope * term[k] + (value * rate[k]) * rise[:, None]
-            value = value * term[k]
+        for (term, rate), k, rise in zip(along, degrees, rises, strict=True):
+            if k:
+                slope = slope * term[k][:, None] + (value * rate[k])[:, None] * rise[:, :, None]
+                value = value * term[k]
+        scale = ODD if degrees == (1,) else float(size**size)
         values.append(scale * value)
         slopes.append(scale * slope)
-    return np.stack(values), np.stack(slopes)
+    return np.concatenate(values), np.concatenate(slopes)
 
 
 def hierarchical(at: Floats, order: int) -> tuple[Floats, Floats]:
@@ -101,13 +103,11 @@ def hierarchical(at: Floats, order: int) -> tuple[Floats, Floats]:
     The order is corners, then all edges for every degree from 2, then faces, then the inside.
     """
     dim = at.shape[1] - 1
-    values, slopes = [at.T], [np.repeat(corner_slopes(dim)[:, :, None], len(at), axis=2)]
+    found = [(at.T, np.repeat(corner_slopes(dim)[:, :, None], len(at), axis=2))]
     for size in range(2, min(order, dim + 1) + 1):
-        corners = EDGES[dim] if size == 2 else combinations(range(dim + 1), size)
-        on_parts = zip(*(_on_part(each, at, order) for each in corners), strict=True)
-        for found, parts in zip((values, slopes), on_parts, strict=True):
-            by_degree = np.stack(parts, axis=1)
-            found.append(by_degree.reshape(len(by_degree) * len(parts), *by_degree.shape[2:]))
+        corners = EDGES[dim] if size == 2 else tuple(combinations(range(dim + 1), size))
+        found.append(_on_parts(np.array(corners), at, order))
+    values, slopes = zip(*found, strict=True)
     return np.concatenate(values), np.concatenate(slopes)
 
 
