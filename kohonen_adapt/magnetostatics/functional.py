@@ -8,8 +8,7 @@ from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators import residual
-from kohonen_adapt.magnetostatics.arguments import Arguments
-from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace
+from kohonen_adapt.magnetostatics.arguments import Arguments, ArgumentsInSpace
 from kohonen_adapt.magnetostatics.equations.applied_field import aligned_potential
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Conditions, Value, circle_of, conditions_of
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry

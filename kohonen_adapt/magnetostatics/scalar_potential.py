@@ -10,7 +10,7 @@ from skfem import MeshTet
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_count
 from kohonen_adapt.geometry.space.movable_solid import with_round_edges
-from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace, solved
+from kohonen_adapt.magnetostatics.arguments import ArgumentsInSpace, solved
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, drive_on
 from kohonen_adapt.magnetostatics.equations.energy import coenergy
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem, check_elements, chosen_order, scaled_to, vanish

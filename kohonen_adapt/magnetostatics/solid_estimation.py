@@ -12,7 +12,7 @@ from skfem import MeshTet
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators import goal_oriented, recovery, residual
 from kohonen_adapt.estimators.hierarchical import Surplus, cubic_slopes
-from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace
+from kohonen_adapt.magnetostatics.arguments import ArgumentsInSpace
 from kohonen_adapt.magnetostatics.equations.energy import coenergy
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.estimation import RESIDUAL_SCALE, equal_materials

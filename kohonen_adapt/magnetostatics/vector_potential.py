@@ -7,7 +7,7 @@ import numpy as np
 from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.magnetostatics.arguments_in_space import ArgumentsInSpace, solved
+from kohonen_adapt.magnetostatics.arguments import ArgumentsInSpace, solved
 from kohonen_adapt.magnetostatics.equations.applied_field import permeable
 from kohonen_adapt.magnetostatics.equations.auxiliary import EdgeSolver
 from kohonen_adapt.magnetostatics.equations.edge_elements import (
