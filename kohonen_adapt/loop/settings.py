@@ -17,7 +17,7 @@ from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.loop.growth import Growth, GrowthByTolerance, NodeCounts
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.problem.evaluation import Output
-from kohonen_adapt.problem.protocol import CheckedProblem
+from kohonen_adapt.problem.protocol import CheckedProblem, Problem
 from kohonen_adapt.som.schedule import Schedule, check_training
 
 __all__ = [
@@ -77,8 +77,9 @@ class Settings:
         return np.random.default_rng(int(np.random.SeedSequence((self.seed, number)).generate_state(1)[0]))
 
 
-def fingerprint(mesh: Mesh, problem: CheckedProblem, settings: Settings) -> dict[str, str]:
+def fingerprint(mesh: Mesh, given: Problem, settings: Settings) -> dict[str, str]:
     # The results of the problem and of the outputs are not included, nor the settings that only end the loop.
+    problem = CheckedProblem(given)
     sides = {None: "", True: " on curved elements", False: " on straight elements"}[problem.is_curved]
     order = problem.of_passes.order
     texts = {
