@@ -72,9 +72,10 @@ class ElementFunctions:
         count = corners.shape[2]
         curved = np.zeros(count, dtype=np.bool_) if offset is None else offset.any(axis=(0, 1))
         kind = kinds_at_axis(corners[0].T) if axis else np.zeros(count, dtype=np.int64)
+        kinds = np.unique(kind).tolist() if axis else [0]
         law = law & (order > 1 or axis)  # otherwise gradients are constant, and one point suffices
         self.groups, first = list[Group](), 0
-        for one_kind, is_curved, has_law in product(np.unique(kind).tolist(), (False, True), (False, True)):
+        for one_kind, is_curved, has_law in product(kinds, (False, True), (False, True)):
             rows = np.flatnonzero((kind == one_kind) & (curved == is_curved) & (law == has_law))
             if rows.size:
                 at = _reference(Form(order, self.dim, False, axis, one_kind, is_curved, has_law))

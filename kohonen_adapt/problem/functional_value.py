@@ -171,11 +171,12 @@ def loads_on(
     A flux that is a function has its mean over three points of an element. A source that is a function is integrated in
     parts of elements in which rules disagree about the work of `coefficients`, unless these are None.
     """
+    of_flux = np.zeros(())
     if callable(ritz.flux):
         flux = flux_at(inner_points(functions.corners), number, ritz.flux).mean(axis=1)
-    else:
-        flux = vectors_of(ritz.flux, number, functions.dim)
-    of_flux = functions.against_gradients(flux[:, functions.element]) if flux.any() else np.zeros(())
+        of_flux = functions.against_gradients(flux[:, functions.element])
+    elif np.any(ritz.flux):
+        of_flux = functions.against_gradients(vectors_of(ritz.flux, number[functions.element], functions.dim))
     if not callable(ritz.source):
         return functions.integrals * value_by_region(np.asarray(ritz.source), number), of_flux
     return source_loads(functions, number, ritz.source, coefficients), of_flux
