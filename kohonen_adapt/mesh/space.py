@@ -222,9 +222,6 @@ class Space(Unknowns):
         """Return ``int source phi``, (k, nelements), of a source by element."""
         return self.integrals * source
 
-    def against_function(self, source: Floats, u: Floats) -> Floats:
-        return self.against_functions(source) * u[self.unknowns]
-
     def against_gradients(self, flux: Floats) -> Floats:
         """Return ``int flux . grad phi``, (k, nelements), of columns as in `gradient`."""
         return self._by_element([group.against_gradients(flux) for group in self.groups])
