@@ -8,7 +8,7 @@ from kohonen_adapt.arrays import Ints
 from kohonen_adapt.geometry.plane.arcs import refined_on_arcs
 from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.magnetostatics.solution import HighOrderField, richer_solution, solution_of
+from kohonen_adapt.magnetostatics.solution import richer_solution, solution_of
 from kohonen_adapt.magnetostatics.strong_corners import layer_counts, layered, materials_of, strong_corners
 from kohonen_adapt.mesh.corners import meetings, singular_nodes
 from kohonen_adapt.mesh.curved import is_second_order
@@ -46,7 +46,7 @@ def better_values(problem: Arguments, field: Field, outputs: Mapping[str, Output
         doubts = {name: REST * abs(value - values[name]) for name, value in now.items()}
         values = now
     meshes, fraction = refined_on_arcs(field.mesh), 15.0 / 16.0 if is_second_order(field.mesh) else 0.75
-    if meshes is not None and not (isinstance(better, HighOrderField) and is_second_order(field.mesh)):
+    if meshes is not None and not (better.elements.arcs and is_second_order(field.mesh)):
         chords, arcs = (solution_of(problem, problem.energy_on(each, field.order), field, True) for each in meshes)
         for name, output in outputs.items():
             values[name] += (output(arcs) - output(chords)) / fraction
@@ -57,7 +57,7 @@ def better_solution(problem: Arguments, field: Field) -> Field:
     # Where the field is singular, the error falls by a power of the order only, and one order more removes a part.
     corners, exponent = strong_corners(problem, field)
     counts = layer_counts(field.mesh, corners, exponent)
-    if not isinstance(field, HighOrderField):
+    if not field.elements.arcs:
         others = np.setdiff1d(singular_nodes(field.mesh, materials_of(problem, field)), corners)
         corners, counts = np.append(corners, others), np.append(counts, np.ones_like(others))
     allowed = ~np.isin(corners, on_outer_arcs(field))

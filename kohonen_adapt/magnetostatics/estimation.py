@@ -16,11 +16,10 @@ from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
-from kohonen_adapt.magnetostatics.quantities.local_field import PointField
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
+from kohonen_adapt.magnetostatics.quantities.point_values import PointField
 from kohonen_adapt.magnetostatics.residuals import dual_residual_by_points, residual_by_points
 from kohonen_adapt.magnetostatics.solution import (
-    HighOrderField,
     dual_of,
     energy_of,
     interpolated_on,
@@ -51,7 +50,7 @@ RESIDUAL_SCALE = 1.0 / 3.6
 AXIS_SCALES = HIGHER_SCALES | {1: 1.0 / 4.2}
 
 
-def step_to(problem: Arguments, field: HighOrderField, order: int) -> tuple[PlaneEnergy, Floats, Floats]:
+def step_to(problem: Arguments, field: Field, order: int) -> tuple[PlaneEnergy, Floats, Floats]:
     # The functional of another order, the values of a field there, and the Newton step from these. The step is exact
     # for linear material, and correct to second order in its size for others.
     energy = energy_of(problem, field, order)
@@ -59,7 +58,7 @@ def step_to(problem: Arguments, field: HighOrderField, order: int) -> tuple[Plan
     return energy, start, problem.method.full_step(energy, start, energy.gradient(start))
 
 
-def indicators_by_orders(problem: Arguments, field: HighOrderField) -> Floats:
+def indicators_by_orders(problem: Arguments, field: Field) -> Floats:
     """Return unsquared indicators of the energy norm, shape (nelements,).
 
     The change from order p to p + 1 misses what higher orders would add. The squared change between orders n and n + 1
@@ -77,7 +76,7 @@ def indicators_by_orders(problem: Arguments, field: HighOrderField) -> Floats:
     return np.asarray(np.sqrt(now * sum_over_change(float(before.sum()), float(now.sum()), field.order)))
 
 
-def _from_below(problem: Arguments, field: HighOrderField) -> Floats:
+def _from_below(problem: Arguments, field: Field) -> Floats:
     energy, unknown, changes = energy_of(problem, field), field.unknown, list[Floats]()
     for order in (field.order - 1, field.order - 2):
         below = energy_of(problem, field, order)
@@ -109,7 +108,7 @@ def energy_products(energy: PlaneEnergy, u: Floats, first: Floats, second: Float
     return np.bincount(elements.element, terms, elements.corners.t.shape[1]).astype(np.float64)
 
 
-def goal_indicators_by_orders(problem: Arguments, field: HighOrderField, goal: Goal) -> Floats:
+def goal_indicators_by_orders(problem: Arguments, field: Field, goal: Goal) -> Floats:
     """Return unsquared indicators of a goal, in the root of its unit.
 
     Their squares are the magnitudes of the energy products of what one order more adds to the field and to the dual.
@@ -122,7 +121,7 @@ def goal_indicators_by_orders(problem: Arguments, field: HighOrderField, goal: G
 
 
 def energy_indicators(problem: Arguments, field: Field) -> Floats:
-    if isinstance(field, HighOrderField):
+    if field.elements.arcs:
         return indicators_by_orders(problem, field)
     estimator, coefficients = problem.estimator, field.coefficients
     joined = _tied_facets(problem, field)
@@ -196,7 +195,7 @@ def linearised(field: Field, estimator: str) -> Scalar:
 
 
 def goal_indicators(problem: Arguments, field: Field, goal: Goal) -> Floats:
-    if isinstance(field, HighOrderField):
+    if field.elements.arcs:
         return goal_indicators_by_orders(problem, field, goal)
     dual = dual_of(problem, field, goal.derivative(field))
     if field.order > 1:

@@ -11,7 +11,7 @@ from kohonen_adapt.estimators.residual_estimator import (
     residual_indicators,
 )
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
-from kohonen_adapt.magnetostatics.quantities.local_field import PointField
+from kohonen_adapt.magnetostatics.quantities.point_values import PointField
 from kohonen_adapt.mesh.functions import hierarchical
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.space import Space

@@ -1,8 +1,6 @@
 """Solutions of plane problems, with their functionals and linearisations."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -14,15 +12,11 @@ from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
-from kohonen_adapt.mesh.blended import Projections
 from kohonen_adapt.mesh.functions import nodes
 from kohonen_adapt.mesh.space import Space
 
 __all__ = [
-    "CubicField",
     "Dual",
-    "HighOrderField",
-    "QuadraticField",
     "at_points",
     "dual_of",
     "energy_of",
@@ -34,91 +28,6 @@ __all__ = [
     "tangent_solution",
     "unknown_of",
 ]
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class QuadraticField(Field):
-    """Field of a P2 potential, with B linear in every element.
-
-    Values per element are means. In elements with curved sides A and B are polynomials of the reference coordinates.
-
-    Parameters
-    ----------
-    mesh, potential, coefficients, symmetry, depth, newton
-        As in `Field`. The potential at the nodes is the first part of `values`.
-    values : (nunknowns,)
-        A in Wb/m at the degrees of freedom of scikit-fem's elements of the same order: at the nodes, on the facets and,
-        of a `CubicField`, inside the elements.
-
-    Examples
-    --------
-    >>> import numpy as np, skfem
-    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
-    >>> mesh = skfem.MeshTri().refined(2).with_defaults().with_subdomains({"air": lambda x: x[0] > 0.0})
-    >>> rim = dict.fromkeys(["left", "right", "bottom", "top"], lambda x: x[0] * x[1])
-    >>> field = Magnetostatics({"air": Material()}, potential=rim, order=2).solve(mesh)  # A = x y, B = (x, -y)
-    >>> np.allclose(field.flux_density_at([[0.3], [0.2]]), [[0.3], [-0.2]])
-    True
-    """
-
-    values: Floats
-
-    @property
-    def order(self) -> int:
-        """Order of the elements."""
-        return 2
-
-    @property
-    def _values(self) -> Floats:
-        return self.values
-
-
-class CubicField(QuadraticField):
-    """Field of a P3 potential, with B quadratic in every element.
-
-    Parameters
-    ----------
-    mesh, potential, coefficients, symmetry, depth, newton, values
-        As in `QuadraticField`.
-    """
-
-    @property
-    def order(self) -> int:
-        """Order of the elements."""
-        return 3
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class HighOrderField(QuadraticField):
-    """Field of a potential of order 4 to 8, on exact arcs.
-
-    In elements with curved sides A and B are polynomials of the reference coordinates.
-
-    Parameters
-    ----------
-    mesh, potential, coefficients, symmetry, depth, newton
-        As in `Field`. The potential at the nodes is the first part of `values`.
-    values : (nunknowns,)
-        A in Wb/m at ``elements.doflocs``: at the nodes, at the Gauss-Lobatto points of the facets from the lower to the
-        higher node, and inside the elements.
-    degree
-        Order of the elements.
-    sides
-        Projections onto the curves of boundaries by name, see `Magnetostatics`.
-    """
-
-    degree: int
-    sides: Projections | None = None
-
-    @cached_property
-    def elements(self) -> Space:
-        """Finite elements of the potential."""
-        return Space(self.mesh, self.order, self.coefficients.nonlinear, self.axisymmetric, self.sides, arcs=True)
-
-    @property
-    def order(self) -> int:
-        """Order of the elements."""
-        return self.degree
 
 
 def unknown_of(
@@ -144,12 +53,8 @@ def field_of(energy: PlaneEnergy, depth: float | None, unknown: Floats, steps: t
     elements = energy.space
     values = energy.symmetry.potential(elements.doflocs, unknown)
     arguments = elements.mesh, values[: elements.corners.p.shape[1]], energy.coefficients, energy.symmetry, depth, steps
-    if elements.order == 1:
-        field = Field(*arguments)
-    elif elements.arcs:
-        field = HighOrderField(*arguments, values=values, degree=elements.order, sides=elements.sides)
-    else:
-        field = (QuadraticField if elements.order == 2 else CubicField)(*arguments, values=values)
+    more = None if elements.order == 1 else values
+    field = Field(*arguments, values=more, degree=elements.order, sides=elements.sides)
     vars(field)["elements"] = elements  # of the cached property, which makes them again for a copy
     return field
 
@@ -158,7 +63,7 @@ def _start_values(energy: PlaneEnergy, old: Field | None, newton: Newton) -> Flo
     # From A = 0 the first step is the whole linear solution, halved if that saturates everything. Beside prescribed
     # values A = 0 is a steep wall, and the linear solution is a better start.
     conditions = energy.conditions
-    if isinstance(old, HighOrderField) and old.mesh is energy.space.mesh:
+    if old is not None and old.elements.arcs and old.mesh is energy.space.mesh:
         return conditions.admissible(interpolated_on(energy.space, old.elements, old.unknown))
     if old is not None:
         x = energy.space.doflocs
@@ -211,7 +116,7 @@ def energy_of(problem: Arguments, field: Field, order: int | None = None) -> Pla
     """Return the functional of a solved problem, also for another order."""
     if order is None:
         elements = field.elements
-    elif isinstance(field, HighOrderField):
+    elif field.elements.arcs:
         elements = field.elements.at_order(order)
     else:
         elements = Space(field.mesh, order, field.coefficients.nonlinear, field.axisymmetric)

@@ -18,6 +18,7 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Goal, Law, Magnetostatics, Material
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
+from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 
 PACKAGE = Path(ka.__file__).parent
 MODULES = [
@@ -33,6 +34,7 @@ MODULES = [
 ]
 # People implement these, and do not call them: what a method does is said there, for all classes that have it.
 PROTOCOLS = [ka.Problem, Goal, Law]
+VALUES = ["flux_density_at", "field_strength_at", "potential_at"]  # of all fields
 AS_THEIRS = {key for protocol in PROTOCOLS for key in vars(protocol)}
 
 
@@ -44,7 +46,7 @@ def public_callables():
             thing = getattr(module, name)
             if (inspect.isclass(thing) or inspect.isfunction(thing)) and thing not in [*PROTOCOLS, ka.Status]:
                 yield f"{module.__name__}.{name}", thing
-                if inspect.isclass(thing):
+                if inspect.isclass(thing) and thing.__name__ == name:  # an alias has the members of its class
                     yield from ((f"{module.__name__}.{name}.{key}", method) for key, method in own_methods(thing))
 
 
@@ -59,7 +61,8 @@ def is_as_a_protocol_says(name, method):
 
 
 def own_methods(kind):
-    for key, value in vars(kind).items():
+    values = {key: vars(MagneticField)[key] for key in VALUES} if issubclass(kind, MagneticField) else {}
+    for key, value in {**values, **vars(kind)}.items():
         method = value.__func__ if isinstance(value, classmethod | staticmethod) else value
         if not key.startswith("_") and inspect.isfunction(method) and not is_as_a_protocol_says(key, method):
             yield key, method

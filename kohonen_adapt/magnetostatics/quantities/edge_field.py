@@ -10,9 +10,9 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.edge_elements import EdgeElements
 from kohonen_adapt.magnetostatics.equations.edge_equations import EdgeDrive
 from kohonen_adapt.magnetostatics.equations.given_field import field_at
-from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
-from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid, Strength
+from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
+from kohonen_adapt.magnetostatics.quantities.point_values import PointField
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.quantities.surfaces import oriented_surface
 from kohonen_adapt.mesh.measures import magnitude
@@ -20,23 +20,12 @@ from kohonen_adapt.mesh.measures import magnitude
 __all__ = ["EdgeField"]
 
 
-@dataclass(frozen=True, eq=False)
-class Density(Strength):
-    density: Floats  # (3, n) in T
-
-    @property
-    def flux_density(self) -> Floats:
-        return self.density
-
-    @cached_property
-    def permeabilities(self) -> tuple[Floats, Floats]:
-        secant, differential = self.coefficients.reluctivities(self.density)
-        return 1.0 / secant, 1.0 / differential
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class LocalEdgeField(LocalSolid):
     drive: EdgeDrive
+
+    def _potential_in(self, x: Floats, element: Ints) -> Floats:
+        return self._functions.at(self.unknown, x, element)
 
     @property
     def _functions(self) -> EdgeElements:
@@ -46,21 +35,18 @@ class LocalEdgeField(LocalSolid):
     def flux_density(self) -> Floats:
         return self._functions.curl(self.unknown)
 
-    def at(self, x: Floats, element: Ints) -> Density:
-        return self._density(x, element, self.coefficients.at_points(element, x))
+    def at(self, x: Floats, element: Ints) -> PointField:
+        return PointField(element, x, self.flux_density[:, element], self.coefficients.at_points(element, x))
 
     def reaction_at(self, x: Floats, element: Ints) -> Floats:
         density, function = self.flux_density[:, element], self.drive.function
         return density if function is None else density - VACUUM_PERMEABILITY * field_at(function, x)
 
-    def _density(self, x: Floats, element: Ints, coefficients: Coefficients) -> Density:
-        density = self.flux_density[:, element]
-        return Density(x, coefficients.field_strength(density), coefficients, density)
-
     @cached_property
-    def at_quadrature(self) -> Density:
-        points, element = self.elements.points, self.elements.element
-        return self._density(points, element, self.coefficients.at_quadrature(element, points))
+    def at_quadrature(self) -> PointField:
+        x, element = self.elements.points, self.elements.element
+        coefficients = self.coefficients.at_quadrature(element, x)
+        return PointField(element, x, self.flux_density[:, element], coefficients)
 
     @cached_property
     def permeabilities(self) -> tuple[Floats, Floats]:
@@ -114,12 +100,9 @@ class EdgeField(LocalEdgeField, SolidField):
         Raises
         ------
         ValueError
-            If `x` is not of shape (3, n), or not finite.
+            If `x` is not of shape (3, n).
         """
-        points, element, inside = self.points_inside(x)
-        values = np.full((3, inside.size), np.nan)
-        values[:, inside] = self._functions.at(self.unknown, points, element)
-        return values
+        return super().potential_at(x)
 
     def flux(self, surface: str) -> float:
         """Return the magnetic flux through a named surface, ``int B . n``.

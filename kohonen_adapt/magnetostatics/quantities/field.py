@@ -1,24 +1,19 @@
 """Solved plane field with values at points, forces, torques and flux linkages."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.estimators.recovery_estimator import corner_averages
-from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
-from kohonen_adapt.magnetostatics.quantities.bodies import Names
+from kohonen_adapt.arrays import Floats
+from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_in
 from kohonen_adapt.magnetostatics.quantities.forces import OUT_OF_PAGE, checked_point, force_along
-from kohonen_adapt.magnetostatics.quantities.linkage import coil_linkage
-from kohonen_adapt.magnetostatics.quantities.local_field import LocalField, PointField
-from kohonen_adapt.mesh.locate import as_rows, find_elements, interpolate
-from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.magnetostatics.quantities.linkage import checked_turns, turn_length
+from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
+from kohonen_adapt.mesh.measures import area
 
-__all__ = ["Dual", "Field"]
+__all__ = ["CubicField", "Dual", "Field", "HighOrderField", "QuadraticField"]
 
 
 class Dual(NamedTuple):
@@ -31,8 +26,12 @@ class Dual(NamedTuple):
 class Field(LocalField):
     """Solved field of a plane problem, as returned by `Magnetostatics.solve`.
 
-    B of a P1 potential is constant in every element. Energies of a planar field are per metre of depth, in J/m, unless
-    the problem has a `depth`. With a depth, and of an axisymmetric field, energies are totals in J.
+    B is a polynomial in every element, of one degree less than the potential: constant at order 1, linear at order 2.
+    In elements with curved sides A and B are polynomials of the reference coordinates. Arrays of shape (nelements,) are
+    means over elements. Energies of a planar field are per metre of depth, in J/m, unless the problem has a `depth`.
+    With a depth, and of an axisymmetric field, energies are totals in J.
+
+    `QuadraticField`, `CubicField` and `HighOrderField` are former names of this class.
 
     Parameters
     ----------
@@ -48,142 +47,33 @@ class Field(LocalField):
         In m; None for results per metre.
     newton
         Steps of Newton's method; empty for linear problems.
-    """
+    values : (nunknowns,)
+        A in Wb/m at ``elements.doflocs``, with the potential at the nodes as its first part; None at order 1. At orders
+        2 and 3 the unknowns are those of scikit-fem's elements: at the nodes, on the facets and inside the elements. At
+        higher orders those on facets are at the Gauss-Lobatto points from the lower to the higher node.
+    degree
+        Order of the elements.
+    sides
+        Projections onto the curves of boundaries by name for orders of 4 and above, see `Magnetostatics`.
 
-    newton: tuple[NewtonStep, ...] = ()
+    Examples
+    --------
+    >>> import numpy as np, skfem
+    >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
+    >>> mesh = skfem.MeshTri().refined(2).with_defaults().with_subdomains({"air": lambda x: x[0] > 0.0})
+    >>> rim = dict.fromkeys(["left", "right", "bottom", "top"], lambda x: x[0] * x[1])
+    >>> field = Magnetostatics({"air": Material()}, potential=rim, order=2).solve(mesh)  # A = x y, B = (x, -y)
+    >>> np.allclose(field.flux_density_at([[0.3], [0.2]]), [[0.3], [-0.2]])
+    True
+    """
 
     def __repr__(self) -> str:
         per_metre = "" if self.axisymmetric or self.depth is not None else "/m"
-        largest = np.max(np.hypot(*self.at_corners.flux_density))
+        largest, order = np.max(np.hypot(*self.at_corners.flux_density)), f" of order {self.order}" * (self.order > 1)
         return (
-            f"<{type(self).__name__} on {self.potential.size} nodes: |B| up to {largest:.4g} T, "
+            f"<{type(self).__name__}{order} on {self.potential.size} nodes: |B| up to {largest:.4g} T, "
             f"energy {self.energy:.4g} J{per_metre}>"
         )
-
-    @cached_property
-    def _regions(self) -> Ints:
-        return Triangulation.of(self.elements.corners).region_of_input.astype(np.int64)
-
-    @cached_property
-    def corner_flux_density(self) -> Floats:
-        """B recovered at the corners of the elements, shape (2, 3, nelements) in T.
-
-        The corners are in the order of ``mesh.t``. At every node B is the area-weighted average over the elements
-        around the node, separately for each region (connected, with the same subdomain names), so that B jumps between
-        materials. Of order 1 this average is more accurate than the constants of the elements, except at sharp corners
-        of iron and magnets.
-        """
-        return self._recovered(self.at_corners.flux_density)
-
-    @cached_property
-    def corner_field_strength(self) -> Floats:
-        """H recovered at the corners of the elements, shape (2, 3, nelements) in A/m.
-
-        The average is as for `corner_flux_density`.
-        """
-        return self._recovered(self.at_corners.field_strength)
-
-    def _recovered(self, at_corners: Floats) -> Floats:
-        return corner_averages(self.mesh, at_corners.reshape(2, 3, -1), self._regions)
-
-    def flux_density_at(self, x: ArrayLike, *, recovered: bool = False) -> Floats:
-        """Return the flux density at points.
-
-        B of an element is constant at order 1 and linear at order 2.
-
-        Parameters
-        ----------
-        x : (2, n)
-            Points in metres; along a line ``np.linspace(start, end, n, axis=1)``.
-        recovered
-            True to interpolate `corner_flux_density` in place of the field of the elements.
-
-        Returns
-        -------
-        ndarray (2, n)
-            In T; nan outside the mesh.
-
-        Raises
-        ------
-        ValueError
-            If `x` is not of shape (2, n).
-
-        Examples
-        --------
-        >>> import numpy as np, skfem
-        >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
-        >>> mesh = skfem.MeshTri().refined(3).with_defaults().with_subdomains({"air": lambda x: x[0] > 0.0})
-        >>> problem = Magnetostatics({"air": Material()}, potential={"left": 0.0, "right": 1.0})
-        >>> field = problem.solve(mesh)
-        >>> line = np.linspace([0.1, 0.5], [0.9, 0.5], 5, axis=1)
-        >>> np.allclose(field.flux_density_at(line), [[0.0], [-1.0]])
-        True
-        """
-        return self._at(x, self.corner_flux_density if recovered else None, lambda at: at.flux_density)
-
-    def field_strength_at(self, x: ArrayLike, *, recovered: bool = False) -> Floats:
-        """Return the field strength at points, from the flux density there.
-
-        Parameters
-        ----------
-        x, recovered
-            As in `flux_density_at`, with `corner_field_strength` interpolated.
-
-        Returns
-        -------
-        ndarray (2, n)
-            In A/m; nan outside the mesh. Errors are as in `flux_density_at`.
-
-        Examples
-        --------
-        >>> import numpy as np, skfem
-        >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
-        >>> mesh = skfem.MeshTri().refined(3).with_defaults().with_subdomains({"iron": lambda x: x[0] > 0.0})
-        >>> problem = Magnetostatics({"iron": Material(1000.0)}, potential={"left": 0.0, "right": 1.0})
-        >>> problem.solve(mesh).field_strength_at([[0.3], [0.5]])[1].round(1).tolist()  # B / mu, of -1 T along y
-        [-795.8]
-        """
-        return self._at(x, self.corner_field_strength if recovered else None, lambda at: at.field_strength)
-
-    def _at(self, x: ArrayLike, corners: Floats | None, of_points: Callable[[PointField], Floats]) -> Floats:
-        element, barycentric = self._located(x)
-        if corners is None:
-            values = of_points(self.at_shares(element, barycentric))
-        else:
-            values = np.einsum("kin,in->kn", corners[:, :, element], barycentric)
-        return np.where(element >= 0, values, np.nan)
-
-    def _located(self, x: ArrayLike) -> tuple[Ints, Floats]:
-        points, elements = as_rows(x).T, self.elements
-        return elements.shape.locate(points, find_elements(elements.corners, points))
-
-    def potential_at(self, x: ArrayLike) -> Floats:
-        """Return the potential at points.
-
-        It is a polynomial of the order of the elements in each.
-
-        Parameters
-        ----------
-        x : (2, n)
-            Points in metres.
-
-        Returns
-        -------
-        ndarray (n,)
-            In Wb/m; nan outside the mesh.
-
-        Raises
-        ------
-        ValueError
-            If `x` is not of shape (2, n).
-        """
-        return self._interpolated(np.asarray(x, dtype=float))
-
-    def _interpolated(self, x: Floats) -> Floats:
-        if self.elements.has_constant_gradients:
-            return interpolate(self.mesh, self.potential, x)
-        element, barycentric = self._located(x)
-        return np.where(element >= 0, self._potential_at(element, barycentric), np.nan)
 
     def flux_linkage(self, coil: Names, turns: float = 1) -> float:
         """Return the flux linkage of a coil side per metre of depth, or the total.
@@ -222,7 +112,10 @@ class Field(LocalField):
         >>> round(field.flux_linkage("coil", turns=100), 1)  # 100 times the mean of A = x, in Wb/m
         50.0
         """
-        return coil_linkage(self, coil, turns)
+        inside, count = elements_in(self.mesh, coil), checked_turns(coil, turns)
+        size, mean = area(self.mesh)[inside], self.elements.mean_function(self.unknown)[inside]
+        # A is constant along a turn, of length 2 pi r or the depth.
+        return count * turn_length(self) * float(np.sum(size * mean) / np.sum(size))
 
     def force(self, body: Names) -> Floats:
         """Return the magnetic force on a body, per metre of depth or in total.
@@ -305,3 +198,6 @@ class Field(LocalField):
         True
         """
         return force_along(self, body, np.array(OUT_OF_PAGE), checked_point("centre", centre))
+
+
+QuadraticField = CubicField = HighOrderField = Field

@@ -18,7 +18,8 @@ from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.bodies import Names, air_elements, elements_in, isolated_body
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, is_coil
 from kohonen_adapt.magnetostatics.quantities.cuts import Cut, cut_of, without_cancelled
-from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField, WeightedPoints
+from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
+from kohonen_adapt.magnetostatics.quantities.point_values import WeightedPoints
 from kohonen_adapt.mesh.measures import area, hat_gradients
 
 __all__ = [

@@ -8,26 +8,18 @@ import numpy as np
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_number
 from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_in
-from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
+from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 from kohonen_adapt.mesh.measures import area
 
 __all__ = [
     "checked_circuit",
     "checked_turns",
-    "coil_linkage",
     "turn_length",
     "turns_density",
 ]
 
 
-def coil_linkage(field: LocalField, coil: Names, turns: float) -> float:
-    inside, count = elements_in(field.mesh, coil), checked_turns(coil, turns)
-    size = area(field.mesh)[inside]
-    # A is constant along a turn, of length 2 pi r or the depth.
-    return count * turn_length(field) * float(np.sum(size * field.mean_unknown[inside]) / np.sum(size))
-
-
-def turns_density(field: LocalField, circuit: Mapping[str, float]) -> Floats:
+def turns_density(field: MagneticField, circuit: Mapping[str, float]) -> Floats:
     """Return the turns per area of a circuit, shape (nelements,) in 1/m^2.
 
     `turn_length` times this density is the w whose ``int w field.unknown`` over the plane is the linkage.
@@ -45,9 +37,9 @@ def checked_circuit(circuit: Any) -> dict[str, float]:
     return {name: checked_turns(name, turns) for name, turns in circuit.items()}
 
 
-def turn_length(field: LocalField) -> float:
+def turn_length(field: MagneticField) -> float:
     """Return the length of a turn in m, divided by r around an axis."""
-    return 2.0 * np.pi if field.axisymmetric else 1.0 if field.depth is None else field.depth
+    return 2.0 * np.pi if field.axisymmetric else field.depth_factor
 
 
 def checked_turns(coil: Names, turns: Any) -> float:

@@ -1,86 +1,58 @@
 """Values of a plane field at points of elements, and their means."""
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
-from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField, PointValues, tangent_product
-from kohonen_adapt.mesh.locate import find_elements
+from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
+from kohonen_adapt.magnetostatics.quantities.point_values import PointField
+from kohonen_adapt.mesh.blended import Projections
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.space import Space
 
-__all__ = ["LocalField", "PointField"]
-
-
-@dataclass(frozen=True, eq=False)
-class PointField(PointValues):
-    element: Ints  # (n,): element of every point
-    x: Floats  # (2, n) in m
-    flux_density: Floats  # (2, n) in T
-    coefficients: Coefficients  # of the points
-
-    @cached_property
-    def field_strength(self) -> Floats:
-        return self.coefficients.field_strength(self.flux_density)
-
-    @cached_property
-    def reluctivities(self) -> tuple[Floats, Floats]:
-        return self.coefficients.reluctivities(self.flux_density)
-
-    def change_of_strength(self, change: Floats) -> Floats:
-        """Return the change of H in A/m by a small change of B in T, both (2, n).
-
-        The reluctivity is differential along B and secant across.
-        """
-        return tangent_product(*self.reluctivities, self.flux_density, change)
+__all__ = ["LocalField"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LocalField(MagneticField):
-    """Potential of a plane problem with derived quantities per element.
-
-    B is a polynomial in every element, of one degree less than the potential. `at_shares` evaluates B at any points of
-    elements, for all evaluations and integrals. Arrays of shape (nelements,) hold means over elements. See `Field`,
-    which adds forces and values at points.
-    """
+    """Potential of a plane problem with its values. See `Field`."""
 
     mesh: MeshTri
     potential: Floats
     coefficients: Coefficients
     symmetry: Symmetry = PLANAR
     depth: float | None = None
-
-    @property
-    def order(self) -> int:
-        """Order of the elements."""
-        return 1
+    newton: tuple[NewtonStep, ...] = ()
+    _: KW_ONLY
+    values: Floats | None = None
+    degree: int = 1
+    sides: Projections | None = None
 
     @property
     def axisymmetric(self) -> bool:
         """True if x is the radius r, y the height z, and A_phi the potential."""
         return self.symmetry is AXISYMMETRIC
 
+    @property
+    def depth_factor(self) -> float:
+        return 1.0 if self.depth is None else self.depth
+
     @cached_property
     def elements(self) -> Space:
-        return Space(self.mesh, self.order, self.coefficients.nonlinear, self.axisymmetric)
+        """Finite elements of the potential."""
+        return Space(self.mesh, self.degree, self.coefficients.nonlinear, self.axisymmetric, self.sides)
 
     @cached_property
     def unknown(self) -> Floats:
         """A, axisymmetric r A, at all degrees of freedom, shape (nunknowns,)."""
-        return self.symmetry.unknown(self.elements.doflocs, self._values)
-
-    @property
-    def _values(self) -> Floats:
-        return self.potential
-
-    @property
-    def mean_unknown(self) -> Floats:
-        return self.elements.mean_function(self.unknown)
+        values = self.potential if self.values is None else self.values
+        return self.symmetry.unknown(self.elements.doflocs, values)
 
     @cached_property
     def at_quadrature(self) -> PointField:
@@ -96,23 +68,24 @@ class LocalField(MagneticField):
         In m^2 per metre of depth; with `depth`, and axisymmetric, in m^3.
         """
         elements = self.elements
-        return self.symmetry.volume(elements.points, elements.weights) * (1.0 if self.depth is None else self.depth)
+        return self.symmetry.volume(elements.points, elements.weights) * self.depth_factor
 
     def load_of(self, weight: Floats) -> Floats:
-        """Return the load whose ``int load . grad w`` is ``int weight . dB``.
-
-        w is a change of `unknown`, and dB the change of B by w. The first integral is over the plane, the second over
-        the volume. Both arrays have shape (2, npoints), and the weight is in A/m.
-        """
-        return self.symmetry.flux(weight * (1.0 if self.depth is None else self.depth))
+        return self.symmetry.flux(weight * self.depth_factor)
 
     def load_at(self, x: Floats, weight: Floats) -> Floats:
         # at quadrature points, with ``int load . grad w`` equal to the sum of ``weight . dB`` over points, (2, n)
         elements = self.elements
-        element, barycentric = elements.shape.locate(x, find_elements(elements.corners, x))
-        limit = elements.limit_points(element, barycentric)
+        element = self.elements_at(x)
+        limit = elements.limit_points(element, elements.barycentric(x, element))
         of_volume = self.symmetry.volume(elements.shape.points(element, limit), np.ones(element.size))
         return elements.load_at(element, limit, self.symmetry.flux(weight) / of_volume)
+
+    def at(self, x: Floats, element: Ints) -> PointField:
+        return self.at_shares(element, self.elements.barycentric(x, element))
+
+    def _potential_in(self, x: Floats, element: Ints) -> Floats:
+        return self._potential_at(element, self.elements.barycentric(x, element))
 
     def at_shares(self, element: Ints, share: Floats) -> PointField:
         """Return the field at barycentric coordinates `share` (3, n) of elements (n,).
@@ -184,49 +157,9 @@ class LocalField(MagneticField):
         return self.at_each(np.eye(3))
 
     @cached_property
-    def flux_density(self) -> Floats:
-        """Mean B of every element, shape (2, nelements) in T.
-
-        ``B = (dA/dy, -dA/dx)``; axisymmetric ``(-dA/dz, d(r A)/dr / r)``.
-        """
-        return self.elements.mean(self.at_quadrature.flux_density)
-
-    @cached_property
-    def field_strength(self) -> Floats:
-        """Mean ``H = nu B - Hc`` of every element, shape (2, nelements) in A/m."""
-        return self.elements.mean(self.at_quadrature.field_strength)
-
-    @cached_property
-    def _reluctivities(self) -> tuple[Floats, Floats]:
-        return self.coefficients.reluctivities(self.flux_density)
-
-    @property
-    def reluctivity(self) -> Floats:
-        """Secant reluctivity ``|H + Hc| / |B|``, shape (nelements,) in m/H."""
-        return self._reluctivities[0]
-
-    @property
-    def differential_reluctivity(self) -> Floats:
-        """Differential reluctivity ``d|H + Hc| / d|B|`` along B, (nelements,) in m/H."""
-        return self._reluctivities[1]
-
-    @property
-    def current_density(self) -> Floats:
-        """Current density out of the page, or along phi, shape (nelements,) in A/m^2."""
-        return self.coefficients.current_density
-
-    @cached_property
     def volume(self) -> Floats:
         """Volumes of the elements, shape (nelements,).
 
         In m^2 (the area) per metre of depth; with `depth`, and axisymmetric, in m^3.
         """
-        middle = self.elements.centroids
-        return self.symmetry.volume(middle, area(self.mesh)) * (1.0 if self.depth is None else self.depth)
-
-    @property
-    def squared_norm(self) -> float:
-        """``int nu |B|^2`` over the mesh in J/m, also with `depth`, axisymmetric in J."""
-        volume = self.symmetry.volume(self.elements.points, self.elements.weights)
-        at = self.at_quadrature
-        return float(np.sum(volume * at.reluctivities[0] * at.flux_density**2))
+        return self.symmetry.volume(self.elements.centroids, area(self.mesh)) * self.depth_factor

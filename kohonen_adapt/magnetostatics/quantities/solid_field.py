@@ -56,64 +56,6 @@ class SolidField(LocalSolid):
             f"energy {self.energy:.4g} J>"
         )
 
-    def flux_density_at(self, x: ArrayLike, *, recovered: bool = False) -> Floats:
-        """Return the flux density at points.
-
-        At order 1 B is constant in every element unless a field is applied.
-
-        Parameters
-        ----------
-        x : (3, n)
-            Points in metres; along a line ``np.linspace(start, end, n, axis=1)``.
-        recovered
-            True to interpolate `corner_flux_density` in place of the field of the elements.
-
-        Returns
-        -------
-        ndarray (3, n)
-            In T; nan outside the mesh.
-
-        Raises
-        ------
-        ValueError
-            If `x` is not of shape (3, n), or not finite.
-
-        Examples
-        --------
-        >>> import numpy as np, skfem
-        >>> from kohonen_adapt.magnetostatics import MagneticScalarPotential, Material
-        >>> mesh = skfem.MeshTet().refined(2).with_defaults().with_subdomains({"air": lambda x: x[0] > 0.0})
-        >>> problem = MagneticScalarPotential({"air": Material()}, {"left": 1.0, "right": 0.0})  # 1 A over 1 m
-        >>> problem.solve(mesh).field_strength[0].round(9).min()
-        np.float64(1.0)
-        """
-        points, element, inside = self.points_inside(x)
-        values = np.full((3, inside.size), np.nan)
-        if recovered:
-            barycentric = self.elements.barycentric(points, element)
-            values[:, inside] = np.einsum("cin,in->cn", self.corner_flux_density[:, :, element], barycentric)
-        else:
-            values[:, inside] = self.at(points, element).flux_density
-        return values
-
-    def potential_at(self, x: ArrayLike) -> Floats:
-        """Return the reduced potential at points.
-
-        Parameters
-        ----------
-        x : (3, n)
-            Points in metres.
-
-        Returns
-        -------
-        ndarray (n,)
-            In A; nan outside the mesh.
-        """
-        points, element, inside = self.points_inside(x)
-        values = np.full(inside.size, np.nan)
-        values[inside] = self.elements.at(self.potential, element, self.elements.barycentric(points, element))
-        return values
-
     def flux(self, surface: str) -> float:
         """Return the magnetic flux through a named surface, ``int B . n``.
 

@@ -1,0 +1,99 @@
+"""Values of a field at points, by the flux density or by the field strength."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
+from kohonen_adapt.mesh.measures import unit_vectors
+
+__all__ = ["PointField", "PointValues", "Strength", "WeightedPoints", "tangent_product"]
+
+
+class PointValues:
+    x: Floats  # (d, n) in m
+    coefficients: Coefficients  # of the points
+    flux_density: Any  # (d, n) in T
+    field_strength: Any  # (d, n) in A/m
+    reluctivities: Any  # secant and differential, (n,) each in m/H
+
+    @cached_property
+    def energy_density(self) -> Floats:
+        return self.coefficients.energy_density(self.flux_density)
+
+    @property
+    def coenergy_density(self) -> Floats:
+        return np.sum(self.field_strength * self.flux_density, axis=0) - self.energy_density
+
+    @property
+    def magnetisation(self) -> Floats:
+        # mu0 M in T
+        return self.flux_density - VACUUM_PERMEABILITY * self.field_strength
+
+
+@dataclass(frozen=True, eq=False)
+class PointField(PointValues):
+    # values by B, of a vector potential
+    element: Ints  # (n,): element of every point
+    x: Floats
+    flux_density: Floats
+    coefficients: Coefficients
+
+    @cached_property
+    def field_strength(self) -> Floats:
+        return self.coefficients.field_strength(self.flux_density)
+
+    @cached_property
+    def reluctivities(self) -> tuple[Floats, Floats]:
+        return self.coefficients.reluctivities(self.flux_density)
+
+    def change_of_strength(self, change: Floats) -> Floats:
+        """Return the change of H in A/m by a small change of B in T, both (d, n)."""
+        return tangent_product(*self.reluctivities, self.flux_density, change)
+
+
+@dataclass(frozen=True, eq=False)
+class Strength(PointValues):
+    # values by H, of a scalar potential
+    x: Floats
+    field_strength: Floats
+    coefficients: Coefficients
+
+    @cached_property
+    def permeabilities(self) -> tuple[Floats, Floats]:
+        return self.coefficients.permeabilities(self.field_strength)
+
+    @property
+    def reluctivities(self) -> tuple[Floats, Floats]:
+        secant, differential = self.permeabilities
+        return 1.0 / secant, 1.0 / differential
+
+    @cached_property
+    def flux_density(self) -> Floats:
+        return self.permeabilities[0] * (self.field_strength + self.coefficients.coercivity)
+
+    def change_of_flux_density(self, change: Floats) -> Floats:
+        """Return the change of B in T by a small change of H in A/m, both (d, n)."""
+        return tangent_product(*self.permeabilities, self.field_strength + self.coefficients.coercivity, change)
+
+
+def tangent_product(secant: Floats, differential: Floats, direction: Floats, change: Floats) -> Floats:
+    """Return the product of the tensor of a linearised law and a small change (d, n).
+
+    The coefficient is `differential` along `direction` (d, n), and `secant` across.
+    """
+    along = unit_vectors(direction)
+    return secant * change + (differential - secant) * np.sum(change * along, axis=0) * along
+
+
+class WeightedPoints(NamedTuple):
+    # points of a quadrature, with the gradient of a weight that is linear in elements
+    x: Floats  # (d, n) in m
+    element: Ints  # (n,)
+    volumes: Floats  # (n,)
+    slope: Floats  # (d, n) in 1/m
+    flux_density: Floats  # (d, n) in T
