@@ -79,7 +79,7 @@ def _angles(count: int) -> Floats:
 def is_harmonic(field: Any, element: int) -> bool:
     coefficients, own = field.coefficients, np.array([element])
     varies = any(np.isin(own, magnet.elements).item() for magnet in coefficients.varying_magnets)
-    turns = getattr(field, "axisymmetric", False) and coefficients.current_density[element] != 0.0
+    turns = field.axisymmetric and coefficients.current_density[element] != 0.0
     return not (coefficients.nonlinear[element] or varies or turns)
 
 
@@ -89,7 +89,7 @@ def distance_to_jumps(field: Any, x: Floats, include_current: bool) -> float:
     one, other = mesh.f2t
     kind = _kinds(field, include_current)
     facets = mesh.facets[:, (other < 0) | (kind[one] != kind[other])]
-    if getattr(field, "axisymmetric", False):
+    if field.axisymmetric:
         facets = facets[:, ~field.symmetry.on_axis(mesh.p)[facets].all(axis=0)]
     return float(distances(x, mesh.p[:, facets]).min(initial=np.inf))
 
@@ -189,7 +189,7 @@ class FluxDensityAt(VectorGoal):
 
     def _place(self, field: Any) -> Spot:
         self.check_dimension(len(field.mesh.p))
-        x, around_axis = np.array(self.x), getattr(field, "axisymmetric", False)
+        x, around_axis = np.array(self.x), field.axisymmetric
         element = find_elements(field.elements.corners, x[:, None])[0]
         if element < 0:
             low, high = (point_text(end(field.mesh.p, axis=1)) for end in (np.min, np.max))

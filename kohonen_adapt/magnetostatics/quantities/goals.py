@@ -258,12 +258,5 @@ class StoredEnergy(Goal):
                 "goal: the indicators then estimate its error."
             )
         at = field.at_quadrature
-        return _of_flux_density(field, np.where(inside[field.elements.element], at.field_strength, 0.0))
-
-
-def _of_flux_density(field: Any, weight: Floats) -> tuple[Floats, Floats]:
-    """Return the derivative of a goal that changes by ``int weight . dB``.
-
-    `weight` has shape (d, npoints), in A/m.
-    """
-    return np.zeros(field.mesh.t.shape[1]), field.load_of(weight)
+        weight = np.where(inside[field.elements.element], at.field_strength, 0.0)
+        return np.zeros(inside.size), field.load_of(weight)
