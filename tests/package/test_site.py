@@ -91,13 +91,21 @@ def names_documented():
         for directive, target in re.findall(r"^\.\. (\w+):: (\S+)$", PAGES[page.stem], re.MULTILINE):
             if directive == "currentmodule":
                 module = target
-            else:
+            elif directive not in ("automethod", "autoattribute"):
                 yield f"{module}.{target}"
+
+
+def is_other_name(module, name):
+    found = getattr(module, name)
+    return isinstance(found, type) and found.__name__ != name
 
 
 def test_the_reference_has_every_public_name_once():
     public = {f"{module.__name__}.{name}" for module in MODULES for name in module.__all__}
     public -= {module.__name__ for module in MODULES}
+    public -= {
+        f"{module.__name__}.{name}" for module in MODULES for name in module.__all__ if is_other_name(module, name)
+    }
     documented = list(names_documented())
     assert sorted(documented) == sorted(public)
 
