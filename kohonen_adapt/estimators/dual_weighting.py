@@ -13,7 +13,7 @@ from kohonen_adapt.estimators.equilibration import equilibrated_correction, fixe
 from kohonen_adapt.estimators.recovery_estimator import recovered_correction
 from kohonen_adapt.estimators.residual_estimator import HIGHER_SCALES, ProblemOfOrder
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of, check_kind
-from kohonen_adapt.mesh.functions import KINDS
+from kohonen_adapt.mesh.elements.functions import KINDS
 from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.mesh.validity import check_mesh
 

@@ -16,7 +16,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators.discrete_flux import DiscreteFlux
 from kohonen_adapt.mesh.corners import Materials, corner_exponents
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
-from kohonen_adapt.mesh.exponents import STRONG
+from kohonen_adapt.mesh.elements.exponents import STRONG
 
 __all__ = ["with_strong_corners"]
 

@@ -21,8 +21,8 @@ from skfem.refdom import RefTet, RefTri
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators.residual_estimator import outflows
 from kohonen_adapt.mesh.cells import TETRAHEDRON
+from kohonen_adapt.mesh.elements.rules import tetrahedron_rule
 from kohonen_adapt.mesh.measures import hat_gradients
-from kohonen_adapt.mesh.rules import tetrahedron_rule
 
 __all__ = ["Surplus", "cubic_slopes"]
 

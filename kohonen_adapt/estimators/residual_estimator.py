@@ -8,7 +8,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators.discrete_flux import Given, checked_given, checked_reluctivity, discrete_flux
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import Isoparametric, with_midside_offsets
-from kohonen_adapt.mesh.functions import KINDS, facet_products
+from kohonen_adapt.mesh.elements.functions import KINDS, facet_products
 from kohonen_adapt.mesh.measures import area, hat_gradients, signed_area
 from kohonen_adapt.mesh.validity import check_mesh
 

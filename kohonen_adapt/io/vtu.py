@@ -22,10 +22,10 @@ from kohonen_adapt.io.content import ALLOWED_BYTES, MAX_EXPANSION
 from kohonen_adapt.mesh.blended import Blended
 from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.curved import Isoparametric, nodes_of_elements
+from kohonen_adapt.mesh.elements.rules import triangle_rule
 from kohonen_adapt.mesh.host import number_edges
 from kohonen_adapt.mesh.measures import is_in_front
 from kohonen_adapt.mesh.names import combinations
-from kohonen_adapt.mesh.rules import triangle_rule
 
 __all__ = ["BOUNDARY", "LAGRANGE", "SUBDOMAIN", "checked_vtu", "mean_weights", "plain_xml", "sides_of", "write_vtu"]
 

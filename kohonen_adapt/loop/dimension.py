@@ -16,7 +16,7 @@ from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.stopping import stalls_by_estimate, stalls_by_functional
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, cell_of
-from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.chords import longest_on_arcs
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.held_nodes import (

@@ -39,11 +39,11 @@ from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 from kohonen_adapt.mesh.blended import exact_area
 from kohonen_adapt.mesh.cells import TETRAHEDRON, remedy_for
 from kohonen_adapt.mesh.curved import corners_of
-from kohonen_adapt.mesh.functions import EQUIDISTANT
+from kohonen_adapt.mesh.elements.functions import EQUIDISTANT
+from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.measures import area, magnitude
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.names import connected_components_of
-from kohonen_adapt.mesh.space import Space
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.protocol import AutoOrder
 

@@ -25,9 +25,9 @@ from kohonen_adapt.magnetostatics.solution import (
     interpolated_on,
     richer_solution,
 )
-from kohonen_adapt.mesh.functions import ON_AXIS
+from kohonen_adapt.mesh.elements.functions import ON_AXIS
+from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.measures import gradient, inner_points
-from kohonen_adapt.mesh.space import Space
 
 __all__ = ["RESIDUAL_SCALE", "energy_indicators", "equal_materials", "goal_indicators"]
 

@@ -12,9 +12,9 @@ from kohonen_adapt.estimators.residual_estimator import (
 )
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
 from kohonen_adapt.magnetostatics.quantities.point_values import PointField
-from kohonen_adapt.mesh.functions import hierarchical
+from kohonen_adapt.mesh.elements.functions import hierarchical
+from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.mesh.space import Space
 
 __all__ = ["dual_residual_by_points", "residual_by_points"]
 

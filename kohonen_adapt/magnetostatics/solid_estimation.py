@@ -22,8 +22,8 @@ from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 from kohonen_adapt.magnetostatics.quantities.point_values import Strength
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.measures import CurvedTetrahedra, inner_points, magnitude, unit_vectors
-from kohonen_adapt.mesh.space import Space
 from kohonen_adapt.problem.energy import Energy
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.uncertain import Uncertain

@@ -12,8 +12,8 @@ from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
-from kohonen_adapt.mesh.functions import nodes
-from kohonen_adapt.mesh.space import Space
+from kohonen_adapt.mesh.elements.functions import nodes
+from kohonen_adapt.mesh.elements.space import Space
 
 __all__ = [
     "Dual",

@@ -13,7 +13,7 @@ from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.mesh.corners import Materials, corner_exponents, fixed_parts
-from kohonen_adapt.mesh.exponents import STRONG
+from kohonen_adapt.mesh.elements.exponents import STRONG
 
 __all__ = ["layer_counts", "layered", "materials_of", "strong_corners"]
 

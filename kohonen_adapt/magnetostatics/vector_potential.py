@@ -28,8 +28,8 @@ from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.solid_estimation import tangential_jumps
 from kohonen_adapt.mesh.curved import corners_of
+from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.names import named
-from kohonen_adapt.mesh.space import Space
 from kohonen_adapt.problem.energy import Energy
 
 __all__ = ["MagneticVectorPotential"]

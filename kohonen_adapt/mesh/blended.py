@@ -15,9 +15,9 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.curved import AFTER, BEFORE, Isoparametric
+from kohonen_adapt.mesh.elements.rules import triangle_rule
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.names import named
-from kohonen_adapt.mesh.rules import triangle_rule
 
 __all__ = ["Blended", "Projections", "exact_area", "is_folded"]
 

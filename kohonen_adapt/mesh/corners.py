@@ -8,7 +8,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.blended import Blended
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
-from kohonen_adapt.mesh.exponents import exponents
+from kohonen_adapt.mesh.elements.exponents import exponents
 from kohonen_adapt.mesh.host import number_facets
 
 __all__ = ["Materials", "corner_exponents", "fixed_parts", "meetings", "singular_nodes"]

@@ -33,8 +33,8 @@ from kohonen_adapt.mesh.curved import (
     least_determinants,
     midside_offsets,
 )
+from kohonen_adapt.mesh.elements.rules import tetrahedron_rule
 from kohonen_adapt.mesh.host import number_edges, number_facets, of_kind
-from kohonen_adapt.mesh.rules import tetrahedron_rule
 
 __all__ = [
     "EDGES",

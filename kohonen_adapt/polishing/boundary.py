@@ -12,8 +12,8 @@ from scipy.sparse.linalg import spsolve
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.kernels.triangle.arrays import Reference
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction, local_coefficients
 from kohonen_adapt.mesh.measures import magnitude
-from kohonen_adapt.mesh.polynomials import TrialFunction, local_coefficients
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.problem.boundary_terms import robin_value, terms_of_sides
 from kohonen_adapt.problem.functional_value import energy_on, functions_on, loads_on, value_on

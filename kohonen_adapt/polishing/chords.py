@@ -11,7 +11,7 @@ from kohonen_adapt.geometry.plane.midsides import offsets_from_chords
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.kernels.triangle.arrays import ROUND, SLIDING
-from kohonen_adapt.mesh.polynomials import LINEAR_FUNCTIONS, gradients
+from kohonen_adapt.mesh.elements.polynomials import LINEAR_FUNCTIONS, gradients
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.polishing.energy_tables import constants_of
 from kohonen_adapt.problem.ritz import Ritz

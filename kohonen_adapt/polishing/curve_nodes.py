@@ -15,7 +15,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.arrays import HALVINGS
 from kohonen_adapt.kernels.triangle.geometry import FLAT
 from kohonen_adapt.kernels.triangle.polish.descend import OVERSTEP, ROUNDING
-from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.chords import CENTROID, Slivers, segment_areas
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import independent

@@ -19,10 +19,9 @@ from kohonen_adapt.kernels.triangle.arrays import (
     Points,
     Shapes,
 )
-from kohonen_adapt.mesh.element_functions import ElementFunctions
-from kohonen_adapt.mesh.functions import kinds_at_axis
-from kohonen_adapt.mesh.measures import inner_points, magnitude
-from kohonen_adapt.mesh.polynomials import (
+from kohonen_adapt.mesh.elements.element_functions import ElementFunctions
+from kohonen_adapt.mesh.elements.functions import kinds_at_axis
+from kohonen_adapt.mesh.elements.polynomials import (
     LINEAR_FUNCTIONS,
     TrialFunction,
     by_points,
@@ -30,6 +29,7 @@ from kohonen_adapt.mesh.polynomials import (
     joined_points,
     local_coefficients,
 )
+from kohonen_adapt.mesh.measures import inner_points, magnitude
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.problem.functional_value import source_rule
 from kohonen_adapt.problem.ritz import Ritz

@@ -12,7 +12,7 @@ from kohonen_adapt.geometry.plane.surgery import Surgery
 from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle.arrays import HELD, Offers, OpenMesh, SurgeryScratch
-from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.loops import Linear
 

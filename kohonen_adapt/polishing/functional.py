@@ -13,7 +13,7 @@ from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.functionals import Laws
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING, OpenMesh, Reference, Trial, Trials
-from kohonen_adapt.mesh.polynomials import (
+from kohonen_adapt.mesh.elements.polynomials import (
     TrialFunction,
     exact_reference,
     joined_reference,

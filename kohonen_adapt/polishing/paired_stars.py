@@ -29,7 +29,7 @@ from kohonen_adapt.kernels.triangle.arrays import (
     Trial,
     Trials,
 )
-from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.loops import Linear, Patch
 
 __all__ = ["Freedom", "descend_pairs", "independent", "set_partners"]

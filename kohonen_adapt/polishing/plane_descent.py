@@ -10,7 +10,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.ordering import along_curve, mark_interior, parts_along
 from kohonen_adapt.kernels.threads import even_cuts, shared, shared_in_parts
 from kohonen_adapt.kernels.triangle.arrays import HELD
-from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.curve_nodes import descend_curves
 from kohonen_adapt.polishing.elements import UNKNOWNS
 from kohonen_adapt.polishing.energy_recycling import Exchange, recycle_by_energy

@@ -8,8 +8,8 @@ from skfem import Mesh, MeshTet
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.kernels.tetrahedron.arrays import LOAD
+from kohonen_adapt.mesh.elements.polynomials import hierarchical_loads, unknowns_of_elements
 from kohonen_adapt.mesh.names import named_sets
-from kohonen_adapt.mesh.polynomials import hierarchical_loads, unknowns_of_elements
 from kohonen_adapt.polishing.unresolved_data import Doubt, UnresolvedData, doubt_about
 from kohonen_adapt.problem.boundary_terms import nodal_terms
 from kohonen_adapt.problem.functional_value import (

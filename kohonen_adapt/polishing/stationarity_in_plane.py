@@ -7,7 +7,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.pairs import sliding_pairs
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
-from kohonen_adapt.mesh.polynomials import TrialFunction, facets_of_sides, local_coefficients
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction, facets_of_sides, local_coefficients
 from kohonen_adapt.polishing.boundary import BoundaryTerms, sides_on
 from kohonen_adapt.polishing.stationarity import check_residual, derivatives_on, doubts_of, sums
 from kohonen_adapt.problem.boundary_terms import terms_of_sides

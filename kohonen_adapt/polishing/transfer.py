@@ -10,8 +10,7 @@ from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING
 from kohonen_adapt.kernels.triangle.locate import barycentric
 from kohonen_adapt.mesh.adjacency import parts_of_regions
 from kohonen_adapt.mesh.curved import AFTER, BEFORE, CurvedElements
-from kohonen_adapt.mesh.locate import walk_to_elements
-from kohonen_adapt.mesh.polynomials import (
+from kohonen_adapt.mesh.elements.polynomials import (
     TrialFunction,
     evaluated,
     local_coefficients,
@@ -19,6 +18,7 @@ from kohonen_adapt.mesh.polynomials import (
     set_bubbles,
     set_sides,
 )
+from kohonen_adapt.mesh.locate import walk_to_elements
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.polishing.elements import kinds_of, without_modes
 from kohonen_adapt.polishing.energy_tables import first_of_regions

@@ -10,7 +10,7 @@ from skfem import MeshTet, MeshTri
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import is_number
 from kohonen_adapt.kernels.tetrahedron.arrays import LOAD, NO_SURFACE, OFFSET
-from kohonen_adapt.mesh.functions import on_axis, trace_columns, traces_at
+from kohonen_adapt.mesh.elements.functions import on_axis, trace_columns, traces_at
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.names import named
 

@@ -11,11 +11,16 @@ from skfem.quadrature import get_quadrature
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved import is_second_order, midside_offsets
-from kohonen_adapt.mesh.element_functions import ElementFunctions
-from kohonen_adapt.mesh.functions import hierarchical, kinds_at_axis
+from kohonen_adapt.mesh.elements.element_functions import ElementFunctions
+from kohonen_adapt.mesh.elements.functions import hierarchical, kinds_at_axis
+from kohonen_adapt.mesh.elements.polynomials import (
+    edge_coefficients,
+    local_coefficients,
+    modes_of,
+    unknowns_of_elements,
+)
+from kohonen_adapt.mesh.elements.rules import Rule, triangle_rule
 from kohonen_adapt.mesh.measures import CurvedTetrahedra, inner_points, magnitude
-from kohonen_adapt.mesh.polynomials import edge_coefficients, local_coefficients, modes_of, unknowns_of_elements
-from kohonen_adapt.mesh.rules import Rule, triangle_rule
 from kohonen_adapt.problem.boundary_terms import (
     corner_values,
     nodal_terms,

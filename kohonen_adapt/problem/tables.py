@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.mesh.functions import ON_AXIS, kinds_at_axis
+from kohonen_adapt.mesh.elements.functions import ON_AXIS, kinds_at_axis
 
 __all__ = [
     "EnergyLaw",

@@ -15,7 +15,7 @@ import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
-from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.functional import Functional
 
 

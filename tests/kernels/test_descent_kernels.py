@@ -16,7 +16,7 @@ from kohonen_adapt.kernels.triangle.flip import flip_edge
 from kohonen_adapt.kernels.triangle.polish import descend as kernels
 from kohonen_adapt.kernels.triangle.polish.descend import LEAST_CURVATURE, OVERSTEP, derivatives, quadratic
 from kohonen_adapt.kernels.triangle.polish.flip_linear import descend_flips, gain_of_flip
-from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value
 

@@ -7,7 +7,7 @@ import pytest
 from helpers.curved_meshes import curved_annulus
 
 from kohonen_adapt.mesh.blended import Blended
-from kohonen_adapt.mesh.rules import triangle_rule
+from kohonen_adapt.mesh.elements.rules import triangle_rule
 
 
 def test_sides_through_three_nodes_of_a_circle_are_arcs():

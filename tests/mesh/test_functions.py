@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from skfem import ElementTetP2, ElementTriP3
 
-from kohonen_adapt.mesh.functions import (
+from kohonen_adapt.mesh.elements.functions import (
     KINDS,
     facet_products,
     hierarchical,

@@ -5,7 +5,13 @@ from math import factorial, prod
 import numpy as np
 import pytest
 
-from kohonen_adapt.mesh.rules import LAW_RULE_IN_SPACE, product_rule, rule_about, tetrahedron_rule, triangle_rule
+from kohonen_adapt.mesh.elements.rules import (
+    LAW_RULE_IN_SPACE,
+    product_rule,
+    rule_about,
+    tetrahedron_rule,
+    triangle_rule,
+)
 
 
 def check(rule, degree, tolerance):

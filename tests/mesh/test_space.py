@@ -10,9 +10,9 @@ from skfem import BilinearForm, LinearForm
 from skfem.helpers import dot
 
 from kohonen_adapt.magnetostatics.estimation import balanced
-from kohonen_adapt.mesh.functions import nodes
-from kohonen_adapt.mesh.rules import CURVED_RULE_IN_SPACE, LAW_DEGREE, LAW_DEGREE_BY_POINTS, LAW_RULE_IN_SPACE
-from kohonen_adapt.mesh.space import Space
+from kohonen_adapt.mesh.elements.functions import nodes
+from kohonen_adapt.mesh.elements.rules import CURVED_RULE_IN_SPACE, LAW_DEGREE, LAW_DEGREE_BY_POINTS, LAW_RULE_IN_SPACE
+from kohonen_adapt.mesh.elements.space import Space
 
 ELEMENTS = {
     (1, 2): skfem.ElementTriP1,

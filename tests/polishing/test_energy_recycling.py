@@ -16,7 +16,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import Surgery
 from kohonen_adapt.kernels.triangle.arrays import HELD, SLIDING
 from kohonen_adapt.magnetostatics import Brauer, Froehlich
-from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.energy_recycling import compute_gains, offers_of, recycle_by_energy, with_spare_rows
 from kohonen_adapt.polishing.functional import Functional
 

@@ -14,8 +14,8 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import Surgery
 from kohonen_adapt.kernels.triangle.polish.energy_recycle_higher import weigh_higher
 from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
+from kohonen_adapt.mesh.elements.polynomials import evaluated, local_coefficients, modes_of
 from kohonen_adapt.mesh.host import count_unknowns
-from kohonen_adapt.mesh.polynomials import evaluated, local_coefficients, modes_of
 from kohonen_adapt.polishing.energy_recycling import compute_gains, offers_of, recycle_by_energy, with_spare_rows
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.transfer import transferred

@@ -28,7 +28,7 @@ from kohonen_adapt.kernels.triangle.polish.descend import (
 )
 from kohonen_adapt.kernels.triangle.polish.flip_linear import descend_flips, gain_of_flip
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table, radial
-from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.energy_tables import tabulated
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value

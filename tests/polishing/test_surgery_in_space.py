@@ -20,7 +20,7 @@ from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, SOURCE_24TH
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.magnetostatics import Froehlich
-from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.polish import descend_and_recycle
 from kohonen_adapt.polishing.space import descent
 from kohonen_adapt.polishing.space.descent import (

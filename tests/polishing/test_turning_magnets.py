@@ -19,8 +19,8 @@ from kohonen_adapt.kernels.triangle.polish.descend import derivatives, descend_n
 from kohonen_adapt.kernels.triangle.polish.flip_linear import gain_of_flip
 from kohonen_adapt.magnetostatics import Froehlich, Magnetostatics, Material, halbach, radial
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.mesh.measures import area, inner_points
-from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value

@@ -6,7 +6,7 @@ from skfem import Basis, ElementTetP1, ElementTetP2, MeshTet, MeshTri
 
 from kohonen_adapt import Ritz
 from kohonen_adapt.mesh.curved import with_midside_offsets
-from kohonen_adapt.mesh.functions import KINDS
+from kohonen_adapt.mesh.elements.functions import KINDS
 from kohonen_adapt.mesh.measures import with_edge_offsets
 from kohonen_adapt.polishing.stationarity import derivatives_on
 from kohonen_adapt.problem.boundary_terms import SurfaceTerms

@@ -9,8 +9,8 @@ from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import Ritz
-from kohonen_adapt.mesh.functions import ON_AXIS, kinds_at_axis
-from kohonen_adapt.mesh.polynomials import evaluated, local_coefficients, modes_of
+from kohonen_adapt.mesh.elements.functions import ON_AXIS, kinds_at_axis
+from kohonen_adapt.mesh.elements.polynomials import evaluated, local_coefficients, modes_of
 from kohonen_adapt.problem.functional_value import functional_value
 
 ORDERS = {1: ElementTriP1(), 2: ElementTriP2(), 3: ElementTriP3()}

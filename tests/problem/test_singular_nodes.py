@@ -9,7 +9,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.mesh.corners import singular_nodes
-from kohonen_adapt.mesh.exponents import exponents
+from kohonen_adapt.mesh.elements.exponents import exponents
 from kohonen_adapt.problem.singular_nodes import materials_of
 
 RIGHT = np.pi / 2.0

@@ -21,7 +21,7 @@ from skfem import (
 from skfem.helpers import dot, grad
 
 import kohonen_adapt as ka
-from kohonen_adapt.mesh.functions import KINDS
+from kohonen_adapt.mesh.elements.functions import KINDS
 
 laplace = BilinearForm(lambda u, v, w: dot(grad(u), grad(v)))
 mass = BilinearForm(lambda u, v, w: u * v)

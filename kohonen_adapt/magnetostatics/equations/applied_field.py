@@ -16,10 +16,10 @@ from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, Sou
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, subdomains_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.cells import normals
-from kohonen_adapt.mesh.functions import reference_functions
+from kohonen_adapt.mesh.elements.functions import reference_functions
+from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.host import edges_in, number_edges, number_facets
 from kohonen_adapt.mesh.measures import EDGES, hat_gradients
-from kohonen_adapt.mesh.space import Space
 from kohonen_adapt.problem.boundary_terms import FACET_DEGREE
 
 __all__ = [

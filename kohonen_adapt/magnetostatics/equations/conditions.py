@@ -13,10 +13,10 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.pairs import Unmatched, image_nodes
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
+from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.names import named, named_sets, nodes_of_points
-from kohonen_adapt.mesh.space import Space
 
 __all__ = ["Boundaries", "Conditions", "Value", "circle_of", "conditions_of", "fixed_values", "ties_of"]
 

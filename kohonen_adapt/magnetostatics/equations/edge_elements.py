@@ -10,11 +10,11 @@ from skfem.refdom import RefTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.mesh.assembly import Reduced
 from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.mesh.elements.assembly import Reduced
+from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.host import keys_of, number_edges, number_facets
 from kohonen_adapt.mesh.measures import EDGES
-from kohonen_adapt.mesh.space import Space
 
 __all__ = [
     "FACET_SIGNS",

@@ -11,9 +11,9 @@ from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import Inverse, Scaled, reluctivities
-from kohonen_adapt.mesh.assembly import Reduced
+from kohonen_adapt.mesh.elements.assembly import Reduced
+from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.measures import magnitude, unit_vectors
-from kohonen_adapt.mesh.space import Space
 from kohonen_adapt.problem.energy import Densities, Energy
 
 __all__ = ["PlaneEnergy", "Scalar", "Tangent", "coenergy", "scalar_problem"]

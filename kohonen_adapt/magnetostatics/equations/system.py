@@ -10,7 +10,7 @@ from scipy.sparse import csc_array, csr_array, csr_matrix
 from scipy.sparse.linalg import LinearOperator, SuperLU, cg
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.mesh.assembly import symmetric_factors
+from kohonen_adapt.mesh.elements.assembly import symmetric_factors
 
 __all__ = ["IN_SPACE", "Solver"]
 

@@ -13,8 +13,8 @@ from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 from kohonen_adapt.magnetostatics.quantities.point_values import PointField
 from kohonen_adapt.mesh.blended import Projections
+from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.mesh.space import Space
 
 __all__ = ["LocalField"]
 

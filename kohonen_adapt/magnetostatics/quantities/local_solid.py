@@ -17,7 +17,7 @@ from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 from kohonen_adapt.magnetostatics.quantities.point_values import Strength, WeightedPoints
-from kohonen_adapt.mesh.space import Space
+from kohonen_adapt.mesh.elements.space import Space
 
 __all__ = ["LocalSolid"]
 

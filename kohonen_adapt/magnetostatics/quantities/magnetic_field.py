@@ -14,8 +14,8 @@ from kohonen_adapt.magnetostatics.equations.given_field import Sources
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.quantities.point_values import PointValues, WeightedPoints
+from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.locate import Locator, as_rows, locator_of
-from kohonen_adapt.mesh.space import Space
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 

@@ -30,10 +30,10 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import FACE_POINTS, FACE_WEIGHTS
 from kohonen_adapt.mesh.cells import FACES, TETRAHEDRON
-from kohonen_adapt.mesh.functions import hierarchical
+from kohonen_adapt.mesh.elements.functions import hierarchical
+from kohonen_adapt.mesh.elements.rules import CURVED_RULE_IN_SPACE, LAW_RULE_IN_SPACE
 from kohonen_adapt.mesh.host import edges_between, keys_of
 from kohonen_adapt.mesh.measures import EDGES, edge_midside_offsets, tangent_corners
-from kohonen_adapt.mesh.rules import CURVED_RULE_IN_SPACE, LAW_RULE_IN_SPACE
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.problem.boundary_terms import corner_values, reduced_regions
 from kohonen_adapt.problem.functional_value import integrand

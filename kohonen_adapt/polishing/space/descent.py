@@ -29,7 +29,7 @@ from kohonen_adapt.kernels.tetrahedron.polish.descend import descend_nodes
 from kohonen_adapt.kernels.tetrahedron.polish.energy_recycle import exchange, weigh_collapses, weigh_splits
 from kohonen_adapt.kernels.tetrahedron.polish.swap_by_energy import enter_changed, swap_downhill
 from kohonen_adapt.kernels.threads import Nodes, even_cuts, shared
-from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.polish import SETTLED
 from kohonen_adapt.polishing.space.applied_field import renew_field, start_field, with_loads_of_faces
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional

@@ -24,8 +24,8 @@ from kohonen_adapt.kernels.tetrahedron.polish.exchange_order2 import (
 from kohonen_adapt.kernels.tetrahedron.polish.swap_by_energy import enter_changed
 from kohonen_adapt.kernels.tetrahedron.polish.swap_order2 import swap_downhill_order2
 from kohonen_adapt.kernels.threads import Nodes, even_cuts, shared
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.mesh.host import ascending, keys_of
-from kohonen_adapt.mesh.polynomials import TrialFunction
 from kohonen_adapt.polishing.space.curved_sides import CurvedEdges
 from kohonen_adapt.polishing.space.descent import CHANGED, SpaceDescent, offers_of, on_patches, with_origins
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional

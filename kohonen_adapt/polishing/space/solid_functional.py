@@ -26,10 +26,15 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Trial,
 )
 from kohonen_adapt.mesh.cells import TETRAHEDRON
-from kohonen_adapt.mesh.element_functions import ElementFunctions
-from kohonen_adapt.mesh.functions import hierarchical
+from kohonen_adapt.mesh.elements.element_functions import ElementFunctions
+from kohonen_adapt.mesh.elements.functions import hierarchical
+from kohonen_adapt.mesh.elements.polynomials import (
+    TrialFunction,
+    edge_coefficients,
+    hierarchical_loads,
+    unknowns_of_elements,
+)
 from kohonen_adapt.mesh.measures import magnitude
-from kohonen_adapt.mesh.polynomials import TrialFunction, edge_coefficients, hierarchical_loads, unknowns_of_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import Tables, constants_of, laws_of_regions, numbers_of_regions
 from kohonen_adapt.polishing.space.applied_field import sliding_places

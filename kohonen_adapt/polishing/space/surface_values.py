@@ -9,7 +9,7 @@ from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, LOAD, ON_PATCH, ON_RIDGE, Freedom, OpenTetrahedra, Surfaces
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.mesh.cells import FACES
-from kohonen_adapt.mesh.polynomials import TrialFunction
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import LINEAR
 from kohonen_adapt.problem.boundary_terms import corner_values

@@ -9,9 +9,9 @@ from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, OFFSET, ON_PATCH, ON_RIDGE
 from kohonen_adapt.kernels.tetrahedron.locate import barycentric
 from kohonen_adapt.mesh.adjacency import parts_of_regions
+from kohonen_adapt.mesh.elements.polynomials import FIRST, SECOND, TrialFunction
 from kohonen_adapt.mesh.host import ascending, keys_of
 from kohonen_adapt.mesh.locate import walk_to_elements
-from kohonen_adapt.mesh.polynomials import FIRST, SECOND, TrialFunction
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional, terms_at_nodes
 from kohonen_adapt.polishing.space.surface_values import EDGES_OF_FACES

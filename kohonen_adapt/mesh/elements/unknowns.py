@@ -11,10 +11,17 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.blended import Blended, Projections
 from kohonen_adapt.mesh.curved import Isoparametric, is_second_order
-from kohonen_adapt.mesh.functions import EQUIDISTANT, ON_AXIS, kinds_at_axis, nodes, positions, reference_functions
+from kohonen_adapt.mesh.elements.functions import (
+    EQUIDISTANT,
+    ON_AXIS,
+    kinds_at_axis,
+    nodes,
+    positions,
+    reference_functions,
+)
+from kohonen_adapt.mesh.elements.rules import facet_rule
 from kohonen_adapt.mesh.host import edges_between, number_edges, number_facets, remade
 from kohonen_adapt.mesh.measures import isoparametric, magnitude
-from kohonen_adapt.mesh.rules import facet_rule
 
 __all__ = ["Unknowns"]
 

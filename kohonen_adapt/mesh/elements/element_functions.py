@@ -10,10 +10,9 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
-from kohonen_adapt.mesh.functions import kinds_at_axis, near_axis
-from kohonen_adapt.mesh.groups import Form, Group, Reference
-from kohonen_adapt.mesh.measures import EDGES
-from kohonen_adapt.mesh.rules import (
+from kohonen_adapt.mesh.elements.functions import kinds_at_axis, near_axis
+from kohonen_adapt.mesh.elements.groups import Form, Group, Reference
+from kohonen_adapt.mesh.elements.rules import (
     CURVED_RULE_IN_SPACE,
     LAW_DEGREE,
     LAW_RULE_IN_SPACE,
@@ -21,6 +20,7 @@ from kohonen_adapt.mesh.rules import (
     points_near_axis,
     triangle_rule,
 )
+from kohonen_adapt.mesh.measures import EDGES
 
 __all__ = ["ElementFunctions"]
 

@@ -18,9 +18,9 @@ from kohonen_adapt.kernels.tetrahedron.arrays import NO_SURFACE
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.kernels.triangle.arrays import Points, Reference
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
-from kohonen_adapt.mesh.functions import ON_AXIS, factor_at, hierarchical, near_axis
+from kohonen_adapt.mesh.elements.functions import ON_AXIS, factor_at, hierarchical, near_axis
+from kohonen_adapt.mesh.elements.rules import LAW_DEGREE, points_near_axis, triangle_rule
 from kohonen_adapt.mesh.host import ascending, keys_of, number_edges, number_facets
-from kohonen_adapt.mesh.rules import LAW_DEGREE, points_near_axis, triangle_rule
 
 __all__ = [
     "FIRST",

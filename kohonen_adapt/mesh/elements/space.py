@@ -10,13 +10,13 @@ import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.mesh.assembly import Interiors, Pattern, Reduced, Skeleton, assembled, without_interiors
 from kohonen_adapt.mesh.blended import Projections
 from kohonen_adapt.mesh.cells import CELLS
-from kohonen_adapt.mesh.functions import OFF_AXIS, ON_AXIS, factor_at, nodes, reference_functions
-from kohonen_adapt.mesh.groups import Form, Group, all_points, check_orientation, reference, times
+from kohonen_adapt.mesh.elements.assembly import Interiors, Pattern, Reduced, Skeleton, assembled, without_interiors
+from kohonen_adapt.mesh.elements.functions import OFF_AXIS, ON_AXIS, factor_at, nodes, reference_functions
+from kohonen_adapt.mesh.elements.groups import Form, Group, all_points, check_orientation, reference, times
+from kohonen_adapt.mesh.elements.unknowns import Unknowns
 from kohonen_adapt.mesh.measures import area, hat_gradients
-from kohonen_adapt.mesh.unknowns import Unknowns
 
 __all__ = ["Space"]
 

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.mesh.functions import reference_functions
+from kohonen_adapt.mesh.elements.functions import reference_functions
+from kohonen_adapt.mesh.elements.rules import Rule, rule_of
 from kohonen_adapt.mesh.measures import magnitude
-from kohonen_adapt.mesh.rules import Rule, rule_of
 
 __all__ = ["Form", "Group", "all_points", "check_orientation", "reference", "times"]
 

@@ -21,7 +21,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import NEAR_AXIS
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
-from kohonen_adapt.mesh.rules import product_rule
+from kohonen_adapt.mesh.elements.rules import product_rule
 
 __all__ = [
     "EQUIDISTANT",

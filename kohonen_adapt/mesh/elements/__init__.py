@@ -1,0 +1,1 @@
+"""Finite element functions of every order on triangles and tetrahedra."""
