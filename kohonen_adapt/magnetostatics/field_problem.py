@@ -13,7 +13,7 @@ from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.problem.protocol import AutoOrder, CheckedProblem, NotOffered
 from kohonen_adapt.problem.uncertain import error_of
 
-__all__ = ["FieldProblem", "check_elements", "chosen_order", "scaled_to", "vanish"]
+__all__ = ["FieldProblem", "check_belongs", "check_elements", "chosen_order", "scaled_to", "vanish"]
 
 ROUNDING = 1e-12  # sum of the indicators of a goal, relative to its value, that rounding errors make
 
@@ -168,6 +168,15 @@ def chosen_order(order: int, estimator: str) -> int:
     # Least time to an error: python -m benchmarks goal-orders, in space forces-in-space and coils --tight
     automatic = isinstance(order, AutoOrder) or str(order) == "auto"
     return AutoOrder(2 if estimator == "residual" else 1) if automatic else order
+
+
+def check_belongs(field: Field | SolidField, mesh: Mesh) -> None:
+    wanted, got = ((each.nvertices, each.nelements) for each in (mesh, field.mesh))
+    if wanted != got:
+        raise ValueError(
+            f"field must belong to the mesh, with {wanted[0]} nodes and {wanted[1]} elements; its own has {got[0]} and "
+            f"{got[1]}. Solve on the mesh first."
+        )
 
 
 def check_elements(order: int, curved: object, estimator: str) -> None:

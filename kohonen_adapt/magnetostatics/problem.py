@@ -12,7 +12,7 @@ from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.better_values import better_values
 from kohonen_adapt.magnetostatics.corner_errors import with_strong_corners
 from kohonen_adapt.magnetostatics.estimation import energy_indicators, goal_indicators
-from kohonen_adapt.magnetostatics.field_problem import FieldProblem, scaled_to, vanish
+from kohonen_adapt.magnetostatics.field_problem import FieldProblem, check_belongs, scaled_to, vanish
 from kohonen_adapt.magnetostatics.functional import functional_for
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.solution import field_of, linkage_slope, solution_of
@@ -175,6 +175,7 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         self.energy_on(mesh)
 
     def indicators(self, mesh: MeshTri, field: Field) -> Floats:
+        check_belongs(field, mesh)
         if self.goal is not None:
             found = goal_indicators(self, field, self.goal)
             if not vanish(found, self.goal(field)):

@@ -13,7 +13,14 @@ from kohonen_adapt.geometry.space.movable_solid import with_round_edges
 from kohonen_adapt.magnetostatics.arguments import ArgumentsInSpace, solved
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, drive_on
 from kohonen_adapt.magnetostatics.equations.energy import coenergy
-from kohonen_adapt.magnetostatics.field_problem import FieldProblem, check_elements, chosen_order, scaled_to, vanish
+from kohonen_adapt.magnetostatics.field_problem import (
+    FieldProblem,
+    check_belongs,
+    check_elements,
+    chosen_order,
+    scaled_to,
+    vanish,
+)
 from kohonen_adapt.magnetostatics.functional import functional_in_space
 from kohonen_adapt.magnetostatics.hypercircle import gap_indicators, with_currents_of
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
@@ -200,6 +207,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         return energy, field
 
     def indicators(self, mesh: MeshTet, field: SolidField) -> Floats:
+        check_belongs(field, mesh)
         if self.goal is not None:
             found = goal_indicators_in_space(self, field, self.goal)
             if not vanish(found, self.goal(field)):

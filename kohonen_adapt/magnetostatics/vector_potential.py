@@ -22,7 +22,7 @@ from kohonen_adapt.magnetostatics.equations.newton import (
     TOLERANCE,
     Newton,
 )
-from kohonen_adapt.magnetostatics.field_problem import FieldProblem
+from kohonen_adapt.magnetostatics.field_problem import FieldProblem, check_belongs
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
 from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
@@ -158,4 +158,5 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
         return crossed
 
     def indicators(self, mesh: MeshTet, field: EdgeField) -> Floats:
+        check_belongs(field, mesh)
         return tangential_jumps(field)

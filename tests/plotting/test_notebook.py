@@ -110,6 +110,6 @@ def test_the_tour_runs_and_every_cell_shows_something(monkeypatch):
     shown = [cell["outputs"][-1]["data"] for cell in notebook["cells"] if cell["cell_type"] == "code"]
     mesh, result, meshes, field, lines, relocated, schedule = shown
     assert mesh["image/svg+xml"] != relocated["image/svg+xml"]
-    assert "<table>" in result["text/html"] and "Field on 899 nodes" in field["text/plain"]
+    assert "<table>" in result["text/html"] and "Field of order 2 on" in field["text/plain"]
     assert "image/png" in meshes and "image/png" in lines
     assert "Stage(radius=2" in schedule["text/plain"]
