@@ -109,10 +109,8 @@ class Energy:
     def value(self, u: Floats) -> tuple[float, float]:
         """Return the functional and its rounding error."""
         stored, work = self.densities.energy(magnitude(self.vector(u))), self.load * u
-        exterior, size = (
-            getattr(self.conditions, "open_boundary", None),
-            stored + abs(self.constant) + float(np.abs(work).sum()),
-        )
+        size = stored + abs(self.constant) + float(np.abs(work).sum())
+        exterior = getattr(self.conditions, "open_boundary", None)
         outside, outside_size = (0.0, 0.0) if exterior is None else exterior.energy(u)
         return stored + self.constant - float(work.sum()) + outside, EPSILON * (size + outside_size)
 
