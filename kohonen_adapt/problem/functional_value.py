@@ -13,6 +13,7 @@ from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved import is_second_order, midside_offsets
 from kohonen_adapt.mesh.elements.element_functions import ElementFunctions
 from kohonen_adapt.mesh.elements.functions import hierarchical, kinds_at_axis
+from kohonen_adapt.mesh.elements.groups import Group
 from kohonen_adapt.mesh.elements.polynomials import (
     edge_coefficients,
     local_coefficients,
@@ -191,19 +192,15 @@ def source_loads(
     functions: ElementFunctions, number: Ints, source: Source, coefficients: Floats | None = None
 ) -> Floats:
     """Return the integrals of a source that is a function, as in `loads_on`."""
-    found = []
-    for group in functions.groups:
+
+    def of_group(group: Group) -> Floats:
         own, form = number[group.rows], group.at.form
         if form.curved or form.axis:
-            values = source_at(functions.points_of(group), own, source)
-            found.append(group.at.values @ (values * group.point_volumes))
-        else:
-            local = None
-            if coefficients is not None and form.dim == 2:
-                local = coefficients[:, group.rows]
-            means = mean_loads(functions.corners[:, :, group.rows], own, source, form.order, local)
-            found.append(means * group.volumes)
-    return functions.by_element(found)
+            return group.at.values @ (source_at(functions.points_of(group), own, source) * group.point_volumes)
+        local = coefficients[:, group.rows] if coefficients is not None and form.dim == 2 else None
+        return mean_loads(functions.corners[:, :, group.rows], own, source, form.order, local) * group.volumes
+
+    return functions.groups.by_element(of_group)
 
 
 def mean_loads(corners: Floats, number: Ints, source: Source, order: int, coefficients: Floats | None) -> Floats:

@@ -1,8 +1,6 @@
 """Functions of separate elements by hierarchical coefficients, as of the kernels."""
 
-from collections.abc import Sequence
 from functools import cache, cached_property
-from itertools import product
 from math import factorial
 
 import numpy as np
@@ -11,7 +9,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.elements.functions import kinds_at_axis, near_axis
-from kohonen_adapt.mesh.elements.groups import Form, Group, Reference
+from kohonen_adapt.mesh.elements.groups import Form, Group, Groups, Reference
 from kohonen_adapt.mesh.elements.rules import (
     CURVED_RULE_IN_SPACE,
     LAW_DEGREE,
@@ -70,22 +68,16 @@ class ElementFunctions:
         self.corners, self.dim = corners, len(corners)
         self.offset: Floats = np.zeros(0) if offset is None else offset
         count = corners.shape[2]
-        curved = np.zeros(count, dtype=np.bool_) if offset is None else offset.any(axis=(0, 1))
+        curved = np.zeros(count, dtype=np.bool_) if offset is None else np.any(offset, axis=(0, 1))
         kind = kinds_at_axis(corners[0].T) if axis else np.zeros(count, dtype=np.int64)
-        kinds = np.unique(kind).tolist() if axis else [0]
-        law = law & (order > 1 or axis)  # otherwise gradients are constant, and one point suffices
-        self.groups, first = list[Group](), 0
-        for one_kind, is_curved, has_law in product(kinds, (False, True), (False, True)):
-            rows = np.flatnonzero((kind == one_kind) & (curved == is_curved) & (law == has_law))
-            if rows.size:
-                at = _reference(Form(order, self.dim, False, axis, one_kind, is_curved, has_law))
-                own = slice(None) if rows.size == count else rows
-                corner = corners[:, :, None, own]
-                if is_curved:
-                    corner = self._tangent_corners(at.barycentric, own)
-                volumes = np.abs(CELLS[self.dim].determinant(corner)) / factorial(self.dim)
-                self.groups.append(Group(at, own, first, CELLS[self.dim].hat_gradients(corner)[:, 1:], volumes))
-                first = self.groups[-1].columns.stop
+        law = np.logical_and(law, order > 1 or axis)  # otherwise gradients are constant, and one point suffices
+        self.groups = Groups.of(Form(order, self.dim, axis=axis), kind, curved, law, self._group)
+
+    def _group(self, form: Form, rows: Ints | slice, first: int) -> Group:
+        at, cell = _reference(form), CELLS[self.dim]
+        corner = self._tangent_corners(at.barycentric, rows) if form.curved else self.corners[:, :, None, rows]
+        volumes = np.abs(cell.determinant(corner)) / factorial(self.dim)
+        return Group(at, rows, first, cell.hat_gradients(corner)[:, 1:], volumes)
 
     def _tangent_corners(self, barycentric: Floats, rows: Ints | slice) -> Floats:
         # Corners of the straight elements with the Jacobian matrices at points (q, d + 1), (d, d + 1, q, m).
@@ -96,22 +88,20 @@ class ElementFunctions:
             found[:, b] += barycentric[:, a, None] * offset
         return found
 
-    @cached_property
+    @property
     def element(self) -> Ints:
         """Element of every quadrature point, (npoints,)."""
-        count = np.arange(self.corners.shape[2])
-        return np.concatenate([np.tile(count[group.rows], group.at.weight.size) for group in self.groups])
+        return self.groups.element
 
-    @cached_property
+    @property
     def weights(self) -> Floats:
         """Volumes that the quadrature points stand for, (npoints,)."""
-        return np.concatenate([group.point_volumes.ravel() for group in self.groups])
+        return self.groups.weights
 
     @cached_property
     def points(self) -> Floats:
         """Quadrature points, (d, npoints)."""
-        found = [self.points_of(group).reshape(self.dim, -1) for group in self.groups]
-        return np.concatenate(found, axis=1)
+        return self.groups.at_points(self.points_of)
 
     def points_of(self, group: Group) -> Floats:
         """Return the quadrature points of a group, (d, q, m)."""
@@ -122,29 +112,19 @@ class ElementFunctions:
             x += np.einsum("qk,ckm->cqm", 4.0 * at[:, a] * at[:, b], self.offset[:, :, group.rows])
         return x
 
-    def by_element(self, found: Sequence[Floats]) -> Floats:
-        if len(found) == 1:
-            return found[0]
-        whole = np.empty((*found[0].shape[:-1], self.corners.shape[2]))
-        for group, values in zip(self.groups, found, strict=True):
-            whole[..., group.rows] = values
-        return whole
-
     @property
     def integrals(self) -> Floats:
         """Integrals of the functions, (k, m)."""
-        return self.by_element([group.integrals for group in self.groups])
+        return self.groups.integrals
 
     def gradient(self, coefficients: Floats) -> Floats:
         """Return gradients at the quadrature points, (d, npoints)."""
-        found = [group.gradient(coefficients[:, group.rows]).reshape(self.dim, -1) for group in self.groups]
-        return found[0] if len(found) == 1 else np.concatenate(found, axis=1)
+        return self.groups.gradient(coefficients)
 
     def against_gradients(self, flux: Floats) -> Floats:
         """Return ``int flux . grad phi``, (k, m), of a flux at the quadrature points."""
-        return self.by_element([group.against_gradients(flux) for group in self.groups])
+        return self.groups.against_gradients(flux)
 
     def matrices(self, across: Floats) -> Floats:
         """Return the matrices of ``int nu grad phi . grad phi``, (m, k, k)."""
-        found = [group.matrices(across, None) for group in self.groups]
-        return np.moveaxis(self.by_element([np.moveaxis(each, 0, 2) for each in found]), 2, 0)
+        return self.groups.matrices(across)

@@ -1,16 +1,18 @@
-"""Integrals over elements with one quadrature rule."""
+"""Integrals over elements, by groups with one quadrature rule."""
 
+from collections.abc import Callable, Iterable
 from functools import cache, cached_property
-from typing import NamedTuple
+from itertools import product
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.elements.functions import reference_functions
 from kohonen_adapt.mesh.elements.rules import Rule, rule_of
 from kohonen_adapt.mesh.measures import magnitude
 
-__all__ = ["Form", "Group", "all_points", "check_orientation", "reference", "times"]
+__all__ = ["Form", "Group", "Groups", "all_points", "check_orientation", "reference", "times"]
 
 CHUNK = 1 << 14  # elements whose products are computed at once
 
@@ -20,11 +22,11 @@ class Form(NamedTuple):
 
     order: int
     dim: int
-    arcs: bool  # True for spread nodes and arcs as sides
-    axis: bool
-    kind: int  # of elements at an axis, as in `ON_AXIS`
-    curved: bool
-    law: bool
+    arcs: bool = False  # True for spread nodes and arcs as sides
+    axis: bool = False
+    kind: int = 0  # of elements at an axis, as in `ON_AXIS`
+    curved: bool = False
+    law: bool = False
 
     @property
     def varies(self) -> bool:
@@ -160,6 +162,90 @@ class Group:
             slope = times(hats.swapaxes(0, 1), self.restrict(along[1])[:, points, part])
             metric += more * slope[a] * slope[b]
         return metric.reshape(-1, metric.shape[-1])
+
+
+class Groups(list[Group]):
+    """All elements by groups. Arrays at quadrature points have shape (..., npoints).
+
+    A group has the first points of all its elements, then the second.
+    """
+
+    def __init__(self, groups: Iterable[Group], nelements: int) -> None:
+        super().__init__(groups)
+        self.nelements = nelements
+
+    @classmethod
+    def of(
+        cls, form: Form, kind: Ints, curved: Mask, law: Mask, group: Callable[[Form, Ints | slice, int], Group]
+    ) -> Self:
+        """Return the groups of elements from the properties of each, and a function that makes a group.
+
+        Its arguments are the form, the elements and the number of quadrature points before.
+        """
+        found = cls([], kind.size)
+        for one, is_curved, has_law in product(np.unique(kind).tolist(), (False, True), (False, True)):
+            rows = np.flatnonzero((kind == one) & (curved == is_curved) & (law == has_law))
+            if rows.size:
+                own = form._replace(kind=one, curved=is_curved, law=has_law)
+                first = found[-1].columns.stop if found else 0
+                found.append(group(own, slice(None) if rows.size == kind.size else rows, first))
+        return found
+
+    @cached_property
+    def element(self) -> Ints:
+        """Element of every quadrature point, (npoints,)."""
+        count = np.arange(self.nelements)
+        return np.concatenate([np.tile(count[group.rows], group.at.weight.size) for group in self])
+
+    @cached_property
+    def weights(self) -> Floats:
+        """Volumes that the quadrature points stand for, (npoints,)."""
+        return np.concatenate([group.point_volumes.ravel() for group in self])
+
+    @cached_property
+    def barycentric(self) -> Floats:
+        """Barycentric coordinates of the quadrature points, (d + 1, npoints)."""
+        each = [np.repeat(group.at.barycentric.T, group.volumes.shape[1], axis=1) for group in self]
+        return np.concatenate(each, axis=1)
+
+    def at_points(self, values: Callable[[Group], Floats]) -> Floats:
+        """Return values (d, q, m) of each group as columns, (d, npoints)."""
+        found = [values(group) for group in self]
+        columns = [each.reshape(len(each), -1) for each in found]
+        return columns[0] if len(columns) == 1 else np.concatenate(columns, axis=1)
+
+    def by_element(self, values: Callable[[Group], Floats]) -> Floats:
+        """Return values (..., m) of each group for all elements, (..., nelements)."""
+        found = [values(group) for group in self]
+        if len(found) == 1:
+            return found[0]
+        whole = np.empty((*found[0].shape[:-1], self.nelements))
+        for group, own in zip(self, found, strict=True):
+            whole[..., group.rows] = own
+        return whole
+
+    def gradient(self, local: Floats) -> Floats:
+        """Return gradients (d, npoints) from values at the unknowns (k, nelements)."""
+        return self.at_points(lambda group: group.gradient(local[:, group.rows]))
+
+    def against_gradients(self, flux: Floats) -> Floats:
+        """Return ``int flux . grad phi``, (k, nelements), of a flux at the quadrature points."""
+        return self.by_element(lambda group: group.against_gradients(flux))
+
+    def matrices(self, across: Floats, along: tuple[Floats, Floats] | None = None) -> Floats:
+        """Return the matrices of ``int nu grad phi . grad phi``, (nelements, k, k)."""
+        found = [group.matrices(across, along) for group in self]
+        if len(found) == 1:
+            return found[0]
+        whole = np.empty((self.nelements, *found[0].shape[1:]))
+        for group, own in zip(self, found, strict=True):
+            whole[group.rows] = own
+        return whole
+
+    @property
+    def integrals(self) -> Floats:
+        """Integrals of the functions, (k, nelements)."""
+        return self.by_element(lambda group: group.integrals)
 
 
 def times(matrix: Floats, vector: Floats) -> Floats:

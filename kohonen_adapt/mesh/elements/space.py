@@ -1,9 +1,7 @@
 """Finite element spaces on triangles and tetrahedra."""
 
-from collections.abc import Sequence
 from functools import cached_property
-from itertools import product
-from math import factorial
+from math import comb, factorial
 from typing import Self
 
 import numpy as np
@@ -14,7 +12,7 @@ from kohonen_adapt.mesh.blended import Projections
 from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.elements.assembly import Interiors, Pattern, Reduced, Skeleton, assembled, without_interiors
 from kohonen_adapt.mesh.elements.functions import OFF_AXIS, ON_AXIS, factor_at, nodes, reference_functions
-from kohonen_adapt.mesh.elements.groups import Form, Group, all_points, check_orientation, reference, times
+from kohonen_adapt.mesh.elements.groups import Form, Group, Groups, all_points, check_orientation, reference, times
 from kohonen_adapt.mesh.elements.unknowns import Unknowns
 from kohonen_adapt.mesh.measures import area, hat_gradients
 
@@ -79,16 +77,9 @@ class Space(Unknowns):
         return hat_gradients(self.corners)
 
     @cached_property
-    def groups(self) -> Sequence[Group]:
-        law = self.nonlinear if self.order > 1 or self.axis else np.zeros_like(self.nonlinear)
-        groups, first = list[Group](), 0
-        for kind, curved, has_law in product(np.unique(self.kind).tolist(), (False, True), (False, True)):
-            rows = np.flatnonzero((self.kind == kind) & (self.curved == curved) & (law == has_law))
-            if rows.size:
-                form = Form(self.order, self.dim, self.arcs, self.axis, kind, curved, has_law)
-                groups.append(self._group(form, slice(None) if rows.size == law.size else rows, first))
-                first = groups[-1].columns.stop
-        return groups
+    def groups(self) -> Groups:
+        law = self.nonlinear & (not self.has_constant_gradients)
+        return Groups.of(Form(self.order, self.dim, self.arcs, self.axis), self.kind, self.curved, law, self._group)
 
     def _group(self, form: Form, rows: Ints | slice, first: int) -> Group:
         at = reference(form)
@@ -107,26 +98,25 @@ class Space(Unknowns):
         return area(self.corners)
 
     @cached_property
-    def _sampled(self) -> Sequence[Group]:
+    def _sampled(self) -> Groups:
         # groups with the points at which fields are evaluated
         if not self._varies or not self.has_constant_gradients:
             return self.groups
-        return [self._group(Form(1, self.dim, False, False, 0, False, law=True), slice(None), 0)]
+        return Groups([self._group(Form(1, self.dim, law=True), slice(None), 0)], self.kind.size)
 
     @cached_property
     def volumes(self) -> Floats:
-        return self._by_element([group.element_volumes for group in self.groups])
+        return self.groups.by_element(lambda group: group.element_volumes)
 
-    @cached_property
+    @property
     def element(self) -> Ints:
         """Element of every quadrature point, (npoints,)."""
-        count = np.arange(self.curved.size)
-        return np.concatenate([np.tile(count[group.rows], group.at.weight.size) for group in self._sampled])
+        return self._sampled.element
 
-    @cached_property
+    @property
     def weights(self) -> Floats:
         """Volumes that the quadrature points stand for, (npoints,)."""
-        return np.concatenate([group.point_volumes.ravel() for group in self._sampled])
+        return self._sampled.weights
 
     @property
     def gradient_weights(self) -> Floats:
@@ -136,14 +126,13 @@ class Space(Unknowns):
     @cached_property
     def points(self) -> Floats:
         """Quadrature points, (d, npoints)."""
-        found, count = [], np.arange(self.curved.size)
-        for group in self._sampled:
-            if group.at.form.curved:
-                x = self.shape.points(*all_points(count[group.rows], group.at.barycentric))
-            else:
-                x = group.at.barycentric @ self.corners.p[:, self.corners.t[:, group.rows]]
-            found.append(x.reshape(self.dim, -1))
-        return np.concatenate(found, axis=1)
+        return self._sampled.at_points(self._points_of)
+
+    def _points_of(self, group: Group) -> Floats:
+        at, elements = group.at.barycentric, np.arange(self.kind.size)[group.rows]
+        if group.at.form.curved:
+            return self.shape.points(*all_points(elements, at)).reshape(self.dim, len(at), -1)
+        return at @ self.corners.p[:, self.corners.t[:, group.rows]]
 
     @cached_property
     def fine_rule(self) -> tuple[Ints, Floats, Floats]:
@@ -156,19 +145,10 @@ class Space(Unknowns):
             return *all_points(np.arange(count), middle), np.tile(self.volumes / 3.0, 3)
         return self.element, self.barycentric_of_points, self.weights
 
-    @cached_property
+    @property
     def barycentric_of_points(self) -> Floats:
         """Barycentric coordinates of the quadrature points, (d + 1, npoints)."""
-        each = [np.repeat(group.at.barycentric.T, group.volumes.shape[1], axis=1) for group in self._sampled]
-        return np.concatenate(each, axis=1)
-
-    def _by_element(self, found: Sequence[Floats]) -> Floats:
-        if len(found) == 1:
-            return found[0]
-        whole = np.empty((*found[0].shape[:-1], self.curved.size))
-        for group, values in zip(self.groups, found, strict=True):
-            whole[..., group.rows] = values
-        return whole
+        return self._sampled.barycentric
 
     @property
     def centroids(self) -> Floats:
@@ -177,7 +157,7 @@ class Space(Unknowns):
 
     def plain_mean(self, values: Floats) -> Floats:
         """Return means over elements in the plane, of values at the quadrature points."""
-        return self._by_element([group.mean(values) for group in self._sampled])
+        return self._sampled.by_element(lambda group: group.mean(values))
 
     def mean(self, values: Floats) -> Floats:
         # around an axis weighted by r, as the volume of a ring is
@@ -195,19 +175,14 @@ class Space(Unknowns):
     @cached_property
     def integrals(self) -> Floats:
         """Integrals of the functions, (k, nelements)."""
-        return self._by_element([group.integrals for group in self.groups])
+        return self.groups.integrals
 
     def gradient(self, u: Floats) -> Floats:
         """Return gradients at the quadrature points, if constant of elements."""
-        return self._gradient(u, self.groups)
+        return self.groups.gradient(u[self.unknowns])
 
     def gradient_at_points(self, u: Floats) -> Floats:
-        return self._gradient(u, self._sampled)
-
-    def _gradient(self, u: Floats, groups: Sequence[Group]) -> Floats:
-        local = u[self.unknowns]
-        found = [group.gradient(local[:, group.rows]).reshape(self.dim, -1) for group in groups]
-        return found[0] if len(found) == 1 else np.concatenate(found, axis=1)
+        return self._sampled.gradient(u[self.unknowns])
 
     def slope_of_corners(self, values: Floats) -> Floats:
         """Return gradients at the quadrature points from nodal values, (d, npoints).
@@ -215,8 +190,7 @@ class Space(Unknowns):
         The values are linear in barycentric coordinates.
         """
         local = values[self.corners.t]
-        found = [group.gradient_of_linear(local[:, group.rows]).reshape(self.dim, -1) for group in self._sampled]
-        return np.concatenate(found, axis=1)
+        return self._sampled.at_points(lambda group: group.gradient_of_linear(local[:, group.rows]))
 
     def against_functions(self, source: Floats) -> Floats:
         """Return ``int source phi``, (k, nelements), of a source by element."""
@@ -224,10 +198,10 @@ class Space(Unknowns):
 
     def against_gradients(self, flux: Floats) -> Floats:
         """Return ``int flux . grad phi``, (k, nelements), of columns as in `gradient`."""
-        return self._by_element([group.against_gradients(flux) for group in self.groups])
+        return self.groups.against_gradients(flux)
 
     def against_slopes(self, size: Floats) -> Floats:
-        return self._by_element([group.against_slopes(size) for group in self.groups])
+        return self.groups.by_element(lambda group: group.against_slopes(size))
 
     def assemble_vector(self, terms: Floats) -> Floats:
         return np.bincount(self.unknowns.ravel(), terms.ravel(), self.doflocs.shape[1]).astype(np.float64)
@@ -249,17 +223,15 @@ class Space(Unknowns):
         """
         if self.arcs:
             return self._without_interiors(across, free, along)
-        products = self._by_element([group.upper_products(across, along) for group in self.groups])
+        products = self.groups.by_element(lambda group: group.upper_products(across, along))
         index = np.full(self.doflocs.shape[1], -1, dtype=np.int32)
         index[free] = np.arange(free.size)
         prolongation = self.prolongation(index) if self.dim == 3 and self.order > 1 else None
         return Reduced(assembled(self.unknowns, products, index, free.size), prolongation=prolongation)
 
     def _without_interiors(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None) -> Reduced:
-        found, outside = [group.matrices(across, along) for group in self.groups], 3 * self.order
-        matrices = found[0] if len(found) == 1 else np.empty((self.curved.size, *found[0].shape[1:]))
-        for group, own in zip(self.groups, found, strict=True):
-            matrices[group.rows] = own
+        outside = self.unknowns.shape[0] - comb(self.order - 1, self.dim)
+        matrices = self.groups.matrices(across, along)
         condensed, inverse, coupling = without_interiors(matrices, outside)
         number, pattern = self._pattern(free)
         interiors = Interiors(number[self.unknowns[outside:]].T, pattern.outer, inverse, coupling)
