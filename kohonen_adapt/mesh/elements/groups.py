@@ -178,9 +178,9 @@ class Groups(list[Group]):
     def of(
         cls, form: Form, kind: Ints, curved: Mask, law: Mask, group: Callable[[Form, Ints | slice, int], Group]
     ) -> Self:
-        """Return the groups of elements from the properties of each, and a function that makes a group.
+        """Return the groups of elements of a mesh.
 
-        Its arguments are the form, the elements and the number of quadrature points before.
+        `group` makes one from the form, the elements and the number of quadrature points before.
         """
         found = cls([], kind.size)
         for one, is_curved, has_law in product(np.unique(kind).tolist(), (False, True), (False, True)):
@@ -229,7 +229,7 @@ class Groups(list[Group]):
         return self.at_points(lambda group: group.gradient(local[:, group.rows]))
 
     def against_gradients(self, flux: Floats) -> Floats:
-        """Return ``int flux . grad phi``, (k, nelements), of a flux at the quadrature points."""
+        """Return ``int flux . grad phi``, (k, nelements)."""
         return self.by_element(lambda group: group.against_gradients(flux))
 
     def matrices(self, across: Floats, along: tuple[Floats, Floats] | None = None) -> Floats:
