@@ -93,10 +93,10 @@ class Newton:
             hessian = energy.hessian(u)
             on_rows = conditions if hessian.rows is None else conditions.on(hessian.rows)
             matrix, right = on_rows.reduced(hessian.matrix, hessian.eliminated(-gradient))
-            if hessian.rows is None or on_rows.join is not None:
-                outer = self.solver.solve(matrix, right, hessian.prolongation)
-            else:
+            if hessian.in_order and on_rows.join is None:
                 outer = self.solver.in_order(matrix, right)
+            else:
+                outer = self.solver.solve(matrix, right, hessian.prolongation)
             outer = on_rows.from_classes(outer)
             step[conditions.free] = hessian.completed(outer, -gradient)
         if not np.all(np.isfinite(step)):

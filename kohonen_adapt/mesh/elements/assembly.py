@@ -2,14 +2,15 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import comb
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array, csr_array
 from scipy.sparse.linalg import SuperLU, splu
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.host import number_edges, number_facets
 
 __all__ = ["Interiors", "Pattern", "Reduced", "Skeleton", "assembled", "symmetric_factors", "without_interiors"]
 
@@ -28,8 +29,13 @@ class Interiors:
 class Reduced:
     matrix: csc_array
     interiors: Interiors | None = None
-    rows: Ints | None = None  # of the matrix among the free unknowns, in an order of elimination; None for all
-    prolongation: csr_array | None = None  # (nfree, ncoarse): functions of order 1 in elements of order 2
+    rows: Ints | None = None  # of the matrix among the free unknowns, None for all
+    prolongation: csr_array | None = None  # (nrows, ncoarse): functions of order 1 in elements of a higher order
+
+    @property
+    def in_order(self) -> bool:
+        """True if the rows are in an order of elimination."""
+        return self.rows is not None and self.prolongation is None
 
     def eliminated(self, right: Floats) -> Floats:
         if self.interiors is None or self.rows is None:
@@ -96,8 +102,8 @@ def without_interiors(matrices: Floats, outside: int) -> tuple[Floats, Floats, F
 @dataclass(frozen=True)
 class Pattern:
     rows: Ints  # (n,): numbers of the free unknowns that the rows of the matrix belong to
-    outer: Ints  # (nelements, 3 p): rows of the unknowns on the sides of elements, -1 for prescribed ones
-    places: Ints  # (nelements, 9 p^2): indices of the data, beyond the last for prescribed unknowns
+    outer: Ints  # (nelements, k): rows of the unknowns on the facets of elements, -1 for prescribed ones
+    places: Ints  # (nelements, k^2): indices of the data, beyond the last for prescribed unknowns
     indices: Ints
     starts: Ints
 
@@ -107,20 +113,30 @@ class Pattern:
 
 
 class Skeleton:
-    """Nodes and facets of a mesh, here called parts, with their neighbours.
+    """Nodes, edges and faces of a mesh, here called parts, with their neighbours.
 
-    The order of elimination is that of one unknown per part. It serves all orders of the elements, and fills factors
-    less than an order of all unknowns.
+    In the plane the order of elimination is that of one unknown per part. It serves all orders of the elements, and
+    fills factors less than an order of all unknowns.
     """
 
-    def __init__(self, mesh: MeshTri) -> None:
+    def __init__(self, mesh: Mesh) -> None:
         number_facets(mesh)
-        self.nodes, self.count = mesh.p.shape[1], mesh.p.shape[1] + mesh.facets.shape[1]
-        self.parts = np.vstack([mesh.t, self.nodes + mesh.t2f]).T  # (nelements, 6)
+        number_edges(mesh)
+        kinds = [(mesh.t, mesh.p.shape[1]), (mesh.t2f, mesh.facets.shape[1])]
+        if len(mesh.p) == 3:
+            kinds.insert(1, (mesh.t2e, mesh.edges.shape[1]))
+        self.each = [number for _, number in kinds]  # numbers of nodes, edges and faces
+        self.local = [len(index) for index, _ in kinds]  # their numbers in an element
+        first = np.cumsum([0, *self.each])
+        self.count = int(first[-1])
+        self.parts: Ints = np.vstack([index + start for (index, _), start in zip(kinds, first, strict=False)]).T
+        self._dim = len(mesh.p)
 
     @cached_property
     def _position(self) -> Ints:
-        # of every part in the order of elimination
+        # of every part in the order of elimination; in space, where factors fill too much, as they are
+        if self._dim == 3:
+            return np.arange(self.count)
         row, column = np.broadcast_arrays(self.parts[:, :, None], self.parts[:, None])
         values = np.broadcast_to(6.0 * np.eye(6) - 0.9, row.shape)  # positive definite
         graph = coo_array((values.ravel(), (row.ravel(), column.ravel())), shape=(self.count,) * 2)
@@ -128,17 +144,21 @@ class Skeleton:
 
     @cached_property
     def _blocks(self) -> tuple[Ints, Ints, Ints]:
-        # pairs of parts in a common element by columns, as positions, and their numbers, (nelements, 36)
+        # pairs of parts in a common element by columns, as positions, and their numbers, (nelements, parts^2)
         own = self._position[self.parts]
         key, number = np.unique(own[:, None] * self.count + own[:, :, None], return_inverse=True)
-        return key % self.count, key // self.count, number.reshape(-1, 36)
+        return key % self.count, key // self.count, number.reshape(len(own), -1)
 
-    def pattern(self, order: int, number: Ints) -> Pattern:
-        # `number` (nunknowns,) numbers the free unknowns, -1 for prescribed ones; inside a facet all are free, or none
-        facet = np.arange(self.count - self.nodes)
-        first = np.append(np.arange(self.nodes), self.nodes + (order - 1) * facet)
+    def pattern(self, order: int, unknowns: Ints, number: Ints) -> Pattern:
+        """Return the pattern of the matrix of the unknowns (k, nelements) on facets.
+
+        `number` (nunknowns,) numbers the free unknowns, -1 for prescribed ones. Inside a part all are free, or none.
+        """
+        inner = [comb(order - 1, k) for k in range(len(self.each))]
+        of_part = np.repeat(inner, self.each)
+        first = np.cumsum(of_part) - of_part
         sorted_parts = np.argsort(self._position)
-        size = np.where(sorted_parts < self.nodes, 1, order - 1) * (number[first[sorted_parts]] >= 0)  # by position
+        size = of_part[sorted_parts] * (number[first[sorted_parts]] >= 0)  # by position
         start = np.cumsum(size) - size
         rows = np.repeat(first[sorted_parts] - start, size) + np.arange(size.sum())
         index = np.full(number.size, -1)
@@ -152,15 +172,15 @@ class Skeleton:
         of_column = np.repeat(before, size) - starts[:-1]
         indices = stacked[np.repeat(of_column, np.diff(starts)) + np.arange(starts[-1])]
 
-        part = np.append([0, 1, 2], np.repeat([3, 4, 5], order - 1))
-        inside = np.append([0, 0, 0], np.tile(np.arange(order - 1), 3))
+        part = np.repeat(np.arange(self.parts.shape[1]), np.repeat(inner, self.local))
+        inside = unknowns.T - first[self.parts][:, part]
         base = np.append(starts, starts[-1])[start[column]] + above - before[column]
         stride, absent = height[column], size[row] * size[column] == 0
         base[absent], stride[absent] = starts[-1], 0
-        pair = (6 * part[:, None] + part).ravel()
-        places = np.take(stride[block], pair, axis=1)
-        places *= np.tile(inside, inside.size)
-        places += np.take(base[block], pair, axis=1)
-        places += np.repeat(inside, inside.size)
-        outer = index[first[self.parts][:, part] + inside]
-        return Pattern(number[rows], outer, places, indices.astype(np.int32), starts.astype(np.int32))
+        pair = (self.parts.shape[1] * part[:, None] + part).ravel()
+        places = np.take(stride[block], pair, axis=1).reshape(*inside.shape, -1)
+        places *= inside[:, None]
+        places += np.take(base[block], pair, axis=1).reshape(places.shape)
+        places += inside[:, :, None]
+        every = places.reshape(len(inside), -1)
+        return Pattern(number[rows], index[unknowns.T], every, indices.astype(np.int32), starts.astype(np.int32))

@@ -9,8 +9,10 @@ Sci. Comput. 42, 2020), for which the condition of the matrices grows slowly wit
 At an axis x = 0 some functions of triangles have the factor s, which is 0 on the axis, see `falling`.
 """
 
+from collections.abc import Sequence
 from functools import cache
-from itertools import combinations, product
+from itertools import combinations, permutations, product
+from math import factorial
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -32,11 +34,15 @@ __all__ = [
     "factor_at",
     "falling",
     "hierarchical",
+    "inner_order",
+    "inverse_mass",
     "kinds_at_axis",
     "near_axis",
     "nodes",
     "on_axis",
+    "parts",
     "positions",
+    "rank_of",
     "reference_functions",
     "trace_columns",
     "traces_at",
@@ -112,6 +118,14 @@ def hierarchical(at: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 @cache
+def inverse_mass(order: int, dim: int) -> Floats:
+    """Return the inverse mass matrix of hierarchical functions, of volume 1."""
+    at, weights = product_rule((order + 1,) * dim)
+    values, _ = hierarchical(at, order)
+    return np.asarray(np.linalg.inv(values * weights @ values.T), dtype=np.float64)
+
+
+@cache
 def positions(order: int, spread: bool) -> Floats:
     """Return the positions of nodes along a side, from 0 to 1.
 
@@ -143,11 +157,41 @@ def nodes(order: int, dim: int, spread: bool) -> Floats:
     """
     found = [np.eye(dim + 1)]
     for size in range(2, min(order, dim + 1) + 1):
-        inner = [each for each in product(range(1, order), repeat=size) if sum(each) == order]
-        own = np.stack([_interpolated(each, spread) for each in (inner[::-1] if size == 2 else inner)])
-        for corners in NODE_EDGES[dim] if size == 2 else combinations(range(dim + 1), size):
-            found.append(own @ np.eye(dim + 1)[list(corners)])
+        own = np.stack([_interpolated(each, spread) for each in _inner(order, size)])
+        found += [own @ np.eye(dim + 1)[list(corners)] for corners in parts(dim, size)]
     return np.vstack(found)
+
+
+def parts(dim: int, size: int) -> Sequence[tuple[int, ...]]:
+    """Return the corners of edges, faces or the inside, by their number."""
+    return NODE_EDGES[dim] if size == 2 else tuple(combinations(range(dim + 1), size))
+
+
+def _inner(order: int, size: int) -> list[tuple[int, ...]]:
+    # numbers of steps from the facets, of nodes inside a part with `size` corners
+    found = [each for each in product(range(1, order), repeat=size) if sum(each) == order]
+    return found[::-1] if size == 2 else found
+
+
+@cache
+def inner_order(order: int, size: int) -> Ints:
+    """Return the order of nodes inside a part whose corners are not ascending.
+
+    Row r, of all ``size!``, belongs to the `rank_of` the corners. It has the numbers of the nodes, in the order of the
+    corners as they are, among the nodes in the order of ascending corners.
+    """
+    inner = _inner(order, size)
+    number = {each: k for k, each in enumerate(inner)}
+    ranks = permutations(range(size))
+    return np.array([[number[tuple(each[i] for i in np.argsort(rank))] for each in inner] for rank in ranks])
+
+
+def rank_of(corners: Ints) -> Ints:
+    """Return the number of the permutation that sorts corners (size, m), (m,)."""
+    size = len(corners)
+    rank = np.argsort(np.argsort(corners, axis=0), axis=0)  # of every corner among the corners
+    later = np.array([np.sum(rank[i + 1 :] < rank[i], axis=0) for i in range(size)])
+    return np.array([factorial(size - 1 - i) for i in range(size)]) @ later
 
 
 @cache

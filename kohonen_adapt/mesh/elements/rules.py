@@ -41,7 +41,8 @@ LAYERS = {12: 2, 16: 2, 25: 5, 33: 3, 42: 6}  # by number of points, layers arou
 ON_ARCS, ABOUT_AXIS, BY_LAW = 6, 4, 8
 FACET_POINTS = 12  # points along facets of elements on arcs, above the order
 AXIS_FACET_DEGREE = 10
-IN_SPACE = 3  # without a law: a torque integrates products of two fields and an arm
+# Above 2 p, on tetrahedra. Without a law a torque integrates products of two fields and an arm.
+IN_SPACE, CURVED_IN_SPACE, LAW_IN_SPACE = -1, 1, 4
 # Tetrahedra of order 2: weights and barycentric coordinates, for each of their permutations, of 46 points of degree 8.
 # They minimise the error of all moments, with positive weights and points inside, as 125 points of a product rule have.
 # With both rules the functional of iron at its knee in half a cube changes by at most 0.3 % of the squared error of the
@@ -134,7 +135,9 @@ def rule_of(order: int, dim: int, arcs: bool, axis: bool, kind: int, curved: boo
     a law tetrahedra of order 1 have the points of fields that vary inside.
     """
     if dim == 3 and order > 1:
-        return LAW_RULE_IN_SPACE if law else CURVED_RULE_IN_SPACE if curved else tetrahedron_rule(IN_SPACE)
+        if order == 2 and (law or curved):
+            return LAW_RULE_IN_SPACE if law else CURVED_RULE_IN_SPACE
+        return tetrahedron_rule(2 * order + (LAW_IN_SPACE if law else CURVED_IN_SPACE if curved else IN_SPACE))
     if arcs:
         degree = 2 * order + (BY_LAW if law else ON_ARCS if curved else ABOUT_AXIS if axis else 0)
         return rule_about(kind - 1, degree) if kind in (1, 2, 3) else triangle_rule(degree)
@@ -149,7 +152,7 @@ def rule_of(order: int, dim: int, arcs: bool, axis: bool, kind: int, curved: boo
 
 
 @cache
-def facet_rule(order: int, arcs: bool, axis: bool) -> Rule:
-    """Return a rule of the facets of triangles, at barycentric coordinates (n, 2)."""
+def facet_rule(order: int, dim: int, arcs: bool, axis: bool) -> Rule:
+    """Return a rule of the facets of elements, at barycentric coordinates (n, d)."""
     degree = AXIS_FACET_DEGREE if axis else 2 * order + CURVED_DEGREE
-    return product_rule((order + FACET_POINTS if arcs else degree // 2 + 1,))
+    return product_rule((order + FACET_POINTS if arcs and dim == 2 else degree // 2 + 1,) * (dim - 1))

@@ -5,13 +5,22 @@ from math import comb, factorial
 from typing import Self
 
 import numpy as np
+from scipy.sparse import csr_array
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.blended import Projections
 from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.elements.assembly import Interiors, Pattern, Reduced, Skeleton, assembled, without_interiors
-from kohonen_adapt.mesh.elements.functions import OFF_AXIS, ON_AXIS, factor_at, nodes, reference_functions
+from kohonen_adapt.mesh.elements.functions import (
+    OFF_AXIS,
+    ON_AXIS,
+    factor_at,
+    hierarchical,
+    inverse_mass,
+    nodes,
+    reference_functions,
+)
 from kohonen_adapt.mesh.elements.groups import Form, Group, Groups, all_points, check_orientation, reference, times
 from kohonen_adapt.mesh.elements.unknowns import Unknowns
 from kohonen_adapt.mesh.measures import area, hat_gradients
@@ -62,7 +71,7 @@ class Space(Unknowns):
     ) -> None:
         super().__init__(mesh, order, nonlinear, axis, sides, arcs)
         self._varies = varies
-        self._known: tuple[Ints, tuple[Ints, Pattern]] | None = None  # by the free unknowns
+        self._known: tuple[Ints, tuple[Ints, Pattern, csr_array | None]] | None = None  # by the free unknowns
 
     def at_order(self, order: int) -> Self:
         found = type(self)(self.mesh, order, self.nonlinear, self.axis, self.sides, self.arcs)
@@ -226,26 +235,33 @@ class Space(Unknowns):
         products = self.groups.by_element(lambda group: group.upper_products(across, along))
         index = np.full(self.doflocs.shape[1], -1, dtype=np.int32)
         index[free] = np.arange(free.size)
-        prolongation = self.prolongation(index) if self.dim == 3 and self.order > 1 else None
-        return Reduced(assembled(self.unknowns, products, index, free.size), prolongation=prolongation)
+        return Reduced(assembled(self.unknowns, products, index, free.size), prolongation=self._coarse(index))
+
+    def _coarse(self, index: Ints) -> csr_array | None:
+        return self.prolongation(index) if self.dim == 3 and self.order > 1 else None
 
     def _without_interiors(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None) -> Reduced:
-        outside = self.unknowns.shape[0] - comb(self.order - 1, self.dim)
-        matrices = self.groups.matrices(across, along)
-        condensed, inverse, coupling = without_interiors(matrices, outside)
-        number, pattern = self._pattern(free)
-        interiors = Interiors(number[self.unknowns[outside:]].T, pattern.outer, inverse, coupling)
-        return Reduced(pattern.matrix(condensed), interiors, pattern.rows)
+        condensed, inverse, coupling = without_interiors(self.groups.matrices(across, along), self._outside)
+        number, pattern, prolongation = self._pattern(free)
+        interiors = Interiors(number[self.unknowns[self._outside :]].T, pattern.outer, inverse, coupling)
+        return Reduced(pattern.matrix(condensed), interiors, pattern.rows, prolongation)
+
+    @property
+    def _outside(self) -> int:
+        # number of the unknowns of an element that are not inside
+        return len(self.unknowns) - comb(self.order - 1, self.dim)
 
     @cached_property
     def skeleton(self) -> Skeleton:
         return Skeleton(self.corners)
 
-    def _pattern(self, free: Ints) -> tuple[Ints, Pattern]:
+    def _pattern(self, free: Ints) -> tuple[Ints, Pattern, csr_array | None]:
         if self._known is None or self._known[0] is not free:
-            number = np.full(self.doflocs.shape[1], -1)
+            number, index = np.full((2, self.doflocs.shape[1]), -1)
             number[free] = np.arange(free.size)
-            self._known = free, (number, self.skeleton.pattern(self.order, number))
+            pattern = self.skeleton.pattern(self.order, self.unknowns[: self._outside], number)
+            index[free[pattern.rows]] = np.arange(pattern.rows.size)
+            self._known = free, (number, pattern, self._coarse(index))
         return self._known[1]
 
     # values at points
@@ -338,13 +354,15 @@ class Space(Unknowns):
         """Return a load at the quadrature points from vectors at points.
 
         ``int load . grad phi`` is the sum of ``vectors . grad phi`` over the points. In an element of the plane the
-        load is the gradient of a function, in space the projection of the vectors onto linear functions.
+        load is the gradient of a function, in space the projection of the vectors onto polynomials.
         """
         if self.dim == 3:
-            moments = (barycentric[:, None] * vectors).reshape(12, -1)
-            sums = np.stack([np.bincount(element, each, self.volumes.size) for each in moments]).reshape(4, 3, -1)
-            nodal = 20.0 / self.volumes * (sums - 0.2 * sums.sum(axis=0))
-            return np.einsum("in,icn->cn", self.barycentric_of_points, nodal[:, :, self.element])
+            degree = max(1, self.order - 1)
+            at_points, inverse = hierarchical(self.barycentric_of_points.T, degree)[0], inverse_mass(degree, self.dim)
+            moments = (hierarchical(barycentric.T, degree)[0][:, None] * vectors).reshape(-1, element.size)
+            sums = np.stack([np.bincount(element, each, self.volumes.size) for each in moments])
+            coefficients = np.tensordot(inverse, sums.reshape(len(inverse), self.dim, -1), 1) / self.volumes
+            return np.einsum("in,icn->cn", at_points, coefficients[:, :, self.element])
         order = np.argsort(element, kind="stable")
         touched, first = np.unique(element[order], return_index=True)
         against = np.einsum("icn,cn->in", self._gradients(element, barycentric), vectors)

@@ -14,9 +14,12 @@ from kohonen_adapt.mesh.curved import Isoparametric, is_second_order
 from kohonen_adapt.mesh.elements.functions import (
     EQUIDISTANT,
     ON_AXIS,
+    inner_order,
     kinds_at_axis,
     nodes,
+    parts,
     positions,
+    rank_of,
     reference_functions,
 )
 from kohonen_adapt.mesh.elements.rules import facet_rule
@@ -51,7 +54,7 @@ class Unknowns:
     @cached_property
     def shape(self) -> Any:
         """Map of curved elements, a `CurvedElements`."""
-        return Blended(self.mesh, self.sides) if self.arcs else isoparametric(self.mesh)
+        return Blended(self.mesh, self.sides) if self.arcs and self.dim == 2 else isoparametric(self.mesh)
 
     @cached_property
     def corners(self) -> Mesh:
@@ -79,20 +82,30 @@ class Unknowns:
 
     @cached_property
     def unknowns(self) -> Ints:
-        """Unknowns of elements at corners, edges, faces and inside, (k, nelements).
-
-        In space orders above 2 need elements with ascending corners.
-        """
-        mesh, found = self.corners, [self.corners.t]
-        first, nelements = mesh.p.shape[1], mesh.t.shape[1]
-        for size in range(1, min(self.order, self.dim + 1)):
-            index, number = self._edges if size == 1 else (mesh.t2f, mesh.facets.shape[1])
-            if size == self.dim:
-                index, number = np.arange(nelements)[None], nelements
-            inner = comb(self.order - 1, size)
-            found.append((first + inner * index[:, None] + np.arange(inner)[:, None]).reshape(-1, nelements))
+        """Unknowns of elements at corners, edges, faces and inside, (k, nelements)."""
+        if self.order == 1:
+            return self.corners.t
+        mesh = self.corners
+        found, first = list[Ints]([mesh.t]), mesh.p.shape[1]
+        for size, (index, number) in enumerate(self._parts, start=2):
+            inner = comb(self.order - 1, size - 1)
+            each = np.arange(inner)[:, None]
+            for corners, part in zip(parts(self.dim, size), index, strict=True):
+                ascending = self.order == 2 or self.dim == 2  # scikit-fem sorts the corners of triangles
+                own = each if ascending else inner_order(self.order, size)[rank_of(mesh.t[list(corners)])].T
+                found.append(first + inner * part + own)
             first += inner * number
         return np.vstack(found)
+
+    @property
+    def _parts(self) -> list[tuple[Ints, int]]:
+        # edges, faces and the inside of elements, with the number of all, as far as unknowns are there
+        mesh, nelements = self.corners, self.corners.t.shape[1]
+        found = [self._edges]
+        if self.dim == 3 and self.order > 2:
+            number_facets(mesh)
+            found.append((mesh.t2f, mesh.facets.shape[1]))
+        return [*found, (np.arange(nelements)[None], nelements)][: self.order - 1]
 
     @property
     def _edges(self) -> tuple[Ints, int]:
@@ -135,17 +148,15 @@ class Unknowns:
         return self.shape.facet_offset if isinstance(self.shape, Isoparametric) else self.shape.edge_offset
 
     def on_facets(self, facets: Ints) -> Ints:
-        """Return the unknowns of facets, at corners first, (k, nfacets).
-
-        In space orders above 2 have more.
-        """
+        """Return the unknowns of facets, at corners first, (k, nfacets)."""
         number_facets(self.corners)
-        corners = self.corners.facets[:, facets]
-        if self.order == 1:
-            return corners
-        inner = np.arange(self.order - 1)[:, None]
-        on_edges = [self.corners.p.shape[1] + (self.order - 1) * edge + inner for edge in self._facet_edges(facets)]
-        return np.vstack((corners, *on_edges))
+        found, first = [self.corners.facets[:, facets]], self.corners.p.shape[1]
+        edges, each = self._facet_edges(facets) if self.order > 1 else [], np.arange(self.order - 1)[:, None]
+        found += [first + each.size * edge + each for edge in edges]
+        if self.dim == 3 and self.order > 2:
+            inner = np.arange(comb(self.order - 1, 2))[:, None]
+            found.append(first + each.size * self._edges[1] + inner.size * np.asarray(facets) + inner)
+        return np.vstack(found)
 
     def _facet_edges(self, facets: Ints) -> list[Ints]:
         if self.dim == 2:
@@ -154,20 +165,21 @@ class Unknowns:
         return [edges_between(self.corners, corners[a], corners[b]) for a, b in FACET_EDGES[3]]
 
     def prolongation(self, index: Ints) -> csr_array:
-        """Return the functions of order 1 by their values at the free unknowns.
+        """Return the functions of order 1 by their values at unknowns.
 
-        `index` (nunknowns,) is the number of an unknown among the free ones, -1 for prescribed ones.
+        `index` (nunknowns,) is the row of an unknown, -1 for others, such as prescribed ones. Columns belong to the
+        nodes with a row, in their order.
         """
         owner, local = np.empty((2, index.size), dtype=np.int64)  # an element of every unknown, and its number there
-        owner[self.unknowns], local[self.unknowns] = (
-            np.arange(self.unknowns.shape[1]),
-            np.arange(len(self.unknowns))[:, None],
-        )
+        owner[self.unknowns] = np.arange(self.unknowns.shape[1])
+        local[self.unknowns] = np.arange(len(self.unknowns))[:, None]
         value = nodes(self.order, self.dim, self.arcs)[local]
-        row, node = np.repeat(index, self.dim + 1), index[self.corners.t[:, owner].T.ravel()]
-        used = (row >= 0) & (node >= 0) & (value.ravel() > 0.0)
-        shape = np.count_nonzero(index >= 0), np.count_nonzero(index[: self.corners.p.shape[1]] >= 0)
-        return csr_array((value.ravel()[used], (row[used], node[used])), shape=shape)
+        free = index[: self.corners.p.shape[1]] >= 0
+        column = np.where(free, np.cumsum(free) - 1, -1)[self.corners.t[:, owner].T]
+        used = (index >= 0)[:, None] & (column >= 0) & (value > 0.0)
+        row = np.broadcast_to(index[:, None], used.shape)
+        shape = np.count_nonzero(index >= 0), np.count_nonzero(free)
+        return csr_array((value[used], (row[used], column[used])), shape=shape)
 
     def facet_points(self, facets: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
         """Return points of facets at barycentric coordinates (d,), and normals, (d, n).
@@ -194,8 +206,9 @@ class Unknowns:
 
         Around an axis they have the factor 1 / r.
         """
-        found = np.zeros((self.order + 1, self.order + 1, len(facets)))
-        for at, of_point in zip(*facet_rule(self.order, self.arcs, self.axis), strict=True):
+        count = comb(self.order + self.dim - 1, self.order)
+        found = np.zeros((count, count, len(facets)))
+        for at, of_point in zip(*facet_rule(self.order, self.dim, self.arcs, self.axis), strict=True):
             x, normal = self.facet_points(facets, at)
             values = self._traces(facets, at)
             size = weight * of_point * magnitude(normal) / factorial(self.dim - 1)
