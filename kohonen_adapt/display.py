@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.mesh.curved import facet_midside_offsets, is_second_order, midside_offsets
+from kohonen_adapt.mesh.curved import is_second_order, midside_offsets, offsets_of_sides
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
 
 __all__ = [
@@ -56,7 +56,7 @@ def outlined_facets(mesh: MeshTri) -> Ints:
 
 def straight_and_curved(mesh: MeshTri, facets: Ints) -> tuple[Ints, Floats]:
     """Return straight facets, and points on the curved facets, (2, PARTS + 1, n)."""
-    off = facet_midside_offsets(mesh)[:, facets]
+    off = offsets_of_sides(mesh)[:, facets]
     curved = np.any(off, axis=0)
     a, b = np.moveaxis(mesh.p[:, mesh.facets[:, facets[curved]]], 1, 0)
     return facets[~curved], _on_parabolas(a, b, off[:, curved]).transpose(1, 0, 2)
@@ -64,7 +64,7 @@ def straight_and_curved(mesh: MeshTri, facets: Ints) -> tuple[Ints, Floats]:
 
 def straight_and_curved_elements(mesh: MeshTri) -> tuple[Ints, Ints, Floats]:
     # outlines of shape (n, 3 PARTS, 2) of the curved elements
-    off = midside_offsets(mesh)
+    off = midside_offsets(mesh).T
     curved = np.any(off, axis=(1, 2))
     corners = mesh.p[:, mesh.t[:, curved]].T  # (n, 3, 2)
     points = _on_parabolas(corners, np.roll(corners, -1, axis=1), np.roll(off[curved], 1, axis=1))
@@ -164,7 +164,7 @@ def divided(mesh: MeshTri, divisions: int) -> MeshTri:
     p = np.einsum("iq,dik->dqk", share, mesh.p[:, mesh.t])
     if is_second_order(mesh):
         between = 4.0 * share[[1, 2, 0]] * share[[2, 0, 1]]
-        p += np.einsum("iq,kid->dqk", between, midside_offsets(mesh))
+        p += np.einsum("iq,dik->dqk", between, midside_offsets(mesh))
     p = np.ascontiguousarray(p.reshape(2, -1))
     t = (triangles[:, :, None] * count + np.arange(count)).reshape(3, -1)
     parts = {

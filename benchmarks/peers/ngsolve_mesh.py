@@ -7,7 +7,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.geometry.plane.pairs import image_nodes
 from kohonen_adapt.magnetostatics import Magnetostatics
-from kohonen_adapt.mesh.curved import corners_of, facet_midside_offsets, is_second_order
+from kohonen_adapt.mesh.curved import corners_of, is_second_order, offsets_of_sides
 
 PERIODIC = 2  # Netgen's type of identified points
 ON_AXIS = 1e-9  # distance from the axis, relative to the size of the mesh
@@ -70,7 +70,7 @@ def curve_sides(mesh: MeshTri, target: Any) -> Any:
         return None
     import ngsolve as ng
 
-    offset = facet_midside_offsets(mesh)
+    offset = offsets_of_sides(mesh)
     facet = {ends: number for number, ends in enumerate(zip(*np.sort(mesh.facets, axis=0).tolist(), strict=True))}
     offsets = ng.GridFunction(ng.VectorH1(target, order=2))
     for axis, component in enumerate(offsets.components):

@@ -165,7 +165,7 @@ class ProblemOfOrder:
         self.order, self.shape = order, Isoparametric(mesh)
         self.turned = np.argsort(mesh.t, axis=0)[None]  # scikit-fem sorts the corners of the straight triangles
         corners, self.curved = self.shape.corners, bool(self.shape.curved.any())
-        self.mesh = with_midside_offsets(corners, self.shape.facet_offset) if self.curved else corners
+        self.mesh = with_midside_offsets(corners, self.shape.side_offset) if self.curved else corners
         self.reluctivity = checked_reluctivity(mesh, reluctivity)
 
     def given(self, values: ArrayLike, source: ArrayLike | None, flux: ArrayLike | None) -> Given:

@@ -19,9 +19,9 @@ from kohonen_adapt.io.content import (
 )
 from kohonen_adapt.io.curved_sides import DIGITS, STRAIGHT
 from kohonen_adapt.mesh.cells import CELLS
-from kohonen_adapt.mesh.curved import corners_of, is_second_order
+from kohonen_adapt.mesh.curved import corners_of, is_second_order, with_midside_offsets
 from kohonen_adapt.mesh.host import keys_of, number_edges, number_facets, of_kind, set_boundaries
-from kohonen_adapt.mesh.measures import area, is_in_front, signed_area, with_edge_offsets
+from kohonen_adapt.mesh.measures import area, is_in_front, signed_area
 
 __all__ = ["of_positive_volume", "to_solid"]
 
@@ -76,7 +76,7 @@ def _with_curved_edges(mesh: MeshTet, used: Ints, content: Content, path: Path, 
     straight = np.linalg.norm(offset, axis=0) <= STRAIGHT * length + DIGITS * np.abs(mesh.p).max()
     if straight.all():
         return mesh
-    curved = with_edge_offsets(mesh, offset)
+    curved = with_midside_offsets(mesh, offset)
     curved.p[:, mesh.nvertices :] = scale * content.points[middle].T
     return curved
 

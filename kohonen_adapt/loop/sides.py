@@ -16,7 +16,7 @@ from skfem import Mesh
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.mesh.blended import is_folded
-from kohonen_adapt.mesh.curved import least_determinants
+from kohonen_adapt.mesh.curved import inverted_elements
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.problem.evaluation import functional_of_solution
 from kohonen_adapt.problem.protocol import CheckedProblem
@@ -41,7 +41,7 @@ class Sides:
         if self.curved is None or not self.curved.flattened(self.mesh):
             return self.mesh, self.solution
         exact = self.curved.mesh_with_free_sides()
-        if not least_determinants(exact).min() > 0.0:
+        if inverted_elements(exact).size:
             exact = self.curved.mesh(NEARLY_EXACT)
         return exact, self._solved(self.problem, exact)
 

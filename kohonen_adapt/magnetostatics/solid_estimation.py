@@ -22,8 +22,10 @@ from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 from kohonen_adapt.magnetostatics.quantities.point_values import Strength
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.mesh.curved import Isoparametric
+from kohonen_adapt.mesh.elements.rules import tetrahedron_rule
 from kohonen_adapt.mesh.elements.space import Space
-from kohonen_adapt.mesh.measures import CurvedTetrahedra, inner_points, magnitude, unit_vectors
+from kohonen_adapt.mesh.measures import inner_points, magnitude, unit_vectors
 from kohonen_adapt.problem.energy import Energy
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.uncertain import Uncertain
@@ -64,7 +66,7 @@ class EnrichedField(SolidField):
 
     def points_in(self, inside: Mask) -> tuple[Floats, Ints, Floats]:
         # The quadrature of the elements is a part of the error near coils.
-        return CurvedTetrahedra(self.mesh).quadrature(np.flatnonzero(inside), FINE)
+        return Isoparametric(self.mesh).quadrature(np.flatnonzero(inside), tetrahedron_rule(FINE))
 
     def magnetisation_in(self, inside: Mask) -> tuple[Floats, Floats]:
         x, element, volumes = self.points_in(inside)

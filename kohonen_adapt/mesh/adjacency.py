@@ -18,7 +18,6 @@ from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.mesh.cells import CELLS, cell_of
 from kohonen_adapt.mesh.curved import corners_of, is_second_order, midside_offsets
 from kohonen_adapt.mesh.host import ascending, keys_of
-from kohonen_adapt.mesh.measures import edge_midside_offsets
 from kohonen_adapt.mesh.names import named_sets
 
 __all__ = [
@@ -106,8 +105,7 @@ def refuse_overlap(mesh: Mesh, position: Floats, node: NDArray[np.int32], neighb
     corners = [np.take(scaled, column, axis=0).T for column in node.T]  # (d, m) each, whose extremes are quick to find
     margin = np.zeros(len(node))
     if is_second_order(mesh):
-        offset = midside_offsets(mesh).T if len(mesh.p) == 2 else edge_midside_offsets(mesh)[:, mesh.t2e]
-        margin = np.linalg.norm(offset, axis=0).max(axis=0) / size
+        margin = np.linalg.norm(midside_offsets(mesh), axis=0).max(axis=0) / size
     tree = BoxTree(reduce(np.minimum, corners), reduce(np.maximum, corners))
     start, count = 0, FIRST
     while start < len(rim):

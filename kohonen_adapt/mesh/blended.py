@@ -14,7 +14,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.mesh.curved import AFTER, BEFORE, Isoparametric
+from kohonen_adapt.mesh.curved import AFTER, Isoparametric
 from kohonen_adapt.mesh.elements.rules import triangle_rule
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.names import named
@@ -38,10 +38,10 @@ class Blended(Isoparametric):
 
     def __init__(self, mesh: MeshTri, sides: Projections | None = None) -> None:
         super().__init__(mesh)
-        self.facet_series = np.zeros((2 * TERMS, *self.facet_offset.shape))  # (powers, 2, nfacets): e by powers of t
-        self.facet_series[0] = self.facet_offset
+        self.facet_series = np.zeros((2 * TERMS, *self.side_offset.shape))  # (powers, 2, nfacets): e by powers of t
+        self.facet_series[0] = self.side_offset
         start, end = self.corners.p[:, self.corners.facets].swapaxes(0, 1)
-        half, offset = 0.5 * (end - start), self.facet_offset
+        half, offset = 0.5 * (end - start), self.side_offset
         size = np.hypot(*offset)
         rounded = np.abs(np.sum(half * offset, axis=0)) <= ROUND * size * np.hypot(*half)
         rows = np.flatnonzero((size > 0.0) & rounded)
@@ -60,30 +60,9 @@ class Blended(Isoparametric):
         powers = np.arange(len(self.facet_series))[:, None, None]
         return self.facet_series[:, :, facet] * (sign**powers)[:, None]
 
-    def points(self, element: Ints, barycentric: Floats) -> Floats:
-        x = np.einsum("in,cin->cn", barycentric, self.p[:, self.t[:, element]])
-        rows = np.flatnonzero(self.curved[element])
-        if rows.size:
-            own = barycentric[:, rows]
-            value, _ = self._evaluated(element[rows], own)
-            x[:, rows] += 4.0 * np.sum(own[AFTER] * own[BEFORE] * value, axis=1)
-        return x
-
-    def hat_gradients(self, element: Ints, barycentric: Floats) -> Floats:
-        # derivatives by the barycentric coordinates, taken as independent
-        rate = self.p[:, self.t[:, element]]
-        rows = np.flatnonzero(self.curved[element])
-        if rows.size:
-            own = barycentric[:, rows]
-            value, slope = self._evaluated(element[rows], own)
-            left, right = own[AFTER], own[BEFORE]
-            of_left, of_right = right * value - left * right * slope, left * value + left * right * slope
-            rate[:, :, rows] += 4.0 * (of_left[:, BEFORE] + of_right[:, AFTER])
-        (a, b), (c, d) = rate[:, 1:] - rate[:, :1]
-        return np.stack((np.stack((c - d, d, -c)), np.stack((b - a, -b, a)))) / (a * d - b * c)
-
-    def _evaluated(self, element: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
-        return _polynomial(self.series[..., element], barycentric[BEFORE] - barycentric[AFTER])
+    def bows(self, element: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
+        start, end = barycentric[self.ends]
+        return _polynomial(self.series[..., element], end - start)
 
     def facet_points(self, facets: Ints, at: Floats) -> tuple[Floats, Floats]:
         """Return positions and tangents at `at` from 0 to 1 along facets, (2, f, n) each.
@@ -92,7 +71,7 @@ class Blended(Isoparametric):
         """
         start, end = self.corners.p[:, self.corners.facets[:, facets]].swapaxes(0, 1)[..., None]
         x, tangent = start + at * (end - start), np.repeat(end - start, at.size, axis=2)
-        rows = np.flatnonzero(self.facet_offset[:, facets].any(axis=0))
+        rows = np.flatnonzero(self.side_offset[:, facets].any(axis=0))
         t, series = 2.0 * at - 1.0, self.facet_series[:, :, facets[rows], None]
         value, slope = _polynomial(series, t)
         x[:, rows] += (1.0 - t**2) * value
@@ -122,8 +101,8 @@ def exact_area(mesh: MeshTri, sides: Projections | None = None) -> Floats:
 
 def determinants(shape: Blended) -> Floats:
     rows, (barycentric, weight) = np.flatnonzero(shape.curved), triangle_rule(DEGREE)
-    hats = shape.hat_gradients(np.repeat(rows, weight.size), np.tile(barycentric.T, rows.size))
-    return (1.0 / (hats[0, 1] * hats[1, 2] - hats[1, 1] * hats[0, 2])).reshape(-1, weight.size)
+    element, at = np.repeat(rows, weight.size), np.tile(barycentric.T, rows.size)
+    return shape.determinants(element, at).reshape(-1, weight.size)
 
 
 def is_folded(mesh: MeshTri) -> bool:

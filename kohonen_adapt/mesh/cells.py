@@ -1,6 +1,6 @@
 """Tables of the two kinds of elements, triangles and tetrahedra."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import sqrt
 
@@ -20,6 +20,7 @@ __all__ = [
     "Cell",
     "cell_of",
     "check_kind",
+    "determinants",
     "normals",
     "remedy_for",
 ]
@@ -40,7 +41,7 @@ class Cell:
     mesh, curved_mesh
         Classes of scikit-fem's meshes of straight and of curved elements of this kind.
     edges
-        Pairs of corners.
+        Pairs of corners, in the plane opposite to each corner, in space in the order of scikit-fem.
     facets, opposite
         Corners of the facets in the order of scikit-fem, and the corner opposite to each.
     outward
@@ -53,8 +54,6 @@ class Cell:
         packed spheres in space.
     floor
         Default of `min_quality`, the quality that moves of nodes preserve.
-    determinant
-        Function of corners (dim, dim + 1, m) that returns the signed ``dim! |K|``, (m,).
     hat_gradients
         Function of corners (dim, dim + 1, m) that returns the gradients of the barycentric coordinates, (dim, dim + 1,
         m).
@@ -73,19 +72,22 @@ class Cell:
     regular: float
     size_per_node: float
     floor: float
-    determinant: Callable[[Floats], Floats]
     hat_gradients: Callable[[Floats], Floats]
 
+    def determinant(self, corners: Floats) -> Floats:
+        """Return the signed ``dim! |K|``, (m,), from corners (dim, dim + 1, m).
 
-def doubled_area(corners: Floats) -> Floats:
-    x, y = corners
-    return (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
+        In space it is positive if corners 1, 2, 3 run clockwise as seen from corner 0.
+        """
+        return determinants((corners[:, 1:] - corners[:, :1]).swapaxes(0, 1))
 
 
-def sixfold_volume(corners: Floats) -> Floats:
-    # The volume is positive if b, c, d run clockwise as seen from a.
-    u, v, w = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
-    return np.sum(u * crossed(v, w), axis=0)
+def determinants(columns: Iterable[Floats]) -> Floats:
+    """Return the determinants of matrices with columns (d, ...)."""
+    first, *others = columns
+    if len(first) == 2:
+        return first[0] * others[0][1] - others[0][0] * first[1]
+    return np.sum(first * crossed(*others), axis=0)
 
 
 def crossed(u: Floats, v: Floats) -> Floats:
@@ -109,8 +111,8 @@ def hats_of_tetrahedra(corners: Floats) -> Floats:
 
     With the edges u, v, w from corner 0, ``grad phi_1 = v x w / (6 |K|)`` and cyclically; the sum of all four is zero.
     """
-    u, v, w = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
-    others = np.stack([crossed(v, w), crossed(w, u), crossed(u, v)], axis=1) / sixfold_volume(corners)
+    u, v, w = (corners[:, 1:] - corners[:, :1]).swapaxes(0, 1)
+    others = np.stack([crossed(v, w), crossed(w, u), crossed(u, v)], axis=1) / determinants((u, v, w))
     return np.concatenate([-others.sum(axis=1, keepdims=True), others], axis=1)
 
 
@@ -130,14 +132,13 @@ TRIANGLE = Cell(
     mesh=MeshTri1,
     curved_mesh=MeshTri2,
     dim=2,
-    edges=((0, 2), (1, 0), (2, 1)),
+    edges=((1, 2), (2, 0), (0, 1)),
     facets=((0, 1), (1, 2), (0, 2)),
     opposite=(2, 0, 1),
     outward=((1, 2), (2, 0), (0, 1)),
     regular=4.0 * sqrt(3.0),
     size_per_node=sqrt(3.0) / 2.0,
     floor=0.3,
-    determinant=doubled_area,
     hat_gradients=hats_of_triangles,
 )
 TETRAHEDRON = Cell(
@@ -147,14 +148,13 @@ TETRAHEDRON = Cell(
     mesh=MeshTet1,
     curved_mesh=MeshTet2,
     dim=3,
-    edges=((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)),
+    edges=((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)),
     facets=((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)),
     opposite=(3, 2, 1, 0),
     outward=((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1)),
     regular=12.0 * 3.0 ** (2.0 / 3.0),
     size_per_node=sqrt(0.5),
     floor=0.2,
-    determinant=sixfold_volume,
     hat_gradients=hats_of_tetrahedra,
 )
 CELLS = {cell.dim: cell for cell in (TRIANGLE, TETRAHEDRON)}  # by dimension

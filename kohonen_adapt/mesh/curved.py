@@ -1,18 +1,21 @@
-"""Curved sides of a `MeshTri2` or `MeshTet2`, and points in curved triangles.
+"""Curved sides of a `MeshTri2` or `MeshTet2`, and points in curved elements.
 
 A side with ends a, b and midside node m is the parabola through these points, with the midside offset
-``d = m - (a + b) / 2`` (`midside_offsets`). An element is the image of ``x = sum_i lambda_i x_i + 4 sum_k lambda_i
-lambda_j d_k``, where side k lies opposite to corner k, between i and j.
+``d = m - (a + b) / 2``. An element is the image of ``x = sum_i lambda_i x_i + 4 sum_k lambda_a lambda_b d_k``, where
+side k joins the corners a and b of `Cell.edges`; in the plane it lies opposite to corner k. Offsets have shape (d,
+nsides) for the sides of a mesh, its facets in the plane and its edges in space, and (d, sides, m) for elements.
 """
 
 from functools import cached_property
+from itertools import product
+from math import factorial
 
 import numpy as np
 from scipy.spatial import KDTree
-from skfem import Mesh, MeshTet2, MeshTri, MeshTri2
-from skfem.mesh import MeshTet1, MeshTri1
+from skfem import Mesh, MeshTri, MeshTri2
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.mesh.cells import CELLS, TRIANGLE, cell_of, determinants
 from kohonen_adapt.mesh.host import number_edges, number_facets, of_kind
 
 __all__ = [
@@ -20,25 +23,25 @@ __all__ = [
     "BEFORE",
     "CurvedElements",
     "Isoparametric",
-    "check_inverted",
+    "check_curved_sides",
     "check_midsides",
-    "corner_positions",
     "corners_of",
-    "facet_midside_offsets",
+    "curved_determinants",
+    "determinant_coefficients",
+    "inverted_elements",
     "is_second_order",
-    "jacobian_coefficients",
-    "least_determinants",
     "midside_offsets",
     "nodes_of_elements",
+    "numbered_sides",
+    "offsets_of_sides",
     "refined",
+    "tangent_corners",
     "with_midside_offsets",
     "with_midsides",
-    "with_side_offsets",
 ]
 
 LATTICE = 10  # steps along a side of the lattice for determinants that the Bernstein bound leaves undecided
-AFTER, BEFORE = [1, 2, 0], [2, 0, 1]  # ends of the side opposite to each corner
-OPPOSITE = [1, 2, 0]  # rows of `t2f` by opposite corner; scikit-fem orders facets as corners 01, 12, 02
+AFTER, BEFORE = np.transpose(TRIANGLE.edges).tolist()  # ends of the side opposite to each corner
 STRAIGHT = 1e-10  # midside offset below which a side is straight, relative to its chord
 INSIDE = 1e-9  # tolerance for negative barycentric coordinates of a point inside
 MOST_STEPS = 20  # maximum iterations of Newton's method, which needs four to six
@@ -47,101 +50,124 @@ NEAR = 4  # number of nearest boundary sides tried for a point beyond the chords
 WALK = 12  # maximum steps from element to element
 
 
+def _coefficients(dim: int) -> tuple[Ints, Ints, Mask]:
+    # The corners (k, d) of the Bernstein coefficients of determinants, the number of orders of these corners (k,), and
+    # the orders of each among all choices of d corners (k, n).
+    orders = np.sort(list(product(range(dim + 1), repeat=dim)), axis=1)
+    corners, own, count = np.unique(orders, axis=0, return_inverse=True, return_counts=True)
+    return corners, count, own.ravel() == np.arange(len(corners))[:, None]
+
+
+COEFFICIENTS = {dim: _coefficients(dim) for dim in CELLS}
+
+
 def is_second_order(mesh: object) -> bool:
-    return type(mesh) in (MeshTri2, MeshTet2)
+    return type(mesh) in [cell.curved_mesh for cell in CELLS.values()]
 
 
 def corners_of(mesh: Mesh) -> Mesh:
-    if not is_second_order(mesh):
-        return mesh
-    return of_kind(MeshTri1 if type(mesh) is MeshTri2 else MeshTet1, mesh.p[:, : mesh.nvertices], mesh)
+    return of_kind(cell_of(mesh).mesh, mesh.p[:, : mesh.nvertices], mesh) if is_second_order(mesh) else mesh
 
 
-def corner_positions(mesh: MeshTri) -> Floats:
-    return np.moveaxis(mesh.p[:, mesh.t], (0, 1, 2), (2, 1, 0))
-
-
-def nodes_of_elements(mesh: MeshTri) -> Ints:
+def nodes_of_elements(mesh: Mesh) -> Ints:
     # (nelements, k): corners, then midside nodes, for the sides 01, 12, 20 of triangles, as in Gmsh and VTK, and the
     # edges 01, 12, 02, 03, 13, 23 of tetrahedra, as in VTK
     if not is_second_order(mesh):
         return mesh.t.T
     number_edges(mesh)
-    return np.vstack([mesh.t, mesh.nvertices + (mesh.t2f if type(mesh) is MeshTri2 else mesh.t2e)]).T
+    return np.vstack([mesh.t, mesh.nvertices + (mesh.t2f if len(mesh.t) == 3 else mesh.t2e)]).T
 
 
-def with_midsides(mesh: MeshTri, midsides: Floats) -> MeshTri2:
-    return of_kind(MeshTri2, np.hstack([mesh.p[:, : mesh.nvertices], midsides]), mesh)
+def numbered_sides(mesh: Mesh) -> tuple[Ints, Ints]:
+    # ends of sides, (2, nsides), and sides of elements in the order of `Cell.edges`
+    if len(mesh.t) == 3:
+        number_facets(mesh)
+        return mesh.facets, mesh.t2f[AFTER]  # scikit-fem orders facets as corners 01, 12, 02
+    number_edges(mesh)
+    return mesh.edges, mesh.t2e
 
 
-def with_midside_offsets(mesh: MeshTri, offset: Floats) -> MeshTri2:
-    number_facets(mesh)
-    return with_midsides(mesh, mesh.p[:, mesh.facets].mean(axis=1) + offset)
+def with_midsides(mesh: Mesh, midsides: Floats) -> Mesh:
+    return of_kind(cell_of(mesh).curved_mesh, np.hstack([mesh.p[:, : mesh.nvertices], midsides]), mesh)
 
 
-def with_side_offsets(mesh: MeshTri, offset: Floats) -> MeshTri:
-    if not offset.any():
-        return mesh
-    number_facets(mesh)
-    of_facet = np.zeros(mesh.facets.shape)
-    for k, row in enumerate(OPPOSITE):
-        of_facet[:, mesh.t2f[row]] = offset[:, k].T
-    return with_midside_offsets(mesh, of_facet)
+def with_midside_offsets(mesh: Mesh, offset: Floats) -> Mesh:
+    return with_midsides(mesh, mesh.p[:, numbered_sides(mesh)[0]].mean(axis=1) + offset)
 
 
-def facet_midside_offsets(mesh: MeshTri) -> Floats:
-    number_facets(mesh)
+def offsets_of_sides(mesh: Mesh) -> Floats:
+    # (d, nsides), exactly zero for straight sides
+    ends, _ = numbered_sides(mesh)
     if not is_second_order(mesh):
-        return np.zeros(mesh.facets.shape)
-    return mesh.p[:, mesh.nvertices :] - mesh.p[:, mesh.facets].mean(axis=1)
+        return np.zeros((len(mesh.p), ends.shape[1]))
+    start, end = mesh.p[:, ends].swapaxes(0, 1)
+    offset = mesh.p[:, mesh.nvertices :] - 0.5 * (start + end)
+    curved = np.linalg.norm(offset, axis=0) > STRAIGHT * np.linalg.norm(end - start, axis=0)
+    return np.where(curved, offset, 0.0)
 
 
-def midside_offsets(mesh: MeshTri) -> Floats:
-    """Return the midside offsets of elements, (nelements, 3, 2).
+def midside_offsets(mesh: Mesh) -> Floats:
+    return offsets_of_sides(mesh)[:, numbered_sides(mesh)[1]]
 
-    Row k belongs to the side opposite to corner k of ``mesh.t``. Offsets of straight sides are zero.
+
+def tangent_corners(corners: Floats, offset: Floats, barycentric: Floats, slope: Floats | None = None) -> Floats:
+    """Return the corners of straight elements with the Jacobian matrices at points.
+
+    Parameters
+    ----------
+    corners, offset
+        Corners (d, d + 1, ...) and midside offsets (d, sides, ...) of elements.
+    barycentric
+        Points (d + 1, ...).
+    slope
+        If the offsets depend on the position ``lambda_b - lambda_a`` along the sides, their derivatives.
     """
-    return facet_midside_offsets(mesh).T[mesh.t2f[OPPOSITE].T]
-
-
-def jacobian_coefficients(corners: Floats, offset: Floats) -> Floats:
-    """Return the Bernstein coefficients of the Jacobian determinants, (m, 6).
-
-    `offset`, shape (m, 3, 2), are the midside offsets of the sides opposite to the corners. The first three
-    coefficients are values at the corners, the last three belong to the sides opposite to the corners. The smallest
-    coefficient is a lower bound of the determinant. In a straight element all six are twice the signed area. (G. Farin,
-    *Curves and Surfaces for CAGD*, chapter 17; A. Johnen, J.-F. Remacle and C. Geuzaine, J. Comput. Phys. 233 (2013).)
-    """
-    along, across = (derivative(corners, offset, corner) for corner in (1, 2))
-    at = cross(along, across)
-    between = 0.5 * (cross(along[:, AFTER], across[:, BEFORE]) + cross(along[:, BEFORE], across[:, AFTER]))
-    return np.concatenate([at, between], axis=1)
-
-
-def derivative(corners: Floats, offset: Floats, corner: int) -> Floats:
-    """Return the derivative of x by the barycentric coordinate of `corner`.
-
-    Values are at the three corners, (m, 3, 2), and linear between them.
-    """
-    other = 3 - corner
-    straight = corners[:, corner] - corners[:, 0]
-    first, second, third = 4.0 * offset[:, other], 4.0 * offset[:, corner], 4.0 * offset[:, 0]
-    found = np.repeat(straight[:, None], 3, axis=1)
-    found[:, 0] += first
-    found[:, corner] -= first
-    found[:, other] += third - second
+    shape = np.broadcast_shapes(corners.shape[2:], barycentric.shape[1:])
+    found = np.array(np.broadcast_to(corners, (*corners.shape[:2], *shape)))
+    for k, (a, b) in enumerate(CELLS[len(corners)].edges):
+        turn = 0.0 if slope is None else barycentric[a] * barycentric[b] * slope[:, k]
+        found[:, a] += 4.0 * (barycentric[b] * offset[:, k] - turn)
+        found[:, b] += 4.0 * (barycentric[a] * offset[:, k] + turn)
     return found
 
 
-def cross(u: Floats, w: Floats) -> Floats:
-    return u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]
+def determinant_coefficients(corners: Floats, offset: Floats) -> Floats:
+    """Return the Bernstein coefficients of the Jacobian determinants, (k, m).
+
+    A coefficient is the mean determinant of derivatives at d corners, over all orders of these. The smallest is a lower
+    bound of the determinant, and their mean is its mean. In a straight element all are the determinant. (G. Farin,
+    *Curves and Surfaces for CAGD*, chapter 17; A. Johnen, J.-F. Remacle and C. Geuzaine, J. Comput. Phys. 233 (2013).)
+    """
+    dim, relative = len(corners), (corners - corners[:, :1])[:, :, None]
+    at = tangent_corners(relative, offset[:, :, None], np.eye(dim + 1)[:, :, None])
+    rates = at[:, 1:] - at[:, :1]  # (d, d, d + 1, m): by the barycentric coordinates but the first, at the corners
+    columns = [np.expand_dims(rates[:, k], [1 + j for j in range(dim) if j != k]) for k in range(dim)]
+    _, count, own = COEFFICIENTS[dim]
+    return own / count[:, None] @ determinants(columns).reshape(own.shape[1], -1)
+
+
+def curved_determinants(mesh: Mesh) -> tuple[Ints, Floats, Floats]:
+    # curved elements (m,), their `determinant_coefficients`, and their determinants with straight sides (m,)
+    shape = Isoparametric(mesh)
+    rows = np.flatnonzero(shape.curved)
+    corners = shape.p[:, shape.t[:, rows]]
+    return rows, determinant_coefficients(corners, shape.offset[:, :, rows]), shape.cell.determinant(corners)
+
+
+def inverted_elements(mesh: Mesh) -> Ints:
+    rows, coefficients, straight = curved_determinants(mesh)
+    coefficients = coefficients / straight
+    doubtful, dim = np.flatnonzero(~(coefficients.min(axis=0) > 0.0)), len(mesh.p)
+    if not doubtful.size:
+        return doubtful
+    at = np.array([each for each in product(range(LATTICE + 1), repeat=dim + 1) if sum(each) == LATTICE]) / LATTICE
+    corners, count, _ = COEFFICIENTS[dim]
+    bernstein = count * np.prod(at[:, corners], axis=2)
+    return rows[doubtful[~((bernstein @ coefficients[:, doubtful]).min(axis=0) > 0.0)]]
 
 
 def check_midsides(mesh: Mesh) -> None:
-    number_facets(mesh)
-    number_edges(mesh)
-    kind, sides = type(mesh).__name__, mesh.facets if type(mesh) is MeshTri2 else mesh.edges
-    wanted = mesh.nvertices + sides.shape[1]
+    kind, wanted = type(mesh).__name__, mesh.nvertices + numbered_sides(mesh)[0].shape[1]
     if mesh.p.shape[1] != wanted or not np.all(np.isfinite(mesh.p)):
         raise ValueError(
             f"a {kind} must have a finite node for every corner and every side, {wanted} in all; got "
@@ -149,7 +175,8 @@ def check_midsides(mesh: Mesh) -> None:
         )
 
 
-def check_inverted(kind: str, inverted: Ints) -> None:
+def check_curved_sides(mesh: Mesh) -> None:
+    kind, inverted = type(mesh).__name__, inverted_elements(mesh)
     if len(inverted):
         raise ValueError(
             f"the curved sides of a {kind} must not invert elements; {len(inverted)} are inverted, first element "
@@ -158,56 +185,67 @@ def check_inverted(kind: str, inverted: Ints) -> None:
         )
 
 
-def least_determinants(mesh: MeshTri) -> Floats:
-    corners, offset = corner_positions(mesh), midside_offsets(mesh)
-    coefficients = jacobian_coefficients(corners, offset)
-    coefficients *= np.sign(jacobian_coefficients(corners, np.zeros_like(offset))[:, :1])
-    least = coefficients.min(axis=1)
-    doubtful = np.flatnonzero(least <= 0.0)
-    second, third = (index.ravel() / LATTICE for index in np.mgrid[: LATTICE + 1, : LATTICE + 1])
-    a, b, c = (coordinate[second + third <= 1.0 + 1e-9] for coordinate in (1.0 - second - third, second, third))
-    bernstein = np.stack([a * a, b * b, c * c, 2.0 * b * c, 2.0 * c * a, 2.0 * a * b])
-    least[doubtful] = (coefficients[doubtful] @ bernstein).min(axis=1)
-    return least
-
-
 class CurvedElements:
-    """Triangles with curved sides, images of a quadratic map.
+    """Elements with curved sides, images of a quadratic map.
 
-    For the side k between corners a and b, opposite to corner k, with midside offset ``offset_k``, ``x = sum lambda_k
-    corner_k + 4 sum lambda_a lambda_b offset_k``. Methods take element indices (n,), barycentric
-    coordinates (3, n) and points (2, n).
+    Methods take element indices (n,), barycentric coordinates (d + 1, n) and points (d, n).
     """
 
     def __init__(self, p: Floats, t: Ints, offset: Floats, neighbour: Ints) -> None:
-        self.p, self.t = p, t  # (2, nnodes), (3, nelements)
-        self.offset = offset  # (2, 3, nelements): midside offsets
-        self.neighbour = neighbour  # (3, nelements): neighbours across the sides, -1 for none
-
-    @property
-    def curved_sides(self) -> Mask:
-        # (corners, nelements): sides opposite to the corners
-        return np.any(self.offset, axis=0)
+        self.p, self.t = p, t  # (d, nnodes), (d + 1, nelements)
+        self.offset = offset  # (d, sides, nelements): midside offsets
+        self.neighbour = neighbour  # (d + 1, nelements): neighbours opposite to the corners, -1 for none
+        self.cell = CELLS[len(p)]
+        self.ends = np.transpose(self.cell.edges)  # (2, sides)
 
     @cached_property
     def curved(self) -> Mask:
         return np.any(self.offset, axis=(0, 1), keepdims=True)[0, 0]
 
+    def bows(self, element: Ints, barycentric: Floats) -> tuple[Floats, Floats | None]:
+        # midside offsets, or other curves with offsets that depend on the position, and their derivatives
+        return self.offset[:, :, element], None
+
     def points(self, element: Ints, barycentric: Floats) -> Floats:
         x = np.einsum("in,cin->cn", barycentric, self.p[:, self.t[:, element]])
         rows = np.flatnonzero(self.curved[element])
         if rows.size:
-            between = barycentric[AFTER] * barycentric[BEFORE]
-            x[:, rows] += 4.0 * np.sum(between[:, rows] * self.offset[:, :, element[rows]], axis=1)
+            own = barycentric[:, rows]
+            between = np.prod(own[self.ends], axis=0)
+            x[:, rows] += 4.0 * np.sum(between * self.bows(element[rows], own)[0], axis=1)
         return x
 
+    def tangent_corners(self, element: Ints, barycentric: Floats) -> Floats:
+        found = self.p[:, self.t[:, element]]
+        rows = np.flatnonzero(self.curved[element])
+        if rows.size:
+            own = barycentric[:, rows]
+            offset, slope = self.bows(element[rows], own)
+            found[:, :, rows] = tangent_corners(found[:, :, rows], offset, own, slope)
+        return found
+
+    def hat_gradients(self, element: Ints, barycentric: Floats) -> Floats:
+        return self.cell.hat_gradients(self.tangent_corners(element, barycentric))
+
+    def determinants(self, element: Ints, barycentric: Floats) -> Floats:
+        return self.cell.determinant(self.tangent_corners(element, barycentric))
+
+    def quadrature(self, rows: Ints, rule: tuple[Floats, Floats]) -> tuple[Floats, Ints, Floats]:
+        # points (d, n) in some elements, their elements and volumes
+        barycentric, weight = rule
+        element, at = np.tile(rows, weight.size), np.repeat(barycentric.T, rows.size, axis=1)
+        volumes = np.abs(self.determinants(element, at)) / factorial(self.cell.dim)
+        return self.points(element, at), element, np.repeat(weight, rows.size) * volumes
+
     def barycentric_coordinates(self, element: Ints, x: Floats) -> Floats:
-        # Newton's method starts from the coordinates in the straight triangle. If the iteration does not converge,
-        # for instance outside the element, the coordinates in the straight triangle are returned.
+        # Newton's method starts from the coordinates in the straight element. If the iteration does not converge,
+        # for instance outside the element, the coordinates in the straight element are returned.
         return self._newton(element, x)[0]
 
     def _newton(self, element: Ints, x: Floats) -> tuple[Floats, Mask]:
-        barycentric = self.in_straight(self.p[:, self.t[:, element]], x)
+        corners = self.p[:, self.t[:, element]]
+        from_centroid = np.einsum("cin,cn->in", self.cell.hat_gradients(corners), x - corners.mean(axis=1))
+        barycentric = 1.0 / len(self.t) + from_centroid
         rows = np.flatnonzero(self.curved[element])
         now, converged = barycentric[:, rows], ~self.curved[element]
         done = converged[rows]
@@ -221,18 +259,6 @@ class CurvedElements:
                 done |= np.abs(step).max(axis=0) < SETTLED
         barycentric[:, rows], converged[rows] = np.where(done, now, barycentric[:, rows]), done
         return barycentric, converged
-
-    def in_straight(self, corner: Floats, x: Floats) -> Floats:
-        (ax, ay), (bx, by) = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
-        x0, y0 = x - corner[:, 0]
-        second, third = (x0 * by - y0 * bx) / (ax * by - ay * bx), (ax * y0 - ay * x0) / (ax * by - ay * bx)
-        return np.stack((1.0 - second - third, second, third))
-
-    def hat_gradients(self, element: Ints, barycentric: Floats) -> Floats:
-        corner, offset = self.p[:, self.t[:, element]], self.offset[:, :, element]
-        rate = corner + 4.0 * (offset[:, BEFORE] * barycentric[AFTER] + offset[:, AFTER] * barycentric[BEFORE])
-        (a, b), (c, d) = rate[:, 1:] - rate[:, :1]
-        return np.stack((np.stack((c - d, d, -c)), np.stack((b - a, -b, a)))) / (a * d - b * c)
 
     def walk(self, element: Ints, x: Floats) -> Ints:
         element, active = element.copy(), np.arange(element.size)
@@ -256,8 +282,7 @@ class CurvedElements:
         element = straight.astype(np.int64)
         if self.curved.any():
             rows = np.flatnonzero((element >= 0) & self.curved[element])
-            found = self.walk(element[rows], x[:, rows])
-            element[rows] = np.where(self._contain(found, x[:, rows]), found, -1)
+            element[rows] = self._found(element[rows], x[:, rows])
             rows = np.flatnonzero((element < 0) & np.isfinite(x).all(axis=0))
             element[rows] = self._beyond_chords(x[:, rows])
         barycentric = np.full((len(self.t), element.size), np.nan)
@@ -265,34 +290,34 @@ class CurvedElements:
         barycentric[:, rows] = self.barycentric_coordinates(element[rows], x[:, rows])
         return element, barycentric
 
-    def _contain(self, element: Ints, x: Floats) -> Mask:
+    def _found(self, start: Ints, x: Floats) -> Ints:
+        # the elements that hold the points, by a walk, -1 for none
+        element = self.walk(start, x)
         barycentric, converged = self._newton(element, x)
-        return converged & (barycentric.min(axis=0) >= -INSIDE)
+        return np.where(converged & (barycentric.min(axis=0) >= -INSIDE), element, -1)
 
     def _beyond_chords(self, x: Floats) -> Ints:
-        element = np.full(x.shape[1], -1)
-        side, own = np.nonzero(self.curved_sides & (self.neighbour < 0))
+        element, corner = np.full(x.shape[1], -1), np.arange(len(self.t))[:, None]
+        curved, opposite = np.any(self.offset, axis=0), np.all(self.ends != corner[:, None], axis=1)
+        side, own = np.nonzero((opposite @ curved) & (self.neighbour < 0))
         if own.size and element.size:
-            corner = np.arange(len(self.t))[:, None]
-            middle = self.points(own, np.where(side == corner, 0.0, 1.0 / (len(corner) - 1)))
+            middle = self.points(own, np.where(side == corner, 0.0, 1.0 / self.cell.dim))
             near = KDTree(middle.T).query(x.T, k=range(1, 1 + min(NEAR, own.size)))[1]
             for start in own[near.T]:
                 rows = np.flatnonzero(element < 0)
-                tried = self.walk(start[rows], x[:, rows])
-                element[rows] = np.where(self._contain(tried, x[:, rows]), tried, -1)
+                element[rows] = self._found(start[rows], x[:, rows])
         return element
 
 
 class Isoparametric(CurvedElements):
-    def __init__(self, mesh: MeshTri) -> None:
-        self.corners = corners = corners_of(mesh)  # with the same elements, facets and names
+    # elements of a mesh, straight or curved
+    def __init__(self, mesh: Mesh) -> None:
+        self.corners = corners = corners_of(mesh)  # with the same elements, sides and names
+        self.side_offset = offsets_of_sides(mesh)  # (d, nsides)
         number_facets(corners)
-        start, end = corners.p[:, corners.facets].swapaxes(0, 1)
-        offset, sides = facet_midside_offsets(mesh), corners.t2f[AFTER]
-        curved = np.hypot(*offset) > STRAIGHT * np.hypot(*(end - start))
-        self.facet_offset = np.where(curved, offset, 0.0)  # (2, nfacets)
-        neighbour = corners.f2t.sum(axis=0)[sides] - np.arange(sides.shape[1])  # -1 at the outer boundary
-        super().__init__(corners.p, corners.t, self.facet_offset[:, sides], neighbour)
+        facets = corners.t2f[np.argsort(cell_of(mesh).opposite)]
+        neighbour = corners.f2t.sum(axis=0)[facets] - np.arange(facets.shape[1])  # -1 at the outer boundary
+        super().__init__(corners.p, corners.t, self.side_offset[:, numbered_sides(corners)[1]], neighbour)
 
 
 def refined(mesh: MeshTri) -> MeshTri:
@@ -300,15 +325,14 @@ def refined(mesh: MeshTri) -> MeshTri:
     straight, nodes = shape.corners.refined(), shape.corners.nvertices
     if not is_second_order(mesh):
         return straight
-    number_facets(straight)
+    sides = numbered_sides(straight)[1]
     parent = np.tile(np.arange(mesh.t.shape[1]), 4)  # scikit-fem lists the first child of all elements, then the second
-    corner = np.concatenate([np.eye(3), 0.5 - 0.5 * np.eye(3)], axis=1)  # and midpoints by opposite corner
-    own = np.vstack([shape.t, nodes + shape.corners.t2f[OPPOSITE]])[:, parent]  # nodes of an element, refined
-    # (3 nodes, 3, nelements)
-    barycentric = np.stack([corner[:, np.argmax(own == node, axis=0)] for node in straight.t])
+    lattice = np.concatenate([np.eye(3), 0.5 - 0.5 * np.eye(3)], axis=1)  # corners, and midpoints by opposite corner
+    own = np.vstack([shape.t, nodes + numbered_sides(shape.corners)[1]])[:, parent]  # nodes of an element, refined
+    at = lattice[:, np.argmax(own[:, None] == straight.t, axis=0)]  # (3, 3 nodes, nelements)
+    at = np.concatenate([at, 0.5 * (at[:, AFTER] + at[:, BEFORE])], axis=1)
     p = np.empty((2, straight.nvertices + straight.facets.shape[1]))
-    for node, at in zip(straight.t, barycentric, strict=True):
-        p[:, node] = shape.points(parent, at)
-    for row, (a, b) in zip(OPPOSITE, zip(AFTER, BEFORE, strict=True), strict=True):
-        p[:, straight.nvertices + straight.t2f[row]] = shape.points(parent, 0.5 * (barycentric[a] + barycentric[b]))
+    p[:, np.vstack([straight.t, straight.nvertices + sides])] = shape.points(
+        np.tile(parent, 6), at.reshape(3, -1)
+    ).reshape(2, 6, -1)
     return of_kind(MeshTri2, p, straight)

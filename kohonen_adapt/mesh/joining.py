@@ -10,10 +10,11 @@ from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import is_number
-from kohonen_adapt.mesh.curved import corners_of, midside_offsets, with_side_offsets
-from kohonen_adapt.mesh.host import number_facets, remade, set_boundaries
+from kohonen_adapt.mesh.curved import corners_of, midside_offsets, with_midside_offsets
+from kohonen_adapt.mesh.host import facets_opposite, number_facets, remade, set_boundaries
 from kohonen_adapt.mesh.locate import find_elements
-from kohonen_adapt.mesh.names import named_sets
+from kohonen_adapt.mesh.measures import directed
+from kohonen_adapt.mesh.names import LEFT, boundary_of, named_sets
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["Sides", "boundary_facets", "merge", "sides_of", "with_images"]
@@ -71,7 +72,7 @@ def merge(one: MeshTri, other: MeshTri, *, rtol: float = 1e-6) -> MeshTri:
     """
     for each in (one, other):
         check_mesh(each, curved=True)
-    offset = np.concatenate([midside_offsets(each) for each in (one, other)])
+    offset = np.concatenate([midside_offsets(each) for each in (one, other)], axis=2)
     one, other = corners_of(one), corners_of(other)
     if not is_number(rtol) or not 0.0 <= rtol < 1.0:
         raise ValueError(f"rtol must be a number from 0 to below 1; got {rtol!r}.")
@@ -103,31 +104,25 @@ def with_images(
 ) -> MeshTri:
     """Return a mesh in which every node is replaced by its `image` (n,).
 
-    `offset` (m, 3, 2) contains the midside offsets of the sides opposite to the corners of `t`; if two elements share a
+    `offset` (2, 3, m) contains the midside offsets of the sides opposite to the corners of `t`; if two elements share a
     facet, the later element counts.
     """
     unique_nodes, number = np.unique(image, return_inverse=True)
-    corners, position = number[t], np.ascontiguousarray(p[:, unique_nodes])
-    elements = np.ascontiguousarray(corners, dtype=host.t.dtype)
+    elements, position = number[t].astype(host.t.dtype), np.ascontiguousarray(p[:, unique_nodes])
     mesh = remade(host, position, elements, boundaries=None, subdomains=dict(subdomains) or None)
-    number_facets(mesh)
+    facet = facets_opposite(mesh, elements.T)  # scikit-fem may have reordered the corners
     if sides:
-        set_boundaries(mesh, {name: _facets(mesh, corners, each) for name, each in sides.items()})
-    ranked = np.take_along_axis(offset, np.argsort(corners, axis=0).T[:, :, None], axis=1)
-    rank = np.argsort(np.argsort(mesh.t, axis=0), axis=0)  # scikit-fem may have reordered the corners
-    return with_side_offsets(mesh, np.take_along_axis(ranked, rank.T[:, :, None], axis=1))
+        set_boundaries(mesh, {name: _boundary(mesh, facet, each) for name, each in sides.items()})
+    if not offset.any():
+        return mesh
+    of_facet = np.zeros(mesh.facets.shape)
+    of_facet[:, facet] = offset.swapaxes(1, 2)
+    return with_midside_offsets(mesh, of_facet)
 
 
-def _facets(mesh: MeshTri, corners: Ints, sides: Sides) -> Ints:
-    ends = [corners[(sides.corner + step) % 3, sides.element] for step in (1, 2)]
-    count, (first, second) = mesh.p.shape[1], np.sort(mesh.facets, axis=0).astype(np.int64)
-    key = first * count + second
-    order = np.argsort(key)
-    facet = order[np.searchsorted(key[order], np.minimum(*ends).astype(np.int64) * count + np.maximum(*ends))]
-    facet, at = np.unique(facet, return_index=True)
-    if not sides.oriented:
-        return facet
-    return OrientedBoundary(facet, mesh.f2t[0, facet] != sides.element[at])
+def _boundary(mesh: MeshTri, facet: Ints, sides: Sides) -> Ints:
+    oriented = (lambda element, _: np.full(element.shape, LEFT, dtype=np.int8)) if sides.oriented else None
+    return boundary_of(mesh, facet, sides.element, sides.corner, oriented)
 
 
 def sides_of(mesh: MeshTri, rows: Ints, first: int = 0) -> Sides:
@@ -151,12 +146,10 @@ def united(parts: list[dict[str, Ints]]) -> dict[str, Ints]:
 
 
 def boundary_facets(mesh: MeshTri) -> Ints:
+    # counter-clockwise, (2, nfacets)
     number_facets(mesh)
     facet = np.flatnonzero(mesh.f2t[1] < 0)
-    (a, b), element = mesh.facets[:, facet], mesh.f2t[0, facet]
-    (x, y), (u, v), (w, z) = mesh.p[:, a], mesh.p[:, b], mesh.p[:, mesh.t[:, element].sum(axis=0) - a - b]
-    clockwise = (u - x) * (z - y) < (v - y) * (w - x)
-    return np.where(clockwise, [b, a], [a, b])
+    return directed(mesh, facet, np.zeros_like(facet)).T
 
 
 def same_nodes(one: MeshTri, other: MeshTri, near: float) -> tuple[Ints, Ints]:

@@ -16,8 +16,7 @@ from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.kernels.triangle import locate as of_triangles
 from kohonen_adapt.mesh.adjacency import BoxTree, parts_at
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
-from kohonen_adapt.mesh.curved import is_second_order
-from kohonen_adapt.mesh.measures import check_curved_sides, isoparametric
+from kohonen_adapt.mesh.curved import Isoparametric, check_curved_sides, is_second_order
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 
@@ -186,7 +185,7 @@ def find_elements(mesh: Mesh, x: ArrayLike) -> NDArray[np.int32]:
     if not is_second_order(mesh):
         return found
     check_curved_sides(mesh)
-    return isoparametric(mesh).locate(points.T, found)[0].astype(np.int32)
+    return Isoparametric(mesh).locate(points.T, found)[0].astype(np.int32)
 
 
 def elements_at(mesh: Mesh, x: Floats) -> Ints:
@@ -245,7 +244,7 @@ def interpolate(mesh: Mesh, values: ArrayLike, x: ArrayLike) -> Floats:
     found = locator.find(points)
     if is_second_order(mesh):
         check_curved_sides(mesh)
-        shape = isoparametric(mesh)
+        shape = Isoparametric(mesh)
         element, barycentric = shape.locate(points.T, found)
         return np.sum(barycentric * values[shape.t[:, element]], axis=0)
     return np.sum(locator.barycentric_coordinates(points, found) * values[locator.elements.node[found]], axis=1)

@@ -86,7 +86,7 @@ def turned(
     if np.array_equal(image, np.arange(len(image))):
         raise ValueError(f"turned by {turn.angle:.6g} rad {name!r} and the rest meet nowhere; turn it by less.")
     sides = {each: sides_of(mesh, rows) for each, rows in (mesh.boundaries or {}).items()}
-    offset[part] = offset[part] @ turn.matrix[:, :2].T
+    offset[:, :, part] = np.tensordot(turn.matrix[:, :2], offset[:, :, part], 1)
     return with_images(mesh, p, t, image, named_sets(mesh.subdomains), sides, offset)
 
 

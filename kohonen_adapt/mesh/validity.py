@@ -4,9 +4,8 @@ import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.mesh.cells import LARGEST_EXTENT, LEAST_EXTENT, cell_of, check_kind
-from kohonen_adapt.mesh.curved import check_midsides, corners_of, is_second_order
+from kohonen_adapt.mesh.curved import check_curved_sides, check_midsides, corners_of, is_second_order
 from kohonen_adapt.mesh.host import is_own_name, number_facets
-from kohonen_adapt.mesh.measures import check_curved_sides
 
 __all__ = ["check_mesh"]
 

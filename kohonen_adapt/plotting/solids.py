@@ -18,8 +18,9 @@ from kohonen_adapt.display import in_unit
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.placement import listed_coils
 from kohonen_adapt.mesh.cells import check_kind
+from kohonen_adapt.mesh.curved import Isoparametric
 from kohonen_adapt.mesh.host import count_unknowns, edges_between
-from kohonen_adapt.mesh.measures import CurvedTetrahedra, directed
+from kohonen_adapt.mesh.measures import directed
 from kohonen_adapt.mesh.names import combinations, named_sets
 from kohonen_adapt.mesh.slicing import CutBy, Flat, cut_triangles, flat
 from kohonen_adapt.plotting.charts import axes_of
@@ -203,7 +204,7 @@ def _on_faces(mesh: MeshTet, rim: Ints, values: Floats) -> Floats:
     return mean
 
 
-def _faces(shape: CurvedTetrahedra, rim: Ints, camera: Floats, scale: float) -> tuple[PolyCollection, Ints, Floats]:
+def _faces(shape: Isoparametric, rim: Ints, camera: Floats, scale: float) -> tuple[PolyCollection, Ints, Floats]:
     mesh = shape.corners
     nodes = directed(mesh, rim, np.zeros_like(rim)).T
     corners = mesh.p[:, nodes]
@@ -211,9 +212,9 @@ def _faces(shape: CurvedTetrahedra, rim: Ints, camera: Floats, scale: float) -> 
     seen = np.flatnonzero(camera[2] @ normal > 0.0)
     order = seen[np.argsort(camera[2] @ corners.mean(axis=1)[:, seen], kind="stable")]
     outline = corners
-    if shape.edge_offset.any():
+    if shape.side_offset.any():
         following = nodes[[1, 2, 0]]
-        middle = 0.5 * (corners + mesh.p[:, following]) + shape.edge_offset[:, edges_between(mesh, nodes, following)]
+        middle = 0.5 * (corners + mesh.p[:, following]) + shape.side_offset[:, edges_between(mesh, nodes, following)]
         outline = np.stack([corners, middle], axis=2).reshape(3, 6, -1)
     projected = scale * np.einsum("kc,cif->fik", camera[:2], outline[:, :, order])
     width = float(np.clip(15.0 / np.sqrt(len(order)), 0.05, 0.4))
@@ -222,12 +223,12 @@ def _faces(shape: CurvedTetrahedra, rim: Ints, camera: Floats, scale: float) -> 
     return drawn, order, towards_light
 
 
-def _checked(mesh: MeshTet) -> tuple[MeshTet, CurvedTetrahedra]:
+def _checked(mesh: MeshTet) -> tuple[MeshTet, Isoparametric]:
     # the tetrahedra between the corners, and their curved edges
     check_kind(mesh, curved=True, space=True)
     if len(mesh.p) != 3:
         raise ValueError("mesh must be a skfem.MeshTet; a mesh of triangles is drawn by draw_mesh.")
-    shape = CurvedTetrahedra(mesh)
+    shape = Isoparametric(mesh)
     return shape.corners, shape
 
 

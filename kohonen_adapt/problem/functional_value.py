@@ -21,7 +21,7 @@ from kohonen_adapt.mesh.elements.polynomials import (
     unknowns_of_elements,
 )
 from kohonen_adapt.mesh.elements.rules import Rule, triangle_rule
-from kohonen_adapt.mesh.measures import CurvedTetrahedra, inner_points, magnitude
+from kohonen_adapt.mesh.measures import inner_points, magnitude
 from kohonen_adapt.problem.boundary_terms import (
     corner_values,
     nodal_terms,
@@ -87,7 +87,7 @@ def offsets_on(mesh: Mesh, ritz: Ritz) -> Floats | None:
     # midside offsets as of `ElementFunctions`; tetrahedra of order 1 have straight edges
     if not is_second_order(mesh) or (mesh.dim() == TETRAHEDRON.dim and ritz.order == 1):
         return None
-    return midside_offsets(mesh).T if mesh.dim() == 2 else CurvedTetrahedra(mesh).offset
+    return midside_offsets(mesh)
 
 
 def coefficients_on(mesh: Mesh, ritz: Ritz, number: Ints) -> Floats:

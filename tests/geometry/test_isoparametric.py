@@ -9,14 +9,13 @@ from skfem import MeshTri, MeshTri2
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules, quality
-from kohonen_adapt.geometry.plane.midsides import MIN_JACOBIAN
+from kohonen_adapt.geometry.plane.midsides import MIN_JACOBIAN, jacobian_coefficients
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.mesh.curved import (
-    corner_positions,
     corners_of,
-    facet_midside_offsets,
-    jacobian_coefficients,
+    determinant_coefficients,
     midside_offsets,
+    offsets_of_sides,
     with_midside_offsets,
 )
 from kohonen_adapt.mesh.measures import area, signed_area
@@ -30,8 +29,8 @@ def bent(mesh, **rules):
 
 def shares_kept(mesh):
     """Least Bernstein coefficient of every element over the determinant of the straight one, (nelements,)."""
-    coefficients = jacobian_coefficients(corner_positions(mesh), midside_offsets(mesh))
-    return (coefficients / (2.0 * signed_area(mesh))[:, None]).min(axis=1)
+    coefficients = determinant_coefficients(mesh.p[:, mesh.t], midside_offsets(mesh))
+    return (coefficients / (2.0 * signed_area(mesh))).min(axis=0)
 
 
 def on_rim(mesh):
@@ -74,8 +73,8 @@ def test_hostile_arcs_between_thin_triangles_fold_nothing_over(gaps, inner, oute
     kept = shares_kept(curved)
     assert kept.min() > MIN_JACOBIAN - 1e-9
     ka.quality(curved)  # refuses what is folded over
-    off, ring = facet_midside_offsets(curved), curved.boundaries["ring"]
-    whole = facet_midside_offsets(with_midside_offsets(mesh, to_circle(mesh)))[:, ring]
+    off, ring = offsets_of_sides(curved), curved.boundaries["ring"]
+    whole = offsets_of_sides(with_midside_offsets(mesh, to_circle(mesh)))[:, ring]
     part = np.sum(off[:, ring] * whole, axis=0) / np.sum(whole**2, axis=0)
     np.testing.assert_allclose(off[:, ring], part * whole, atol=1e-12)
     held = part < 1.0 - 1e-9
@@ -140,7 +139,7 @@ def test_middles_are_on_the_curve_and_only_there_off_their_chords():
     curved = bent(mesh)
     assert type(curved) is MeshTri2
     np.testing.assert_allclose(on_rim(curved), 1.0, atol=1e-15)
-    off = facet_midside_offsets(curved)
+    off = offsets_of_sides(curved)
     off[:, curved.boundary_facets()] = 0.0
     assert np.abs(off).max() < 1e-15
     np.testing.assert_array_equal(corners_of(curved).p, mesh.p)

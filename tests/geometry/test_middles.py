@@ -10,7 +10,7 @@ import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.triangle.arrays import ROUND, STRAIGHT, TABLED
-from kohonen_adapt.mesh.curved import corners_of, facet_midside_offsets, with_midside_offsets
+from kohonen_adapt.mesh.curved import corners_of, offsets_of_sides, with_midside_offsets
 
 
 def star(corners, middles):
@@ -157,7 +157,7 @@ def test_a_polygon_beside_a_curve_is_no_arc():
     off[:, rim] = middle / np.hypot(*middle) - middle
     curved = movable(with_midside_offsets(mesh, off))
     assert np.sum(curved.constraints.chains.shape == ROUND) == 1
-    np.testing.assert_allclose(facet_midside_offsets(curved.mesh())[:, ring], 0.0, atol=1e-15)
+    np.testing.assert_allclose(offsets_of_sides(curved.mesh())[:, ring], 0.0, atol=1e-15)
     assert np.sum(movable(with_midside_offsets(mesh, 0.0 * off)).constraints.chains.shape == ROUND) == 2
 
 
@@ -171,11 +171,11 @@ def test_a_given_curve_comes_first():
 
 def test_sides_inside_become_straight():
     mesh = along(ellipse, 12)
-    off = facet_midside_offsets(mesh)
+    off = offsets_of_sides(mesh)
     inside = np.flatnonzero(mesh.f2t[1] >= 0)
     off[:, inside] += 0.01
     back = movable(with_midside_offsets(corners_of(mesh), off)).mesh()
-    assert np.abs(facet_midside_offsets(back)[:, inside]).max() < 1e-15
+    assert np.abs(offsets_of_sides(back)[:, inside]).max() < 1e-15
     np.testing.assert_allclose(
         back.p[:, mesh.nvertices :][:, mesh.boundary_facets()],
         mesh.p[:, mesh.nvertices :][:, mesh.boundary_facets()],

@@ -9,11 +9,10 @@ from skfem.generic_utils import OrientedBoundary
 import kohonen_adapt as ka
 from kohonen_adapt.mesh.curved import (
     Isoparametric,
-    corner_positions,
     corners_of,
-    facet_midside_offsets,
-    jacobian_coefficients,
+    determinant_coefficients,
     midside_offsets,
+    offsets_of_sides,
     refined,
     with_midside_offsets,
 )
@@ -37,7 +36,7 @@ def test_corners_and_displacements_make_up_the_mesh():
     mesh = named()
     curved, off = bent(mesh, 0.01)
     assert type(curved) is MeshTri2 and curved.nvertices == mesh.nvertices
-    np.testing.assert_allclose(facet_midside_offsets(curved), off, atol=1e-16)
+    np.testing.assert_allclose(offsets_of_sides(curved), off, atol=1e-16)
     straight = corners_of(curved)
     assert type(straight) is MeshTri and corners_of(mesh) is mesh
     for array in ("p", "t", "facets", "t2f", "f2t"):
@@ -46,9 +45,7 @@ def test_corners_and_displacements_make_up_the_mesh():
         assert list(each.subdomains) == list(mesh.subdomains) and list(each.boundaries) == ["left", "sheet"]
         np.testing.assert_array_equal(each.boundaries["sheet"].ori, ORIENTED.ori)
         np.testing.assert_array_equal(each.boundaries["left"], mesh.boundaries["left"])
-    assert not np.any(facet_midside_offsets(mesh)) and not np.any(
-        facet_midside_offsets(MeshTri2.from_mesh(mesh)) > 1e-15
-    )
+    assert not np.any(offsets_of_sides(mesh)) and not np.any(offsets_of_sides(MeshTri2.from_mesh(mesh)) > 1e-15)
 
 
 def test_middles_stand_where_scikit_fem_looks_for_those_of_facets_and_elements():
@@ -60,19 +57,22 @@ def test_middles_stand_where_scikit_fem_looks_for_those_of_facets_and_elements()
         halfway[[i, j]] = 0.5
         at = curved._mapping().F(halfway[1:, None])[:, :, 0]
         chord = curved.p[:, curved.t[[i, j]]].mean(axis=1)
-        np.testing.assert_allclose((at - chord).T, midside_offsets(curved)[:, corner], atol=1e-15)
+        np.testing.assert_allclose(at - chord, midside_offsets(curved)[:, corner], atol=1e-15)
 
 
 def test_determinants_are_those_of_scikit_fem_and_the_coefficients_bound_them():
     curved, _ = bent(MESH, 0.04)
-    coefficients = jacobian_coefficients(corner_positions(curved), midside_offsets(curved))
+    coefficients = determinant_coefficients(curved.p[:, curved.t], midside_offsets(curved))
     x, y = points = np.random.default_rng(1).dirichlet(np.ones(3), 200).T[1:]
-    shares = np.stack([1.0 - x - y, x, y])
-    i, j = [1, 2, 0], [2, 0, 1]
-    found = coefficients @ np.concatenate([shares**2, 2.0 * shares[i] * shares[j]])
+    found = coefficients.T @ bernstein(np.stack([1.0 - x - y, x, y]))
     np.testing.assert_allclose(found, curved._mapping().detDF(points), atol=1e-14)
-    assert np.all(coefficients.min(axis=1)[:, None] <= found + 1e-15)
-    np.testing.assert_allclose(coefficients[:, :3].T[0], curved._mapping().detDF(np.zeros((2, 1)))[:, 0], atol=1e-14)
+    assert np.all(coefficients.min(axis=0)[:, None] <= found + 1e-15)
+    np.testing.assert_allclose(coefficients[0], curved._mapping().detDF(np.zeros((2, 1)))[:, 0], atol=1e-14)
+
+
+def bernstein(shares):
+    """Values of the Bernstein polynomials of degree 2 in the order of the coefficients, (6, n)."""
+    return np.stack([(1 + (i != j)) * shares[i] * shares[j] for i in range(3) for j in range(i, 3)])
 
 
 def test_areas_lie_between_the_bent_sides():
@@ -87,7 +87,7 @@ def bulges(mesh):
     """What the parabolas on the rim add to the area between the chords, two thirds of chord times height."""
     rim = mesh.boundary_facets()
     a, b = (mesh.p[:, mesh.facets[side, rim]] for side in (0, 1))
-    off, along = facet_midside_offsets(mesh)[:, rim], b - a
+    off, along = offsets_of_sides(mesh)[:, rim], b - a
     inside = mesh.p[:, mesh.t[:, mesh.f2t[0, rim]]].mean(axis=1) - 0.5 * (a + b)
     height, depth = (along[0] * way[1] - along[1] * way[0] for way in (off, inside))
     return -2.0 / 3.0 * np.sum(height * np.sign(depth))
@@ -122,11 +122,11 @@ def test_a_determinant_may_be_positive_where_a_coefficient_is_not():
     rng = np.random.default_rng(5)
     corners = np.array([[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]])
     shares = rng.dirichlet(np.ones(3), 4000).T
-    weights = np.concatenate([shares**2, 2.0 * shares[[1, 2, 0]] * shares[[2, 0, 1]]])
+    weights = bernstein(shares)
     found = 0
     for _ in range(400):
         off = rng.uniform(-0.3, 0.3, (1, 3, 2))
-        coefficients = jacobian_coefficients(corners, off)
+        coefficients = determinant_coefficients(corners.T, off.T).T
         if coefficients.min() >= 0.0 or (coefficients @ weights).min() < 0.05:
             continue
         mesh = MeshTri(corners[0].T, np.array([[0], [1], [2]]))

@@ -9,7 +9,7 @@ import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.triangle.locate import TOLERANCE
-from kohonen_adapt.mesh.curved import corner_positions, corners_of, midside_offsets, with_midside_offsets
+from kohonen_adapt.mesh.curved import corners_of, midside_offsets, with_midside_offsets
 from kohonen_adapt.mesh.validity import check_mesh
 
 
@@ -35,8 +35,8 @@ MESHES = {
 def at_shares(mesh, element, shares):
     """Where the shares (k, 3) of elements (k,) are, (2, k)."""
     i, j = [1, 2, 0], [2, 0, 1]
-    bows = 4.0 * np.einsum("ki,kid->kd", shares[:, i] * shares[:, j], midside_offsets(mesh)[element])
-    return (np.einsum("ki,kid->kd", shares, corner_positions(mesh)[element]) + bows).T
+    bows = 4.0 * np.einsum("ki,dik->dk", shares[:, i] * shares[:, j], midside_offsets(mesh)[:, :, element])
+    return np.einsum("ki,dik->dk", shares, mesh.p[:, mesh.t[:, element]]) + bows
 
 
 def drawn(mesh, count=4000, seed=0):

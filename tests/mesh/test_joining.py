@@ -9,10 +9,9 @@ from skfem.generic_utils import OrientedBoundary
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.curved import (
-    corner_positions,
     corners_of,
-    facet_midside_offsets,
     midside_offsets,
+    offsets_of_sides,
     with_midside_offsets,
 )
 from kohonen_adapt.mesh.measures import area
@@ -223,7 +222,7 @@ def test_bent_sides_turn_with_their_elements():
     np.testing.assert_allclose(area(new), area(mesh), rtol=1e-9)
     assert {name: len(rows) for name, rows in new.boundaries.items()} == {"pole": 24, "ring": 96, "outer": 96}
     turn = np.where(np.isin(np.arange(mesh.nelements), mesh.subdomains["rotor"]), np.exp(1j * angle), 1.0)
-    was, now = (each[..., 0] + 1j * each[..., 1] for each in map(midside_offsets, (mesh, new)))
+    was, now = (each[0].T + 1j * each[1].T for each in map(midside_offsets, (mesh, new)))
     np.testing.assert_allclose(now, turn[:, None] * was, atol=1e-12)  # the circle is whole: nodes keep their numbers
     back = ka.turned(new, "rotor", -angle)
     np.testing.assert_allclose(back.p, mesh.p, atol=1e-14)
@@ -231,7 +230,7 @@ def test_bent_sides_turn_with_their_elements():
 
 def by_place(mesh):
     """Corners and displacements of elements, (nelements, 3, 2) each, the corners of an element in order of their x."""
-    x, off = corner_positions(mesh), midside_offsets(mesh)
+    x, off = mesh.p[:, mesh.t].T, midside_offsets(mesh).T
     order = np.argsort(np.round(x @ [1.0, 0.1], 9), axis=1)[:, :, None]
     return np.take_along_axis(x, order, axis=1), np.take_along_axis(off, order, axis=1)
 
@@ -249,7 +248,7 @@ def test_bent_meshes_become_one_with_their_bends():
         assert np.sum(differ) == (N if one is inner else 0)
         assert np.all(np.hypot(*x[: one.nelements][differ].T).max(axis=0) > 0.49)
         np.testing.assert_allclose(area(mesh).sum(), np.pi, rtol=1e-3)
-    assert not np.any(facet_midside_offsets(ka.merge(inner, stator())))
+    assert not np.any(offsets_of_sides(ka.merge(inner, stator())))
 
 
 @pytest.mark.parametrize("oriented", [False, True])

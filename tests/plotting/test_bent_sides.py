@@ -9,7 +9,6 @@ from kohonen_adapt import Rules
 from kohonen_adapt.commands.check import outlines_described
 from kohonen_adapt.display import PARTS, divided, lattice, straight_and_curved
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.mesh.curved import cross
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.slicing import flat
 from kohonen_adapt.plotting import draw_field_lines, draw_indicators, draw_mesh, plot_outlines
@@ -49,7 +48,7 @@ def test_colours_and_lines_reach_the_arc():
     one, other = figure.subplots(1, 2)
     shades = draw_indicators(one, ROUND, np.arange(1.0, ROUND.nelements + 1.0), unit="")
     outlines = [path.vertices for path in shades.get_paths()]  # closed
-    areas = [0.5 * abs(np.sum(cross(x[:-1], x[1:]))) for x in outlines]
+    areas = [0.5 * abs(np.sum(x[:-1, 0] * x[1:, 1] - x[:-1, 1] * x[1:, 0])) for x in outlines]
     np.testing.assert_allclose(areas, area(ROUND)[shades.get_array().astype(int) - 1], rtol=1e-2)
     colours = draw_field_lines(other, ROUND, ROUND.p[0, : ROUND.nvertices], np.ones((3, ROUND.nelements)), unit="")
     assert colours.get_array().size == lattice(PARTS)[0].shape[1] * ROUND.nelements

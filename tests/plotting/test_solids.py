@@ -11,7 +11,7 @@ from skfem import MeshTet, MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import plotting
-from kohonen_adapt.mesh.measures import CurvedTetrahedra
+from kohonen_adapt.mesh.curved import Isoparametric
 from kohonen_adapt.mesh.slicing import flat
 from kohonen_adapt.plotting.solids import _camera, _faces
 
@@ -61,7 +61,7 @@ def test_only_faces_that_look_here_are_seen_and_near_ones_last():
     (faces,) = axes.collections
     assert isinstance(faces, PolyCollection) and len(faces.get_paths()) == 3 * 8
     rim, camera = mesh.boundary_facets(), _camera(-60.0, 25.0)
-    _, order, _ = _faces(CurvedTetrahedra(mesh), rim, camera, 1.0)
+    _, order, _ = _faces(Isoparametric(mesh), rim, camera, 1.0)
     centres = mesh.p[:, mesh.facets[:, rim[order]]].mean(axis=1)
     assert np.all(np.diff(camera[2] @ centres) >= 0.0)
     assert_allclose(camera @ camera.T, np.eye(3), atol=1e-15)

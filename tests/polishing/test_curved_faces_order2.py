@@ -17,7 +17,8 @@ from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints
 from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import slivers_at
 from kohonen_adapt.kernels.tetrahedron.polish.descend_order2 import number_star
 from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Material
-from kohonen_adapt.mesh.measures import area, edge_midside_offsets
+from kohonen_adapt.mesh.curved import offsets_of_sides
+from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 
 IRON = Material(50.0)
@@ -56,7 +57,7 @@ def test_slivers_have_the_volume_that_quadratic_faces_lack():
     mesh, slope, coefficient = curved("ball"), np.array([1.0, -0.5, 2.0]), np.array([1.0, 3.0])
     region = np.zeros(mesh.nelements, dtype=np.int64)
     region[mesh.subdomains["air"]] = 1
-    middle = 0.5 * (mesh.p[:, mesh.edges[0]] + mesh.p[:, mesh.edges[1]]) + edge_midside_offsets(mesh)
+    middle = 0.5 * (mesh.p[:, mesh.edges[0]] + mesh.p[:, mesh.edges[1]]) + offsets_of_sides(mesh)
     values = slope @ np.hstack([mesh.p[:, : mesh.nvertices], middle])
     fixed = np.zeros(values.size, dtype=bool)
     constants = {"coefficient": coefficient, "flux": np.outer(slope, coefficient), "region": region}

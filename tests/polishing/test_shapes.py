@@ -9,12 +9,11 @@ from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 
 from kohonen_adapt import Ritz, Rules
 from kohonen_adapt.geometry.movable import unchanged
-from kohonen_adapt.geometry.plane.midsides import MIN_JACOBIAN
+from kohonen_adapt.geometry.plane.midsides import MIN_JACOBIAN, jacobian_coefficients
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, FREE, POSITION, SLIDING, VALUE
 from kohonen_adapt.kernels.triangle.polish import descend_higher as kernels
-from kohonen_adapt.mesh.curved import jacobian_coefficients
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value

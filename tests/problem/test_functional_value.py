@@ -7,7 +7,6 @@ from skfem import Basis, ElementTetP1, ElementTetP2, MeshTet, MeshTri
 from kohonen_adapt import Ritz
 from kohonen_adapt.mesh.curved import with_midside_offsets
 from kohonen_adapt.mesh.elements.functions import KINDS
-from kohonen_adapt.mesh.measures import with_edge_offsets
 from kohonen_adapt.polishing.stationarity import derivatives_on
 from kohonen_adapt.problem.boundary_terms import SurfaceTerms
 from kohonen_adapt.problem.functional_value import coefficients_on, functional_value, numbers_of, offsets_on, value_on
@@ -41,7 +40,7 @@ def bent(mesh):
         return with_midside_offsets(mesh, 0.02 * inner * random.uniform(-1.0, 1.0, (2, inner.size)))
     mesh.f2t, mesh.edges  # noqa: B018
     outer = np.isin(np.arange(mesh.edges.shape[1]), mesh.boundary_edges())
-    return with_edge_offsets(mesh, 0.01 * ~outer * random.uniform(-1.0, 1.0, (3, outer.size)))
+    return with_midside_offsets(mesh, 0.01 * ~outer * random.uniform(-1.0, 1.0, (3, outer.size)))
 
 
 def positions(mesh, order):

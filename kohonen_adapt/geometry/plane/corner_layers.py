@@ -15,7 +15,7 @@ from kohonen_adapt.checks import is_count, is_number
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.plane.pairs import image_nodes
 from kohonen_adapt.mesh.blended import Blended
-from kohonen_adapt.mesh.curved import AFTER, BEFORE, least_determinants, with_midside_offsets
+from kohonen_adapt.mesh.curved import AFTER, BEFORE, inverted_elements, with_midside_offsets
 from kohonen_adapt.mesh.host import facets_opposite, set_boundaries
 from kohonen_adapt.mesh.joining import sides_of
 from kohonen_adapt.mesh.motions import Pair
@@ -236,7 +236,7 @@ def mesh_of(pieces: Pieces, mesh: MeshTri, shape: Blended) -> MeshTri:
     offset = np.zeros((2, made.facets.shape[1]))
     offset[:, facet[e, k]] = midside - made.p[:, made.facets[:, facet[e, k]]].mean(axis=1)
     curved = with_midside_offsets(made, offset)
-    inverted = np.flatnonzero(~(least_determinants(curved) > 0.0))
+    inverted = inverted_elements(curved)
     if inverted.size:
         raise FoldedLayers(np.unique(shape.t[:, pieces.parent[inverted]]))
     return curved

@@ -9,7 +9,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.chains import parameters_of, points_on, signed_distances
 from kohonen_adapt.kernels.triangle.arrays import STRAIGHT, Constraints
 from kohonen_adapt.kernels.triangle.polish.by_points import MIN_JACOBIAN
-from kohonen_adapt.mesh.curved import AFTER, BEFORE, jacobian_coefficients
+from kohonen_adapt.mesh.curved import AFTER, BEFORE, determinant_coefficients
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["MIN_JACOBIAN", "area_cut_off", "offsets_on_curves", "offsets_with_free_sides"]
@@ -54,6 +54,11 @@ def offsets_with_free_sides(triangulation: Triangulation, constraints: Constrain
         least = relative_determinants(np.tile(corners[rows], (len(rises), 1, 1)), trials.reshape(-1, 3, 2))
         offsets[rows] = trials[np.argmax(least.reshape(len(rises), -1).min(axis=1))]
     return offsets
+
+
+def jacobian_coefficients(corners: Floats, offsets: Floats) -> Floats:
+    # (m, 6), of corners and midside offsets (m, 3, 2)
+    return determinant_coefficients(corners.T, offsets.T).T
 
 
 def relative_determinants(corners: Floats, offsets: Floats) -> Floats:

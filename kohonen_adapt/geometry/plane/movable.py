@@ -24,7 +24,7 @@ from kohonen_adapt.kernels.arrays import KernelMesh, Metric
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
 from kohonen_adapt.kernels.triangle.arrays import HELD, JUNCTION, Constraints, Elements
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_non_delaunay
-from kohonen_adapt.mesh.curved import facet_midside_offsets, is_second_order, with_midside_offsets
+from kohonen_adapt.mesh.curved import is_second_order, offsets_of_sides, with_midside_offsets
 from kohonen_adapt.mesh.host import facets_opposite
 from kohonen_adapt.mesh.shapes import round_shapes
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -85,7 +85,7 @@ class MovableMesh(Movable):
         check_for(rules, 2)
         triangulation = Triangulation.of(mesh)
         second_order = is_second_order(mesh)
-        outline = Outline.of(triangulation, rules, facet_midside_offsets(mesh) if second_order else None)
+        outline = Outline.of(triangulation, rules, offsets_of_sides(mesh) if second_order else None)
         set_levels(triangulation, outline.constraints, rules.layers)
         floor = floor_of(rules, 2)
         curved_output = (second_order if curved is None else curved) and not outline.straight.all()
@@ -115,7 +115,7 @@ class MovableMesh(Movable):
 
     def flattened(self, mesh: MeshTri) -> float:
         """Return the largest distance of midside nodes of a mesh from their curves."""
-        exact, found = facet_midside_offsets(self.mesh(-np.inf)), facet_midside_offsets(mesh)
+        exact, found = offsets_of_sides(self.mesh(-np.inf)), offsets_of_sides(mesh)
         distance = float(np.hypot(*np.where(exact.any(axis=0), exact - found, 0.0)).max())
         return distance if distance > FLAT * np.ptp(mesh.doflocs, axis=1).max() else 0.0
 

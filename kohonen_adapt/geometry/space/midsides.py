@@ -14,10 +14,9 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.space.patches import Faces, Patches, on_their_patches
 from kohonen_adapt.kernels.tetrahedron.arrays import Tetrahedra
 from kohonen_adapt.kernels.triangle.polish.by_points import MIN_JACOBIAN
-from kohonen_adapt.mesh.cells import FACES
-from kohonen_adapt.mesh.curved import STRAIGHT
+from kohonen_adapt.mesh.cells import FACES, TETRAHEDRON
+from kohonen_adapt.mesh.curved import STRAIGHT, determinant_coefficients, offsets_of_sides
 from kohonen_adapt.mesh.host import edges_between, number_edges
-from kohonen_adapt.mesh.measures import determinant_coefficients, edge_midside_offsets
 
 __all__ = ["NO_EDGES", "InputEdges", "offsets_on_surfaces"]
 
@@ -34,7 +33,7 @@ class InputEdges(NamedTuple):
             edges_between(mesh, nodes, np.roll(nodes, -1, axis=1))
             for nodes in (faces.nodes[~moves], faces.nodes[moves])
         )
-        offset, own = edge_midside_offsets(mesh), np.setdiff1d(flat, curved)
+        offset, own = offsets_of_sides(mesh), np.setdiff1d(flat, curved)
         own = own[offset[:, own].any(axis=0)]
         return cls(mesh.p.T[mesh.edges[:, own].T], offset[:, own].T)
 
@@ -96,4 +95,5 @@ def _folding(mesh: MeshTet, offset: Floats) -> Ints:
 
 
 def _least(mesh: MeshTet, rows: Ints, offset: Floats) -> Floats:
-    return np.asarray(determinant_coefficients(mesh.p[:, mesh.t[:, rows]], offset).min(axis=(0, 1, 2)))
+    corners = mesh.p[:, mesh.t[:, rows]]
+    return np.asarray((determinant_coefficients(corners, offset) / TETRAHEDRON.determinant(corners)).min(axis=0))

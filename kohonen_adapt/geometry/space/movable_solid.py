@@ -41,9 +41,8 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.mesh.adjacency import write_on_both_sides
 from kohonen_adapt.mesh.cells import FACES, normals
-from kohonen_adapt.mesh.curved import is_second_order
+from kohonen_adapt.mesh.curved import is_second_order, with_midside_offsets
 from kohonen_adapt.mesh.host import facets_opposite, set_boundaries
-from kohonen_adapt.mesh.measures import with_edge_offsets
 from kohonen_adapt.mesh.names import boundary_of, turned
 from kohonen_adapt.mesh.shapes import round_shapes
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
@@ -154,7 +153,8 @@ class MovableSolid(Movable):
         # and the edges on curved surfaces that stay straight, (nedges,), and the number of all
         mesh = self._straight_mesh()
         offset, flat = offsets_on_surfaces(mesh, self.tetrahedralization.elements, self.patches, self.input_edges)
-        return with_edge_offsets(mesh, offset), flat, int(np.count_nonzero(flat | offset.any(axis=0)))
+        curved = with_midside_offsets(mesh, offset) if offset.any() else mesh
+        return curved, flat, int(np.count_nonzero(flat | offset.any(axis=0)))
 
     def _straight_mesh(self) -> MeshTet:
         mesh = self.tetrahedralization.to_mesh()

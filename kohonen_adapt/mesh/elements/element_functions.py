@@ -7,7 +7,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.cells import CELLS
-from kohonen_adapt.mesh.curved import AFTER, BEFORE
+from kohonen_adapt.mesh.curved import tangent_corners
 from kohonen_adapt.mesh.elements.functions import kinds_at_axis, near_axis
 from kohonen_adapt.mesh.elements.groups import Form, Group, Groups, Reference
 from kohonen_adapt.mesh.elements.rules import (
@@ -18,11 +18,8 @@ from kohonen_adapt.mesh.elements.rules import (
     points_near_axis,
     triangle_rule,
 )
-from kohonen_adapt.mesh.measures import EDGES
 
 __all__ = ["ElementFunctions"]
-
-ENDS = {2: np.array([AFTER, BEFORE]), 3: EDGES}  # corners of the sides or edges of midside offsets, by dimension
 
 
 def _rule_of(form: Form) -> Rule:
@@ -75,18 +72,11 @@ class ElementFunctions:
 
     def _group(self, form: Form, rows: Ints | slice, first: int) -> Group:
         at, cell = _reference(form), CELLS[self.dim]
-        corner = self._tangent_corners(at.barycentric, rows) if form.curved else self.corners[:, :, None, rows]
+        corner = self.corners[:, :, None, rows]
+        if form.curved:
+            corner = tangent_corners(corner, self.offset[:, :, None, rows], at.barycentric.T[:, :, None])
         volumes = np.abs(cell.determinant(corner)) / factorial(self.dim)
         return Group(at, rows, first, cell.hat_gradients(corner)[:, 1:], volumes)
-
-    def _tangent_corners(self, barycentric: Floats, rows: Ints | slice) -> Floats:
-        # Corners of the straight elements with the Jacobian matrices at points (q, d + 1), (d, d + 1, q, m).
-        found = np.repeat(self.corners[:, :, None, rows], len(barycentric), axis=2)
-        for k, (a, b) in enumerate(ENDS[self.dim].T):
-            offset = 4.0 * self.offset[:, k][:, None, rows]
-            found[:, a] += barycentric[:, b, None] * offset
-            found[:, b] += barycentric[:, a, None] * offset
-        return found
 
     @property
     def element(self) -> Ints:
@@ -108,7 +98,7 @@ class ElementFunctions:
         at = group.at.barycentric
         x = np.einsum("qi,cim->cqm", at, self.corners[:, :, group.rows])
         if group.at.form.curved:
-            a, b = ENDS[self.dim]
+            a, b = np.transpose(CELLS[self.dim].edges)
             x += np.einsum("qk,ckm->cqm", 4.0 * at[:, a] * at[:, b], self.offset[:, :, group.rows])
         return x
 

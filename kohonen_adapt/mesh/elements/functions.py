@@ -21,8 +21,7 @@ from skfem.refdom import RefTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import NEAR_AXIS
-from kohonen_adapt.mesh.cells import TETRAHEDRON
-from kohonen_adapt.mesh.curved import AFTER, BEFORE
+from kohonen_adapt.mesh.cells import TRIANGLE
 from kohonen_adapt.mesh.elements.rules import product_rule
 
 __all__ = [
@@ -56,7 +55,7 @@ ODD = 13.5  # of the side functions of order 3; other lowest functions are 1 at 
 ON_AXIS = np.vstack([np.zeros((1, 3)), np.eye(3), 1.0 - np.eye(3)]) > 0.0
 # Edges of hierarchical functions, by dimension: of triangles opposite to the corners. The odd functions rise from the
 # first to the second corner.
-EDGES = {1: ((0, 1),), 2: tuple(zip(AFTER, BEFORE, strict=True)), 3: TETRAHEDRON.edges}
+EDGES = {1: ((0, 1),), 2: TRIANGLE.edges, 3: tuple(combinations(range(4), 2))}
 NODE_EDGES = {1: ((0, 1),), 2: ((0, 1), (1, 2), (0, 2)), 3: RefTet.edges}  # edges of nodes, as of scikit-fem
 
 

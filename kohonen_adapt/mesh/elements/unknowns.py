@@ -24,7 +24,7 @@ from kohonen_adapt.mesh.elements.functions import (
 )
 from kohonen_adapt.mesh.elements.rules import facet_rule
 from kohonen_adapt.mesh.host import edges_between, number_edges, number_facets, remade
-from kohonen_adapt.mesh.measures import isoparametric, magnitude
+from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["Unknowns"]
 
@@ -54,7 +54,7 @@ class Unknowns:
     @cached_property
     def shape(self) -> Any:
         """Map of curved elements, a `CurvedElements`."""
-        return Blended(self.mesh, self.sides) if self.arcs and self.dim == 2 else isoparametric(self.mesh)
+        return Blended(self.mesh, self.sides) if self.arcs and self.dim == 2 else Isoparametric(self.mesh)
 
     @cached_property
     def corners(self) -> Mesh:
@@ -145,7 +145,7 @@ class Unknowns:
     @property
     def _offset(self) -> Floats:
         # midside offsets of all edges, (d, nedges)
-        return self.shape.facet_offset if isinstance(self.shape, Isoparametric) else self.shape.edge_offset
+        return self.shape.side_offset
 
     def on_facets(self, facets: Ints) -> Ints:
         """Return the unknowns of facets, at corners first, (k, nfacets)."""

@@ -30,10 +30,11 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import FACE_POINTS, FACE_WEIGHTS
 from kohonen_adapt.mesh.cells import FACES, TETRAHEDRON
+from kohonen_adapt.mesh.curved import offsets_of_sides, tangent_corners
 from kohonen_adapt.mesh.elements.functions import hierarchical
 from kohonen_adapt.mesh.elements.rules import CURVED_RULE_IN_SPACE, LAW_RULE_IN_SPACE
 from kohonen_adapt.mesh.host import edges_between, keys_of
-from kohonen_adapt.mesh.measures import EDGES, edge_midside_offsets, tangent_corners
+from kohonen_adapt.mesh.measures import EDGES
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.problem.boundary_terms import corner_values, reduced_regions
 from kohonen_adapt.problem.functional_value import integrand
@@ -202,7 +203,7 @@ class CurvedEdges(NamedTuple):
             none = np.zeros(0, dtype=np.int32)
             return cls(np.zeros(1, dtype=np.int32), none, np.zeros((0, 3)), none)
         mesh, straight, _ = movable.curved_mesh()
-        offset, place = edge_midside_offsets(mesh), np.where(straight, -1, places_of_edges(movable, mesh))
+        offset, place = offsets_of_sides(mesh), np.where(straight, -1, places_of_edges(movable, mesh))
         rows = np.flatnonzero(offset.any(axis=0) | (place >= 0))
         one, other = mesh.edges[:, np.append(rows, rows)]
         one[rows.size :], other[rows.size :] = mesh.edges[::-1, rows]
