@@ -6,7 +6,6 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.corner_layers import FACTOR, size_at
 from kohonen_adapt.magnetostatics.arguments import Arguments
-from kohonen_adapt.magnetostatics.estimation import energy_products
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.solution import unknown_of
 from kohonen_adapt.magnetostatics.strong_corners import LEFT, layer_counts, layered, strong_corners
@@ -49,5 +48,6 @@ def squared_error(problem: Arguments, field: Field, nodes: Ints, exponent: Float
     if np.any(counts == 0):
         sizes = np.array([size_at(mesh, node) for node in nodes]) / np.ptp(mesh.p, axis=1).max()
         part = np.max(sizes ** (2.0 * exponent), where=counts == 0, initial=0.0)
-        squared += 2.0 * part / (1.0 - part) * energy_products(here, field.unknown, field.unknown, field.unknown).sum()
+        density = here.vector(field.unknown)
+        squared += 2.0 * part / (1.0 - part) * here.products(field.unknown, density, density).sum()
     return float(squared)

@@ -1,28 +1,27 @@
 """Error estimates of the vector potential in the plane."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.special import zeta
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux, goal_oriented, recovery, residual
 from kohonen_adapt.estimators.residual_estimator import HIGHER_SCALES, Facets
 from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions, fixed_values, ties_of
-from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy, Scalar, scalar_problem
+from kohonen_adapt.magnetostatics.equations.energy import Scalar, scalar_problem
+from kohonen_adapt.magnetostatics.error_by_orders import goal_indicators_by_orders, indicators_by_orders
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
-from kohonen_adapt.magnetostatics.quantities.point_values import PointField
 from kohonen_adapt.magnetostatics.residuals import dual_residual_by_points, residual_by_points
 from kohonen_adapt.magnetostatics.solution import (
     dual_of,
     energy_of,
-    interpolated_on,
     richer_solution,
 )
 from kohonen_adapt.mesh.elements.functions import ON_AXIS
@@ -30,13 +29,6 @@ from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.measures import gradient, inner_points
 
 __all__ = ["RESIDUAL_SCALE", "energy_indicators", "equal_materials", "goal_indicators"]
-
-# Estimate over error of orders 4 to 7 with layers on the C-core and on a magnet over iron: from the orders around p
-# 0.85 to 1.04, from lower orders 0.98 to 1.17 for orders 6 to 8. A geometric series (Aitken) gives 0.77 to 0.95 there.
-# Least order with an estimate from lower orders, in half the time: 0.7 to 1.1 times the error of order 4, and 1.3
-# times the error of order 6 on a disk.
-FROM_BELOW = 6
-LEAST_POWER = 2.0  # of the fall of the squared changes with the order, 4 l + 1 at a corner with exponent l
 
 # Ratio of the unscaled residual estimate to the error, measured by test_magnetostatics.py and benchmark M:
 #     cylinder in a disk, rings, 817 to 12 481 nodes                  3.61 - 3.78
@@ -50,79 +42,11 @@ RESIDUAL_SCALE = 1.0 / 3.6
 AXIS_SCALES = HIGHER_SCALES | {1: 1.0 / 4.2}
 
 
-def step_to(problem: Arguments, field: Field, order: int) -> tuple[PlaneEnergy, Floats, Floats]:
-    # The functional of another order, the values of a field there, and the Newton step from these. The step is exact
-    # for linear material, and correct to second order in its size for others.
-    energy = energy_of(problem, field, order)
-    start = energy.conditions.admissible(interpolated_on(energy.space, field.elements, field.unknown))
-    return energy, start, problem.method.full_step(energy, start, energy.gradient(start))
-
-
-def indicators_by_orders(problem: Arguments, field: Field) -> Floats:
-    """Return unsquared indicators of the energy norm, shape (nelements,).
-
-    The change from order p to p + 1 misses what higher orders would add. The squared change between orders n and n + 1
-    is taken as a power of n + 1/2, and the squared error is the sum from n = p on. The power is that of the changes to
-    p and to p + 1, or to p - 1 and to p.
-    """
-    nonlinear, round_sides = bool(field.coefficients.nonlinear_materials), field.elements.shape.curved.any()
-    if field.order >= FROM_BELOW and not (nonlinear or round_sides):
-        return _from_below(problem, field)
-    (below, start, step), higher = (step_to(problem, field, field.order + difference) for difference in (-1, 1))
-    from_lower = field.unknown - interpolated_on(field.elements, below.space, start + step)
-    before = energy_products(energy_of(problem, field), field.unknown, from_lower, from_lower)
-    energy, start, step = higher
-    now = energy_products(energy, start, step, step)
-    return np.asarray(np.sqrt(now * sum_over_change(float(before.sum()), float(now.sum()), field.order)))
-
-
-def _from_below(problem: Arguments, field: Field) -> Floats:
-    energy, unknown, changes = energy_of(problem, field), field.unknown, list[Floats]()
-    for order in (field.order - 1, field.order - 2):
-        below = energy_of(problem, field, order)
-        solution = problem.method.linear(below)
-        change = unknown - interpolated_on(energy.space, below.space, solution)
-        changes.append(energy_products(energy, unknown, change, change))
-        energy, unknown = below, solution
-    now, before = changes
-    factor = sum_over_change(float(before.sum()), float(now.sum()), field.order - 1) - 1.0
-    return np.asarray(np.sqrt(now * factor))
-
-
-def sum_over_change(before: float, now: float, order: int) -> float:
-    # Return the sum of all squared changes from `order` on, over the first, `now`.
-    if now == 0.0:
-        return 1.0
-    place = order + 0.5
-    power = max(np.log(before / now) / np.log(place / (place - 1.0)) if before > 0.0 else 0.0, LEAST_POWER)
-    return float(zeta(power, place) * place**power)
-
-
-def energy_products(energy: PlaneEnergy, u: Floats, first: Floats, second: Floats) -> Floats:
-    # ``int dH . dB`` of two changes of a solution u, shape (nelements,)
-    elements, symmetry = energy.space, energy.symmetry
-    coefficients = energy.coefficients.at_quadrature(elements.element, elements.points)
-    density, one, other = (symmetry.flux_density(elements.points, energy.vector(each)) for each in (u, first, second))
-    strength = PointField(elements.element, elements.points, density, coefficients).change_of_strength(one)
-    terms = symmetry.volume(elements.points, elements.weights) * np.sum(strength * other, axis=0)
-    return np.bincount(elements.element, terms, elements.corners.t.shape[1]).astype(np.float64)
-
-
-def goal_indicators_by_orders(problem: Arguments, field: Field, goal: Goal) -> Floats:
-    """Return unsquared indicators of a goal, in the root of its unit.
-
-    Their squares are the magnitudes of the energy products of what one order more adds to the field and to the dual.
-    """
-    higher = richer_solution(problem, field)
-    duals = (dual_of(problem, each, goal.derivative(each)).values for each in (field, higher))
-    pairs = (field.unknown, higher.unknown), tuple(duals)
-    added = (now - interpolated_on(higher.elements, field.elements, before) for before, now in pairs)
-    return np.asarray(np.sqrt(np.abs(energy_products(energy_of(problem, higher), higher.unknown, *added))))
-
-
 def energy_indicators(problem: Arguments, field: Field) -> Floats:
     if field.elements.arcs:
-        return indicators_by_orders(problem, field)
+        smooth = not (field.coefficients.nonlinear_materials or field.elements.shape.curved.any())
+        energies = partial(energy_of, problem, field)
+        return indicators_by_orders(field.unknown, field.order, energies, problem.method, smooth)
     estimator, coefficients = problem.estimator, field.coefficients
     joined = _tied_facets(problem, field)
     if estimator == "residual" and (field.order > 1 or field.axisymmetric):
@@ -196,7 +120,10 @@ def linearised(field: Field, estimator: str) -> Scalar:
 
 def goal_indicators(problem: Arguments, field: Field, goal: Goal) -> Floats:
     if field.elements.arcs:
-        return goal_indicators_by_orders(problem, field, goal)
+        higher, energies = richer_solution(problem, field), partial(energy_of, problem, field)
+        return goal_indicators_by_orders(
+            field, higher, lambda each: dual_of(problem, each, goal.derivative(each)).values, energies
+        )
     dual = dual_of(problem, field, goal.derivative(field))
     if field.order > 1:
         # Errors from a solve of one order more in every pass gave no better force between two magnets.

@@ -137,11 +137,14 @@ def _flux_of(materials: Mapping[str, Material], symmetry: Symmetry) -> Callable[
     return lambda x, index: symmetry.flux(coercivity_at(materials, x, index))
 
 
+HIGHEST_IN_SPACE = 2  # order of tetrahedra that the polish takes
 NO_LOAD = 1e-12  # largest rounding error of the load of a field parallel to a face, relative to the largest load
 FunctionalOn = Callable[[MeshTet], tuple[Energy, SolidField]]
 
 
 def functional_in_space(problem: ArgumentsInSpace, field: SolidField, functional_on: FunctionalOn) -> Ritz:
+    if field.order > HIGHEST_IN_SPACE:
+        raise NotOffered(f"tetrahedra of order {field.order} are not polished, only tetrahedra of order 1 and 2")
     coefficients_of_mesh = field.coefficients
     present, first, region = coefficients_of_mesh.present(problem.materials)
     if any(material.turns and material.bh is not None for material in present.values()):

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar, Self
 
 import numpy as np
@@ -13,6 +14,7 @@ from kohonen_adapt.geometry.space.movable_solid import with_round_edges
 from kohonen_adapt.magnetostatics.arguments import ArgumentsInSpace, solved
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, drive_on
 from kohonen_adapt.magnetostatics.equations.energy import coenergy
+from kohonen_adapt.magnetostatics.error_by_orders import goal_indicators_by_orders, indicators_by_orders
 from kohonen_adapt.magnetostatics.field_problem import (
     FieldProblem,
     check_belongs,
@@ -31,10 +33,10 @@ from kohonen_adapt.magnetostatics.solid_estimation import (
     are_parallel,
     arguments_of_goal,
     better_values,
+    dual_of_goal,
     energy_indicators_in_space,
     goal_indicators_in_space,
     linearised_at,
-    quadratic_values,
     with_surplus,
 )
 from kohonen_adapt.magnetostatics.vector_potential import MagneticVectorPotential
@@ -46,12 +48,13 @@ from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = ["MagneticScalarPotential"]
 
-ESTIMATORS, ORDERS = ("residual", "recovery", "bracket"), (1, 2)
+ESTIMATORS, ORDERS = ("residual", "recovery", "bracket"), range(1, 7)
+HIGHEST_WITH_SURPLUS = 2  # order up to which cubic functions estimate errors
 
 
 @dataclass(frozen=True, eq=False)
 class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField]):
-    """Magnets and iron in space, by a magnetic scalar potential of order 1 or 2.
+    """Magnets and iron in space, by a magnetic scalar potential of order 1 to 6.
 
     The equations are ``div B = 0`` with ``B = mu (H + Hc)`` and ``H = Hs - grad phi``, in metres, teslas and amperes.
     Fields have shape (3, n), and results are totals of the meshed part. Currents are not meshed: Hs is their field
@@ -127,7 +130,9 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         super().__post_init__()
         object.__setattr__(self, "order", chosen_order(self.order, self.estimator))
         if not is_count(self.order) or self.order not in ORDERS:
-            raise ValueError(f"order of MagneticScalarPotential must be 1 or 2; got {self.order!r}.")
+            raise ValueError(
+                f"order of MagneticScalarPotential must be a whole number from 1 to 6; got {self.order!r}."
+            )
         if self.estimator not in ESTIMATORS:
             raise ValueError(f"estimator must be 'residual', 'recovery' or 'bracket'; got {self.estimator!r}.")
         check_elements(self.order, self.curved, self.estimator)
@@ -166,7 +171,8 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         if self.order == 1:
             return None
         linear, _ = replace(self, order=1, goal=None)._functional(corners_of(mesh), drive)
-        return quadratic_values(self.method.descend_coenergy(linear)[0], energy)
+        values = self.method.descend_coenergy(linear)[0]
+        return energy.conditions.admissible(energy.space.interpolated(linear.space, values))
 
     def check(self, mesh: MeshTet) -> None:
         self.functional_on(mesh)
@@ -193,6 +199,12 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         """
         return self._functional(mesh)
 
+    def _energy_of(self, field: SolidField, order: int) -> Energy:
+        return self._at_order(order)._functional(field.mesh, field.drive)[0]
+
+    def _at_order(self, order: int) -> Self:
+        return replace(self, order=order, goal=None, estimator="residual")
+
     def _functional(self, mesh: MeshTet, known: Drive | None = None) -> tuple[Energy, SolidField]:
         material, planes = self.given_on(mesh, self.order)
         parallel = [plane.facets for plane in planes.values() if plane.kind == "parallel"]
@@ -209,14 +221,31 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
     def indicators(self, mesh: MeshTet, field: SolidField) -> Floats:
         check_belongs(field, mesh)
         if self.goal is not None:
-            found = goal_indicators_in_space(self, field, self.goal)
+            found = self._goal_indicators(field, self.goal)
             if not vanish(found, self.goal(field)):
                 return found
-            return scaled_to(energy_indicators_in_space(self, field, "residual"), self.goal_error(field))
+            return scaled_to(self._energy_indicators(field), self.goal_error(field))
         if self.estimator == "bracket":
             vector = self.vector_potential.solve(mesh)
             return gap_indicators(with_currents_of(vector, field), vector)
-        return energy_indicators_in_space(self, field, self.estimator)
+        return self._energy_indicators(field)
+
+    def _energy_indicators(self, field: SolidField) -> Floats:
+        if field.order <= HIGHEST_WITH_SURPLUS:
+            estimator = "residual" if self.goal is not None else self.estimator
+            return energy_indicators_in_space(self, field, estimator)
+        smooth = not (field.coefficients.nonlinear_materials or field.elements.curved.any())
+        energies = partial(self._energy_of, field)
+        return indicators_by_orders(field.unknown, field.order, energies, self.method, smooth)
+
+    def _goal_indicators(self, field: SolidField, goal: Goal) -> Floats:
+        if field.order <= HIGHEST_WITH_SURPLUS:
+            return goal_indicators_in_space(self, field, goal)
+
+        def dual(each: SolidField) -> Floats:
+            return dual_of_goal(self._at_order(each.order), each, goal)["dual"]
+
+        return goal_indicators_by_orders(field, self._better_solution(field), dual, partial(self._energy_of, field))
 
     def aimed_at(self, output: object) -> Self:
         """Return the problem for an output, with a goal where that is quicker.
@@ -267,11 +296,11 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         return better_values(field, outputs, self._better_solution)
 
     def _better_solution(self, field: SolidField) -> SolidField:
-        if field.order > 1:
+        if field.order == HIGHEST_WITH_SURPLUS:
             return with_surplus(self, field)
-        quadratic = replace(self, order=2, goal=None, estimator="residual")
-        mesh = with_round_edges(field.mesh) if self.curved else field.mesh  # faces cut off a part of round bodies
-        return linearised_at(field, *quadratic._functional(mesh, field.drive), self.method)
+        cut_off = self.curved and field.order == 1  # faces cut off a part of round bodies
+        mesh = with_round_edges(field.mesh) if cut_off else field.mesh
+        return linearised_at(field, *self._at_order(field.order + 1)._functional(mesh, field.drive), self.method)
 
     def ritz(self, mesh: MeshTet, field: SolidField) -> Ritz:
         """Return the co-energy functional and its minimiser, the potential.

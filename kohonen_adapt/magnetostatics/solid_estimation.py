@@ -35,11 +35,11 @@ __all__ = [
     "arguments_of_goal",
     "at_edges",
     "better_values",
+    "dual_of_goal",
     "energy_indicators_in_space",
     "goal_indicators_in_space",
     "linearised_at",
     "primal_and_dual",
-    "quadratic_values",
     "tangential_jumps",
     "with_surplus",
 ]
@@ -189,12 +189,12 @@ def scale_at_edges(problem: ArgumentsInSpace, field: LocalSolid) -> Floats:
 def arguments_of_goal(problem: ArgumentsInSpace, field: LocalSolid, goal: Goal) -> dict[str, Any]:
     """Return the arguments of goal indicators, kept for the functional."""
     if field.kept.get("goal") is not goal:
-        arguments = primal_and_dual if field.order == 1 else _dual_and_load
+        arguments = primal_and_dual if field.order == 1 else dual_of_goal
         field.kept.update(goal=goal, pair=arguments(problem, field, goal))
     return field.kept["pair"]
 
 
-def _dual_and_load(problem: ArgumentsInSpace, field: LocalSolid, goal: Goal) -> dict[str, Any]:
+def dual_of_goal(problem: ArgumentsInSpace, field: LocalSolid, goal: Goal) -> dict[str, Any]:
     elements, (_, load) = field.elements, goal.derivative(field)
     load = load if load.shape == elements.points.shape else load[:, elements.element]
     return {"dual": _dual(problem, field, load), "load": load}
@@ -267,15 +267,11 @@ def at_edges(mesh: MeshTet, material: Ints) -> Mask:
     return np.asarray(nodes[mesh.t].any(axis=0))
 
 
-def quadratic_values(values: Floats, energy: Energy) -> Floats:
+def linearised_at(field: LocalSolid, energy: Energy, higher: SolidField, newton: Newton) -> SolidField:
     # The potential in nonlinear material is total, so that H on straight edges does not change.
-    ends = values[energy.space.mesh.edges].mean(axis=0)
-    return energy.conditions.admissible(np.concatenate([values, ends]))
-
-
-def linearised_at(field: LocalSolid, energy: Energy, quadratic: SolidField, newton: Newton) -> SolidField:
-    start, newton = quadratic_values(field.unknown, energy), replace(newton, solver=replace(newton.solver, rtol=ROUGH))
-    return replace(quadratic, unknown=start + newton.full_step(energy, start, energy.gradient(start)))
+    newton = replace(newton, solver=replace(newton.solver, rtol=ROUGH))
+    start = energy.conditions.admissible(energy.space.interpolated(field.elements, field.unknown))
+    return replace(higher, unknown=start + newton.full_step(energy, start, energy.gradient(start)))
 
 
 def linear_fit(elements: Space, values: Floats) -> Floats:

@@ -12,7 +12,6 @@ from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
-from kohonen_adapt.mesh.elements.functions import nodes
 from kohonen_adapt.mesh.elements.space import Space
 
 __all__ = [
@@ -21,7 +20,6 @@ __all__ = [
     "dual_of",
     "energy_of",
     "field_of",
-    "interpolated_on",
     "linkage_slope",
     "richer_solution",
     "solution_of",
@@ -64,18 +62,11 @@ def _start_values(energy: PlaneEnergy, old: Field | None, newton: Newton) -> Flo
     # values A = 0 is a steep wall, and the linear solution is a better start.
     conditions = energy.conditions
     if old is not None and old.elements.arcs and old.mesh is energy.space.mesh:
-        return conditions.admissible(interpolated_on(energy.space, old.elements, old.unknown))
+        return conditions.admissible(energy.space.interpolated(old.elements, old.unknown))
     if old is not None:
         x = energy.space.doflocs
         return conditions.admissible(energy.symmetry.unknown(x, old_potential_at(x, old)))
     return newton.linear(energy) if np.any(conditions.values) else conditions.values
-
-
-def interpolated_on(elements: Space, old: Space, unknown: Floats) -> Floats:
-    """Return the unknowns (nunknowns,) of a function in elements of another order."""
-    result = np.empty(elements.doflocs.shape[1])
-    result[elements.unknowns] = old.in_each(unknown, nodes(elements.order, elements.dim, elements.arcs))
-    return result
 
 
 def old_potential_at(x: Floats, old: Field) -> Floats:

@@ -101,6 +101,23 @@ class Energy:
         slope = slope if self.sign == 1.0 else self.sign * slope
         return slope if self.given is None else self.given + slope
 
+    def vector_of(self, lower: "Energy", u: Floats) -> Floats:
+        """Return v of the function of a functional of another order."""
+        return self.vector(self.space.interpolated(lower.space, u))
+
+    def products(self, u: Floats, one: Floats, other: Floats) -> Floats:
+        """Return the second derivative by two changes of v, of every element.
+
+        The changes have shape (d, n), the result, ``int W''(v) one . other``, shape (nelements,).
+        """
+        v, densities = self.vector(u), self.densities
+        across, along = densities.secants(magnitude(v))
+        unit = unit_vectors(v)
+        aligned = np.sum(unit * one, axis=0) * np.sum(unit * other, axis=0)
+        terms = densities.weights * (across * np.sum(one * other, axis=0) + (along - across) * aligned)
+        element = self.space.groups.element
+        return np.bincount(element, terms, self.space.volumes.size).astype(np.float64)
+
     def flux(self, u: Floats) -> Floats:
         """Return the derivative of W by v, (d, n)."""
         v = self.vector(u)

@@ -16,7 +16,7 @@ from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, Sou
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, subdomains_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.cells import normals
-from kohonen_adapt.mesh.elements.functions import reference_functions
+from kohonen_adapt.mesh.elements.functions import nodes, reference_functions
 from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.host import edges_in, number_edges, number_facets
 from kohonen_adapt.mesh.measures import EDGES, hat_gradients
@@ -35,7 +35,7 @@ __all__ = [
 PERMEABLE = 2.0
 LINKED = 0.01  # largest error of circulations along closed paths, relative to the range of the potential in iron
 FACE_EDGES = ((0, 1), (1, 2), (0, 2))  # the last in reverse orientation
-DEGREE = {1: FACET_DEGREE, 2: 7}  # of the quadrature rule of facets, by order
+DEGREE = {1: FACET_DEGREE} | {order: 2 * order + 3 for order in range(2, 8)}  # of the rule of facets, by order
 TOLERANCE = 1e-9  # tolerance of equality, relative to the permeability of vacuum
 NO_CURRENT = 0.002  # allowed circulation around a face without current, relative to the integral of |Hs|
 
@@ -166,12 +166,17 @@ def _flux_out(elements: Space, permeability: Floats, function: AppliedField, clo
 def _at_unknowns(elements: Space, chi: Floats, iron: Mask, function: AppliedField) -> Floats:
     if elements.order == 1:
         return chi
-    mesh, nnodes = elements.corners, chi.size
-    edge = np.unique(mesh.t2e[:, iron])
-    node, middle = mesh.edges[:, edge], nnodes + edge
-    along, _ = circulations(elements.doflocs, np.stack((node.ravel(), np.tile(middle, 2))), function)
+    # A mean over the corners of an element, because T is constant there.
+    unknowns, at = elements.unknowns[:, iron], nodes(elements.order, elements.dim, elements.arcs)
+    node, first = np.unique(unknowns, return_index=True)
+    local, element = np.divmod(first, unknowns.shape[1])
+    corners, share = elements.corners.t[:, iron][:, element], at[local].T
+    used = (share > 0.0) & (node >= chi.size)
+    along = np.zeros(share.shape)
+    along[used] = circulations(elements.doflocs, np.stack([corners[used], np.tile(node, (4, 1))[used]]), function)[0]
     values = np.zeros(elements.doflocs.shape[1])
-    values[:nnodes], values[middle] = chi, np.mean(chi[node] - along.reshape(node.shape), axis=0)
+    values[: chi.size] = chi
+    values[node] = np.sum(share * (chi[corners] - along), axis=0)
     return values
 
 

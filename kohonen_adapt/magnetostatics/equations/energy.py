@@ -1,6 +1,6 @@
 """Energy of a plane field and co-energy of a field in space."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Self
 
 import numpy as np
@@ -16,7 +16,7 @@ from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.measures import magnitude, unit_vectors
 from kohonen_adapt.problem.energy import Densities, Energy
 
-__all__ = ["PlaneEnergy", "Scalar", "Tangent", "coenergy", "scalar_problem"]
+__all__ = ["CoEnergy", "PlaneEnergy", "Scalar", "Tangent", "coenergy", "scalar_problem"]
 
 
 @dataclass(frozen=True)
@@ -59,17 +59,32 @@ class PlaneEnergy(Energy):
         return cls(*parts, symmetry=symmetry, coefficients=coefficients)
 
 
-def coenergy(drive: Drive, coefficients: Coefficients, conditions: Conditions) -> Energy:
-    """Return the co-energy ``int (int_0^|H + Hc| B dh) - load . u``.
+@dataclass(frozen=True, kw_only=True)
+class CoEnergy(Energy):
+    """Co-energy ``int (int_0^|H + Hc| B dh) - load . u``.
 
     The field strength is ``H = T - grad u``. The derivatives are ``-int B . grad v``, so that div B = 0 at the minimum.
     """
+
+    drive: Drive
+
+    def vector_of(self, lower: Energy, u: Floats) -> Floats:
+        # Outside iron u is the potential less chi, which each order interpolates.
+        found, drive = super().vector_of(lower, u), self.drive
+        if drive.function is None or not isinstance(lower, CoEnergy):
+            return found
+        change = self.space.interpolated(lower.space, lower.drive.potential) - drive.potential
+        return found + np.where(drive.iron[self.space.groups.element], 0.0, self.space.gradient(change))
+
+
+def coenergy(drive: Drive, coefficients: Coefficients, conditions: Conditions) -> CoEnergy:
     elements = drive.elements
     if elements.order > 1:
         coefficients = coefficients.at_points(elements.element, elements.points)
     laws = [(Inverse(group.law), group.elements) for group in coefficients.nonlinear_materials]
     densities = Densities(elements.gradient_weights, 1.0 / coefficients.reluctivity, laws)
-    return Energy(elements, densities, drive.load, conditions, drive.inside + coefficients.coercivity, -1.0)
+    given = drive.inside + coefficients.coercivity
+    return CoEnergy(elements, densities, drive.load, conditions, given, -1.0, drive=drive)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +101,8 @@ class Tangent(Energy):
         differential, size = secant.copy(), magnitude(flux_density)
         for law, rows in energy.densities.laws:
             secant[rows], differential[rows] = reluctivities(law.law, size[rows])
-        return cls(**vars(energy), about=flux_density, secant=secant, differential=differential)
+        common = {each.name: getattr(energy, each.name) for each in fields(Energy)}
+        return cls(**common, about=flux_density, secant=secant, differential=differential)
 
     def flux(self, u: Floats) -> Floats:
         change = self.vector(u) - self.secant * self.about

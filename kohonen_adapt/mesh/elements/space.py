@@ -300,6 +300,12 @@ class Space(Unknowns):
             found[:, rows] = reference_functions(at, self.order, kind, self.arcs)[0].T @ u[self.unknowns[:, rows]]
         return found
 
+    def interpolated(self, old: "Space", u: Floats) -> Floats:
+        """Return the unknowns of a function in elements of another order."""
+        found = np.empty(self.doflocs.shape[1])
+        found[self.unknowns] = old.in_each(u, nodes(self.order, self.dim, self.arcs))
+        return found
+
     def gradient_in_each(self, u: Floats, at: Floats) -> Floats:
         """Return gradients at barycentric coordinates (n, d + 1) of every element.
 

@@ -1,4 +1,4 @@
-"""Magnets and iron in space at order 2: scikit-fem's assembly, exact polynomials, rates, and what is refused."""
+"""Magnets and iron in space at orders 2 to 6: scikit-fem's assembly, exact polynomials, rates, and refusals."""
 
 from dataclasses import replace
 
@@ -21,6 +21,7 @@ AIR = Material()
 AXIS = np.linspace(-1.0, 1.0, 5)
 PARTS = {"magnet": ((-0.5, -0.5, -0.5), (0.5, 0.5, 0.0)), "iron": ((-0.5, -0.5, 0.5), (0.5, 0.5, 1.0))}
 RIM = {"outer": 0.0}
+HIGH = (2, 3, 5)
 
 
 def bent(strength=0.06):
@@ -84,23 +85,25 @@ def test_the_solution_of_scikit_fem(remanence):
 # --- exact cases ---------------------------------------------------------------------------------------------------
 
 
-def test_a_quadratic_potential_is_exact():
+@pytest.mark.parametrize("order", HIGH)
+def test_a_quadratic_potential_is_exact(order):
     mesh = bent()
-    problem = MagneticScalarPotential(dict.fromkeys(("magnet", "iron", "air"), AIR), {"outer": harmonic}, order=2)
+    problem = MagneticScalarPotential(dict.fromkeys(("magnet", "iron", "air"), AIR), {"outer": harmonic}, order=order)
     field = problem.solve(mesh)
     x = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 100))
     np.testing.assert_allclose(field.potential_at(x), harmonic(x), atol=1e-9)
-    np.testing.assert_allclose(field.flux_density_at(x), MU0 * field_of_harmonic(x), atol=1e-9 * MU0)
+    np.testing.assert_allclose(field.flux_density_at(x), MU0 * field_of_harmonic(x), atol=1e-8 * MU0)
     # int |grad u|^2 over the cube of edge 2
     np.testing.assert_allclose(field.energy, 0.5 * MU0 * 8.0 * (4.0 / 3.0 + 4.0 / 3.0 + 9.0 + 8.0 / 3.0), rtol=1e-9)
     assert field.coenergy == pytest.approx(field.energy)
 
 
-def test_the_fall_of_the_functional_under_refinement_in_steel():
+@pytest.mark.parametrize("order", HIGH)
+def test_the_fall_of_the_functional_under_refinement_in_steel(order):
     """Spaces are nested, so the quadrature of the law must not raise the co-energy of a refined mesh."""
     coarse = blocks([np.linspace(-1.0, 1.0, 3)] * 3, {"iron": ((-1.0, -1.0, -1.0), (0.0, 1.0, 1.0))})
     materials = {"iron": Material(bh=Froehlich(2000.0, 0.8)), "air": AIR}
-    problem = MagneticScalarPotential(materials, {"outer": lambda x: 2e5 * np.sin(2.0 * x[2] + x[0])}, order=2)
+    problem = MagneticScalarPotential(materials, {"outer": lambda x: 2e5 * np.sin(2.0 * x[2] + x[0])}, order=order)
     fine = MeshTet(coarse.p, coarse.t).refined(1)
     inside = fine.p[0, fine.t].mean(axis=0) < 0.0
     fine = fine.with_subdomains({"iron": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
@@ -116,14 +119,15 @@ def test_the_fall_of_the_functional_under_refinement_in_steel():
 
 
 @pytest.mark.parametrize("iron", [Material(50.0), Material(bh=Froehlich(500.0, 1.6))])
-def test_an_applied_field_is_a_given_potential(iron):
+@pytest.mark.parametrize("order", HIGH)
+def test_an_applied_field_is_a_given_potential(order, iron):
     """A field of quadratic potential, applied or given at the boundary, is one solution."""
     mesh, size = bent(), 1e4
     materials = {"magnet": Material(1.05), "iron": iron, "air": AIR}
     applied = MagneticScalarPotential(
-        materials, RIM, applied_field=lambda x: size * field_of_harmonic(x), order=2
+        materials, RIM, applied_field=lambda x: size * field_of_harmonic(x), order=order
     ).solve(mesh)
-    given = MagneticScalarPotential(materials, {"outer": lambda x: size * harmonic(x)}, order=2).solve(mesh)
+    given = MagneticScalarPotential(materials, {"outer": lambda x: size * harmonic(x)}, order=order).solve(mesh)
     scale = np.abs(given.flux_density).max()
     np.testing.assert_allclose(applied.flux_density, given.flux_density, atol=2e-6 * scale)
     total = applied.potential + size * harmonic(applied.elements.doflocs)
@@ -132,7 +136,8 @@ def test_an_applied_field_is_a_given_potential(iron):
 
 
 @pytest.mark.parametrize(("kind", "sign"), [("parallel", 1.0), ("normal", -1.0)])
-def test_half_a_model_by_a_plane_of_symmetry(kind, sign):
+@pytest.mark.parametrize("order", HIGH)
+def test_half_a_model_by_a_plane_of_symmetry(order, kind, sign):
     half = blocks([np.linspace(0.0, 1.0, 4), AXIS, AXIS], {"magnet": ((0.0, -0.5, -0.5), (2.0 / 3.0, 0.5, 0.0))})
     mirrored = half.p * np.array([[-1.0], [1.0], [1.0]])
     whole = MeshTet(np.hstack((half.p, mirrored)), np.hstack((half.t, half.t + half.p.shape[1])))
@@ -145,13 +150,13 @@ def test_half_a_model_by_a_plane_of_symmetry(kind, sign):
     remanence = (0.0, 0.3, 1.2)
     sides = {name: 0.0 for name in half.boundaries if name not in ("outer", "x-")}
     part = MagneticScalarPotential(
-        {"magnet": Material(remanence=remanence), "air": AIR}, sides, symmetry={"x-": kind}, order=2
+        {"magnet": Material(remanence=remanence), "air": AIR}, sides, symmetry={"x-": kind}, order=order
     ).solve(half)
 
     def of_both(x):
         return np.where(x[0] < 0.0, sign, 1.0) * np.reshape(remanence, (3, 1)) * np.ones_like(x)
 
-    both = MagneticScalarPotential({"magnet": Material(remanence=of_both), "air": AIR}, RIM, order=2).solve(whole)
+    both = MagneticScalarPotential({"magnet": Material(remanence=of_both), "air": AIR}, RIM, order=order).solve(whole)
     assert 2.0 * part.energy == pytest.approx(both.energy, rel=1e-9)
 
 
@@ -208,9 +213,10 @@ def test_smooth_fields_converge_by_the_square_and_the_estimate_is_the_error(pote
     assert np.log2(errors[0] / errors[1]) > 1.8
 
 
-def test_the_estimate_of_a_solution_without_error_is_0():
+@pytest.mark.parametrize("order", HIGH)
+def test_the_estimate_of_a_solution_without_error_is_0(order):
     mesh = bent()
-    problem = MagneticScalarPotential(dict.fromkeys(("magnet", "iron", "air"), AIR), {"outer": harmonic}, order=2)
+    problem = MagneticScalarPotential(dict.fromkeys(("magnet", "iron", "air"), AIR), {"outer": harmonic}, order=order)
     field = problem.solve(mesh)
     assert problem.indicators(mesh, field).max() < 1e-9 * problem.energy_norm(mesh, field)
 
@@ -317,15 +323,16 @@ def _flux_of_wave():
     return 0.5 * float(np.sum(np.outer(weight, weight) * slope_of_harmonic_wave(np.stack((np.ones_like(y), y, z)))[0]))
 
 
-def test_fluxes_and_recovered_values_of_a_quadratic_potential_are_exact():
+@pytest.mark.parametrize("order", HIGH)
+def test_fluxes_and_recovered_values_of_a_quadratic_potential_are_exact(order):
     mesh = bent()
     mesh = mesh.with_boundaries({"inside": lambda x: np.abs(x[2]) < 1e-9}, boundaries_only=False)
-    problem = MagneticScalarPotential(dict.fromkeys(("magnet", "iron", "air"), AIR), {"outer": harmonic}, order=2)
+    problem = MagneticScalarPotential(dict.fromkeys(("magnet", "iron", "air"), AIR), {"outer": harmonic}, order=order)
     field = problem.solve(mesh)
     for name, exact in {"x+": -8.0, "z-": 8.0, "y+": -12.0}.items():  # int H . n over a face of area 4
         assert field.flux(name) == pytest.approx(MU0 * exact, rel=1e-8)
     x = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 50))
-    np.testing.assert_allclose(field.flux_density_at(x, recovered=True), MU0 * field_of_harmonic(x), atol=1e-9 * MU0)
+    np.testing.assert_allclose(field.flux_density_at(x, recovered=True), MU0 * field_of_harmonic(x), atol=1e-8 * MU0)
 
 
 def test_files_and_pictures_of_a_quadratic_potential(tmp_path):
@@ -380,10 +387,11 @@ def test_the_error_of_an_energy_is_told():
 
 
 @pytest.mark.parametrize("goal", [Force("magnet", (0.0, 1.0, 2.0)), Torque("magnet", (0.1, 0.0, 0.0), (1.0, 0.0, 0.0))])
-def test_derivatives_of_goals_are_those_of_the_values(goal):
+@pytest.mark.parametrize("order", HIGH)
+def test_derivatives_of_goals_are_those_of_the_values(order, goal):
     mesh = bent()
     materials = {"magnet": Material(remanence=(0.3, 0.0, 1.2)), "iron": Material(bh=Froehlich(500.0, 1.6)), "air": AIR}
-    field = MagneticScalarPotential(materials, RIM, order=2, goal=goal).solve(mesh)
+    field = MagneticScalarPotential(materials, RIM, order=order, goal=goal).solve(mesh)
     change = 1e-6 * np.random.default_rng(0).normal(size=field.unknown.size) * np.abs(field.unknown).max()
     one, other = (goal(replace(field, unknown=field.unknown + sign * change)) for sign in (1.0, -1.0))
     parts = np.sum(goal.derivative(field)[1] * field.elements.gradient(change), axis=0) * field.point_volumes
@@ -428,15 +436,40 @@ def test_elements_at_edges_of_a_block_and_none_at_a_ball():
 # --- refused -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("order", [0, 3, True, "2"])
-def test_orders_other_than_1_and_2_are_refused(order):
-    with pytest.raises(ValueError, match=r"^order of MagneticScalarPotential must be 1 or 2; got "):
+@pytest.mark.parametrize("order", [0, 7, True, "2"])
+def test_orders_other_than_1_to_6_are_refused(order):
+    with pytest.raises(ValueError, match=r"^order of MagneticScalarPotential must be a whole number from 1 to 6; got "):
         MagneticScalarPotential({"air": AIR}, order=order)
 
 
 def test_recovery_is_refused():
     with pytest.raises(ValueError, match=r"^elements of order 2 have the estimator 'residual' only; got 'recovery'\."):
         MagneticScalarPotential({"air": AIR}, estimator="recovery", order=2)
+
+
+def test_orders_above_2_are_not_polished():
+    mesh, problem = bent(), MagneticScalarPotential(dict.fromkeys(("magnet", "iron", "air"), AIR), RIM, order=4)
+    with pytest.raises(ka.NotOffered, match=r"^tetrahedra of order 4 are not polished, only"):
+        problem.ritz(mesh, problem.solve(mesh))
+
+
+@pytest.mark.parametrize("order", [3, 4])
+def test_errors_of_smooth_fields_at_higher_orders_are_told(order):
+    problem = MagneticScalarPotential({"body": AIR, "air": AIR}, {"outer": harmonic_wave}, order=order)
+    field = problem.solve(cube(4))
+    error = strength_error(field, lambda x: -slope_of_harmonic_wave(x))
+    assert 0.8 < np.linalg.norm(problem.indicators(field.mesh, field)) / error < 1.3
+
+
+def test_errors_beside_iron_in_an_applied_field_are_told():
+    """At singular edges without layers changes fall slowly, and the estimate is at least half of the error."""
+    materials = {"magnet": AIR, "iron": Material(50.0), "air": AIR}
+    problem = MagneticScalarPotential(materials, RIM, applied_field=(0.0, 3e4, 1e5), order=3)
+    mesh = bent()
+    field, better = problem.solve(mesh), replace(problem, order=6).solve(mesh)
+    element = field.elements.element
+    error = strength_error(field, lambda x: better.at(x, element).field_strength)
+    assert 0.6 < np.linalg.norm(problem.indicators(mesh, field)) / error < 1.5
 
 
 def test_where_there_is_no_polish():
