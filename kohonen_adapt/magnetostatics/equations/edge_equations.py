@@ -12,8 +12,7 @@ from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.edge_elements import Curls, EdgeElements
 from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, circulations, field_at
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
-from kohonen_adapt.magnetostatics.materials.laws import Scaled
-from kohonen_adapt.problem.energy import Densities, Energy
+from kohonen_adapt.problem.energy import Energy
 
 __all__ = ["EdgeDrive", "curl_energy", "edge_drive"]
 
@@ -78,5 +77,4 @@ def curl_energy(curls: Curls, coefficients: Coefficients, conditions: Conditions
     Its minimum is the negative of the minimum of the co-energy (without its constant terms), and values above the
     minimum bound the exact co-energy from below. The load is in A.
     """
-    laws = [(Scaled(group.law, 1.0), group.elements) for group in coefficients.nonlinear_materials]
-    return Energy(curls, Densities(curls.edges.volumes, coefficients.reluctivity, laws), load, conditions)
+    return Energy(curls, coefficients.densities(curls.edges.volumes), load, conditions)

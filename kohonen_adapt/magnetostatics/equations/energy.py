@@ -10,11 +10,11 @@ from kohonen_adapt.magnetostatics.equations.applied_field import Drive
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
-from kohonen_adapt.magnetostatics.materials.laws import Inverse, Scaled, reluctivities
+from kohonen_adapt.magnetostatics.materials.laws import reluctivities
 from kohonen_adapt.mesh.elements.assembly import Reduced
 from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.measures import magnitude, unit_vectors
-from kohonen_adapt.problem.energy import Densities, Energy
+from kohonen_adapt.problem.energy import Energy
 
 __all__ = ["CoEnergy", "PlaneEnergy", "Scalar", "Tangent", "coenergy", "scalar_problem"]
 
@@ -47,9 +47,7 @@ class PlaneEnergy(Energy):
     def of(cls, elements: Space, symmetry: Symmetry, coefficients: Coefficients, conditions: Conditions) -> Self:
         points = elements.points
         at = coefficients.at_quadrature(elements.element, points)
-        laws = [(Scaled(group.law, symmetry.extent), group.elements) for group in at.nonlinear_materials]
-        x = points[0] if symmetry is AXISYMMETRIC else 1.0
-        densities = Densities(elements.weights, symmetry.extent * at.reluctivity, laws, x)
+        densities = at.densities(elements.weights, symmetry.extent, points[0] if symmetry is AXISYMMETRIC else 1.0)
         load = elements.loads(symmetry.source(coefficients.current_density), symmetry.flux(at.coercivity))
         constant = 0.0
         if at.remanence.any():
@@ -81,9 +79,10 @@ def coenergy(drive: Drive, coefficients: Coefficients, conditions: Conditions) -
     elements = drive.elements
     if elements.order > 1:
         coefficients = coefficients.at_points(elements.element, elements.points)
-    laws = [(Inverse(group.law), group.elements) for group in coefficients.nonlinear_materials]
-    densities = Densities(elements.gradient_weights, 1.0 / coefficients.reluctivity, laws)
-    given = drive.inside + coefficients.coercivity
+    densities, given = (
+        coefficients.coenergy_densities(elements.gradient_weights),
+        drive.inside + coefficients.coercivity,
+    )
     return CoEnergy(elements, densities, drive.load, conditions, given, -1.0, drive=drive)
 
 

@@ -67,7 +67,7 @@ class Table(Continued):
 
     def __init__(self, points: ArrayLike, smooth: bool = False) -> None:
         array = _checked(points, smooth)
-        object.__setattr__(self, "points", tuple((float(b), float(h)) for b, h in array))
+        vars(self)["points"] = tuple(map(tuple, array.tolist()))
         self._interpolate(*array.T)
 
     def _interpolate(self, b: Floats, h: Floats) -> None:
@@ -75,14 +75,12 @@ class Table(Continued):
         # scipy's end slope can be zero, an infinite permeability. Up to 3 secants the curve remains monotone.
         slope[[0, -1]] = np.clip(slope[[0, -1]], 0.5 * secant[[0, -1]], 3.0 * secant[[0, -1]])
         curve = scipy.interpolate.CubicHermiteSpline(b, h, slope)
-        functions = {"_strength": curve, "_slope": curve.derivative(), "_energy": curve.antiderivative()}
-        for name, function in functions.items():
-            object.__setattr__(self, name, function)
         steep = curve.derivative().solve(VACUUM_RELUCTIVITY, extrapolate=False)
         steep = steep[np.isfinite(steep) & (steep > 0.0)]  # nan marks a piece of constant slope
         first = float(steep.min(initial=b[-1]))
         whole = b[:-1][secant >= VACUUM_RELUCTIVITY * (1 - 1e-9)]
-        object.__setattr__(self, "end", float(whole.min(initial=first)))
+        vars(self).update(end=float(whole.min(initial=first)), _strength=curve)
+        vars(self).update(_slope=curve.derivative(), _energy=curve.antiderivative())
         if self.end == 0.0 or slope[0] >= VACUUM_RELUCTIVITY:
             raise ValueError(
                 "bh must begin with a slope dB/dH above mu0; it is less permeable than vacuum from its start, "
@@ -139,34 +137,27 @@ def read_bh(path: str | Path, *, smooth: bool = False) -> Table:
         text = Path(path).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError(f"{path} is no text in UTF-8: {error}.") from None
-    lines = [(line_number, line.strip()) for line_number, line in enumerate(text.splitlines(), 1)]
-    lines = [(line_number, line) for line_number, line in lines if line and not line.startswith("#")]
-    heading = bool(lines) and _numbers(lines[0][1]) is None and bool(re.match(r"\W*[A-Za-z]", lines[0][1]))
-    swapped = heading and bool(re.match(r"\W*[Hh]", lines[0][1]))
-    rows = [_row(path, line_number, line) for line_number, line in lines[heading:]]
+    rows, heading = list[tuple[float, float]](), None
+    for number, line in enumerate(map(str.strip, text.splitlines()), 1):
+        if not line or line.startswith("#"):
+            continue
+        words = (line.replace(",", ".") if ";" in line else line).strip(";, \t")
+        try:
+            first, second = map(float, re.split(r"[;,\s]+", words))
+        except ValueError:
+            heading = None if heading or rows else re.match(r"\W*([A-Za-z])", line)
+            if heading is None:
+                raise ValueError(
+                    f"{path}, line {number}: expected two numbers, B in T and H in A/m; got {line[:SHOWN]!r}."
+                ) from None
+        else:
+            rows.append((first, second))
     table = np.array(rows).reshape(-1, 2)
+    swapped = heading is not None and heading[1] in "Hh"
     try:
         return Table(table[:, ::-1] if swapped else table, smooth)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-
-
-def _row(path: str | Path, line_number: int, line: str) -> list[float]:
-    row = _numbers(line)
-    if row is None or len(row) != 2:
-        raise ValueError(
-            f"{path}, line {line_number}: expected two numbers, B in T and H in A/m; got {line[:SHOWN]!r}."
-        )
-    return row
-
-
-def _numbers(line: str) -> list[float] | None:
-    if ";" in line:
-        line = line.replace(",", ".")
-    try:
-        return [float(word) for word in re.split(r"[;,\s]+", line.strip(";, \t"))]
-    except ValueError:
-        return None
 
 
 def _checked(points: Any, smooth: bool) -> Floats:
@@ -187,20 +178,15 @@ def _checked(points: Any, smooth: bool) -> Floats:
             f"bh must have at least two points besides (0, 0); got {max(len(array) - 1, 0)}. "
             "For a constant permeability: Material(permeability=...)."
         )
-    _check_increasing(array)
-    _check_units(*array.T)
-    return array
-
-
-def _check_increasing(array: Floats) -> None:
-    falls = np.any(np.diff(array, axis=0) <= 0.0, axis=1)
-    if falls.any():
-        row = int(np.argmax(falls))
-        (b, h), (after_b, after_h) = array[row], array[row + 1]
+    falls = np.flatnonzero(np.any(np.diff(array, axis=0) <= 0.0, axis=1))
+    if falls.size:
+        (b, h), (after_b, after_h) = array[falls[0] : falls[0] + 2]
         raise ValueError(
             f"bh must have B and H strictly increasing from (0, 0); {b:g} T, {h:g} A/m precedes {after_b:g} T, "
             f"{after_h:g} A/m. {SMOOTH}"
         )
+    _check_units(*array.T)
+    return array
 
 
 def _smoothed(array: Floats) -> Floats:

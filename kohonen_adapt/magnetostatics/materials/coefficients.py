@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +10,11 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed
-from kohonen_adapt.magnetostatics.materials.laws import Inverse, Law, flux_density_of, reluctivities
+from kohonen_adapt.magnetostatics.materials.laws import Inverse, Law, Scaled, flux_density_of, reluctivities
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector
-from kohonen_adapt.mesh.measures import area, inner_points, magnitude
+from kohonen_adapt.mesh.measures import area, inner_points, magnitude, unit_vectors
 from kohonen_adapt.mesh.names import named, named_sets
+from kohonen_adapt.problem.energy import Densities
 
 __all__ = [
     "Coefficients",
@@ -24,14 +26,12 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True)
-class NonlinearMaterial:
+class NonlinearMaterial(NamedTuple):
     law: Law
     elements: Ints
 
 
-@dataclass(frozen=True)
-class VaryingMagnet:
+class VaryingMagnet(NamedTuple):
     name: str
     material: Material
     elements: Ints
@@ -55,49 +55,50 @@ class Coefficients:
     @property
     def nonlinear(self) -> Mask:
         found = np.zeros(self.material_index.size, dtype=np.bool_)
-        for group in self.nonlinear_materials:
-            found[group.elements] = True
+        for _, rows in self.nonlinear_materials:
+            found[rows] = True
         return found
 
     def at_points(self, element: Ints, x: Floats) -> "Coefficients":
         names = ("material_index", "reluctivity", "remanence", "coercivity", "current_density")
         arrays = {name: getattr(self, name)[..., element] for name in names}
-        nonlinear_materials = tuple(
-            replace(group, elements=self._points_in(group.elements, element)) for group in self.nonlinear_materials
+        groups: tuple[Any, Any] = self.nonlinear_materials, self.varying_magnets
+        laws, magnets = (
+            tuple(group._replace(elements=np.flatnonzero(np.isin(element, group.elements))) for group in kind)
+            for kind in groups
         )
-        varying_magnets = tuple(
-            replace(magnet, elements=self._points_in(magnet.elements, element)) for magnet in self.varying_magnets
-        )
-        for magnet in varying_magnets:
-            rows, material = magnet.elements, magnet.material
-            coercivity = _coercivity_of(material, x[:, rows], magnet.name)
-            arrays["coercivity"][:, rows] = coercivity
-            arrays["remanence"][:, rows] = _converted(material, coercivity, "coercivity")
-        return replace(self, **arrays, nonlinear_materials=nonlinear_materials, varying_magnets=varying_magnets)
-
-    def _points_in(self, elements: Ints, element: Ints) -> Ints:
-        inside = np.zeros(self.material_index.size, dtype=bool)
-        inside[elements] = True
-        return np.flatnonzero(inside[element])
+        for name, material, rows in magnets:
+            arrays["coercivity"][:, rows] = coercivity = _coercivity_of(material, x[:, rows], name)
+            arrays["remanence"][:, rows] = _remanence_of(material, coercivity)
+        return replace(self, **arrays, nonlinear_materials=laws, varying_magnets=magnets)
 
     def at_quadrature(self, element: Ints, x: Floats) -> "Coefficients":
         return self if element.size == self.material_index.size else self.at_points(element, x)
 
+    def densities(
+        self, weights: Floats | float = 1.0, factor: float = 1.0, distance: Floats | float = 1.0
+    ) -> Densities:
+        """Return the density ``int H dB`` without magnets as a function of B."""
+        laws = [(Scaled(law, factor), rows) for law, rows in self.nonlinear_materials]
+        return Densities(weights, factor * self.reluctivity, laws, distance)
+
+    def coenergy_densities(self, weights: Floats | float = 1.0) -> Densities:
+        """Return the density ``int B dH`` without magnets, as a function of H + Hc."""
+        laws = [(Inverse(law), rows) for law, rows in self.nonlinear_materials]
+        return Densities(weights, 1.0 / self.reluctivity, laws)
+
     def reluctivities(self, flux_density: Floats) -> tuple[Floats, Floats]:
         """Return secant |H + Hc| / |B| and differential d|H + Hc| / d|B|, in m/H."""
-        if not self.nonlinear_materials:
-            return self.reluctivity, self.reluctivity
-        secant, differential = self.reluctivity.copy(), self.reluctivity.copy()
-        for group in self.nonlinear_materials:
-            rows = group.elements
-            secant[rows], differential[rows] = reluctivities(group.law, magnitude(flux_density[:, rows]))
-        return secant, differential
+        return self.densities().secants(magnitude(flux_density))
+
+    def permeabilities(self, strength: Floats) -> tuple[Floats, Floats]:
+        """Return secant |B| / |H + Hc| and differential d|B| / d|H + Hc|, in H/m."""
+        return self.coenergy_densities().secants(magnitude(strength + self.coercivity))
 
     def field_strength(self, flux_density: Floats) -> Floats:
         strength = self.reluctivity * (flux_density - self.remanence)
-        for group in self.nonlinear_materials:
-            rows = group.elements
-            secant, _ = reluctivities(group.law, magnitude(flux_density[:, rows]))
+        for law, rows in self.nonlinear_materials:
+            secant, _ = reluctivities(law, magnitude(flux_density[:, rows]))
             strength[:, rows] = secant * flux_density[:, rows] - self.coercivity[:, rows]
         return strength
 
@@ -107,35 +108,18 @@ class Coefficients:
 
     def law_energy(self, b: Floats) -> Floats:
         """Return ``int_0^b H dB`` without magnets, shape (k, nelements) in J/m^3."""
-        density = 0.5 * self.reluctivity * b**2
-        for group in self.nonlinear_materials:
-            density[:, group.elements] = group.law.energy(b[:, group.elements])
-        return density
+        return np.stack([self.densities().density(size) for size in b])
 
     def law_coenergy(self, h: Floats) -> Floats:
         """Return ``int_0^h B dH`` without magnets, shape (k, nelements) in J/m^3."""
-        density = 0.5 * h**2 / self.reluctivity
-        for group in self.nonlinear_materials:
-            strength = h[:, group.elements].ravel()
-            density[:, group.elements] = Inverse(group.law).energy(strength).reshape(len(h), -1)
-        return density
-
-    def permeabilities(self, strength: Floats) -> tuple[Floats, Floats]:
-        """Return secant |B| / |H + Hc| and differential d|B| / d|H + Hc|, in H/m."""
-        secant, differential = 1.0 / self.reluctivity, 1.0 / self.reluctivity
-        for group in self.nonlinear_materials:
-            rows = group.elements
-            size = magnitude(strength[:, rows] + self.coercivity[:, rows])
-            secant[rows], differential[rows] = Inverse(group.law).secants(size)
-        return secant, differential
+        return np.stack([self.coenergy_densities().density(size) for size in h])
 
     def energy_density(self, flux_density: Floats) -> Floats:
         """Return ``int H . dB`` from the remanent state, >= 0, (nelements,) in J/m^3."""
         change = flux_density - self.remanence
         density = 0.5 * np.sum(self.reluctivity * change**2, axis=0)
-        for group in self.nonlinear_materials:
-            rows = group.elements
-            now, rest = (group.law.energy(magnitude(b[:, rows])) for b in (flux_density, self.remanence))
+        for law, rows in self.nonlinear_materials:
+            now, rest = (law.energy(magnitude(b[:, rows])) for b in (flux_density, self.remanence))
             density[rows] = now - rest - np.sum(self.coercivity[:, rows] * change[:, rows], axis=0)
         return density
 
@@ -146,29 +130,29 @@ def coefficients(
     ampere_turns: Mapping[str, float] | None = None,
     size: Callable[[Mesh], Floats] = area,
 ) -> Coefficients:
-    material_index, values = material_of_elements(mesh, materials), list(materials.values())
-    reluctivity = np.array([material.reluctivity for material in values])[material_index]
-    current_density = np.array([material.current_density for material in values])[material_index]
+    material_index = material_of_elements(mesh, materials)
+    reluctivity, current_density = (
+        np.array([getattr(material, name) for material in materials.values()])[material_index]
+        for name in ("reluctivity", "current_density")
+    )
     for name, total in (ampere_turns or {}).items():
         current_density[mesh.subdomains[name]] = total / _area_of(mesh, name, size)
-    remanence = np.array([_constant_remanence(material, len(mesh.p)) for material in values]).T[:, material_index]
-    coercivity = reluctivity * remanence
+    remanence, coercivity = np.zeros((2, len(mesh.p), material_index.size))
     nonlinear_materials, varying_magnets = list[NonlinearMaterial](), list[VaryingMagnet]()
     for index, (name, material) in enumerate(materials.items()):
-        if material.bh is not None or callable(material.remanence) or material.coercivity is not None:
-            rows = np.flatnonzero(material_index == index)
-            remanence[:, rows], coercivity[:, rows] = _remanence_and_coercivity(mesh, material, rows, name)
-            if material.bh is not None:
-                nonlinear_materials.append(NonlinearMaterial(material.bh, rows))
-            if material.turns:
-                varying_magnets.append(VaryingMagnet(name, material, rows))
+        rows = np.flatnonzero(material_index == index)
+        # The equations of order 1 depend on the mean coercivity of an element. Its value at the centroid is off the
+        # mean by as much as the solution is in error.
+        points = inner_points(mesh.p[:, mesh.t[:, rows]]) if material.turns else mesh.p[:, mesh.t[:1, rows]]
+        values = [_coercivity_of(material, x, name) for x in points.swapaxes(0, 1)]
+        coercivity[:, rows] = np.mean(values, axis=0)
+        remanence[:, rows] = _remanence_of(material, coercivity[:, rows])
+        if material.bh is not None:
+            nonlinear_materials.append(NonlinearMaterial(material.bh, rows))
+        if material.turns:
+            varying_magnets.append(VaryingMagnet(name, material, rows))
     nonlinear, varying = tuple(nonlinear_materials), tuple(varying_magnets)
     return Coefficients(material_index, reluctivity, remanence, coercivity, current_density, nonlinear, varying)
-
-
-def _constant_remanence(material: Material, dimension: int) -> Floats:
-    remanence = material.remanence
-    return np.zeros(dimension) if callable(remanence) or not any(remanence) else np.array(remanence)
 
 
 def coercivity_at(materials: Mapping[str, Material], x: Floats, material_index: Ints) -> Floats:
@@ -179,38 +163,21 @@ def coercivity_at(materials: Mapping[str, Material], x: Floats, material_index: 
     return coercivity
 
 
-def _remanence_and_coercivity(mesh: Mesh, material: Material, rows: Ints, name: str) -> tuple[Floats, Floats]:
-    # The equations of order 1 depend on the mean coercivity of an element. Its value at the centroid is off the mean by
-    # as much as the solution is in error.
-    if material.turns:
-        x = inner_points(mesh.p[:, mesh.t[:, rows]])
-        coercivity = np.mean([_coercivity_of(material, x[:, k], name) for k in range(x.shape[1])], axis=0)
-        return _converted(material, coercivity, "coercivity"), coercivity
-    kind, value = _magnetisation(material)
-    vector = _evaluated(f"{kind} of {name!r}", value, mesh.p[:, mesh.t[0, rows]])
-    converted = _converted(material, vector, kind)
-    return (vector, converted) if kind == "remanence" else (converted, vector)
-
-
-def _magnetisation(material: Material) -> tuple[str, Vector]:
-    if material.coercivity is None:
-        return "remanence", material.remanence
-    return "coercivity", material.coercivity
-
-
 def _coercivity_of(material: Material, x: Floats, name: str) -> Floats:
-    kind, value = _magnetisation(material)
-    vector = _evaluated(f"{kind} of {name!r}", value, x)
-    return _converted(material, vector, kind) if kind == "remanence" else vector
-
-
-def _converted(material: Material, vector: Floats, kind: str) -> Floats:
-    size = magnitude(vector)
+    if material.coercivity is not None:
+        return _evaluated(f"coercivity of {name!r}", material.coercivity, x)
+    remanence = _evaluated(f"remanence of {name!r}", material.remanence, x)
     if material.bh is None:
-        result = size * material.reluctivity if kind == "remanence" else size / material.reluctivity
-    else:
-        result = material.bh.field_strength(size) if kind == "remanence" else flux_density_of(material.bh, size)
-    return vector / np.where(size > 0.0, size, 1.0) * result
+        return material.reluctivity * remanence
+    return unit_vectors(remanence) * material.bh.field_strength(magnitude(remanence))
+
+
+def _remanence_of(material: Material, coercivity: Floats) -> Floats:
+    if material.coercivity is None and not material.turns:
+        return _evaluated("remanence", material.remanence, coercivity)
+    if material.bh is None:
+        return coercivity / material.reluctivity
+    return unit_vectors(coercivity) * flux_density_of(material.bh, magnitude(coercivity))
 
 
 def _evaluated(name: str, value: Vector, x: Floats) -> Floats:

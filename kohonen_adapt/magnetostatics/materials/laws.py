@@ -110,8 +110,7 @@ class Brauer(Continued):
     def __post_init__(self) -> None:
         _check_above(0.0, "k2 of Brauer", self.k2)
         _check_above(0.0, "k3 of Brauer", self.k3)
-        if not (is_number(self.k1) and 0.0 <= self.k1 < np.inf):
-            raise ValueError(f"k1 of Brauer must be a finite number >= 0; got {self.k1!r}.")
+        _check_above(0.0, "k1 of Brauer", self.k1, or_equal=True)
         if self.k1 + self.k2 >= VACUUM_RELUCTIVITY:
             raise ValueError(
                 f"k1 + k2 of Brauer, the reluctivity at B = 0, must be below that of vacuum, {VACUUM_RELUCTIVITY:.6g} "
@@ -119,7 +118,7 @@ class Brauer(Continued):
             )
         bound = np.sqrt(np.log(VACUUM_RELUCTIVITY / self.k2) / self.k3)
         end = scipy.optimize.brentq(lambda b: float(self._slope(b)) - VACUUM_RELUCTIVITY, 0.0, bound)
-        object.__setattr__(self, "end", end)
+        vars(self)["end"] = end
 
     def _strength(self, b: Floats) -> Floats:
         return (self.k1 + self.k2 * np.exp(self.k3 * b**2)) * b
@@ -164,7 +163,7 @@ class Froehlich(Continued):
     def __post_init__(self) -> None:
         _check_above(1.0, "permeability of Froehlich, relative and at B = 0,", self.permeability)
         _check_above(0.0, "saturation of Froehlich", self.saturation)
-        object.__setattr__(self, "end", self.saturation * (1.0 - self.permeability**-0.5))
+        vars(self)["end"] = self.saturation * (1.0 - self.permeability**-0.5)
 
     def _strength(self, b: Floats) -> Floats:
         return VACUUM_RELUCTIVITY / self.permeability * b / (1.0 - b / self.saturation)
@@ -329,6 +328,6 @@ def flux_density_of(law: Law, h: Floats) -> Floats:
     return np.asarray(found).reshape(np.shape(h))
 
 
-def _check_above(bound: float, label: str, value: Any) -> None:
-    if not (is_number(value) and bound < value < np.inf):
-        raise ValueError(f"{label} must be a finite number > {bound:g}; got {value!r}.")
+def _check_above(bound: float, label: str, value: Any, or_equal: bool = False) -> None:
+    if not (is_number(value) and bound <= value < np.inf) or (value == bound and not or_equal):
+        raise ValueError(f"{label} must be a finite number {'>=' if or_equal else '>'} {bound:g}; got {value!r}.")

@@ -64,21 +64,21 @@ class Material:
 
     def __post_init__(self) -> None:
         # Plain floats, so that materials compare and hash by value for any type of number.
-        object.__setattr__(self, "permeability", _number("permeability", self.permeability))
-        object.__setattr__(self, "current_density", _number("current_density", self.current_density))
-        object.__setattr__(self, "remanence", _vector("remanence", self.remanence))
+        own = vars(self)
+        own.update({name: _number(name, own[name]) for name in ("permeability", "current_density")})
+        own["remanence"] = _vector("remanence", self.remanence)
         if self.permeability <= 0.0:
             raise ValueError(f"permeability must be positive (relative to vacuum, air 1.0); got {self.permeability}.")
         if self.bh is not None:
             if isinstance(self.bh, type):
                 raise ValueError(f"bh must be a law with its parameters, or points; got the class {self.bh.__name__}.")
-            object.__setattr__(self, "bh", self.bh if isinstance(self.bh, Law) else Table(self.bh))
+            own["bh"] = self.bh if isinstance(self.bh, Law) else Table(self.bh)
             if self.permeability != 1.0:
                 raise ValueError(
                     f"a material has a bh curve or a permeability; got both, permeability {self.permeability:g}."
                 )
         if self.coercivity is not None:
-            object.__setattr__(self, "coercivity", _vector("coercivity", self.coercivity))
+            own["coercivity"] = _vector("coercivity", self.coercivity)
             if self.remanence != (0.0, 0.0):
                 raise ValueError("a magnet has a remanence or a coercivity, each of which gives the other; got both.")
 
