@@ -70,8 +70,8 @@ def test_circulations_are_ampere_turns(name):
     bar_or_arc = winding.offset_path(0.0)
     start, end = bar_or_arc[:2] if winding.bars else bar_or_arc[:1].repeat(2, axis=0)
     point = 0.5 * (start + end)
-    inward = np.array([-(end - start)[1], (end - start)[0]]) if winding.bars else -point
-    inward = inward / np.linalg.norm(inward)
+    inward = 1j * (end - start) if winding.bars else -point
+    inward = inward / np.abs(inward)
     gauss, weight = np.polynomial.legendre.leggauss(40)
 
     def circulation(low, high):
@@ -183,7 +183,7 @@ def test_the_quadrature_of_arcs_is_as_good_as_said(section):
         for depth in (-0.5, -0.49, 0.0, 0.4999, 0.5, 0.51):
             for height in (-0.5, -0.499, 0.3, 0.5, 0.52):
                 line = coil.winding.offset_path(depth * coil.width)[::5]
-                line = line + 1e-4 * coil.width * rng.normal(size=line.shape)
+                line = line + 1e-4 * coil.width * (rng.normal(size=(2, line.size)).T @ [1.0, 1j])
                 x = np.append(x, coil.winding.in_space(line, height * coil.height), axis=1)
         found, exact, points = np.zeros(x.T.shape), np.zeros(x.T.shape), np.ascontiguousarray(x.T)
         add_arcs(arcs, points, 0, len(points), found)

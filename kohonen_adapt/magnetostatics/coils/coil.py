@@ -11,7 +11,7 @@ from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.checks import checked_points, is_number, point_text, positive_number
 from kohonen_adapt.magnetostatics.coils.layout import laid_out, rectangle
 from kohonen_adapt.magnetostatics.coils.source import Source, field_of, source_of
-from kohonen_adapt.magnetostatics.coils.winding import Winding
+from kohonen_adapt.magnetostatics.coils.winding import Plane, Winding
 
 __all__ = ["Coil"]
 
@@ -64,14 +64,15 @@ class Coil:
                 f"{remedy}"
             )
         path.setflags(write=False)
+        own = vars(self)
+        own["path"] = path
         for name in ("width", "height"):
-            object.__setattr__(self, name, positive_number(getattr(self, name), f"{name} of a coil, in m,"))
-        for name, unit in (("ampere_turns", "A"), ("radius", "m")):
-            value = getattr(self, name)
-            if not (is_number(value) and np.isfinite(value)) or (name == "radius" and value < 0.0):
+            own[name] = positive_number(own[name], f"{name} of a coil, in m,")
+        for name, unit, least in (("ampere_turns", "A", -np.inf), ("radius", "m", 0.0)):
+            value = own[name]
+            if not (is_number(value) and np.isfinite(value) and value >= least):
                 raise ValueError(f"{name} of a coil must be a finite number in {unit}; got {value!r}.")
-            object.__setattr__(self, name, float(value))
-        object.__setattr__(self, "path", path)
+            own[name] = float(value)
         _ = self.winding
 
     def __repr__(self) -> str:
@@ -275,10 +276,8 @@ class Coil:
         ValueError
             As in `field_strength`.
         """
-        local = self.winding.local(checked_points(x, "x", 3))
-        _, direction = self.winding.turns(local[:2])
-        direction[:, ~self._between_ends(local[2])] = 0.0
-        return self.ampere_turns / (self.width * self.height) * (self.winding.frame[:2].T @ direction)
+        density = self.ampere_turns / (self.width * self.height)
+        return density * self.winding.vectors(self._direction(x))
 
     def contains(self, x: ArrayLike) -> Mask:
         """Return True for points in the winding.
@@ -297,11 +296,12 @@ class Coil:
         ValueError
             As in `field_strength`.
         """
-        local = self.winding.local(checked_points(x, "x", 3))
-        return self.winding.turns(local[:2])[1].any(axis=0) & self._between_ends(local[2])
+        return self._direction(x) != 0.0
 
-    def _between_ends(self, z: Floats) -> Mask:
-        return np.abs(z) <= 0.5 * self.height
+    def _direction(self, x: ArrayLike) -> Plane:
+        # of the current in the plane of the winding, 0 outside
+        y, z = self.winding.local(checked_points(x, "x", 3))
+        return np.where(np.abs(z) <= 0.5 * self.height, self.winding.turns(y)[1], 0.0)
 
 
 def _section(section: ArrayLike) -> tuple[float, float]:

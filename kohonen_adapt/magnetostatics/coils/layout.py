@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import finite_triple, point_text
-from kohonen_adapt.magnetostatics.coils.winding import Arc, Bar, Sides, Winding, crossing_sides, sides_of
+from kohonen_adapt.magnetostatics.coils.winding import Arc, Bar, Plane, Sides, Winding, crossing_side, sides_of
 
 __all__ = ["laid_out", "rectangle"]
 
@@ -23,18 +23,19 @@ def laid_out(path: Floats, width: float, height: float, radius: float) -> Windin
         raise ValueError(f"path has the point {point} twice in succession; the coil closes its path by itself.")
     origin = path.mean(axis=1)
     frame = _frame(path, origin, size)
-    y = (frame[:2] @ (path - origin[:, None])).T
-    sides = sides_of(y)
-    sharp, crossing = np.flatnonzero(np.abs(sides.turn) > SHARPEST), crossing_sides(y)
+    along, across = frame[:2] @ (path - origin[:, None])
+    y = along + 1j * across
+    sides, crossing = sides_of(y), crossing_side(y)
+    sharp = np.flatnonzero(np.abs(sides.turn) > SHARPEST)
     if sharp.size:
         raise ValueError(f"path turns back at the point {point_text(path[:, sharp[0]])}; remove the point.")
     if crossing is not None:
-        point = point_text(path[:, crossing[0]])
+        point = point_text(path[:, crossing])
         raise ValueError(f"path crosses itself on the side from {point}; give a path without crossings.")
     pieces = _rounded(y, sides, width, radius, size) if radius > 0.0 else _mitred(y, sides, width)
     winding = Winding(origin, frame, pieces, width, height)
     for depth in (0.5 * width, -0.5 * width):
-        if crossing_sides(winding.offset_path(depth)) is not None:
+        if crossing_side(winding.offset_path(depth)) is not None:
             raise ValueError(f"a winding of width {width:g} m overlaps itself along this path; give a smaller width.")
     return winding
 
@@ -57,9 +58,8 @@ def _frame(path: Floats, origin: Floats, size: float) -> Floats:
     return np.stack((first, np.cross(normal, first), normal))
 
 
-def _mitred(y: Floats, sides: Sides, width: float) -> tuple[Bar, ...]:
+def _mitred(y: Plane, sides: Sides, width: float) -> tuple[Bar, ...]:
     slope = np.tan(0.5 * sides.turn)
-    shift = 0.5 * width * (sides.left + slope[:, None] * sides.along)
     loss = 0.5 * width * (slope + np.roll(slope, -1))
     short = np.flatnonzero(np.abs(loss) >= sides.length)
     if short.size:
@@ -67,14 +67,12 @@ def _mitred(y: Floats, sides: Sides, width: float) -> tuple[Bar, ...]:
             f"a winding of width {width:g} m is wider than its bore at a side of {sides.length[short[0]]:.6g} m; give "
             "a smaller width or a larger path."
         )
-    inner, outer = y + shift, y - shift
-    return tuple(
-        Bar(np.array([inner[k], inner[k - len(y) + 1], outer[k - len(y) + 1], outer[k]]), sides.along[k])
-        for k in range(len(y))
-    )
+    inner, outer = (y + half * (1j + slope) * sides.along for half in (0.5 * width, -0.5 * width))
+    corner = np.stack((inner, np.roll(inner, -1), np.roll(outer, -1), outer), axis=1)
+    return tuple(map(Bar, corner, sides.along))
 
 
-def _rounded(y: Floats, sides: Sides, width: float, radius: float, size: float) -> tuple[Bar | Arc, ...]:
+def _rounded(y: Plane, sides: Sides, width: float, radius: float, size: float) -> tuple[Bar | Arc, ...]:
     if radius < 0.5 * width * (1.0 - ROUNDING):
         raise ValueError(
             f"the radius, {radius:g} m, must be at least half the width of the winding, {0.5 * width:g} m, or 0 for "
@@ -88,18 +86,20 @@ def _rounded(y: Floats, sides: Sides, width: float, radius: float, size: float) 
             f"corners with a radius of {radius:g} m need {sides.length[k] - straight[k]:.6g} m of a side that has "
             f"{sides.length[k]:.6g} m; give a smaller radius."
         )
-    pieces, shift = list[Bar | Arc](), 0.5 * width * sides.left
-    for k in range(len(y)):
-        turn = np.sign(sides.turn[k])
-        if abs(sides.turn[k]) > ROUNDING:
-            centre = y[k] + cut[k] * sides.along[k] + turn * radius * sides.left[k]
-            outward = -turn * sides.left[k - 1]
-            _append(pieces, Arc(centre, radius, np.arctan2(outward[1], outward[0]), sides.turn[k]))
+    pieces, start = list[Bar | Arc](), y + cut * sides.along
+    for k, (along, turn) in enumerate(zip(sides.along, sides.turn, strict=True)):
+        if abs(turn) > ROUNDING:
+            to_centre = 1j * np.sign(turn) * radius
+            outward = np.angle(-to_centre * sides.along[k - 1])
+            _append(pieces, Arc(start[k] + to_centre * along, radius, outward, turn, width))
         if straight[k] > ROUNDING * size:
-            start, end = y[k] + cut[k] * sides.along[k], y[k] + (cut[k] + straight[k]) * sides.along[k]
-            corner = np.array([start + shift[k], end + shift[k], end - shift[k], start - shift[k]])
-            pieces.append(Bar(corner, sides.along[k]))
-    return _closed(pieces)
+            ends, shift = start[k] + straight[k] * np.array([0.0, 1.0]) * along, 0.5j * width * along
+            pieces.append(Bar(np.concatenate((ends + shift, ends[::-1] - shift)), along))
+    first, last = pieces[0], pieces[-1]
+    if len(pieces) > 1 and isinstance(first, Arc) and isinstance(last, Arc) and first.turn == last.turn:
+        _append(pieces, first)
+        pieces = pieces[1:]
+    return tuple(pieces)
 
 
 def _append(pieces: list[Bar | Arc], arc: Arc) -> None:
@@ -108,14 +108,6 @@ def _append(pieces: list[Bar | Arc], arc: Arc) -> None:
         pieces[-1] = last._replace(extent=last.extent + arc.extent)
     else:
         pieces.append(arc)
-
-
-def _closed(pieces: list[Bar | Arc]) -> tuple[Bar | Arc, ...]:
-    first = pieces[0]
-    if len(pieces) > 1 and isinstance(first, Arc) and isinstance(pieces[-1], Arc) and first.turn == pieces[-1].turn:
-        _append(pieces, first)
-        pieces = pieces[1:]
-    return tuple(pieces)
 
 
 def rectangle(centre: ArrayLike, axis: ArrayLike, length: float, width: float, along: ArrayLike | None) -> Floats:

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.magnetostatics.coils.winding import Arc, Bar, Winding
+from kohonen_adapt.magnetostatics.coils.winding import Arc, Bar, Plane, Winding, cross
+from kohonen_adapt.mesh.elements.rules import product_rule
 
 __all__ = ["Currents", "currents_of", "flux_rule"]
 
@@ -22,19 +23,9 @@ class Currents(NamedTuple):
     moment: Floats  # (3, n): current density times volume, per ampere-turn, in m
 
 
-class _Line(NamedTuple):
-    # the inner and the outer side of a piece, (n, 2) each, with derivatives by the parameter
-    inner: Floats
-    outer: Floats
-    inner_slope: Floats
-    outer_slope: Floats
-    direction: Floats  # unit vectors along the current
-
-
 def currents_of(winding: Winding) -> Currents:
     x, weight, _, direction = _winding_rule(winding)
-    moment = weight / (winding.width * winding.height) * (winding.frame[:2].T @ direction)
-    return Currents(x, moment)
+    return Currents(x, weight / (winding.width * winding.height) * winding.vectors(direction))
 
 
 def flux_rule(winding: Winding) -> tuple[Floats, Floats]:
@@ -48,36 +39,34 @@ def flux_rule(winding: Winding) -> tuple[Floats, Floats]:
     return np.concatenate((x, bore), axis=1), np.concatenate((weight * fraction, bore_weight)) / winding.height
 
 
-def _winding_rule(winding: Winding) -> tuple[Floats, Floats, Floats, Floats]:
+def _winding_rule(winding: Winding) -> tuple[Floats, Floats, Floats, Plane]:
     # points, volumes, fraction of turns, direction of the current in the plane
     (t, along), (q, across) = _clustered(ALONG), _gauss(ACROSS)
-    points, weights, fractions, directions = [], [], [], []
+    mix, points, weights, directions = np.stack((1.0 - q, q), axis=1), [], [], []
     for piece in (part for whole in winding.pieces for part in _divided(whole)):
-        line = _line(piece, winding.width, t)
-        for depth, weight in zip(q, across, strict=True):
-            points.append((1.0 - depth) * line.inner + depth * line.outer)
-            slope = (1.0 - depth) * line.inner_slope + depth * line.outer_slope
-            weights.append(weight * along * np.abs(_cross(slope, line.outer - line.inner)))
-            fractions.append(np.full(t.size, 1.0 - depth))
-            directions.append(line.direction)
-    x, volume = _extruded(winding, np.concatenate(points), np.concatenate(weights))
-    repeat = (IN_HEIGHT, 1)
-    return x, volume, np.tile(np.concatenate(fractions), IN_HEIGHT), np.tile(np.concatenate(directions), repeat).T
+        (inner, outer), rates = piece.sides(t)
+        points.append(mix @ np.stack((inner, outer)))
+        weights.append(across[:, None] * along * np.abs(cross(mix @ rates, outer - inner)))
+        directions.append(np.tile(rates.sum(axis=0) / np.abs(rates.sum(axis=0)), (q.size, 1)))
+    y, weight, direction = (np.ravel(part) for part in (points, weights, directions))
+    x, volume = _extruded(winding, y, weight)
+    fraction = np.broadcast_to(1.0 - q[:, None], np.shape(weights)).ravel()
+    return x, volume, np.tile(fraction, IN_HEIGHT), np.tile(direction, IN_HEIGHT)
 
 
 def _bore_rule(winding: Winding) -> tuple[Floats, Floats]:
     # Slabs between the ends of curves, each with one or more intervals across.
-    curves = [curve for piece in winding.pieces for curve in _inner_curves(piece, winding.width)]
+    curves = [curve for piece in winding.pieces for curve in _inner_curves(piece)]
     ends = np.sort(np.array([end for curve in curves for end in curve[:2]]))
     ends = ends[np.diff(ends, prepend=-np.inf) > SAME * (ends[-1] - ends[0])] if ends.size else ends
     (u, along), (v, across) = _clustered(IN_BORE), _clustered(IN_BORE)
-    points, weights = [np.zeros((0, 2))], [np.zeros(0)]
+    points, weights = [np.zeros(0)], [np.zeros(0)]
     for first, last in pairwise(ends):
         x, middle = first + (last - first) * u, 0.5 * (first + last)
         level = np.sort([curve.height(x) for curve in curves if curve.start < middle < curve.end], axis=0)
         for low, high in zip(level[::2], level[1::2], strict=True):
             y = low + np.outer(v, high - low)
-            points.append(np.stack((np.broadcast_to(x, y.shape), y), axis=2).reshape(-1, 2))
+            points.append((x + 1j * y).ravel())
             weights.append((np.outer(across, high - low) * along * (last - first)).ravel())
     return _extruded(winding, np.concatenate(points), np.concatenate(weights))
 
@@ -86,28 +75,28 @@ class _Curve(NamedTuple):
     # y as a function of x between two ends
     start: float
     end: float
-    centre: Floats  # (2,) of an arc, or a point of a line
+    centre: complex  # of an arc, or a point of a line
     radius: float
     slope: float  # of a line, or the side of the centre
 
     def height(self, x: Floats) -> Floats:
-        across = x - self.centre[0]
-        if self.radius == 0.0:
-            return self.centre[1] + self.slope * across
-        return self.centre[1] + self.slope * np.sqrt(np.maximum(self.radius**2 - across**2, 0.0))
+        across = x - self.centre.real
+        if self.radius:
+            across = np.sqrt(np.maximum(self.radius**2 - across**2, 0.0))
+        return self.centre.imag + self.slope * across
 
 
-def _inner_curves(piece: Bar | Arc, width: float) -> Iterator[_Curve]:
+def _inner_curves(piece: Bar | Arc) -> Iterator[_Curve]:
     if isinstance(piece, Bar):
-        low, high = sorted(piece.corner[:2], key=lambda corner: float(corner[0]))
-        if high[0] > low[0]:
-            yield _Curve(low[0], high[0], low, 0.0, (high[1] - low[1]) / (high[0] - low[0]))
+        low, high = np.sort(piece.core)
+        if high.real > low.real:
+            yield _Curve(low.real, high.real, low, 0.0, (high - low).imag / (high - low).real)
         return
-    radius = piece.radius - 0.5 * piece.turn * width
+    radius = piece.radius - 0.5 * piece.turn * piece.width
     first, last = sorted((piece.start, piece.start + piece.extent))
     turns = np.arange(np.floor(first / np.pi) + 1.0, np.ceil(last / np.pi)) * np.pi
     for start, end in pairwise(np.r_[first, turns, last]):
-        low, high = np.sort(piece.centre[0] + radius * np.cos([start, end]))
+        low, high = np.sort(piece.centre.real + radius * np.cos([start, end]))
         if high > low:
             yield _Curve(low, high, piece.centre, radius, float(np.sign(np.sin(0.5 * (start + end)))))
 
@@ -121,38 +110,18 @@ def _divided(piece: Bar | Arc) -> list[Bar | Arc]:
     return [piece._replace(start=piece.start + k * extent, extent=extent) for k in range(count)]
 
 
-def _line(piece: Bar | Arc, width: float, t: Floats) -> _Line:
-    if isinstance(piece, Bar):
-        starts, ends = piece.corner[[0, 3]], piece.corner[[1, 2]]
-        (inner, outer), ones = starts[:, None] + t[:, None] * (ends - starts)[:, None], np.ones((t.size, 1))
-        inner_slope, outer_slope = ones * (ends - starts)[:, None]
-        return _Line(inner, outer, inner_slope, outer_slope, ones * piece.along)
-    angle = piece.start + piece.extent * t
-    outward = np.stack((np.cos(angle), np.sin(angle)), axis=1)
-    ahead = np.stack((-outward[:, 1], outward[:, 0]), axis=1)
-    radii = [piece.radius - 0.5 * piece.turn * width, piece.radius + 0.5 * piece.turn * width]
-    inner, outer = (piece.centre + radius * outward for radius in radii)
-    inner_slope, outer_slope = (piece.extent * radius * ahead for radius in radii)
-    return _Line(inner, outer, inner_slope, outer_slope, piece.turn * ahead)
-
-
-def _extruded(winding: Winding, y: Floats, weight: Floats) -> tuple[Floats, Floats]:
+def _extruded(winding: Winding, y: Plane, weight: Floats) -> tuple[Floats, Floats]:
     z, size = _clustered(IN_HEIGHT)
-    levels = winding.height * (z - 0.5)
-    x = np.concatenate([winding.in_space(y, level) for level in levels], axis=1)
+    x = np.concatenate([winding.in_space(y, level) for level in winding.height * (z - 0.5)], axis=1)
     return x, np.outer(size * winding.height, weight).ravel()
 
 
 def _gauss(count: int) -> tuple[Floats, Floats]:
-    point, weight = np.polynomial.legendre.leggauss(count)
-    return 0.5 * (1.0 + point), 0.5 * weight
+    barycentric, weight = product_rule((count,))
+    return barycentric[:, 1], weight
 
 
 def _clustered(count: int) -> tuple[Floats, Floats]:
     # at both ends of [0, 1]
     u, weight = _gauss(count)
     return u**2 * (3.0 - 2.0 * u), weight * 6.0 * u * (1.0 - u)
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

@@ -7,6 +7,7 @@ from kohonen_adapt.kernels.coils import Arcs, Bars, add_arcs, add_bars
 from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.magnetostatics.coils.winding import Winding
+from kohonen_adapt.mesh.elements.rules import product_rule
 
 __all__ = ["Source", "field_of", "source_of"]
 
@@ -49,24 +50,18 @@ def field_of(source: Source, x: Floats) -> Floats:
 
 
 def _bars_of(winding: Winding, current_density: float) -> Bars:
-    bars, frame = winding.bars, winding.frame
-    mitred, count = not winding.arcs, len(bars)
-    cut = np.arange(count) if mitred else np.arange(0, 2 * count, 2)
+    bars, mitred = winding.bars, not winding.arcs
+    cut = np.arange(len(bars)) if mitred else np.arange(0, 2 * len(bars), 2)
     next_cut = np.roll(cut, -1) if mitred else cut + 1
-    plane = np.array(
-        [bar.corner[[0, 3]] for bar in bars]
-        if mitred
-        else [c for b in bars for c in (b.corner[[0, 3]], b.corner[[1, 2]])]
-    )
-    half, plane = 0.5 * winding.height, plane.reshape(-1, 2, 2)[:, [0, 1, 1, 0]]
-    levels = np.array([-half, -half, half, half])
-    corner = winding.origin + plane @ frame[:2] + levels[:, None] * frame[2]
-    density = current_density * np.array([bar.along for bar in bars]).reshape(-1, 2) @ frame[:2] / (4.0 * np.pi)
+    ends = np.array([bar.corner for bar in bars]).reshape(-1, 4)[:, [0, 3, 1, 2]]
+    cuts = ends[:, :2] if mitred else ends.reshape(-1, 2)
+    corner = winding.in_space(cuts[:, [0, 1, 1, 0]], 0.5 * winding.height * np.array([-1.0, -1.0, 1.0, 1.0]))
+    density = current_density / (4.0 * np.pi) * winding.vectors(np.array([bar.along for bar in bars], complex)).T
     local = np.concatenate((4 * cut[:, None] + np.arange(4), 4 * next_cut[:, None] + np.arange(4)), axis=1)
     face = np.concatenate((local[:, SIDES].reshape(-1, 4), local[:, 4 + CUT]))
     jump = density - np.roll(density, -1, axis=0) if mitred else np.zeros_like(density)
     source = np.concatenate((np.repeat(density, 4, axis=0), jump))
-    return _polyhedra(corner.reshape(-1, 3), face, source)
+    return _polyhedra(corner.reshape(3, -1).T, face, source)
 
 
 def _polyhedra(corner: Floats, face: Ints, source: Floats) -> Bars:
@@ -103,31 +98,28 @@ def _polyhedra(corner: Floats, face: Ints, source: Floats) -> Bars:
 
 
 def _arcs_of(winding: Winding, current_density: float) -> Arcs:
-    arcs, count, half = winding.arcs, len(winding.arcs), 0.5 * winding.height
-    centre = winding.origin + np.array([arc.centre for arc in arcs]).reshape(-1, 2) @ winding.frame[:2]
-    middle = np.array([arc.start + 0.5 * arc.extent for arc in arcs])
-    first = np.stack((np.cos(middle), np.sin(middle)), axis=1) @ winding.frame[:2]
-    axis = np.tile(winding.frame[2], (count, 1))
-    frame = np.stack((first, np.cross(axis, first), axis), axis=1)
-    radius = np.array([arc.radius for arc in arcs])
-    bounds = np.stack(
-        (radius - 0.5 * winding.width, radius + 0.5 * winding.width, -half + 0.0 * radius, half + 0.0 * radius), axis=1
+    arcs, height = winding.arcs, winding.height
+    start, extent, radius, turn = (
+        np.array([(arc.start, arc.extent, arc.radius, arc.turn) for arc in arcs]).reshape(-1, 4).T
     )
+    centre = winding.in_space(np.array([arc.centre for arc in arcs], complex), 0.0).T
+    first = winding.vectors(np.exp(1j * (start + 0.5 * extent))).T
+    axis = np.tile(winding.frame[2], (len(arcs), 1))
+    frame = np.stack((first, np.cross(axis, first), axis), axis=1)
+    bounds = np.array([-winding.width, winding.width, -height, height]) / 2.0 + np.outer(radius, [1.0, 1.0, 0.0, 0.0])
     bounds[:, 0] = np.maximum(bounds[:, 0], 0.0)
-    slender = max((arc.radius for arc in arcs), default=0.0) * SLENDER / min(winding.width, winding.height)
+    slender = radius.max(initial=0.0) * SLENDER / min(winding.width, height)
     count = POINTS + MORE_POINTS * np.log2(max(slender, 1.0))
     rules = _rules(min(round(count), MOST_POINTS))
-    extent = np.array([abs(arc.extent) for arc in arcs])
-    density = np.array([arc.turn for arc in arcs]) * current_density / (4.0 * np.pi)
-    return Arcs(centre, frame, 0.5 * extent + 1e-12, bounds, density, *rules)
+    return Arcs(centre, frame, 0.5 * abs(extent) + 1e-12, bounds, turn * current_density / (4.0 * np.pi), *rules)
 
 
 def _rules(clustered: int) -> tuple[Ints, Floats, Floats, Floats]:
     counts = np.array([*(count for count in GAUSS_RULES if count < clustered), clustered], dtype=np.int32)
     fraction, weight = np.zeros((2, len(counts), clustered))
     for rule, count in enumerate(counts):
-        x, w = np.polynomial.legendre.leggauss(count)
-        fraction[rule, :count], weight[rule, :count] = 0.5 * (1.0 + x), 0.5 * w
+        barycentric, weight[rule, :count] = product_rule((int(count),))
+        fraction[rule, :count] = barycentric[:, 1]
     t, weight[-1] = fraction[-1].copy(), POWER * fraction[-1] ** (POWER - 1) * weight[-1]
     fraction[-1] = t**POWER
     rho = GAUSS_ERROR ** (-0.5 / counts)
