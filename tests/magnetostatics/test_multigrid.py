@@ -10,10 +10,13 @@ from helpers.devices import actuator, machine, plunger
 from helpers.magnet_solids import blocks
 from helpers.tensor_meshes import box
 from scipy.sparse import csc_array
+from scipy.sparse.linalg import spsolve
+from skfem import MeshTet
 
 from kohonen_adapt.magnetostatics import FluxLinkage, Froehlich, MagneticScalarPotential, Magnetostatics, Material
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.system import Solver
+from kohonen_adapt.mesh.elements.space import Space
 
 needs_pyamg = pytest.mark.skipif(importlib.util.find_spec("pyamg") is None, reason="pyamg is not installed")
 
@@ -110,3 +113,17 @@ def test_what_multigrid_cannot_solve_is_left_to_the_direct_solver():
     assert np.isfinite(solved_by(problem, solver).solve(mesh).energy)
     assert solver.used == [False]
     assert solver.by_multigrid(csc_array(np.diag([np.nan, 2.0])), np.ones(2)) is None
+
+
+@pytest.mark.parametrize("order", [3, 4, 6])
+def test_stars_precondition_every_order_alike(order):
+    """Few iterations also on layers of .15 and between permeabilities 1 : 1000, for the solution of direct factors."""
+    axis = np.array([0.0, 0.15**2, 0.15, 0.5, 1.0])
+    mesh = MeshTet.init_tensor(axis, axis, np.linspace(0.0, 1.0, 3))
+    space = Space(mesh, order)
+    free = np.setdiff1d(np.arange(space.doflocs.shape[1]), space.on_facets(mesh.boundary_facets()).ravel())
+    contrast = np.where(mesh.p[0, mesh.t].mean(axis=0) < 0.15, 1000.0, 1.0)[space.element]
+    reduced = space.stiffness(contrast, free)
+    right = np.random.default_rng(order).normal(size=reduced.matrix.shape[0])
+    found = Solver(large=0, most_iterations=60).by_stars(reduced.matrix, right, *reduced.subspaces)
+    np.testing.assert_allclose(found, spsolve(reduced.matrix, right), atol=1e-7 * np.abs(found).max())

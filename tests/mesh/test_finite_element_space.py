@@ -258,7 +258,7 @@ def test_functions_of_order_one_are_among_those_of_order_two(curved):
     space = Space(solid(curved), 2)
     nnodes, count = space.corners.p.shape[1], space.doflocs.shape[1]
     free = np.setdiff1d(np.arange(count), np.unique(space.on_facets(space.corners.boundary_facets()[::3])))
-    prolongation = space.stiffness(np.ones(space.weights.size), free).prolongation
+    prolongation = space.stiffness(np.ones(space.weights.size), free).subspaces.prolongation
     coarse = np.zeros(nnodes)
     nodes_of = free[free < nnodes]
     coarse[nodes_of] = np.random.default_rng(5).normal(size=nodes_of.size)

@@ -7,13 +7,14 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array, csr_matrix, diags_array, tril, triu
+from scipy.sparse import csc_array, csr_matrix, diags_array, tril, triu
 from scipy.sparse.linalg import splu
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.edge_elements import EdgeElements
 from kohonen_adapt.magnetostatics.equations.system import Solver
+from kohonen_adapt.mesh.elements.assembly import Subspaces
 
 __all__ = ["EdgeSolver"]
 
@@ -47,7 +48,7 @@ class EdgeSolver(Solver):
     edges: EdgeElements | None = None
     conditions: Conditions | None = None
 
-    def solve(self, matrix: csc_array, right: Floats, prolongation: csr_array | None = None) -> Floats:
+    def solve(self, matrix: csc_array, right: Floats, subspaces: Subspaces | None = None) -> Floats:
         if np.linalg.norm(right) <= self.floor:
             return np.zeros_like(right)
         symmetric = csr_matrix(matrix.T)

@@ -96,7 +96,7 @@ class Newton:
             if hessian.in_order and on_rows.join is None:
                 outer = self.solver.in_order(matrix, right)
             else:
-                outer = self.solver.solve(matrix, right, hessian.prolongation)
+                outer = self.solver.solve(matrix, right, hessian.subspaces)
             outer = on_rows.from_classes(outer)
             step[conditions.free] = hessian.completed(outer, -gradient)
         if not np.all(np.isfinite(step)):

@@ -1,6 +1,6 @@
 """Direct and multigrid solvers of linear systems."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
@@ -9,12 +9,14 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array, csr_matrix
 from scipy.sparse.linalg import LinearOperator, SuperLU, cg
 
-from kohonen_adapt.arrays import Floats
-from kohonen_adapt.mesh.elements.assembly import symmetric_factors
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.magnetostatics.equations.schwarz import added_corrections
+from kohonen_adapt.mesh.elements.assembly import Subspaces, symmetric_factors
 
 __all__ = ["IN_SPACE", "Solver"]
 
-TOLERANCE = 1e-10  # residual of multigrid, relative to the right-hand side
+TOLERANCE = 1e-10  # residual of conjugate gradients, relative to the right-hand side
+ENTRIES = 15  # per row of a matrix of order 1 in space
 
 
 @dataclass(frozen=True)
@@ -37,9 +39,39 @@ class Solver:
     most_iterations: int = 200
     rtol: float = TOLERANCE
 
-    def solve(self, matrix: csc_array, right: Floats, prolongation: csr_array | None = None) -> Floats:
-        solution = self.by_multigrid(matrix, right, prolongation) if right.size > self.large else None
+    def solve(self, matrix: csc_array, right: Floats, subspaces: Subspaces | None = None) -> Floats:
+        solution = None
+        if subspaces and subspaces.stars and matrix.nnz > ENTRIES * self.large:
+            solution = self.by_stars(matrix, right, *subspaces)
+        elif right.size > self.large:
+            solution = self.by_multigrid(matrix, right, subspaces and subspaces.prolongation)
         return factorised(matrix).solve(right) if solution is None else solution
+
+    def by_stars(
+        self, matrix: csc_array, right: Floats, prolongation: csr_array, stars: Sequence[Ints]
+    ) -> Floats | None:
+        """Return the solution of a high order in space, or None if not converged."""
+        if not np.isfinite(matrix.data).all():
+            return None
+        csr, coarse = as_csr(matrix), self.preconditioner((prolongation.T @ matrix @ prolongation).tocsc())
+        corrected = added_corrections(csr, stars, lambda residual: prolongation @ coarse(prolongation.T @ residual))
+        return self._iterated(csr, right, corrected)
+
+    def preconditioner(self, matrix: csc_array) -> Callable[[Floats], Floats]:
+        """Return the inverse of a matrix, or a cycle of multigrid if large."""
+        if matrix.shape[0] > self.large and find_spec("pyamg") is not None:
+            cycle = aggregated(as_csr(matrix)).aspreconditioner()
+            return lambda residual: np.asarray(cycle @ residual)
+        return factorised(matrix).solve
+
+    def _iterated(self, matrix: csr_matrix, right: Floats, preconditioner: Callable[[Floats], Floats]) -> Floats | None:
+        cycle = LinearOperator(matrix.shape, matvec=preconditioner, dtype=np.float64)
+        solution, _ = cg(matrix, right, rtol=self.rtol, maxiter=self.most_iterations, M=cycle)
+        return solution if self._is_solved(matrix, right, solution) else None
+
+    def _is_solved(self, matrix: csr_matrix, right: Floats, solution: Floats) -> bool:
+        residual = np.linalg.norm(right - matrix @ solution)
+        return bool(residual <= 10.0 * self.rtol * np.linalg.norm(right))
 
     def in_order(self, matrix: csc_array, right: Floats) -> Floats:
         solution = self.by_multigrid(matrix, right) if right.size > self.large else None
@@ -52,14 +84,11 @@ class Solver:
         """
         if find_spec("pyamg") is None or not np.isfinite(matrix.data).all():
             return None
-        csr, iterations = as_csr(matrix), self.most_iterations
-        if prolongation is None:
-            solution = aggregated(csr).solve(right, tol=self.rtol, maxiter=iterations, accel="cg")
-        else:
-            cycle = LinearOperator(csr.shape, matvec=two_level_cycle(csr, prolongation), dtype=np.float64)
-            solution, _ = cg(csr, right, rtol=self.rtol, maxiter=iterations, M=cycle)
-        residual = np.linalg.norm(right - csr @ solution)
-        return solution if residual <= 10.0 * self.rtol * np.linalg.norm(right) else None
+        csr = as_csr(matrix)
+        if prolongation is not None:
+            return self._iterated(csr, right, two_level_cycle(csr, prolongation))
+        solution = aggregated(csr).solve(right, tol=self.rtol, maxiter=self.most_iterations, accel="cg")
+        return solution if self._is_solved(csr, right, solution) else None
 
 
 def as_csr(matrix: csc_array) -> csr_matrix:

@@ -1,8 +1,10 @@
 """Assembly of element matrices, with eliminated interiors."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array, csr_array
@@ -12,7 +14,16 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.mesh.host import number_edges, number_facets
 
-__all__ = ["Interiors", "Pattern", "Reduced", "Skeleton", "assembled", "symmetric_factors", "without_interiors"]
+__all__ = [
+    "Interiors",
+    "Pattern",
+    "Reduced",
+    "Skeleton",
+    "Subspaces",
+    "assembled",
+    "symmetric_factors",
+    "without_interiors",
+]
 
 
 @dataclass(frozen=True)
@@ -25,17 +36,24 @@ class Interiors:
     coupling: Floats  # (nelements, i, o): the inverse times the coupling of inner and outer unknowns
 
 
+class Subspaces(NamedTuple):
+    """Subspaces of a space of high order, for a preconditioner."""
+
+    prolongation: csr_array  # (nrows, ncoarse): functions of order 1
+    stars: Sequence[Ints]  # rows of the unknowns around each node, above order 2
+
+
 @dataclass(frozen=True)
 class Reduced:
     matrix: csc_array
     interiors: Interiors | None = None
     rows: Ints | None = None  # of the matrix among the free unknowns, None for all
-    prolongation: csr_array | None = None  # (nrows, ncoarse): functions of order 1 in elements of a higher order
+    subspaces: Subspaces | None = None
 
     @property
     def in_order(self) -> bool:
         """True if the rows are in an order of elimination."""
-        return self.rows is not None and self.prolongation is None
+        return self.rows is not None and self.subspaces is None
 
     def eliminated(self, right: Floats) -> Floats:
         if self.interiors is None or self.rows is None:

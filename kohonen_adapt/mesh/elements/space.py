@@ -5,13 +5,20 @@ from math import comb, factorial
 from typing import Self
 
 import numpy as np
-from scipy.sparse import csr_array
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.blended import Projections
 from kohonen_adapt.mesh.cells import CELLS
-from kohonen_adapt.mesh.elements.assembly import Interiors, Pattern, Reduced, Skeleton, assembled, without_interiors
+from kohonen_adapt.mesh.elements.assembly import (
+    Interiors,
+    Pattern,
+    Reduced,
+    Skeleton,
+    Subspaces,
+    assembled,
+    without_interiors,
+)
 from kohonen_adapt.mesh.elements.functions import (
     OFF_AXIS,
     ON_AXIS,
@@ -29,6 +36,9 @@ __all__ = ["Space"]
 
 INWARDS = 1e-6  # distance from the axis at which limits on the axis are evaluated, relative to the way to the centroid
 RANK = 1e-12  # relative size of the singular values of constants, which have no gradient
+
+# number of every unknown among the free ones, pattern and subspaces of their matrix
+Known = tuple[Ints, Pattern, Subspaces | None]
 
 
 class Space(Unknowns):
@@ -71,7 +81,7 @@ class Space(Unknowns):
     ) -> None:
         super().__init__(mesh, order, nonlinear, axis, sides, arcs)
         self._varies = varies
-        self._known: tuple[Ints, tuple[Ints, Pattern, csr_array | None]] | None = None  # by the free unknowns
+        self._known: tuple[Ints, Known] | None = None  # by the free unknowns
 
     def at_order(self, order: int) -> Self:
         found = type(self)(self.mesh, order, self.nonlinear, self.axis, self.sides, self.arcs)
@@ -235,16 +245,19 @@ class Space(Unknowns):
         products = self.groups.by_element(lambda group: group.upper_products(across, along))
         index = np.full(self.doflocs.shape[1], -1, dtype=np.int32)
         index[free] = np.arange(free.size)
-        return Reduced(assembled(self.unknowns, products, index, free.size), prolongation=self._coarse(index))
+        matrix = assembled(self.unknowns, products, index, free.size)
+        return Reduced(matrix, subspaces=self._subspaces(index))
 
-    def _coarse(self, index: Ints) -> csr_array | None:
-        return self.prolongation(index) if self.dim == 3 and self.order > 1 else None
+    def _subspaces(self, index: Ints) -> Subspaces | None:
+        if self.dim == 2 or self.order == 1:
+            return None
+        return Subspaces(self.prolongation(index), self.stars(index) if self.order > 2 else ())
 
     def _without_interiors(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None) -> Reduced:
         condensed, inverse, coupling = without_interiors(self.groups.matrices(across, along), self._outside)
-        number, pattern, prolongation = self._pattern(free)
+        number, pattern, subspaces = self._pattern(free)
         interiors = Interiors(number[self.unknowns[self._outside :]].T, pattern.outer, inverse, coupling)
-        return Reduced(pattern.matrix(condensed), interiors, pattern.rows, prolongation)
+        return Reduced(pattern.matrix(condensed), interiors, pattern.rows, subspaces)
 
     @property
     def _outside(self) -> int:
@@ -255,13 +268,13 @@ class Space(Unknowns):
     def skeleton(self) -> Skeleton:
         return Skeleton(self.corners)
 
-    def _pattern(self, free: Ints) -> tuple[Ints, Pattern, csr_array | None]:
+    def _pattern(self, free: Ints) -> Known:
         if self._known is None or self._known[0] is not free:
             number, index = np.full((2, self.doflocs.shape[1]), -1)
             number[free] = np.arange(free.size)
             pattern = self.skeleton.pattern(self.order, self.unknowns[: self._outside], number)
             index[free[pattern.rows]] = np.arange(pattern.rows.size)
-            self._known = free, (number, pattern, self._coarse(index))
+            self._known = free, (number, pattern, self._subspaces(index))
         return self._known[1]
 
     # values at points

@@ -28,6 +28,7 @@ from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["Unknowns"]
 
+ROUNDING = 1e-9  # of barycentric coordinates of nodes
 FACET_EDGES = {2: ((0, 1),), 3: ((0, 1), (1, 2), (0, 2))}  # by dimension of the mesh
 
 
@@ -180,6 +181,17 @@ class Unknowns:
         row = np.broadcast_to(index[:, None], used.shape)
         shape = np.count_nonzero(index >= 0), np.count_nonzero(free)
         return csr_array((value[used], (row[used], column[used])), shape=shape)
+
+    def stars(self, index: Ints) -> list[Ints]:
+        """Return the rows of the unknowns at, on edges at, and on faces at each node.
+
+        `index` is as in `prolongation`. Unknowns inside elements have no rows. A node without rows is left out.
+        """
+        local, corner = np.nonzero(nodes(self.order, self.dim, self.arcs) > ROUNDING)
+        row, node = index[self.unknowns[local]].ravel(), self.corners.t[corner].ravel()
+        used, count = row >= 0, np.int64(index.size)
+        star, row = np.divmod(np.unique(node[used] * count + row[used]), count)
+        return np.split(row, np.flatnonzero(np.diff(star)) + 1)
 
     def facet_points(self, facets: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
         """Return points of facets at barycentric coordinates (d,), and normals, (d, n).
