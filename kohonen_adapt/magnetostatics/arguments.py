@@ -35,7 +35,7 @@ from kohonen_adapt.magnetostatics.materials.material import Material, check_mate
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
 from kohonen_adapt.magnetostatics.quantities.goals import Torque, check_goal, unit_of_goal
-from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
+from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.mesh.blended import exact_area
 from kohonen_adapt.mesh.cells import TETRAHEDRON, remedy_for
 from kohonen_adapt.mesh.curved import corners_of
@@ -53,7 +53,7 @@ ORDERS = range(1, 9)
 ESTIMATORS = ("residual", "recovery", "equilibrated")  # see `estimation.energy_indicators`
 ASYMMETRY = 0.01  # allowed asymmetric part of the applied field on a plane, relative to the largest
 
-SolidKind = TypeVar("SolidKind", bound=LocalSolid)
+SolidKind = TypeVar("SolidKind", bound=SolidField)
 
 
 @dataclass(frozen=True, eq=False)
@@ -348,7 +348,7 @@ class ArgumentsInSpace:
         held[:nnodes] |= _first_of_floating(mesh, fixed[:nnodes])
         return Conditions(fixed, np.where(held, values + drive.potential, 0.0), np.flatnonzero(~held))
 
-    def conditions_of(self, field: LocalSolid) -> Conditions:
+    def conditions_of(self, field: SolidField) -> Conditions:
         if "conditions" not in field.kept:
             field.kept["conditions"] = self.conditions(field.drive, field.planes)
         return field.kept["conditions"]

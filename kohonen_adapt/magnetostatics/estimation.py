@@ -17,7 +17,7 @@ from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
-from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
+from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 from kohonen_adapt.magnetostatics.residuals import dual_residual_by_points, residual_by_points
 from kohonen_adapt.magnetostatics.solution import (
     dual_of,
@@ -82,7 +82,7 @@ def flux_variation(field: Field, materials: Mapping[str, Material]) -> Floats:
     return field.symmetry.flux(2.0 * (coercivity - coercivity.mean(axis=1, keepdims=True)))
 
 
-def equal_materials(field: Field | LocalSolid, materials: Mapping[str, Material]) -> Ints:
+def equal_materials(field: MagneticField, materials: Mapping[str, Material]) -> Ints:
     values = list(materials.values())
     return np.array([values.index(material) for material in values])[field.coefficients.material_index]
 
@@ -133,8 +133,10 @@ def goal_indicators(problem: Arguments, field: Field, goal: Goal) -> Floats:
         )
     pair = _primal_and_dual(problem, field, dual)
     if field.elements.axis:  # there B decreases like 1 / r within elements
-        for name, strength in zip(("flux", "dual_flux"), field.strength_at_corners(dual.values), strict=True):
-            flux = field.symmetry.flux(strength)
+        at = field.at_corners
+        change = field.change_at_each(np.eye(3), dual.values, at)
+        for name, strength in ("flux", at.field_strength), ("dual_flux", change):
+            flux = field.symmetry.flux(strength).reshape(2, 3, -1)
             pair[name] = pair[name][:, None] - flux + flux.mean(axis=1, keepdims=True)
     return goal_oriented(field.mesh, **pair)
 

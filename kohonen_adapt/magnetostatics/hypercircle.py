@@ -9,11 +9,10 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.display import significant
 from kohonen_adapt.magnetostatics.materials.laws import Inverse
 from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
-from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.mesh.measures import magnitude
 
-Solid = TypeVar("Solid", bound=LocalSolid)
+Solid = TypeVar("Solid", bound=SolidField)
 
 __all__ = ["UNIFORM", "Bracket", "gap_indicators", "with_currents_of"]
 
@@ -96,7 +95,7 @@ class Bracket:
         return f"{name} between {first} and {last} J, {significant(100.0 * self.width, 2)} % apart; {sure}"
 
 
-def gap_indicators(scalar: LocalSolid, vector: EdgeField) -> Floats:
+def gap_indicators(scalar: SolidField, vector: EdgeField) -> Floats:
     """Return the difference of both fields in the energy norm, (nelements,).
 
     In sqrt(J). The square is ``2 int w(B) + w*(H) - B . H`` with B of the vector potential, H of the scalar potential,

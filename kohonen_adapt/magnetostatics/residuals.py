@@ -65,8 +65,9 @@ def on_lattice(elements: Space, values: Floats) -> Floats:
     polynomial.
     """
     degree = elements.order - 1 if elements.axis else 2
-    element, barycentric, weight = elements.fine_rule
-    functions, count = hierarchical(barycentric.T, degree)[0].T, elements.corners.t.shape[1]
+    element, weight = elements.element, elements.weights
+    functions = hierarchical(elements.barycentric_of_points.T, degree)[0].T
+    count = elements.corners.t.shape[1]
 
     def sums(terms: Floats) -> Floats:
         return np.stack([np.bincount(element, term, count) for term in terms.reshape(-1, element.size)], axis=-1)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -18,8 +17,7 @@ from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.estimation import RESIDUAL_SCALE, equal_materials
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.goal import Goal
-from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
-from kohonen_adapt.magnetostatics.quantities.point_values import Strength
+from kohonen_adapt.magnetostatics.quantities.point_values import Points
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.curved import Isoparametric
@@ -61,9 +59,6 @@ class EnrichedField(SolidField):
     cubic: Floats  # (10, nelements): coefficients of `cubic_slopes`
     error_of_energy: float  # relative
 
-    def at(self, x: Floats, element: Ints) -> Strength:
-        return self._added(super().at(x, element), element)
-
     def points_in(self, inside: Mask) -> tuple[Floats, Ints, Floats]:
         # The quadrature of the elements is a part of the error near coils.
         return Isoparametric(self.mesh).quadrature(np.flatnonzero(inside), tetrahedron_rule(FINE))
@@ -72,18 +67,11 @@ class EnrichedField(SolidField):
         x, element, volumes = self.points_in(inside)
         return x, self.at(x, element).magnetisation * volumes
 
-    def reaction_at(self, x: Floats, element: Ints) -> Floats:
-        return super().reaction_at(x, element) - VACUUM_PERMEABILITY * self.cubic_slope(x, element)
+    def _reaction(self, x: Floats, element: Ints) -> Floats:
+        return super()._reaction(x, element) - VACUUM_PERMEABILITY * self.cubic_slope(x, element)
 
-    def _at_quadrature(self, given: Floats) -> Strength:
-        return self._added(super()._at_quadrature(given), self.elements.element)
-
-    @cached_property
-    def at_corners(self) -> Strength:
-        return self._added(super().at_corners, np.tile(np.arange(self.mesh.t.shape[1]), 4))
-
-    def _added(self, at: Strength, element: Ints) -> Strength:
-        return replace(at, field_strength=at.field_strength - self.cubic_slope(at.x, element))
+    def _vectors(self, at: Points, unknown: Floats) -> Floats:
+        return super()._vectors(at, unknown) - self.cubic_slope(at.x, at.element)
 
     def cubic_slope(self, x: Floats, element: Ints) -> Floats:
         slopes = cubic_slopes(self.elements.barycentric(x, element))
@@ -91,7 +79,7 @@ class EnrichedField(SolidField):
         return np.asarray(np.einsum("an,can->cn", along, self.elements.hats[:, :, element]))
 
 
-def energy_indicators_in_space(problem: ArgumentsInSpace, field: LocalSolid, estimator: str) -> Floats:
+def energy_indicators_in_space(problem: ArgumentsInSpace, field: SolidField, estimator: str) -> Floats:
     if field.order > 1:
         return scale_at_edges(problem, field) * cubic_error(problem, field)[1]
     secant, differential = field.permeabilities
@@ -102,7 +90,7 @@ def energy_indicators_in_space(problem: ArgumentsInSpace, field: LocalSolid, est
     return recovery(*given, flux=flux, region=equal_materials(field, problem.materials))
 
 
-def flux_and_divergence(field: LocalSolid) -> tuple[Floats, Floats]:
+def flux_and_divergence(field: SolidField) -> tuple[Floats, Floats]:
     # B, (3, 4, nelements), and its divergence, (4, nelements), at the corners. The applied field has no divergence,
     # so that its interpolation error does not count as a source.
     elements, corners, coefficients = field.elements, field.mesh.t.shape, field.coefficients
@@ -117,7 +105,7 @@ def flux_and_divergence(field: LocalSolid) -> tuple[Floats, Floats]:
     return flux, divergence
 
 
-def _divergence_of_remanence(field: LocalSolid, elements: Ints) -> Floats:
+def _divergence_of_remanence(field: SolidField, elements: Ints) -> Floats:
     # at the corners, (4, n), linear in elements
     x = inner_points(field.mesh.p[:, field.mesh.t[:, elements]])
     element, step = np.tile(elements, 4), STEP * np.cbrt(field.volume[elements])
@@ -130,7 +118,7 @@ def _divergence_of_remanence(field: LocalSolid, elements: Ints) -> Floats:
     return np.asarray(mean + np.sqrt(5.0) * (total - mean))
 
 
-def primal_and_dual(problem: ArgumentsInSpace, field: LocalSolid, goal: Goal) -> dict[str, Any]:
+def primal_and_dual(problem: ArgumentsInSpace, field: SolidField, goal: Goal) -> dict[str, Any]:
     """Return the arguments of `goal_oriented` for a field and its dual.
 
     Both solve ``-div(mu grad u - flux) = 0``. For nonlinear material mu is the root of the determinant of the tensor of
@@ -152,7 +140,7 @@ def primal_and_dual(problem: ArgumentsInSpace, field: LocalSolid, goal: Goal) ->
     }
 
 
-def are_parallel(field: LocalSolid, dual: Floats) -> bool:
+def are_parallel(field: SolidField, dual: Floats) -> bool:
     # The linkage of a single coil in linear material has an error proportional to the error of the energy, which the
     # polish decreases.
     elements = field.elements
@@ -162,13 +150,13 @@ def are_parallel(field: LocalSolid, dual: Floats) -> bool:
     return float(np.sum(one * other)) ** 2 > PARALLEL**2 * float(np.sum(one**2) * np.sum(other**2))
 
 
-def cubic_functions(problem: ArgumentsInSpace, field: LocalSolid) -> Surplus:
+def cubic_functions(problem: ArgumentsInSpace, field: SolidField) -> Surplus:
     mesh, elements = field.elements.corners, field.elements
     fixed = np.all(problem.conditions_of(field).fixed[elements.on_facets(np.arange(mesh.facets.shape[1]))], axis=0)
     return Surplus(mesh, elements.volumes, np.asarray(fixed), elements.hats_of_corners)
 
 
-def cubic_error(problem: ArgumentsInSpace, field: LocalSolid) -> tuple[Floats, Floats]:
+def cubic_error(problem: ArgumentsInSpace, field: SolidField) -> tuple[Floats, Floats]:
     # The error of a field of order 2 as coefficients of cubic functions, (10, nelements), and its norms, (nelements,).
     # Indicators, outputs and goals have the same.
     if "cubic" not in field.kept:
@@ -182,11 +170,11 @@ def cubic_error(problem: ArgumentsInSpace, field: LocalSolid) -> tuple[Floats, F
     return field.kept["cubic"]
 
 
-def scale_at_edges(problem: ArgumentsInSpace, field: LocalSolid) -> Floats:
+def scale_at_edges(problem: ArgumentsInSpace, field: SolidField) -> Floats:
     return np.where(at_edges(field.elements.corners, equal_materials(field, problem.materials)), AT_EDGES, 1.0)
 
 
-def arguments_of_goal(problem: ArgumentsInSpace, field: LocalSolid, goal: Goal) -> dict[str, Any]:
+def arguments_of_goal(problem: ArgumentsInSpace, field: SolidField, goal: Goal) -> dict[str, Any]:
     """Return the arguments of goal indicators, kept for the functional."""
     if field.kept.get("goal") is not goal:
         arguments = primal_and_dual if field.order == 1 else dual_of_goal
@@ -194,20 +182,20 @@ def arguments_of_goal(problem: ArgumentsInSpace, field: LocalSolid, goal: Goal) 
     return field.kept["pair"]
 
 
-def dual_of_goal(problem: ArgumentsInSpace, field: LocalSolid, goal: Goal) -> dict[str, Any]:
+def dual_of_goal(problem: ArgumentsInSpace, field: SolidField, goal: Goal) -> dict[str, Any]:
     elements, (_, load) = field.elements, goal.derivative(field)
     load = load if load.shape == elements.points.shape else load[:, elements.element]
     return {"dual": _dual(problem, field, load), "load": load}
 
 
-def goal_indicators_in_space(problem: ArgumentsInSpace, field: LocalSolid, goal: Goal) -> Floats:
+def goal_indicators_in_space(problem: ArgumentsInSpace, field: SolidField, goal: Goal) -> Floats:
     arguments = arguments_of_goal(problem, field, goal)
     if field.order == 1:
         return goal_oriented(field.mesh, **arguments)
     return goal_indicators_by_surplus(problem, field, **arguments)
 
 
-def goal_indicators_by_surplus(problem: ArgumentsInSpace, field: LocalSolid, dual: Floats, load: Floats) -> Floats:
+def goal_indicators_by_surplus(problem: ArgumentsInSpace, field: SolidField, dual: Floats, load: Floats) -> Floats:
     # The squares are the magnitudes of the residual of the dual, weighted by the error of the field.
     elements = field.elements
     of_dual = linear_fit(elements, load - field.change_of_flux_density(elements.gradient(dual)))
@@ -217,7 +205,7 @@ def goal_indicators_by_surplus(problem: ArgumentsInSpace, field: LocalSolid, dua
     return np.asarray(np.sqrt(np.abs(np.sum(right * error, axis=0))))
 
 
-def with_surplus(problem: ArgumentsInSpace, field: LocalSolid) -> EnrichedField:
+def with_surplus(problem: ArgumentsInSpace, field: SolidField) -> EnrichedField:
     # The cubic functions alone are not in balance with the quadratic functions. For a linear goal the change by the sum
     # is the residual of the dual, weighted by the cubic functions.
     parts = field.mesh, field.unknown, field.coefficients, field.drive, field.planes
@@ -267,7 +255,7 @@ def at_edges(mesh: MeshTet, material: Ints) -> Mask:
     return np.asarray(nodes[mesh.t].any(axis=0))
 
 
-def linearised_at(field: LocalSolid, energy: Energy, higher: SolidField, newton: Newton) -> SolidField:
+def linearised_at(field: SolidField, energy: Energy, higher: SolidField, newton: Newton) -> SolidField:
     # The potential in nonlinear material is total, so that H on straight edges does not change.
     newton = replace(newton, solver=replace(newton.solver, rtol=ROUGH))
     start = energy.conditions.admissible(energy.space.interpolated(field.elements, field.unknown))
@@ -281,13 +269,13 @@ def linear_fit(elements: Space, values: Floats) -> Floats:
     return 20.0 * moments - 4.0 * moments.sum(axis=1, keepdims=True)
 
 
-def _dual(problem: ArgumentsInSpace, field: LocalSolid, load: Floats) -> Floats:
+def _dual(problem: ArgumentsInSpace, field: SolidField, load: Floats) -> Floats:
     energy, elements = coenergy(field.drive, field.coefficients, problem.conditions_of(field)), field.elements
     terms = elements.assemble_vector(elements.against_gradients(load))
     return problem.method.full_step(energy, field.unknown, -terms[energy.conditions.free])
 
 
-def _flux_for(field: LocalSolid, weight: Floats) -> Floats:
+def _flux_for(field: SolidField, weight: Floats) -> Floats:
     """Return the flux for which ``weight grad u - flux`` equals -B."""
     slope = field.elements.gradient(field.unknown)
     if field.drive.function is None and not field.coefficients.varying_magnets:
@@ -295,7 +283,7 @@ def _flux_for(field: LocalSolid, weight: Floats) -> Floats:
     return (weight * slope)[:, None] + field.at_corners.flux_density.reshape(3, 4, -1)
 
 
-def tangential_jumps(field: LocalSolid) -> Floats:
+def tangential_jumps(field: SolidField) -> Floats:
     """Return residual indicators of a vector potential, (nelements,) in sqrt(J).
 
     The square is ``h^2 mu |J|^2 |K|`` and, for every inner facet, half of ``h mu |n x [H]|^2 |F|`` (Beck, Hiptmair,

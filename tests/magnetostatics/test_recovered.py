@@ -3,9 +3,10 @@
 import numpy as np
 from helpers.sheets import MU0, rectangle_field, rectangle_potential
 from helpers.tensor_meshes import box
+from skfem import MeshTet
 
 import kohonen_adapt as ka
-from kohonen_adapt.magnetostatics import Magnetostatics, Material
+from kohonen_adapt.magnetostatics import MagneticVectorPotential, Magnetostatics, Material
 
 HALF = (0.01, 0.005)
 POINTS = np.array([[0.0, 0.0, 0.015, 0.009], [0.0, 0.01, 0.0, 0.002]])
@@ -85,3 +86,17 @@ def test_corner_values_are_those_at_the_corners_and_linear_between():
     wanted = np.einsum("ik,dik->dk", share, field.corner_flux_density)
     np.testing.assert_allclose(field.flux_density_at(x, recovered=True), wanted, atol=1e-12)
     assert np.all(np.isnan(field.flux_density_at([[1.0], [0.0]], recovered=True)))
+
+
+def test_a_vector_potential_has_its_own_recovered_values():
+    """B of a magnet between iron plates, over as much air, is constant."""
+    mesh = MeshTet.init_tensor(*[np.linspace(0.0, 1.0, 4)] * 3).with_defaults()
+    mesh = mesh.with_subdomains({"magnet": lambda x: x[2] < 0.4, "air": lambda x: x[2] > 0.4})
+    materials = {"magnet": Material(remanence=(0.0, 0.0, 1.2)), "air": Material()}
+    field = MagneticVectorPotential(materials, potential={"front": 0.0, "back": 0.0}).solve(mesh)
+    np.testing.assert_allclose(field.corner_flux_density, np.tile([[[0.0]], [[0.0]], [[0.4]]], mesh.t.shape), atol=1e-6)
+    x = np.array([[0.5], [0.4], [0.8]])
+    np.testing.assert_allclose(field.flux_density_at(x, recovered=True), [[0.0], [0.0], [0.4]], atol=1e-6)
+    np.testing.assert_allclose(
+        field.field_strength_at(x, recovered=True), [[0.0], [0.0], [0.4 / MU0]], rtol=1e-5, atol=1.0
+    )

@@ -65,12 +65,13 @@ def arkkio_torque(field: Field, gap: Names, centre: ArrayLike = (0.0, 0.0)) -> f
             f"{solid} of {len(ring)}. Name a ring of air around the rotor."
         )
     inner, outer = _radii(field, ring, middle, gap)
-    element, barycentric, size = field.elements.fine_rule
-    inside = ring[element]
-    at = field.at_shares(element[inside], barycentric[:, inside])
-    (x, y), (right, up) = at.x - middle[:, None], at.flux_density
+    at, volumes = field.at_quadrature, field.point_volumes
+    if field.order == 1:  # midpoints of sides, for products of coordinates
+        at, volumes = field.at_each(0.5 - 0.5 * np.eye(3)), np.tile(field.volume / 3.0, 3)
+    inside = ring[at.element]
+    (x, y), (right, up) = at.x[:, inside] - middle[:, None], at.flux_density[:, inside]
     product = (x * right + y * up) * (x * up - y * right) / np.hypot(x, y)
-    total = float(np.sum(size[inside] * product)) * (1.0 if field.depth is None else field.depth)
+    total = float(np.sum(volumes[inside] * product))
     return total / (VACUUM_PERMEABILITY * (outer - inner))
 
 

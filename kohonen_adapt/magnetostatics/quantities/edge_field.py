@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,51 +12,15 @@ from kohonen_adapt.magnetostatics.equations.edge_elements import EdgeElements
 from kohonen_adapt.magnetostatics.equations.edge_equations import EdgeDrive
 from kohonen_adapt.magnetostatics.equations.given_field import field_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
-from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
-from kohonen_adapt.magnetostatics.quantities.point_values import PointField
+from kohonen_adapt.magnetostatics.quantities.point_values import PointField, Points
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.quantities.surfaces import oriented_surface
-from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["EdgeField"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LocalEdgeField(LocalSolid):
-    drive: EdgeDrive
-
-    def _potential_in(self, x: Floats, element: Ints) -> Floats:
-        return self._functions.at(self.unknown, x, element)
-
-    @property
-    def _functions(self) -> EdgeElements:
-        return self.drive.edges
-
-    @cached_property
-    def flux_density(self) -> Floats:
-        return self._functions.curl(self.unknown)
-
-    def at(self, x: Floats, element: Ints) -> PointField:
-        return PointField(element, x, self.flux_density[:, element], self.coefficients.at_points(element, x))
-
-    def reaction_at(self, x: Floats, element: Ints) -> Floats:
-        density, function = self.flux_density[:, element], self.drive.function
-        return density if function is None else density - VACUUM_PERMEABILITY * field_at(function, x)
-
-    @cached_property
-    def at_quadrature(self) -> PointField:
-        x, element = self.elements.points, self.elements.element
-        coefficients = self.coefficients.at_quadrature(element, x)
-        return PointField(element, x, self.flux_density[:, element], coefficients)
-
-    @cached_property
-    def permeabilities(self) -> tuple[Floats, Floats]:
-        secant, differential = self.coefficients.reluctivities(self.flux_density)
-        return 1.0 / secant, 1.0 / differential
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class EdgeField(LocalEdgeField, SolidField):
+class EdgeField(SolidField):
     """Solved field in space, as returned by `MagneticVectorPotential.solve`.
 
     ``B = curl A`` is constant in every element and free of divergence: fluxes through closed surfaces are zero to
@@ -70,12 +35,34 @@ class EdgeField(LocalEdgeField, SolidField):
         Circulations of A along the edges in Wb, from the lower to the higher node.
     """
 
+    drive: EdgeDrive
+    kind: ClassVar[Any] = PointField
+
     def __repr__(self) -> str:
-        largest = np.max(magnitude(self.flux_density))
-        return (
-            f"<{type(self).__name__} on {self.unknown.size} edges: |B| up to {largest:.4g} T, "
-            f"energy {self.energy:.4g} J>"
-        )
+        return self._text(f" on {self.unknown.size} edges", self.flux_density)
+
+    @property
+    def _functions(self) -> EdgeElements:
+        return self.drive.edges
+
+    @cached_property
+    def flux_density(self) -> Floats:
+        return self._functions.curl(self.unknown)
+
+    def _vectors(self, at: Points, unknown: Floats) -> Floats:
+        return self.flux_density[:, at.element]
+
+    def _potential_in(self, at: Points) -> Floats:
+        return self._functions.at(self.unknown, at.x, at.element)
+
+    def _reaction(self, x: Floats, element: Ints) -> Floats:
+        density, function = self.flux_density[:, element], self.drive.function
+        return density if function is None else density - VACUUM_PERMEABILITY * field_at(function, x)
+
+    @cached_property
+    def permeabilities(self) -> tuple[Floats, Floats]:
+        secant, differential = self.coefficients.reluctivities(self.flux_density)
+        return 1.0 / secant, 1.0 / differential
 
     @property
     def potential(self) -> Floats:

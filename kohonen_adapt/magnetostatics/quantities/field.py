@@ -1,16 +1,24 @@
 """Solved plane field with values at points, forces, torques and flux linkages."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
+from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR, Symmetry
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_in
 from kohonen_adapt.magnetostatics.quantities.forces import OUT_OF_PAGE, checked_point, force_along
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_turns, turn_length
-from kohonen_adapt.magnetostatics.quantities.local_field import LocalField
+from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
+from kohonen_adapt.magnetostatics.quantities.point_values import PointField, Points
+from kohonen_adapt.mesh.blended import Projections
+from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.measures import area
 
 __all__ = ["CubicField", "Dual", "Field", "HighOrderField", "QuadraticField"]
@@ -23,7 +31,7 @@ class Dual(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Field(LocalField):
+class Field(MagneticField):
     """Solved field of a plane problem, as returned by `Magnetostatics.solve`.
 
     B is a polynomial in every element, of one degree less than the potential: constant at order 1, linear at order 2.
@@ -67,13 +75,42 @@ class Field(LocalField):
     True
     """
 
+    mesh: MeshTri
+    potential: Floats
+    coefficients: Coefficients
+    symmetry: Symmetry = PLANAR
+    depth: float | None = None
+    newton: tuple[NewtonStep, ...] = ()
+    _: KW_ONLY
+    values: Floats | None = None
+    degree: int = 1
+    sides: Projections | None = None
+
     def __repr__(self) -> str:
-        per_metre = "" if self.axisymmetric or self.depth is not None else "/m"
-        largest, order = np.max(np.hypot(*self.at_corners.flux_density)), f" of order {self.order}" * (self.order > 1)
-        return (
-            f"<{type(self).__name__}{order} on {self.potential.size} nodes: |B| up to {largest:.4g} T, "
-            f"energy {self.energy:.4g} J{per_metre}>"
-        )
+        size, order = f" on {self.potential.size} nodes", f" of order {self.order}" * (self.order > 1)
+        unit = "J" if self.axisymmetric or self.depth is not None else "J/m"
+        return self._text(order + size, self.at_corners.flux_density, unit)
+
+    @cached_property
+    def elements(self) -> Space:
+        """Finite elements of the potential."""
+        return Space(self.mesh, self.degree, self.coefficients.nonlinear, self.axisymmetric, self.sides)
+
+    @cached_property
+    def unknown(self) -> Floats:
+        """A, axisymmetric r A, at all degrees of freedom, shape (nunknowns,)."""
+        values = self.potential if self.values is None else self.values
+        return self.symmetry.unknown(self.elements.doflocs, values)
+
+    def _vectors(self, at: Points, unknown: Floats) -> Floats:
+        return self.symmetry.flux_density(at.off_axis, at.slope(unknown))
+
+    def _coefficients_at(self, element: Ints, x: Floats) -> Coefficients:
+        means = self.elements.has_constant_gradients
+        return (replace(self.coefficients, varying_magnets=()) if means else self.coefficients).at_points(element, x)
+
+    def _against(self, at: PointField, weight: Floats) -> Floats:
+        return self.symmetry.flux(weight) / self.symmetry.volume(at.x, np.ones(at.x.shape[1]))
 
     def flux_linkage(self, coil: Names, turns: float = 1) -> float:
         """Return the flux linkage of a coil side per metre of depth, or the total.

@@ -185,7 +185,8 @@ class FluxDensityAt(VectorGoal):
         return float(np.sum(spot.weight * field.flux_density_at(spot.x)))
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
-        return np.zeros(field.mesh.t.shape[1]), field.load_at(*self._place(field))
+        spot = self._place(field)
+        return np.zeros(field.mesh.t.shape[1]), field.load_at(spot.x, field.elements_at(spot.x), spot.weight)
 
     def _place(self, field: Any) -> Spot:
         self.check_dimension(len(field.mesh.p))

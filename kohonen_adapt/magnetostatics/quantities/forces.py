@@ -19,7 +19,6 @@ from kohonen_adapt.magnetostatics.quantities.bodies import Names, air_elements, 
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, is_coil
 from kohonen_adapt.magnetostatics.quantities.cuts import Cut, cut_of, without_cancelled
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
-from kohonen_adapt.magnetostatics.quantities.point_values import WeightedPoints
 from kohonen_adapt.mesh.measures import area, hat_gradients
 
 __all__ = [
@@ -35,6 +34,15 @@ __all__ = [
 ]
 
 OUT_OF_PAGE = (0.0, 0.0, 1.0)  # axis of a torque in the plane
+
+
+class WeightedPoints(NamedTuple):
+    # points of a quadrature, with the gradient of a weight that is linear in elements
+    x: Floats  # (d, n) in m
+    element: Ints  # (n,)
+    volumes: Floats  # (n,)
+    slope: Floats  # (d, n) in 1/m
+    flux_density: Floats  # (d, n) in T
 
 
 class LayerCurrents(NamedTuple):
@@ -95,7 +103,9 @@ class Shell:
 
     @cached_property
     def at(self) -> WeightedPoints:
-        return self.field.weighted_points(self.layer, self._weight)
+        field, (x, element, volumes) = self.field, self.field.points_in(self.layer)
+        slope = field.elements.slope_of_corners_at(self._weight, element, x)
+        return WeightedPoints(x, element, volumes, slope, field.at(x, element).flux_density)
 
     @cached_property
     def currents(self) -> LayerCurrents | None:
@@ -134,7 +144,7 @@ class OfBody:
         if currents is None or not currents.x.size:
             return load
         along = np.cross(currents.moment, self.motion.at(currents.x), axis=0)
-        return load + field.load_in(currents.element, currents.x, along)
+        return load + field.load_at(currents.x, currents.element, along)
 
 
 def parts_along(field: MagneticField, names: Names, vector: Floats, centre: Floats | None) -> list[OfBody | OfCoil]:

@@ -1,9 +1,9 @@
-"""Values of a solved field at points and per element, in the plane or in space."""
+"""Solved field with its values at points and over elements, in the plane and in space."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators.recovery_estimator import corner_averages
 from kohonen_adapt.magnetostatics.equations.given_field import Sources
-from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
+from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Mirror, Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
-from kohonen_adapt.magnetostatics.quantities.point_values import PointValues, WeightedPoints
+from kohonen_adapt.magnetostatics.quantities.point_values import PointField, Points
 from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.locate import Locator, as_rows, locator_of
+from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 
@@ -25,18 +26,18 @@ __all__ = ["MagneticField"]
 class MagneticField(ABC):
     """Field with its means over elements and its values at points.
 
-    B is a polynomial in every element. Arrays of shape (nelements,) hold means over elements.
+    B is a polynomial in every element. Arrays of shape (nelements,) hold means over elements. Fields of triangles and
+    tetrahedra differ in the vectors that the slope of the unknown gives, B or H, and in the volumes of the plane.
     """
 
     mesh: Any  # triangles or tetrahedra
+    unknown: Any  # at the degrees of freedom of the elements
     coefficients: Coefficients
-    at_quadrature: Any  # `PointValues` at the quadrature points
-    at_corners: Any  # `PointValues` at the corners of elements, in the order of ``mesh.t.ravel()``
-    volume: Any  # (nelements,)
-    # of fields with coils
-    far: bool  # True if the potential is 0 far away
-    reaction_at: Any  # flux density less the field of coils in free space, at x in elements
-    load_in: Any  # load of a weight in A/m times volumes, at x in elements
+    symmetry: Symmetry = PLANAR
+    depth: float | None = None
+    kind: ClassVar[Any] = PointField  # of values at points, by their vectors
+    far: bool  # True if the potential is 0 far away, of fields with coils
+    _reaction: Any
 
     @property
     @abstractmethod
@@ -44,20 +45,16 @@ class MagneticField(ABC):
         """Finite elements of the potential."""
 
     @abstractmethod
-    def at(self, x: Floats, element: Ints) -> PointValues:
-        """Return the values at points of elements, from inside each element."""
+    def _vectors(self, at: Points, unknown: Floats) -> Floats:
+        """Return the vectors of `kind` of a solution at points, (d, n)."""
 
     @abstractmethod
-    def _potential_in(self, x: Floats, element: Ints) -> Floats:
-        """Return the potential at points of elements."""
+    def _against(self, at: Any, weight: Floats) -> Floats:
+        """Return the vectors whose products with grad w are ``weight . dB`` at points."""
 
-    @abstractmethod
-    def load_of(self, weight: Floats) -> Floats:
-        """Return the load whose ``int load . grad w`` is ``int weight . dB``.
-
-        w is a change of `unknown`, and dB the change of B by w. The first integral is over the plane or the volume, the
-        second over the volume. Both arrays have shape (d, npoints), and the weight is in A/m.
-        """
+    def _text(self, size: str, flux_density: Floats, unit: str = "J") -> str:
+        largest, energy = np.max(magnitude(flux_density)), self.energy
+        return f"<{type(self).__name__}{size}: |B| up to {largest:.4g} T, energy {energy:.4g} {unit}>"
 
     @property
     def order(self) -> int:
@@ -67,12 +64,12 @@ class MagneticField(ABC):
     @property
     def axisymmetric(self) -> bool:
         """True if x is the radius r, y the height z, and A_phi the potential."""
-        return False
+        return self.symmetry is AXISYMMETRIC
 
     @property
     def depth_factor(self) -> float:
         # of volumes in the plane
-        return 1.0
+        return 1.0 if self.depth is None else self.depth
 
     @property
     def mirrors(self) -> tuple[Mirror, ...]:
@@ -88,6 +85,87 @@ class MagneticField(ABC):
         # results common to several quantities of a body or a goal
         return {}
 
+    # in elements
+
+    def at(self, x: Floats, element: Ints) -> Any:
+        """Return the values at points of elements, from inside each element."""
+        return self._values(Points.of(self.elements, element, self.elements.barycentric(x, element), x))
+
+    def at_shares(self, element: Ints, share: Floats) -> Any:
+        """Return the values at barycentric coordinates `share` (d + 1, n) of elements (n,)."""
+        return self._values(Points.of(self.elements, element, share))
+
+    def at_each(self, share: Floats) -> Any:
+        """Return the values at barycentric coordinates (d + 1, k) of every element.
+
+        Points are in the order (k, nelements), each evaluated from inside its element.
+        """
+        return self._values(Points.in_each(self.elements, share))
+
+    def potential_at_each(self, share: Floats) -> Floats:
+        """Return the potential at the points of `at_each`, shape (k, nelements)."""
+        return self._potential_in(Points.in_each(self.elements, share)).reshape(share.shape[1], -1)
+
+    def change_at_each(self, share: Floats, other: Floats, at: PointField) -> Floats:
+        """Return the change of H by the unknown `other` of a plane field, (2, n).
+
+        `at` is the result of `at_each` for the same `share`.
+        """
+        return at.change_of_strength(self._vectors(Points.in_each(self.elements, share), other))
+
+    @cached_property
+    def at_corners(self) -> Any:
+        """Values at the corners of the elements, in the order of ``mesh.t.ravel()``."""
+        return self._values(Points.in_each(self.elements, np.eye(self.elements.dim + 1), "at_corners"))
+
+    @cached_property
+    def at_quadrature(self) -> Any:
+        """Values at the quadrature points."""
+        return self._at_quadrature("at_points")
+
+    def _at_quadrature(self, given: str) -> Any:
+        at = Points.of_quadrature(self.elements, given)
+        return self._values(at, self.coefficients.at_quadrature(at.element, at.x))
+
+    def _values(self, at: Points, coefficients: Coefficients | None = None) -> Any:
+        coefficients = coefficients or self._coefficients_at(at.element, at.x)
+        return self.kind(at.element, at.x, self._vectors(at, self.unknown), coefficients)
+
+    def _coefficients_at(self, element: Ints, x: Floats) -> Coefficients:
+        return self.coefficients.at_points(element, x)
+
+    def _potential_in(self, at: Points) -> Floats:
+        return self.symmetry.potential(at.x, self.elements.at(self.unknown, at.element, at.share))
+
+    def reaction_at(self, x: Floats, element: Ints) -> Any:
+        """Return B in air less the field of coils in free space, at points of elements."""
+        return self._reaction(x, element)
+
+    # derivatives
+
+    @property
+    def _in_laws(self) -> Any:
+        # values at the quadrature points for derivatives of laws
+        return self.at_quadrature
+
+    def change_of_flux_density(self, change: Floats) -> Any:
+        """Return the change of B by a change of H at the quadrature points in space."""
+        return self._in_laws.change_of_flux_density(change)
+
+    def load_of(self, weight: Floats) -> Floats:
+        """Return the load whose ``int load . grad w`` is ``int weight . dB``.
+
+        w is a change of `unknown`, and dB the change of B by w. The first integral is over the plane or the volume, the
+        second over the volume. Both arrays have shape (d, npoints), and the weight is in A/m.
+        """
+        return self._volumes(self.elements.points, self._against(self._in_laws, weight))
+
+    def load_at(self, x: Floats, element: Ints, weight: Floats) -> Floats:
+        """Return the load of the sum of ``weight . dB`` over points in elements."""
+        elements = self.elements
+        share = elements.limit_points(element, elements.barycentric(x, element))
+        return elements.load_at(element, share, self._against(self.at_shares(element, share), weight))
+
     # at points
 
     @cached_property
@@ -99,19 +177,18 @@ class MagneticField(ABC):
         points = as_rows(x, dim=self.elements.dim)
         return self.elements.located(points.T, self._locator.find(points).astype(np.int64))
 
-    def _values_at(self, x: ArrayLike, values: Callable[[Floats, Ints], Floats]) -> Floats:
-        element = self.elements_at(x)
+    def _at_points(self, given: ArrayLike, values: Callable[[Points], Floats]) -> Floats:
+        element = self.elements_at(given)
         inside = element >= 0
-        found = values(np.asarray(x, dtype=float)[:, inside], element[inside])
+        x, own = np.asarray(given, dtype=float)[:, inside], element[inside]
+        found = values(Points.of(self.elements, own, self.elements.barycentric(x, own), x))
         result = np.full((*found.shape[:-1], inside.size), np.nan)
         result[..., inside] = found
         return result
 
-    def _recovered_at(self, x: ArrayLike, corners: Floats) -> Floats:
-        def values(x: Floats, element: Ints) -> Floats:
-            return np.einsum("cin,in->cn", corners[:, :, element], self.elements.barycentric(x, element))
-
-        return self._values_at(x, values)
+    def interpolated(self, x: ArrayLike, corners: Floats) -> Floats:
+        """Return values (c, n) from values at corners of elements (c, d + 1, nelements)."""
+        return self._at_points(x, lambda at: np.einsum("cin,in->cn", corners[:, :, at.element], at.share))
 
     def flux_density_at(self, x: ArrayLike, *, recovered: bool = False) -> Floats:
         """Return the flux density at points.
@@ -147,8 +224,8 @@ class MagneticField(ABC):
         True
         """
         if recovered:
-            return self._recovered_at(x, self.corner_flux_density)
-        return self._values_at(x, lambda x, element: self.at(x, element).flux_density)
+            return self.interpolated(x, self.corner_flux_density)
+        return self._at_points(x, lambda at: self._values(at).flux_density)
 
     def field_strength_at(self, x: ArrayLike, *, recovered: bool = False) -> Floats:
         """Return the field strength at points.
@@ -173,8 +250,8 @@ class MagneticField(ABC):
         [-795.8]
         """
         if recovered:
-            return self._recovered_at(x, self.corner_field_strength)
-        return self._values_at(x, lambda x, element: self.at(x, element).field_strength)
+            return self.interpolated(x, self.corner_field_strength)
+        return self._at_points(x, lambda at: self._values(at).field_strength)
 
     def potential_at(self, x: ArrayLike) -> Floats:
         """Return the potential at points.
@@ -196,14 +273,25 @@ class MagneticField(ABC):
         ValueError
             If `x` is not of shape (d, n).
         """
-        return self._values_at(x, self._potential_in)
+        return self._at_points(x, self._potential_in)
 
     # over elements
 
-    @property
+    @cached_property
+    def volume(self) -> Floats:
+        """Volumes of the elements, shape (nelements,).
+
+        In m^2 (the area) per metre of depth; with `depth`, axisymmetric and in space in m^3.
+        """
+        return self._volumes(self.elements.centroids, self.elements.volumes)
+
+    @cached_property
     def point_volumes(self) -> Floats:
-        """Volumes of the quadrature points, shape (npoints,)."""
-        return self.elements.weights
+        """Volumes of the quadrature points, shape (npoints,), in units of `volume`."""
+        return self._volumes(self.elements.points, self.elements.weights)
+
+    def _volumes(self, x: Floats, size: Floats) -> Floats:
+        return self.symmetry.volume(x, size) * self.depth_factor
 
     def points_in(self, inside: Mask) -> tuple[Floats, Ints, Floats]:
         # points (d, n) of a quadrature in some elements, with their elements and volumes
@@ -214,12 +302,6 @@ class MagneticField(ABC):
         # mu0 M in T times volumes at the points of a quadrature in some elements, with the points, (d, n) each
         rows, at = inside[self.elements.element], self.at_quadrature
         return at.x[:, rows], at.magnetisation[:, rows] * self.point_volumes[rows]
-
-    def weighted_points(self, inside: Mask, weight: Floats) -> WeightedPoints:
-        """Return the points in some elements, with the gradient of a weight by nodes."""
-        rows = inside[self.elements.element]
-        slope, density = self.elements.slope_of_corners(weight), self.at_quadrature.flux_density
-        return WeightedPoints(*self.points_in(inside), slope[:, rows], density[:, rows])
 
     @cached_property
     def corner_flux_density(self) -> Floats:

@@ -1,5 +1,6 @@
 """Values of a field at points, by the flux density or by the field strength."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -9,12 +10,43 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
+from kohonen_adapt.mesh.elements.groups import all_points
+from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.measures import unit_vectors
 
-__all__ = ["PointField", "PointValues", "Strength", "WeightedPoints", "tangent_product"]
+__all__ = ["PointField", "PointValues", "Points", "Strength", "tangent_product"]
+
+
+class Points(NamedTuple):
+    # points of elements, with a quick way to the slopes of a function there
+    element: Ints  # (n,)
+    share: Floats  # (d + 1, n): barycentric coordinates
+    x: Floats  # (d, n) in m
+    off_axis: Floats  # x, of a point on an axis a point beside
+    slope: Callable[[Floats], Floats]  # of a function by its unknowns
+    given: str = ""  # attribute of `Drive` with its field at these points, each evaluated once
+
+    @classmethod
+    def of(cls, elements: Space, element: Ints, share: Floats, x: Floats | None = None) -> "Points":
+        limit = elements.limit_points(element, share)
+        x = elements.shape.points(element, share) if x is None else x
+        off_axis = elements.shape.points(element, limit) if elements.axis else x
+        return cls(element, share, x, off_axis, lambda u: elements.gradient_at(u, element, limit))
+
+    @classmethod
+    def in_each(cls, elements: Space, share: Floats, given: str = "") -> "Points":
+        # at barycentric coordinates (d + 1, k) of every element, in the order (k, nelements)
+        at = cls.of(elements, *all_points(np.arange(elements.kind.size), share.T))._replace(given=given)
+        return at if elements.axis else at._replace(slope=lambda u: elements.gradient_in_each(u, share.T))
+
+    @classmethod
+    def of_quadrature(cls, elements: Space, given: str) -> "Points":
+        x, slope = elements.points, elements.gradient_at_points
+        return cls(elements.element, elements.barycentric_of_points, x, x, slope, given)
 
 
 class PointValues:
+    element: Ints  # (n,): element of every point
     x: Floats  # (d, n) in m
     coefficients: Coefficients  # of the points
     flux_density: Any  # (d, n) in T
@@ -38,7 +70,7 @@ class PointValues:
 @dataclass(frozen=True, eq=False)
 class PointField(PointValues):
     # values by B, of a vector potential
-    element: Ints  # (n,): element of every point
+    element: Ints
     x: Floats
     flux_density: Floats
     coefficients: Coefficients
@@ -59,6 +91,7 @@ class PointField(PointValues):
 @dataclass(frozen=True, eq=False)
 class Strength(PointValues):
     # values by H, of a scalar potential
+    element: Ints
     x: Floats
     field_strength: Floats
     coefficients: Coefficients
@@ -88,12 +121,3 @@ def tangent_product(secant: Floats, differential: Floats, direction: Floats, cha
     """
     along = unit_vectors(direction)
     return secant * change + (differential - secant) * np.sum(change * along, axis=0) * along
-
-
-class WeightedPoints(NamedTuple):
-    # points of a quadrature, with the gradient of a weight that is linear in elements
-    x: Floats  # (d, n) in m
-    element: Ints  # (n,)
-    volumes: Floats  # (n,)
-    slope: Floats  # (d, n) in 1/m
-    flux_density: Floats  # (d, n) in T

@@ -1,22 +1,33 @@
 """Solved field in space with values at points, fluxes, forces and torques."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from skfem import MeshTet
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import finite_triple
+from kohonen_adapt.magnetostatics.equations.applied_field import Drive
+from kohonen_adapt.magnetostatics.equations.given_field import Sources
+from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
+from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.bodies import Names
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, ampere_turns
 from kohonen_adapt.magnetostatics.quantities.forces import force_along
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_turns
-from kohonen_adapt.magnetostatics.quantities.local_solid import LocalSolid
+from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
+from kohonen_adapt.magnetostatics.quantities.point_values import Points, Strength
 from kohonen_adapt.magnetostatics.quantities.surfaces import oriented_surface
 from kohonen_adapt.mesh.curved import is_second_order
-from kohonen_adapt.mesh.measures import magnitude
+from kohonen_adapt.mesh.elements.space import Space
 
 __all__ = ["SolidField"]
 
@@ -24,7 +35,7 @@ DEGREE, CURVED_DEGREE = 2, 5  # of the quadrature of a flux
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SolidField(LocalSolid):
+class SolidField(MagneticField):
     """Solved field in space, as returned by `MagneticScalarPotential.solve`.
 
     ``H = Hs - grad phi`` with the applied field Hs, and ``B = mu (|H + Hc|) (H + Hc)``. Without an applied field both
@@ -49,12 +60,80 @@ class SolidField(LocalSolid):
         True if the reduced potential is 0 on all of the outer boundary except planes of symmetry.
     """
 
+    mesh: MeshTet
+    unknown: Floats
+    coefficients: Coefficients
+    drive: Drive
+    planes: Mapping[str, Mirror]
+    newton: tuple[NewtonStep, ...] = ()
+    far: bool = False
+    kind: ClassVar[Any] = Strength  # of a scalar potential
+
     def __repr__(self) -> str:
-        largest = np.max(magnitude(self.flux_density))
-        return (
-            f"<{type(self).__name__} on {self.mesh.nvertices} nodes: |B| up to {largest:.4g} T, "
-            f"energy {self.energy:.4g} J>"
-        )
+        return self._text(f" on {self.mesh.nvertices} nodes", self.flux_density)
+
+    @property
+    def potential(self) -> Floats:
+        """Reduced potential phi at the unknowns, shape (nunknowns,) in A.
+
+        The unknowns are those of `skfem.ElementTetP1`, the nodes, or of `skfem.ElementTetP2`, the nodes and then the
+        edges in the order of ``mesh.edges``. Without an applied field this is the total potential.
+        """
+        return self.unknown - self.drive.potential
+
+    @property
+    def elements(self) -> Space:
+        return self.drive.elements
+
+    @property
+    def mirrors(self) -> tuple[Mirror, ...]:
+        return tuple(self.planes.values())
+
+    @property
+    def sources(self) -> Sources:
+        return self.drive.sources
+
+    def _vectors(self, at: Points, unknown: Floats) -> Floats:
+        given = getattr(self.drive, at.given) if at.given else self.drive.at(at.x, at.element)
+        return np.asarray(given - at.slope(unknown))
+
+    @cached_property
+    def _in_laws(self) -> Strength:
+        # The field of coils takes time, and no linear material needs H.
+        found: Strength = self._at_quadrature("inside_at_points")
+        return found
+
+    def _potential_in(self, at: Points) -> Floats:
+        return self.elements.at(self.potential, at.element, at.share)
+
+    def _reaction(self, x: Floats, element: Ints) -> Floats:
+        barycentric = self.elements.barycentric(x, element)
+        return -VACUUM_PERMEABILITY * self.elements.gradient_at(self.potential, element, barycentric)
+
+    def _against(self, at: Strength, weight: Floats) -> Floats:
+        return -at.change_of_flux_density(weight)
+
+    @cached_property
+    def permeabilities(self) -> tuple[Floats, Floats]:
+        """Secant ``|B| / |H + Hc|`` and differential permeability, in H/m.
+
+        Shape (nelements,) each.
+        """
+        return self.coefficients.permeabilities(self.elements.mean(self._in_laws.field_strength))
+
+    @property
+    def _reluctivities(self) -> tuple[Floats, Floats]:
+        secant, differential = self.permeabilities
+        return 1.0 / secant, 1.0 / differential
+
+    @property
+    def current_density(self) -> Floats:
+        """Magnitude of the curl of the applied field, shape (nelements,) in A/m^2."""
+        return self.drive.current_density
+
+    @property
+    def current_in_shells(self) -> Floats:
+        return self.drive.current_density_without_coils
 
     def flux(self, surface: str) -> float:
         """Return the magnetic flux through a named surface, ``int B . n``.

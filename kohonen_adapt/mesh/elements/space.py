@@ -153,17 +153,6 @@ class Space(Unknowns):
             return self.shape.points(*all_points(elements, at)).reshape(self.dim, len(at), -1)
         return at @ self.corners.p[:, self.corners.t[:, group.rows]]
 
-    @cached_property
-    def fine_rule(self) -> tuple[Ints, Floats, Floats]:
-        """Elements (n,), barycentric coordinates (d + 1, n) and weights (n,) of a rule.
-
-        It integrates the product of two gradients and two coordinates.
-        """
-        if self.has_constant_gradients:
-            middle, count = 0.5 - 0.5 * np.eye(3), self.curved.size
-            return *all_points(np.arange(count), middle), np.tile(self.volumes / 3.0, 3)
-        return self.element, self.barycentric_of_points, self.weights
-
     @property
     def barycentric_of_points(self) -> Floats:
         """Barycentric coordinates of the quadrature points, (d + 1, npoints)."""
