@@ -23,7 +23,7 @@ from kohonen_adapt.loop.settings import PASSES, PASSES_TO_TOLERANCE
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
-from kohonen_adapt.magnetostatics.quantities.goal import Goal, VectorGoal
+from kohonen_adapt.magnetostatics.quantities.goals import Goal, VectorGoal
 from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
 from kohonen_adapt.mesh.cells import TETRAHEDRON, check_kind
 from kohonen_adapt.mesh.curved import corners_of, is_second_order

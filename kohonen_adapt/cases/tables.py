@@ -34,8 +34,7 @@ from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlic
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector, halbach, radial
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.flux_density_at import FluxDensityAt
-from kohonen_adapt.magnetostatics.quantities.goal import Goal
-from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, StoredEnergy, Torque
+from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Goal, StoredEnergy, Torque
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.mesh.motions import Motion, Pair, Reflection, Rotation, Translation
 from kohonen_adapt.som.schedule import Schedule, Stage

@@ -19,8 +19,7 @@ from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
 from kohonen_adapt.magnetostatics.quantities.field import CubicField, Field, HighOrderField, QuadraticField
 from kohonen_adapt.magnetostatics.quantities.flux_density_at import FluxDensityAt
 from kohonen_adapt.magnetostatics.quantities.forces import lorentz_force
-from kohonen_adapt.magnetostatics.quantities.goal import Goal
-from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, StoredEnergy, Torque
+from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Goal, StoredEnergy, Torque
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
 from kohonen_adapt.magnetostatics.vector_potential import MagneticVectorPotential

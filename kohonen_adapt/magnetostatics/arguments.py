@@ -33,8 +33,7 @@ from kohonen_adapt.magnetostatics.field_problem import check_elements, chosen_or
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, coefficients
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
-from kohonen_adapt.magnetostatics.quantities.goal import Goal
-from kohonen_adapt.magnetostatics.quantities.goals import Torque, check_goal, unit_of_goal
+from kohonen_adapt.magnetostatics.quantities.goals import Goal, Torque, check_goal, unit_of_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.mesh.blended import exact_area
 from kohonen_adapt.mesh.cells import TETRAHEDRON, remedy_for

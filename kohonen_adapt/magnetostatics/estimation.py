@@ -16,7 +16,7 @@ from kohonen_adapt.magnetostatics.error_by_orders import goal_indicators_by_orde
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
-from kohonen_adapt.magnetostatics.quantities.goal import Goal
+from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 from kohonen_adapt.magnetostatics.residuals import dual_residual_by_points, residual_by_points
 from kohonen_adapt.magnetostatics.solution import (

@@ -26,8 +26,7 @@ from kohonen_adapt.magnetostatics.field_problem import (
 from kohonen_adapt.magnetostatics.functional import functional_in_space
 from kohonen_adapt.magnetostatics.hypercircle import gap_indicators, with_currents_of
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
-from kohonen_adapt.magnetostatics.quantities.goal import Goal
-from kohonen_adapt.magnetostatics.quantities.goals import check_goal, check_goal_on, unit_of_goal
+from kohonen_adapt.magnetostatics.quantities.goals import Goal, check_goal, check_goal_on, unit_of_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.solid_estimation import (
     are_parallel,

@@ -25,7 +25,7 @@ from kohonen_adapt.magnetostatics.equations.newton import (
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem, check_belongs
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
 from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
-from kohonen_adapt.magnetostatics.quantities.goal import Goal
+from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.solid_estimation import tangential_jumps
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.elements.space import Space

@@ -6,10 +6,11 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.checks import is_number, point_text
+from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.quantities.forces import checked_point
-from kohonen_adapt.magnetostatics.quantities.goal import POINT, SIZES, VectorGoal, unit_vector
+from kohonen_adapt.magnetostatics.quantities.goals import POINT, SIZES, VectorGoal, unit_vector
 from kohonen_adapt.mesh.locate import find_elements
 
 __all__ = ["FluxDensityAt"]
@@ -33,16 +34,14 @@ class Spot(NamedTuple):
 def spot_rule(x: Floats, direction: Floats, radius: float, exponent: int, around_axis: bool) -> Spot:
     # A mean with the weight ``(1 - s^2)^exponent`` at the distance s times the radius. Points of a ball around an axis
     # are turned into the half-plane, and radial components are multiplied by the cosine of the angle.
-    if len(x) == 2 and not around_axis:
-        points, weight = disc_rule(exponent)
-        return Spot(x[:, None] + radius * points, direction[:, None] * weight)
-    points, weight = ball_rule(exponent, *(TURNED_BALL if around_axis else BALL))
+    is_disc = len(x) == 2 and not around_axis
+    points, weight = disc_rule(exponent) if is_disc else ball_rule(exponent, *(TURNED_BALL if around_axis else BALL))
     if not around_axis:
         return Spot(x[:, None] + radius * points, direction[:, None] * weight)
     half = points[1] > 0.0  # the second half is turned to the same points
     along, aside, up = np.array([x[0], 0.0, x[1]])[:, None] + radius * points[:, half]
     r = np.hypot(along, aside)
-    return Spot(np.stack([r, up]), 2.0 * direction[:, None] * weight[half] * np.stack([along / r, np.ones(r.size)]))
+    return Spot(np.stack([r, up]), 2.0 * direction[:, None] * weight[half] * np.stack([along / r, np.ones_like(r)]))
 
 
 @cache
@@ -56,8 +55,8 @@ def disc_rule(exponent: int) -> tuple[Floats, Floats]:
 def ball_rule(exponent: int, radii: int, latitudes: int, around: int) -> tuple[Floats, Floats]:
     (radius, of_radius), (height, of_height) = _gauss(radii), _gauss(latitudes)
     up, angle = np.repeat(2.0 * height - 1.0, around), np.tile(_angles(around), latitudes)
-    directions = np.stack([np.sqrt(1.0 - up**2) * np.cos(angle), np.sqrt(1.0 - up**2) * np.sin(angle), up])
-    of_shell = of_radius * radius**2 * (1.0 - radius**2) ** exponent
+    aside, of_shell = np.sqrt(1.0 - up**2), of_radius * radius**2 * (1.0 - radius**2) ** exponent
+    directions = np.stack([aside * np.cos(angle), aside * np.sin(angle), up])
     return _product(radius, of_shell, directions, np.repeat(of_height, around))
 
 
@@ -77,36 +76,34 @@ def _angles(count: int) -> Floats:
 
 
 def is_harmonic(field: Any, element: int) -> bool:
-    coefficients, own = field.coefficients, np.array([element])
-    varies = any(np.isin(own, magnet.elements).item() for magnet in coefficients.varying_magnets)
+    coefficients = field.coefficients
     turns = field.axisymmetric and coefficients.current_density[element] != 0.0
-    return not (coefficients.nonlinear[element] or varies or turns)
+    return not (turns or coefficients.nonlinear[element] or _varies(coefficients)[element])
+
+
+def _varies(coefficients: Coefficients) -> Mask:
+    varies = np.zeros_like(coefficients.nonlinear)
+    for magnet in coefficients.varying_magnets:
+        varies[magnet.elements] = True
+    return varies
 
 
 def distance_to_jumps(field: Any, x: Floats, include_current: bool) -> float:
     # The axis of an axisymmetric field is no boundary, and B has a kink where the current density jumps.
-    mesh = field.elements.corners
+    mesh, coefficients = field.elements.corners, field.coefficients
+    of_its_own = coefficients.nonlinear | _varies(coefficients)
+    rows = [
+        np.where(of_its_own, 0.0, np.vstack((coefficients.reluctivity, coefficients.coercivity))),
+        np.where(of_its_own, coefficients.material_index, -1),
+        coefficients.current_density if include_current else np.zeros(of_its_own.size),
+    ]
+    _, first, material = np.unique(coefficients.material_index, return_index=True, return_inverse=True)
+    kind = np.unique(np.vstack(rows)[:, first], axis=1, return_inverse=True)[1].ravel()[material]
     one, other = mesh.f2t
-    kind = _kinds(field, include_current)
     facets = mesh.facets[:, (other < 0) | (kind[one] != kind[other])]
     if field.axisymmetric:
         facets = facets[:, ~field.symmetry.on_axis(mesh.p)[facets].all(axis=0)]
     return float(distances(x, mesh.p[:, facets]).min(initial=np.inf))
-
-
-def _kinds(field: Any, include_current: bool) -> Ints:
-    coefficients = field.coefficients
-    _, first, index = np.unique(coefficients.material_index, return_index=True, return_inverse=True)
-    of_its_own = coefficients.nonlinear.copy()
-    for magnet in coefficients.varying_magnets:
-        of_its_own[magnet.elements] = True
-    rows = [
-        coefficients.reluctivity[first],
-        np.where(of_its_own[first], first, -1),
-        *np.where(of_its_own[first], 0.0, coefficients.coercivity[:, first]),
-        *([coefficients.current_density[first]] if include_current else []),
-    ]
-    return np.unique(np.vstack(rows), axis=1, return_inverse=True)[1].ravel()[index]
 
 
 def distances(x: Floats, corners: Floats) -> Floats:
@@ -176,49 +173,45 @@ class FluxDensityAt(VectorGoal):
                 "x and direction of FluxDensityAt must have equally many components; got "
                 f"{self.x} and {self.direction}."
             )
-        valid = self.radius is None or (is_number(self.radius) and 0.0 < self.radius < np.inf)
-        if not valid:
+        if self.radius is not None and not (is_number(self.radius) and 0.0 < self.radius < np.inf):
             raise ValueError(f"radius of FluxDensityAt must be a finite number > 0 in m, or None; got {self.radius!r}.")
 
     def __call__(self, field: Any) -> float:
-        spot = self._place(field)
+        spot = self.place(field)
         return float(np.sum(spot.weight * field.flux_density_at(spot.x)))
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
-        spot = self._place(field)
-        return np.zeros(field.mesh.t.shape[1]), field.load_at(spot.x, field.elements_at(spot.x), spot.weight)
+        spot = self.place(field)
+        return np.zeros_like(field.volume), field.load_at(spot.x, field.elements_at(spot.x), spot.weight)
 
-    def _place(self, field: Any) -> Spot:
-        self.check_dimension(len(field.mesh.p))
-        x, around_axis = np.array(self.x), field.axisymmetric
-        element = find_elements(field.elements.corners, x[:, None])[0]
+    def place(self, field: Any) -> Spot:
+        mesh = field.elements.corners
+        self.check_dimension(len(mesh.p))
+        x, point, around_axis = np.array(self.x), point_text(np.array(self.x)), field.axisymmetric
+        element = find_elements(mesh, x[:, None])[0]
         if element < 0:
             low, high = (point_text(end(field.mesh.p, axis=1)) for end in (np.min, np.max))
             raise ValueError(
-                f"x of FluxDensityAt must be a point of the mesh, which is from {low} to {high} m; "
-                f"{point_text(x)} is outside."
+                f"x of FluxDensityAt must be a point of the mesh, which is from {low} to {high} m; {point} is outside."
             )
-        size = float(np.ptp(field.mesh.p, axis=1).max())
-        if around_axis and x[0] <= ON_JUMP * size and self.direction[AXIAL] == 0.0:
+        nearest = ON_JUMP * float(np.ptp(field.mesh.p, axis=1).max())
+        if around_axis and x[0] <= nearest and self.direction[AXIAL] == 0.0:
             raise ValueError("B on an axis is along z; FluxDensityAt there must have a direction with a z component.")
-        radius, exponent = self._radius(field, element, size), SMOOTH if self.radius is None else 0
-        spot = spot_rule(x, np.array(self.direction), radius, exponent, around_axis)
-        if np.any(find_elements(field.elements.corners, spot.x) < 0):
-            raise ValueError(self._too_large("the boundary of the mesh cuts it"))
-        return spot
-
-    def _radius(self, field: Any, element: int, size: float) -> float:
-        reach = distance_to_jumps(field, np.array(self.x), include_current=self.radius is None)
-        if reach <= ON_JUMP * size:
+        reach = distance_to_jumps(field, x, include_current=self.radius is None)
+        if reach <= nearest:
             raise ValueError(
-                f"x of FluxDensityAt must be inside a material; {point_text(np.array(self.x))} is on the boundary of "
+                f"x of FluxDensityAt must be inside a material; {point} is on the boundary of "
                 "the mesh or between two materials. Move it into one of them."
             )
-        if self.radius is None:
-            return reach * (WHERE_HARMONIC if is_harmonic(field, element) else ELSEWHERE)
-        if self.radius > reach:
-            raise ValueError(self._too_large(f"they are {reach:.6g} m from {point_text(np.array(self.x))}"))
-        return self.radius
+        radius, exponent = self.radius, 0
+        if radius is None:
+            radius, exponent = reach * (WHERE_HARMONIC if is_harmonic(field, element) else ELSEWHERE), SMOOTH
+        elif radius > reach:
+            raise ValueError(self._too_large(f"they are {reach:.6g} m from {point}"))
+        spot = spot_rule(x, np.array(self.direction), radius, exponent, around_axis)
+        if np.any(find_elements(mesh, spot.x) < 0):
+            raise ValueError(self._too_large("the boundary of the mesh cuts it"))
+        return spot
 
     def _too_large(self, why: str) -> str:
         return (

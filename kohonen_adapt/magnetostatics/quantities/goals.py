@@ -1,8 +1,12 @@
-"""Goals of mesh adaptation."""
+"""Goals of mesh adaptation: their interface, and forces, torques, linkages and energies.
 
+A further goal is a class with `Goal`'s two methods, as `flux_density_at.FluxDensityAt` is. Nothing else needs a change.
+"""
+
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -10,18 +14,52 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_in
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil
 from kohonen_adapt.magnetostatics.quantities.forces import OUT_OF_PAGE, OfBody, checked_point, parts_along
-from kohonen_adapt.magnetostatics.quantities.goal import POINT, SIZES, Goal, VectorGoal, unit_vector
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
+from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = [
+    "POINT",
+    "SIZES",
     "FluxLinkage",
     "Force",
+    "Goal",
     "StoredEnergy",
     "Torque",
+    "VectorGoal",
     "check_goal",
     "check_goal_on",
     "unit_of_goal",
+    "unit_vector",
 ]
+
+VECTOR, POINT = "vector (x, y), in space (x, y, z)", "point (x, y), in space (x, y, z), in m"
+SIZES = (2, 3)
+
+
+@runtime_checkable
+class Goal(Protocol):
+    """Number J of a field with its derivative, for the argument `goal` of a problem.
+
+    `Magnetostatics` and, in space, `MagneticScalarPotential` take goals. A change w of ``field.unknown`` (planar of A,
+    axisymmetric of r A, in space of the scalar potential) changes J by ``int source w + flux . grad w`` over the plane
+    of the mesh, or its volume.
+
+    Tables, files and reports show values with the string ``unit`` of a goal, if the goal has one.
+    """
+
+    def __call__(self, field: Any) -> float:
+        """Return J of a field.
+
+        `Magnetostatics.goal_error` also evaluates J of fields of up to three orders more.
+        """
+
+    def derivative(self, field: Any) -> tuple[Floats, Floats]:
+        """Return `source` (nelements,) and `flux` (d, nelements) at a field.
+
+        Both are constant in every element. If B varies within elements (order 2 and 3, around an axis, and in space
+        with an applied field or magnets that vary), the flux may be at the quadrature points of
+        ``field.at_quadrature``, (d, npoints).
+        """
 
 
 def check_goal(goal: Any, dim: int, estimator: str) -> None:
@@ -44,9 +82,33 @@ def unit_of_goal(goal: Goal | None, per_metre: bool) -> str:
 def check_goal_on(goal: Goal | None, field: Any) -> None:
     # before the solve
     if isinstance(goal, VectorGoal):
-        goal.check_on(field)
+        goal.place(field)
     elif isinstance(goal, FluxLinkage):
-        _ = [OfCoil(field, name) for name in goal.circuit]
+        goal.coils(field)
+
+
+class VectorGoal(Goal):
+    vector: ClassVar[str]  # name of an attribute with as many components as the field has dimensions
+
+    @property
+    def dimension(self) -> int:
+        return len(getattr(self, self.vector))
+
+    def check_dimension(self, dim: int) -> None:
+        if self.dimension != dim:
+            kind = "(x, y, z) in space" if dim == 3 else "(x, y) in the plane"
+            raise ValueError(f"a {type(self).__name__} must have vectors {kind} as a goal; got {self}.")
+
+    @abstractmethod
+    def place(self, field: Any) -> Any:
+        """Return the data of the value at a field, or raise a ValueError."""
+
+
+def unit_vector(name: str, value: tuple[float, ...]) -> tuple[float, ...]:
+    along = checked_point(name, value, VECTOR, SIZES)
+    if not along.any():
+        raise ValueError(f"{name} must not be zero; got {value!r}.")
+    return tuple((along / magnitude(along)).tolist())
 
 
 class _ComponentGoal(VectorGoal):
@@ -54,10 +116,9 @@ class _ComponentGoal(VectorGoal):
     _along: Any  # vector of a force, or axis and centre of a torque
     _vanishing: Any  # message without a component
 
-    def _place(self, field: Any) -> list[OfBody | OfCoil]:
-        self.check_dimension(len(field.mesh.p))
-        vector, centre = self._along
-        parts = parts_along(field, self.body, np.array(vector), centre if centre is None else np.array(centre))
+    def place(self, field: Any) -> list[OfBody | OfCoil]:
+        self.check_dimension(field.elements.dim)
+        parts = parts_along(field, self.body, *self._along)
         if all(part.vanishes for part in parts):
             raise ValueError(self._vanishing)
         return parts
@@ -67,10 +128,10 @@ class _ComponentGoal(VectorGoal):
 
         With `depth`, axisymmetric, and in space in N or N m.
         """
-        return float(sum(part.value() for part in self._place(field)))
+        return float(sum(part.value() for part in self.place(field)))
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
-        return np.zeros(field.mesh.t.shape[1]), np.sum([part.load() for part in self._place(field)], axis=0)
+        return np.zeros_like(field.volume), np.sum([part.load() for part in self.place(field)], axis=0)
 
 
 @dataclass(frozen=True)
@@ -114,8 +175,8 @@ class Force(_ComponentGoal):
         object.__setattr__(self, "direction", unit_vector("direction of Force", self.direction))
 
     @property
-    def _along(self) -> tuple[tuple[float, ...], None]:
-        return self.direction, None
+    def _along(self) -> tuple[Floats, None]:
+        return np.array(self.direction), None
 
     @property
     def _vanishing(self) -> str:
@@ -168,8 +229,8 @@ class Torque(_ComponentGoal):
             object.__setattr__(self, "axis", unit_vector("axis of Torque", self.axis))
 
     @property
-    def _along(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        return self.axis or OUT_OF_PAGE, self.centre
+    def _along(self) -> tuple[Floats, Floats]:
+        return np.array(self.axis or OUT_OF_PAGE), np.array(self.centre)
 
     @property
     def _vanishing(self) -> str:
@@ -211,12 +272,14 @@ class FluxLinkage(Goal):
         """Return the linkage in Wb/m, with `depth`, axisymmetric and in space in Wb."""
         return float(sum(field.flux_linkage(name, turns) for name, turns in self.circuit.items()))
 
+    def coils(self, field: Any) -> list[OfCoil]:
+        return [OfCoil(field, name) for name in self.circuit]
+
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
-        if len(field.mesh.p) == 3:
-            loads = [turns * OfCoil(field, name).load() for name, turns in self.circuit.items()]
-            return np.zeros(field.mesh.t.shape[1]), np.sum(loads, axis=0)
-        source = turn_length(field) * turns_density(field, self.circuit)
-        return source, np.zeros_like(field.elements.points)
+        if field.elements.dim == 2:
+            return turn_length(field) * turns_density(field, self.circuit), np.zeros_like(field.elements.points)
+        loads = [turns * coil.load() for turns, coil in zip(self.circuit.values(), self.coils(field), strict=True)]
+        return np.zeros_like(field.volume), np.sum(loads, axis=0)
 
 
 @dataclass(frozen=True)
@@ -257,6 +320,5 @@ class StoredEnergy(Goal):
                 f"StoredEnergy needs a part of the mesh; {self.part!r} is all of it. For the whole energy omit the "
                 "goal: the indicators then estimate its error."
             )
-        at = field.at_quadrature
-        weight = np.where(inside[field.elements.element], at.field_strength, 0.0)
-        return np.zeros(inside.size), field.load_of(weight)
+        weight = np.where(inside[field.elements.element], field.at_quadrature.field_strength, 0.0)
+        return np.zeros_like(field.volume), field.load_of(weight)
