@@ -30,11 +30,11 @@ Names = str | Sequence[str]
 
 
 def elements_in(mesh: Mesh, names: Names) -> Mask:
-    inside = np.zeros(mesh.t.shape[1], dtype=bool)
-    for name in _name_list(names):
+    inside, text = np.zeros(mesh.t.shape[1], dtype=bool), _joined_names(names)
+    for name in [names] if isinstance(names, str) else names:
         inside[named(mesh.subdomains, name, "subdomain")] = True
     if not inside.any():
-        raise ValueError(f"subdomain {_joined_names(names)} has no elements; name one that has.")
+        raise ValueError(f"subdomain {text} has no elements; name one that has.")
     return inside
 
 
@@ -45,41 +45,34 @@ def air_elements(field: MagneticField) -> Mask:
 
 
 def isolated_body(field: MagneticField, names: Names) -> Mask:
-    mesh, inside = field.elements.corners, elements_in(field.mesh, names)
+    mesh, inside, text = field.elements.corners, elements_in(field.mesh, names), _joined_names(names)
     in_body = np.zeros(mesh.p.shape[1], dtype=bool)
     in_body[mesh.t[:, inside]] = True
     around = in_body[mesh.t].any(axis=0) & ~inside
     if not around.any():
-        raise ValueError(
-            f"subdomain {_joined_names(names)} has no other elements around it; a force requires air around the body."
-        )
+        raise ValueError(f"subdomain {text} has no other elements around it; a force requires air around the body.")
     solid = np.flatnonzero(around & ~air_elements(field))
-    current = field.current_in_shells
-    if solid.size and len(mesh.p) == 3 and current[solid].any():
-        driven = solid[current[solid] != 0.0][:1]
+    driven = solid[field.current_in_shells[solid] != 0.0] if len(mesh.p) == 3 else solid[:0]
+    if driven.size:
         raise ValueError(
-            f"subdomain {_joined_names(names)} touches {subdomains_at(mesh, driven)} where the current of the "
+            f"subdomain {text} touches {subdomains_at(mesh, driven[:1])} where the current of the "
             "applied_field runs, and the force is computed from the field in air without current: give the coil in "
             "coils, or mesh the coil as a volume of air of its own, with air between it and the body."
         )
     if solid.size:
         raise ValueError(
-            f"subdomain {_joined_names(names)} touches {subdomains_at(mesh, solid[:1])}, which is not air "
+            f"subdomain {text} touches {subdomains_at(mesh, solid[:1])}, which is not air "
             "(permeability 1, no current, no remanence), and the force is computed from the field in the air around: "
             "leave air between them, or compute the force on both together."
         )
     return inside
 
 
-def _name_list(names: Names) -> list[str]:
-    listed = [names] if isinstance(names, str) else list(names) if isinstance(names, Sequence) else []
-    if not listed or not all(isinstance(name, str) for name in listed):
-        raise ValueError(f"a body is the name of a subdomain or a sequence of names; got {names!r}.")
-    return listed
-
-
 def _joined_names(names: Names) -> str:
-    return " + ".join(repr(name) for name in _name_list(names))
+    listed = [names] if isinstance(names, str) else names
+    if not isinstance(listed, Sequence) or not listed or not all(isinstance(name, str) for name in listed):
+        raise ValueError(f"a body is the name of a subdomain or a sequence of names; got {names!r}.")
+    return " + ".join(map(repr, listed))
 
 
 def bores(mesh: MeshTri, names: Names, centre: ArrayLike) -> dict[str, Arc]:
@@ -87,14 +80,13 @@ def bores(mesh: MeshTri, names: Names, centre: ArrayLike) -> dict[str, Arc]:
 
     Only boundaries with too few nodes to be recognised as arcs are returned.
     """
-    middle_point, found = np.asarray(centre, dtype=float), {}
-    outer = outer_facets(mesh, elements_in(mesh, names))
-    radius = np.hypot(*(mesh.p - middle_point[:, None]))
+    x, y = np.asarray(centre, dtype=float)
+    outer, radius, found = outer_facets(mesh, elements_in(mesh, names)), np.hypot(mesh.p[0] - x, mesh.p[1] - y), {}
     for name, rows in named_sets(mesh.boundaries).items():
         facets, nodes = np.unique(rows), np.unique(mesh.facets[:, rows])
         is_coarse = BORE_FACETS[0] <= len(facets) <= BORE_FACETS[1 + (len(nodes) == len(facets))]
         if is_coarse and np.isin(facets, outer).all() and np.ptp(radius[nodes]) <= NEAR * radius.max():
-            found[name] = Arc((float(middle_point[0]), float(middle_point[1])), float(radius[nodes].mean()))
+            found[name] = Arc((float(x), float(y)), float(radius[nodes].mean()))
     return found
 
 

@@ -1,7 +1,7 @@
 """Flux linkage of coils in space, and the force and torque on coils."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -19,7 +19,7 @@ from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 
-__all__ = ["OfCoil", "ampere_turns", "ends_far", "is_coil"]
+__all__ = ["OfCoil", "coil_in", "ends_far", "is_coil"]
 
 INVARIANT = 1e-3  # tolerance of equal fields of images, relative to the largest
 PLAIN = 1e-6  # largest difference of permeabilities without magnetisation, relative
@@ -48,6 +48,10 @@ class OfCoil:
     def _coil(self) -> Coil:
         return coil_in(self.field, self.name)
 
+    @property
+    def _unit(self) -> Coil:
+        return replace(self._coil, ampere_turns=1.0)
+
     @cached_property
     def _images(self) -> Images:
         return images_of(self.field.mesh, self.field.mirrors)
@@ -56,21 +60,14 @@ class OfCoil:
     def _orbit(self) -> tuple[list[int], list[int]]:
         # images with the field of the coil itself, and one image of every coil in the orbit
         coil, images = self._coil, self._images
-        x = coil.winding.samples[:, ::7]
-        fields = [images.pulled(coil.field_strength(images.points(x, g)), g) for g in range(len(images.sign))]
-        size, own, first = np.abs(fields[0]).max(initial=0.0), [0], list[int]([0])
-        for g in range(1, len(fields)):
-            same = [np.abs(fields[g] - fields[k]).max() <= INVARIANT * size for k in first]
-            if same[0]:
-                own.append(g)
-            elif not any(same):
-                first.append(g)
-        return own, first
+        x, every = coil.winding.samples[:, ::7], range(images.sign.size)
+        fields = np.stack([images.pulled(coil.field_strength(images.points(x, g)), g) for g in every])
+        equal = np.abs(fields[:, None] - fields).max(axis=(2, 3)) <= INVARIANT * np.abs(fields[0]).max(initial=0.0)
+        return [g for g in every if equal[0, g]], [g for g in every if not equal[g, :g].any()]
 
     @cached_property
     def _meshed(self) -> float:
-        own, images = len(self._orbit[0]), self._images
-        inside = images.contain(currents_of(self._coil.winding).x)
+        own, inside = len(self._orbit[0]), self._images.contain(currents_of(self._coil.winding).x)
         fraction = round(own * float(inside.mean())) / own
         if fraction == 0.0:
             raise ValueError(f"the coil {self.name!r} is beyond a plane of symmetry; name its image in the mesh.")
@@ -88,8 +85,8 @@ class OfCoil:
     def vanishes(self) -> bool:
         if self.motion is None or self._motion is None:
             return False
-        path = self._coil.path
-        return bool(np.abs(self._motion.at(path)).max() <= PLAIN * np.abs(self.motion.at(path)).max())
+        left, whole = (np.abs(motion.at(self._coil.path)).max() for motion in (self._motion, self.motion))
+        return bool(left <= PLAIN * whole)
 
     @property
     def _magnetised(self) -> Mask:
@@ -97,14 +94,13 @@ class OfCoil:
         return np.asarray(magnetic | self.field.remanence.any(axis=0))
 
     def _weight_at(self, x: Floats) -> Floats:
-        total = np.zeros_like(x)
-        for g in self._orbit[1]:
-            total += self._images.pulled(self._unit_field(self._images.points(x, g)), g)
-        return self._meshed * len(self._orbit[0]) * total
+        images, (own, orbit) = self._images, self._orbit
+        each = [images.pulled(self._unit_field(images.points(x, g)), g) for g in orbit]
+        return self._meshed * len(own) * np.sum(each, axis=0)
 
     def _unit_field(self, x: Floats) -> Floats:
         if self._motion is None:
-            return _per_ampere_turn(self._coil).field_strength(x)
+            return self._unit.field_strength(x)
         return change_of_field(self._coil, self._motion, x)
 
     def value(self) -> float:
@@ -120,23 +116,21 @@ class OfCoil:
         return self.field.load_of(weight) + VACUUM_PERMEABILITY * weight
 
     def _in_free_space(self) -> float:
-        coil, rest = self._coil, self.field.sources.without(self.name)
-        if self._motion is None:
-            return VACUUM_PERMEABILITY * self._linkage_in_free_space()
-        if rest is None:  # a coil makes no force on itself
-            return 0.0
-        x, moment = currents_of(coil.winding)
-        force = VACUUM_PERMEABILITY * coil.ampere_turns * np.cross(moment, field_at(rest, x), axis=0)
-        return float(np.sum(force * self._motion.at(x)))
-
-    def _linkage_in_free_space(self) -> float:
+        sources, (x, moment) = self.field.sources, currents_of(self._coil.winding)
+        if self._motion is not None:
+            rest = sources.without(self.name)
+            if rest is None:  # a coil makes no force on itself
+                return 0.0
+            force = VACUUM_PERMEABILITY * self._coil.ampere_turns * np.cross(moment, field_at(rest, x), axis=0)
+            return float(np.sum(force * self._motion.at(x)))
         # The field of a smaller coil in the bore is not smooth there. Mutual inductances are equal, so that the rule of
         # the smaller coil serves.
-        sources, unit = self.field.sources, _per_ampere_turn(self._coil)
-        smaller = [coil for coil in sources.coils.values() if _extent(coil) < _extent(unit)]
-        larger = {name: coil for name, coil in sources.coils.items() if _extent(coil) >= _extent(unit)}
+        unit, larger = self._unit, dict(sources.coils)
+        smaller = [larger.pop(name) for name, coil in sources.coils.items() if _extent(coil) < _extent(unit)]
         total = _flux(unit, Sources(larger, sources.applied))
-        return total + sum(coil.ampere_turns * _flux(coil, unit.field_strength) for coil in smaller)
+        return VACUUM_PERMEABILITY * (
+            total + sum(each.ampere_turns * _flux(each, unit.field_strength) for each in smaller)
+        )
 
 
 def _flux(coil: Coil, field: AppliedField) -> float:
@@ -148,21 +142,10 @@ def _extent(coil: Coil) -> float:
     return float(np.linalg.norm(np.ptp(coil.path, axis=1)))
 
 
-def _per_ampere_turn(coil: Coil) -> Coil:
-    return Coil(coil.path, coil.width, coil.height, 1.0, coil.radius)
-
-
 def coil_in(field: MagneticField, name: str) -> Coil:
     if not is_coil(field, name):
         raise ValueError(f"{name!r} is no coil of the problem; its coils are {listed(field.sources.coils)}.")
     return field.sources.coils[name]
-
-
-def ampere_turns(field: MagneticField, name: str) -> float:
-    current = coil_in(field, name).ampere_turns
-    if current == 0.0:
-        raise ValueError(f"the coil {name!r} carries no current, by which its linkage could be divided.")
-    return current
 
 
 def is_coil(field: MagneticField, name: Any) -> bool:
@@ -170,8 +153,8 @@ def is_coil(field: MagneticField, name: Any) -> bool:
 
 
 def ends_far(drive: Drive, conditions: Conditions, planes: Iterable[Mirror]) -> bool:
-    mesh = drive.elements.corners
-    zero = conditions.fixed & (conditions.values == drive.potential)
-    in_planes = np.concatenate([np.zeros(0, dtype=np.int64), *(plane.facets for plane in planes)])
-    outer = np.setdiff1d(mesh.boundary_facets(), in_planes)
+    mesh, zero = drive.elements.corners, conditions.fixed & (conditions.values == drive.potential)
+    outer = mesh.boundary_facets()
+    for plane in planes:
+        outer = np.setdiff1d(outer, plane.facets)
     return bool(zero[mesh.facets[:, outer]].all())

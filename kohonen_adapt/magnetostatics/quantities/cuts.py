@@ -10,11 +10,13 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.quantities.bodies import outer_facets
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
+from kohonen_adapt.mesh.measures import unit_vectors
 from kohonen_adapt.mesh.names import named_sets
 
 __all__ = ["Cut", "cut_of", "mirror_cut", "sector_cut", "without_cancelled"]
 
 NEAR = 1e-9  # tolerance of lengths, relative to the size of the mesh
+SAME = 1e-6  # distance of equal unit vectors
 ROUND = 1e-3  # allowed difference of the radii of the ends of a facet on a circle, relative to its length
 RADIAL = (1.0, 0.0)  # the force around an axis is along the axis
 
@@ -62,19 +64,18 @@ def mirror_cut(mesh: MeshTri, inside: Mask) -> Cut:
     body_facets, master = outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
     if not body_facets.size:
         return Cut(body_facets, [], master)
-    edge = _edges(mesh, body_facets)
-    direction = edge[:, np.argmax(np.hypot(*edge))] / np.hypot(*edge).max()
-    tolerance = NEAR * np.ptp(mesh.p, axis=1).max()
-    if np.any(np.abs(_cross(direction, edge)) > tolerance):
+    edge, tolerance = _edges(mesh, body_facets), NEAR * np.ptp(mesh.p, axis=1).max()
+    along, up = edge[:, np.argmax(np.hypot(*edge))] / np.hypot(*edge).max()
+    normal = np.array([-up, along])
+    if np.any(np.abs(normal @ edge) > tolerance):
         raise ValueError(
             "the body lies on the outer boundary along lines of several directions; the force on a part of it can only "
             "be computed if a mirror plane cuts it. Extend the mesh beyond the boundary."
         )
-    outer = mesh.boundary_facets()
-    height = _cross(direction, mesh.p)[mesh.facets[:, outer]]
-    level = np.unique(_cross(direction, mesh.p)[mesh.facets[0, body_facets]])
-    along = np.any(np.all(np.abs(height[:, :, None] - level) < tolerance, axis=0), axis=1)
-    return Cut(outer[along], [np.array([-direction[1], direction[0]])], master)
+    outer, height = mesh.boundary_facets(), normal @ mesh.p
+    level = np.unique(height[mesh.facets[0, body_facets]])
+    near = np.abs(height[mesh.facets[:, outer], None] - level) < tolerance
+    return Cut(outer[near.all(axis=0).any(axis=1)], [normal], master)
 
 
 def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
@@ -89,40 +90,44 @@ def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
     """
     body_facets, master = outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
     radial, tolerance = mesh.p - centre[:, None], NEAR * np.ptp(mesh.p, axis=1).max()
-    radius = np.hypot(*radial)[mesh.facets[:, body_facets]]
-    body_facets = body_facets[np.abs(radius[0] - radius[1]) > ROUND * np.hypot(*_edges(mesh, body_facets))]
+    radius = np.hypot(*radial)
+    ends = radius[mesh.facets[:, body_facets]]
+    body_facets = body_facets[np.abs(ends[0] - ends[1]) > ROUND * np.hypot(*_edges(mesh, body_facets))]
     if not body_facets.size:
         return Cut(body_facets, [], master)
-    outer = mesh.boundary_facets()
-    rays = _rays(radial[:, mesh.facets[:, body_facets]].mean(axis=1))
-    sides = [outer[np.all(_on_ray(ray, radial[:, mesh.facets[:, outer]], tolerance), axis=0)] for ray in rays]
+    outer, sides = mesh.boundary_facets(), list[Ints]()
+    directions = unit_vectors(radial[:, mesh.facets[:, body_facets]].mean(axis=1))
+    while directions.size and len(sides) < 3:
+        x, y = ray = directions[:, 0]
+        on_ray = (np.abs(np.array([-y, x]) @ radial) < tolerance) & (ray @ radial > -tolerance)
+        sides.append(outer[on_ray[mesh.facets[:, outer]].all(axis=0)])
+        directions = directions[:, np.hypot(*(directions - ray[:, None])) > SAME]
     if len(sides) != 2 or not np.isin(body_facets, np.concatenate(sides)).all():
         raise ValueError(
             "the body lies on the outer boundary elsewhere than on circles about the centre and on two straight sides "
             "through it; the torque on a part of a body can only be computed for a periodic sector. Extend the mesh."
-            + _arc_remedy(mesh, body_facets, centre)
+            + _arc_remedy(mesh, body_facets, centre, radius)
         )
-    first_side, second_side = (_by_radius(mesh.facets[:, side], radial) for side in sides)
-    if first_side.size != second_side.size or np.any(
-        np.abs(np.hypot(*radial[:, first_side]) - np.hypot(*radial[:, second_side])) > 1e3 * tolerance
-    ):
+    nodes = [np.unique(mesh.facets[:, side]) for side in sides]
+    first, second = (each[np.argsort(radius[each])] for each in nodes)
+    if first.size != second.size or np.any(np.abs(radius[first] - radius[second]) > 1e3 * tolerance):
         raise ValueError(
             "the two sides through the centre that cut the body have no nodes at the same radii; the torque on a part "
             "of it can only be computed for a periodic sector, with sides that are images of each other."
         )
-    master[second_side] = first_side
+    master[second] = first
     return Cut(np.concatenate(sides), [], master)
 
 
-def _arc_remedy(mesh: MeshTri, facets: Ints, centre: Floats) -> str:
-    found, radius = [], np.hypot(*(mesh.p - centre[:, None]))
+def _arc_remedy(mesh: MeshTri, facets: Ints, centre: Floats, radius: Floats) -> str:
+    found = []
     for name, rows in sorted(named_sets(mesh.boundaries).items()):
         node_radius = radius[np.unique(mesh.facets[:, rows])]
         on_circle = node_radius > (1.0 - NEAR) * node_radius.max(initial=0.0)
         # Four nodes on a circle may be the corners of a rectangle.
         if np.isin(rows, facets).any() and on_circle.sum() > 4 and node_radius.min() > 0.5 * node_radius.max():
-            at = ", ".join(f"{coordinate:.9g}" for coordinate in centre)
-            found.append(f'"{name}": ka.Arc(({at}), {node_radius.max():.9g})')
+            x, y = centre
+            found.append(f'"{name}": ka.Arc(({x:.9g}, {y:.9g}), {node_radius.max():.9g})')
     if not found:
         return ""
     return f" If nodes have left an arc with too few nodes to be recognised, adapt with curves={{{', '.join(found)}}}."
@@ -131,27 +136,3 @@ def _arc_remedy(mesh: MeshTri, facets: Ints, centre: Floats) -> str:
 def _edges(mesh: MeshTri, facets: Ints) -> Floats:
     start, end = mesh.p[:, mesh.facets[:, facets]].swapaxes(0, 1)
     return end - start
-
-
-def _cross(direction: Floats, x: Floats) -> Floats:
-    return direction[0] * x[1] - direction[1] * x[0]
-
-
-def _rays(x: Floats) -> list[Floats]:
-    units = x / np.hypot(*x)
-    rays: list[Floats] = []
-    for unit in units.T:
-        if all(np.hypot(*(unit - ray)) > 1e-6 for ray in rays):
-            rays.append(unit)
-            if len(rays) > 2:
-                break
-    return rays
-
-
-def _on_ray(ray: Floats, x: Floats, tolerance: float) -> Mask:
-    return (np.abs(_cross(ray, x)) < tolerance) & (np.tensordot(ray, x, 1) > -tolerance)
-
-
-def _by_radius(facets: Ints, radial: Floats) -> Ints:
-    nodes = np.unique(facets)
-    return nodes[np.argsort(np.hypot(*radial[:, nodes]))]

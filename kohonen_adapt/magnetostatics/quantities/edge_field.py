@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.magnetostatics.equations.edge_elements import EdgeElements
 from kohonen_adapt.magnetostatics.equations.edge_equations import EdgeDrive
 from kohonen_adapt.magnetostatics.equations.given_field import field_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
@@ -41,28 +40,19 @@ class EdgeField(SolidField):
     def __repr__(self) -> str:
         return self._text(f" on {self.unknown.size} edges", self.flux_density)
 
-    @property
-    def _functions(self) -> EdgeElements:
-        return self.drive.edges
-
     @cached_property
     def flux_density(self) -> Floats:
-        return self._functions.curl(self.unknown)
+        return self.drive.edges.curl(self.unknown)
 
     def _vectors(self, at: Points, unknown: Floats) -> Floats:
         return self.flux_density[:, at.element]
 
     def _potential_in(self, at: Points) -> Floats:
-        return self._functions.at(self.unknown, at.x, at.element)
+        return self.drive.edges.at(self.unknown, at.x, at.element)
 
     def _reaction(self, x: Floats, element: Ints) -> Floats:
         density, function = self.flux_density[:, element], self.drive.function
         return density if function is None else density - VACUUM_PERMEABILITY * field_at(function, x)
-
-    @cached_property
-    def permeabilities(self) -> tuple[Floats, Floats]:
-        secant, differential = self.coefficients.reluctivities(self.flux_density)
-        return 1.0 / secant, 1.0 / differential
 
     @property
     def potential(self) -> Floats:
@@ -121,6 +111,6 @@ class EdgeField(SolidField):
         >>> round(field.flux("right"), 6), round(field.flux("left"), 6)  # mu0 1e4 times 1 A/m times 1 m^2
         (0.012566, -0.012566)
         """
-        facets, _, sign = oriented_surface(self.mesh, surface)
-        outward = np.where(self._functions.turns_outward(facets), 1.0, -1.0)
-        return float(np.sum(sign * outward * self._functions.circulation(self.unknown, facets)))
+        (facets, _, sign), edges = oriented_surface(self.mesh, surface), self.drive.edges
+        outward = np.where(edges.turns_outward(facets), 1.0, -1.0)
+        return float(np.sum(sign * outward * edges.circulation(self.unknown, facets)))

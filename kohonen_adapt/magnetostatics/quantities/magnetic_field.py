@@ -348,18 +348,27 @@ class MagneticField(ABC):
         return self.elements.mean(self.at_quadrature.field_strength)
 
     @cached_property
-    def _reluctivities(self) -> tuple[Floats, Floats]:
-        return self.coefficients.reluctivities(self.flux_density)
+    def _means(self) -> Any:
+        vectors, elements = self.elements.mean(self._in_laws.vectors), np.arange(self.mesh.t.shape[1])
+        return self.kind(elements, self.elements.centroids, vectors, self.coefficients)
+
+    @property
+    def permeabilities(self) -> tuple[Floats, Floats]:
+        """Secant ``|B| / |H + Hc|`` and differential permeability, in H/m.
+
+        Shape (nelements,) each.
+        """
+        return self._means.permeabilities
 
     @property
     def reluctivity(self) -> Floats:
         """Secant reluctivity ``|H + Hc| / |B|``, shape (nelements,) in m/H."""
-        return self._reluctivities[0]
+        return self._means.reluctivities[0]
 
     @property
     def differential_reluctivity(self) -> Floats:
         """Differential reluctivity ``d|H + Hc| / d|B|`` along B, (nelements,) in m/H."""
-        return self._reluctivities[1]
+        return self._means.reluctivities[1]
 
     @property
     def current_density(self) -> Floats:

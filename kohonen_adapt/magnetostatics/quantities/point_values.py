@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -45,13 +45,14 @@ class Points(NamedTuple):
         return cls(elements.element, elements.barycentric_of_points, x, x, slope, given)
 
 
+@dataclass(frozen=True, eq=False)
 class PointValues:
     element: Ints  # (n,): element of every point
     x: Floats  # (d, n) in m
+    vectors: Floats  # (d, n): B or H, from which the law gives the other
     coefficients: Coefficients  # of the points
-    flux_density: Any  # (d, n) in T
-    field_strength: Any  # (d, n) in A/m
-    reluctivities: Any  # secant and differential, (n,) each in m/H
+    flux_density: ClassVar[Any]  # (d, n) in T
+    field_strength: ClassVar[Any]  # (d, n) in A/m
 
     @cached_property
     def energy_density(self) -> Floats:
@@ -62,56 +63,58 @@ class PointValues:
         return np.sum(self.field_strength * self.flux_density, axis=0) - self.energy_density
 
     @property
-    def magnetisation(self) -> Floats:
+    def magnetisation(self) -> Any:
         # mu0 M in T
         return self.flux_density - VACUUM_PERMEABILITY * self.field_strength
 
-
-@dataclass(frozen=True, eq=False)
-class PointField(PointValues):
-    # values by B, of a vector potential
-    element: Ints
-    x: Floats
-    flux_density: Floats
-    coefficients: Coefficients
-
-    @cached_property
-    def field_strength(self) -> Floats:
-        return self.coefficients.field_strength(self.flux_density)
-
-    @cached_property
-    def reluctivities(self) -> tuple[Floats, Floats]:
-        return self.coefficients.reluctivities(self.flux_density)
-
-    def change_of_strength(self, change: Floats) -> Floats:
-        """Return the change of H in A/m by a small change of B in T, both (d, n)."""
-        return tangent_product(*self.reluctivities, self.flux_density, change)
-
-
-@dataclass(frozen=True, eq=False)
-class Strength(PointValues):
-    # values by H, of a scalar potential
-    element: Ints
-    x: Floats
-    field_strength: Floats
-    coefficients: Coefficients
-
-    @cached_property
-    def permeabilities(self) -> tuple[Floats, Floats]:
-        return self.coefficients.permeabilities(self.field_strength)
-
     @property
     def reluctivities(self) -> tuple[Floats, Floats]:
+        # secant and differential, (n,) each in m/H
         secant, differential = self.permeabilities
         return 1.0 / secant, 1.0 / differential
 
+    @property
+    def permeabilities(self) -> tuple[Floats, Floats]:
+        secant, differential = self.reluctivities
+        return 1.0 / secant, 1.0 / differential
+
+
+class PointField(PointValues):
+    # values by B, of a vector potential
+    @property
+    def flux_density(self) -> Floats:
+        return self.vectors
+
+    @cached_property
+    def field_strength(self) -> Floats:
+        return self.coefficients.field_strength(self.vectors)
+
+    @cached_property
+    def reluctivities(self) -> tuple[Floats, Floats]:
+        return self.coefficients.reluctivities(self.vectors)
+
+    def change_of_strength(self, change: Floats) -> Floats:
+        """Return the change of H in A/m by a small change of B in T, both (d, n)."""
+        return tangent_product(*self.reluctivities, self.vectors, change)
+
+
+class Strength(PointValues):
+    # values by H, of a scalar potential
+    @property
+    def field_strength(self) -> Floats:
+        return self.vectors
+
+    @cached_property
+    def permeabilities(self) -> tuple[Floats, Floats]:
+        return self.coefficients.permeabilities(self.vectors)
+
     @cached_property
     def flux_density(self) -> Floats:
-        return self.permeabilities[0] * (self.field_strength + self.coefficients.coercivity)
+        return self.permeabilities[0] * (self.vectors + self.coefficients.coercivity)
 
     def change_of_flux_density(self, change: Floats) -> Floats:
         """Return the change of B in T by a small change of H in A/m, both (d, n)."""
-        return tangent_product(*self.permeabilities, self.field_strength + self.coefficients.coercivity, change)
+        return tangent_product(*self.permeabilities, self.vectors + self.coefficients.coercivity, change)
 
 
 def tangent_product(secant: Floats, differential: Floats, direction: Floats, change: Floats) -> Floats:

@@ -20,7 +20,7 @@ from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.bodies import Names
-from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, ampere_turns
+from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, coil_in
 from kohonen_adapt.magnetostatics.quantities.forces import force_along
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_turns
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
@@ -112,19 +112,6 @@ class SolidField(MagneticField):
 
     def _against(self, at: Strength, weight: Floats) -> Floats:
         return -at.change_of_flux_density(weight)
-
-    @cached_property
-    def permeabilities(self) -> tuple[Floats, Floats]:
-        """Secant ``|B| / |H + Hc|`` and differential permeability, in H/m.
-
-        Shape (nelements,) each.
-        """
-        return self.coefficients.permeabilities(self.elements.mean(self._in_laws.field_strength))
-
-    @property
-    def _reluctivities(self) -> tuple[Floats, Floats]:
-        secant, differential = self.permeabilities
-        return 1.0 / secant, 1.0 / differential
 
     @property
     def current_density(self) -> Floats:
@@ -332,4 +319,7 @@ class SolidField(MagneticField):
         --------
         See `flux_linkage`, ``field.inductance("winding", turns=100)``.
         """
-        return turns * self.flux_linkage(coil, turns) / ampere_turns(self, coil)
+        linkage, current = self.flux_linkage(coil, turns), coil_in(self, coil).ampere_turns
+        if current == 0.0:
+            raise ValueError(f"the coil {coil!r} carries no current, by which its linkage could be divided.")
+        return turns * linkage / current

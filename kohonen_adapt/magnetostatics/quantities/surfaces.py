@@ -7,6 +7,7 @@ from skfem.generic_utils import OrientedBoundary
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.symmetry import surface
 from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.mesh.measures import unit_vectors
 
 __all__ = ["oriented_surface"]
 
@@ -19,32 +20,25 @@ def oriented_surface(mesh: MeshTet, name: str) -> tuple[Ints, Floats, Floats]:
     The normals, (3, nfacets), point out of the first element and have the length of the area; the sign is 1 if the flux
     counts along the normal, else -1.
     """
-    rows = surface(mesh, name, "flux")
+    surface(mesh, name, "flux")
+    rows = mesh.boundaries[name]
     facets = np.asarray(rows)
     if not facets.size:
         raise ValueError(f"the surface {name!r} has no facets; name one that has.")
-    first = mesh.f2t[0, facets]
+    first, second = mesh.f2t[:, facets]
     normal = 0.5 * normals(mesh.p.T, mesh.facets[:, facets].T).T
     outward = mesh.p[:, mesh.facets[0, facets]] - mesh.p[:, mesh.t[:, first]].mean(axis=1)
     normal *= np.sign(np.sum(normal * outward, axis=0))
-    return facets, normal, _flux_sign(mesh, name, facets, normal)
-
-
-def _flux_sign(mesh: MeshTet, name: str, facets: Ints, normal: Floats) -> Floats:
-    rows = mesh.boundaries[name]
     if isinstance(rows, OrientedBoundary):
-        return np.where(rows.ori == 0, 1.0, -1.0)
-    outer = mesh.f2t[1, facets] < 0
-    if outer.all():
-        return np.ones(facets.size)
-    size = np.linalg.norm(normal, axis=0)
-    unit = normal / size
-    mean_normal = np.linalg.eigh((unit * size) @ unit.T)[1][:, -1]
-    mean_normal = mean_normal * np.sign(mean_normal[np.argmax(np.abs(mean_normal))])
-    along = mean_normal @ unit
+        return facets, normal, np.where(rows.ori == 0, 1.0, -1.0)
+    if np.all(second < 0):
+        return facets, normal, np.ones(facets.size)
+    unit = unit_vectors(normal)
+    mean_normal = np.linalg.eigh(normal @ unit.T)[1][:, -1]
+    along = (mean_normal * np.sign(mean_normal[np.argmax(np.abs(mean_normal))])) @ unit
     if np.abs(along).min() < EDGEWISE:
         raise ValueError(
             f"the surface {name!r} inside the mesh turns too far to have one normal direction; orient it by a "
             "skfem.OrientedBoundary, or name parts of it."
         )
-    return np.sign(along)
+    return facets, normal, np.sign(along)
