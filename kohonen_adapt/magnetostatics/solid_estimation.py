@@ -63,10 +63,6 @@ class EnrichedField(SolidField):
         # The quadrature of the elements is a part of the error near coils.
         return Isoparametric(self.mesh).quadrature(np.flatnonzero(inside), tetrahedron_rule(FINE))
 
-    def magnetisation_in(self, inside: Mask) -> tuple[Floats, Floats]:
-        x, element, volumes = self.points_in(inside)
-        return x, self.at(x, element).magnetisation * volumes
-
     def _reaction(self, x: Floats, element: Ints) -> Floats:
         return super()._reaction(x, element) - VACUUM_PERMEABILITY * self.cubic_slope(x, element)
 

@@ -9,7 +9,7 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
-from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
+from kohonen_adapt.magnetostatics.equations.newton import NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
 from kohonen_adapt.mesh.elements.space import Space
@@ -32,13 +32,28 @@ def unknown_of(
     problem: Arguments, energy: PlaneEnergy, old: Field | None = None, linearised: bool = False
 ) -> tuple[Floats, tuple[NewtonStep, ...]]:
     # The minimiser, or the Newton step from `old`. The field `old` may be on another mesh.
-    newton = problem.method
+    newton, conditions = problem.method, energy.conditions
     if energy.is_quadratic:
         return newton.linear(energy), ()
-    start = _start_values(energy, old, newton)
+    # From A = 0 the first step is the whole linear solution, halved if that saturates everything. Beside prescribed
+    # values A = 0 is a steep wall, and the linear solution is a better start.
+    if old is not None:
+        start = conditions.admissible(_carried(old, energy.space))
+    else:
+        start = newton.linear(energy) if np.any(conditions.values) else conditions.values
     if linearised:
         return start + newton.full_step(energy, start, energy.gradient(start)), ()
     return newton.descend(energy, start)
+
+
+def _carried(old: Field, elements: Space) -> Floats:
+    if old.elements.arcs and old.mesh is elements.mesh:
+        return elements.interpolated(old.elements, old.unknown)
+    x, values = elements.doflocs, old.potential_at(elements.doflocs)
+    outside = np.isnan(values)
+    if outside.any():
+        values[outside] = old.potential[KDTree(old.elements.corners.p.T).query(x[:, outside].T)[1]]
+    return old.symmetry.unknown(x, values)
 
 
 def solution_of(problem: Arguments, energy: PlaneEnergy, old: Field | None = None, linearised: bool = False) -> Field:
@@ -55,27 +70,6 @@ def field_of(energy: PlaneEnergy, depth: float | None, unknown: Floats, steps: t
     field = Field(*arguments, values=more, degree=elements.order, sides=elements.sides)
     vars(field)["elements"] = elements  # of the cached property, which makes them again for a copy
     return field
-
-
-def _start_values(energy: PlaneEnergy, old: Field | None, newton: Newton) -> Floats:
-    # From A = 0 the first step is the whole linear solution, halved if that saturates everything. Beside prescribed
-    # values A = 0 is a steep wall, and the linear solution is a better start.
-    conditions = energy.conditions
-    if old is not None and old.elements.arcs and old.mesh is energy.space.mesh:
-        return conditions.admissible(energy.space.interpolated(old.elements, old.unknown))
-    if old is not None:
-        x = energy.space.doflocs
-        return conditions.admissible(energy.symmetry.unknown(x, old_potential_at(x, old)))
-    return newton.linear(energy) if np.any(conditions.values) else conditions.values
-
-
-def old_potential_at(x: Floats, old: Field) -> Floats:
-    values = old.potential_at(x)
-    outside = np.isnan(values)
-    if outside.any():
-        nearest = KDTree(old.elements.corners.p.T).query(x[:, outside].T)[1]
-        values[outside] = old.potential[nearest]
-    return values
 
 
 def tangent_solution(problem: Arguments, field: Field, load: Floats) -> Floats:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import listed
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.motion import Images, Motion, change_of_field, images_of
@@ -22,7 +22,7 @@ from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 __all__ = ["OfCoil", "coil_in", "ends_far", "is_coil"]
 
 INVARIANT = 1e-3  # tolerance of equal fields of images, relative to the largest
-PLAIN = 1e-6  # largest difference of permeabilities without magnetisation, relative
+NONE = 1e-6  # motion that images cancel, relative
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +86,7 @@ class OfCoil:
         if self.motion is None or self._motion is None:
             return False
         left, whole = (np.abs(motion.at(self._coil.path)).max() for motion in (self._motion, self.motion))
-        return bool(left <= PLAIN * whole)
-
-    @property
-    def _magnetised(self) -> Mask:
-        magnetic = np.abs(self.field.reluctivity * VACUUM_PERMEABILITY - 1.0) > PLAIN
-        return np.asarray(magnetic | self.field.remanence.any(axis=0))
+        return bool(left <= NONE * whole)
 
     def _weight_at(self, x: Floats) -> Floats:
         images, (own, orbit) = self._images, self._orbit
@@ -106,12 +101,12 @@ class OfCoil:
     def value(self) -> float:
         if self.vanishes:
             return 0.0
-        x, magnetisation = self.field.magnetisation_in(self._magnetised)
+        x, magnetisation = self.field.magnetisation
         return self._meshed * self._in_free_space() + float(np.sum(magnetisation * self._weight_at(x)))
 
     def load(self) -> Floats:
         elements = self.field.elements
-        weight, rows = np.zeros_like(elements.points), self._magnetised[elements.element]
+        weight, rows = np.zeros_like(elements.points), self.field.magnetised[elements.element]
         weight[:, rows] = self._weight_at(elements.points[:, rows])
         return self.field.load_of(weight) + VACUUM_PERMEABILITY * weight
 

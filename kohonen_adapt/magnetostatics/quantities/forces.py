@@ -8,7 +8,6 @@ differ, see `cuts`, and the coils that need no elements, see `coil_quantities`.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +21,7 @@ from kohonen_adapt.magnetostatics.quantities.bodies import Names, air_elements, 
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, is_coil
 from kohonen_adapt.magnetostatics.quantities.cuts import Cut, cut_of, without_cancelled
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
+from kohonen_adapt.magnetostatics.quantities.point_values import PointValues
 from kohonen_adapt.mesh.elements.assembly import assembled
 from kohonen_adapt.mesh.measures import area, hat_gradients
 
@@ -75,23 +75,14 @@ class OfBody:
         return float(np.sum(forces * self.motion.at(x)))
 
     def load(self) -> Floats:
-        shell, field, at = self.shell, self.shell.field, self.shell.at
+        shell, field, (at, slope, _) = self.shell, self.shell.field, self.shell.at
         weight = np.zeros_like(field.elements.points)
-        weight[:, shell.layer[field.elements.element]] = -stress(self.motion.at(at.x), at.flux_density, at.slope)
+        weight[:, shell.layer[field.elements.element]] = -stress(self.motion.at(at.x), at.flux_density, slope)
         load = field.load_of(weight)
         if not field.sources.coils:
             return load
         x, element, moment = shell.currents
         return load + field.load_at(x, element, np.cross(moment, self.motion.at(x), axis=0)) if x.size else load
-
-
-class WeightedPoints(NamedTuple):
-    # points of a quadrature, with the gradient of a weight that is linear in elements
-    x: Floats  # (d, n) in m
-    element: Ints  # (n,)
-    volumes: Floats  # (n,)
-    slope: Floats  # (d, n) in 1/m
-    flux_density: Floats  # (d, n) in T
 
 
 def stress(u: Floats, v: Floats, w: Floats) -> Floats:
@@ -122,10 +113,10 @@ class Shell:
         return np.asarray((np.ptp(self._weight[self.field.mesh.t], axis=0) > 0.0) & self._air)
 
     @cached_property
-    def at(self) -> WeightedPoints:
-        field, points = self.field, self.field.points_in(self.layer)
-        slope = field.elements.slope_of_corners_at(self._weight, points[1], points[0])
-        return WeightedPoints(*points, slope, field.at(*points[:2]).flux_density)
+    def at(self) -> tuple[PointValues, Floats, Floats]:
+        # the field at points of the layer, the gradient of the weight (d, n), and the volumes
+        field, (x, element, volumes) = self.field, self.field.points_in(self.layer)
+        return field.at(x, element), field.elements.slope_of_corners_at(self._weight, element, x), volumes
 
     @cached_property
     def currents(self) -> tuple[Floats, Ints, Floats]:
@@ -141,12 +132,12 @@ class Shell:
     @cached_property
     def forces(self) -> tuple[Floats, Floats]:
         # points and the forces there, (d, n) each
-        at, field = self.at, self.field
-        forces = -0.5 * at.volumes * stress(at.flux_density, at.slope, at.flux_density)
+        field, (at, slope, volumes) = self.field, self.at
+        forces = -0.5 * volumes * stress(at.flux_density, slope, at.flux_density)
         if not field.sources.coils:
             return at.x, forces
         free, (x, element, moment) = at.flux_density - field.reaction_at(at.x, at.element), self.currents
-        forces += 0.5 * at.volumes * stress(free, at.slope, free)
+        forces += 0.5 * volumes * stress(free, slope, free)
         on_currents = np.cross(moment, field.reaction_at(x, element), axis=0)
         return np.hstack((at.x, x)), np.hstack((forces, -on_currents))
 

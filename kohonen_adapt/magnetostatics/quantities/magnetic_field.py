@@ -13,6 +13,7 @@ from kohonen_adapt.estimators.recovery_estimator import corner_averages
 from kohonen_adapt.magnetostatics.equations.given_field import Sources
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Mirror, Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
+from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.point_values import PointField, Points
 from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.locate import Locator, as_rows, locator_of
@@ -21,6 +22,8 @@ from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["MagneticField"]
+
+PLAIN = 1e-6  # largest difference of relative permeabilities without magnetisation
 
 
 class MagneticField(ABC):
@@ -53,8 +56,8 @@ class MagneticField(ABC):
         """Return the vectors whose products with grad w are ``weight . dB`` at points."""
 
     def _text(self, size: str, flux_density: Floats, unit: str = "J") -> str:
-        largest, energy = np.max(magnitude(flux_density)), self.energy
-        return f"<{type(self).__name__}{size}: |B| up to {largest:.4g} T, energy {energy:.4g} {unit}>"
+        largest = np.max(magnitude(flux_density))
+        return f"<{type(self).__name__}{size}: |B| up to {largest:.4g} T, energy {self.energy:.4g} {unit}>"
 
     @property
     def order(self) -> int:
@@ -239,15 +242,6 @@ class MagneticField(ABC):
         -------
         ndarray (d, n)
             In A/m; nan outside the mesh. Errors are as in `flux_density_at`.
-
-        Examples
-        --------
-        >>> import numpy as np, skfem
-        >>> from kohonen_adapt.magnetostatics import Magnetostatics, Material
-        >>> mesh = skfem.MeshTri().refined(3).with_defaults().with_subdomains({"iron": lambda x: x[0] > 0.0})
-        >>> problem = Magnetostatics({"iron": Material(1000.0)}, potential={"left": 0.0, "right": 1.0})
-        >>> problem.solve(mesh).field_strength_at([[0.3], [0.5]])[1].round(1).tolist()  # B / mu, of -1 T along y
-        [-795.8]
         """
         if recovered:
             return self.interpolated(x, self.corner_field_strength)
@@ -266,12 +260,7 @@ class MagneticField(ABC):
         Returns
         -------
         ndarray (n,)
-            A in Wb/m, in space the reduced potential in A; nan outside the mesh.
-
-        Raises
-        ------
-        ValueError
-            If `x` is not of shape (d, n).
+            A in Wb/m, in space the reduced potential in A; nan outside the mesh. Errors are as in `flux_density_at`.
         """
         return self._at_points(x, self._potential_in)
 
@@ -298,10 +287,15 @@ class MagneticField(ABC):
         rows = inside[self.elements.element]
         return self.elements.points[:, rows], self.elements.element[rows], self.point_volumes[rows]
 
-    def magnetisation_in(self, inside: Mask) -> tuple[Floats, Floats]:
-        # mu0 M in T times volumes at the points of a quadrature in some elements, with the points, (d, n) each
-        rows, at = inside[self.elements.element], self.at_quadrature
-        return at.x[:, rows], at.magnetisation[:, rows] * self.point_volumes[rows]
+    @cached_property
+    def magnetised(self) -> Mask:
+        return np.asarray((np.abs(self.reluctivity * VACUUM_PERMEABILITY - 1.0) > PLAIN) | self.remanence.any(axis=0))
+
+    @cached_property
+    def magnetisation(self) -> tuple[Floats, Floats]:
+        # points (d, n) in magnetised elements, with mu0 M in T times the volumes of the points
+        x, element, volumes = self.points_in(self.magnetised)
+        return x, self.at(x, element).magnetisation * volumes
 
     @cached_property
     def corner_flux_density(self) -> Floats:
@@ -323,8 +317,7 @@ class MagneticField(ABC):
         return self._recovered(self.at_corners.field_strength)
 
     def _recovered(self, at_corners: Floats) -> Floats:
-        values = at_corners.reshape(-1, *self.mesh.t.shape)
-        return corner_averages(self.mesh, values, self._regions)
+        return corner_averages(self.mesh, at_corners.reshape(-1, *self.mesh.t.shape), self._regions)
 
     @cached_property
     def _regions(self) -> Ints:

@@ -8,8 +8,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 from skfem import MeshTet
-from skfem.quadrature import get_quadrature
-from skfem.refdom import RefTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import finite_triple
@@ -27,6 +25,7 @@ from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 from kohonen_adapt.magnetostatics.quantities.point_values import Points, Strength
 from kohonen_adapt.magnetostatics.quantities.surfaces import oriented_surface
 from kohonen_adapt.mesh.curved import is_second_order
+from kohonen_adapt.mesh.elements.rules import triangle_rule
 from kohonen_adapt.mesh.elements.space import Space
 
 __all__ = ["SolidField"]
@@ -160,10 +159,10 @@ class SolidField(MagneticField):
         mesh, total = self.mesh, 0.0
         facets, straight, sign = oriented_surface(mesh, surface)
         first, second = mesh.f2t[:, facets]
-        points, weights = get_quadrature(RefTri, CURVED_DEGREE if is_second_order(mesh) else DEGREE)
-        for (s, t), weight in zip(points.T, weights, strict=True):
-            x, normal = self.elements.facet_points(facets, np.array([1.0 - s - t, s, t]))
-            normal *= 0.5 * weight * sign * np.sign(np.sum(normal * straight, axis=0))
+        rule = triangle_rule(CURVED_DEGREE if is_second_order(mesh) else DEGREE)
+        for barycentric, weight in zip(*rule, strict=True):
+            x, normal = self.elements.facet_points(facets, barycentric)
+            normal *= 0.25 * weight * sign * np.sign(np.sum(normal * straight, axis=0))
             for element in (first, np.where(second < 0, first, second)):
                 total += float(np.sum(self.at(x, element).flux_density * normal))
         return total
