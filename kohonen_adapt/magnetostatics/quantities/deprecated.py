@@ -137,12 +137,10 @@ def _current(field: Field, circuit: Mapping[str, float]) -> float:
             "circuits are sides of coils on meshes of triangles. In space give the coil in coils and use "
             "field.flux_linkage(name, turns) or field.inductance(name, turns)."
         )
-    total = area(field.mesh) * field.current_density
-    sides = checked_circuit(circuit).items()
+    total, sides = area(field.mesh) * field.current_density, checked_circuit(circuit).items()
     currents = {name: float(np.sum(total[elements_in(field.mesh, name)])) / turns for name, turns in sides}
-    values = np.array(list(currents.values()))
-    mean = float(values.mean())
-    if np.any(np.abs(values - mean) > EQUAL * abs(mean)) or mean == 0.0:
+    mean = float(np.mean(list(currents.values())))
+    if mean == 0.0 or any(abs(value - mean) > EQUAL * abs(mean) for value in currents.values()):
         found = ", ".join(f"{name!r} {value:.6g} A" for name, value in currents.items())
         raise ValueError(
             f"the sides of a circuit must carry one current; got {found}. Check the signs: turns are negative for "

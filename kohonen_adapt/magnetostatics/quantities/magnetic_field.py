@@ -99,10 +99,7 @@ class MagneticField(ABC):
         return self._values(Points.of(self.elements, element, share))
 
     def at_each(self, share: Floats) -> Any:
-        """Return the values at barycentric coordinates (d + 1, k) of every element.
-
-        Points are in the order (k, nelements), each evaluated from inside its element.
-        """
+        """Return the values at coordinates (d + 1, k) of every element, (k, nelements)."""
         return self._values(Points.in_each(self.elements, share))
 
     def potential_at_each(self, share: Floats) -> Floats:
@@ -110,10 +107,7 @@ class MagneticField(ABC):
         return self._potential_in(Points.in_each(self.elements, share)).reshape(share.shape[1], -1)
 
     def change_at_each(self, share: Floats, other: Floats, at: PointField) -> Floats:
-        """Return the change of H by the unknown `other` of a plane field, (2, n).
-
-        `at` is the result of `at_each` for the same `share`.
-        """
+        """Return the change of H in the plane by the unknown `other`, at `at_each`."""
         return at.change_of_strength(self._vectors(Points.in_each(self.elements, share), other))
 
     @cached_property
@@ -248,9 +242,7 @@ class MagneticField(ABC):
         return self._at_points(x, lambda at: self._values(at).field_strength)
 
     def potential_at(self, x: ArrayLike) -> Floats:
-        """Return the potential at points.
-
-        It is a polynomial of the order of the elements in each.
+        """Return the potential at points, a polynomial in every element.
 
         Parameters
         ----------
@@ -310,10 +302,7 @@ class MagneticField(ABC):
 
     @cached_property
     def corner_field_strength(self) -> Floats:
-        """H recovered at the corners of the elements, (d, d + 1, nelements) in A/m.
-
-        The average is as for `corner_flux_density`.
-        """
+        """H recovered as `corner_flux_density`, (d, d + 1, nelements) in A/m."""
         return self._recovered(self.at_corners.field_strength)
 
     def _recovered(self, at_corners: Floats) -> Floats:
@@ -347,10 +336,7 @@ class MagneticField(ABC):
 
     @property
     def permeabilities(self) -> tuple[Floats, Floats]:
-        """Secant ``|B| / |H + Hc|`` and differential permeability, in H/m.
-
-        Shape (nelements,) each.
-        """
+        """Secant ``|B| / |H + Hc|`` and differential one, (nelements,) each in H/m."""
         return self._means.permeabilities
 
     @property
