@@ -16,9 +16,9 @@ from kohonen_adapt.mesh.locate import find_elements
 __all__ = ["FluxDensityAt"]
 
 AXIAL = 1  # component of vectors (r, z) along an axis
-# Points along a radius, between the poles of a ball, and around. B jumps between elements within the spot, and a fifth
+# Points along a radius, around, and between the poles of a ball. B jumps between elements within the spot, and a fifth
 # of these points added more to the error than the elements did, if the elements were a tenth of the spot in size.
-DISC, BALL, TURNED_BALL = (48, 192), (24, 16, 32), (32, 48, 24)
+DISC, BALL, TURNED_BALL = (48, 192), (24, 32, 16), (32, 24, 48)
 
 # Radius for `radius=None`, relative to the distance to the nearest material or boundary.
 WHERE_HARMONIC, ELSEWHERE = 0.5, 0.1
@@ -32,10 +32,10 @@ class Spot(NamedTuple):
 
 
 def spot_rule(x: Floats, direction: Floats, radius: float, exponent: int, around_axis: bool) -> Spot:
-    # A mean with the weight ``(1 - s^2)^exponent`` at the distance s times the radius. Points of a ball around an axis
-    # are turned into the half-plane, and radial components are multiplied by the cosine of the angle.
-    is_disc = len(x) == 2 and not around_axis
-    points, weight = disc_rule(exponent) if is_disc else ball_rule(exponent, *(TURNED_BALL if around_axis else BALL))
+    # Points of a ball around an axis are turned into the half-plane, and radial components are multiplied by the cosine
+    # of the angle.
+    counts = TURNED_BALL if around_axis else DISC if len(x) == 2 else BALL
+    points, weight = unit_rule(exponent, *counts)
     if not around_axis:
         return Spot(x[:, None] + radius * points, direction[:, None] * weight)
     half = points[1] > 0.0  # the second half is turned to the same points
@@ -45,34 +45,20 @@ def spot_rule(x: Floats, direction: Floats, radius: float, exponent: int, around
 
 
 @cache
-def disc_rule(exponent: int) -> tuple[Floats, Floats]:
-    (squared, of_radius), angle = _gauss(DISC[0]), _angles(DISC[1])
-    directions = np.stack([np.cos(angle), np.sin(angle)])
-    return _product(np.sqrt(squared), of_radius * (1.0 - squared) ** exponent, directions, np.ones(angle.size))
-
-
-@cache
-def ball_rule(exponent: int, radii: int, latitudes: int, around: int) -> tuple[Floats, Floats]:
-    (radius, of_radius), (height, of_height) = _gauss(radii), _gauss(latitudes)
-    up, angle = np.repeat(2.0 * height - 1.0, around), np.tile(_angles(around), latitudes)
-    aside, of_shell = np.sqrt(1.0 - up**2), of_radius * radius**2 * (1.0 - radius**2) ** exponent
-    directions = np.stack([aside * np.cos(angle), aside * np.sin(angle), up])
-    return _product(radius, of_shell, directions, np.repeat(of_height, around))
-
-
-def _product(radius: Floats, of_radius: Floats, directions: Floats, of_direction: Floats) -> tuple[Floats, Floats]:
-    points = (radius[:, None] * directions[:, None]).reshape(len(directions), -1)
-    weight = np.outer(of_radius, of_direction).ravel()
+def unit_rule(exponent: int, radii: int, around: int, latitudes: int = 1) -> tuple[Floats, Floats]:
+    # Points in the unit disc, or ball, and weights of the mean by the density ``(1 - s^2)^exponent`` at the distance s.
+    (at, of_radius), (height, of_height) = (np.polynomial.legendre.leggauss(count) for count in (radii, latitudes))
+    radius, dim = 0.5 + 0.5 * at, 3
+    if latitudes == 1:
+        radius, dim = np.sqrt(radius), 2
+    angle = np.tile(2.0 * np.pi * (np.arange(around) + 0.5) / around, latitudes)
+    up, of_direction = np.repeat(height, around), np.repeat(of_height, around)
+    aside = np.sqrt(1.0 - up**2)
+    directions = np.stack([aside * np.cos(angle), aside * np.sin(angle), up])[:dim]
+    points = (radius[:, None] * directions[:, None]).reshape(dim, -1)
+    density = of_radius * radius ** (2 * dim - 4) * (1.0 - radius**2) ** exponent
+    weight = np.outer(density, of_direction).ravel()
     return points, weight / weight.sum()
-
-
-def _gauss(count: int) -> tuple[Floats, Floats]:
-    at, weight = np.polynomial.legendre.leggauss(count)
-    return 0.5 + 0.5 * at, 0.5 * weight
-
-
-def _angles(count: int) -> Floats:
-    return 2.0 * np.pi * (np.arange(count) + 0.5) / count
 
 
 def is_harmonic(field: Any, element: int) -> bool:
@@ -177,14 +163,14 @@ class FluxDensityAt(VectorGoal):
             raise ValueError(f"radius of FluxDensityAt must be a finite number > 0 in m, or None; got {self.radius!r}.")
 
     def __call__(self, field: Any) -> float:
-        spot = self.place(field)
+        spot = self._place(field)
         return float(np.sum(spot.weight * field.flux_density_at(spot.x)))
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
-        spot = self.place(field)
+        spot = self._place(field)
         return np.zeros_like(field.volume), field.load_at(spot.x, field.elements_at(spot.x), spot.weight)
 
-    def place(self, field: Any) -> Spot:
+    def _place(self, field: Any) -> Spot:
         mesh = field.elements.corners
         self.check_dimension(len(mesh.p))
         x, point, around_axis = np.array(self.x), point_text(np.array(self.x)), field.axisymmetric

@@ -1,4 +1,4 @@
-"""Goals of mesh adaptation: their interface, and forces, torques, linkages and energies.
+"""Goals of mesh adaptation, with their interface.
 
 A further goal is a class with `Goal`'s two methods, as `flux_density_at.FluxDensityAt` is. Nothing else needs a change.
 """
@@ -82,9 +82,9 @@ def unit_of_goal(goal: Goal | None, per_metre: bool) -> str:
 def check_goal_on(goal: Goal | None, field: Any) -> None:
     # before the solve
     if isinstance(goal, VectorGoal):
-        goal.place(field)
+        goal._place(field)
     elif isinstance(goal, FluxLinkage):
-        goal.coils(field)
+        goal._coils(field)
 
 
 class VectorGoal(Goal):
@@ -100,7 +100,7 @@ class VectorGoal(Goal):
             raise ValueError(f"a {type(self).__name__} must have vectors {kind} as a goal; got {self}.")
 
     @abstractmethod
-    def place(self, field: Any) -> Any:
+    def _place(self, field: Any) -> Any:
         """Return the data of the value at a field, or raise a ValueError."""
 
 
@@ -116,7 +116,7 @@ class _ComponentGoal(VectorGoal):
     _along: Any  # vector of a force, or axis and centre of a torque
     _vanishing: Any  # message without a component
 
-    def place(self, field: Any) -> list[OfBody | OfCoil]:
+    def _place(self, field: Any) -> list[OfBody | OfCoil]:
         self.check_dimension(field.elements.dim)
         parts = parts_along(field, self.body, *self._along)
         if all(part.vanishes for part in parts):
@@ -128,10 +128,10 @@ class _ComponentGoal(VectorGoal):
 
         With `depth`, axisymmetric, and in space in N or N m.
         """
-        return float(sum(part.value() for part in self.place(field)))
+        return float(sum(part.value() for part in self._place(field)))
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
-        return np.zeros_like(field.volume), np.sum([part.load() for part in self.place(field)], axis=0)
+        return np.zeros_like(field.volume), np.sum([part.load() for part in self._place(field)], axis=0)
 
 
 @dataclass(frozen=True)
@@ -272,13 +272,13 @@ class FluxLinkage(Goal):
         """Return the linkage in Wb/m, with `depth`, axisymmetric and in space in Wb."""
         return float(sum(field.flux_linkage(name, turns) for name, turns in self.circuit.items()))
 
-    def coils(self, field: Any) -> list[OfCoil]:
+    def _coils(self, field: Any) -> list[OfCoil]:
         return [OfCoil(field, name) for name in self.circuit]
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
         if field.elements.dim == 2:
             return turn_length(field) * turns_density(field, self.circuit), np.zeros_like(field.elements.points)
-        loads = [turns * coil.load() for turns, coil in zip(self.circuit.values(), self.coils(field), strict=True)]
+        loads = [turns * coil.load() for turns, coil in zip(self.circuit.values(), self._coils(field), strict=True)]
         return np.zeros_like(field.volume), np.sum(loads, axis=0)
 
 

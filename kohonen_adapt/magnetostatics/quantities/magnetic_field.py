@@ -1,4 +1,4 @@
-"""Solved field with its values at points and over elements, in the plane and in space."""
+"""Values of a solved field in the plane and in space."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -95,7 +95,7 @@ class MagneticField(ABC):
         return self._values(Points.of(self.elements, element, self.elements.barycentric(x, element), x))
 
     def at_shares(self, element: Ints, share: Floats) -> Any:
-        """Return the values at barycentric coordinates `share` (d + 1, n) of elements (n,)."""
+        """Return the values at barycentric coordinates (d + 1, n) of elements (n,)."""
         return self._values(Points.of(self.elements, element, share))
 
     def at_each(self, share: Floats) -> Any:

@@ -20,10 +20,10 @@ __all__ = ["PointField", "PointValues", "Points", "Strength", "tangent_product"]
 class Points(NamedTuple):
     # points of elements, with a quick way to the slopes of a function there
     element: Ints  # (n,)
-    share: Floats  # (d + 1, n): barycentric coordinates
     x: Floats  # (d, n) in m
     off_axis: Floats  # x, of a point on an axis a point beside
     slope: Callable[[Floats], Floats]  # of a function by its unknowns
+    share: Any = None  # (d + 1, n): barycentric coordinates, not of quadrature points
     given: str = ""  # attribute of `Drive` with its field at these points, each evaluated once
 
     @classmethod
@@ -31,7 +31,7 @@ class Points(NamedTuple):
         limit = elements.limit_points(element, share)
         x = elements.shape.points(element, share) if x is None else x
         off_axis = elements.shape.points(element, limit) if elements.axis else x
-        return cls(element, share, x, off_axis, lambda u: elements.gradient_at(u, element, limit))
+        return cls(element, x, off_axis, lambda u: elements.gradient_at(u, element, limit), share)
 
     @classmethod
     def in_each(cls, elements: Space, share: Floats, given: str = "") -> "Points":
@@ -41,15 +41,15 @@ class Points(NamedTuple):
 
     @classmethod
     def of_quadrature(cls, elements: Space, given: str) -> "Points":
-        x, slope = elements.points, elements.gradient_at_points
-        return cls(elements.element, elements.barycentric_of_points, x, x, slope, given)
+        x = elements.points
+        return cls(elements.element, x, x, elements.gradient_at_points, given=given)
 
 
 @dataclass(frozen=True, eq=False)
 class PointValues:
     element: Ints  # (n,): element of every point
     x: Floats  # (d, n) in m
-    vectors: Floats  # (d, n): B or H, from which the law gives the other
+    vectors: Floats  # (d, n): B in T, or H in A/m with a scalar potential
     coefficients: Coefficients  # of the points
     flux_density: ClassVar[Any]  # (d, n) in T
     field_strength: ClassVar[Any]  # (d, n) in A/m
