@@ -113,7 +113,9 @@ class MagneticField(ABC):
     @cached_property
     def at_corners(self) -> Any:
         """Values at the corners of the elements, in the order of ``mesh.t.ravel()``."""
-        return self._values(Points.in_each(self.elements, np.eye(self.elements.dim + 1), "at_corners"))
+        corners = self.elements.corners
+        x, share = corners.p[:, corners.t.ravel()], np.eye(len(corners.t))
+        return self._values(Points.in_each(self.elements, share, x, "at_corners"))
 
     @cached_property
     def at_quadrature(self) -> Any:
@@ -387,10 +389,7 @@ class MagneticField(ABC):
 
     @property
     def coenergy(self) -> float:
-        """Co-energy, ``int H . B`` less the energy, in J/m.
-
-        With `depth`, axisymmetric and in space, the total in J.
-        """
+        """Co-energy, ``int H . B`` less the energy, in the unit of `energy`."""
         return float(np.sum(self.volume * self.coenergy_density))
 
     @property

@@ -34,9 +34,9 @@ class Points(NamedTuple):
         return cls(element, x, off_axis, lambda u: elements.gradient_at(u, element, limit), share)
 
     @classmethod
-    def in_each(cls, elements: Space, share: Floats, given: str = "") -> "Points":
+    def in_each(cls, elements: Space, share: Floats, x: Floats | None = None, given: str = "") -> "Points":
         # at barycentric coordinates (d + 1, k) of every element, in the order (k, nelements)
-        at = cls.of(elements, *all_points(np.arange(elements.kind.size), share.T))._replace(given=given)
+        at = cls.of(elements, *all_points(np.arange(elements.kind.size), share.T), x)._replace(given=given)
         return at if elements.axis else at._replace(slope=lambda u: elements.gradient_in_each(u, share.T))
 
     @classmethod
