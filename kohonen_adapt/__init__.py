@@ -1,10 +1,10 @@
 """Adaptive finite elements for scikit-fem at a constant number of nodes."""
 
 from kohonen_adapt import estimators
-from kohonen_adapt.geometry.plane.corner_layers import refined_at
 from kohonen_adapt.geometry.plane.curves import Arc, Line
 from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.geometry.rules import Rules
+from kohonen_adapt.geometry.singular_layers import refined_at
 from kohonen_adapt.geometry.space.surfaces import Cone, Cylinder, Plane, Sphere
 from kohonen_adapt.io import read_curves, read_field, read_groups, read_mesh, write_mesh
 from kohonen_adapt.loop.adapt import adapt

@@ -12,8 +12,8 @@ import numpy as np
 from skfem import Mesh, MeshTri
 
 from kohonen_adapt.geometry.movable import Work
-from kohonen_adapt.geometry.plane.corner_layers import with_layers
 from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.singular_layers import with_layers
 from kohonen_adapt.loop.corners import corner_remark, corners_of_field
 from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.passes import Pass, Status, StepFailed

@@ -4,7 +4,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.geometry.plane.corner_layers import FACTOR, size_at
+from kohonen_adapt.geometry.singular_layers import FACTOR, sizes_at
 from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.solution import unknown_of
@@ -46,7 +46,7 @@ def squared_error(problem: Arguments, field: Field, nodes: Ints, exponent: Float
     if left > LEFT:
         squared += 2.0 * left / (1.0 - left) * (level_on(mesh) - level)
     if np.any(counts == 0):
-        sizes = np.array([size_at(mesh, node) for node in nodes]) / np.ptp(mesh.p, axis=1).max()
+        sizes = sizes_at(mesh)[nodes] / np.ptp(mesh.p, axis=1).max()
         part = np.max(sizes ** (2.0 * exponent), where=counts == 0, initial=0.0)
         density = here.vector(field.unknown)
         squared += 2.0 * part / (1.0 - part) * here.products(field.unknown, density, density).sum()

@@ -8,7 +8,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.geometry.plane.corner_layers import FACTOR, RESOLVED, size_at, with_layers
+from kohonen_adapt.geometry.singular_layers import FACTOR, RESOLVED, sizes_at, with_layers
 from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.quantities.field import Field
@@ -31,7 +31,7 @@ def layer_counts(mesh: MeshTri, nodes: Ints, exponent: Floats) -> Ints:
     # Return the number of layers at each node that leave the fraction `LEFT` of the squared error there.
     # The numbers are less where coordinates do not resolve the elements, down to 0.
     enough = np.ceil(np.log(LEFT) / (2.0 * exponent * np.log(FACTOR)))
-    smallest = ROOM * RESOLVED * np.hypot(*mesh.p[:, nodes]) / np.array([size_at(mesh, node) for node in nodes])
+    smallest = ROOM * RESOLVED * np.hypot(*mesh.p[:, nodes]) / sizes_at(mesh)[nodes]
     most = np.log(np.maximum(smallest, np.finfo(float).tiny)) / np.log(FACTOR)
     return np.floor(np.clip(most, 0.0, enough)).astype(np.int64)
 

@@ -5,7 +5,7 @@ import pytest
 from helpers.curved_meshes import curved_annulus
 from hypothesis import given
 from hypothesis import strategies as st
-from skfem import MeshTet, MeshTri, MeshTri2
+from skfem import MeshTri, MeshTri2
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
@@ -82,7 +82,7 @@ def test_both_nodes_of_a_pair_get_layers():
         ({"nodes": [3, 25]}, "nodes must be numbers of nodes of this mesh, from 0 to 24; got 25"),
         ({"nodes": [0.5]}, "nodes must be whole numbers"),
         ({"nodes": np.zeros(25, dtype=bool)}, r"got bool of shape \(25,\). Take np.flatnonzero\(mask\) of a mask"),
-        ({"mesh": MeshTet()}, "mesh must be a skfem.MeshTri or MeshTri2; got MeshTet1"),
+        ({"edges": [[0], [1]]}, "edges are for tetrahedra; give the nodes of triangles as nodes"),
         ({"mesh": curved_annulus(8), "nodes": [8, 9]}, "layers at the nodes would invert elements at a curve"),
     ],
 )
