@@ -79,6 +79,20 @@ def test_arcs_are_exact():
     errors = np.array([field.squared_norm / exact - 1.0 for field in fields])
     assert np.all(errors > 0.0) and errors[-1] < 1e-9
     assert np.all(errors[1:] < 0.15 * errors[:-1])
+    for field in fields:
+        assert field.energy == pytest.approx(0.5 * field.squared_norm, rel=1e-12)
+
+
+def test_volumes_and_linkages_are_those_between_arcs():
+    """The mean of A = log(r / 3) / log(1 / 3) over the annulus from 1 to 3."""
+    mesh = curved_annulus(8)
+    mesh = mesh.with_subdomains({"all": np.arange(mesh.t.shape[1])})
+    field = Magnetostatics({"core": Material(), "shell": Material()}, {"inner": 1.0, "outer": 0.0}, order=7).solve(mesh)
+    low, high = np.hypot(*mesh.p[:, np.unique(mesh.facets[:, mesh.boundary_facets()])]).min(), np.hypot(*mesh.p).max()
+    area = np.pi * (high**2 - low**2)
+    assert field.volume.sum() == pytest.approx(area, rel=1e-12)
+    mean = (0.5 * (high**2 - low**2) - low**2 * np.log(high / low)) * np.pi / np.log(high / low) / area
+    assert field.flux_linkage("all") == pytest.approx(mean, rel=1e-8)
 
 
 def test_arcs_that_fold_elements_are_named():

@@ -19,7 +19,6 @@ from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 from kohonen_adapt.magnetostatics.quantities.point_values import PointField, Points
 from kohonen_adapt.mesh.blended import Projections
 from kohonen_adapt.mesh.elements.space import Space
-from kohonen_adapt.mesh.measures import area
 
 __all__ = ["CubicField", "Dual", "Field", "HighOrderField", "QuadraticField"]
 
@@ -150,7 +149,7 @@ class Field(MagneticField):
         50.0
         """
         inside, count = elements_in(self.mesh, coil), checked_turns(coil, turns)
-        size, mean = area(self.mesh)[inside], self.elements.mean_function(self.unknown)[inside]
+        size, mean = self.elements.volumes[inside], self.elements.mean_function(self.unknown)[inside]
         # A is constant along a turn, of length 2 pi r or the depth.
         return count * turn_length(self) * float(np.sum(size * mean) / np.sum(size))
 

@@ -9,7 +9,6 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_number
 from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_in
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
-from kohonen_adapt.mesh.measures import area
 
 __all__ = [
     "checked_circuit",
@@ -24,7 +23,7 @@ def turns_density(field: MagneticField, circuit: Mapping[str, float]) -> Floats:
 
     `turn_length` times this density is the w whose ``int w field.unknown`` over the plane is the linkage.
     """
-    density, size = np.zeros(field.mesh.t.shape[1]), area(field.mesh)
+    density, size = np.zeros(field.mesh.t.shape[1]), field.elements.volumes
     for name, turns in circuit.items():
         inside = elements_in(field.mesh, name)
         density[inside] += turns / np.sum(size[inside])
