@@ -20,7 +20,7 @@ from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
-from kohonen_adapt.mesh.adjacency import check_overlap
+from kohonen_adapt.mesh.adjacency import connected_arrays
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.names import named_sets
@@ -63,7 +63,7 @@ def fitting_mesh(case: Case) -> MeshTri:
     if len(case.pins(mesh)) < len(case.pins(drawn)):
         raise ValueError("turn must not move groups of points; the mesh file has some in a turned subdomain.")
     with locate_errors("mesh"):
-        check_overlap(mesh)  # before the check of the problem, whose message would concern the potential
+        connected_arrays(mesh)  # before the check of the problem, whose message would concern the potential
     _check_names(case, mesh)
     case.problem.check(corners_of(mesh))  # curved sides may invert elements, which `adapt` repairs
     if case.bracket and isinstance(case.problem, MagneticScalarPotential):

@@ -9,8 +9,7 @@ from functools import reduce
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
@@ -18,16 +17,15 @@ from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.mesh.cells import CELLS, cell_of
 from kohonen_adapt.mesh.curved import corners_of, is_second_order, midside_offsets
 from kohonen_adapt.mesh.host import ascending, keys_of
-from kohonen_adapt.mesh.names import named_sets
+from kohonen_adapt.mesh.names import connected_components_of, named_sets
 
 __all__ = [
     "BoxTree",
-    "check_overlap",
+    "connected_arrays",
     "neighbours_of",
     "parts_at",
     "parts_of_regions",
     "positive",
-    "refuse_overlap",
     "write_on_both_sides",
 ]
 
@@ -78,8 +76,7 @@ def _is_even(rows: NDArray[np.int32]) -> Mask:
 
 def parts_of_regions(neighbour: Ints, region: Ints) -> Ints:
     e, k = np.nonzero((neighbour >= 0) & (region[neighbour] != region[:, None]))
-    adjacent, count = (region[e], region[neighbour[e, k]]), int(region.max()) + 1
-    return connected_components(coo_array((np.ones(len(e)), adjacent), shape=(count, count)), directed=False)[1]
+    return connected_components_of(int(region.max()) + 1, np.stack([region[e], region[neighbour[e, k]]], axis=1))
 
 
 def write_on_both_sides(of_facet: Ints, neighbour: Ints, element: Ints, corner: Ints, value: Ints) -> None:
@@ -90,11 +87,20 @@ def write_on_both_sides(of_facet: Ints, neighbour: Ints, element: Ints, corner: 
     of_facet[e, np.argmax(neighbour[e] == own[:, None], axis=1)] = value[inside]
 
 
-def check_overlap(mesh: Mesh) -> None:
+def connected_arrays(mesh: Mesh) -> tuple[Floats, NDArray[np.int32], NDArray[np.int32]]:
+    """Return nodes (n, d), positive elements (m, d + 1) and their neighbours.
+
+    Raises
+    ------
+    ValueError
+        If the mesh is tangled, or if elements lie on others.
+    """
     corners = corners_of(mesh)
     position = np.ascontiguousarray(corners.p.T, dtype=np.float64)
     node = positive(position, corners.t)
-    refuse_overlap(mesh, position, node, neighbours_of(node, position))
+    neighbour = neighbours_of(node, position)
+    refuse_overlap(mesh, position, node, neighbour)
+    return position, node, neighbour
 
 
 def refuse_overlap(mesh: Mesh, position: Floats, node: NDArray[np.int32], neighbour: NDArray[np.int32]) -> None:
@@ -126,7 +132,7 @@ class BoxTree:
     """Hierarchy of boxes (d, m), for meshes of elements of very different sizes."""
 
     def __init__(self, low: Floats, high: Floats) -> None:
-        self.order = packed(0.5 * (low + high))
+        self.order = KDTree(0.5 * (low + high).T).indices  # keeps neighbours together
         self.levels = [(low[:, self.order], high[:, self.order])]
         while self.levels[-1][0].shape[1] > BRANCHES:
             low, high = self.levels[-1]
@@ -148,24 +154,6 @@ class BoxTree:
         return self.order[box], point
 
 
-def packed(x: Floats) -> Ints:
-    """Return an order of points (d, m) that keeps neighbours together.
-
-    Slabs along the first axis hold columns along the second, and so on, with as many points in each (S. T. Leutenegger
-    et al., Proc. 13th Int. Conf. on Data Engineering (1997) 497).
-    """
-    dim, count = x.shape
-    order = np.argsort(x[0])
-    for axis in range(1, dim):
-        width = int(np.ceil(count ** ((dim - axis) / dim)))
-        slabs = -(-count // width)
-        along = np.full(slabs * width, np.inf)
-        along[:count] = x[axis, order]
-        inner = np.argsort(along.reshape(slabs, width), axis=1) + width * np.arange(slabs)[:, None]
-        order = order[inner.ravel()[:count]]
-    return order
-
-
 def are_inside(corners: Floats, x: Floats, margin: Floats) -> Mask:
     """Return True for points farther than `margin` inside their elements.
 
@@ -179,12 +167,12 @@ def are_inside(corners: Floats, x: Floats, margin: Floats) -> Mask:
 
 def parts_at(corners: Floats, x: Floats) -> Floats:
     # determinants of the elements with one corner at the point, (d + 1, q): barycentric coordinates times determinants
-    cell, parts = CELLS[len(corners)], []
-    for corner in range(cell.dim + 1):
+    found = []
+    for corner in range(corners.shape[1]):
         replaced = corners.copy()
         replaced[:, corner] = x
-        parts.append(cell.determinant(replaced))
-    return np.stack(parts)
+        found.append(CELLS[len(x)].determinant(replaced))
+    return np.stack(found)
 
 
 def overlap_message(mesh: Mesh, element: int, other: int) -> str:

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import Mesh
 
+from kohonen_adapt.mesh.cells import cell_of
+
 __all__ = [
     "ascending",
     "count_unknowns",
@@ -99,10 +101,8 @@ def facets_opposite(mesh: Mesh, node: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return the index in `mesh` of the facet opposite to each corner, (m, d + 1)."""
     number_facets(mesh)
     facet = np.empty_like(node)
-    for row, ends in enumerate(mesh.elem.refdom.facets):
-        (opposite,) = set(range(node.shape[1])) - set(ends)
-        corner = np.argmax(node == mesh.t[opposite][:, None], axis=1)
-        facet[np.arange(len(node)), corner] = mesh.t2f[row]
+    for own, opposite in zip(mesh.t2f, cell_of(mesh).opposite, strict=True):
+        facet[node == mesh.t[opposite][:, None]] = own
     return facet
 
 

@@ -1,7 +1,7 @@
 """Merging of two meshes along a shared boundary, with the names of both."""
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -18,6 +18,8 @@ from kohonen_adapt.mesh.names import LEFT, boundary_of, named_sets
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["Sides", "boundary_facets", "merge", "sides_of", "with_images"]
+
+Part = TypeVar("Part")
 
 BESIDE = 0.2  # maximum distance of a curve from its chord, relative to the chord
 OPPOSITE = -0.5  # maximum cosine of the angle between boundaries along each other, each counter-clockwise
@@ -85,12 +87,10 @@ def merge(one: MeshTri, other: MeshTri, *, rtol: float = 1e-6) -> MeshTri:
     image = np.arange(first + other.p.shape[1])
     image[first + others] = nodes
     parts = [(one, 0), (other, elements)]
-    subdomains = united([{name: rows + k for name, rows in named_sets(mesh.subdomains).items()} for mesh, k in parts])
+    subdomains = [{name: rows + k for name, rows in named_sets(mesh.subdomains).items()} for mesh, k in parts]
     sides = [{name: sides_of(mesh, rows, k) for name, rows in (mesh.boundaries or {}).items()} for mesh, k in parts]
-    names = dict.fromkeys([*sides[0], *sides[1]])
-    of_name = {name: together([each[name] for each in sides if name in each]) for name in names}
     p, t = np.hstack([one.p, other.p]), np.hstack([one.t, other.t + first])
-    return with_images(one, p, t, image, subdomains, of_name, offset)
+    return with_images(one, p, t, image, united(subdomains, np.concatenate), united(sides, together), offset)
 
 
 def with_images(
@@ -140,9 +140,9 @@ def together(parts: list[Sides]) -> Sides:
     return Sides(element, corner, all(part.oriented for part in parts))
 
 
-def united(parts: list[dict[str, Ints]]) -> dict[str, Ints]:
+def united(parts: list[dict[str, Part]], join: Callable[[list[Part]], Part]) -> dict[str, Part]:
     names = dict.fromkeys(name for part in parts for name in part)
-    return {name: np.concatenate([part[name] for part in parts if name in part]) for name in names}
+    return {name: join([part[name] for part in parts if name in part]) for name in names}
 
 
 def boundary_facets(mesh: MeshTri) -> Ints:

@@ -1,8 +1,7 @@
 """Search for the elements that contain points, and interpolation at points."""
 
-from dataclasses import dataclass
 from functools import reduce
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,47 +10,21 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.grid import Grid
 from kohonen_adapt.kernels.numba.compilation import expect
-from kohonen_adapt.kernels.tetrahedron import locate as of_tetrahedra
 from kohonen_adapt.kernels.threads import even_cuts, shared
-from kohonen_adapt.kernels.triangle import locate as of_triangles
 from kohonen_adapt.mesh.adjacency import BoxTree, parts_at
-from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
+from kohonen_adapt.mesh.cells import cell_of, check_kind
 from kohonen_adapt.mesh.curved import Isoparametric, check_curved_sides, is_second_order
+from kohonen_adapt.mesh.tessellation import Tessellation
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["SEARCHES", "Locator", "elements_at", "find_elements", "interpolate", "walk_to_elements"]
+__all__ = ["TESSELLATIONS", "Locator", "elements_at", "find_elements", "interpolate", "walk_to_elements"]
 
 FEW = 5_000  # minimum number of points per thread
 CHUNK = 500_000  # points per compiled call, so that Ctrl-C takes effect within half a second
 NEAR = 1e-9  # of the size of the mesh or of an element, by which a point inside may lie outside by rounding errors
 
-Tessellation: TypeAlias = Triangulation | Tetrahedralization
-
-
-@dataclass(frozen=True)
-class Search:
-    """Kernels that search one kind of element.
-
-    Attributes
-    ----------
-    kernels
-        Module of the kernels.
-    groups
-        Groups of `kernels/entries.py`.
-    crowd
-        Elements per cell of the grid. Tetrahedra meet many cells, hence fewer and larger cells.
-    """
-
-    kernels: Any
-    groups: tuple[str, ...]
-    crowd: int
-
-
-SEARCHES: dict[type, Search] = {
-    Triangulation: Search(kernels=of_triangles, groups=("locating", "carrying"), crowd=1),
-    Tetrahedralization: Search(kernels=of_tetrahedra, groups=("space locating", "space carrying"), crowd=8),
-}
+TESSELLATIONS: dict[int, type[Tessellation[Any, Any]]] = {2: Triangulation, 3: Tetrahedralization}  # by dimension
 
 
 class Locator:
@@ -62,22 +35,16 @@ class Locator:
     on any domain. Later changes of the tessellation have no effect.
     """
 
-    def __init__(self, tessellation: Tessellation) -> None:
-        elements = tessellation.elements
-        self.search = SEARCHES[type(tessellation)]
-        self.position = tessellation.position.copy()
+    def __init__(self, tessellation: Tessellation[Any, Any]) -> None:
+        elements, self.kernels = tessellation.elements, tessellation.locating
+        self.position, node = tessellation.position.copy(), elements.node.copy()
         self.elements = elements._replace(
-            node=elements.node.copy(), neighbour=elements.neighbour.copy(), region=np.zeros_like(elements.region)
+            node=node, neighbour=elements.neighbour.copy(), region=np.zeros_like(elements.region)
         )
-        self.grid = self._laid_grid()
-
-    def _laid_grid(self) -> Grid:
-        node = self.elements.node
-        grid = Grid.over(self.position, len(node) / self.search.crowd)
-        self.search.kernels.count_in_cells(self.position, node, grid)
-        grid = grid._replace(content=np.empty(grid.start[-1], dtype=np.int32))
-        self.search.kernels.fill_cells(self.position, node, grid)
-        return grid
+        grid = Grid.over(self.position, len(node) / tessellation.crowd)
+        self.kernels.count_in_cells(self.position, node, grid)
+        self.grid = grid._replace(content=np.empty(grid.start[-1], dtype=np.int32))
+        self.kernels.fill_cells(self.position, node, self.grid)
 
     def find(self, points: Floats) -> NDArray[np.int32]:
         found = np.empty(len(points), dtype=np.int32)
@@ -97,7 +64,7 @@ class Locator:
 
         def task(thread: int, first: int, last: int) -> None:
             part = slice(first, last)
-            self.search.kernels.find(self.position, self.elements, points[part], self.grid, found[part])
+            self.kernels.find(self.position, self.elements, points[part], self.grid, found[part])
 
         shared(task, even_cuts(len(points), FEW))
         return found
@@ -109,13 +76,12 @@ class Locator:
 def barycentric_coordinates(position: Floats, node: Ints, points: Floats, found: Ints) -> Floats:
     # (n, dim + 1), of points (n, dim) in the elements `found`
     out = np.empty((len(points), points.shape[1] + 1))
-    kind = Triangulation if points.shape[1] == 2 else Tetrahedralization
-    SEARCHES[kind].kernels.barycentric(position, node, points, found, out)
+    TESSELLATIONS[points.shape[1]].locating.barycentric(position, node, points, found, out)
     return out
 
 
 def walk_to_elements(
-    tessellation: Tessellation, points: Floats, start: Ints, across_regions: bool
+    tessellation: Tessellation[Any, Any], points: Floats, start: Ints, across_regions: bool
 ) -> NDArray[np.int32]:
     """Return the element that contains each point, by a walk from `start`.
 
@@ -123,13 +89,13 @@ def walk_to_elements(
     outside the mesh, an element near the point is returned.
     """
     found, inside = np.array(start, dtype=np.int32), np.empty(len(points), dtype=np.bool_)
-    elements, kernels = tessellation.elements, SEARCHES[type(tessellation)].kernels
+    elements = tessellation.elements
     if across_regions:
         elements = elements._replace(region=np.zeros_like(elements.region))
 
     def walk(thread: int, first: int, last: int) -> None:
         part = slice(first, last)
-        kernels.walk_each(tessellation.position, elements, points[part], found[part], inside[part])
+        tessellation.locating.walk_each(tessellation.position, elements, points[part], found[part], inside[part])
 
     shared(walk, even_cuts(len(points), FEW))
     lost = np.flatnonzero(~inside)
@@ -143,9 +109,21 @@ def walk_to_elements(
 
 def locator_of(mesh: Mesh) -> Locator:
     check_kind(mesh, curved=True, space=True)
-    kind = Tetrahedralization if cell_of(mesh) is TETRAHEDRON else Triangulation
-    expect(*SEARCHES[kind].groups)
+    kind = TESSELLATIONS[cell_of(mesh).dim]
+    expect(*kind.groups)
     return Locator(kind.of(mesh))
+
+
+def located(mesh: Mesh, x: ArrayLike) -> tuple[NDArray[np.int32], Floats, Ints]:
+    # elements of points, -1 outside, barycentric coordinates (d + 1, n) and nodes of the elements (d + 1, n)
+    locator, points = locator_of(mesh), as_rows(x, dim=len(mesh.p))
+    found = locator.find(points)
+    if not is_second_order(mesh):
+        return found, locator.barycentric_coordinates(points, found).T, locator.elements.node[found].T
+    check_curved_sides(mesh)
+    shape = Isoparametric(mesh)
+    element, barycentric = shape.locate(points.T, found)
+    return element.astype(np.int32), barycentric, shape.t[:, element]
 
 
 def find_elements(mesh: Mesh, x: ArrayLike) -> NDArray[np.int32]:
@@ -179,13 +157,7 @@ def find_elements(mesh: Mesh, x: ArrayLike) -> NDArray[np.int32]:
     >>> ka.find_elements(skfem.MeshTet().refined(1), [[0.3], [0.4], [0.1]]).shape
     (1,)
     """
-    locator = locator_of(mesh)
-    points = as_rows(x, dim=len(mesh.p))
-    found = locator.find(points)
-    if not is_second_order(mesh):
-        return found
-    check_curved_sides(mesh)
-    return Isoparametric(mesh).locate(points.T, found)[0].astype(np.int32)
+    return located(mesh, x)[0]
 
 
 def elements_at(mesh: Mesh, x: Floats) -> Ints:
@@ -234,20 +206,13 @@ def interpolate(mesh: Mesh, values: ArrayLike, x: ArrayLike) -> Floats:
     >>> ka.interpolate(solid, solid.p.sum(axis=0), [[0.3], [0.4], [0.1]]).round(9).tolist()
     [0.8]
     """
-    locator = locator_of(mesh)
-    values, nnodes = np.asarray(values), len(locator.position)
-    if values.shape != (nnodes,):
-        raise ValueError(f"values must have shape (nodes,) = ({nnodes},); got {values.shape}.")
+    _, barycentric, nodes = located(mesh, x)
+    values = np.asarray(values)
+    if values.shape != (mesh.nvertices,):
+        raise ValueError(f"values must have shape (nodes,) = ({mesh.nvertices},); got {values.shape}.")
     if values.dtype.kind not in "biuf":
         raise ValueError(f"values must be real numbers; got {values.dtype}. Interpolate the parts of complex ones.")
-    points = as_rows(x, dim=len(mesh.p))
-    found = locator.find(points)
-    if is_second_order(mesh):
-        check_curved_sides(mesh)
-        shape = Isoparametric(mesh)
-        element, barycentric = shape.locate(points.T, found)
-        return np.sum(barycentric * values[shape.t[:, element]], axis=0)
-    return np.sum(locator.barycentric_coordinates(points, found) * values[locator.elements.node[found]], axis=1)
+    return np.sum(barycentric * values[nodes], axis=0)
 
 
 def as_rows(x: ArrayLike, name: str = "x", dim: int = 2) -> Floats:

@@ -99,7 +99,8 @@ def flat(mesh: Mesh, plane: CutBy | None, axisymmetric: bool = False) -> Flat:
     one, other = mesh.p[:, ends[0]], mesh.p[:, ends[1]]
     p = np.ascontiguousarray(axes @ (one + share * (other - one)))
     element = element[whole]
-    return Flat(MeshTri(p, node.reshape(3, -1), None, _pieces(mesh, element)), names, element, ends, share)
+    pieces = {name: np.flatnonzero(np.isin(element, rows)) for name, rows in named_sets(mesh.subdomains).items()}
+    return Flat(MeshTri(p, node.reshape(3, -1), None, pieces), names, element, ends, share)
 
 
 def _cut(mesh: Mesh, point: Floats, normal: Floats) -> tuple[Ints, Ints, Ints, Floats]:
@@ -172,12 +173,3 @@ def _frame(normal: Floats) -> tuple[Floats, tuple[str, str]]:
 def _called(axis: Floats) -> str:
     along = int(np.argmax(axis))
     return "xyz"[along] if axis[along] > 1.0 - ALONG else f"along ({', '.join(f'{part:.3g}' for part in axis)})"
-
-
-def _pieces(mesh: Mesh, element: Ints) -> dict[str, Ints]:
-    found: dict[str, Ints] = {}
-    for name, rows in named_sets(mesh.subdomains).items():
-        inside = np.zeros(mesh.t.shape[1], dtype=bool)
-        inside[rows] = True
-        found[name] = np.flatnonzero(inside[element])
-    return found

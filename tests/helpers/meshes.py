@@ -239,6 +239,11 @@ def doubled_areas(p, t):
     return (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
 
 
+def areas_of(triangulation):
+    """Signed areas of the elements of a `Triangulation`."""
+    return 0.5 * doubled_areas(triangulation.position.T, triangulation.elements.node.T)
+
+
 def area_of(mesh, elements=slice(None)):
     """Total area of some elements."""
     return 0.5 * np.abs(doubled_areas(mesh.p, mesh.t[:, elements])).sum()

@@ -27,7 +27,7 @@ from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt import read_field, read_groups, read_mesh, write_mesh
-from kohonen_adapt.mesh.adjacency import check_overlap
+from kohonen_adapt.mesh.adjacency import connected_arrays
 from kohonen_adapt.mesh.measures import area, signed_area
 
 
@@ -359,7 +359,7 @@ def test_curved_edges_come_back_with_names_and_fields(tmp_path, suffix):
     write_mesh(tmp_path / f"mesh{suffix}", curved, point_data={"u": inner[0]})
     back = read_mesh(tmp_path / f"mesh{suffix}")
     assert type(back) is skfem.MeshTet2
-    check_overlap(back)
+    connected_arrays(back)
     assert_array_equal(back.p, curved.p)
     assert_array_equal(np.sort(back.t, axis=0), np.sort(curved.t, axis=0))
     assert back.subdomains.keys() == mesh.subdomains.keys()

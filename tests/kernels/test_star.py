@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import generic_square, inset, junction, perturbed
+from helpers.meshes import areas_of, generic_square, inset, junction, perturbed
 
 from kohonen_adapt.kernels.triangle.arrays import Star
 from kohonen_adapt.kernels.triangle.geometry import fill_star, find_starts
@@ -44,7 +44,7 @@ def test_stars_list_the_elements_around_every_node_in_order(tri):
 
 
 def test_densities_are_averaged_by_area_around_every_node_region_by_region(tri):
-    elements, area = tri.elements, tri.areas()
+    elements, area = tri.elements, areas_of(tri)
     density = np.random.default_rng(0).random(len(area)) + 0.1
     found = np.empty(elements.node.shape)
     for first, last in pieces(tri):

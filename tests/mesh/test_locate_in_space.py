@@ -10,7 +10,7 @@ from skfem import MeshTet
 
 import kohonen_adapt as ka
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.mesh.locate import SEARCHES, Locator, walk_to_elements
+from kohonen_adapt.mesh.locate import TESSELLATIONS, Locator, walk_to_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 
 
@@ -187,5 +187,5 @@ def test_shapes_for_interpolation(values, x, message):
 
 @pytest.mark.parametrize("name", ["walk_each", "count_in_cells", "fill_cells", "find", "barycentric"])
 def test_kernels_of_both_kinds_take_the_same_arguments(name):
-    loops = [getattr(search.kernels, name) for search in SEARCHES.values()]
+    loops = [getattr(kind.locating, name) for kind in TESSELLATIONS.values()]
     assert len({str(inspect.signature(interpreted(loop))) for loop in loops}) == 1 < len(loops)

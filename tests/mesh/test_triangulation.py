@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from helpers.meshes import generic_square, named, perturbed, ring, slit
 
-from kohonen_adapt.mesh.triangulation import Triangulation, neighbours_of
+from kohonen_adapt.mesh.adjacency import neighbours_of
+from kohonen_adapt.mesh.triangulation import Triangulation
 
 MESHES = {"generic": generic_square(9, 3), "ring": ring(12, 3), "slit": slit(8), "named": perturbed(named(8), 1)}
 

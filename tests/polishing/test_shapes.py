@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.descents import descend
+from helpers.meshes import areas_of
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 
 from kohonen_adapt import Ritz, Rules
@@ -196,4 +197,4 @@ def check_what_is_taken_off(case, at):
         triangulation = movable.triangulation
         corners = triangulation.position[triangulation.elements.node]
         least = jacobian_coefficients(corners, movable.midside_offsets()).min(axis=1)
-        assert np.all(least >= MIN_JACOBIAN * 2.0 * triangulation.areas())
+        assert np.all(least >= MIN_JACOBIAN * 2.0 * areas_of(triangulation))
