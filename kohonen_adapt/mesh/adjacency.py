@@ -5,10 +5,8 @@ element lies, nor that more than two elements share a facet. The number of eleme
 of the rim only. Elements that lie on others are therefore found by the centroids of elements with a facet on the rim.
 """
 
-from functools import reduce
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 from skfem import Mesh
 
@@ -16,7 +14,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.mesh.cells import CELLS, cell_of
 from kohonen_adapt.mesh.curved import corners_of, is_second_order, midside_offsets
-from kohonen_adapt.mesh.host import ascending, keys_of
+from kohonen_adapt.mesh.host import ascending, elements_of, keys_of
 from kohonen_adapt.mesh.names import connected_components_of, named_sets
 
 __all__ = [
@@ -35,7 +33,7 @@ ROUNDING = 16.0 * np.finfo(np.float64).eps  # rounding error of coordinates of t
 WHAT = {2: ("areas", "surfaces"), 3: ("volumes", "volumes")}  # words for elements and for the drawing
 
 
-def positive(position: Floats, t: ArrayLike) -> NDArray[np.int32]:
+def positive(position: Floats, t: ArrayLike) -> Ints:
     """Return elements as rows of nodes, (m, d + 1), with positive area or volume."""
     node = np.array(np.asarray(t).T, dtype=np.int32, order="C")
     negative = CELLS[position.shape[1]].determinant(position.T[:, node.T]) < 0.0
@@ -43,31 +41,27 @@ def positive(position: Floats, t: ArrayLike) -> NDArray[np.int32]:
     return node
 
 
-def neighbours_of(node: NDArray[np.int32], position: Floats) -> NDArray[np.int32]:
+def neighbours_of(node: Ints, position: Floats) -> Ints:
     """Return the element across the facet opposite to every corner, -1 outside."""
-    (m, corners), cell = node.shape, CELLS[node.shape[1] - 1]
+    cell = CELLS[node.shape[1] - 1]
     facet = node.T[np.array(cell.outward).T]  # (d, d + 1, m)
-    key = keys_of(ascending(*facet), int(node.max()) + 1).T.ravel()
-    even = _is_even(facet).T.ravel()
-    order = np.argsort(key, kind="stable")
-    same = key[order[1:]] == key[order[:-1]]
-    one, other = order[:-1][same], order[1:][same]
+    key = keys_of(ascending(*facet), int(node.max()) + 1)
+    index = np.unique(key, return_inverse=True)[1].reshape(key.shape)
+    count, even = (np.bincount(index.ravel(), weights) for weights in (None, _is_even(facet).ravel()))
     # Two elements have the nodes of a facet in opposite orientation, and no third element has the same nodes.
-    bad = (even[one] == even[other]) | np.append(same[1:] & same[:-1], False)[same]
+    bad = ((count > 2) | ((count == 2) & (even != 1)))[index]
     if bad.any():
-        side = min(one[bad].min(), other[bad].min())
-        ends = facet.reshape(cell.dim, -1, order="F")[:, side]
-        shown = " and ".join(f"node {end} at {point_text(position[end])}" for end in ends)
+        element, corner = np.argwhere(bad.T)[0]
+        shown = " and ".join(f"node {end} at {point_text(position[end])}" for end in facet[:, corner, element])
         raise ValueError(
-            f"the mesh is tangled: element {side // corners} shares {cell.facet} with an element on the same side of "
+            f"the mesh is tangled: element {element} shares {cell.facet} with an element on the same side of "
             f"it (inverted or doubled), of {shown}; repair the mesh before adapting it."
         )
-    neighbour = np.full(corners * m, -1, dtype=np.int32)
-    neighbour[one], neighbour[other] = other // corners, one // corners
-    return neighbour.reshape(m, corners)
+    neighbour = elements_of(index, len(count)).sum(axis=0)[index] - np.arange(len(node))
+    return np.ascontiguousarray(neighbour.T, dtype=np.int32)
 
 
-def _is_even(rows: NDArray[np.int32]) -> Mask:
+def _is_even(rows: Ints) -> Mask:
     odd = np.zeros(rows.shape[1:], dtype=np.bool_)
     for k in range(1, len(rows)):
         odd ^= np.logical_xor.reduce(rows[:k] > rows[k], axis=0)
@@ -87,7 +81,7 @@ def write_on_both_sides(of_facet: Ints, neighbour: Ints, element: Ints, corner: 
     of_facet[e, np.argmax(neighbour[e] == own[:, None], axis=1)] = value[inside]
 
 
-def connected_arrays(mesh: Mesh) -> tuple[Floats, NDArray[np.int32], NDArray[np.int32]]:
+def connected_arrays(mesh: Mesh) -> tuple[Floats, Ints, Ints]:
     """Return nodes (n, d), positive elements (m, d + 1) and their neighbours.
 
     Raises
@@ -103,25 +97,24 @@ def connected_arrays(mesh: Mesh) -> tuple[Floats, NDArray[np.int32], NDArray[np.
     return position, node, neighbour
 
 
-def refuse_overlap(mesh: Mesh, position: Floats, node: NDArray[np.int32], neighbour: NDArray[np.int32]) -> None:
+def refuse_overlap(mesh: Mesh, position: Floats, node: Ints, neighbour: Ints) -> None:
     rim = np.flatnonzero((neighbour < 0).any(axis=1))
     low, high = position.min(axis=0), position.max(axis=0)
     size = (high - low).max()
     scaled = (position - low) / size
-    corners = [np.take(scaled, column, axis=0).T for column in node.T]  # (d, m) each, whose extremes are quick to find
-    margin = np.zeros(len(node))
+    corners, margin = scaled.T[:, node.T], np.zeros(len(node))
     if is_second_order(mesh):
         margin = np.linalg.norm(midside_offsets(mesh), axis=0).max(axis=0) / size
-    tree = BoxTree(reduce(np.minimum, corners), reduce(np.maximum, corners))
+    tree = BoxTree(corners.min(axis=1), corners.max(axis=1))
     start, count = 0, FIRST
     while start < len(rim):
         own = rim[start : start + count]
-        centroids = scaled[node[own]].mean(axis=1).T
+        centroids = corners[:, :, own].mean(axis=1)
         holder, point = tree.boxes_around(centroids)
         other = holder != own[point]
         holder, point = holder[other], point[other]
         margin_of_pair = margin[holder] + margin[own[point]]
-        inside = are_inside(scaled[node[holder]].transpose(2, 1, 0), centroids[:, point], margin_of_pair)
+        inside = are_inside(corners[:, :, holder], centroids[:, point], margin_of_pair)
         if inside.any():
             first = np.flatnonzero(inside)[np.argmin(point[inside])]
             raise ValueError(overlap_message(mesh, int(own[point[first]]), int(holder[first])))

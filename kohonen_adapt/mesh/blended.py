@@ -11,6 +11,7 @@ from functools import cached_property
 from math import factorial
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -111,11 +112,7 @@ def is_folded(mesh: MeshTri) -> bool:
 
 
 def _polynomial(series: Floats, t: Floats) -> tuple[Floats, Floats]:
-    value = np.zeros(np.broadcast_shapes(series.shape[1:], t.shape))
-    slope = np.zeros_like(value)
-    for coefficient in series[::-1]:
-        slope = slope * t + value
-        value = value * t + coefficient
+    value, slope = (np.asarray(polyval(t, each, tensor=False), dtype=np.float64) for each in (series, polyder(series)))
     return value, slope
 
 

@@ -167,10 +167,11 @@ def cell_of(mesh: Mesh) -> Cell:
 
 def check_kind(mesh: object, curved: bool = False, space: bool = False) -> None:
     cells = (TRIANGLE, TETRAHEDRON)[: 1 + space]
-    if type(mesh) in [kind for cell in cells for kind in (cell.mesh, cell.curved_mesh)[: 1 + curved]]:
+    kinds = [kind for cell in cells for kind in (cell.mesh, cell.curved_mesh)[: 1 + curved]]
+    if type(mesh) in kinds:
         return
-    kinds = ["skfem.MeshTri", *["MeshTri2"] * curved, *["MeshTet"] * space, *["MeshTet2"] * (curved and space)]
-    wanted = " or ".join(filter(None, (", ".join(kinds[:-1]), kinds[-1])))
+    names = [kind.__name__.removesuffix("1") for kind in kinds]
+    wanted = "skfem." + " or ".join(filter(None, (", ".join(names[:-1]), names[-1])))
     raise ValueError(f"mesh must be a {wanted}; got {type(mesh).__name__}. {remedy_for(mesh, space)}")
 
 

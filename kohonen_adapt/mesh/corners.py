@@ -7,6 +7,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.blended import Blended
+from kohonen_adapt.mesh.cells import determinants
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.elements.exponents import exponents
 from kohonen_adapt.mesh.host import number_facets
@@ -43,14 +44,15 @@ def singular_nodes(mesh: MeshTri, materials: Materials) -> Ints:
     # Corners count with an exponent below 2 other than 1, or a jump of the flux. Pairs of boundaries are treated as
     # natural conditions.
     shape = Blended(mesh)
-    lines = lines_of(shape, materials)
-    found = [int(node) for node in candidates(shape, lines) if is_singular(shape, materials, lines, int(node))]
+    found = [
+        int(node) for node in candidates(shape, lines_of(shape, materials)) if is_singular(shape, materials, int(node))
+    ]
     return np.union1d(found, points_inside(shape, materials)).astype(np.int64)
 
 
 def lines_of(shape: Blended, materials: Materials) -> Lines:
     first, second = shape.corners.f2t
-    left, right = materials.kind[first], np.where(second >= 0, materials.kind[np.maximum(second, 0)], -1)
+    left, right = materials.kind[first], np.where(second >= 0, materials.kind[second], -1)
     facets = np.flatnonzero(left != right)
     sides, prescribed = np.sort(np.stack([left, right]), axis=0)[:, facets], materials.prescribed[facets]
     kind = np.unique(np.stack([*sides, prescribed]), axis=1, return_inverse=True)[1].ravel()
@@ -85,49 +87,40 @@ def corner_exponents(mesh: MeshTri, materials: Materials, among: Mask | None = N
     # Return the nodes at which the gradient is infinite, and the least exponent of each.
     # A mask `among` restricts the nodes.
     shape = Blended(mesh)
-    lines = lines_of(shape, materials)
-    nodes = candidates(shape, lines)
+    nodes = candidates(shape, lines_of(shape, materials))
     nodes = nodes if among is None else nodes[among[nodes]]
-    found = [(int(node), exponents_at(shape, materials, lines, int(node))) for node in nodes]
+    found = [(int(node), exponents_at(shape, materials, int(node))) for node in nodes]
     least = {node: each[0] for node, each in found if each.size and each[0] < 1.0 - WHOLE}
     return np.array(list(least), dtype=np.int64), np.array(list(least.values()))
 
 
-def is_singular(shape: Blended, materials: Materials, lines: Lines, node: int) -> bool:
+def is_singular(shape: Blended, materials: Materials, node: int) -> bool:
     element = np.nonzero(np.equal(shape.t.T, node))[0]
     if np.ptp(materials.kind[element]) > 0 and jumps(materials, element):
         return True
-    return bool(np.any(np.abs(exponents_at(shape, materials, lines, node) - 1.0) > WHOLE))
+    return bool(np.any(np.abs(exponents_at(shape, materials, node) - 1.0) > WHOLE))
 
 
-def exponents_at(shape: Blended, materials: Materials, lines: Lines, node: int) -> Floats:
+def exponents_at(shape: Blended, materials: Materials, node: int) -> Floats:
     element, k = np.nonzero(np.equal(shape.t.T, node))
-    start, end = (shape.p[:, shape.t.T[element, np.take(ways, k)]] - shape.p[:, [node]] for ways in (AFTER, BEFORE))
-    clockwise = start[0] * end[1] - start[1] * end[0] < 0.0
-    start, end = np.where(clockwise, end, start), np.where(clockwise, start, end)
-    begin = np.arctan2(start[1], start[0])
-    angle = np.mod(np.arctan2(end[1], end[0]) - begin, 2.0 * np.pi)
-    own = np.any(shape.corners.facets[:, lines.facets] == node, axis=0) & (shape.corners.f2t[1, lines.facets] < 0)
-    order = np.argsort(begin)
-    if own.any():  # from the boundary on, counter-clockwise
+    ends = np.array([AFTER, BEFORE])[:, k]  # (2, n): corners at the ends of both sides at the node
+    sides = shape.p[:, shape.t[ends, element]] - shape.p[:, node, None, None]
+    facet = shape.corners.t2f[AFTER][ends[::-1], element]
+    clockwise = determinants(sides.swapaxes(0, 1)) < 0.0
+    sides, facet = np.where(clockwise, sides[:, ::-1], sides), np.where(clockwise, facet[::-1], facet)
+    begin, end = np.arctan2(sides[1], sides[0])
+    angle, order = np.mod(end - begin, 2.0 * np.pi), np.argsort(begin)
+    prescribed = None
+    if np.any(shape.corners.f2t[1, facet] < 0):  # from the boundary on, counter-clockwise
         gap = np.mod(np.roll(begin[order], -1) - (begin + angle)[order], 2.0 * np.pi)
         order = np.roll(order, -1 - int(np.argmax(np.where(gap > 2.0 * np.pi - 1e-9, 0.0, gap))))
-    prescribed = ends_prescribed(shape, lines, node, begin[order[0]], own) if own.any() else None
+        first, last = materials.prescribed[facet[[0, 1], order[[0, -1]]]]
+        prescribed = bool(first), bool(last)
     return exponents(angle[order], materials.coefficient[element[order]], prescribed)
 
 
 def jumps(materials: Materials, element: Ints) -> bool:
     return materials.flux is None or bool(np.ptp(materials.flux[:, element], axis=1).any())
-
-
-def ends_prescribed(shape: Blended, lines: Lines, node: int, begin: float, own: Mask) -> tuple[bool, bool]:
-    ends = shape.corners.facets[:, lines.facets[own]]
-    other = np.where(ends[0] == node, ends[1], ends[0])
-    direction = shape.p[:, other] - shape.p[:, [node]]
-    away = np.mod(np.arctan2(direction[1], direction[0]) - begin + 1e-6, 2.0 * np.pi)
-    order = np.argsort(away)
-    conditions = lines.prescribed[own][order]
-    return bool(conditions[0]), bool(conditions[-1])
 
 
 def points_inside(shape: Blended, materials: Materials) -> Ints:

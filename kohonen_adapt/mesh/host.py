@@ -7,9 +7,10 @@ from math import comb
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import Mesh
 
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.cells import cell_of
 
 __all__ = [
@@ -29,7 +30,7 @@ __all__ = [
 
 Host = TypeVar("Host", bound=Mesh)
 CONNECTIVITY = "_facets", "_t2f", "_f2t", "_edges", "_t2e"
-Names = Mapping[str, NDArray[np.integer]] | None
+Names = Mapping[str, Ints] | None
 
 
 def is_own_name(name: str) -> bool:
@@ -37,11 +38,11 @@ def is_own_name(name: str) -> bool:
     return not name.startswith("gmsh:")
 
 
-def remade(mesh: Host, p: NDArray[np.float64], t: ArrayLike, *, boundaries: Names, subdomains: Names) -> Host:
+def remade(mesh: Host, p: Floats, t: ArrayLike, *, boundaries: Names, subdomains: Names) -> Host:
     return replace(mesh, doflocs=p, t=t, _boundaries=boundaries, _subdomains=subdomains)
 
 
-def of_kind(kind: type[Host], p: NDArray[np.float64], mesh: Mesh) -> Host:
+def of_kind(kind: type[Host], p: Floats, mesh: Mesh) -> Host:
     made = kind(np.ascontiguousarray(p), mesh.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
     cached = {name: vars(mesh)[name] for name in CONNECTIVITY if name in vars(mesh)}
     if np.array_equal(made.t, mesh.t):
@@ -62,42 +63,38 @@ def number_facets(mesh: Mesh) -> None:
     """
     if hasattr(mesh, "_facets"):
         return
-    corners = np.array(mesh.elem.refdom.facets).T
-    rows = ascending(*mesh.t[corners])
-    key, side = np.unique(keys_of(rows, mesh.p.shape[1]), return_inverse=True)
-    one = np.empty(key.size, dtype=np.int64)
-    one[side.ravel()] = np.arange(side.size)  # any side of a facet, because all have the same nodes
-    mesh._facets = np.take(rows.reshape(len(rows), -1), one, axis=1)
-    mesh._t2f = side.reshape(rows.shape[1:])
-    mesh._f2t = elements_of(mesh._t2f, key.size)
+    mesh._facets, mesh._t2f = _numbered(mesh, mesh.elem.refdom.facets)
+    mesh._f2t = elements_of(mesh._t2f, mesh._facets.shape[1])
 
 
 def number_edges(mesh: Mesh) -> None:
     # `edges` and `t2e` of tetrahedra, for the reason of `number_facets`
-    if len(mesh.t) == 3 or hasattr(mesh, "_edges"):
-        return
-    start, end = ascending(*mesh.t[np.transpose(mesh.elem.refdom.edges)])
-    nnodes = mesh.p.shape[1]
-    key, index = np.unique(keys_of(np.stack([start, end]), nnodes), return_inverse=True)
-    mesh._edges = np.stack([key // nnodes, key % nnodes]).astype(mesh.t.dtype)
-    mesh._t2e = index.reshape(start.shape)
+    if len(mesh.t) == 4 and not hasattr(mesh, "_edges"):
+        mesh._edges, mesh._t2e = _numbered(mesh, mesh.elem.refdom.edges)
 
 
-def edges_in(mesh: Mesh, elements: NDArray[np.integer] | NDArray[np.bool_]) -> NDArray[np.int64]:
+def _numbered(mesh: Mesh, corners: ArrayLike) -> tuple[Ints, Ints]:
+    # nodes of facets or edges, ascending, and their indices by element
+    rows = ascending(*mesh.t[np.transpose(corners)])
+    key, index = np.unique(keys_of(rows, mesh.p.shape[1]), return_inverse=True)
+    one = np.empty(key.size, dtype=np.int64)
+    one[index.ravel()] = np.arange(index.size)  # any side of a facet, because all have the same nodes
+    return np.take(rows.reshape(len(rows), -1), one, axis=1), index.reshape(rows.shape[1:])
+
+
+def edges_in(mesh: Mesh, elements: Ints | Mask) -> Ints:
     # lower and higher nodes (2, k) of the edges of some tetrahedra, sorted
     number_edges(mesh)
-    used = np.zeros(mesh.edges.shape[1], dtype=bool)
-    used[mesh.t2e[:, elements]] = True
-    return mesh.edges[:, used].astype(np.int64)
+    return mesh.edges[:, np.unique(mesh.t2e[:, elements])].astype(np.int64)
 
 
-def edges_between(mesh: Mesh, one: NDArray[np.integer], other: NDArray[np.integer]) -> NDArray[np.int64]:
+def edges_between(mesh: Mesh, one: Ints, other: Ints) -> Ints:
     number_edges(mesh)
     nnodes = mesh.p.shape[1]
     return np.searchsorted(keys_of(mesh.edges, nnodes), keys_of(ascending(one, other), nnodes))
 
 
-def facets_opposite(mesh: Mesh, node: NDArray[np.int32]) -> NDArray[np.int32]:
+def facets_opposite(mesh: Mesh, node: Ints) -> Ints:
     """Return the index in `mesh` of the facet opposite to each corner, (m, d + 1)."""
     number_facets(mesh)
     facet = np.empty_like(node)
@@ -106,7 +103,7 @@ def facets_opposite(mesh: Mesh, node: NDArray[np.int32]) -> NDArray[np.int32]:
     return facet
 
 
-def keys_of(rows: NDArray[np.integer], count: int) -> NDArray[np.int64]:
+def keys_of(rows: Ints, count: int) -> Ints:
     """Return one integer per column of node indices (k, ...) below `count`.
 
     The integers have the lexicographic order of the columns.
@@ -119,12 +116,12 @@ def keys_of(rows: NDArray[np.integer], count: int) -> NDArray[np.int64]:
     return key
 
 
-def ascending(*rows: NDArray[np.integer]) -> NDArray[np.integer]:
+def ascending(*rows: Ints) -> Ints:
     low, high = reduce(np.minimum, rows), reduce(np.maximum, rows)
     return np.stack([low, sum(rows) - low - high, high] if len(rows) == 3 else [low, high])
 
 
-def elements_of(facet: NDArray[np.int64], count: int) -> NDArray[np.int32]:
+def elements_of(facet: Ints, count: int) -> Ints:
     side, element = facet.ravel(), np.tile(np.arange(facet.shape[1], dtype=np.int32), len(facet))
     elements = np.empty((2, count), dtype=np.int32)
     elements[0, side[::-1]] = element[::-1]  # of several values for one index numpy keeps the last

@@ -9,8 +9,8 @@ from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.checks import is_number
-from kohonen_adapt.mesh.curved import corners_of, midside_offsets, with_midside_offsets
+from kohonen_adapt.checks import is_number, point_text
+from kohonen_adapt.mesh.curved import corners_of, midside_offsets, numbered_sides, with_midside_offsets
 from kohonen_adapt.mesh.host import facets_opposite, number_facets, remade, set_boundaries
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.measures import directed
@@ -127,12 +127,12 @@ def _boundary(mesh: MeshTri, facet: Ints, sides: Sides) -> Ints:
 
 def sides_of(mesh: MeshTri, rows: Ints, first: int = 0) -> Sides:
     number_facets(mesh)
-    oriented, facet = isinstance(rows, OrientedBoundary), np.asarray(rows, dtype=np.int64)
-    meant = rows.ori if isinstance(rows, OrientedBoundary) else np.zeros(facet.size, dtype=np.int64)
+    facet = np.asarray(rows, dtype=np.int64)
+    meant = getattr(rows, "ori", np.zeros_like(facet))
     facet, element = np.tile(facet, 2), np.concatenate([mesh.f2t[side, facet] for side in (meant, 1 - meant)])
     facet, element = facet[element >= 0], element[element >= 0]
-    corner = np.argmax(np.all(mesh.t[:, None, element] != mesh.facets[:, facet], axis=1), axis=0)
-    return Sides(element + first, corner, oriented)
+    corner = np.argmax(numbered_sides(mesh)[1][:, element] == facet, axis=0)
+    return Sides(element + first, corner, isinstance(rows, OrientedBoundary))
 
 
 def together(parts: list[Sides]) -> Sides:
@@ -152,11 +152,17 @@ def boundary_facets(mesh: MeshTri) -> Ints:
     return directed(mesh, facet, np.zeros_like(facet)).T
 
 
+def nearest(mesh: MeshTri, x: Floats) -> tuple[Floats, Ints]:
+    # distances of points from the nearest nodes on the boundary, and these nodes
+    nodes = np.unique(boundary_facets(mesh))
+    distance, at = KDTree(mesh.p[:, nodes].T).query(x.T)
+    return distance, nodes[at]
+
+
 def same_nodes(one: MeshTri, other: MeshTri, near: float) -> tuple[Ints, Ints]:
-    nodes, others = (np.unique(boundary_facets(mesh)) for mesh in (one, other))
-    distance, at = KDTree(one.p[:, nodes].T).query(other.p[:, others].T)
-    shared = distance <= near
-    nodes, others = nodes[at[shared]], others[shared]
+    others = np.unique(boundary_facets(other))
+    distance, nodes = nearest(one, other.p[:, others])
+    nodes, others = nodes[distance <= near], others[distance <= near]
     if len(np.unique(nodes)) < len(nodes):
         raise ValueError(
             f"nodes nearer to one another than {near:.6g} become one, but outlines have several there. Give a smaller "
@@ -166,18 +172,17 @@ def same_nodes(one: MeshTri, other: MeshTri, near: float) -> tuple[Ints, Ints]:
 
 
 def check_same_nodes(one: MeshTri, other: MeshTri, nodes: Ints, others: Ints, near: float) -> None:
-    farthest, position_text = -1.0, ""
+    farthest, place = -1.0, ""
     for mesh, shared, neighbour in ((one, nodes, other), (other, others, one)):
         alone = np.setdiff1d(boundary_facets(mesh), shared)
-        alone = alone[along_boundary(mesh, alone, neighbour)]
-        if alone.size:
-            distance, _ = KDTree(neighbour.p[:, np.unique(boundary_facets(neighbour))].T).query(mesh.p[:, alone].T)
-            x, y = mesh.p[:, alone[np.argmax(distance)]]
-            farthest, position_text = max((farthest, position_text), (float(distance.max()), f"({x:.6g}, {y:.6g})"))
+        x = mesh.p[:, alone[along_boundary(mesh, alone, neighbour)]]
+        if x.size:
+            distance, _ = nearest(neighbour, x)
+            farthest, place = max((farthest, place), (float(distance.max()), point_text(x[:, np.argmax(distance)])))
     if farthest >= 0.0:
         raise ValueError(
             f"the outline that the meshes share must have the same nodes in both, within {near:.6g} (rtol); the "
-            f"farthest, at {position_text}, is {farthest:.6g} from the nearest node of the other mesh. Mesh it with "
+            f"farthest, at {place}, is {farthest:.6g} from the nearest node of the other mesh. Mesh it with "
             "the same divisions on both sides, and turn parts by whole steps of them (kohonen_adapt.turned)."
         )
 
@@ -185,13 +190,13 @@ def check_same_nodes(one: MeshTri, other: MeshTri, nodes: Ints, others: Ints, ne
 def check_shared(one: MeshTri, other: MeshTri, nodes: Ints, others: Ints, near: float) -> None:
     partner = np.full(other.p.shape[1], -1)
     partner[others] = nodes
-    facets, images, count = boundary_facets(one), partner[boundary_facets(other)], one.p.shape[1]
-    start, end = images[:, (images >= 0).all(axis=0)]
-    if not np.isin(end * count + start, facets[0] * count + facets[1]).any():  # in opposite directions
-        nearest = KDTree(one.p[:, np.unique(facets)].T).query(other.p[:, np.unique(boundary_facets(other))].T)[0].min()
+    (a, b), (start, end), count = boundary_facets(one), partner[boundary_facets(other)], one.p.shape[1]
+    shared = (end * count + start)[np.minimum(start, end) >= 0]
+    if not np.isin(shared, a * count + b).any():  # in opposite directions
+        distance, _ = nearest(one, other.p[:, np.unique(boundary_facets(other))])
         raise ValueError(
             f"the meshes must share an outline, facet by facet; they share none, and the nearest of their nodes are "
-            f"{nearest:.6g} apart, where {near:.6g} is allowed (rtol). Move or scale one, or give another rtol."
+            f"{distance.min():.6g} apart, where {near:.6g} is allowed (rtol). Move or scale one, or give another rtol."
         )
 
 
@@ -202,18 +207,16 @@ def along_boundary(mesh: MeshTri, nodes: Ints, other: MeshTri) -> Mask:
     the facet, which may be the chord of a curve. The boundaries, both counter-clockwise, must run in opposite
     directions there, which excludes nodes at which they only touch.
     """
-    start, end = boundary_facets(mesh)
-    tangent = np.zeros_like(mesh.p)
-    for ends in (start, end):
-        np.add.at(tangent.T, ends, (mesh.p[:, end] - mesh.p[:, start]).T)
-    a, b = (other.p[:, ends] for ends in boundary_facets(other))
+    ends, tangent = boundary_facets(mesh), np.zeros_like(mesh.p)
+    np.add.at(tangent.T, ends, np.diff(mesh.p.T[ends], axis=0))
+    a, b = other.p[:, boundary_facets(other)].swapaxes(0, 1)
     along, middle = b - a, 0.5 * (a + b)
     length = np.hypot(*along)
     found = np.zeros(len(nodes), dtype=bool)
     if not nodes.size:
         return found
     lists = KDTree(mesh.p[:, nodes].T).query_ball_point(middle.T, 0.5 * length)
-    facet, row = np.repeat(np.arange(len(lists)), [len(rows) for rows in lists]), np.concatenate(lists).astype(int)
+    facet, row = np.repeat(np.arange(len(lists)), list(map(len, lists))), np.concatenate(lists).astype(int)
     along, tangent = along[:, facet] / length[facet], tangent[:, nodes[row]]
     relative = mesh.p[:, nodes[row]] - middle[:, facet]
     near = np.abs(along[0] * relative[1] - along[1] * relative[0]) < BESIDE * length[facet]
@@ -226,8 +229,7 @@ def check_apart(one: MeshTri, other: MeshTri) -> None:
         centroids = neighbour.p[:, neighbour.t].mean(axis=1)
         inside = np.flatnonzero(find_elements(mesh, centroids) >= 0)
         if inside.size:
-            x, y = centroids[:, inside[0]]
             raise ValueError(
                 f"the meshes overlap: {inside.size} elements of the {words} have their middle in the other, the first "
-                f"at ({x:.6g}, {y:.6g}). Move one, or cut out what they both have."
+                f"at {point_text(centroids[:, inside[0]])}. Move one, or cut out what they both have."
             )

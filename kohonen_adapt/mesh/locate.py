@@ -1,6 +1,5 @@
 """Search for the elements that contain points, and interpolation at points."""
 
-from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -59,7 +58,7 @@ class Locator:
         inside = np.clip(cell, 0, self.grid.shape - 1).astype(np.int64)
         return np.ravel_multi_index(tuple(inside.T), tuple(self.grid.shape))
 
-    def _search(self, points: Floats) -> NDArray[np.int32]:
+    def _search(self, points: Floats) -> Ints:
         found = np.empty(len(points), dtype=np.int32)
 
         def task(thread: int, first: int, last: int) -> None:
@@ -80,9 +79,7 @@ def barycentric_coordinates(position: Floats, node: Ints, points: Floats, found:
     return out
 
 
-def walk_to_elements(
-    tessellation: Tessellation[Any, Any], points: Floats, start: Ints, across_regions: bool
-) -> NDArray[np.int32]:
+def walk_to_elements(tessellation: Tessellation[Any, Any], points: Floats, start: Ints, across_regions: bool) -> Ints:
     """Return the element that contains each point, by a walk from `start`.
 
     If the walk is blocked or too long, the search continues across interfaces, and then over all elements. For a point
@@ -162,10 +159,9 @@ def find_elements(mesh: Mesh, x: ArrayLike) -> NDArray[np.int32]:
 
 def elements_at(mesh: Mesh, x: Floats) -> Ints:
     # As `find_elements`, for few points on straight elements of a mesh that is known to be valid, without the grid.
-    corners = [np.take(mesh.p, row, axis=1) for row in mesh.t]
-    margin = NEAR * np.ptp(mesh.p, axis=1).max()
-    element, point = BoxTree(reduce(np.minimum, corners) - margin, reduce(np.maximum, corners) + margin).boxes_around(x)
-    around = mesh.p[:, mesh.t[:, element]]
+    corners, margin = mesh.p[:, mesh.t], NEAR * np.ptp(mesh.p, axis=1).max()
+    element, point = BoxTree(corners.min(axis=1) - margin, corners.max(axis=1) + margin).boxes_around(x)
+    around = corners[:, :, element]
     least = np.min(parts_at(around, x[:, point]) / cell_of(mesh).determinant(around), axis=0)
     found, order = np.full(x.shape[1], -1), np.argsort(least, kind="stable")
     order = order[least[order] >= -NEAR]

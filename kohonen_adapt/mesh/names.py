@@ -34,6 +34,8 @@ __all__ = [
 ]
 
 UNORIENTED, LEFT, RIGHT = 1, 2, 3  # orientation of a name on a facet or curve segment: none, or its left or right side
+Manners = NDArray[np.int8]
+
 SAME = 1e-9  # maximum distance of a node from a named point, relative to the size of the mesh
 
 
@@ -100,7 +102,7 @@ def combinations(sets: Sequence[Ints], count: int) -> tuple[Ints, list[Ints]]:
     return np.argsort(order)[combination], [members[number] for number in order]
 
 
-def regions_of(mesh: Mesh, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:
+def regions_of(mesh: Mesh, neighbour: Ints) -> Ints:
     """Return the region index of every element, (m,).
 
     A region is a connected set of elements with the same subdomain names.
@@ -109,8 +111,8 @@ def regions_of(mesh: Mesh, neighbour: NDArray[np.int32]) -> NDArray[np.int32]:
     codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], m)
     e, k = np.nonzero(neighbour > np.arange(m)[:, None])
     other = neighbour[e, k]
-    same_names = codes[e] == codes[other]
-    return connected_components_of(m, np.stack([e[same_names], other[same_names]], axis=1)).astype(np.int32)
+    pairs = np.stack([e, other], axis=1)[codes[e] == codes[other]]
+    return connected_components_of(m, pairs).astype(np.int32)
 
 
 def connected_components_of(count: int, pairs: Ints) -> Ints:
@@ -132,13 +134,11 @@ def subdomains_of(mesh: Mesh, region_of_input: Ints, region: Ints) -> dict[str, 
             if len(region) == len(region_of_input):
                 found[name] = np.array(rows)
             continue
-        named = np.zeros(region_of_input.max() + 1, dtype=bool)
-        named[region_of_input[rows]] = True
-        found[name] = np.flatnonzero(named[region]).astype(np.asarray(rows).dtype)
+        found[name] = np.flatnonzero(np.isin(region, region_of_input[rows])).astype(np.asarray(rows).dtype)
     return found
 
 
-def manners_of(mesh: Mesh, rows: Ints, facet: Ints, element: Ints) -> NDArray[np.int8]:
+def manners_of(mesh: Mesh, rows: Ints, facet: Ints, element: Ints) -> Manners:
     # The result is 0 for facets outside the boundary `rows`, and UNORIENTED for a boundary without orientation. In an
     # oriented boundary the result is LEFT if `element` is on the oriented side, or else RIGHT.
     manner = np.zeros(mesh.facets.shape[1], dtype=np.int8)
@@ -146,11 +146,12 @@ def manners_of(mesh: Mesh, rows: Ints, facet: Ints, element: Ints) -> NDArray[np
     if isinstance(rows, OrientedBoundary):
         side = np.full(len(manner), -1)
         side[np.asarray(rows)] = mesh.f2t[rows.ori, np.asarray(rows)]
-        return np.where(manner[facet] == 0, 0, np.where(side[facet] == element, LEFT, RIGHT)).astype(np.int8)
+        manner[side >= 0] = RIGHT
+        return np.where(side[facet] == element, LEFT, manner[facet]).astype(np.int8)
     return manner[facet]
 
 
-def marked_facets(mesh: Mesh, elements: Any) -> tuple[Ints, Ints, Ints, Ints, dict[str, NDArray[np.int8]]]:
+def marked_facets(mesh: Mesh, elements: Any) -> tuple[Ints, Ints, Ints, Ints, dict[str, Manners]]:
     """Return the facets on the rim, between regions or on a named boundary.
 
     Returns for every facet its element and the local index of the opposite corner, shape (f,), the regions of the
@@ -173,7 +174,7 @@ def marked_facets(mesh: Mesh, elements: Any) -> tuple[Ints, Ints, Ints, Ints, di
 
 
 def boundary_of(
-    mesh: Mesh, facet: Ints, element: Ints, corner: Ints, side: Callable[[Ints, Ints], NDArray[np.int8]] | None
+    mesh: Mesh, facet: Ints, element: Ints, corner: Ints, side: Callable[[Ints, Ints], Manners] | None
 ) -> Ints:
     # `facet`, shape (m, d + 1), holds the facets of `facets_opposite`. `side(element, corner)` returns the side on
     # which the elements lie, LEFT or RIGHT. With None the boundary has no orientation.
@@ -184,11 +185,11 @@ def boundary_of(
     return OrientedBoundary(number, (mesh.f2t[0, number] == element) != (side(element, corner) == LEFT))
 
 
-def turned(side: NDArray[np.int8], same_direction: Mask | bool) -> NDArray[np.int8]:
+def turned(side: Manners, same_direction: Mask | bool) -> Manners:
     return np.where(~np.asarray(same_direction) & (side >= LEFT), LEFT + RIGHT - side, side).astype(np.int8)
 
 
-def labels(left: Ints, right: Ints, sides: list[NDArray[np.int8]]) -> Ints:
+def labels(left: Ints, right: Ints, sides: list[Manners]) -> Ints:
     """Return label indices of facets, equal for equal regions and names, (f, 2).
 
     A label is a combination of the regions to the left and right and of the named boundaries. The columns are for the

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -41,7 +40,7 @@ class Tessellation(Generic[ElementArrays, StarArrays]):
     position: Floats
     elements: ElementArrays
     mesh: Mesh
-    region_of_input: NDArray[np.int32]
+    region_of_input: Ints
     _star: StarArrays | None = None
 
     cell: ClassVar[Cell]
