@@ -77,8 +77,8 @@ def is_in_front(corners: Floats, point: Floats) -> Mask:
 
 
 def directed(mesh: Mesh, facets: Ints, which: Ints) -> Ints:
-    corners = mesh.facets[:, facets]
-    element = np.where(mesh.f2t[which, facets] < 0, mesh.f2t[0, facets], mesh.f2t[which, facets])
+    corners, element = mesh.facets[:, facets], mesh.f2t[which, facets]
+    element = np.where(element < 0, mesh.f2t[0, facets], element)
     right = is_in_front(mesh.p[:, corners], mesh.p[:, mesh.t[:, element]].mean(axis=1))
     return np.where(right, corners, corners[[1, 0, *range(2, len(corners))]]).T
 

@@ -130,11 +130,10 @@ def subdomains_of(mesh: Mesh, region_of_input: Ints, region: Ints) -> dict[str, 
         return None
     found = {}
     for name, rows in mesh.subdomains.items():
-        if not is_own_name(name):
-            if len(region) == len(region_of_input):
-                found[name] = np.array(rows)
-            continue
-        found[name] = np.flatnonzero(np.isin(region, region_of_input[rows])).astype(np.asarray(rows).dtype)
+        if is_own_name(name):
+            found[name] = np.flatnonzero(np.isin(region, region_of_input[rows])).astype(np.asarray(rows).dtype)
+        elif len(region) == len(region_of_input):
+            found[name] = np.array(rows)
     return found
 
 
@@ -170,7 +169,7 @@ def marked_facets(mesh: Mesh, elements: Any) -> tuple[Ints, Ints, Ints, Ints, di
     e, k = np.nonzero(marked & ((across < 0) | (across > np.arange(len(own))[:, None])))
     sides = {} if facet is None else {n: manners_of(mesh, rows, facet[e, k], e) for n, rows in boundaries.items()}
     regions = np.stack([elements.region[e], other[e, k]], axis=1)
-    return e, k, regions, labels(regions[:, 0], regions[:, 1], list(sides.values())), sides
+    return e, k, regions, labels(regions, list(sides.values())), sides
 
 
 def boundary_of(
@@ -189,16 +188,16 @@ def turned(side: Manners, same_direction: Mask | bool) -> Manners:
     return np.where(~np.asarray(same_direction) & (side >= LEFT), LEFT + RIGHT - side, side).astype(np.int8)
 
 
-def labels(left: Ints, right: Ints, sides: list[Manners]) -> Ints:
+def labels(regions: Ints, sides: list[Manners]) -> Ints:
     """Return label indices of facets, equal for equal regions and names, (f, 2).
 
-    A label is a combination of the regions to the left and right and of the named boundaries. The columns are for the
-    direction of the facet and for the opposite direction.
+    A label is a combination of the `regions` to the left and right, (f, 2), and of the named boundaries. The columns
+    are for the direction of the facet and for the opposite direction.
     """
     rows = []
-    for pair, along in (((left, right), True), ((right, left), False)):
+    for pair, along in ((regions, True), (regions[:, ::-1], False)):
         seen = [turned(side, along) for side in sides]
-        code = codes_of_names([(np.flatnonzero(side), side[side > 0]) for side in seen], len(left)).view(np.int64)
-        rows.append(np.column_stack([*pair, code]))
+        code = codes_of_names([(np.flatnonzero(side), side[side > 0]) for side in seen], len(pair)).view(np.int64)
+        rows.append(np.column_stack([pair, code]))
     number = np.unique(np.concatenate(rows), axis=0, return_inverse=True)[1].ravel()
     return number.reshape(2, -1).T

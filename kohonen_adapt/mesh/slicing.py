@@ -96,7 +96,7 @@ def flat(mesh: Mesh, plane: CutBy | None, axisymmetric: bool = False) -> Flat:
     low, high = height[ends]
     share = np.divide(low, low - high, out=np.zeros(len(low)), where=low != high)
     axes, names = _frame(normal)
-    one, other = mesh.p[:, ends[0]], mesh.p[:, ends[1]]
+    one, other = mesh.p[:, ends].swapaxes(0, 1)
     p = np.ascontiguousarray(axes @ (one + share * (other - one)))
     element = element[whole]
     pieces = {name: np.flatnonzero(np.isin(element, rows)) for name, rows in named_sets(mesh.subdomains).items()}

@@ -8,6 +8,7 @@ from scipy.spatial import KDTree
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.checks import point_text
 from kohonen_adapt.mesh.curved import corners_of, midside_offsets
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.joining import sides_of, with_images
@@ -107,19 +108,17 @@ def on_circle(x: Floats, radius: float) -> Mask:
 
 def circles_between(mesh: MeshTri, part: Mask, shared: Ints, origin: Floats) -> list[float]:
     number_facets(mesh)
-    inside = mesh.f2t[1] >= 0
-    between = np.flatnonzero(inside)[part[mesh.f2t[0, inside]] != part[mesh.f2t[1, inside]]]
+    one, other = mesh.f2t
+    between = np.flatnonzero((other >= 0) & (part[one] != part[other]))
     radius = np.sort(np.hypot(*(mesh.p[:, shared] - origin)))
-    first = np.flatnonzero(np.diff(radius, prepend=-np.inf) > ROUND * radius)
-    radii = radius[first].tolist()
+    radii = radius[np.diff(radius, prepend=-np.inf) > ROUND * radius].tolist()
     ends = mesh.p[:, mesh.facets[:, between]] - origin[:, :, None]
-    distance = np.ptp(np.hypot(*ends), axis=0) > 2.0 * ROUND * radius.max(initial=0.0)
-    if not between.size or distance.any():
-        x, y = (ends[:, :, np.argmax(distance)].mean(axis=1) + origin[:, 0]).tolist() if distance.any() else (0.0, 0.0)
-        where = f"; they meet elsewhere, too, as at ({x:.6g}, {y:.6g})" if distance.any() else "; they do not meet"
+    astray = ends[:, :, np.ptp(np.hypot(*ends), axis=0) > 2.0 * ROUND * radius.max(initial=0.0)].mean(axis=1) + origin
+    if not between.size or astray.size:
+        where = f"they meet elsewhere, too, as at {point_text(astray[:, 0])}" if astray.size else "they do not meet"
         raise ValueError(
-            f"what turns and the rest must meet on circles about {tuple(origin[:, 0].tolist())}{where}. Name all that "
-            "turns, up to a ring of nodes in the air gap (a surface of its own in the mesh)."
+            f"what turns and the rest must meet on circles about {tuple(origin[:, 0].tolist())}; {where}. Name all "
+            "that turns, up to a ring of nodes in the air gap (a surface of its own in the mesh)."
         )
     return radii
 
