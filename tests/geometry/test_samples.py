@@ -37,7 +37,7 @@ def near_rim(count, reach, seed=0):
 def test_the_nearest_sample_is_found():
     samples, search = from_mesh(4).surfaces.samples, interpreted(nearest_sample)
     points = np.vstack([near_rim(200, 0.3), near_rim(20, 0.9), samples.point[::50]])
-    rows = [search(samples, 0, *x) for x in points]
+    rows = [search(samples, 0, tuple(x)) for x in points]
     found = np.linalg.norm(points - samples.point[rows], axis=1)
     assert np.array_equal(
         found, np.linalg.norm(points - samples.point[cKDTree(samples.point).query(points)[1]], axis=1)
@@ -48,7 +48,8 @@ def test_distances_are_of_third_order_and_their_gradients_of_second():
     lengths, gradients = [], []
     for cells in (3, 6, 12):
         solid, x = from_mesh(cells), near_rim(100, 0.1 / cells)
-        found = np.array([interpreted(signed_distance)(solid.surfaces, 0, *row) for row in x])
+        distance = interpreted(signed_distance)
+        found = np.array([np.hstack(distance(solid.surfaces, 0, tuple(row))) for row in x])
         radius = np.linalg.norm(x, axis=1)
         lengths.append(np.abs(found[:, 0] - (radius - 1.0)).max())
         gradients.append(np.abs(found[:, 1:] - x / radius[:, None]).max())  # outward all of them

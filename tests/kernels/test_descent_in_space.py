@@ -183,10 +183,10 @@ def test_a_star_is_told_for_every_place_and_value(surface):
     at = Setting(1, laws=(Brauer(), None), surface=surface)
     v, d = inside(at)[1], np.array([0.01, -0.02, 0.015, 0.3])
     moved, still = star_value(at, v, d), star_value(at, v, np.zeros(4))
-    own = [parabola(at.neurons, at.trial, v, *(at.mesh.position[v] + f * d[:3]), f * d[3], 0.0) for f in (1.0, 0.0)]
+    own = [parabola(at.neurons, at.trial, v, tuple(at.mesh.position[v] + f * d[:3]), f * d[3], 0.0) for f in (1.0, 0.0)]
     assert own[0][0] - own[1][0] == pytest.approx(moved - still, rel=1e-8)
     h = 1e-5
-    ahead, behind = (parabola(at.neurons, at.trial, v, *at.mesh.position[v], s * h, 0.0)[0] for s in (1, -1))
+    ahead, behind = (parabola(at.neurons, at.trial, v, tuple(at.mesh.position[v]), s * h, 0.0)[0] for s in (1, -1))
     assert (ahead - behind) / (2 * h) == pytest.approx(own[1][1], rel=1e-6)
     assert own[1][3] == derivatives(at.neurons, at.trial, v)[0][2]
 

@@ -190,7 +190,7 @@ def test_the_derivatives_of_the_sum_that_is_smoothed_are_those_of_differences(ra
         return np.concatenate(interpreted(smooth.derivatives)(moved, star, metric, weight, v))
 
     def energy(way):
-        return interpreted(smooth.star_energy)(position, star, metric, weight, v, *(position[v] + way))[0]
+        return interpreted(smooth.star_energy)(position, star, metric, weight, v, position[v] + way)[0]
 
     found, units = derivatives(np.zeros(3)), step * np.eye(3)
     slopes = np.array([energy(way) - energy(-way) for way in units]) / (2 * step)

@@ -77,9 +77,9 @@ def test_stars_know_what_a_move_does_to_the_whole(name, laws):
     rng, checked = np.random.default_rng(1), 0
     for v in np.flatnonzero(on_curves(functional, movable))[::17]:
         start, own, before = opened.position[v].copy(), trial.value[v], descent.value()
-        end, w = np.array(go(opened.position, constraints, v, *(0.03 * rng.normal(size=3)))), 0.1 * rng.normal()
-        stars = [told(neurons, trial, v, *x, change, True)[0] for x, change in ((start, 0.0), (end, w))]
-        slopes = [told(neurons, trial, v, *start, change, True)[:3] for change in (-1e-4, 0.0, 1e-4)]
+        end, w = np.array(go(opened.position, constraints, v, tuple(0.03 * rng.normal(size=3)))), 0.1 * rng.normal()
+        stars = [told(neurons, trial, v, tuple(x), change, True)[0] for x, change in ((start, 0.0), (end, w))]
+        slopes = [told(neurons, trial, v, tuple(start), change, True)[:3] for change in (-1e-4, 0.0, 1e-4)]
         opened.position[v], trial.value[v] = end, own + w
         if not trial.fixed[v]:  # what goes on beyond faces is given
             assert stars[1] - stars[0] == pytest.approx(descent.value() - before, rel=1e-6, abs=1e-9 * abs(before))

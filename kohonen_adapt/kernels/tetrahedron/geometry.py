@@ -3,6 +3,7 @@
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.vectors import between, cross, dot, from_to, plus, point, put, times
 
 # Row k holds the corners opposite to k, with (k, *row) in positive order.
 OPPOSITE = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
@@ -13,6 +14,17 @@ EDGES = np.array([[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3,
 FLAT = 1e-18  # largest cubed quality of a flat element
 
 ACROSS, UNUSED = -1, -2  # parts of elements with mixed nodes, and of unused rows
+
+
+@inner_kernel
+def others(star, row):
+    """Return the remaining nodes of an element around a node."""
+    return star.link[row, 0], star.link[row, 1], star.link[row, 2]
+
+
+@inner_kernel
+def corners_around(star, row, v):
+    return v, np.int64(star.link[row, 0]), np.int64(star.link[row, 1]), np.int64(star.link[row, 2])
 
 
 @inner_kernel
@@ -123,31 +135,25 @@ def fill_star(node, star):
 
 @inner_kernel
 def six_volumes(position, a, b, c, d):
-    ax, ay, az = position[a, 0], position[a, 1], position[a, 2]
-    ux, uy, uz = position[b, 0] - ax, position[b, 1] - ay, position[b, 2] - az
-    vx, vy, vz = position[c, 0] - ax, position[c, 1] - ay, position[c, 2] - az
-    wx, wy, wz = position[d, 0] - ax, position[d, 1] - ay, position[d, 2] - az
-    return ux * (vy * wz - vz * wy) + uy * (vz * wx - vx * wz) + uz * (vx * wy - vy * wx)
+    return dot(between(position, a, b), cross(between(position, a, c), between(position, a, d)))
 
 
 @inner_kernel
 def cubed_quality(position, a, b, c, d):
-    ax, ay, az = position[a, 0], position[a, 1], position[a, 2]
-    return cubed_quality_at(position, ax, ay, az, b, c, d)
+    return cubed_quality_at(position, point(position, a), b, c, d)
 
 
 @inner_kernel
-def cubed_quality_at(position, x, y, z, b, c, d):
-    ux, uy, uz = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
-    vx, vy, vz = position[c, 0] - x, position[c, 1] - y, position[c, 2] - z
-    wx, wy, wz = position[d, 0] - x, position[d, 1] - y, position[d, 2] - z
-    volume = ux * (vy * wz - vz * wy) + uy * (vz * wx - vx * wz) + uz * (vx * wy - vy * wx)
-    squares = 3.0 * (
-        (ux * ux + uy * uy + uz * uz) + (vx * vx + vy * vy + vz * vz) + (wx * wx + wy * wy + wz * wz)
-    ) - 2.0 * (
-        (ux * vx + uy * vy + uz * vz) + (ux * wx + uy * wy + uz * wz) + (vx * wx + vy * wy + vz * wz)
-    )  # six edges
-    return 432.0 * volume * abs(volume) / (squares * squares * squares)
+def cubed_quality_at(position, x, b, c, d):
+    u, v, w = from_to(x, position, b), from_to(x, position, c), from_to(x, position, d)
+    squares = 3.0 * (dot(u, u) + dot(v, v) + dot(w, w)) - 2.0 * (dot(u, v) + dot(u, w) + dot(v, w))  # six edges
+    return cubed_of(dot(u, cross(v, w)), squares)
+
+
+@inner_kernel
+def cubed_of(six_volumes, squares):
+    """Return the cubed quality by six times the volume and the squared edges."""
+    return 432.0 * six_volumes * abs(six_volumes) / (squares * squares * squares)
 
 
 @inner_kernel
@@ -156,35 +162,29 @@ def triangle_vectors(position, p, q, r):
 
     The vectors u and v lead from p to q and r. All tetrahedra on the triangle share these terms.
     """
-    px, py, pz = position[p, 0], position[p, 1], position[p, 2]
-    ux, uy, uz = position[q, 0] - px, position[q, 1] - py, position[q, 2] - pz
-    vx, vy, vz = position[r, 0] - px, position[r, 1] - py, position[r, 2] - pz
-    across = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    squares = 3.0 * ((ux * ux + uy * uy + uz * uz) + (vx * vx + vy * vy + vz * vz))
-    return (ux, uy, uz), (vx, vy, vz), across, squares - 2.0 * (ux * vx + uy * vy + uz * vz)
+    u, v = between(position, p, q), between(position, p, r)
+    return u, v, cross(u, v), 3.0 * (dot(u, u) + dot(v, v)) - 2.0 * dot(u, v)
 
 
 @inner_kernel
-def cubed_quality_on(vectors, to_node, side):
+def cubed_quality_on(vectors, w, side):
     """Return the cubed quality of the tetrahedron of a triangle and a node.
 
-    `vectors` is the result of `triangle_vectors`, and `to_node` the vector from the first node of the triangle to
-    the node. `side` is 1 if u x v points to the node, otherwise -1. Returned is 0 for flat and inverted elements.
+    `vectors` is the result of `triangle_vectors`, and w the vector from the first node of the triangle to the node.
+    `side` is 1 if u x v points to the node, otherwise -1. Returned is 0 for flat and inverted elements.
     """
-    (ux, uy, uz), (vx, vy, vz), (nx, ny, nz), squares = vectors
-    wx, wy, wz = to_node
-    volume = side * (wx * nx + wy * ny + wz * nz)
+    u, v, across, squares = vectors
+    volume = side * dot(w, across)
     if not volume > 0.0:
         return 0.0
-    squares += 3.0 * (wx * wx + wy * wy + wz * wz) - 2.0 * (wx * (ux + vx) + wy * (uy + vy) + wz * (uz + vz))
+    squares += 3.0 * dot(w, w) - 2.0 * dot(w, plus(u, v))
     return 432.0 * volume * volume / (squares * squares * squares)
 
 
 @inner_kernel
-def sum_of_squares(ux, uy, uz, vx, vy, vz, wx, wy, wz):
-    x, y, z = ux + vx + wx, uy + vy + wy, uz + vz + wz
-    own = (ux * ux + uy * uy + uz * uz) + (vx * vx + vy * vy + vz * vz) + (wx * wx + wy * wy + wz * wz)
-    return 4.0 * own - (x * x + y * y + z * z)
+def sum_of_squares(u, v, w):
+    total = plus(plus(u, v), w)
+    return 4.0 * (dot(u, u) + dot(v, v) + dot(w, w)) - dot(total, total)
 
 
 @inner_kernel
@@ -203,14 +203,14 @@ def allowed(after, before, floor):
 
 
 @inner_kernel
-def star_quality(position, star, v, x, y, z, least):
-    """Return the worst cubed quality around v at (x, y, z).
+def star_quality(position, star, v, x, least):
+    """Return the worst cubed quality around v at x.
 
     The search ends at the first quality below `least`.
     """
     worst = 2.0
     for j in range(star.start[v], star.start[v + 1]):
-        quality = cubed_quality_at(position, x, y, z, star.link[j, 0], star.link[j, 1], star.link[j, 2])
+        quality = cubed_quality_at(position, x, *others(star, j))
         if not quality >= worst:
             worst = quality
             if not worst >= least:
@@ -220,8 +220,8 @@ def star_quality(position, star, v, x, y, z, least):
 
 @inner_kernel
 def squared_distance(position, a, b):
-    dx, dy, dz = position[a, 0] - position[b, 0], position[a, 1] - position[b, 1], position[a, 2] - position[b, 2]
-    return dx * dx + dy * dy + dz * dz
+    edge = between(position, a, b)
+    return dot(edge, edge)
 
 
 @inner_kernel
@@ -236,20 +236,13 @@ def rounded(length):
 
 @inner_kernel
 def set_slopes(position, slope, a, b, c, d):
-    x, y, z = position[a, 0], position[a, 1], position[a, 2]
-    ux, uy, uz = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
-    vx, vy, vz = position[c, 0] - x, position[c, 1] - y, position[c, 2] - z
-    wx, wy, wz = position[d, 0] - x, position[d, 1] - y, position[d, 2] - z
-    px, py, pz = vy * wz - vz * wy, vz * wx - vx * wz, vx * wy - vy * wx
-    six = ux * px + uy * py + uz * pz
+    u, v, w = between(position, a, b), between(position, a, c), between(position, a, d)
+    across = cross(v, w)
+    six = dot(u, across)
     inverse = 1.0 / six
-    slope[1, 0], slope[1, 1], slope[1, 2] = inverse * px, inverse * py, inverse * pz
-    slope[2, 0] = inverse * (wy * uz - wz * uy)
-    slope[2, 1] = inverse * (wz * ux - wx * uz)
-    slope[2, 2] = inverse * (wx * uy - wy * ux)
-    slope[3, 0] = inverse * (uy * vz - uz * vy)
-    slope[3, 1] = inverse * (uz * vx - ux * vz)
-    slope[3, 2] = inverse * (ux * vy - uy * vx)
+    put(slope, 1, times(inverse, across))
+    put(slope, 2, times(inverse, cross(w, u)))
+    put(slope, 3, times(inverse, cross(u, v)))
     for k in range(3):
         slope[0, k] = -(slope[1, k] + slope[2, k] + slope[3, k])
     return six

@@ -12,6 +12,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_RIDGE, RIDGE_PATCH
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, OPPOSITE
 from kohonen_adapt.kernels.tetrahedron.guard import effective_around, star_tolerable
 from kohonen_adapt.kernels.tetrahedron.surfaces import onto_ridge, within_reach
+from kohonen_adapt.kernels.vectors import between, cross, dot, midpoint, minus, plus_times, point, put
 
 CORNER_RIDGES = 3  # maximum number of ridges at a corner that nodes may leave
 
@@ -32,13 +33,9 @@ def jump(mesh, v, x, step, floor, scratch):
     if nearest < 0:
         return
     onto = np.int64(ends[nearest, 1])
-    new_x, new_y, new_z = onto_ridge(
-        constraints.surfaces, onto,
-        position[v, 0] + step * (x[0] - position[v, 0]),
-        position[v, 1] + step * (x[1] - position[v, 1]),
-        position[v, 2] + step * (x[2] - position[v, 2]),
-    )  # fmt: skip
-    if not np.isfinite(new_x + new_y + new_z):
+    corner = point(position, v)
+    y = onto_ridge(constraints.surfaces, onto, plus_times(corner, step, minus(x, corner)))
+    if not np.isfinite(y[0] + y[1] + y[2]):
         return
     for i in range(count):
         f, away = np.int64(ends[i, 0]), np.int64(ends[i, 1])
@@ -48,7 +45,7 @@ def jump(mesh, v, x, step, floor, scratch):
         patch = patch_to_take(mesh, v, f, third, np.int64(ends[nearest, 0]), onto)
         if patch == -2:
             continue
-        if exchange_positions(mesh, v, f, new_x, new_y, new_z, floor):
+        if exchange_positions(mesh, v, f, y, floor):
             if third >= 0:
                 relabel_face(mesh, v, f, third, patch)
             constraints.freedom.number[f], constraints.freedom.place[f] = HELD, -1
@@ -117,14 +114,12 @@ def ridge_of_edge(mesh, v, w):
 
 @inner_kernel
 def ridge_between(mesh, v, w):
-    position, surfaces, found, least = mesh.position, mesh.constraints.surfaces, np.int64(-2), np.inf
-    x = 0.5 * (position[v, 0] + position[w, 0])
-    y = 0.5 * (position[v, 1] + position[w, 1])
-    z = 0.5 * (position[v, 2] + position[w, 2])
+    surfaces, x = mesh.constraints.surfaces, midpoint(mesh.position, v, w)
+    found, least = np.int64(-2), np.inf
     for r in range(surfaces.meets.shape[0]):
         if fits_edge(mesh, r, v, w):
-            rx, ry, rz = onto_ridge(surfaces, np.int64(r), x, y, z)
-            distance = (rx - x) * (rx - x) + (ry - y) * (ry - y) + (rz - z) * (rz - z)
+            offset = minus(onto_ridge(surfaces, np.int64(r), x), x)
+            distance = dot(offset, offset)
             if distance < least:
                 found, least = np.int64(r), distance
     return found
@@ -170,18 +165,15 @@ def has_face(elements, star, v, w, p):
 @inner_kernel
 def nearest_ridge(position, surfaces, ends, count, v, x):
     nearest = np.int64(-1)
-    dx, dy, dz = x[0] - position[v, 0], x[1] - position[v, 1], x[2] - position[v, 2]
-    best = dx * dx + dy * dy + dz * dz
+    corner = point(position, v)
+    offset = minus(x, corner)
+    best = dot(offset, offset)
     for i in range(count):
         w, r = ends[i, 0], np.int64(ends[i, 1])
-        rx, ry, rz = onto_ridge(surfaces, r, x[0], x[1], x[2])
-        ahead = (
-            (rx - position[v, 0]) * (position[w, 0] - position[v, 0])
-            + (ry - position[v, 1]) * (position[w, 1] - position[v, 1])
-            + (rz - position[v, 2]) * (position[w, 2] - position[v, 2])
-        )
-        distance = (x[0] - rx) * (x[0] - rx) + (x[1] - ry) * (x[1] - ry) + (x[2] - rz) * (x[2] - rz)
-        if ahead > 0.0 and distance < best:
+        foot = onto_ridge(surfaces, r, x)
+        offset = minus(x, foot)
+        distance = dot(offset, offset)
+        if dot(minus(foot, corner), between(position, v, w)) > 0.0 and distance < best:
             nearest, best = np.int64(i), distance
     return nearest
 
@@ -248,9 +240,9 @@ def patch_beside(mesh, e, j, v, f, third, ahead, onto):
 def same_orientation(position, node, e, j, g, i, v, f, ahead):
     a, b, c = np.int64(node[e, OPPOSITE[j, 0]]), np.int64(node[e, OPPOSITE[j, 1]]), np.int64(node[e, OPPOSITE[j, 2]])
     a, b, c = successor(a, v, f, ahead), successor(b, v, f, ahead), successor(c, v, f, ahead)
-    nx, ny, nz = face_normal(position, a, b, c)
-    mx, my, mz = face_normal(position, node[g, OPPOSITE[i, 0]], node[g, OPPOSITE[i, 1]], node[g, OPPOSITE[i, 2]])
-    return nx * mx + ny * my + nz * mz > 0.0
+    normal = face_normal(position, a, b, c)
+    other = face_normal(position, node[g, OPPOSITE[i, 0]], node[g, OPPOSITE[i, 1]], node[g, OPPOSITE[i, 2]])
+    return dot(normal, other) > 0.0
 
 
 @inner_kernel
@@ -260,9 +252,7 @@ def successor(node, v, f, ahead):
 
 @inner_kernel
 def face_normal(position, a, b, c):
-    ux, uy, uz = position[b, 0] - position[a, 0], position[b, 1] - position[a, 1], position[b, 2] - position[a, 2]
-    vx, vy, vz = position[c, 0] - position[a, 0], position[c, 1] - position[a, 1], position[c, 2] - position[a, 2]
-    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return cross(between(position, a, b), between(position, a, c))
 
 
 @inner_kernel
@@ -282,30 +272,29 @@ def relabel_face(mesh, v, f, third, patch):
 
 
 @inner_kernel
-def exchange_positions(mesh, v, f, x, y, z, floor):
+def exchange_positions(mesh, v, f, x, floor):
     position, elements, star = mesh.position, mesh.elements, mesh.star
     surfaces, metric = mesh.constraints.surfaces, mesh.constraints.metric
-    corner_x, corner_y, corner_z = position[v, 0], position[v, 1], position[v, 2]
-    old_x, old_y, old_z = position[f, 0], position[f, 1], position[f, 2]
-    if not within_reach(position, elements, star, surfaces, f, corner_x, corner_y, corner_z):
+    corner, old = point(position, v), point(position, f)
+    if not within_reach(position, elements, star, surfaces, f, corner):
         return False
     before = worst_of_two(position, star, metric, v, f)
-    position[v, 0], position[v, 1], position[v, 2] = x, y, z
-    position[f, 0], position[f, 1], position[f, 2] = corner_x, corner_y, corner_z
-    both = star_tolerable(position, star, metric, v, x, y, z, floor)
-    both = both and star_tolerable(position, star, metric, f, corner_x, corner_y, corner_z, floor)
+    put(position, v, x)
+    put(position, f, corner)
+    both = star_tolerable(position, star, metric, v, x, floor)
+    both = both and star_tolerable(position, star, metric, f, corner, floor)
     if not both:
         after = worst_of_two(position, star, metric, v, f)
         both = after > FLAT and after >= before
     if not both:
-        position[v, 0], position[v, 1], position[v, 2] = corner_x, corner_y, corner_z
-        position[f, 0], position[f, 1], position[f, 2] = old_x, old_y, old_z
+        put(position, v, corner)
+        put(position, f, old)
     return both
 
 
 @inner_kernel
 def worst_of_two(position, star, metric, v, w):
     return min(
-        effective_around(position, star, metric, v, position[v, 0], position[v, 1], position[v, 2], -2.0),
-        effective_around(position, star, metric, w, position[w, 0], position[w, 1], position[w, 2], -2.0),
+        effective_around(position, star, metric, v, point(position, v), -2.0),
+        effective_around(position, star, metric, w, point(position, w), -2.0),
     )

@@ -11,7 +11,19 @@ from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import PLANE
 from kohonen_adapt.kernels.tetrahedron.metric import cholesky, mapped
 from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance
-from kohonen_adapt.kernels.tetrahedron.vectors import cross, dot, from_to, minus
+from kohonen_adapt.kernels.vectors import (
+    ZERO,
+    between,
+    cross,
+    divided,
+    dot,
+    from_to,
+    matrix,
+    minus,
+    plus,
+    plus_times,
+    point,
+)
 
 TOLERANCE = 1e-10  # relative to the element size, so that points on faces are inside
 WALK = 128  # maximum number of steps; walks from grid cells in uniform meshes take three or four
@@ -20,33 +32,30 @@ STRETCH = 64  # consecutive points that may start at the previous winner
 
 
 @inner_kernel
-def side_of_face(position, node, e, k, x, y, z):
-    """Return six times the volume of (x, y, z) and face k of e, negative outside."""
+def side_of_face(position, node, e, k, x):
+    """Return six times the volume of x and face k of e, negative outside."""
     a, b, c = node[e, (k + 1) & 3], node[e, (k + 2) & 3], node[e, (k + 3) & 3]
-    ux, uy, uz = position[b, 0] - position[a, 0], position[b, 1] - position[a, 1], position[b, 2] - position[a, 2]
-    vx, vy, vz = position[c, 0] - position[a, 0], position[c, 1] - position[a, 1], position[c, 2] - position[a, 2]
-    x, y, z = x - position[a, 0], y - position[a, 1], z - position[a, 2]
-    side = x * (uy * vz - uz * vy) + y * (uz * vx - ux * vz) + z * (ux * vy - uy * vx)
+    side = dot(minus(x, point(position, a)), cross(between(position, a, b), between(position, a, c)))
     return side if k & 1 else -side  # the orientation of the next three corners alternates
 
 
 @inner_kernel
-def depth_in_element(position, node, e, x, y, z):
+def depth_in_element(position, node, e, x):
     least, total = np.inf, 0.0
     for k in range(4):
-        side = side_of_face(position, node, e, k, x, y, z)
+        side = side_of_face(position, node, e, k, x)
         least = min(least, side)
         total += side
     return least / total
 
 
 @inner_kernel
-def walk(position, elements, e, x, y, z):
+def walk(position, elements, e, x):
     node, region, e = elements.node, elements.region[e], np.int64(e)
     for _ in range(WALK):
         onward, most, least, total = np.int64(-1), 0.0, np.inf, 0.0
         for k in range(4):
-            side = side_of_face(position, node, e, k, x, y, z)
+            side = side_of_face(position, node, e, k, x)
             least = min(least, side)
             total += side
             across = np.int64(elements.neighbour[e, k])
@@ -63,7 +72,7 @@ def walk(position, elements, e, x, y, z):
 @kernel
 def walk_each(position, elements, points, found, inside):
     for t in range(points.shape[0]):
-        found[t], inside[t] = walk(position, elements, found[t], points[t, 0], points[t, 1], points[t, 2])
+        found[t], inside[t] = walk(position, elements, found[t], point(points, t))
 
 
 @kernel
@@ -113,10 +122,10 @@ def cells_of_element(position, node, e, grid):
 
 
 @inner_kernel
-def best_in_cell(position, node, content, first, last, x, y, z):
+def best_in_cell(position, node, content, first, last, x):
     best, deepest = -1, -TOLERANCE
     for k in range(first, last):
-        depth = depth_in_element(position, node, np.int64(content[k]), x, y, z)
+        depth = depth_in_element(position, node, np.int64(content[k]), x)
         if depth >= deepest:
             best, deepest = content[k], depth
     return best
@@ -130,16 +139,16 @@ def find(position, elements, points, grid, found):
     """
     node, start, content = elements.node, grid.start, grid.content
     for t in range(points.shape[0]):
-        x, y, z = points[t, 0], points[t, 1], points[t, 2]
+        x = point(points, t)
         found[t] = -1
-        if not (np.isfinite(x) and np.isfinite(y) and np.isfinite(z)):
+        if not (np.isfinite(x[0]) and np.isfinite(x[1]) and np.isfinite(x[2])):
             continue
-        i, j, k = cell_index(grid, x, 0), cell_index(grid, y, 1), cell_index(grid, z, 2)
+        i, j, k = cell_index(grid, x[0], 0), cell_index(grid, x[1], 1), cell_index(grid, x[2], 2)
         c = (i * grid.shape[1] + j) * grid.shape[2] + k
         if start[c] == start[c + 1]:
             continue
-        e, inside = walk(position, elements, content[start[c]], x, y, z)
-        found[t] = e if inside else best_in_cell(position, node, content, start[c], start[c + 1], x, y, z)
+        e, inside = walk(position, elements, content[start[c]], x)
+        found[t] = e if inside else best_in_cell(position, node, content, start[c], start[c + 1], x)
 
 
 @kernel
@@ -148,8 +157,7 @@ def barycentric(position, node, points, found, out):
         e = np.int64(found[t])
         total = 0.0
         for k in range(4):
-            x, y, z = points[t, 0], points[t, 1], points[t, 2]
-            out[t, k] = np.nan if e < 0 else side_of_face(position, node, e, k, x, y, z)
+            out[t, k] = np.nan if e < 0 else side_of_face(position, node, e, k, point(points, t))
             total += out[t, k]
         for k in range(4):
             out[t, k] /= total
@@ -163,8 +171,8 @@ def next_stamp(scratch):
 
 @inner_kernel
 def squared_distance(position, v, x):
-    dx, dy, dz = x[0] - position[v, 0], x[1] - position[v, 1], x[2] - position[v, 2]
-    return dx * dx + dy * dy + dz * dz
+    offset = from_to(x, position, v)
+    return dot(offset, offset)
 
 
 @inner_kernel
@@ -203,18 +211,13 @@ def behind_surface(position, elements, surfaces, e, x):
         p = np.int64(elements.patch[e, k])
         if p < 0 or surfaces.shape[p] == PLANE:
             continue
-        if side_of_face(position, elements.node, e, k, x[0], x[1], x[2]) >= 0.0:
+        if side_of_face(position, elements.node, e, k, x) >= 0.0:
             continue
-        mean_x, mean_y, mean_z = 0.0, 0.0, 0.0
+        centroid = ZERO
         for i in range(4):
             if i != k:
-                v = elements.node[e, i]
-                mean_x += position[v, 0] / 3.0
-                mean_y += position[v, 1] / 3.0
-                mean_z += position[v, 2] / 3.0
-        if abs(signed_distance(surfaces, p, x[0], x[1], x[2])[0]) <= abs(
-            signed_distance(surfaces, p, mean_x, mean_y, mean_z)[0]
-        ):
+                centroid = plus(centroid, divided(point(position, elements.node[e, i]), 3.0))
+        if abs(signed_distance(surfaces, p, x)[0]) <= abs(signed_distance(surfaces, p, centroid)[0]):
             return True
     return False
 
@@ -227,11 +230,11 @@ def find_element(mesh, v, x, region, scratch):
     point between a face and its curved surface belongs to the element of the face.
     """
     position, elements, star = mesh.position, mesh.elements, mesh.star
-    e, inside = walk(position, elements, element_in_region(elements, star, v, region), x[0], x[1], x[2])
+    e, inside = walk(position, elements, element_in_region(elements, star, v, region), x)
     if inside:
         return e
     nearer_node = descend_to(position, elements, star, v, x, region)
-    e, inside = walk(position, elements, element_in_region(elements, star, nearer_node, region), x[0], x[1], x[2])
+    e, inside = walk(position, elements, element_in_region(elements, star, nearer_node, region), x)
     if inside or behind_surface(position, elements, mesh.constraints.surfaces, e, x):
         return e
     stamp, queue = next_stamp(scratch), scratch.queue
@@ -241,7 +244,7 @@ def find_element(mesh, v, x, region, scratch):
     while first < last and deepest < -TOLERANCE:
         e = np.int64(queue[first])
         first += 1
-        depth = depth_in_element(position, elements.node, e, x[0], x[1], x[2])
+        depth = depth_in_element(position, elements.node, e, x)
         if depth > deepest:
             best, deepest = e, depth
         for k in range(4):
@@ -324,7 +327,7 @@ def squared_distance_to_edge(a, b):
     along = minus(b, a)
     ahead, length = -dot(a, along), dot(along, along)
     fraction = min(1.0, max(0.0, ahead / length)) if length > 0.0 else 0.0
-    foot = a[0] + fraction * along[0], a[1] + fraction * along[1], a[2] + fraction * along[2]
+    foot = plus_times(a, fraction, along)
     return dot(foot, foot)
 
 
@@ -345,12 +348,11 @@ def find_winners(mesh, points, shape, region, start_nodes, winners, distances, s
     same result.
     """
     for t in range(points.shape[0]):
-        x, v = points[t], np.int64(start_nodes[t])
+        x, v = point(points, t), np.int64(start_nodes[t])
         if t % STRETCH > 0 and region[t - 1] == region[t]:
             other = np.int64(winners[t - 1])
             if squared_distance(mesh.position, other, x) < squared_distance(mesh.position, v, x):
                 v = other
-        s = shape[t]
-        factor = cholesky((s[0], s[1], s[2], s[3], s[4], s[5]))
+        factor = cholesky(matrix(shape, t))
         winner, distance = find_winner(mesh, v, x, factor, region[t], scratch)
         winners[t], distances[t] = winner, distance

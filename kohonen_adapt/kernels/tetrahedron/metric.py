@@ -7,8 +7,8 @@ sqrt(det M), and the squared length of an edge e after the map is e'Me.
 import math
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.tetrahedron.geometry import cubed_quality, squared_distance
-from kohonen_adapt.kernels.tetrahedron.vectors import between, cross, determinant, dot, from_to, plus, product
+from kohonen_adapt.kernels.tetrahedron.geometry import cubed_quality, squared_distance, sum_of_squares
+from kohonen_adapt.kernels.vectors import between, cross, determinant, dot, from_to, matrix, plus, point, product, times
 
 ROUND = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 UNBOUNDED = -math.inf  # floor of Euclidean quality
@@ -21,22 +21,12 @@ def is_round(metric):
 
 @inner_kernel
 def mean_of_two(shape, a, b):
-    return (
-        0.5 * (shape[a, 0] + shape[b, 0]), 0.5 * (shape[a, 1] + shape[b, 1]), 0.5 * (shape[a, 2] + shape[b, 2]),
-        0.5 * (shape[a, 3] + shape[b, 3]), 0.5 * (shape[a, 4] + shape[b, 4]), 0.5 * (shape[a, 5] + shape[b, 5]),
-    )  # fmt: skip
+    return times(0.5, plus(matrix(shape, a), matrix(shape, b)))
 
 
 @inner_kernel
 def mean_of_four(shape, a, b, c, d):
-    return (
-        0.25 * (shape[a, 0] + shape[b, 0] + shape[c, 0] + shape[d, 0]),
-        0.25 * (shape[a, 1] + shape[b, 1] + shape[c, 1] + shape[d, 1]),
-        0.25 * (shape[a, 2] + shape[b, 2] + shape[c, 2] + shape[d, 2]),
-        0.25 * (shape[a, 3] + shape[b, 3] + shape[c, 3] + shape[d, 3]),
-        0.25 * (shape[a, 4] + shape[b, 4] + shape[c, 4] + shape[d, 4]),
-        0.25 * (shape[a, 5] + shape[b, 5] + shape[c, 5] + shape[d, 5]),
-    )
+    return times(0.25, plus(plus(plus(matrix(shape, a), matrix(shape, b)), matrix(shape, c)), matrix(shape, d)))
 
 
 @inner_kernel
@@ -93,18 +83,18 @@ def squares_in_metric(shape, u, v, w):
 def both_qualities_at(position, shape, x, v, a, b, c):
     """Return the cubed quality, Euclidean and in the metric, with node v at x."""
     p, q, r = from_to(x, position, a), from_to(x, position, b), from_to(x, position, c)
-    mean, volume, total = mean_of_four(shape, v, a, b, c), dot(p, cross(q, r)), plus(plus(p, q), r)
-    squares = 4.0 * (dot(p, p) + dot(q, q) + dot(r, r)) - dot(total, total)
-    stretched, signed = squares_in_metric(mean, p, q, r), 432.0 * volume * abs(volume)
+    mean, volume = mean_of_four(shape, v, a, b, c), dot(p, cross(q, r))
+    squares, in_metric = sum_of_squares(p, q, r), squares_in_metric(mean, p, q, r)
+    signed = 432.0 * volume * abs(volume)
     return (
         signed / (squares * squares * squares),
-        determinant(mean) * signed / (stretched * stretched * stretched),
+        determinant(mean) * signed / (in_metric * in_metric * in_metric),
     )
 
 
 @inner_kernel
 def both_qualities(position, shape, a, b, c, d):
-    return both_qualities_at(position, shape, (position[a, 0], position[a, 1], position[a, 2]), a, b, c, d)
+    return both_qualities_at(position, shape, point(position, a), a, b, c, d)
 
 
 @inner_kernel

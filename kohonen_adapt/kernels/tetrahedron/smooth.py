@@ -13,7 +13,7 @@ import numpy as np
 from kohonen_adapt.kernels.arrays import BY_QUALITY, BY_REACH, HALVINGS, MOVED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, PLANE
-from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, allowed, sum_of_squares
+from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, allowed, cubed_of, others, sum_of_squares
 from kohonen_adapt.kernels.tetrahedron.metric import is_round, mean_of_four, mean_shape, relieved, squares_in_metric
 from kohonen_adapt.kernels.tetrahedron.surfaces import (
     signed_distance,
@@ -21,23 +21,37 @@ from kohonen_adapt.kernels.tetrahedron.surfaces import (
     tangent_of_ridge,
     within_reach,
 )
-from kohonen_adapt.kernels.tetrahedron.vectors import cross, determinant, dot, from_to, plus, product
+from kohonen_adapt.kernels.vectors import (
+    ZERO,
+    ZEROS,
+    cross,
+    determinant,
+    dot,
+    from_to,
+    minus,
+    norm,
+    plus,
+    plus_square,
+    plus_times,
+    point,
+    product,
+    put,
+    times,
+    weighted,
+)
 
 
 @inner_kernel
-def star_energy(position, star, metric, weight, v, x, y, z):
+def star_energy(position, star, metric, weight, v, x):
     total, worst = 0.0, 2.0
     for j in range(star.start[v], star.start[v + 1]):
-        b, c, d = star.link[j, 0], star.link[j, 1], star.link[j, 2]
-        ux, uy, uz = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
-        vx, vy, vz = position[c, 0] - x, position[c, 1] - y, position[c, 2] - z
-        wx, wy, wz = position[d, 0] - x, position[d, 1] - y, position[d, 2] - z
-        volume = ux * (vy * wz - vz * wy) + uy * (vz * wx - vx * wz) + uz * (vx * wy - vy * wx)
-        squares = sum_of_squares(ux, uy, uz, vx, vy, vz, wx, wy, wz)
-        quality = 432.0 * volume * abs(volume) / (squares * squares * squares)
+        b, c, d = others(star, j)
+        p, q, r = from_to(x, position, b), from_to(x, position, c), from_to(x, position, d)
+        volume, squares = dot(p, cross(q, r)), sum_of_squares(p, q, r)
+        quality = cubed_of(volume, squares)
         if not is_round(metric):
             shape = mean_of_four(metric.shape, v, b, c, d)
-            squares = squares_in_metric(shape, (ux, uy, uz), (vx, vy, vz), (wx, wy, wz))
+            squares = squares_in_metric(shape, p, q, r)
             if metric.relief != 1.0:
                 in_metric = 432.0 * determinant(shape) * volume * abs(volume) / (squares * squares * squares)
                 quality = relieved(metric, quality, in_metric)
@@ -52,90 +66,62 @@ def star_energy(position, star, metric, weight, v, x, y, z):
 
 @inner_kernel
 def derivatives(position, star, metric, weight, v):
-    x = position[v, 0], position[v, 1], position[v, 2]
-    gx = gy = gz = xx = xy = xz = yy = yz = zz = 0.0
+    x, gradient, hessian = point(position, v), ZERO, ZEROS
     for j in range(star.start[v], star.start[v + 1]):
-        b, c, d = star.link[j, 0], star.link[j, 1], star.link[j, 2]
+        b, c, d = others(star, j)
         p, q, r = from_to(x, position, b), from_to(x, position, c), from_to(x, position, d)
-        shape, normal, total = mean_shape(metric, v, b, c, d), cross(q, r), plus(plus(p, q), r)
+        shape, normal = mean_shape(metric, v, b, c, d), cross(q, r)
         volume, squares = dot(p, normal), squares_in_metric(shape, p, q, r)
-        total = product(shape, total)
-        px, py, pz = plus(normal, plus(cross(r, p), cross(p, q)))  # gradient of the volume is -p
-        energy, per_volume, per_square = squares * squares, -1.0 / volume, -2.0 / squares
+        energy = squares * squares
         energy *= energy * weight[star.element[j]] / volume
-        px, py, pz = per_volume * px, per_volume * py, per_volume * pz
-        sx, sy, sz = per_square * total[0], per_square * total[1], per_square * total[2]
-        gx += energy * (4.0 * sx - px)
-        gy += energy * (4.0 * sy - py)
-        gz += energy * (4.0 * sz - pz)
+        by_square = times(-2.0 / squares, product(shape, plus(plus(p, q), r)))
+        # gradient of the volume is minus the sum
+        by_volume = times(-1.0 / volume, plus(normal, plus(cross(r, p), cross(p, q))))
+        gradient = plus_times(gradient, energy, minus(times(4.0, by_square), by_volume))
         # 12 s s - 4 (s p + p s) + 2 p p = 2 (p - 2 s) (p - 2 s) + 4 s s
-        px, py, pz = px - 2.0 * sx, py - 2.0 * sy, pz - 2.0 * sz
-        even = 24.0 / squares
-        xx += energy * (2.0 * px * px + 4.0 * sx * sx + even * shape[0])
-        xy += energy * (2.0 * px * py + 4.0 * sx * sy + even * shape[1])
-        xz += energy * (2.0 * px * pz + 4.0 * sx * sz + even * shape[2])
-        yy += energy * (2.0 * py * py + 4.0 * sy * sy + even * shape[3])
-        yz += energy * (2.0 * py * pz + 4.0 * sy * sz + even * shape[4])
-        zz += energy * (2.0 * pz * pz + 4.0 * sz * sz + even * shape[5])
-    return (gx, gy, gz), (xx, xy, xz, yy, yz, zz)
+        both = plus_square(ZEROS, 2.0, plus_times(by_volume, -2.0, by_square))
+        both = plus_times(plus_square(both, 4.0, by_square), 24.0 / squares, shape)
+        hessian = plus_times(hessian, energy, both)
+    return gradient, hessian
 
 
 @inner_kernel
 def step_inside(gradient, hessian):
-    (gx, gy, gz), (xx, xy, xz, yy, yz, zz) = gradient, hessian
+    xx, xy, xz, yy, yz, zz = hessian
     a, b, c = yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz
     d, e, f = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
-    scale = -1.0 / (xx * a + xy * b + xz * c)
-    return (
-        scale * (a * gx + b * gy + c * gz),
-        scale * (b * gx + d * gy + e * gz),
-        scale * (c * gx + e * gy + f * gz),
-    )
+    return times(-1.0 / (xx * a + xy * b + xz * c), product((a, b, c, d, e, f), gradient))
 
 
 @inner_kernel
-def multiply(tx, ty, tz, hessian):
-    xx, xy, xz, yy, yz, zz = hessian
-    return xx * tx + xy * ty + xz * tz, xy * tx + yy * ty + yz * tz, xz * tx + yz * ty + zz * tz
-
-
-@inner_kernel
-def step_across(nx, ny, nz, gradient, hessian):
-    gx, gy, gz = gradient
-    if abs(nx) <= abs(ny) and abs(nx) <= abs(nz):
-        tx, ty, tz = 0.0, nz, -ny
-    elif abs(ny) <= abs(nz):
-        tx, ty, tz = -nz, 0.0, nx
+def step_across(normal, gradient, hessian):
+    x, y, z = normal
+    if abs(x) <= abs(y) and abs(x) <= abs(z):
+        t = 0.0, z, -y
+    elif abs(y) <= abs(z):
+        t = -z, 0.0, x
     else:
-        tx, ty, tz = ny, -nx, 0.0
-    scale = 1.0 / np.sqrt(tx * tx + ty * ty + tz * tz)
-    tx, ty, tz = scale * tx, scale * ty, scale * tz
-    sx, sy, sz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
-    hx, hy, hz = multiply(tx, ty, tz, hessian)
-    tt, st = tx * hx + ty * hy + tz * hz, sx * hx + sy * hy + sz * hz
-    hx, hy, hz = multiply(sx, sy, sz, hessian)
-    ss, gt, gs = sx * hx + sy * hy + sz * hz, gx * tx + gy * ty + gz * tz, gx * sx + gy * sy + gz * sz
+        t = y, -x, 0.0
+    t = times(1.0 / norm(t), t)
+    s = cross(normal, t)
+    along = product(hessian, t)
+    tt, st, ss = dot(t, along), dot(s, along), dot(s, product(hessian, s))
+    gt, gs = dot(gradient, t), dot(gradient, s)
     scale = -1.0 / (tt * ss - st * st)
-    t, s = scale * (ss * gt - st * gs), scale * (tt * gs - st * gt)
-    return t * tx + s * sx, t * ty + s * sy, t * tz + s * sz
+    return weighted(scale * (ss * gt - st * gs), t, scale * (tt * gs - st * gt), s)
 
 
 @inner_kernel
 def newton_step(position, star, constraints, weight, v):
-    x, y, z = position[v, 0], position[v, 1], position[v, 2]
     surfaces, freedom = constraints.surfaces, constraints.freedom
     gradient, hessian = derivatives(position, star, constraints.metric, weight, v)
-    place = np.int64(freedom.place[v])
+    x, place = point(position, v), np.int64(freedom.place[v])
     if freedom.number[v] == INSIDE:
         return step_inside(gradient, hessian)
     if freedom.number[v] == ON_PATCH:
-        _, nx, ny, nz = signed_distance(surfaces, place, x, y, z)
-        return step_across(nx, ny, nz, gradient, hessian)
-    tx, ty, tz = tangent_of_ridge(surfaces, place, x, y, z)
-    hx, hy, hz = multiply(tx, ty, tz, hessian)
-    gx, gy, gz = gradient
-    length = -(gx * tx + gy * ty + gz * tz) / (tx * hx + ty * hy + tz * hz)
-    return length * tx, length * ty, length * tz
+        return step_across(signed_distance(surfaces, place, x)[1], gradient, hessian)
+    tangent = tangent_of_ridge(surfaces, place, x)
+    return times(-dot(gradient, tangent) / dot(tangent, product(hessian, tangent)), tangent)
 
 
 @inner_kernel
@@ -159,21 +145,21 @@ def smooth_nodes(mesh, weight, floor, order):
         v = np.int64(node)
         if freedom.number[v] == HELD or freedom.pinned[v]:
             continue
-        x, y, z = position[v, 0], position[v, 1], position[v, 2]
-        before, worst_before = star_energy(position, star, metric, weight, v, x, y, z)
-        dx, dy, dz = newton_step(position, star, mesh.constraints, weight, v)
+        before, worst_before = star_energy(position, star, metric, weight, v, point(position, v))
+        step = newton_step(position, star, mesh.constraints, weight, v)
         curved, cause = is_curved(surfaces, freedom, v), MOVED
         for _ in range(HALVINGS + 1):
-            x, y, z = slid(position, mesh.constraints, v, dx, dy, dz)
-            after, worst = star_energy(position, star, metric, weight, v, x, y, z)
+            x = slid(position, mesh.constraints, v, step)
+            after, worst = star_energy(position, star, metric, weight, v, x)
             cause = MOVED
             if not allowed(worst, worst_before, floor):
                 cause = BY_QUALITY
             elif after < before:
-                if not curved or within_reach(position, elements, star, surfaces, v, x, y, z):
-                    position[v, 0], position[v, 1], position[v, 2] = x, y, z
+                if not curved or within_reach(position, elements, star, surfaces, v, x):
+                    put(position, v, x)
                     break
                 cause = BY_REACH
-            dx, dy, dz = 0.5 * dx, 0.5 * dy, 0.5 * dz
-        by_quality, by_reach = by_quality + (cause == BY_QUALITY), by_reach + (cause == BY_REACH)
+            step = times(0.5, step)
+        by_quality += cause == BY_QUALITY
+        by_reach += cause == BY_REACH
     return by_quality, by_reach

@@ -16,6 +16,7 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
 )
 from kohonen_adapt.kernels.tetrahedron.metric import effective_quality, set_mean_shape, squared_length
 from kohonen_adapt.kernels.tetrahedron.surfaces import exceeds_sagitta, onto_patch, onto_ridge, ridge_distance
+from kohonen_adapt.kernels.vectors import midpoint, put
 
 UNLIMITED = np.inf  # length of edges after a collapse
 NOWHERE = -1
@@ -167,11 +168,11 @@ def is_ridge(mesh, r):
 
 
 @inner_kernel
-def ridge_of(mesh, x, y, z):
+def ridge_of(mesh, x):
     found, least = NOWHERE, np.inf
     for r in range(mesh.surfaces.meets.shape[0]):
         if is_ridge(mesh, r):
-            distance = ridge_distance(mesh.surfaces, r, x, y, z)
+            distance = ridge_distance(mesh.surfaces, r, x)
             if distance < least:
                 found, least = r, distance
     return found
@@ -187,22 +188,18 @@ def place_of_edge(mesh, shell, count, a, b):
         return ON_PATCH, p
     if patches > RIDGE_PATCHES:
         return HELD, NOWHERE
-    position = mesh.position
-    x, y, z = position[a, 0] + position[b, 0], position[a, 1] + position[b, 1], position[a, 2] + position[b, 2]
-    r = ridge_of(mesh, 0.5 * x, 0.5 * y, 0.5 * z)
+    r = ridge_of(mesh, midpoint(mesh.position, a, b))
     return (ON_RIDGE, r) if r >= 0 else (HELD, NOWHERE)
 
 
 @inner_kernel
 def put_between(mesh, p, a, b, number, place):
-    position = mesh.position
-    x, y, z = position[a, 0] + position[b, 0], position[a, 1] + position[b, 1], position[a, 2] + position[b, 2]
-    x, y, z = 0.5 * x, 0.5 * y, 0.5 * z
+    x = midpoint(mesh.position, a, b)
     if number == ON_PATCH and mesh.surfaces.shape[place] != PLANE:
-        x, y, z = onto_patch(mesh.surfaces, place, x, y, z)
+        x = onto_patch(mesh.surfaces, place, x)
     if number == ON_RIDGE:
-        x, y, z = onto_ridge(mesh.surfaces, place, x, y, z)
-    position[p, 0], position[p, 1], position[p, 2] = x, y, z
+        x = onto_ridge(mesh.surfaces, place, x)
+    put(mesh.position, p, x)
 
 
 @inner_kernel

@@ -28,6 +28,7 @@ from kohonen_adapt.kernels.tetrahedron.metric import UNBOUNDED, is_round, qualit
 from kohonen_adapt.kernels.tetrahedron.polish.energy import energy_on, source_along, triangle_tilts, value_at
 from kohonen_adapt.kernels.tetrahedron.surfaces import edge_sagitta, exceeds_sagitta
 from kohonen_adapt.kernels.tetrahedron.surgery import EQUAL, NOWHERE, replace
+from kohonen_adapt.kernels.vectors import between
 
 BETTER = 1.02  # smallest improvement of the cubed quality by a swap, above rounding errors
 RULED_OUT = -np.inf  # merit of a part of a ring without permitted elements
@@ -139,9 +140,7 @@ def merit_with(mesh, trial, side, i, j, k, a, b, least, floor):
         value = min(value, quality_on_both_sides(position, mesh.metric, p, q, r, a, b, floor))
         return value if value > least else RULED_OUT
     vectors = triangle_vectors(position, p, q, r)
-    x, y, z = position[p, 0], position[p, 1], position[p, 2]
-    to_b = position[b, 0] - x, position[b, 1] - y, position[b, 2] - z
-    to_a = position[a, 0] - x, position[a, 1] - y, position[a, 2] - z
+    to_a, to_b = between(position, p, a), between(position, p, b)
     bound = least if trial is None else floor
     above = cubed_quality_on(vectors, to_b, 1.0)
     if not above >= bound:

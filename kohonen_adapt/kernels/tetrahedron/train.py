@@ -13,6 +13,7 @@ from kohonen_adapt.kernels.tetrahedron.guard import may_move, star_tolerable
 from kohonen_adapt.kernels.tetrahedron.jump import jump
 from kohonen_adapt.kernels.tetrahedron.locate import next_stamp
 from kohonen_adapt.kernels.tetrahedron.surfaces import slid, within_reach
+from kohonen_adapt.kernels.vectors import minus, point, put, times
 
 
 @kernel
@@ -57,7 +58,7 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
     freedom, surfaces, metric = constraints.freedom, constraints.surfaces, constraints.metric
     queue, stamps = scratch.queue, scratch.node_stamp
     for t in range(lesson.points.shape[0]):
-        x, region = lesson.points[t], lesson.region[t]
+        x, region = point(lesson.points, t), lesson.region[t]
         stamp, rate_of_point = next_stamp(scratch), min(1.0, rate * lesson.weights[t])
         queue[0], stamps[lesson.winners[t]] = lesson.winners[t], stamp
         first, last = np.int64(0), np.int64(1)
@@ -72,20 +73,16 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
                     if not freedom.pinned[v]:
                         jump(mesh, v, x, step, floor, scratch)
                     continue
-                new_x, new_y, new_z = slid(
-                    position, constraints, v,
-                    step * (x[0] - position[v, 0]), step * (x[1] - position[v, 1]), step * (x[2] - position[v, 2]),
-                )  # fmt: skip
+                y = slid(position, constraints, v, times(step, minus(x, point(position, v))))
                 if freedom.number[v] != INSIDE and not (
-                    np.isfinite(new_x + new_y + new_z)
-                    and within_reach(position, elements, star, surfaces, v, new_x, new_y, new_z)
+                    np.isfinite(y[0] + y[1] + y[2]) and within_reach(position, elements, star, surfaces, v, y)
                 ):
                     by_reach += 1
                     continue
-                if star_tolerable(position, star, metric, v, new_x, new_y, new_z, floor) or (
-                    not is_valid[v] and may_move(position, star, metric, v, new_x, new_y, new_z, floor)
+                if star_tolerable(position, star, metric, v, y, floor) or (
+                    not is_valid[v] and may_move(position, star, metric, v, y, floor)
                 ):
-                    position[v, 0], position[v, 1], position[v, 2] = new_x, new_y, new_z
+                    put(position, v, y)
                 else:
                     by_quality += 1
     return by_quality, by_reach

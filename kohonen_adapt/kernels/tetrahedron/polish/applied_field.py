@@ -8,24 +8,16 @@ with values and derivatives at the corners that give the values at the midpoints
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     AT_X,
-    AT_Y,
-    AT_Z,
     FIELD_X,
-    FIELD_Y,
-    FIELD_Z,
     FOLLOWS,
     GRADIENT_XX,
-    GRADIENT_XY,
-    GRADIENT_XZ,
-    GRADIENT_YY,
-    GRADIENT_YZ,
-    GRADIENT_ZZ,
     REDUCED,
     TWELFTH_COEFFICIENT,
 )
 from kohonen_adapt.kernels.tetrahedron.geometry import OPPOSITE
 from kohonen_adapt.kernels.tetrahedron.polish.energy import value_at
-from kohonen_adapt.kernels.tetrahedron.polish.slivers import UNMOVED, position_of
+from kohonen_adapt.kernels.tetrahedron.polish.slivers import UNMOVED, face_corners, position_of
+from kohonen_adapt.kernels.vectors import cross, dot, matrix, minus, plus, plus_times, point, product, times
 
 
 @inner_kernel
@@ -34,64 +26,46 @@ def follows_field(trial, v):
 
 
 @inner_kernel
-def times_gradient(applied, v, x, y, z):
-    return (
-        applied[v, GRADIENT_XX] * x + applied[v, GRADIENT_XY] * y + applied[v, GRADIENT_XZ] * z,
-        applied[v, GRADIENT_XY] * x + applied[v, GRADIENT_YY] * y + applied[v, GRADIENT_YZ] * z,
-        applied[v, GRADIENT_XZ] * x + applied[v, GRADIENT_YZ] * y + applied[v, GRADIENT_ZZ] * z,
-    )
+def field_change(applied, v, step):
+    return product(matrix(applied[:, GRADIENT_XX:], v), step)
 
 
 @inner_kernel
-def integral_to(applied, v, x, y, z):
-    dx, dy, dz = x - applied[v, AT_X], y - applied[v, AT_Y], z - applied[v, AT_Z]
-    gx, gy, gz = times_gradient(applied, v, dx, dy, dz)
-    hx, hy, hz = applied[v, FIELD_X] + 0.5 * gx, applied[v, FIELD_Y] + 0.5 * gy, applied[v, FIELD_Z] + 0.5 * gz
-    return hx * dx + hy * dy + hz * dz
+def integral_to(applied, v, x):
+    step = minus(x, point(applied[:, AT_X:], v))
+    return dot(plus_times(point(applied[:, FIELD_X:], v), 0.5, field_change(applied, v, step)), step)
 
 
 @inner_kernel
-def rise_at(mesh, trial, v, x, y, z):
-    # the decrease of the offset of v, if the node moves to (x, y, z)
+def rise_at(mesh, trial, v, x):
+    # the decrease of the offset of v, if the node moves to x
     if not follows_field(trial, v):
         return 0.0
-    px, py, pz = mesh.position[v, 0], mesh.position[v, 1], mesh.position[v, 2]
-    return integral_to(trial.applied, v, x, y, z) - integral_to(trial.applied, v, px, py, pz)
+    return integral_to(trial.applied, v, x) - integral_to(trial.applied, v, point(mesh.position, v))
 
 
 @inner_kernel
-def across_face(applied, node, at, normal):
+def across_face(applied, node, x, normal):
     # the flux of Hs at a node through a face, and its derivatives by the place
-    dx, dy, dz = at[0] - applied[node, AT_X], at[1] - applied[node, AT_Y], at[2] - applied[node, AT_Z]
-    gx, gy, gz = times_gradient(applied, node, dx, dy, dz)
-    hx, hy, hz = applied[node, FIELD_X] + gx, applied[node, FIELD_Y] + gy, applied[node, FIELD_Z] + gz
-    slope = times_gradient(applied, node, normal[0], normal[1], normal[2])
-    return hx * normal[0] + hy * normal[1] + hz * normal[2], slope
+    change = field_change(applied, node, minus(x, point(applied[:, AT_X:], node)))
+    return dot(plus(point(applied[:, FIELD_X:], node), change), normal), field_change(applied, node, normal)
 
 
 @inner_kernel
 def midway(one, other, slope, far_slope, start, end):
-    x, y, z = end[0] - start[0], end[1] - start[1], end[2] - start[2]
-    change = (slope[0] - far_slope[0]) * x + (slope[1] - far_slope[1]) * y + (slope[2] - far_slope[2]) * z
-    return 0.5 * (one + other) + 0.125 * change
+    return 0.5 * (one + other) + 0.125 * dot(minus(slope, far_slope), minus(end, start))
 
 
 @inner_kernel
 def loads_of_face(mesh, trial, e, k, moved):
     # mu int Hs . n v dS on face k of e, with n out of e, for the functions v of the corners
-    node, position, applied = mesh.elements.node, mesh.position, trial.applied
+    node, applied = mesh.elements.node, trial.applied
     first, second, third = node[e, OPPOSITE[k, 0]], node[e, OPPOSITE[k, 1]], node[e, OPPOSITE[k, 2]]
-    a, b, c = (
-        position_of(position, first, moved),
-        position_of(position, second, moved),
-        position_of(position, third, moved),
-    )
-    top = position_of(position, node[e, k], moved)
-    ux, uy, uz, vx, vy, vz = b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    a, b, c = face_corners(mesh.position, node, e, k, moved)
+    normal = cross(minus(b, a), minus(c, a))
     mu = 12.0 * trial.data[mesh.elements.region[e], TWELFTH_COEFFICIENT]
-    half = -0.5 * mu if nx * (top[0] - a[0]) + ny * (top[1] - a[1]) + nz * (top[2] - a[2]) > 0.0 else 0.5 * mu
-    normal = half * nx, half * ny, half * nz
+    inwards = dot(normal, minus(position_of(mesh.position, node[e, k], moved), a)) > 0.0
+    normal = times(-0.5 * mu if inwards else 0.5 * mu, normal)
     at_a, slope_a = across_face(applied, first, a, normal)
     at_b, slope_b = across_face(applied, second, b, normal)
     at_c, slope_c = across_face(applied, third, c, normal)
@@ -112,11 +86,11 @@ def is_loaded(mesh, trial, e, k):
 
 
 @inner_kernel
-def work_around(mesh, trial, v, x, y, z, change):
-    # The work on faces around v, and the derivative by the value of v. Node v is at (x, y, z), with `change` added to
-    # the value outside iron.
+def work_around(mesh, trial, v, x, change):
+    # The work on faces around v, and the derivative by the value of v. Node v is at x, with `change` added to the value
+    # outside iron.
     total = by_w = 0.0
-    node, moved = mesh.elements.node, (v, x, y, z, 0.0)
+    node, moved = mesh.elements.node, (v, x, 0.0)
     for row in range(mesh.star.start[v], mesh.star.start[v + 1]):
         e = mesh.star.element[row]
         for k in range(4):
@@ -126,7 +100,8 @@ def work_around(mesh, trial, v, x, y, z, change):
                     there = node[e, OPPOSITE[k, corner]]
                     total += loads[corner] * value_at(trial, region, there)
                     if there == v:
-                        total, by_w = total + loads[corner] * change, by_w + loads[corner]
+                        total += loads[corner] * change
+                        by_w += loads[corner]
     return total, by_w
 
 

@@ -14,18 +14,11 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import (
-    SHIFT_X,
-    SHIFT_Y,
-    SHIFT_Z,
-    SIXTH_FLUX_X,
-    SIXTH_FLUX_Y,
-    SIXTH_FLUX_Z,
-)
-from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, corner_of
-from kohonen_adapt.kernels.tetrahedron.polish.energy import source_around
+from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, corner_of, corners_around
+from kohonen_adapt.kernels.tetrahedron.polish.energy import shift_of, sixth_flux, source_around
 from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import density_at, set_functions, set_offsets, slopes_at
 from kohonen_adapt.kernels.tetrahedron.surfaces import onto_patch, onto_ridge, signed_distance
+from kohonen_adapt.kernels.vectors import ZERO, dot, midpoint, minus, plus_times, point, put, times
 
 SHORT = 1e-4  # step of central differences, relative to an edge
 
@@ -50,21 +43,12 @@ def follow_surfaces(position, surfaces, block, v):
         place, w = np.int64(block.curve_place[row]), np.int64(block.curve_end[row])
         if place < 0:
             continue
-        x, y, z = position[v, 0] + position[w, 0], position[v, 1] + position[w, 1], position[v, 2] + position[w, 2]
-        x, y, z = 0.5 * x, 0.5 * y, 0.5 * z
-        if place < patches:
-            px, py, pz = onto_patch(surfaces, place, x, y, z)
-        else:
-            px, py, pz = onto_ridge(surfaces, place - patches, x, y, z)
+        x = midpoint(position, v, w)
+        y = onto_patch(surfaces, place, x) if place < patches else onto_ridge(surfaces, place - patches, x)
+        put(block.curve_offset, row, minus(y, x))
         for back in range(block.curve_start[w], block.curve_start[w + 1]):
             if block.curve_end[back] == v:
-                set_offset(block, back, px - x, py - y, pz - z)
-        set_offset(block, row, px - x, py - y, pz - z)
-
-
-@inner_kernel
-def set_offset(block, row, x, y, z):
-    block.curve_offset[row, 0], block.curve_offset[row, 1], block.curve_offset[row, 2] = x, y, z
+                put(block.curve_offset, back, minus(y, x))
 
 
 @inner_kernel
@@ -89,15 +73,14 @@ def slivers_at(mesh, quadratic, v):
 def sliver_of(mesh, quadratic, v, row, j, p):
     # of the element in a row of the star, at its face j on patch p
     element = np.int64(mesh.star.element[row])
-    corners = v, np.int64(mesh.star.link[row, 0]), np.int64(mesh.star.link[row, 1]), np.int64(mesh.star.link[row, 2])
+    corners = corners_around(mesh.star, row, v)
     k = 1
     while corners[k] != mesh.elements.node[element, j]:
         k += 1
     trial, block, total = quadratic.trial, quadratic.block, 0.0
     region, position = mesh.elements.region[element], mesh.position
-    data, load, shift = trial.data, source_around(trial, region, v), 1.0 if trial.laws.number[region] >= 0 else 0.0
-    sx, sy, sz = shift * data[region, SHIFT_X], shift * data[region, SHIFT_Y], shift * data[region, SHIFT_Z]
-    fx, fy, fz = 6.0 * data[region, SIXTH_FLUX_X], 6.0 * data[region, SIXTH_FLUX_Y], 6.0 * data[region, SIXTH_FLUX_Z]
+    load, flux = source_around(trial, region, v), times(6.0, sixth_flux(trial, region))
+    shift = times(1.0 if trial.laws.number[region] >= 0 else 0.0, shift_of(trial, region))
     set_offsets(block, corners)
     for q in range(FACE_WEIGHTS.shape[0]):
         at = (
@@ -107,27 +90,22 @@ def sliver_of(mesh, quadratic, v, row, j, p):
             0.0 if k == 3 else FACE_POINTS[q, 2],
         )
         half = 0.5 * FACE_WEIGHTS[q] * slopes_at(position, block, corners, at)
-        value, (px, py, pz) = set_functions(block, row - mesh.star.start[v], at)
-        x, y, z = point_of(position, block, corners, at)
-        distance, vx, vy, vz = signed_distance(mesh.constraints.surfaces, p, x, y, z)
-        vx, vy, vz = -distance * vx, -distance * vy, -distance * vz
-        nx, ny, nz = -half * block.slope[k, 0], -half * block.slope[k, 1], -half * block.slope[k, 2]
-        rx, ry, rz = px - sx, py - sy, pz - sz
-        density, rate, _ = density_at(trial, region, rx, ry, rz)
-        density -= fx * px + fy * py + fz * pz + 24.0 * load * value
-        rate *= 2.0
-        across = (rate * rx - fx) * nx + (rate * ry - fy) * ny + (rate * rz - fz) * nz
-        total += density * (vx * nx + vy * ny + vz * nz) - across * (px * vx + py * vy + pz * vz)
+        value, field = set_functions(block, row - mesh.star.start[v], at)
+        distance, outwards = signed_distance(mesh.constraints.surfaces, p, point_of(position, block, corners, at))
+        deviation, normal = times(-distance, outwards), times(-half, point(block.slope, k))
+        g = minus(field, shift)
+        density, rate, _ = density_at(trial, region, g)
+        density -= dot(flux, field) + 24.0 * load * value
+        across = dot(minus(times(2.0 * rate, g), flux), normal)
+        total += density * dot(deviation, normal) - across * dot(field, deviation)
     return total
 
 
 @inner_kernel
 def point_of(position, block, corners, at):
-    x = y = z = 0.0
+    x = ZERO
     for i in range(4):
-        px, py, pz = position[corners[i], 0], position[corners[i], 1], position[corners[i], 2]
-        x, y, z = x + at[i] * px, y + at[i] * py, z + at[i] * pz
+        x = plus_times(x, at[i], point(position, corners[i]))
     for i in range(6):
-        size = 4.0 * at[EDGES[i, 0]] * at[EDGES[i, 1]]
-        x, y, z = x + size * block.offset[i, 0], y + size * block.offset[i, 1], z + size * block.offset[i, 2]
-    return x, y, z
+        x = plus_times(x, 4.0 * at[EDGES[i, 0]] * at[EDGES[i, 1]], point(block.offset, i))
+    return x

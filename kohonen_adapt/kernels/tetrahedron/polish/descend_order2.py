@@ -5,15 +5,20 @@ moves to where the minimum over these unknowns is lower. With a law the minimum 
 by the functional itself.
 """
 
-import math
-
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import HALVINGS
 from kohonen_adapt.kernels.functionals import eliminate, substitute
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, HELD, INSIDE, POSITION, UNKNOWNS, VALUE
-from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, OPPOSITE, allowed, corner_of, star_quality
+from kohonen_adapt.kernels.tetrahedron.geometry import (
+    EDGES,
+    OPPOSITE,
+    allowed,
+    corner_of,
+    corners_around,
+    star_quality,
+)
 from kohonen_adapt.kernels.tetrahedron.polish.cavity_order2 import add_correction
 from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import (
     SHORT,
@@ -21,10 +26,31 @@ from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import (
     has_curves,
     slivers_at,
 )
-from kohonen_adapt.kernels.tetrahedron.polish.descend import newton_step, rates_row, tangential, turn_allowed
+from kohonen_adapt.kernels.tetrahedron.polish.descend import (
+    follow_value,
+    newton_step,
+    rates_row,
+    tangential,
+    turn_allowed,
+)
 from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, source_around, value_at
 from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import add_element, clear
 from kohonen_adapt.kernels.tetrahedron.surfaces import slid
+from kohonen_adapt.kernels.vectors import (
+    ZERO,
+    ZEROS,
+    add_to,
+    between,
+    dot,
+    minus,
+    norm,
+    plus,
+    plus_square,
+    plus_times,
+    point,
+    put,
+    times,
+)
 
 EDGE_OF = np.full((4, 4), -1)  # edge between two corners
 EDGE_OF[EDGES[:, 0], EDGES[:, 1]] = EDGE_OF[EDGES[:, 1], EDGES[:, 0]] = np.arange(6)
@@ -79,49 +105,35 @@ def number_star(mesh, quadratic, v):
 @inner_kernel
 def derivatives(mesh, quadratic, v, wanted):
     star, trial, block = mesh.star, quadratic.trial, quadratic.block
-    magnitude = total = by_x = by_y = by_z = xx = xy = xz = yy = yz = zz = 0.0
+    magnitude = total = 0.0
+    gradient, hessian = ZERO, ZEROS
     if wanted > VALUE:
         clear(block, block.unknowns[0])
     begin = star.start[v]
     for row in range(begin, star.start[v + 1]):
-        region = mesh.elements.region[star.element[row]]
-        corners = v, np.int64(star.link[row, 0]), np.int64(star.link[row, 1]), np.int64(star.link[row, 2])
+        region, corners = mesh.elements.region[star.element[row]], corners_around(star, row, v)
         load = source_around(trial, region, v)
         part = add_element(mesh.position, trial, block, row - begin, region, load, corners, wanted)
-        magnitude, total, (x, y, z), h = magnitude + part[0], total + part[1], part[2], part[3]
-        by_x, by_y, by_z = by_x + x, by_y + y, by_z + z
-        xx, xy, xz, yy, yz, zz = xx + h[0], xy + h[1], xz + h[2], yy + h[3], yz + h[4], zz + h[5]
-    return magnitude, total, (by_x, by_y, by_z), (xx, xy, xz, yy, yz, zz)
+        magnitude, total = magnitude + part[0], total + part[1]
+        gradient, hessian = plus(gradient, part[2]), plus(hessian, part[3])
+    return magnitude, total, gradient, hessian
 
 
 @inner_kernel
 def follow_dirichlet(block, rate, gradient, hessian):
-    (gx, gy, gz), (xx, xy, xz, yy, yz, zz), (x, y, z) = gradient, hessian, rate
-    rest, mixed, ww = block.rest[0], block.mixed, block.stiffness[0, 0]
-    px, py, pz = mixed[0, 0] + 0.5 * ww * x, mixed[0, 1] + 0.5 * ww * y, mixed[0, 2] + 0.5 * ww * z
     for i in range(1, block.unknowns[0]):
-        for d in range(3):
-            mixed[i, d] += block.stiffness[i, 0] * rate[d]
-    return (gx + rest * x, gy + rest * y, gz + rest * z), (
-        xx + 2.0 * px * x,
-        xy + px * y + py * x,
-        xz + px * z + pz * x,
-        yy + 2.0 * py * y,
-        yz + py * z + pz * y,
-        zz + 2.0 * pz * z,
-    )
+        add_to(block.mixed, i, times(block.stiffness[i, 0], rate))
+    return follow_value(gradient, block.rest[0], hessian, point(block.mixed, 0), block.stiffness[0, 0], rate)
 
 
 @inner_kernel
 def eliminated(block, first, gradient, hessian):
-    count, rest, mixed = block.unknowns[0], block.rest, block.mixed
-    solved, square = eliminate(block.stiffness, rest, mixed, 3, first, count)
-    (gx, gy, gz), (xx, xy, xz, yy, yz, zz) = gradient, hessian
+    count, rest = block.unknowns[0], block.rest
+    solved, square = eliminate(block.stiffness, rest, block.mixed, 3, first, count)
     for i in range(first, count):
-        x, y, z = mixed[i, 0], mixed[i, 1], mixed[i, 2]
-        gx, gy, gz = gx - x * rest[i], gy - y * rest[i], gz - z * rest[i]
-        xx, xy, xz, yy, yz, zz = xx - x * x, xy - x * y, xz - x * z, yy - y * y, yz - y * z, zz - z * z
-    return solved, 0.5 * square, (gx, gy, gz), (xx, xy, xz, yy, yz, zz)
+        mixed = point(block.mixed, i)
+        gradient, hessian = plus_times(gradient, -rest[i], mixed), plus_square(hessian, -1.0, mixed)
+    return solved, 0.5 * square, gradient, hessian
 
 
 @inner_kernel
@@ -134,17 +146,16 @@ def move_node(mesh, quadratic, v, floor):
     magnitude, total, gradient, hessian = derivatives(mesh, quadratic, v, BLOCK if held else POSITION)
     if not total < np.inf:  # of elements that fold
         return 0.0
-    rate = 0.0, 0.0, 0.0
+    rate = ZERO
     if given and not held:
-        row = rates_row(mesh.constraints, v)
-        rate = trial.rate[row, 0], trial.rate[row, 1], trial.rate[row, 2]
+        rate = point(trial.rate, rates_row(mesh.constraints, v))
         gradient, hessian = follow_dirichlet(block, rate, gradient, hessian)
     solved, gain, gradient, hessian = eliminated(block, first, gradient, hessian)
     if not solved:
         return 0.0
     take_correction(block, first)
-    by_law, further, slivers = has_law(mesh, trial, v), 0.0, 0.0
-    on_curve = not held and has_curves(block, v)
+    by_law, on_curve = has_law(mesh, trial, v), not held and has_curves(block, v)
+    further = slivers = 0.0
     if by_law or on_curve:
         gain = settle(mesh, quadratic, v, first, total)
     if not held:
@@ -153,7 +164,7 @@ def move_node(mesh, quadratic, v, floor):
         if on_curve:
             slivers, gradient = slivers_at(mesh, quadratic, v), gradient_on_curve(mesh, quadratic, v)
         step, now = newton_step(gradient, hessian), total - gain + slivers
-        if -(step[0] * gradient[0] + step[1] * gradient[1] + step[2] * gradient[2]) > ROUNDING * magnitude:
+        if -dot(step, gradient) > ROUNDING * magnitude:
             further = search(mesh, quadratic, v, step, rate, (now, ROUNDING * magnitude), floor, (by_law, on_curve))
     if further > 0.0 or not (by_law or on_curve):
         change_star(mesh, quadratic, v, first)
@@ -195,15 +206,15 @@ def search(mesh, quadratic, v, step, rate, now, floor, kind):
     # `now` is the functional with eliminated unknowns, and its rounding error. The result is the decrease by a move,
     # 0 if v stays. After a move `correction` belongs to the new position, and a Dirichlet value has followed.
     position, star, trial, block = mesh.position, mesh.star, quadratic.trial, quadratic.block
-    px, py, pz, own = position[v, 0], position[v, 1], position[v, 2], trial.value[v]
-    first, relative, (dx, dy, dz) = 1 if trial.fixed[v] else 0, block.local[0, 0], step
-    before, (by_law, on_curve) = star_quality(position, star, v, px, py, pz, -np.inf), kind
+    x, own, relative = point(position, v), trial.value[v], block.local[0, 0]
+    first, (by_law, on_curve) = 1 if trial.fixed[v] else 0, kind
+    before = star_quality(position, star, v, x, -np.inf)
     for _ in range(HALVINGS + 1):
-        x, y, z = slid(position, mesh.constraints, v, dx, dy, dz)
-        worst = star_quality(position, star, v, x, y, z, min(floor, before))
-        if allowed(worst, before, floor) and turn_allowed(mesh, v, on_curve, x, y, z):
-            put(mesh, block, v, (x, y, z), on_curve)
-            w = rate[0] * (x - px) + rate[1] * (y - py) + rate[2] * (z - pz)
+        y = slid(position, mesh.constraints, v, step)
+        worst = star_quality(position, star, v, y, min(floor, before))
+        if allowed(worst, before, floor) and turn_allowed(mesh, v, on_curve, y):
+            put_node(mesh, block, v, y, on_curve)
+            w = dot(rate, minus(y, x))
             set_own(mesh, block, v, relative + w)
             _, total, _, _ = derivatives(mesh, quadratic, v, BLOCK)
             solved, square = eliminate(block.stiffness, block.rest, block.mixed, 0, first, block.unknowns[0])
@@ -218,15 +229,15 @@ def search(mesh, quadratic, v, step, rate, now, floor, kind):
                 take_correction(block, first)
                 trial.value[v] = own + w
                 return gain
-            put(mesh, block, v, (px, py, pz), on_curve)
+            put_node(mesh, block, v, x, on_curve)
             set_own(mesh, block, v, relative)
-        dx, dy, dz = 0.5 * dx, 0.5 * dy, 0.5 * dz
+        step = times(0.5, step)
     return 0.0
 
 
 @inner_kernel
-def put(mesh, block, v, at, on_curve):
-    mesh.position[v, 0], mesh.position[v, 1], mesh.position[v, 2] = at
+def put_node(mesh, block, v, x, on_curve):
+    put(mesh.position, v, x)
     if on_curve:
         follow_surfaces(mesh.position, mesh.constraints.surfaces, block, v)
 
@@ -234,24 +245,28 @@ def put(mesh, block, v, at, on_curve):
 @inner_kernel
 def gradient_on_curve(mesh, quadratic, v):
     # by central differences along the surface, since edges follow
-    position, other = mesh.position, mesh.star.link[mesh.star.start[v], 0]
-    px, py, pz = position[v, 0], position[v, 1], position[v, 2]
-    dx, dy, dz = position[other, 0] - px, position[other, 1] - py, position[other, 2] - pz
-    h = SHORT * math.sqrt(dx * dx + dy * dy + dz * dz)
-    gx = level_after(mesh, quadratic, v, (h, 0.0, 0.0)) - level_after(mesh, quadratic, v, (-h, 0.0, 0.0))
-    gy = level_after(mesh, quadratic, v, (0.0, h, 0.0)) - level_after(mesh, quadratic, v, (0.0, -h, 0.0))
-    gz = level_after(mesh, quadratic, v, (0.0, 0.0, h)) - level_after(mesh, quadratic, v, (0.0, 0.0, -h))
-    return 0.5 * gx / h, 0.5 * gy / h, 0.5 * gz / h
+    h = SHORT * norm(between(mesh.position, v, mesh.star.link[mesh.star.start[v], 0]))
+    return (
+        slope_on_curve(mesh, quadratic, v, (h, 0.0, 0.0), h),
+        slope_on_curve(mesh, quadratic, v, (0.0, h, 0.0), h),
+        slope_on_curve(mesh, quadratic, v, (0.0, 0.0, h), h),
+    )
+
+
+@inner_kernel
+def slope_on_curve(mesh, quadratic, v, step, h):
+    change = level_after(mesh, quadratic, v, step) - level_after(mesh, quadratic, v, times(-1.0, step))
+    return 0.5 * change / h
 
 
 @inner_kernel
 def level_after(mesh, quadratic, v, step):
     # functional of the star and its slivers after a step along the surface, which is undone
     position, block = mesh.position, quadratic.block
-    before = position[v, 0], position[v, 1], position[v, 2]
-    put(mesh, block, v, slid(position, mesh.constraints, v, step[0], step[1], step[2]), True)
+    before = point(position, v)
+    put_node(mesh, block, v, slid(position, mesh.constraints, v, step), True)
     level = derivatives(mesh, quadratic, v, VALUE)[1] + slivers_at(mesh, quadratic, v)
-    put(mesh, block, v, before, True)
+    put_node(mesh, block, v, before, True)
     return level
 
 

@@ -28,6 +28,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     SOURCE_24TH,
     TWELFTH_COEFFICIENT,
 )
+from kohonen_adapt.kernels.vectors import between, cofactors, combined, cross, dot, plus_times, times, weighted
 
 ROUNDING = 1e-13  # smallest gain, relative to the sum of magnitudes
 
@@ -54,11 +55,18 @@ def value_at(trial, region, node):
 
 
 @inner_kernel
-def shifted(trial, region, six, nx, ny, nz):
-    if trial.laws.number[region] < 0:
-        return nx, ny, nz
-    data = trial.data
-    return nx - six * data[region, SHIFT_X], ny - six * data[region, SHIFT_Y], nz - six * data[region, SHIFT_Z]
+def sixth_flux(trial, region):
+    return trial.data[region, SIXTH_FLUX_X], trial.data[region, SIXTH_FLUX_Y], trial.data[region, SIXTH_FLUX_Z]
+
+
+@inner_kernel
+def shift_of(trial, region):
+    return trial.data[region, SHIFT_X], trial.data[region, SHIFT_Y], trial.data[region, SHIFT_Z]
+
+
+@inner_kernel
+def shifted(trial, region, six, n):
+    return n if trial.laws.number[region] < 0 else plus_times(n, -six, shift_of(trial, region))
 
 
 @inner_kernel
@@ -67,30 +75,21 @@ def element_energy(position, trial, region, load, a, b, c, d):
 
     `load` is a 24th of the source.
     """
-    data, at_a, at_b = trial.data, value_at(trial, region, a), value_at(trial, region, b)
+    at_a, at_b = value_at(trial, region, a), value_at(trial, region, b)
     at_c, at_d = value_at(trial, region, c), value_at(trial, region, d)
-    ax, ay, az = position[a, 0], position[a, 1], position[a, 2]
-    ux, uy, uz = position[b, 0] - ax, position[b, 1] - ay, position[b, 2] - az
-    vx, vy, vz = position[c, 0] - ax, position[c, 1] - ay, position[c, 2] - az
-    wx, wy, wz = position[d, 0] - ax, position[d, 1] - ay, position[d, 2] - az
-    alpha, beta, gamma = at_b - at_a, at_c - at_a, at_d - at_a
-    px, py, pz = vy * wz - vz * wy, vz * wx - vx * wz, vx * wy - vy * wx
-    qx, qy, qz = wy * uz - wz * uy, wz * ux - wx * uz, wx * uy - wy * ux
-    rx, ry, rz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    six = ux * px + uy * py + uz * pz
-    nx = alpha * px + beta * qx + gamma * rx
-    ny = alpha * py + beta * qy + gamma * ry
-    nz = alpha * pz + beta * qz + gamma * rz
-    energy = stored_in(trial, region, six, nx, ny, nz)
+    u, v, w = between(position, a, b), between(position, a, c), between(position, a, d)
+    p, q, r = cofactors(u, v, w)
+    six, n = dot(u, p), combined(at_b - at_a, p, at_c - at_a, q, at_d - at_a, r)
+    energy = stored_in(trial, region, six, n)
     pull = load * six * (at_a + at_b + at_c + at_d)
-    push = data[region, SIXTH_FLUX_X] * nx + data[region, SIXTH_FLUX_Y] * ny + data[region, SIXTH_FLUX_Z] * nz
+    push = dot(sixth_flux(trial, region), n)
     return energy - pull - push, energy + abs(pull) + abs(push)
 
 
 @inner_kernel
-def stored_in(trial, region, six, nx, ny, nz):
-    nx, ny, nz = shifted(trial, region, six, nx, ny, nz)
-    law, square = trial.laws.number[region], nx * nx + ny * ny + nz * nz
+def stored_in(trial, region, six, n):
+    n = shifted(trial, region, six, n)
+    law, square = trial.laws.number[region], dot(n, n)
     if law >= 0:
         return six * energy_density(trial.laws, law, square / (six * six))[0] / 6.0
     return trial.data[region, TWELFTH_COEFFICIENT] * square / six
@@ -102,26 +101,21 @@ def triangle_tilts(trial, region, vectors, p, q, r):
 
     The part be U - al V is the same for all tetrahedra on the triangle, with U and V of `triangle_vectors`.
     """
-    (ux, uy, uz), (vx, vy, vz), _, _ = vectors
+    u, v, _, _ = vectors
     at_p, at_q, at_r = value_at(trial, region, p), value_at(trial, region, q), value_at(trial, region, r)
-    alpha, beta = at_q - at_p, at_r - at_p
-    tilt = beta * ux - alpha * vx, beta * uy - alpha * vy, beta * uz - alpha * vz
-    return tilt, at_p, at_p + at_q + at_r
+    return weighted(at_r - at_p, u, at_p - at_q, v), at_p, at_p + at_q + at_r
 
 
 @inner_kernel
-def energy_on(trial, region, load, vectors, tilts, to_node, value, side):
+def energy_on(trial, region, load, vectors, tilts, w, value, side):
     """Return the functional of the tetrahedron of a triangle and a node.
 
-    The node has a value and the vector `to_node` W from the first node of the triangle, which gives n = W x (be U -
-    al V) + ga U x V. `side` is 1 if U x V points to the node, otherwise -1.
+    The node has a value and the vector W from the first node of the triangle, which gives n = W x (be U - al V) + ga
+    U x V. `side` is 1 if U x V points to the node, otherwise -1.
     """
-    (tx, ty, tz), at_first, values = tilts
-    wx, wy, wz = to_node
-    _, _, (px, py, pz), _ = vectors
-    data, gamma = trial.data, value - at_first
-    nx, ny, nz = wy * tz - wz * ty + gamma * px, wz * tx - wx * tz + gamma * py, wx * ty - wy * tx + gamma * pz
-    six = side * (wx * px + wy * py + wz * pz)
-    push = data[region, SIXTH_FLUX_X] * nx + data[region, SIXTH_FLUX_Y] * ny + data[region, SIXTH_FLUX_Z] * nz
-    energy = stored_in(trial, region, six, side * nx, side * ny, side * nz)
-    return energy - load * six * (values + value) - side * push
+    tilt, at_first, values = tilts
+    across = vectors[2]
+    n = plus_times(cross(w, tilt), value - at_first, across)
+    six = side * dot(w, across)
+    push = dot(sixth_flux(trial, region), n)
+    return stored_in(trial, region, six, times(side, n)) - load * six * (values + value) - side * push

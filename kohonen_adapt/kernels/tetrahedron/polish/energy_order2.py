@@ -19,20 +19,27 @@ import numpy as np
 
 from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import (
-    POSITION,
-    SHIFT_X,
-    SHIFT_Y,
-    SHIFT_Z,
-    SIXTH_FLUX_X,
-    SIXTH_FLUX_Y,
-    SIXTH_FLUX_Z,
-    TWELFTH_COEFFICIENT,
-    VALUE,
-)
+from kohonen_adapt.kernels.tetrahedron.arrays import POSITION, TWELFTH_COEFFICIENT, VALUE
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, set_slopes
-from kohonen_adapt.kernels.tetrahedron.polish.law_order2 import OF_EDGE, add_by_law, rank
+from kohonen_adapt.kernels.tetrahedron.polish.energy import shift_of, sixth_flux
+from kohonen_adapt.kernels.tetrahedron.polish.law_order2 import OF_EDGE, add_by_law, force_and_curvature, rank
 from kohonen_adapt.kernels.triangle.polish.by_points import MIN_JACOBIAN
+from kohonen_adapt.kernels.vectors import (
+    ZERO,
+    ZEROS,
+    add_to,
+    combined,
+    dot,
+    minus,
+    plus,
+    plus_square,
+    plus_times,
+    point,
+    product,
+    put,
+    times,
+    weighted,
+)
 
 
 @inner_kernel
@@ -77,102 +84,82 @@ def is_folded(position, block, corners):
 @inner_kernel
 def set_functions(block, i, at):
     # Set the gradients of the functions, and return the value and the gradient of u.
-    g, gradient, u = block.slope, block.gradient, block.local
-    value = px = py = pz = 0.0
+    g, u, value, gradient = block.slope, block.local, 0.0, ZERO
     for k in range(10):
         if k < 4:
-            size = at[k]
-            for d in range(3):
-                gradient[k, d] = g[k, d]
+            size, slope = at[k], point(g, k)
         else:
             p, q = EDGES[k - 4, 0], EDGES[k - 4, 1]
-            size = 4.0 * at[p] * at[q]
-            for d in range(3):
-                gradient[k, d] = 4.0 * (at[p] * g[q, d] + at[q] * g[p, d])
+            size, slope = 4.0 * at[p] * at[q], times(4.0, weighted(at[p], point(g, q), at[q], point(g, p)))
+        put(block.gradient, k, slope)
         value += u[i, k] * size
-        px, py, pz = px + u[i, k] * gradient[k, 0], py + u[i, k] * gradient[k, 1], pz + u[i, k] * gradient[k, 2]
-    return value, (px, py, pz)
-
-
-@inner_kernel
-def times(m, x, y, z):
-    return m[0] * x + m[1] * y + m[2] * z, m[1] * x + m[3] * y + m[4] * z, m[2] * x + m[4] * y + m[5] * z
+        gradient = plus_times(gradient, u[i, k], slope)
+    return value, gradient
 
 
 @inner_kernel
 def add_unknowns_at(block, i, at, h, m, pull, field, wanted):
     # `pull` is the source times the volume of the point.
-    gradient, dof, (x, y, z) = block.gradient, block.dof, block.slope[0]
-    across, turned = h[0] * x + h[1] * y + h[2] * z, times(m, x, y, z)
+    gradient, dof, x = block.gradient, block.dof, point(block.slope, 0)
+    across, turned = dot(h, x), product(m, x)
     for own in range(10):
         row = dof[i, own]
         if row < 0:
             continue
         size = at[own] if own < 4 else 4.0 * at[EDGES[own - 4, 0]] * at[EDGES[own - 4, 1]]
-        ex, ey, ez = gradient[own, 0], gradient[own, 1], gradient[own, 2]
-        rest = h[0] * ex + h[1] * ey + h[2] * ez - pull * size
+        e = point(gradient, own)
+        rest, t = dot(h, e) - pull * size, product(m, e)
         block.rest[row] += rest
-        tx, ty, tz = times(m, ex, ey, ez)
         for other in range(own + 1):
             column = dof[i, other]
             if column >= 0:
-                product = tx * gradient[other, 0] + ty * gradient[other, 1] + tz * gradient[other, 2]
-                block.stiffness[max(row, column), min(row, column)] += product
+                block.stiffness[max(row, column), min(row, column)] += dot(t, point(gradient, other))
         if wanted == POSITION:
-            turn = ex * turned[0] + ey * turned[1] + ez * turned[2]
-            for d in range(3):
-                part = rest * block.slope[0, d] - across * gradient[own, d] - turn * field[d]
-                block.mixed[row, d] += part
+            add_to(block.mixed, row, combined(rest, x, -across, e, -dot(e, turned), field))
 
 
 @inner_kernel
-def density_at(trial, region, x, y, z):
+def density_at(trial, region, g):
     # Return the energy density at a gradient less the shift, and its derivatives by the square.
     law = trial.laws.number[region]
     if law >= 0:
-        return energy_density(trial.laws, law, x * x + y * y + z * z)
+        return energy_density(trial.laws, law, dot(g, g))
     half = 6.0 * trial.data[region, TWELFTH_COEFFICIENT]
-    return half * (x * x + y * y + z * z), half, 0.0
+    return half * dot(g, g), half, 0.0
 
 
 @inner_kernel
 def add_curved(position, trial, block, i, region, load, corners, wanted):
     # Add the derivatives of an element with `block.offset` to the block, and return the results of `add_element`.
-    data, has_law = trial.data, trial.laws.number[region] >= 0
-    energy = push = pulled = by_x = by_y = by_z = xx = xy = xz = yy = yz = zz = 0.0
     if is_folded(position, block, corners):
-        return 0.0, np.inf, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return 0.0, np.inf, ZERO, ZEROS
+    energy = push = pulled = 0.0
+    by_place, by_both = ZERO, ZEROS
     a, b, c, d = corners
     ranks = rank(a, b, c, d), rank(b, a, c, d), rank(c, a, b, d), rank(d, a, b, c)
-    shift = 1.0 if has_law else 0.0
-    sx, sy, sz = shift * data[region, SHIFT_X], shift * data[region, SHIFT_Y], shift * data[region, SHIFT_Z]
-    fx, fy, fz = 6.0 * data[region, SIXTH_FLUX_X], 6.0 * data[region, SIXTH_FLUX_Y], 6.0 * data[region, SIXTH_FLUX_Z]
+    has_law, flux = trial.laws.number[region] >= 0, times(6.0, sixth_flux(trial, region))
+    shift = times(1.0 if has_law else 0.0, shift_of(trial, region))
     points, weights = (block.point, block.weight) if has_law else (block.curve_point, block.curve_weight)
     for q in range(weights.shape[0]):
         at = points[q, ranks[0]], points[q, ranks[1]], points[q, ranks[2]], points[q, ranks[3]]
         w = slopes_at(position, block, corners, at) / 6.0 * weights[q]
-        value, (px, py, pz) = set_functions(block, i, at)
-        rx, ry, rz = px - sx, py - sy, pz - sz
-        density, rate, curve = density_at(trial, region, rx, ry, rz)
-        along, source = fx * px + fy * py + fz * pz, 24.0 * load * value
-        energy, push, pulled = energy + w * density, push + w * along, pulled + w * source
+        value, field = set_functions(block, i, at)
+        g = minus(field, shift)
+        density, rate, curve = density_at(trial, region, g)
+        along, source = dot(flux, field), 24.0 * load * value
+        energy += w * density
+        push += w * along
+        pulled += w * source
         if wanted == VALUE:
             continue
-        first, second = 2.0 * w * rate, 4.0 * w * curve
-        h = first * rx - w * fx, first * ry - w * fy, first * rz - w * fz
-        mixed = second * rx * ry, second * rx * rz, second * ry * rz
-        m = first + second * rx * rx, mixed[0], mixed[1], first + second * ry * ry, mixed[2], first + second * rz * rz
-        add_unknowns_at(block, i, at, h, m, 24.0 * load * w, (px, py, pz), wanted)
+        h, m = force_and_curvature(w, rate, curve, g, flux)
+        add_unknowns_at(block, i, at, h, m, 24.0 * load * w, field, wanted)
         if wanted < POSITION:
             continue
-        x, y, z = block.slope[0, 0], block.slope[0, 1], block.slope[0, 2]
-        ux, uy, uz = times(m, x, y, z)
-        own, across, square = w * (density - along - source), h[0] * x + h[1] * y + h[2] * z, ux * x + uy * y + uz * z
-        by_x, by_y, by_z = by_x + own * x - across * px, by_y + own * y - across * py, by_z + own * z - across * pz
-        xx, xy, xz = xx + square * px * px, xy + square * px * py, xz + square * px * pz
-        yy, yz, zz = yy + square * py * py, yz + square * py * pz, zz + square * pz * pz
-    magnitude, total = energy + abs(pulled) + abs(push), energy - pulled - push
-    return magnitude, total, (by_x, by_y, by_z), (xx, xy, xz, yy, yz, zz)
+        x = point(block.slope, 0)
+        by_place = plus_times(plus_times(by_place, w * (density - along - source), x), -dot(h, x), field)
+        by_both = plus_square(by_both, dot(product(m, x), x), field)
+    return energy + abs(pulled) + abs(push), energy - pulled - push, by_place, by_both
 
 
 @inner_kernel
@@ -211,33 +198,25 @@ def add_element(position, trial, block, i, region, load, corners, wanted):
     set_fields(g, t, u, i)
     if trial.laws.number[region] >= 0:
         return add_by_law(trial, block, i, region, load, six, corners, wanted)
-    xx = xy = xz = yy = yz = zz = sx = sy = sz = 0.0
+    total, moment = ZERO, ZEROS
     for k in range(4):
-        x, y, z = t[k, 0], t[k, 1], t[k, 2]
-        sx, sy, sz = sx + x, sy + y, sz + z
-        xx, xy, xz, yy, yz, zz = xx + x * x, xy + x * y, xz + x * z, yy + y * y, yz + y * z, zz + z * z
-    xx, xy, xz, yy, yz, zz = xx + sx * sx, xy + sx * sy, xz + sx * sz, yy + sy * sy, yz + sy * sz, zz + sz * sz
+        total, moment = plus(total, point(t, k)), plus_square(moment, 1.0, point(t, k))
+    moment = plus_square(moment, 1.0, total)
     for k in range(4):
-        t[k, 0], t[k, 1], t[k, 2] = t[k, 0] + sx, t[k, 1] + sy, t[k, 2] + sz
+        add_to(t, k, total)
     edges = u[i, 4] + u[i, 5] + u[i, 6] + u[i, 7] + u[i, 8] + u[i, 9]
-    weight, pull = six * data[region, TWELFTH_COEFFICIENT], load * six
-    fx, fy, fz = six * data[region, SIXTH_FLUX_X], six * data[region, SIXTH_FLUX_Y], six * data[region, SIXTH_FLUX_Z]
-    energy = 0.05 * weight * (xx + yy + zz)
+    weight, pull, flux = six * data[region, TWELFTH_COEFFICIENT], load * six, times(six, sixth_flux(trial, region))
+    energy = 0.05 * weight * (moment[0] + moment[3] + moment[5])
     pulled = pull * (u[i, 0] + u[i, 1] + u[i, 2] + u[i, 3] + OF_EDGE * edges)
-    push = 0.25 * (fx * sx + fy * sy + fz * sz)
+    push = 0.25 * dot(flux, total)
     if wanted > VALUE:
-        add_unknowns(block, i, weight, pull, fx, fy, fz, wanted)
-    magnitude, total = energy + abs(pulled) + abs(push), energy - pulled - push
+        add_unknowns(block, i, weight, pull, flux, wanted)
+    magnitude, level = energy + abs(pulled) + abs(push), energy - pulled - push
     if wanted < POSITION:
-        return magnitude, total, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    x, y, z = g[0, 0], g[0, 1], g[0, 2]
-    tenth, along = 0.1 * weight, 0.25 * (fx * x + fy * y + fz * z)
-    by_x = total * x - tenth * (xx * x + xy * y + xz * z) + along * sx
-    by_y = total * y - tenth * (xy * x + yy * y + yz * z) + along * sy
-    by_z = total * z - tenth * (xz * x + yz * y + zz * z) + along * sz
-    tenth *= x * x + y * y + z * z
-    hessian = tenth * xx, tenth * xy, tenth * xz, tenth * yy, tenth * yz, tenth * zz
-    return magnitude, total, (by_x, by_y, by_z), hessian
+        return magnitude, level, ZERO, ZEROS
+    x, tenth = point(g, 0), 0.1 * weight
+    gradient = combined(level, x, -tenth, product(moment, x), 0.25 * dot(flux, x), total)
+    return magnitude, level, gradient, times(tenth * dot(x, x), moment)
 
 
 @inner_kernel
@@ -255,41 +234,38 @@ def set_fields(g, t, u, i):
 
 @inner_kernel
 def sum_of_slopes(t):
-    x, y = t[0, 0] + t[1, 0] + t[2, 0] + t[3, 0], t[0, 1] + t[1, 1] + t[2, 1] + t[3, 1]
-    z = t[0, 2] + t[1, 2] + t[2, 2] + t[3, 2]
-    return 0.2 * x, 0.2 * y, 0.2 * z  # S = sum T_k / 5
+    # S = sum T_k / 5
+    return times(0.2, plus(plus(plus(point(t, 0), point(t, 1)), point(t, 2)), point(t, 3)))
 
 
 @inner_kernel
-def add_unknowns(block, i, weight, pull, fx, fy, fz, wanted):
+def add_unknowns(block, i, weight, pull, flux, wanted):
     # Add the derivatives of an element by its unknowns.
-    # `weight`, `pull` and (`fx`, `fy`, `fz`) are D times coefficient / 12, source / 24 and flux / 6.
-    g, t, dof, product = block.slope, block.field, block.dof, block.product
+    # `weight`, `pull` and `flux` are D times coefficient / 12, source / 24 and flux / 6.
+    g, t, dof, products = block.slope, block.field, block.dof, block.product
     for j in range(4):
         for k in range(j + 1):
-            product[j, k] = product[k, j] = g[j, 0] * g[k, 0] + g[j, 1] * g[k, 1] + g[j, 2] * g[k, 2]
+            products[j, k] = products[k, j] = dot(point(g, j), point(g, k))
     for own in range(10):
         row = dof[i, own]
         if row < 0:
             continue
         if own < 4:
-            x, y, z = sum_of_slopes(t)
-            ex, ey, ez = g[own, 0], g[own, 1], g[own, 2]
-            rest = 0.5 * weight * (ex * x + ey * y + ez * z) - pull
+            e = point(g, own)
+            rest = 0.5 * weight * dot(e, sum_of_slopes(t)) - pull
         else:
             p, q = EDGES[own - 4, 0], EDGES[own - 4, 1]
-            ex, ey, ez = g[p, 0] + g[q, 0], g[p, 1] + g[q, 1], g[p, 2] + g[q, 2]
-            rest = g[p, 0] * t[q, 0] + g[p, 1] * t[q, 1] + g[p, 2] * t[q, 2]
-            rest += g[q, 0] * t[p, 0] + g[q, 1] * t[p, 1] + g[q, 2] * t[p, 2]
+            e = plus(point(g, p), point(g, q))
+            rest = dot(point(g, p), point(t, q)) + dot(point(g, q), point(t, p))
             rest = 0.4 * weight * rest - OF_EDGE * pull
-        rest -= fx * ex + fy * ey + fz * ez
+        rest -= dot(flux, e)
         block.rest[row] += rest
         for other in range(own + 1):
             column = dof[i, other]
             if column >= 0:
-                block.stiffness[max(row, column), min(row, column)] += weight * stiffness_of(product, own, other)
+                block.stiffness[max(row, column), min(row, column)] += weight * stiffness_of(products, own, other)
         if wanted == POSITION:
-            add_mixed(block, row, own, weight, rest, fx, fy, fz)
+            add_mixed(block, row, own, weight, rest, flux)
 
 
 @inner_kernel
@@ -313,19 +289,16 @@ def stiffness_of(product, own, other):
 
 
 @inner_kernel
-def add_mixed(block, row, own, weight, rest, fx, fy, fz):
-    g, t, product, mixed = block.slope, block.field, block.product, block.mixed
-    x, y, z = g[0, 0], g[0, 1], g[0, 2]
-    along = fx * x + fy * y + fz * z
+def add_mixed(block, row, own, weight, rest, flux):
+    g, t, products, x = block.slope, block.field, block.product, point(block.slope, 0)
+    along = dot(flux, x)
     if own < 4:
-        sx, sy, sz = sum_of_slopes(t)
-        half, inner, turn = 0.5 * weight, sx * x + sy * y + sz * z, product[own, 0]
-        mixed[row, 0] += rest * x + along * g[own, 0] - half * (inner * g[own, 0] + turn * sx)
-        mixed[row, 1] += rest * y + along * g[own, 1] - half * (inner * g[own, 1] + turn * sy)
-        mixed[row, 2] += rest * z + along * g[own, 2] - half * (inner * g[own, 2] + turn * sz)
+        e, s = point(g, own), sum_of_slopes(t)
+        part = weighted(dot(s, x), e, products[own, 0], s)
+        add_to(block.mixed, row, combined(rest, x, along, e, -0.5 * weight, part))
         return
     p, q = EDGES[own - 4, 0], EDGES[own - 4, 1]
-    on_p, on_q = t[p, 0] * x + t[p, 1] * y + t[p, 2] * z, t[q, 0] * x + t[q, 1] * y + t[q, 2] * z
-    for d in range(3):
-        part = on_q * g[p, d] + on_p * g[q, d] + product[p, 0] * t[q, d] + product[q, 0] * t[p, d]
-        mixed[row, d] += rest * g[0, d] + along * (g[p, d] + g[q, d]) - 0.4 * weight * part
+    at_p, at_q = point(t, p), point(t, q)
+    part = combined(dot(at_q, x), point(g, p), dot(at_p, x), point(g, q), products[p, 0], at_q)
+    part = plus_times(part, products[q, 0], at_p)
+    add_to(block.mixed, row, combined(rest, x, along, plus(point(g, p), point(g, q)), -0.4 * weight, part))

@@ -10,14 +10,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import (
-    INSIDE,
-    MOST,
-    SIXTH_FLUX_X,
-    SIXTH_FLUX_Y,
-    SIXTH_FLUX_Z,
-    TWELFTH_COEFFICIENT,
-)
+from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, MOST, TWELFTH_COEFFICIENT
 from kohonen_adapt.kernels.tetrahedron.geometry import (
     EDGES,
     FLAT,
@@ -33,6 +26,7 @@ from kohonen_adapt.kernels.tetrahedron.polish.energy import (
     ROUNDING,
     element_energy,
     shifted,
+    sixth_flux,
     source_along,
     source_around,
     value_at,
@@ -48,6 +42,7 @@ from kohonen_adapt.kernels.tetrahedron.surgery import (
     prepare_split,
     split,
 )
+from kohonen_adapt.kernels.vectors import between, cofactors, combined, dot, midpoint, minus, plus, point
 
 SHRUNK = 0.8  # smallest gain of a split, relative to its first evaluation
 
@@ -60,36 +55,22 @@ def halves_parabola(position, trial, region, a, b, c, d, w):
     shape functions, the half at a has the gradient G + 2 w S_b / D, and the half at b has G + 2 w S_a / D. Returned
     are (sum of magnitudes, value, first and second derivative by w).
     """
-    data, at_a, at_b = trial.data, value_at(trial, region, a), value_at(trial, region, b)
+    at_a, at_b = value_at(trial, region, a), value_at(trial, region, b)
     at_c, at_d = value_at(trial, region, c), value_at(trial, region, d)
-    ax, ay, az = position[a, 0], position[a, 1], position[a, 2]
-    ux, uy, uz = position[b, 0] - ax, position[b, 1] - ay, position[b, 2] - az
-    vx, vy, vz = position[c, 0] - ax, position[c, 1] - ay, position[c, 2] - az
-    tx, ty, tz = position[d, 0] - ax, position[d, 1] - ay, position[d, 2] - az
-    alpha, beta, gamma = at_b - at_a, at_c - at_a, at_d - at_a
-    px, py, pz = vy * tz - vz * ty, vz * tx - vx * tz, vx * ty - vy * tx
-    qx, qy, qz = ty * uz - tz * uy, tz * ux - tx * uz, tx * uy - ty * ux
-    rx, ry, rz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    six = ux * px + uy * py + uz * pz
-    nx, ny, nz = (
-        alpha * px + beta * qx + gamma * rx,
-        alpha * py + beta * qy + gamma * ry,
-        alpha * pz + beta * qz + gamma * rz,
-    )
-    ox, oy, oz = px + qx + rx, py + qy + ry, pz + qz + rz  # o = -S_a, p = S_b
-    step = 2.0 * w
-    mx, my, mz = shifted(trial, region, six, nx, ny, nz)
-    square, on_p, on_o = mx * mx + my * my + mz * mz, mx * px + my * py + mz * pz, mx * ox + my * oy + mz * oz
-    p_p, o_o = px * px + py * py + pz * pz, ox * ox + oy * oy + oz * oz
+    x, y, z = between(position, a, b), between(position, a, c), between(position, a, d)
+    p, q, r = cofactors(x, y, z)
+    six, n = dot(x, p), combined(at_b - at_a, p, at_c - at_a, q, at_d - at_a, r)
+    o = plus(plus(p, q), r)  # o = -S_a, p = S_b
+    step, m = 2.0 * w, shifted(trial, region, six, n)
+    square, on_p, on_o = dot(m, m), dot(m, p), dot(m, o)
+    p_p, o_o = dot(p, p), dot(o, o)
     one = square + step * (2.0 * on_p + step * p_p)
     one, by_one, by_ww_one = half_energy(trial, region, six, one, on_p + step * p_p, p_p)
     two = square - step * (2.0 * on_o - step * o_o)
     two, by_two, by_ww_two = half_energy(trial, region, six, two, step * o_o - on_o, o_o)
-    pull = source_along(trial, region, a, b) * six
-    lift = data[region, SIXTH_FLUX_X] * (px - ox) + data[region, SIXTH_FLUX_Y] * (py - oy)
-    lift += data[region, SIXTH_FLUX_Z] * (pz - oz)
-    push = data[region, SIXTH_FLUX_X] * nx + data[region, SIXTH_FLUX_Y] * ny + data[region, SIXTH_FLUX_Z] * nz
-    push, down = push + w * lift, pull * (at_a + at_b + at_c + at_d + w)
+    pull, flux = source_along(trial, region, a, b) * six, sixth_flux(trial, region)
+    lift = dot(flux, minus(p, o))
+    push, down = dot(flux, n) + w * lift, pull * (at_a + at_b + at_c + at_d + w)
     energy = one + two
     return energy + abs(down) + abs(push), energy - down - push, by_one + by_two - pull - lift, by_ww_one + by_ww_two
 
@@ -203,15 +184,14 @@ def is_open(mesh, offers, count, a, b):
 
 @inner_kernel
 def halves_allowed(mesh, count, a, b, floor):
-    position, node, before, after = mesh.position, mesh.elements.node, 2.0, 2.0
-    x, y, z = position[a, 0] + position[b, 0], position[a, 1] + position[b, 1], position[a, 2] + position[b, 2]
-    x, y, z = 0.5 * x, 0.5 * y, 0.5 * z
+    position, node, x = mesh.position, mesh.elements.node, midpoint(mesh.position, a, b)
+    before = after = 2.0
     for i in range(count):
         e = np.int64(mesh.cavity.around_other[i])
         c, d = other_corners(node, e, corner_of(node, e, a), corner_of(node, e, b))
         before = min(before, cubed_quality(position, a, b, c, d))
-        after = min(after, cubed_quality_at(position, x, y, z, b, c, d))
-        after = min(after, cubed_quality_at(position, x, y, z, a, d, c))
+        after = min(after, cubed_quality_at(position, x, b, c, d))
+        after = min(after, cubed_quality_at(position, x, a, d, c))
     return allowed(after, before, floor)
 
 
@@ -279,7 +259,7 @@ def energy_merged(mesh, trial, v, w, count, least):
         region = mesh.elements.region[e]
         total += element_energy(position, trial, region, source_around(trial, region, v), w, a, b, c)[0]
         change = value_at(trial, region, w) - value_at(trial, region, v)
-        moved = v, position[w, 0], position[w, 1], position[w, 2], change
+        moved = v, point(position, w), change
         total += slivers_of(position, elements, mesh.surfaces, trial, e, moved)[0]
     return total
 

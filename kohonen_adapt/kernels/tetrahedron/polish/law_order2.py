@@ -13,17 +13,24 @@ cheap. Corners are in the order of their nodes, so that the functional of an ele
 
 from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import (
-    POSITION,
-    SHIFT_X,
-    SHIFT_Y,
-    SHIFT_Z,
-    SIXTH_FLUX_X,
-    SIXTH_FLUX_Y,
-    SIXTH_FLUX_Z,
-    VALUE,
-)
+from kohonen_adapt.kernels.tetrahedron.arrays import POSITION, VALUE
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
+from kohonen_adapt.kernels.tetrahedron.polish.energy import shift_of, sixth_flux
+from kohonen_adapt.kernels.vectors import (
+    ZERO,
+    ZEROS,
+    add_to,
+    combined,
+    dot,
+    matrix,
+    minus,
+    plus_square,
+    plus_times,
+    point,
+    product,
+    times,
+    weighted,
+)
 
 OF_EDGE = 0.8  # ratio of the integrals of edge and corner functions
 
@@ -44,55 +51,49 @@ def clear_moments(block):
 def add_by_law(trial, block, i, region, load, six, corners, wanted):
     # Add the derivatives of an element with a law to the block, and return the results of `add_element`.
     # `block.slope` and `block.field` are the gradients of the barycentric coordinates, and grad u at the corners.
-    g, t, u, data, law = block.slope, block.field, block.local, trial.data, trial.laws.number[region]
+    t, u, law = block.field, block.local, trial.laws.number[region]
     a, b, c, d = corners
     at_a, at_b, at_c, at_d = rank(a, b, c, d), rank(b, a, c, d), rank(c, a, b, d), rank(d, a, b, c)
-    sx, sy, sz = data[region, SHIFT_X], data[region, SHIFT_Y], data[region, SHIFT_Z]
-    fx, fy, fz = 6.0 * data[region, SIXTH_FLUX_X], 6.0 * data[region, SIXTH_FLUX_Y], 6.0 * data[region, SIXTH_FLUX_Z]
-    x, y, z = g[0, 0], g[0, 1], g[0, 2]
-    energy = push = by_x = by_y = by_z = xx = xy = xz = yy = yz = zz = 0.0
+    shift, flux, x = shift_of(trial, region), times(6.0, sixth_flux(trial, region)), point(block.slope, 0)
+    energy = push = 0.0
+    by_place, by_both = ZERO, ZEROS
     if wanted > VALUE:
         clear_moments(block)
     for q in range(block.weight.shape[0]):
         at = block.point[q, at_a], block.point[q, at_b], block.point[q, at_c], block.point[q, at_d]
-        px = at[0] * t[0, 0] + at[1] * t[1, 0] + at[2] * t[2, 0] + at[3] * t[3, 0]
-        py = at[0] * t[0, 1] + at[1] * t[1, 1] + at[2] * t[2, 1] + at[3] * t[3, 1]
-        pz = at[0] * t[0, 2] + at[1] * t[1, 2] + at[2] * t[2, 2] + at[3] * t[3, 2]
-        rx, ry, rz = px - sx, py - sy, pz - sz
-        w = six / 6.0 * block.weight[q]
-        density, rate, curve = energy_density(trial.laws, law, rx * rx + ry * ry + rz * rz)
-        along = fx * px + fy * py + fz * pz
-        energy, push = energy + w * density, push + w * along
+        field = combined(at[0], point(t, 0), at[1], point(t, 1), at[2], point(t, 2))
+        field = plus_times(field, at[3], point(t, 3))
+        r, w = minus(field, shift), six / 6.0 * block.weight[q]
+        density, rate, curve = energy_density(trial.laws, law, dot(r, r))
+        along = dot(flux, field)
+        energy += w * density
+        push += w * along
         if wanted == VALUE:
             continue
-        first, second = 2.0 * w * rate, 4.0 * w * curve
-        h = first * rx - w * fx, first * ry - w * fy, first * rz - w * fz
-        m = (
-            first + second * rx * rx,
-            second * rx * ry,
-            second * rx * rz,
-            first + second * ry * ry,
-            second * ry * rz,
-            first + second * rz * rz,
-        )
+        h, m = force_and_curvature(w, rate, curve, r, flux)
         add_moments(block, at, h, m)
         if wanted < POSITION:
             continue
-        ux, uy, uz = m[0] * x + m[1] * y + m[2] * z, m[1] * x + m[3] * y + m[4] * z, m[2] * x + m[4] * y + m[5] * z
-        own, across, second_own = w * (density - along), h[0] * x + h[1] * y + h[2] * z, ux * x + uy * y + uz * z
-        by_x, by_y, by_z = by_x + own * x - across * px, by_y + own * y - across * py, by_z + own * z - across * pz
-        xx, xy, xz = xx + second_own * px * px, xy + second_own * px * py, xz + second_own * px * pz
-        yy, yz, zz = yy + second_own * py * py, yz + second_own * py * pz, zz + second_own * pz * pz
-        add_turn(block, at, (ux, uy, uz), (px, py, pz))
+        turned = product(m, x)
+        by_place = plus_times(plus_times(by_place, w * (density - along), x), -dot(h, x), field)
+        by_both = plus_square(by_both, dot(turned, x), field)
+        add_turn(block, at, turned, field)
     pull = load * six
     pulled = u[i, 0] + u[i, 1] + u[i, 2] + u[i, 3]
     pulled = pull * (pulled + OF_EDGE * (u[i, 4] + u[i, 5] + u[i, 6] + u[i, 7] + u[i, 8] + u[i, 9]))
     if wanted > VALUE:
         add_moments_to_unknowns(block, i, pull, wanted)
-    magnitude, total = energy + abs(pulled) + abs(push), energy - pulled - push
     if wanted == POSITION:
-        by_x, by_y, by_z = by_x - pulled * x, by_y - pulled * y, by_z - pulled * z
-    return magnitude, total, (by_x, by_y, by_z), (xx, xy, xz, yy, yz, zz)
+        by_place = plus_times(by_place, -pulled, x)
+    return energy + abs(pulled) + abs(push), energy - pulled - push, by_place, by_both
+
+
+@inner_kernel
+def force_and_curvature(weight, rate, curve, r, flux):
+    """Return h and M times a weight, by the derivatives of the density by |r|^2."""
+    first = 2.0 * weight * rate
+    isotropic = first, 0.0, 0.0, first, 0.0, first
+    return weighted(first, r, -weight, flux), plus_square(isotropic, 4.0 * weight * curve, r)
 
 
 @inner_kernel
@@ -125,18 +126,17 @@ def add_moments_to_unknowns(block, i, pull, wanted):
         applied[:] = 0.0
         rest = -pull if own < 4 else -OF_EDGE * pull
         for a in range(4):
-            vx, vy, vz = corner_slope(g, own, a)
-            rest += force[a, 0] * vx + force[a, 1] * vy + force[a, 2] * vz
-            apply_curvature(block, a, vx, vy, vz)
+            v = corner_slope(g, own, a)
+            rest += dot(point(force, a), v)
+            apply_curvature(block, a, v)
         block.rest[row] += rest
         for other in range(own + 1):
-            column, product = dof[i, other], 0.0
+            column, total = dof[i, other], 0.0
             if column < 0:
                 continue
             for b in range(4):
-                vx, vy, vz = corner_slope(g, other, b)
-                product += applied[b, 0] * vx + applied[b, 1] * vy + applied[b, 2] * vz
-            block.stiffness[max(row, column), min(row, column)] += product
+                total += dot(point(applied, b), corner_slope(g, other, b))
+            block.stiffness[max(row, column), min(row, column)] += total
         if wanted == POSITION:
             add_mixed_by_law(block, row, own, rest)
 
@@ -145,36 +145,27 @@ def add_moments_to_unknowns(block, i, pull, wanted):
 def corner_slope(g, own, a):
     # Return the gradient of a function at corner a.
     if own < 4:
-        return g[own, 0], g[own, 1], g[own, 2]
+        return point(g, own)
     p, q = EDGES[own - 4, 0], EDGES[own - 4, 1]
     if a == p:
-        return 4.0 * g[q, 0], 4.0 * g[q, 1], 4.0 * g[q, 2]
-    if a == q:
-        return 4.0 * g[p, 0], 4.0 * g[p, 1], 4.0 * g[p, 2]
-    return 0.0, 0.0, 0.0
+        return times(4.0, point(g, q))
+    return times(4.0, point(g, p)) if a == q else ZERO
 
 
 @inner_kernel
-def apply_curvature(block, a, x, y, z):
-    applied, m = block.applied, block.curvature
-    if x == 0.0 and y == 0.0 and z == 0.0:
+def apply_curvature(block, a, x):
+    if x[0] == 0.0 and x[1] == 0.0 and x[2] == 0.0:
         return
     for b in range(4):
-        i, j = max(a, b), min(a, b)
-        xy, xz, yz = m[i, j, 1], m[i, j, 2], m[i, j, 4]
-        applied[b, 0] += m[i, j, 0] * x + xy * y + xz * z
-        applied[b, 1] += xy * x + m[i, j, 3] * y + yz * z
-        applied[b, 2] += xz * x + yz * y + m[i, j, 5] * z
+        add_to(block.applied, b, product(matrix(block.curvature[max(a, b)], min(a, b)), x))
 
 
 @inner_kernel
 def add_mixed_by_law(block, row, own, rest):
-    g, force, turn, mixed = block.slope, block.force, block.turn, block.mixed
-    for d in range(3):
-        mixed[row, d] += rest * g[0, d]
+    g, mixed = block.slope, block.mixed
+    add_to(mixed, row, times(rest, point(g, 0)))
     for a in range(4):
-        x, y, z = corner_slope(g, own, a)
-        across = force[a, 0] * g[0, 0] + force[a, 1] * g[0, 1] + force[a, 2] * g[0, 2]
-        mixed[row, 0] -= across * x + x * turn[a, 0, 0] + y * turn[a, 1, 0] + z * turn[a, 2, 0]
-        mixed[row, 1] -= across * y + x * turn[a, 0, 1] + y * turn[a, 1, 1] + z * turn[a, 2, 1]
-        mixed[row, 2] -= across * z + x * turn[a, 0, 2] + y * turn[a, 1, 2] + z * turn[a, 2, 2]
+        v, turn = corner_slope(g, own, a), block.turn[a]
+        across = dot(point(block.force, a), point(g, 0))
+        part = combined(across, v, v[0], point(turn, 0), v[1], point(turn, 1))
+        add_to(mixed, row, times(-1.0, plus_times(part, v[2], point(turn, 2))))
