@@ -18,22 +18,35 @@ def point(position, v):
 
 
 @inner_kernel
+def xy(position, v):
+    return position[v, 0], position[v, 1]
+
+
+@inner_kernel
 def matrix(shape, v):
     return shape[v, 0], shape[v, 1], shape[v, 2], shape[v, 3], shape[v, 4], shape[v, 5]
 
 
 @inner_kernel
 def put(position, v, x):
-    position[v, 0], position[v, 1], position[v, 2] = x
+    if len(x) == 2:
+        position[v, 0], position[v, 1] = x
+    else:
+        position[v, 0], position[v, 1], position[v, 2] = x
 
 
 @inner_kernel
 def add_to(position, v, x):
-    put(position, v, plus(point(position, v), x))
+    if len(x) == 2:
+        put(position, v, plus(xy(position, v), x))
+    else:
+        put(position, v, plus(point(position, v), x))
 
 
 @inner_kernel
 def from_to(x, position, v):
+    if len(x) == 2:
+        return position[v, 0] - x[0], position[v, 1] - x[1]
     return position[v, 0] - x[0], position[v, 1] - x[1], position[v, 2] - x[2]
 
 
@@ -88,6 +101,8 @@ def combined(s, a, t, b, u, c):
 
 @inner_kernel
 def divided(a, s):
+    if len(a) == 2:
+        return a[0] / s, a[1] / s
     return a[0] / s, a[1] / s, a[2] / s
 
 
@@ -99,7 +114,8 @@ def dot(a, b):
 @inner_kernel
 def plus_dot(s, a, b):
     """Return s + a . b, summed from the left."""
-    return s + a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    partial = s + a[0] * b[0] + a[1] * b[1]
+    return partial if len(a) == 2 else partial + a[2] * b[2]
 
 
 @inner_kernel
@@ -115,7 +131,16 @@ def norm(a):
 
 @inner_kernel
 def cross(a, b):
+    """Return the vector product, in the plane its length with a sign."""
+    if len(a) == 2:
+        return a[0] * b[1] - a[1] * b[0]
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@inner_kernel
+def turned(a):
+    """Return a vector of the plane turned counter-clockwise by a right angle."""
+    return -a[1], a[0]
 
 
 @inner_kernel
@@ -138,8 +163,10 @@ def determinant(matrix):
 @inner_kernel
 def plus_square(m, s, a):
     """Return m + s a a^T."""
-    x, y, z = times(s, a)
-    return plus(m, (x * a[0], x * a[1], x * a[2], y * a[1], y * a[2], z * a[2]))
+    b = times(s, a)
+    if len(a) == 2:
+        return plus(m, (b[0] * a[0], b[0] * a[1], b[1] * a[1]))
+    return plus(m, (b[0] * a[0], b[0] * a[1], b[0] * a[2], b[1] * a[1], b[1] * a[2], b[2] * a[2]))
 
 
 @inner_kernel

@@ -292,10 +292,10 @@ def split_long(mesh: OpenMesh, facets: Facets, longest: float, floor: float, ava
         ends = list(zip(facets.start[i].tolist(), facets.end[i].tolist(), strict=True))
         sides = [find(mesh, a, b) for a, b in ends]  # a split nearby may have given the facet another element
         midpoints = [middle(mesh, int(c), a, b) for c, (a, b) in zip(chain, ends, strict=True)]
-        if not all(may(mesh, e, k, floor, x, y) for (e, k), (x, y, _) in zip(sides, midpoints, strict=True)):
+        if not all(may(mesh, e, k, floor, x) for (e, k), (x, _) in zip(sides, midpoints, strict=True)):
             continue
-        new = [make(mesh, e, k, x, y, at) for (e, k), (x, y, at) in zip(sides, midpoints, strict=True)]
-        mesh.constraints.parameter[new] = midpoints[0][2]
+        new = [make(mesh, e, k, x, at) for (e, k), (x, at) in zip(sides, midpoints, strict=True)]
+        mesh.constraints.parameter[new] = midpoints[0][1]
         periodic.partner[new], periodic.motion[new] = new[::-1], [facets.motion[i], facets.motion[i] + 1]
         count += 1
     return count

@@ -33,5 +33,5 @@ def test_nodes_on_straight_chains_have_the_parameters_that_kernels_find():
         nodes = np.flatnonzero(constraints.kind == SLIDING)
         chain = constraints.chain[nodes, OWN]
         assert len(nodes) and (constraints.chains.shape[chain] == STRAIGHT).all()
-        found = [nearest(constraints.chains, c, *position[v], 0.0) for c, v in zip(chain, nodes, strict=True)]
+        found = [nearest(constraints.chains, c, position[v], 0.0) for c, v in zip(chain, nodes, strict=True)]
         assert constraints.parameter[nodes].tolist() == found

@@ -254,7 +254,7 @@ def test_the_functional_equals_the_sum_over_the_elements(law):
 def test_derivatives_equal_the_chain_rule(build, law):
     at = Setting(build(), 1, law)
     for v in np.flatnonzero(at.outline.constraints.kind == FREE):
-        _, _, bx, by, bw, xx, xy, yy, xw, yw, ww = derivatives(at.tri.position, at.tri.star, at.trial, v)
+        _, _, (bx, by), bw, (xx, xy, yy), (xw, yw), ww = derivatives(at.tri.position, at.tri.star, at.trial, v)
         gradient, hessian = star_derivatives(*at.arrays, v, at.laws)
         np.testing.assert_allclose([bx, by, bw], gradient, atol=1e-6 * np.abs(gradient).max())
         # the curvature along the gradient is that of a step of the table, which may be a bend
@@ -294,10 +294,10 @@ def test_a_star_knows_what_a_move_and_a_value_do_to_the_whole(build, law):
             way = 1e-3 * constraints.chains.direction[constraints.own_chain[v]]
         before = at.exact()
         star, w = (at.tri.position, at.tri.star, at.trial, v), 0.1 * rng.normal()
-        now = parabola(*star, *at.tri.position[v], 0.0)
+        now = parabola(*star, at.tri.position[v], 0.0)
         assert now[0] == pytest.approx(derivatives(*star)[1], rel=1e-10, abs=1e-12 * abs(before))
-        c, r, k = parabola(*star, *(at.tri.position[v] + way), w)
-        (low, _, _), (high, _, _) = (parabola(*star, *(at.tri.position[v] + way), w + d) for d in (-1e-5, 1e-5))
+        c, r, k = parabola(*star, at.tri.position[v] + way, w)
+        (low, _, _), (high, _, _) = (parabola(*star, at.tri.position[v] + way, w + d) for d in (-1e-5, 1e-5))
         assert (high - low) / 2e-5 == pytest.approx(r, rel=1e-3, abs=1e-5 * k)
         at.tri.position[v] += way
         at.values[v] += w

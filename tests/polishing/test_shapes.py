@@ -114,17 +114,17 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
         def now(dx=0.0, dy=0.0, v=v, count=count, x=x, y=y):
             """The functional of the whole mesh, and what the kernel has of the star."""
             tri.position[v] = x + dx, y + dy
-            star, value = np.array(derivatives(scratch, v, x + dx, y + dy, POSITION)), at.value()
+            star, value = derivatives(scratch, v, (x + dx, y + dy), POSITION), at.value()
             tri.position[v] = x, y
             block = scratch.block
             stiffness = np.tril(block.stiffness[:count, :count])
             whole = stiffness + np.tril(stiffness, -1).T
-            return value, star[2:4], block.rest[:count].copy(), block.mixed[:count].copy(), whole, star[4:]
+            return value, np.array(star[2]), block.rest[:count].copy(), block.mixed[:count].copy(), whole, star[3]
 
         _, slope, rest, mixed, stiffness, (xx, xy, yy) = now()
-        value = derivatives(scratch, v, x, y, POSITION)[1]
+        value = derivatives(scratch, v, (x, y), POSITION)[1]
         for wanted in (VALUE, BLOCK):
-            assert derivatives(scratch, v, x, y, wanted)[1] == pytest.approx(value, rel=1e-14)
+            assert derivatives(scratch, v, (x, y), wanted)[1] == pytest.approx(value, rel=1e-14)
         np.testing.assert_array_equal(scratch.block.rest[:count], rest)
         np.testing.assert_array_equal(np.tril(scratch.block.stiffness[:count, :count]), np.tril(stiffness))
         hessian, scale = np.array([[xx, xy], [xy, yy]]), np.abs(stiffness).max()
@@ -158,7 +158,7 @@ def test_few_points_integrate_the_block_of_a_uniform_field(name):
     interpreted(kernels.number_block)(scratch, v)
     count, found = scratch.block.unknowns[0], []
     for wanted in (COARSE_BLOCK, BLOCK):
-        interpreted(kernels.derivatives)(scratch, v, *tri.position[v], wanted)
+        interpreted(kernels.derivatives)(scratch, v, tri.position[v], wanted)
         found.append((scratch.block.rest[:count].copy(), np.tril(scratch.block.stiffness[:count, :count])))
     for few, all_points in zip(*found, strict=True):
         np.testing.assert_allclose(few, all_points, rtol=1e-12, atol=1e-12 * np.abs(all_points).max())

@@ -78,7 +78,7 @@ each_mesh = pytest.mark.parametrize("build", MESHES)
 def test_derivatives_are_those_of_the_functional(build):
     at = Setting(build())
     for v in np.flatnonzero(at.movable.constraints.kind == FREE)[:10]:
-        _, total, bx, by, bw, xx, xy, yy, xw, yw, ww = derivatives(at.tri.position, at.tri.star, at.trial, v)
+        _, total, (bx, by), bw, (xx, xy, yy), (xw, yw), ww = derivatives(at.tri.position, at.tri.star, at.trial, v)
         h = 1e-5 * np.eye(3)
         slope = [(at.at(v, step) - at.at(v, -step)) / 2e-5 for step in h]
         np.testing.assert_allclose([bx, by, bw], slope, atol=1e-5 * np.abs(slope).max())
@@ -86,7 +86,7 @@ def test_derivatives_are_those_of_the_functional(build):
             ends = [(s, t, at.at(v, s * h[i] + t * h[j])) for s in (-1, 1) for t in (-1, 1)]
             assert given == pytest.approx(sum(s * t * end for s, t, end in ends) / 4e-10, abs=0.03 * max(xx, yy))
         moved = 0.004 * np.random.default_rng(v).normal(size=2)
-        c = quadratic(at.tri.position, at.tri.star, at.trial, v, *(at.tri.position[v] + moved))[0]
+        c = quadratic(at.tri.position, at.tri.star, at.trial, v, at.tri.position[v] + moved)[0]
         assert c - total == pytest.approx(at.at(v, [*moved, 0.0]) - at.value(), rel=1e-6, abs=1e-9)
 
 

@@ -252,7 +252,7 @@ def find_parameters(position: Floats, constraints: Constraints, node: Ints, firs
             continue
         near = 0.0
         for v in sliding:
-            near = nearest(chains, c, *position[v], near)
+            near = nearest(chains, c, position[v], near)
             constraints.parameter[v] = near
 
 

@@ -32,58 +32,80 @@ from kohonen_adapt.kernels.triangle.arrays import (
     STRAIGHT,
     TABLED,
 )
+from kohonen_adapt.kernels.triangle.geometry import squared_distance
 from kohonen_adapt.kernels.triangle.guard import may_move
+from kohonen_adapt.kernels.vectors import (
+    combined,
+    cross,
+    divided,
+    dot,
+    minus,
+    norm,
+    plus,
+    plus_times,
+    put,
+    times,
+    turned,
+    weighted,
+    xy,
+)
 
 BISECTIONS = 45  # of a span between knots, one bit of the nearest point each
 
 
 @inner_kernel
+def origin_of(chains, c):
+    return chains.geometry[c, ORIGIN_X], chains.geometry[c, ORIGIN_Y]
+
+
+@inner_kernel
+def direction_of(chains, c):
+    return chains.geometry[c, DIRECTION_X], chains.geometry[c, DIRECTION_Y]
+
+
+@inner_kernel
+def rotated(a, angle):
+    return weighted(math.cos(angle), a, math.sin(angle), turned(a))
+
+
+@inner_kernel
 def point_at(chains, c, parameter):
-    x, y = chains.geometry[c, ORIGIN_X], chains.geometry[c, ORIGIN_Y]
-    tx, ty = chains.geometry[c, DIRECTION_X], chains.geometry[c, DIRECTION_Y]
     if chains.flags[c, SHAPE] == STRAIGHT:
-        return x + parameter * tx, y + parameter * ty
+        return plus_times(origin_of(chains, c), parameter, direction_of(chains, c))
     if chains.flags[c, SHAPE] == ROUND:
         # along a chord from the origin, exact for any radius
         half = 0.5 * chains.geometry[c, CURVATURE] * parameter
-        sine, cosine = math.sin(half), math.cos(half)
-        chord = 2.0 * sine / chains.geometry[c, CURVATURE]
-        return x + chord * (cosine * tx - sine * ty), y + chord * (sine * tx + cosine * ty)
+        chord = 2.0 * math.sin(half) / chains.geometry[c, CURVATURE]
+        return plus_times(origin_of(chains, c), chord, rotated(direction_of(chains, c), half))
     k = knot_before(chains, c, parameter)
-    x, y, _, _ = on_span(chains.knot, k, span_fraction(chains.knot, k, parameter))
-    return x, y
+    return on_span(chains.knot, k, span_fraction(chains.knot, k, parameter))[0]
 
 
 @inner_kernel
 def tangent_at(chains, c, parameter):
-    tx, ty = chains.geometry[c, DIRECTION_X], chains.geometry[c, DIRECTION_Y]
     if chains.flags[c, SHAPE] == ROUND:
-        angle = chains.geometry[c, CURVATURE] * parameter
-        sine, cosine = math.sin(angle), math.cos(angle)
-        return cosine * tx - sine * ty, sine * tx + cosine * ty
+        return rotated(direction_of(chains, c), chains.geometry[c, CURVATURE] * parameter)
     if chains.flags[c, SHAPE] == TABLED:
         k = knot_before(chains, c, parameter)
-        _, _, tx, ty = on_span(chains.knot, k, span_fraction(chains.knot, k, parameter))
-        length = math.hypot(tx, ty)
-        return tx / length, ty / length
-    return tx, ty
+        x, y = on_span(chains.knot, k, span_fraction(chains.knot, k, parameter))[1]
+        return divided((x, y), math.hypot(x, y))
+    return direction_of(chains, c)
 
 
 @inner_kernel
-def nearest_parameter(chains, c, x, y, near):
-    """Return the parameter of the point of segment `c` nearest to (x, y).
+def nearest_parameter(chains, c, x, near):
+    """Return the parameter of the point of segment `c` nearest to x.
 
     The search on a tabled segment begins at the parameter `near`.
     """
     if chains.flags[c, SHAPE] == TABLED:
-        return nearest_on_table(chains, c, x, y, near)
-    ux, uy = x - chains.geometry[c, ORIGIN_X], y - chains.geometry[c, ORIGIN_Y]
-    tx, ty, length = chains.geometry[c, DIRECTION_X], chains.geometry[c, DIRECTION_Y], chains.geometry[c, LENGTH]
-    along = ux * tx + uy * ty
+        return nearest_on_table(chains, c, x, near)
+    offset, tangent, length = minus(x, origin_of(chains, c)), direction_of(chains, c), chains.geometry[c, LENGTH]
+    along = dot(offset, tangent)
     if chains.flags[c, SHAPE] == STRAIGHT:
         return min(length, max(0.0, along))
     curvature = chains.geometry[c, CURVATURE]
-    angle = math.atan2(curvature * along, 1.0 - curvature * (uy * tx - ux * ty))
+    angle = math.atan2(curvature * along, 1.0 - curvature * cross(tangent, offset))
     parameter, turn = angle / curvature, 2.0 * math.pi / abs(curvature)
     if chains.flags[c, CLOSED]:
         return parameter + turn if parameter < 0.0 else parameter
@@ -98,16 +120,16 @@ def nearest_parameter(chains, c, x, y, near):
 def parameter_of(position, constraints, c, v):
     if constraints.kind[v] == SLIDING and constraints.chain[v, OWN] == c:
         return constraints.parameter[v]
-    x, y, chains = position[v, 0], position[v, 1], constraints.chains
-    if squared_to_parameter(chains, c, chains.geometry[c, LENGTH], x, y) < squared_to_parameter(chains, c, 0.0, x, y):
+    x, chains = xy(position, v), constraints.chains
+    if squared_to_parameter(chains, c, chains.geometry[c, LENGTH], x) < squared_to_parameter(chains, c, 0.0, x):
         return chains.geometry[c, LENGTH]
     return 0.0
 
 
 @inner_kernel
-def distance_to_chain(chains, c, x, y, near):
-    parameter = nearest_parameter(chains, c, x, y, near)
-    return squared_to_parameter(chains, c, parameter, x, y), parameter
+def distance_to_chain(chains, c, x, near):
+    parameter = nearest_parameter(chains, c, x, near)
+    return squared_to_parameter(chains, c, parameter, x), parameter
 
 
 @inner_kernel
@@ -137,13 +159,12 @@ def midpoint_on_chain(position, constraints, c, a, b):
     chains = constraints.chains
     start, end = parameter_of(position, constraints, c, a), parameter_of(position, constraints, c, b)
     parameter = advanced_parameter(chains, c, start, 0.5 * signed_distance(chains, c, start, end))
-    x, y = point_at(chains, c, parameter)
-    return x, y, parameter
+    return point_at(chains, c, parameter), parameter
 
 
 @inner_kernel
-def within_reach(mesh, c, v, x, y):
-    """Return True if node `v` at (x, y) makes no facet too long.
+def within_reach(mesh, c, v, x):
+    """Return True if node `v` at x makes no facet too long.
 
     A facet is too long if longer than the reach of segment `c` and longer than before.
     """
@@ -157,12 +178,9 @@ def within_reach(mesh, c, v, x, y):
             if elements.chain[e, j] != c or elements.node[e, j] == v:
                 continue
             other = star.ahead[k] + star.behind[k] - elements.node[e, j]
-            dx, dy = x - position[other, 0], y - position[other, 1]
-            squared = dx * dx + dy * dy
-            if squared > reach * reach:
-                dx, dy = position[v, 0] - position[other, 0], position[v, 1] - position[other, 1]
-                if squared > dx * dx + dy * dy:
-                    return False
+            squared = squared_distance(position, other, x)
+            if squared > reach * reach and squared > squared_distance(position, other, xy(position, v)):
+                return False
     return True
 
 
@@ -187,36 +205,35 @@ def span_fraction(knot, k, parameter):
 def on_span(knot, k, fraction):
     """Return position and derivative of the cubic Hermite polynomial of span `k`.
 
-    The result is (x, y, dx, dy) at `fraction` of the span from knot k to k + 1. The derivative is by the fraction.
+    Both are at `fraction` of the span from knot k to k + 1. The derivative is by the fraction.
     """
     width, r = knot[k + 1, AT] - knot[k, AT], 1.0 - fraction
     h0, h1 = r * r * (1.0 + 2.0 * fraction), fraction * fraction * (1.0 + 2.0 * r)
     g0, g1 = width * fraction * r * r, -width * fraction * fraction * r
     d = 6.0 * fraction * r
     e0, e1 = width * r * (1.0 - 3.0 * fraction), width * fraction * (3.0 * fraction - 2.0)
-    x = h0 * knot[k, AT_X] + h1 * knot[k + 1, AT_X] + g0 * knot[k, RATE_X] + g1 * knot[k + 1, RATE_X]
-    y = h0 * knot[k, AT_Y] + h1 * knot[k + 1, AT_Y] + g0 * knot[k, RATE_Y] + g1 * knot[k + 1, RATE_Y]
-    dx = d * (knot[k + 1, AT_X] - knot[k, AT_X]) + e0 * knot[k, RATE_X] + e1 * knot[k + 1, RATE_X]
-    dy = d * (knot[k + 1, AT_Y] - knot[k, AT_Y]) + e0 * knot[k, RATE_Y] + e1 * knot[k + 1, RATE_Y]
-    return x, y, dx, dy
+    start, end = (knot[k, AT_X], knot[k, AT_Y]), (knot[k + 1, AT_X], knot[k + 1, AT_Y])
+    at_start, at_end = (knot[k, RATE_X], knot[k, RATE_Y]), (knot[k + 1, RATE_X], knot[k + 1, RATE_Y])
+    x = plus_times(combined(h0, start, h1, end, g0, at_start), g1, at_end)
+    return x, combined(d, minus(end, start), e0, at_start, e1, at_end)
 
 
 @inner_kernel
-def nearest_on_table(chains, c, x, y, near):
+def nearest_on_table(chains, c, x, near):
     knot, k, best = chains.knot, knot_before(chains, c, near), np.inf
-    distance = squared_to_knot(knot, k, x, y)
+    distance = squared_to_knot(knot, k, x)
     for direction in (1, -1):
         while distance < best:
             best = distance
             other = next_knot(chains, c, k, direction)
-            distance = squared_to_knot(knot, other, x, y)
+            distance = squared_to_knot(knot, other, x)
             if distance < best:
                 k = other
         distance, best = best, np.inf
     before = next_knot(chains, c, k, np.int64(-1))
-    parameter = nearest_in_span(knot, min(k, chains.row[c + 1] - 2), x, y)
-    other = nearest_in_span(knot, before, x, y)
-    if squared_to_parameter(chains, c, other, x, y) < squared_to_parameter(chains, c, parameter, x, y):
+    parameter = nearest_in_span(knot, min(k, chains.row[c + 1] - 2), x)
+    other = nearest_in_span(knot, before, x)
+    if squared_to_parameter(chains, c, other, x) < squared_to_parameter(chains, c, parameter, x):
         return other
     return parameter
 
@@ -231,24 +248,24 @@ def next_knot(chains, c, k, direction):
 
 
 @inner_kernel
-def squared_to_knot(knot, k, x, y):
-    dx, dy = x - knot[k, AT_X], y - knot[k, AT_Y]
-    return dx * dx + dy * dy
+def squared_to_knot(knot, k, x):
+    offset = minus(x, (knot[k, AT_X], knot[k, AT_Y]))
+    return dot(offset, offset)
 
 
 @inner_kernel
-def squared_to_parameter(chains, c, parameter, x, y):
-    px, py = point_at(chains, c, parameter)
-    return (x - px) * (x - px) + (y - py) * (y - py)
+def squared_to_parameter(chains, c, parameter, x):
+    offset = minus(x, point_at(chains, c, parameter))
+    return dot(offset, offset)
 
 
 @inner_kernel
-def nearest_in_span(knot, k, x, y):
+def nearest_in_span(knot, k, x):
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):
         fraction = 0.5 * (low + high)
-        px, py, dx, dy = on_span(knot, k, fraction)
-        if (x - px) * dx + (y - py) * dy > 0.0:
+        there, tangent = on_span(knot, k, fraction)
+        if dot(minus(x, there), tangent) > 0.0:
             low = fraction
         else:
             high = fraction
@@ -260,7 +277,7 @@ def look_up(constraints, nodes, out):
     for i in range(nodes.shape[0]):
         v = nodes[i]
         chain = np.int64(constraints.chain[v, OWN])
-        out[i, 0], out[i, 1] = point_at(constraints.chains, chain, constraints.parameter[v])
+        put(out, i, point_at(constraints.chains, chain, constraints.parameter[v]))
 
 
 @kernel
@@ -273,9 +290,8 @@ def farthest_from_facets(position, elements, constraints):
             if c < 0 or chains.flags[c, SHAPE] == STRAIGHT:
                 continue
             a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
-            x, y, _ = midpoint_on_chain(position, constraints, c, a, b)
-            dx, dy = x - 0.5 * (position[a, 0] + position[b, 0]), y - 0.5 * (position[a, 1] + position[b, 1])
-            distance = math.sqrt(dx * dx + dy * dy)
+            x, _ = midpoint_on_chain(position, constraints, c, a, b)
+            distance = norm(minus(x, times(0.5, plus(xy(position, a), xy(position, b)))))
             if distance > farthest:
                 farthest, which = distance, c
     return farthest, which
@@ -285,27 +301,29 @@ def farthest_from_facets(position, elements, constraints):
 def slide(mesh, v, parameter, floor):
     position, constraints = mesh.position, mesh.constraints
     chain = np.int64(constraints.chain[v, OWN])
-    x, y = point_at(constraints.chains, chain, parameter)
-    if not within_reach(mesh, chain, v, x, y):
+    x = point_at(constraints.chains, chain, parameter)
+    if not within_reach(mesh, chain, v, x):
         return BY_REACH
-    if not may_move(position, mesh.star, constraints.metric, v, x, y, floor):
+    if not may_move(position, mesh.star, constraints.metric, v, x, floor):
         return BY_QUALITY
-    position[v, 0], position[v, 1], constraints.parameter[v] = x, y, parameter
+    put(position, v, x)
+    constraints.parameter[v] = parameter
     return MOVED
 
 
 @inner_kernel
 def slide_pair(mesh, v, parameter, floor):
     position, constraints = mesh.position, mesh.constraints
-    w, before = np.int64(constraints.periodic.partner[v]), constraints.parameter[v]
-    before_x, before_y = position[v, 0], position[v, 1]
+    w, before, start = np.int64(constraints.periodic.partner[v]), xy(position, v), constraints.parameter[v]
     # The star of the partner depends on the node where the mesh is a single element wide, so the node moves first.
     cause = slide(mesh, v, parameter, floor)
     if cause != MOVED:
         return cause
-    x, y = point_at(constraints.chains, np.int64(constraints.chain[w, OWN]), parameter)
-    if not may_move(position, mesh.star, constraints.metric, w, x, y, floor):
-        position[v, 0], position[v, 1], constraints.parameter[v] = before_x, before_y, before
+    x = point_at(constraints.chains, np.int64(constraints.chain[w, OWN]), parameter)
+    if not may_move(position, mesh.star, constraints.metric, w, x, floor):
+        put(position, v, before)
+        constraints.parameter[v] = start
         return BY_QUALITY
-    position[w, 0], position[w, 1], constraints.parameter[w] = x, y, parameter
+    put(position, w, x)
+    constraints.parameter[w] = parameter
     return MOVED

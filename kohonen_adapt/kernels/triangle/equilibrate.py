@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel, record
-from kohonen_adapt.kernels.triangle.geometry import corner_of, orientation
+from kohonen_adapt.kernels.triangle.geometry import corner_of, twice_area
+from kohonen_adapt.kernels.vectors import cross, dot, from_to, xy
 
 NATURAL, GIVEN = -1, -2  # in place of a neighbour at a boundary: zero flux, or Dirichlet values
 
@@ -136,11 +137,6 @@ def set_means(data, patch, size):
 
 
 @inner_kernel
-def twice_area(point, a, b, c):
-    return orientation(point[a, 0], point[a, 1], point[b, 0], point[b, 1], point[c, 0], point[c, 1])
-
-
-@inner_kernel
 def minimise(data, patch, size, closed):
     edges = size if closed else size + 1
     if closed:
@@ -176,15 +172,15 @@ def set_energy_matrix(data, patch, s):
     """
     e, k = patch.element[s], patch.corner[s]
     v, u, w = data.node[e, k], data.node[e, (k + 1) % 3], data.node[e, (k + 2) % 3]
-    bx, by = data.point[u, 0] - data.point[v, 0], data.point[u, 1] - data.point[v, 1]
-    cx, cy = data.point[w, 0] - data.point[v, 0], data.point[w, 1] - data.point[v, 1]
-    bb, bc, cc = bx * bx + by * by, bx * cx + by * cy, cx * cx + cy * cy
+    x = xy(data.point, v)
+    b, c = from_to(x, data.point, u), from_to(x, data.point, w)
+    bb, bc, cc = dot(b, b), dot(b, c), dot(c, c)
     b_rim, c_rim, rim = bc - bb, cc - bc, bb - 2.0 * bc + cc
     gram = patch.gram
     gram[0, 0], gram[1, 1], gram[2, 2], gram[3, 3] = 2.0 * cc, 2.0 * rim, 2.0 * bb, 2.0 * rim
     gram[0, 1], gram[0, 2], gram[0, 3] = c_rim, 2.0 * bc, -c_rim
     gram[1, 2], gram[1, 3], gram[2, 3] = b_rim, -rim, -b_rim
-    scale = 1.0 / (24.0 * data.reluctivity[e] * (bx * cy - by * cx))
+    scale = 1.0 / (24.0 * data.reluctivity[e] * cross(b, c))
     for i in range(4):
         for j in range(i, 4):
             gram[i, j] *= scale

@@ -13,6 +13,7 @@ from kohonen_adapt.kernels.triangle.geometry import (
     has_edge,
     may_join,
     signed_quality,
+    sum_of_squares,
 )
 from kohonen_adapt.kernels.triangle.metric import (
     effective_element_quality,
@@ -21,6 +22,7 @@ from kohonen_adapt.kernels.triangle.metric import (
     factor_of_three,
     mapped,
 )
+from kohonen_adapt.kernels.vectors import cross, dot, from_to, minus, xy
 
 COCIRCULAR = 1e-10  # relative tolerance, so that rounding does not decide between four points on a circle
 
@@ -34,14 +36,11 @@ def not_delaunay(position, shape, p, q, r, s):
     of the four nodes.
     """
     map_ = factor_of_four(shape, p, q, r, s)
-    px, py, qx, qy = position[p, 0], position[p, 1], position[q, 0], position[q, 1]
-    rx, ry, sx, sy = position[r, 0], position[r, 1], position[s, 0], position[s, 1]
-    ax, ay = mapped(map_, px - rx, py - ry)
-    bx, by = mapped(map_, qx - rx, qy - ry)
-    cx, cy = mapped(map_, qx - sx, qy - sy)
-    dx, dy = mapped(map_, px - sx, py - sy)
-    cos_r, sin_r = ax * bx + ay * by, ax * by - ay * bx
-    cos_s, sin_s = cx * dx + cy * dy, cx * dy - cy * dx
+    at_r, at_s = xy(position, r), xy(position, s)
+    a, b = mapped(map_, from_to(at_r, position, p)), mapped(map_, from_to(at_r, position, q))
+    c, d = mapped(map_, from_to(at_s, position, q)), mapped(map_, from_to(at_s, position, p))
+    cos_r, sin_r = dot(a, b), cross(a, b)
+    cos_s, sin_s = dot(c, d), cross(c, d)
     total = sin_r * cos_s + cos_r * sin_s
     return total < 0.0 and total < -COCIRCULAR * (abs(cos_r) + sin_r) * (abs(cos_s) + sin_s)
 
@@ -79,21 +78,19 @@ def interpolation_error(position, shape, a, b, c):
     # of a quadratic function whose second derivatives are the mean shape of the corners, up to a factor: area times the
     # sum of the squared edges; Delaunay flips lower this sum (Rajan, Discrete Comput. Geom. 12, 1994)
     map_ = factor_of_three(shape, a, b, c)
-    ux, uy = mapped(map_, position[b, 0] - position[a, 0], position[b, 1] - position[a, 1])
-    vx, vy = mapped(map_, position[c, 0] - position[a, 0], position[c, 1] - position[a, 1])
-    wx, wy = vx - ux, vy - uy
-    return abs(ux * vy - vx * uy) * (ux * ux + uy * uy + vx * vx + vy * vy + wx * wx + wy * wy)
+    x = xy(position, a)
+    u, v = mapped(map_, from_to(x, position, b)), mapped(map_, from_to(x, position, c))
+    return abs(cross(u, v)) * sum_of_squares(u, v, minus(v, u))
 
 
 @inner_kernel
 def may_flip_in_metric(position, elements, metric, e, k, other, floor):
     node = elements.node
     p, q, r, s = corners_around(node, e, k, other)
-    px, py, qx, qy = position[p, 0], position[p, 1], position[q, 0], position[q, 1]
-    rx, ry, sx, sy = position[r, 0], position[r, 1], position[s, 0], position[s, 1]
+    at_r, at_s = xy(position, r), xy(position, s)
     after = min(
-        effective_quality(metric, r, p, s, rx, ry, px, py, sx, sy),
-        effective_quality(metric, s, q, r, sx, sy, qx, qy, rx, ry),
+        effective_quality(metric, r, p, s, at_r, xy(position, p), at_s),
+        effective_quality(metric, s, q, r, at_s, xy(position, q), at_r),
     )
     before = min(
         effective_element_quality(position, metric, node, e), effective_element_quality(position, metric, node, other)
@@ -105,9 +102,8 @@ def may_flip_in_metric(position, elements, metric, e, k, other, floor):
 def may_flip(position, elements, e, k, other, floor):
     node = elements.node
     p, q, r, s = corners_around(node, e, k, other)
-    px, py, qx, qy = position[p, 0], position[p, 1], position[q, 0], position[q, 1]
-    rx, ry, sx, sy = position[r, 0], position[r, 1], position[s, 0], position[s, 1]
-    after = min(signed_quality(rx, ry, px, py, sx, sy), signed_quality(sx, sy, qx, qy, rx, ry))
+    at_r, at_s = xy(position, r), xy(position, s)
+    after = min(signed_quality(at_r, xy(position, p), at_s), signed_quality(at_s, xy(position, q), at_r))
     before = min(element_quality(position, node, e), element_quality(position, node, other))
     return admits_flip(elements, e, k, r, s, after, before, floor)
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.arrays import UNGUARDED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.vectors import cross, dot, from_to, minus, plus_dot, plus_times, put, times, xy
 
 SQRT12 = 2.0 * math.sqrt(3.0)
 FLAT = 1e-12  # minimum quality above rounding, required of every move and flip whatever the floor
@@ -117,38 +118,41 @@ def may_join(elements, e, v, w):
 
 
 @inner_kernel
-def orientation(ax, ay, bx, by, cx, cy):
-    return (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+def orientation(a, b, c):
+    return cross(minus(b, a), minus(c, a))
 
 
 @inner_kernel
-def signed_quality(ax, ay, bx, by, cx, cy):
+def twice_area(position, a, b, c):
+    return orientation(xy(position, a), xy(position, b), xy(position, c))
+
+
+@inner_kernel
+def sum_of_squares(u, v, w):
+    return plus_dot(plus_dot(dot(u, u), v, v), w, w)
+
+
+@inner_kernel
+def signed_quality(a, b, c):
     """Return the quality 2 sqrt(3) D / (sum of squared sides), D the doubled area.
 
     The sign is the orientation, and an equilateral triangle has quality 1. The quality of three equal points is nan,
     which fails every comparison.
     """
-    ux, uy = bx - ax, by - ay
-    vx, vy = cx - ax, cy - ay
-    wx, wy = cx - bx, cy - by
-    squares = ux * ux + uy * uy + vx * vx + vy * vy + wx * wx + wy * wy
-    return SQRT12 * (ux * vy - vx * uy) / squares
+    u, v, w = minus(b, a), minus(c, a), minus(c, b)
+    return SQRT12 * cross(u, v) / sum_of_squares(u, v, w)
 
 
 @inner_kernel
 def element_quality(position, node, e):
-    a, b, c = node[e, 0], node[e, 1], node[e, 2]
-    return signed_quality(
-        position[a, 0], position[a, 1], position[b, 0], position[b, 1], position[c, 0], position[c, 1]
-    )
+    return signed_quality(xy(position, node[e, 0]), xy(position, node[e, 1]), xy(position, node[e, 2]))
 
 
 @inner_kernel
-def worst_in_star(position, star, v, x, y):
+def worst_in_star(position, star, v, x):
     worst = 2.0
     for k in range(star.start[v], star.start[v + 1]):
-        a, b = star.ahead[k], star.behind[k]
-        q = signed_quality(x, y, position[a, 0], position[a, 1], position[b, 0], position[b, 1])
+        q = signed_quality(x, xy(position, star.ahead[k]), xy(position, star.behind[k]))
         if not q >= worst:
             worst = q
     return worst
@@ -174,23 +178,20 @@ def quality_bound(floor):
 
 
 @inner_kernel
-def exceeds_quality(bound, ux, uy, vx, vy):
+def exceeds_quality(bound, u, v):
     """Return True if the triangle of edges u, v exceeds a minimum quality.
 
     `bound` is `quality_bound(floor)`. The test is equivalent to a comparison of `signed_quality` and three times
     faster, without a division.
     """
-    return ux * vy - vx * uy > bound * (ux * ux + uy * uy + vx * vx + vy * vy - ux * vx - uy * vy)
+    return cross(u, v) > bound * plus_dot(plus_dot(dot(u, u), v, v), times(-1.0, u), v)
 
 
 @inner_kernel
-def star_tolerable(position, star, v, x, y, floor):
+def star_tolerable(position, star, v, x, floor):
     bound = quality_bound(floor)
     for k in range(star.start[v], star.start[v + 1]):
-        a, b = star.ahead[k], star.behind[k]
-        ux, uy = position[a, 0] - x, position[a, 1] - y
-        vx, vy = position[b, 0] - x, position[b, 1] - y
-        if not exceeds_quality(bound, ux, uy, vx, vy):
+        if not exceeds_quality(bound, from_to(x, position, star.ahead[k]), from_to(x, position, star.behind[k])):
             return floor == UNGUARDED
     return True
 
@@ -203,40 +204,38 @@ def mark_valid(position, star, floor, first, last, is_valid):
     floor may worsen a marked star. The guard is then stricter than the quality rule until the next call.
     """
     for v in range(first, last):
-        is_valid[v] = star_tolerable(position, star, v, position[v, 0], position[v, 1], floor)
+        is_valid[v] = star_tolerable(position, star, v, xy(position, v), floor)
 
 
 @inner_kernel
-def may_move(position, star, v, x, y, floor):
-    if star_tolerable(position, star, v, x, y, floor):
+def may_move(position, star, v, x, floor):
+    if star_tolerable(position, star, v, x, floor):
         return True
-    if star_tolerable(position, star, v, position[v, 0], position[v, 1], floor):
+    before = xy(position, v)
+    if star_tolerable(position, star, v, before, floor):
         return False
-    worst = worst_in_star(position, star, v, x, y)
-    return worst > FLAT and worst >= worst_in_star(position, star, v, position[v, 0], position[v, 1])
+    worst = worst_in_star(position, star, v, x)
+    return worst > FLAT and worst >= worst_in_star(position, star, v, before)
 
 
 @kernel
 def move_to_targets(position, star, nodes, target, tolerance, floor):
     for i in range(nodes.shape[0]):
-        v, x, y = np.int64(nodes[i]), target[i, 0], target[i, 1]
-        if abs(x - position[v, 0]) + abs(y - position[v, 1]) > tolerance and may_move(position, star, v, x, y, floor):
-            position[v, 0], position[v, 1] = x, y
+        v, x = np.int64(nodes[i]), xy(target, i)
+        if abs(x[0] - position[v, 0]) + abs(x[1] - position[v, 1]) > tolerance and may_move(
+            position, star, v, x, floor
+        ):
+            put(position, v, x)
 
 
 @inner_kernel
 def squared_distance(position, v, x):
-    total = 0.0
-    for k in range(x.shape[0]):
-        difference = x[k] - position[v, k]
-        total += difference * difference
-    return total
+    offset = from_to(x, position, v)
+    return dot(offset, offset)
 
 
 @inner_kernel
-def squared_distance_to_segment(ux, uy, vx, vy):
+def squared_distance_to_segment(u, v):
     # of the point v from the segment from the origin to u
-    along = min(1.0, max(0.0, (ux * vx + uy * vy) / (ux * ux + uy * uy)))
-    vx -= along * ux
-    vy -= along * uy
-    return vx * vx + vy * vy
+    offset = plus_times(v, -min(1.0, max(0.0, dot(u, v) / dot(u, u))), u)
+    return dot(offset, offset)

@@ -5,39 +5,38 @@ from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.triangle import geometry
 from kohonen_adapt.kernels.triangle.geometry import FLAT, worst_in_star
 from kohonen_adapt.kernels.triangle.metric import effective_quality
+from kohonen_adapt.kernels.vectors import xy
 
 tolerable_in_plane = geometry.star_tolerable
 
 
 @inner_kernel
-def star_tolerable(position, star, metric, v, x, y, floor):
+def star_tolerable(position, star, metric, v, x, floor):
     if metric.relief == 1.0 or floor == UNGUARDED:
-        return tolerable_in_plane(position, star, v, x, y, floor)
-    return worst_around(position, star, metric, v, x, y) > max(floor, FLAT)
+        return tolerable_in_plane(position, star, v, x, floor)
+    return worst_around(position, star, metric, v, x) > max(floor, FLAT)
 
 
 @inner_kernel
-def worst_around(position, star, metric, v, x, y):
+def worst_around(position, star, metric, v, x):
     # As `worst_in_star`, of effective quality.
     if metric.relief == 1.0:
-        return worst_in_star(position, star, v, x, y)
+        return worst_in_star(position, star, v, x)
     worst = 2.0
     for k in range(star.start[v], star.start[v + 1]):
         a, b = star.ahead[k], star.behind[k]
-        quality = effective_quality(
-            metric, v, a, b, x, y, position[a, 0], position[a, 1], position[b, 0], position[b, 1]
-        )
+        quality = effective_quality(metric, v, a, b, x, xy(position, a), xy(position, b))
         if not quality >= worst:
             worst = quality
     return worst
 
 
 @inner_kernel
-def may_move(position, star, metric, v, x, y, floor):
-    if star_tolerable(position, star, metric, v, x, y, floor):
+def may_move(position, star, metric, v, x, floor):
+    if star_tolerable(position, star, metric, v, x, floor):
         return True
-    old_x, old_y = position[v, 0], position[v, 1]
-    if star_tolerable(position, star, metric, v, old_x, old_y, floor):
+    before = xy(position, v)
+    if star_tolerable(position, star, metric, v, before, floor):
         return False
-    after = worst_around(position, star, metric, v, x, y)
-    return after > FLAT and after >= worst_around(position, star, metric, v, old_x, old_y)
+    after = worst_around(position, star, metric, v, x)
+    return after > FLAT and after >= worst_around(position, star, metric, v, before)

@@ -12,6 +12,7 @@ from kohonen_adapt.kernels.triangle.arrays import SAGITTA
 from kohonen_adapt.kernels.triangle.chains import distance_to_chain, parameter_of
 from kohonen_adapt.kernels.triangle.geometry import orientation, squared_distance, squared_distance_to_segment
 from kohonen_adapt.kernels.triangle.metric import factor_at, mapped
+from kohonen_adapt.kernels.vectors import cross, dot, from_to, minus, xy
 
 TOLERANCE = 1e-10  # relative to an element: points on an edge or on the boundary count as inside
 WALK = 64  # maximum number of steps; walks from a grid cell take two or three
@@ -20,30 +21,29 @@ STRETCH = 256  # consecutive points whose searches may start at the previous win
 
 
 @inner_kernel
-def side_of_edge(position, node, e, k, x, y):
-    a, b = node[e, (k + 1) % 3], node[e, (k + 2) % 3]
-    return orientation(position[a, 0], position[a, 1], position[b, 0], position[b, 1], x, y)
+def side_of_edge(position, node, e, k, x):
+    return orientation(xy(position, node[e, (k + 1) % 3]), xy(position, node[e, (k + 2) % 3]), x)
 
 
 @inner_kernel
-def least_barycentric(position, node, e, x, y):
+def least_barycentric(position, node, e, x):
     least, doubled = np.inf, 0.0
     for k in range(3):
-        side = side_of_edge(position, node, e, k, x, y)
+        side = side_of_edge(position, node, e, k, x)
         least = min(least, side)
         doubled += side
     return least / doubled
 
 
 @inner_kernel
-def walk(position, elements, e, x, y):
+def walk(position, elements, e, x):
     node, region, e = elements.node, elements.region[e], np.int64(e)
     for _ in range(WALK):
-        if least_barycentric(position, node, e, x, y) >= -TOLERANCE:
+        if least_barycentric(position, node, e, x) >= -TOLERANCE:
             return e, True
         onward, most = np.int64(-1), 0.0
         for k in range(3):
-            side = side_of_edge(position, node, e, k, x, y)
+            side = side_of_edge(position, node, e, k, x)
             across = np.int64(elements.neighbour[e, k])
             if side < most and across >= 0 and elements.region[across] == region:
                 onward, most = across, side
@@ -56,7 +56,7 @@ def walk(position, elements, e, x, y):
 @kernel
 def walk_each(position, elements, points, found, inside):
     for t in range(points.shape[0]):
-        found[t], inside[t] = walk(position, elements, found[t], points[t, 0], points[t, 1])
+        found[t], inside[t] = walk(position, elements, found[t], xy(points, t))
 
 
 @kernel
@@ -92,10 +92,10 @@ def cells_of_element(position, node, e, grid):
 
 
 @inner_kernel
-def best_in_cell(position, node, content, first, last, x, y):
+def best_in_cell(position, node, content, first, last, x):
     best, deepest = -1, -TOLERANCE
     for k in range(first, last):
-        depth = least_barycentric(position, node, np.int64(content[k]), x, y)
+        depth = least_barycentric(position, node, np.int64(content[k]), x)
         if depth >= deepest:
             best, deepest = content[k], depth
     return best
@@ -105,15 +105,15 @@ def best_in_cell(position, node, content, first, last, x, y):
 def find(position, elements, points, grid, found):
     node, start, content = elements.node, grid.start, grid.content
     for t in range(points.shape[0]):
-        x, y = points[t, 0], points[t, 1]
+        x = xy(points, t)
         found[t] = -1
-        if not (np.isfinite(x) and np.isfinite(y)):
+        if not (np.isfinite(x[0]) and np.isfinite(x[1])):
             continue
-        c = cell_index(grid, x, 0) * grid.shape[1] + cell_index(grid, y, 1)
+        c = cell_index(grid, x[0], 0) * grid.shape[1] + cell_index(grid, x[1], 1)
         if start[c] == start[c + 1]:
             continue
-        e, inside = walk(position, elements, content[start[c]], x, y)
-        found[t] = e if inside else best_in_cell(position, node, content, start[c], start[c + 1], x, y)
+        e, inside = walk(position, elements, content[start[c]], x)
+        found[t] = e if inside else best_in_cell(position, node, content, start[c], start[c + 1], x)
 
 
 @kernel
@@ -122,7 +122,7 @@ def barycentric(position, node, points, found, out):
         e = np.int64(found[t])
         total = 0.0
         for k in range(3):
-            out[t, k] = np.nan if e < 0 else side_of_edge(position, node, e, k, points[t, 0], points[t, 1])
+            out[t, k] = np.nan if e < 0 else side_of_edge(position, node, e, k, xy(points, t))
             total += out[t, k]
         for k in range(3):
             out[t, k] /= total
@@ -160,9 +160,9 @@ def element_in_region(elements, star, v, region):
 @inner_kernel
 def containing_element(position, elements, star, constraints, v, x, region, scratch):
     e = element_in_region(elements, star, v, region)
-    e, inside = walk(position, elements, e, x[0], x[1])
+    e, inside = walk(position, elements, e, x)
     # A point between a curve and its facets may lie in no element of the region; the element at the facet counts.
-    if inside or behind_curve(position, elements, constraints, e, x[0], x[1]):
+    if inside or behind_curve(position, elements, constraints, e, x):
         return e
     stamp, queue = next_stamp(scratch), scratch.queue
     queue[0], scratch.element_stamp[e] = e, stamp
@@ -171,7 +171,7 @@ def containing_element(position, elements, star, constraints, v, x, region, scra
     while first < last and deepest < -TOLERANCE:
         e = np.int64(queue[first])
         first += 1
-        depth = least_barycentric(position, elements.node, e, x[0], x[1])
+        depth = least_barycentric(position, elements.node, e, x)
         if depth > deepest:
             best, deepest = e, depth
         for k in range(3):
@@ -184,13 +184,13 @@ def containing_element(position, elements, star, constraints, v, x, region, scra
 
 
 @inner_kernel
-def behind_curve(position, elements, constraints, e, x, y):
+def behind_curve(position, elements, constraints, e, x):
     chains = constraints.chains
     for k in range(3):
         c = np.int64(elements.chain[e, k])
-        if c >= 0 and chains.geometry[c, SAGITTA] > 0.0 and side_of_edge(position, elements.node, e, k, x, y) < 0.0:
+        if c >= 0 and chains.geometry[c, SAGITTA] > 0.0 and side_of_edge(position, elements.node, e, k, x) < 0.0:
             near = parameter_of(position, constraints, c, np.int64(elements.node[e, (k + 1) % 3]))
-            if distance_to_chain(chains, c, x, y, near)[0] <= chains.geometry[c, SAGITTA] * chains.geometry[c, SAGITTA]:
+            if distance_to_chain(chains, c, x, near)[0] <= chains.geometry[c, SAGITTA] * chains.geometry[c, SAGITTA]:
                 return True
     return False
 
@@ -219,8 +219,8 @@ def nearest_visible(position, elements, e, x, map_, scratch):
         frontier[near], reach[near] = frontier[count], reach[count]
         for k in range(3):
             v = np.int64(elements.node[e, k])
-            dx, dy = mapped(map_, x[0] - position[v, 0], x[1] - position[v, 1])
-            distance = dx * dx + dy * dy
+            offset = mapped(map_, minus(x, xy(position, v)))
+            distance = dot(offset, offset)
             if distance >= entered and (distance < best or (distance == best and v < winner)):
                 winner, best = v, distance
         for k in range(3):
@@ -234,10 +234,8 @@ def nearest_visible(position, elements, e, x, map_, scratch):
                     waiting += 1
                 if waiting == count:
                     continue
-            a, b = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]
-            ux, uy = mapped(map_, position[b, 0] - position[a, 0], position[b, 1] - position[a, 1])
-            vx, vy = mapped(map_, x[0] - position[a, 0], x[1] - position[a, 1])
-            distance = squared_distance_to_segment(ux, uy, vx, vy)
+            start, end = xy(position, elements.node[e, (k + 1) % 3]), xy(position, elements.node[e, (k + 2) % 3])
+            distance = squared_distance_to_segment(mapped(map_, minus(end, start)), mapped(map_, minus(x, start)))
             distance = max(distance, entered)
             if known:
                 reach[waiting] = min(reach[waiting], distance)
@@ -273,20 +271,18 @@ def find_winners(mesh, points, shape, region, start_nodes, winners, distances, s
     position, elements, star, inner = mesh.position, mesh.elements, mesh.star, mesh.constraints.inner
     node, neighbour, regions, crossed = elements.node, elements.neighbour, elements.region, scratch.crossed
     for t in range(points.shape[0]):
-        x, y, own, v = points[t, 0], points[t, 1], region[t], np.int64(start_nodes[t])
+        x, own, v = xy(points, t), region[t], np.int64(start_nodes[t])
         if t % STRETCH > 0 and region[t - 1] == own:
-            v = nearer(position, v, np.int64(winners[t - 1]), x, y)
+            v = nearer(position, v, np.int64(winners[t - 1]), x)
         map_ = factor_at(shape, t)
         e = int(star.element[star.start[v]])  # the walk is inlined, because calls would take longer
         if not inner[v]:
             e = int(element_in_region(elements, star, v, own))
         found = False
         for _ in range(WALK):
-            a, b, c = node[e, 0], node[e, 1], node[e, 2]
-            ax, ay = mapped(map_, position[a, 0] - x, position[a, 1] - y)
-            bx, by = mapped(map_, position[b, 0] - x, position[b, 1] - y)
-            cx, cy = mapped(map_, position[c, 0] - x, position[c, 1] - y)
-            side_a, side_b, side_c = bx * cy - cx * by, cx * ay - ax * cy, ax * by - bx * ay
+            a, b = mapped(map_, from_to(x, position, node[e, 0])), mapped(map_, from_to(x, position, node[e, 1]))
+            c = mapped(map_, from_to(x, position, node[e, 2]))
+            side_a, side_b, side_c = cross(b, c), cross(c, a), cross(a, b)
             k, least = 0, side_a
             if side_b < least:
                 k, least = 1, side_b
@@ -300,22 +296,22 @@ def find_winners(mesh, points, shape, region, start_nodes, winners, distances, s
                 break
             e = across
         if found:
-            winner, best = int(a), ax * ax + ay * ay
-            distance = bx * bx + by * by
-            if distance < best or (distance == best and b < winner):
-                winner, best = int(b), distance
-            distance = cx * cx + cy * cy
-            if distance < best or (distance == best and c < winner):
-                winner, best = int(c), distance
+            winner, best = int(node[e, 0]), dot(a, a)
+            distance = dot(b, b)
+            if distance < best or (distance == best and node[e, 1] < winner):
+                winner, best = int(node[e, 1]), distance
+            distance = dot(c, c)
+            if distance < best or (distance == best and node[e, 2] < winner):
+                winner, best = int(node[e, 2]), distance
             count = crossings = 0
             for k in range(3):
                 if k == 0:
-                    px, py, qx, qy, side = bx, by, cx, cy, side_a
+                    p, q, side = b, c, side_a
                 elif k == 1:
-                    px, py, qx, qy, side = cx, cy, ax, ay, side_b
+                    p, q, side = c, a, side_b
                 else:
-                    px, py, qx, qy, side = ax, ay, bx, by, side_c
-                if cuts(px, py, qx, qy, side, best):
+                    p, q, side = a, b, side_c
+                if cuts(p, q, side, best):
                     crossed[count, 0], crossed[count, 1] = e, k
                     count += 1
             while count > 0 and found:
@@ -326,38 +322,34 @@ def find_winners(mesh, points, shape, region, start_nodes, winners, distances, s
                 if f < 0 or regions[f] != own or crossings == CROSSINGS:
                     found = False
                     break
-                p, q = node[e, (k + 1) % 3], node[e, (k + 2) % 3]
                 j = 0 if neighbour[f, 0] == e else (1 if neighbour[f, 1] == e else 2)
-                w = node[f, j]
-                wx, wy = mapped(map_, position[w, 0] - x, position[w, 1] - y)
-                distance = wx * wx + wy * wy
-                if distance < best or (distance == best and w < winner):
-                    winner, best = int(w), distance
-                px, py = mapped(map_, position[p, 0] - x, position[p, 1] - y)
-                qx, qy = mapped(map_, position[q, 0] - x, position[q, 1] - y)
+                w = mapped(map_, from_to(x, position, node[f, j]))
+                distance = dot(w, w)
+                if distance < best or (distance == best and node[f, j] < winner):
+                    winner, best = int(node[f, j]), distance
+                p = mapped(map_, from_to(x, position, node[e, (k + 1) % 3]))
+                q = mapped(map_, from_to(x, position, node[e, (k + 2) % 3]))
                 # in f = (w, q, p) the edge pw is opposite to q, and wq to p
-                if cuts(px, py, wx, wy, px * wy - wx * py, best):
+                if cuts(p, w, cross(p, w), best):
                     crossed[count, 0], crossed[count, 1] = f, (j + 1) % 3
                     count += 1
-                if cuts(wx, wy, qx, qy, wx * qy - qx * wy, best):
+                if cuts(w, q, cross(w, q), best):
                     crossed[count, 0], crossed[count, 1] = f, (j + 2) % 3
                     count += 1
         if found:
             winners[t], distances[t] = winner, np.sqrt(best)
         else:
-            winner, distance = find_winner(mesh, v, points[t], map_, own, scratch)
+            winner, distance = find_winner(mesh, v, x, map_, own, scratch)
             winners[t], distances[t] = winner, distance
 
 
 @inner_kernel
-def nearer(position, v, other, x, y):
-    ax, ay = position[v, 0] - x, position[v, 1] - y
-    bx, by = position[other, 0] - x, position[other, 1] - y
-    return other if bx * bx + by * by < ax * ax + ay * ay else v
+def nearer(position, v, other, x):
+    return other if squared_distance(position, other, x) < squared_distance(position, v, x) else v
 
 
 @inner_kernel
-def cuts(px, py, qx, qy, side, best):
-    ux, uy = qx - px, qy - py
-    length, along = ux * ux + uy * uy, -(px * ux + py * uy)
-    return 0.0 < along < length and side * side < best * length
+def cuts(p, q, side, best):
+    edge = minus(q, p)
+    length = dot(edge, edge)
+    return 0.0 < -dot(p, edge) < length and side * side < best * length

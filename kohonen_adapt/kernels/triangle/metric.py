@@ -8,10 +8,12 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.triangle.geometry import signed_quality
+from kohonen_adapt.kernels.vectors import divided, midpoint, minus, plus, point, put, times, xy
 
 
 @inner_kernel
-def factor(xx, xy, yy):
+def factor(shape):
+    xx, xy, yy = shape
     a = np.sqrt(xx)
     b = xy / a
     return a, b, np.sqrt(yy - b * b)
@@ -19,82 +21,63 @@ def factor(xx, xy, yy):
 
 @inner_kernel
 def factor_at(shape, v):
-    return factor(shape[v, 0], shape[v, 1], shape[v, 2])
+    return factor(point(shape, v))
 
 
 @inner_kernel
 def factor_of_three(shape, i, j, k):
-    return factor(
-        (shape[i, 0] + shape[j, 0] + shape[k, 0]) / 3.0,
-        (shape[i, 1] + shape[j, 1] + shape[k, 1]) / 3.0,
-        (shape[i, 2] + shape[j, 2] + shape[k, 2]) / 3.0,
-    )
+    return factor(divided(plus(plus(point(shape, i), point(shape, j)), point(shape, k)), 3.0))
 
 
 @inner_kernel
 def factor_of_four(shape, i, j, k, m):
-    return factor(
-        0.25 * (shape[i, 0] + shape[j, 0] + shape[k, 0] + shape[m, 0]),
-        0.25 * (shape[i, 1] + shape[j, 1] + shape[k, 1] + shape[m, 1]),
-        0.25 * (shape[i, 2] + shape[j, 2] + shape[k, 2] + shape[m, 2]),
-    )
+    total = plus(plus(point(shape, i), point(shape, j)), point(shape, k))
+    return factor(times(0.25, plus(total, point(shape, m))))
 
 
 @inner_kernel
-def mapped(map_, dx, dy):
+def mapped(map_, x):
     a, b, c = map_
-    return a * dx + b * dy, c * dy
+    return a * x[0] + b * x[1], c * x[1]
 
 
 @inner_kernel
-def mapped_back(map_, dx, dy):
+def mapped_back(map_, x):
     a, b, c = map_
-    y = dy / c
-    return (dx - b * y) / a, y
+    y = x[1] / c
+    return (x[0] - b * y) / a, y
 
 
 @inner_kernel
-def squared_length(shape, i, j, dx, dy):
+def squared_length(shape, i, j, edge):
     """Return the squared length of a vector in the mean shape of two nodes."""
-    xx, xy, yy = (
-        0.5 * (shape[i, 0] + shape[j, 0]),
-        0.5 * (shape[i, 1] + shape[j, 1]),
-        0.5 * (shape[i, 2] + shape[j, 2]),
-    )
-    return xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy
+    (xx, xy, yy), (x, y) = midpoint(shape, i, j), edge
+    return xx * x * x + 2.0 * xy * x * y + yy * y * y
 
 
 @inner_kernel
 def set_mean_shape(shape, p, i, j):
-    xx, xy, yy = (
-        0.5 * (shape[i, 0] + shape[j, 0]),
-        0.5 * (shape[i, 1] + shape[j, 1]),
-        0.5 * (shape[i, 2] + shape[j, 2]),
-    )
-    scale = 1.0 / np.sqrt(xx * yy - xy * xy)
-    shape[p, 0], shape[p, 1], shape[p, 2] = scale * xx, scale * xy, scale * yy
+    mean = midpoint(shape, i, j)
+    xx, xy, yy = mean
+    put(shape, p, times(1.0 / np.sqrt(xx * yy - xy * xy), mean))
 
 
 @inner_kernel
-def effective_quality(metric, i, j, k, ax, ay, bx, by, cx, cy):
+def effective_quality(metric, i, j, k, a, b, c):
     """Return the quality of a triangle that the quality rule compares.
 
     With a relief this is the quality in the mean metric of nodes `i`, `j` and `k`, or the Euclidean quality times the
     relief if that is lower.
     """
-    euclidean = signed_quality(ax, ay, bx, by, cx, cy)
+    euclidean = signed_quality(a, b, c)
     if metric.relief == 1.0 or not euclidean > 0.0:
         return euclidean
     map_ = factor_of_three(metric.shape, i, j, k)
-    ux, uy = mapped(map_, bx - ax, by - ay)
-    vx, vy = mapped(map_, cx - ax, cy - ay)
-    return min(metric.relief * euclidean, signed_quality(0.0, 0.0, ux, uy, vx, vy))
+    in_metric = signed_quality((0.0, 0.0), mapped(map_, minus(b, a)), mapped(map_, minus(c, a)))
+    return min(metric.relief * euclidean, in_metric)
 
 
 @inner_kernel
 def effective_element_quality(position, metric, node, e):
     a, b, c = node[e, 0], node[e, 1], node[e, 2]
-    return effective_quality(
-        metric, a, b, c,
-        position[a, 0], position[a, 1], position[b, 0], position[b, 1], position[c, 0], position[c, 1],
-    )  # fmt: skip
+    return effective_quality(metric, a, b, c, xy(position, a), xy(position, b), xy(position, c))

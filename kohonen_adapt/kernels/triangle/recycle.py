@@ -118,7 +118,7 @@ def worst_around(mesh, v):
 
 
 @inner_kernel
-def split_and_flip(mesh, e, k, floor, x, y, parameter):
+def split_and_flip(mesh, e, k, floor, x, parameter):
     """Split an edge, with flips if the halves violate the quality rule.
 
     The edges opposite to the new node are flipped. Return the new node, or -1 with the mesh unchanged if the halves
@@ -127,7 +127,7 @@ def split_and_flip(mesh, e, k, floor, x, y, parameter):
     """
     position, elements, scratch = mesh.position, mesh.elements, mesh.scratch
     before, end, flips = quality_beside(mesh, e, k), np.int64(elements.node[e, (k + 1) % 3]), 0
-    p = split(mesh, e, k, x, y, parameter)
+    p = split(mesh, e, k, x, parameter)
     for i in range(gather_around(mesh, p, scratch.around)):
         half = np.int64(scratch.around[i])
         j = corner_of(elements.node, half, p)
@@ -158,13 +158,13 @@ def split_longest(mesh, longest, least, floor, flips):
             break
         a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
         c = np.int64(elements.chain[e, k])
-        x, y, parameter = midpoint(mesh, c, a, b)
+        x, parameter = midpoint(mesh, c, a, b)
         if c >= 0 and constraints.chains.flags[c, PAIRED]:
             continue  # nodes of periodic pairs are neither created nor removed
-        if may_split(mesh, e, k, floor, x, y):
-            return split(mesh, e, k, x, y, parameter), a, -key
+        if may_split(mesh, e, k, floor, x):
+            return split(mesh, e, k, x, parameter), a, -key
         if flips and not is_pinned(mesh, e, k):
-            p = split_and_flip(mesh, e, k, floor, x, y, parameter)
+            p = split_and_flip(mesh, e, k, floor, x, parameter)
             if p >= 0:
                 return p, a, -key
     return NOWHERE, NOWHERE, 0.0

@@ -30,6 +30,20 @@ from kohonen_adapt.kernels.triangle.locate import (
     walk,
 )
 from kohonen_adapt.kernels.triangle.metric import factor_of_three, mapped, mapped_back
+from kohonen_adapt.kernels.vectors import (
+    cross,
+    divided,
+    dot,
+    from_to,
+    minus,
+    plus,
+    plus_times,
+    put,
+    times,
+    turned,
+    weighted,
+    xy,
+)
 
 RELAXATION = 0.85  # full steps overshoot where the density changes within an element
 
@@ -114,14 +128,14 @@ def update_factors(position, first, last, sites, base_position, base, log_densit
     """
     for v in range(first, last):
         for s in range(sites.start[v], sites.start[v + 1]):
-            x, y, before = position[v, 0], position[v, 1], np.int64(-1)
+            x, before = xy(position, v), np.int64(-1)
             if v % STRETCH > 0:
                 before = np.int64(sites.element[sites.start[v] - 1])
-            e = element_from(base_position, base, np.int64(sites.element[s]), before, x, y)
+            e = element_from(base_position, base, np.int64(sites.element[s]), before, x)
             sites.element[s] = e
             total, value = 0.0, 0.0
             for k in range(3):
-                barycentric = max(0.0, side_of_edge(base_position, base.node, e, k, x, y))
+                barycentric = max(0.0, side_of_edge(base_position, base.node, e, k, x))
                 total += barycentric
                 value += barycentric * log_density[e, k]
             sites.factor[s] = np.exp(2.0 / 3.0 * value / total)
@@ -136,31 +150,31 @@ def multiply_factors(elements, sites, weight):
 
 
 @inner_kernel
-def element_from(position, elements, e, other, x, y):
+def element_from(position, elements, e, other, x):
     if other >= 0 and elements.region[other] == elements.region[e]:
-        near = nearer(position, np.int64(elements.node[e, 0]), np.int64(elements.node[other, 0]), x, y)
-        if near != elements.node[e, 0] and least_barycentric(position, elements.node, e, x, y) < -TOLERANCE:
-            found, inside = walk(position, elements, other, x, y)
+        near = nearer(position, np.int64(elements.node[e, 0]), np.int64(elements.node[other, 0]), x)
+        if near != elements.node[e, 0] and least_barycentric(position, elements.node, e, x) < -TOLERANCE:
+            found, inside = walk(position, elements, other, x)
             if inside:
                 return found
-    return nearest_element(position, elements, e, x, y)
+    return nearest_element(position, elements, e, x)
 
 
 @inner_kernel
-def nearest_element(position, elements, e, x, y):
+def nearest_element(position, elements, e, x):
     start, inside = np.int64(-1), False
     for _ in range(WALK):
         if inside or e == start:
             break
         start = e
-        e, inside = walk(position, elements, e, x, y)
-    depth = least_barycentric(position, elements.node, e, x, y)
+        e, inside = walk(position, elements, e, x)
+    depth = least_barycentric(position, elements.node, e, x)
     while not inside:
         onward = e
         for k in range(3):
             across = np.int64(elements.neighbour[e, k])
             if across >= 0 and elements.region[across] == elements.region[e]:
-                other = least_barycentric(position, elements.node, across, x, y)
+                other = least_barycentric(position, elements.node, across, x)
                 if other > depth:
                     onward, depth = across, other
         if onward == e:
@@ -184,49 +198,43 @@ def sweep(mesh, shape, weight, circumcentres, floor, order, interior, which):
         v = np.int64(node)
         if interior[v] != which or constraints.kind[v] == HELD:
             continue
-        x, y, mass = centre_mean(position, star, shape, weight, circumcentres, v)
+        x, mass = centre_mean(position, star, shape, weight, circumcentres, v)
         if constraints.kind[v] == FREE:
-            by_quality += not step_towards(position, star, constraints.metric, v, x, y, floor)
+            by_quality += not step_towards(position, star, constraints.metric, v, x, floor)
             continue
         chains, chain, parameter = constraints.chains, np.int64(constraints.chain[v, OWN]), constraints.parameter[v]
-        distance = signed_distance(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
+        distance = signed_distance(chains, chain, parameter, nearest_parameter(chains, chain, x, parameter))
         if chains.flags[chain, PAIRED]:
             w = np.int64(constraints.periodic.partner[v])
             if w < v:  # each pair once
                 continue
             chain = np.int64(constraints.chain[w, OWN])
-            x, y, mass_there = centre_mean(position, star, shape, weight, circumcentres, w)
-            distance_there = signed_distance(
-                chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter)
-            )
+            x, mass_there = centre_mean(position, star, shape, weight, circumcentres, w)
+            distance_there = signed_distance(chains, chain, parameter, nearest_parameter(chains, chain, x, parameter))
             distance = (mass * distance + mass_there * distance_there) / (mass + mass_there)
         cause = slide_along_chain(mesh, v, RELAXATION * distance, floor)
-        by_quality, by_reach = by_quality + (cause == BY_QUALITY), by_reach + (cause == BY_REACH)
+        by_quality += cause == BY_QUALITY
+        by_reach += cause == BY_REACH
     return by_quality, by_reach
 
 
 @inner_kernel
 def centre_mean(position, star, shape, weight, circumcentres, v):
-    x, y = position[v, 0], position[v, 1]
-    total, mean_x, mean_y = 0.0, 0.0, 0.0  # |K| c_K needs no division, so flat elements do no harm
+    x, total, mean = xy(position, v), 0.0, (0.0, 0.0)  # |K| c_K needs no division, so flat elements do no harm
     for k in range(star.start[v], star.start[v + 1]):
-        a, b, w = star.ahead[k], star.behind[k], weight[star.element[k]]
-        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
+        i, j, w = star.ahead[k], star.behind[k], weight[star.element[k]]
+        a, b = from_to(x, position, i), from_to(x, position, j)
         if circumcentres:
-            map_ = factor_of_three(shape, v, a, b)
-            ax, ay = mapped(map_, ax, ay)
-            bx, by = mapped(map_, bx, by)
-            aa, bb = ax * ax + ay * ay, bx * bx + by * by
-            centre_x, centre_y = mapped_back(map_, by * aa - ay * bb, ax * bb - bx * aa)
-            total += w * 2.0 * (ax * by - ay * bx)
-            mean_x += w * centre_x
-            mean_y += w * centre_y
+            map_ = factor_of_three(shape, v, i, j)
+            a, b = mapped(map_, a), mapped(map_, b)
+            centre = mapped_back(map_, turned(weighted(dot(b, b), a, -dot(a, a), b)))
+            total += w * 2.0 * cross(a, b)
+            mean = plus_times(mean, w, centre)
         else:
-            doubled = ax * by - ay * bx
-            total += w * doubled
-            mean_x += w * doubled * (ax + bx) / 3.0
-            mean_y += w * doubled * (ay + by) / 3.0
-    return x + mean_x / total, y + mean_y / total, total
+            mass = w * cross(a, b)
+            total += mass
+            mean = plus(mean, divided(times(mass, plus(a, b)), 3.0))
+    return plus(x, divided(mean, total)), total
 
 
 @inner_kernel
@@ -246,12 +254,13 @@ def slide_along_chain(mesh, v, distance, floor):
 
 
 @inner_kernel
-def step_towards(position, star, metric, v, x, y, floor):
-    dx, dy = RELAXATION * (x - position[v, 0]), RELAXATION * (y - position[v, 1])
+def step_towards(position, star, metric, v, x, floor):
+    before = xy(position, v)
+    step = times(RELAXATION, minus(x, before))
     for _ in range(HALVINGS + 1):
-        if may_move(position, star, metric, v, position[v, 0] + dx, position[v, 1] + dy, floor):
-            position[v, 0] += dx
-            position[v, 1] += dy
+        there = plus(before, step)
+        if may_move(position, star, metric, v, there, floor):
+            put(position, v, there)
             return True
-        dx, dy = 0.5 * dx, 0.5 * dy
+        step = times(0.5, step)
     return False

@@ -10,6 +10,7 @@ from kohonen_adapt.kernels.triangle.geometry import (
     corner_of,
     corner_towards,
     may_join,
+    squared_distance,
 )
 from kohonen_adapt.kernels.triangle.metric import (
     effective_element_quality,
@@ -17,6 +18,7 @@ from kohonen_adapt.kernels.triangle.metric import (
     set_mean_shape,
     squared_length,
 )
+from kohonen_adapt.kernels.vectors import from_to, plus, put, times, xy
 
 NOWHERE = -1
 SPLITTER = 2.0**29 + 1.0  # Dekker's constant, leaves 24 of 53 bits
@@ -28,9 +30,8 @@ def metric_length(mesh, a, b):
 
     The length is rounded to 24 bits, so that rounding errors do not decide between edges of equal length.
     """
-    position, density = mesh.position, mesh.origins.density
-    dx, dy = position[a, 0] - position[b, 0], position[a, 1] - position[b, 1]
-    length = squared_length(mesh.metric.shape, a, b, dx, dy) * np.sqrt(density[a] * density[b])
+    density, edge = mesh.origins.density, from_to(xy(mesh.position, b), mesh.position, a)
+    length = squared_length(mesh.metric.shape, a, b, edge) * np.sqrt(density[a] * density[b])
     spread = length * SPLITTER
     return spread - (spread - length)
 
@@ -68,14 +69,13 @@ def find_edge(mesh, a, b):
 
 
 @inner_kernel
-def half_qualities(mesh, e, k, x, y):
+def half_qualities(mesh, e, k, x):
     position, node, metric = mesh.position, mesh.elements.node, mesh.metric
     a, b, c = node[e, (k + 1) % 3], node[e, (k + 2) % 3], node[e, k]
-    ax, ay, bx, by = position[a, 0], position[a, 1], position[b, 0], position[b, 1]
-    cx, cy = position[c, 0], position[c, 1]
+    at_c = xy(position, c)
     return min(
-        effective_quality(metric, a, b, c, ax, ay, x, y, cx, cy),
-        effective_quality(metric, a, b, c, x, y, bx, by, cx, cy),
+        effective_quality(metric, a, b, c, xy(position, a), x, at_c),
+        effective_quality(metric, a, b, c, x, xy(position, b), at_c),
     )
 
 
@@ -83,7 +83,7 @@ def half_qualities(mesh, e, k, x, y):
 def midpoint(mesh, c, a, b):
     position = mesh.position
     if c < 0:
-        return 0.5 * (position[a, 0] + position[b, 0]), 0.5 * (position[a, 1] + position[b, 1]), 0.0
+        return times(0.5, plus(xy(position, a), xy(position, b))), 0.0
     return midpoint_on_chain(position, mesh.constraints, c, a, b)
 
 
@@ -101,14 +101,14 @@ def quality_beside(mesh, e, k):
 
 
 @inner_kernel
-def may_split(mesh, e, k, floor, x, y):
+def may_split(mesh, e, k, floor, x):
     if is_pinned(mesh, e, k):
         return False
     neighbour = mesh.elements.neighbour
     other = np.int64(neighbour[e, k])
-    after = half_qualities(mesh, e, k, x, y)
+    after = half_qualities(mesh, e, k, x)
     if other >= 0:
-        after = min(after, half_qualities(mesh, other, corner_towards(neighbour, other, e), x, y))
+        after = min(after, half_qualities(mesh, other, corner_towards(neighbour, other, e), x))
     return allowed(after, quality_beside(mesh, e, k), floor)
 
 
@@ -141,7 +141,7 @@ def start_node(elements, constraints, e, k):
 
 
 @inner_kernel
-def split(mesh, e, k, x, y, parameter):
+def split(mesh, e, k, x, parameter):
     elements, constraints, pool, origins = mesh.elements, mesh.constraints, mesh.pool, mesh.origins
     node, neighbour = elements.node, elements.neighbour
     a, b, other = node[e, (k + 1) % 3], node[e, (k + 2) % 3], np.int64(neighbour[e, k])
@@ -149,7 +149,7 @@ def split(mesh, e, k, x, y, parameter):
     j = corner_towards(neighbour, other, e) if other >= 0 else 0
     pool.height[0] -= 1
     p = np.int64(pool.free_nodes[pool.height[0]])
-    mesh.position[p, 0], mesh.position[p, 1] = x, y
+    put(mesh.position, p, x)
     constraints.kind[p] = FREE if c < 0 else SLIDING
     constraints.chain[p, OWN], constraints.chain[p, OTHER], constraints.parameter[p] = c, -1, parameter
     # the level of a free end, because the level of an outermost layer would restrict the edges of an interior node
@@ -210,10 +210,7 @@ def collapsed_quality(mesh, v, w, longest, floor):
             return -1.0
         if not joins_within_reach(mesh, v, w, b, chain[e, (k + 1) % 3]):
             return -1.0
-        q = effective_quality(
-            mesh.metric, w, a, b,
-            position[w, 0], position[w, 1], position[a, 0], position[a, 1], position[b, 0], position[b, 1],
-        )  # fmt: skip
+        q = effective_quality(mesh.metric, w, a, b, xy(position, w), xy(position, a), xy(position, b))
         if not q >= after:
             after = q
         if max(metric_length(mesh, w, a), metric_length(mesh, w, b)) >= longest:
@@ -240,9 +237,8 @@ def count_marked(mesh, w, mark):
 def joins_within_reach(mesh, v, w, other, c):
     if c < 0:
         return True
-    dx, dy = mesh.position[w, 0] - mesh.position[other, 0], mesh.position[w, 1] - mesh.position[other, 1]
     longest = min(mesh.constraints.chains.geometry[c, MERGED], mesh.origins.longest[v])
-    return dx * dx + dy * dy <= longest * longest
+    return squared_distance(mesh.position, other, xy(mesh.position, w)) <= longest * longest
 
 
 @inner_kernel

@@ -24,6 +24,7 @@ from kohonen_adapt.kernels.triangle.chains import (
 from kohonen_adapt.kernels.triangle.geometry import allowed, corner_of
 from kohonen_adapt.kernels.triangle.guard import may_move, star_tolerable, worst_around
 from kohonen_adapt.kernels.triangle.locate import next_stamp
+from kohonen_adapt.kernels.vectors import dot, minus, plus_times, put, xy
 
 
 @kernel
@@ -65,7 +66,7 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
     by_quality, by_reach = 0, 0
     periodic, rings[0] = constraints.periodic.motions.shape[0] > 0, 0
     for t in range(points.shape[0]):
-        x = points[t]
+        x = xy(points, t)
         stamp, rate_of_point = next_stamp(scratch), min(1.0, rate * weights[t])
         queue[0], stamps[winners[t]] = winners[t], stamp
         first, last = np.int64(0), np.int64(1)
@@ -77,29 +78,30 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
             for i in range(first, last):  # moves are inlined, because calls would take longer
                 v = np.int64(queue[i])
                 if kind[v] == FREE:
-                    new_x = position[v, 0] + step * (x[0] - position[v, 0])
-                    new_y = position[v, 1] + step * (x[1] - position[v, 1])
+                    before = xy(position, v)
+                    there = plus_times(before, step, minus(x, before))
                 elif kind[v] == SLIDING:
                     chain = np.int64(constraints.chain[v, OWN])
-                    parameter = stepped_parameter(constraints, chain, v, x[0], x[1], step)
+                    parameter = stepped_parameter(constraints, chain, v, x, step)
                     if chains.flags[chain, PAIRED]:
                         cause = slide_pair(mesh, v, parameter, floor)
-                        by_quality, by_reach = by_quality + (cause == BY_QUALITY), by_reach + (cause == BY_REACH)
+                        by_quality += cause == BY_QUALITY
+                        by_reach += cause == BY_REACH
                         continue
-                    new_x, new_y = point_at(chains, chain, parameter)
-                    if not within_reach(mesh, chain, v, new_x, new_y):
+                    there = point_at(chains, chain, parameter)
+                    if not within_reach(mesh, chain, v, there):
                         by_reach += 1
                         continue
                 else:
                     if constraints.chain[v, OTHER] >= 0:
-                        jump(mesh, v, x[0], x[1], step, floor)
+                        jump(mesh, v, x, step, floor)
                     elif ring == 0 and constraints.chain[v, OWN] == JUNCTION:  # winners only, or junctions would drift
-                        jump_at_junction(mesh, v, x[0], x[1], step, floor)
+                        jump_at_junction(mesh, v, x, step, floor)
                     continue
-                if star_tolerable(position, star, metric, v, new_x, new_y, floor) or (
-                    not is_valid[v] and may_move(position, star, metric, v, new_x, new_y, floor)
+                if star_tolerable(position, star, metric, v, there, floor) or (
+                    not is_valid[v] and may_move(position, star, metric, v, there, floor)
                 ):
-                    position[v, 0], position[v, 1] = new_x, new_y
+                    put(position, v, there)
                     if kind[v] == SLIDING:
                         constraints.parameter[v] = parameter
                 else:
@@ -145,8 +147,7 @@ def learn_across_boundary(mesh, x, region, rate, strength, rings, floor, scratch
         if there < 0:
             continue
         motion = periodic.motions[m]
-        image_x = motion[0, 0] * x[0] + motion[0, 1] * x[1] + motion[0, 2]
-        image_y = motion[1, 0] * x[0] + motion[1, 1] * x[1] + motion[1, 2]
+        image = dot(xy(motion, 0), x) + motion[0, 2], dot(xy(motion, 1), x) + motion[1, 2]
         first, last = reached, reached
         for ring in range(strength.shape[0]):
             if last > first:
@@ -154,7 +155,7 @@ def learn_across_boundary(mesh, x, region, rate, strength, rings, floor, scratch
                 first, last = last, end
                 for i in range(first, last):
                     v, step = np.int64(queue[i]), rate * strength[ring]
-                    move_to_image(mesh, v, image_x, image_y, step, floor)
+                    move_to_image(mesh, v, image, step, floor)
             for i in range(rings[ring], rings[ring + 1]):
                 v = queue[i]
                 if periodic.motion[v] == m and stamps[periodic.partner[v]] != stamp:
@@ -164,21 +165,22 @@ def learn_across_boundary(mesh, x, region, rate, strength, rings, floor, scratch
 
 
 @inner_kernel
-def move_to_image(mesh, v, x, y, step, floor):
+def move_to_image(mesh, v, x, step, floor):
     position, constraints = mesh.position, mesh.constraints
     chain = np.int64(constraints.chain[v, OWN])
     if constraints.kind[v] == FREE:
-        new_x, new_y = position[v, 0] + step * (x - position[v, 0]), position[v, 1] + step * (y - position[v, 1])
-        if may_move(position, mesh.star, constraints.metric, v, new_x, new_y, floor):
-            position[v, 0], position[v, 1] = new_x, new_y
+        before = xy(position, v)
+        there = plus_times(before, step, minus(x, before))
+        if may_move(position, mesh.star, constraints.metric, v, there, floor):
+            put(position, v, there)
     elif constraints.kind[v] == SLIDING and not constraints.chains.flags[chain, PAIRED]:
-        slide(mesh, v, stepped_parameter(constraints, chain, v, x, y, step), floor)
+        slide(mesh, v, stepped_parameter(constraints, chain, v, x, step), floor)
 
 
 @inner_kernel
-def stepped_parameter(constraints, chain, v, x, y, step):
+def stepped_parameter(constraints, chain, v, x, step):
     chains, parameter = constraints.chains, constraints.parameter[v]
-    distance = signed_distance(chains, chain, parameter, nearest_parameter(chains, chain, x, y, parameter))
+    distance = signed_distance(chains, chain, parameter, nearest_parameter(chains, chain, x, parameter))
     return advanced_parameter(chains, chain, parameter, step * distance)
 
 
@@ -213,20 +215,19 @@ def relabel_edge(elements, star, a, b, chain):
 
 
 @inner_kernel
-def jump(mesh, v, x, y, step, floor):
+def jump(mesh, v, x, step, floor):
     position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
     chains, onto, away = constraints.chains, np.int64(constraints.chain[v, OWN]), np.int64(constraints.chain[v, OTHER])
-    corner_x, corner_y = position[v, 0], position[v, 1]
     corner, corner_away = parameter_of(position, constraints, onto, v), parameter_of(position, constraints, away, v)
-    distance, target = distance_to_chain(chains, onto, x, y, corner)
-    distance_away, target_away = distance_to_chain(chains, away, x, y, corner_away)
+    distance, target = distance_to_chain(chains, onto, x, corner)
+    distance_away, target_away = distance_to_chain(chains, away, x, corner_away)
     if distance_away < distance:
         onto, away, corner, target = away, onto, corner_away, target_away
     next_node = sliding_neighbour(elements, star, constraints, v, away)
     parameter = corner + step * (target - corner)
     if next_node < 0 or parameter == corner or elements.level[next_node] != elements.level[v]:
         return
-    if not within_reach(mesh, away, next_node, corner_x, corner_y):
+    if not within_reach(mesh, away, next_node, xy(position, v)):
         return
     if not swap_nodes(position, star, constraints, v, next_node, onto, parameter, floor):
         return
@@ -235,7 +236,7 @@ def jump(mesh, v, x, y, step, floor):
 
 
 @inner_kernel
-def jump_at_junction(mesh, v, x, y, step, floor):
+def jump_at_junction(mesh, v, x, step, floor):
     """Move node `v` from a junction of three segments onto the nearest segment.
 
     A neighbour on a second segment takes the junction if a single element lies between the second and the third
@@ -249,7 +250,7 @@ def jump_at_junction(mesh, v, x, y, step, floor):
             c = np.int64(elements.chain[star.element[k], j])
             if c < 0 or elements.node[star.element[k], j] == v:
                 continue
-            distance, parameter = distance_to_chain(chains, c, x, y, parameter_of(position, constraints, c, v))
+            distance, parameter = distance_to_chain(chains, c, x, parameter_of(position, constraints, c, v))
             if distance < least:
                 onto, least, target = c, distance, parameter
     corner = parameter_of(position, constraints, onto, v)
@@ -287,7 +288,7 @@ def may_follow(mesh, e, v, next_node, other, onto):
         return False
     if elements.neighbour[e, corner_of(elements.node, e, next_node)] < 0:
         return False
-    return within_reach(mesh, away, next_node, position[v, 0], position[v, 1])
+    return within_reach(mesh, away, next_node, xy(position, v))
 
 
 @inner_kernel
@@ -298,22 +299,21 @@ def chain_of_edge(elements, e, v):
 @inner_kernel
 def swap_nodes(position, star, constraints, v, next_node, onto, parameter, floor):
     before = worst_of_two(position, star, constraints.metric, v, next_node)
-    corner_x, corner_y = position[v, 0], position[v, 1]
-    next_x, next_y = position[next_node, 0], position[next_node, 1]
-    position[v, 0], position[v, 1] = point_at(constraints.chains, onto, parameter)
-    position[next_node, 0], position[next_node, 1] = corner_x, corner_y
+    corner, old = xy(position, v), xy(position, next_node)
+    put(position, v, point_at(constraints.chains, onto, parameter))
+    put(position, next_node, corner)
     if allowed(worst_of_two(position, star, constraints.metric, v, next_node), before, floor):
         return True
-    position[v, 0], position[v, 1] = corner_x, corner_y
-    position[next_node, 0], position[next_node, 1] = next_x, next_y
+    put(position, v, corner)
+    put(position, next_node, old)
     return False
 
 
 @inner_kernel
 def worst_of_two(position, star, metric, v, w):
     return min(
-        worst_around(position, star, metric, v, position[v, 0], position[v, 1]),
-        worst_around(position, star, metric, w, position[w, 0], position[w, 1]),
+        worst_around(position, star, metric, v, xy(position, v)),
+        worst_around(position, star, metric, w, xy(position, w)),
     )
 
 

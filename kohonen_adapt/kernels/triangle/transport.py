@@ -12,6 +12,19 @@ from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OWN, PAIRED, REACH, SLIDING
 from kohonen_adapt.kernels.triangle.chains import nearest_parameter, point_at, tangent_at
 from kohonen_adapt.kernels.triangle.geometry import FLAT, allowed, element_quality, exceeds_quality, quality_bound
+from kohonen_adapt.kernels.vectors import (
+    cross,
+    divided,
+    dot,
+    from_to,
+    plus,
+    plus_square,
+    plus_times,
+    point,
+    put,
+    times,
+    xy,
+)
 
 
 @kernel
@@ -36,7 +49,7 @@ def find_crossings(position, elements, cluster, row, column, length):
             if other > e and elements.chain[e, k] < 0 and cluster[e] != cluster[other]:
                 a, b = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]
                 row[count], column[count] = cluster[e], cluster[other]
-                length[count] = math.hypot(position[b, 0] - position[a, 0], position[b, 1] - position[a, 1])
+                length[count] = length_of(position, a, b)
                 count += 1
     return count
 
@@ -56,29 +69,23 @@ def find_directions(node, constraints, cluster, count, along):
             if constraints.kind[v] != FREE:
                 count[c] += 1.0
             if constraints.kind[v] == SLIDING:
-                tx, ty = tangent_at(constraints.chains, np.int64(constraints.chain[v, OWN]), constraints.parameter[v])
-                along[c, 0] += tx * tx
-                along[c, 1] += tx * ty
-                along[c, 2] += ty * ty
+                tangent = tangent_at(constraints.chains, np.int64(constraints.chain[v, OWN]), constraints.parameter[v])
+                put(along, c, plus_square(point(along, c), 1.0, tangent))
     for c in range(along.shape[0]):
         if count[c] == 0.0:
             along[c, 0], along[c, 2] = 1.0, 1.0
         else:
-            along[c, 0] /= count[c]
-            along[c, 1] /= count[c]
-            along[c, 2] /= count[c]
+            put(along, c, divided(point(along, c), count[c]))
 
 
 @kernel
 def move_with_clusters(star, constraints, cluster, flow, first, last, move):
     kind = constraints.kind
     for v in range(first, last):
-        x, y, count = 0.0, 0.0, star.start[v + 1] - star.start[v]
+        total, count = (0.0, 0.0), star.start[v + 1] - star.start[v]
         for k in range(star.start[v], star.start[v + 1]):
-            c = cluster[star.element[k]]
-            x += flow[c, 0]
-            y += flow[c, 1]
-        move[v, 0], move[v, 1] = x / count, y / count
+            total = plus(total, xy(flow, cluster[star.element[k]]))
+        put(move, v, divided(total, count))
         if kind[v] != FREE:
             project_on_boundary(constraints, v, move)
 
@@ -87,47 +94,47 @@ def move_with_clusters(star, constraints, cluster, flow, first, last, move):
 def smooth_moves(star, constraints, move, first, last, smoothed):
     kind = constraints.kind
     for v in range(first, last):
-        x, y, count = 0.0, 0.0, star.start[v + 1] - star.start[v]
+        total, count = (0.0, 0.0), star.start[v + 1] - star.start[v]
         for k in range(star.start[v], star.start[v + 1]):
-            a = star.ahead[k]
-            x += move[a, 0]
-            y += move[a, 1]
+            total = plus(total, xy(move, star.ahead[k]))
         if kind[v] != FREE:  # around a free node `behind` is `ahead` in the next row
             count *= 2
             for k in range(star.start[v], star.start[v + 1]):
-                b = star.behind[k]
-                x += move[b, 0]
-                y += move[b, 1]
-        smoothed[v, 0], smoothed[v, 1] = x / count, y / count
+                total = plus(total, xy(move, star.behind[k]))
+        put(smoothed, v, divided(total, count))
         if kind[v] != FREE:
             project_on_boundary(constraints, v, smoothed)
+
+
+@inner_kernel
+def length_of(position, a, b):
+    x, y = from_to(xy(position, a), position, b)
+    return math.hypot(x, y)
 
 
 @inner_kernel
 def project_on_boundary(constraints, v, move):
     chain = np.int64(constraints.chain[v, OWN])
     if constraints.kind[v] == HELD or constraints.chains.flags[chain, PAIRED]:
-        move[v, 0], move[v, 1] = 0.0, 0.0
+        put(move, v, (0.0, 0.0))
         return
-    tx, ty = tangent_at(constraints.chains, chain, constraints.parameter[v])
-    along = tx * move[v, 0] + ty * move[v, 1]
-    move[v, 0], move[v, 1] = along * tx, along * ty
+    tangent = tangent_at(constraints.chains, chain, constraints.parameter[v])
+    put(move, v, times(dot(tangent, xy(move, v)), tangent))
 
 
 @kernel
 def measure_moves(position, star, move, first, last, ratio):
     for v in range(first, last):
-        x, y, doubled = position[v, 0], position[v, 1], 0.0
+        x, doubled = xy(position, v), 0.0
         for k in range(star.start[v], star.start[v + 1]):
-            a, b = star.ahead[k], star.behind[k]
-            doubled += (position[a, 0] - x) * (position[b, 1] - y) - (position[a, 1] - y) * (position[b, 0] - x)
+            doubled += cross(from_to(x, position, star.ahead[k]), from_to(x, position, star.behind[k]))
         ratio[v] = math.hypot(move[v, 0], move[v, 1]) / math.sqrt(max(doubled / 6.0, FLAT * FLAT))
 
 
 @kernel
 def propose_step(position, constraints, move, fraction, first, last, target, parameter):
     for v in range(first, last):
-        target[v, 0], target[v, 1] = position[v, 0] + fraction * move[v, 0], position[v, 1] + fraction * move[v, 1]
+        put(target, v, plus_times(xy(position, v), fraction, xy(move, v)))
         if constraints.kind[v] == SLIDING and (move[v, 0] != 0.0 or move[v, 1] != 0.0):
             place_on_boundary(target, parameter, constraints, v)
 
@@ -136,10 +143,9 @@ def propose_step(position, constraints, move, fraction, first, last, target, par
 def mark_spoiled(position, target, node, floor, first, last, spoiled):
     bound = quality_bound(floor)
     for e in range(first, last):
-        a, b, c = node[e, 0], node[e, 1], node[e, 2]
-        ux, uy = target[b, 0] - target[a, 0], target[b, 1] - target[a, 1]
-        vx, vy = target[c, 0] - target[a, 0], target[c, 1] - target[a, 1]
-        spoiled[e] = not exceeds_quality(bound, ux, uy, vx, vy) and spoils(position, target, node, e, floor)
+        x = xy(target, node[e, 0])
+        fine = exceeds_quality(bound, from_to(x, target, node[e, 1]), from_to(x, target, node[e, 2]))
+        spoiled[e] = not fine and spoils(position, target, node, e, floor)
 
 
 @inner_kernel
@@ -158,11 +164,10 @@ def move_to_neighbour_mean(target, parameter, node, star, constraints, spoiled):
                 v = node[e, corner]
                 if kind[v] == HELD:
                     continue
-                x, y, count = 0.0, 0.0, 2 * (star.start[v + 1] - star.start[v])
+                total, count = (0.0, 0.0), 2 * (star.start[v + 1] - star.start[v])
                 for k in range(star.start[v], star.start[v + 1]):
-                    x += target[star.ahead[k], 0] + target[star.behind[k], 0]
-                    y += target[star.ahead[k], 1] + target[star.behind[k], 1]
-                target[v, 0], target[v, 1] = x / count, y / count
+                    total = plus(total, plus(xy(target, star.ahead[k]), xy(target, star.behind[k])))
+                put(target, v, divided(total, count))
                 if kind[v] == SLIDING:
                     place_on_boundary(target, parameter, constraints, np.int64(v))
 
@@ -196,10 +201,12 @@ def slow_down(position, target, parameter, node, star, constraints, spoiled, rin
 def slow_node(position, target, parameter, constraints, v, rings, ring, queue, last):
     if rings >= ring[v]:
         return last
-    fraction, ring[v], queue[last] = rings / ring[v], rings, v
-    x, y = (target[v, 0] - position[v, 0]) * fraction, (target[v, 1] - position[v, 1]) * fraction
-    target[v, 0], target[v, 1] = position[v, 0] + x, position[v, 1] + y
-    if constraints.kind[v] == SLIDING and (x != 0.0 or y != 0.0):  # a stopped node keeps its exact position
+    fraction = rings / ring[v]
+    ring[v], queue[last] = rings, v
+    before = xy(position, v)
+    step = times(fraction, from_to(before, target, v))
+    put(target, v, plus(before, step))
+    if constraints.kind[v] == SLIDING and (step[0] != 0.0 or step[1] != 0.0):  # a stopped node keeps its exact position
         place_on_boundary(target, parameter, constraints, np.int64(v))
     return last + 1
 
@@ -208,8 +215,8 @@ def slow_node(position, target, parameter, constraints, v, rings, ring, queue, l
 def place_on_boundary(target, parameter, constraints, v):
     chain, chains = np.int64(constraints.chain[v, OWN]), constraints.chains
     if not chains.flags[chain, PAIRED]:
-        parameter[v] = nearest_parameter(chains, chain, target[v, 0], target[v, 1], constraints.parameter[v])
-    target[v, 0], target[v, 1] = point_at(chains, chain, parameter[v])
+        parameter[v] = nearest_parameter(chains, chain, xy(target, v), constraints.parameter[v])
+    put(target, v, point_at(chains, chain, parameter[v]))
 
 
 @kernel
@@ -220,8 +227,7 @@ def mark_too_long(position, target, elements, chains, spoiled):
             c = elements.chain[e, k]
             if c >= 0 and chains.geometry[c, REACH] < np.inf and not spoiled[e]:
                 a, b = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]
-                length = math.hypot(target[b, 0] - target[a, 0], target[b, 1] - target[a, 1])
-                before = math.hypot(position[b, 0] - position[a, 0], position[b, 1] - position[a, 1])
+                length, before = length_of(target, a, b), length_of(position, a, b)
                 spoiled[e] = length > chains.geometry[c, REACH] and length > before
                 found += spoiled[e]
     return found
@@ -241,7 +247,7 @@ def stop_nodes(position, target, node, star, floor, spoiled, queue):
             v = node[e, corner]
             if target[v, 0] == position[v, 0] and target[v, 1] == position[v, 1]:
                 continue
-            target[v, 0], target[v, 1] = position[v, 0], position[v, 1]
+            put(target, v, xy(position, v))
             for k in range(star.start[v], star.start[v + 1]):
                 other = np.int64(star.element[k])
                 if not spoiled[other] and spoils(position, target, node, other, floor):
@@ -255,4 +261,4 @@ def accept_step(position, constraints, target, parameter, first, last):
     for v in range(first, last):
         if constraints.kind[v] == SLIDING and (target[v, 0] != position[v, 0] or target[v, 1] != position[v, 1]):
             constraints.parameter[v] = parameter[v]
-        position[v, 0], position[v, 1] = target[v, 0], target[v, 1]
+        put(position, v, xy(target, v))

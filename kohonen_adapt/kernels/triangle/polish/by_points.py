@@ -21,6 +21,23 @@ from kohonen_adapt.kernels.triangle.arrays import (
     SIXTH_SOURCE,
     VALUE,
 )
+from kohonen_adapt.kernels.vectors import (
+    ZERO,
+    add_to,
+    cross,
+    dot,
+    from_to,
+    minus,
+    plus,
+    plus_dot,
+    plus_square,
+    plus_times,
+    put,
+    times,
+    turned,
+    weighted,
+    xy,
+)
 
 # Minimum Bernstein coefficient of the Jacobian determinant of a curved element, as a fraction of the determinant with
 # straight sides, for accurate quadrature and well-conditioned quadratic elements. On facets of 15 degrees every element
@@ -30,13 +47,14 @@ SAFETY = 1.0 + 1e-9  # safety factor of `MIN_JACOBIAN` for rounding, so that an 
 
 
 @inner_kernel
-def add_by_law(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
+def add_by_law(trial, reference, block, e, j, local, a, b, wanted):
     slope, added, dof, law = reference.slope, block.added, block.dof, trial.laws.number[e]
-    magnitude, total, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    functions, ex, ey = slope.shape[1], bx - ax, by - ay
-    doubled = ax * by - ay * bx
+    magnitude = total = 0.0
+    gradient, hessian = (0.0, 0.0), ZERO
+    functions, inwards = slope.shape[1], turned(minus(b, a))  # the derivative of the doubled area
+    doubled = cross(a, b)
     inverse = 1.0 / doubled
-    flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
+    flux = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
     for i in range(functions if wanted > VALUE else 0):
         for other in range(functions + 3):
             added[i, other] = 0.0
@@ -46,22 +64,21 @@ def add_by_law(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
         for i in range(functions):
             slope_1 += local[i] * slope[q, i, 0]
             slope_2 += local[i] * slope[q, i, 1]
-        nx, ny = slope_2 * ax - slope_1 * bx, slope_2 * ay - slope_1 * by
-        qx, qy = inverse * nx, inverse * ny
-        density, rate, curve = energy_density(trial.laws, law, qx * qx + qy * qy)
-        energy = 0.5 * w * doubled * density
-        push = w * (flux_y * nx - flux_x * ny)
+        n = weighted(slope_2, a, -slope_1, b)
+        g = times(inverse, n)
+        density, rate, curve = energy_density(trial.laws, law, dot(g, g))
+        energy, push = 0.5 * w * doubled * density, w * cross(n, flux)
         magnitude += energy + abs(push)
         total += energy - push
         if wanted == VALUE:
             continue
         weight, curve_weight = w * rate * inverse, 2.0 * w * curve * inverse
-        fx, fy = weight * nx - w * flux_y, weight * ny + w * flux_x
-        qa, qb = qx * ax + qy * ay, qx * bx + qy * by
-        t11 = weight * (bx * bx + by * by) + curve_weight * qb * qb
-        t12 = -weight * (ax * bx + ay * by) - curve_weight * qa * qb
-        t22 = weight * (ax * ax + ay * ay) + curve_weight * qa * qa
-        rest_1, rest_2 = -fx * bx - fy * by, fx * ax + fy * ay
+        f = weighted(weight, n, w, turned(flux))
+        on_a, on_b = dot(g, a), dot(g, b)
+        t11 = weight * dot(b, b) + curve_weight * on_b * on_b
+        t12 = -weight * dot(a, b) - curve_weight * on_a * on_b
+        t22 = weight * dot(a, a) + curve_weight * on_a * on_a
+        rest_1, rest_2 = -dot(f, b), dot(f, a)
         for i in range(functions):
             if dof[j, i] < 0:
                 continue
@@ -73,26 +90,23 @@ def add_by_law(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
         if wanted < POSITION:
             continue
         difference = slope_1 - slope_2
-        # dn/dx - q dD/dx and dn/dy - q dD/dy with the doubled area D
-        x_x, x_y = difference + qx * ey, qy * ey
-        y_x, y_y = -qx * ex, difference - qy * ex
-        square_x, square_y = qx * x_x + qy * x_y, qx * y_x + qy * y_y
-        area_factor = w * (rate * (qx * qx + qy * qy) - 0.5 * density)
-        by_x += weight * difference * nx + area_factor * ey - w * difference * flux_y
-        by_y += weight * difference * ny - area_factor * ex + w * difference * flux_x
-        xx += weight * (x_x * x_x + x_y * x_y) + curve_weight * square_x * square_x
-        xy += weight * (x_x * y_x + x_y * y_y) + curve_weight * square_x * square_y
-        yy += weight * (y_x * y_x + y_y * y_y) + curve_weight * square_y * square_y
-        x_1, x_2 = weight * x_x + curve_weight * square_x * qx, weight * x_y + curve_weight * square_x * qy
-        y_1, y_2 = weight * y_x + curve_weight * square_y * qx, weight * y_y + curve_weight * square_y * qy
-        mixed_x_1, mixed_x_2 = fx - x_1 * bx - x_2 * by, x_1 * ax + x_2 * ay - fx
-        mixed_y_1, mixed_y_2 = fy - y_1 * bx - y_2 * by, y_1 * ax + y_2 * ay - fy
+        # dn/dx - g dD/dx and dn/dy - g dD/dy with the doubled area D
+        n_x, n_y = plus_times((difference, 0.0), -inwards[0], g), plus_times((0.0, difference), -inwards[1], g)
+        square_x, square_y = dot(g, n_x), dot(g, n_y)
+        area_factor = w * (rate * dot(g, g) - 0.5 * density)
+        change = weighted(weight * difference, n, -area_factor, inwards)
+        gradient = plus(gradient, plus_times(change, w * difference, turned(flux)))
+        products = times(weight, (dot(n_x, n_x), dot(n_x, n_y), dot(n_y, n_y)))
+        hessian = plus(hessian, plus_square(products, curve_weight, (square_x, square_y)))
+        x, y = weighted(weight, n_x, curve_weight * square_x, g), weighted(weight, n_y, curve_weight * square_y, g)
+        mixed_x_1, mixed_x_2 = plus_dot(f[0], times(-1.0, x), b), dot(x, a) - f[0]
+        mixed_y_1, mixed_y_2 = plus_dot(f[1], times(-1.0, y), b), dot(y, a) - f[1]
         for i in range(functions):
             added[i, functions + 1] += slope[q, i, 0] * mixed_x_1 + slope[q, i, 1] * mixed_x_2
             added[i, functions + 2] += slope[q, i, 0] * mixed_y_1 + slope[q, i, 1] * mixed_y_2
     if wanted > VALUE:
         put_added(block, j, functions)
-    return magnitude, total, by_x, by_y, xx, xy, yy
+    return magnitude, total, gradient, hessian
 
 
 @inner_kernel
@@ -126,13 +140,13 @@ def axis_kind(x, ax, bx):
 @inner_kernel
 def gather_offsets(shapes, e, k, offset):
     for i in range(3):
-        offset[i, 0], offset[i, 1] = shapes.offset[e, (k + i) % 3, 0], shapes.offset[e, (k + i) % 3, 1]
+        put(offset, i, xy(shapes.offset[e], (k + i) % 3))
 
 
 @inner_kernel
 def put_offsets(shapes, e, k, offset):
     for i in range(3):
-        shapes.offset[e, (k + i) % 3, 0], shapes.offset[e, (k + i) % 3, 1] = offset[i, 0], offset[i, 1]
+        put(shapes.offset[e], (k + i) % 3, xy(offset, i))
     shapes.special[e] = shapes.around or is_curved(offset)
 
 
@@ -145,7 +159,7 @@ def is_curved(offset):
 
 
 @inner_kernel
-def is_valid(offset, ax, ay, bx, by):
+def is_valid(offset, a, b):
     """Return True if the Jacobian determinant of an element is surely positive.
 
     The columns of the Jacobian are affine, so the determinant is quadratic. Its six Bernstein coefficients must exceed
@@ -153,109 +167,98 @@ def is_valid(offset, ax, ay, bx, by):
     """
     if not is_curved(offset):
         return True
-    least = SAFETY * MIN_JACOBIAN * (ax * by - ay * bx)
+    least = SAFETY * MIN_JACOBIAN * cross(a, b)
     for c in range(3):
-        px, py, rx, ry = jacobian_at(offset, c, ax, ay, bx, by)
-        if not px * ry - py * rx > least:
+        p, r = jacobian_at(offset, c, a, b)
+        if not cross(p, r) > least:
             return False
-        ux, uy, wx, wy = jacobian_at(offset, (c + 1) % 3, ax, ay, bx, by)
-        if not 0.5 * (px * wy - py * wx + ux * ry - uy * rx) > least:
+        u, w = jacobian_at(offset, (c + 1) % 3, a, b)
+        if not 0.5 * plus_dot(cross(p, w), times(-1.0, turned(r)), u) > least:
             return False
     return True
 
 
 @inner_kernel
 def valid_at(position, offset, v, a, b):
-    x, y = position[v, 0], position[v, 1]
-    return is_valid(offset, position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y)
+    x = xy(position, v)
+    return is_valid(offset, from_to(x, position, a), from_to(x, position, b))
 
 
 @inner_kernel
-def jacobian_at(offset, c, ax, ay, bx, by):
-    times = 4.0 if c == 0 else -4.0
-    if c == 2:
-        px, py = ax + 4.0 * (offset[0, 0] - offset[1, 0]), ay + 4.0 * (offset[0, 1] - offset[1, 1])
-    else:
-        px, py = ax + times * offset[2, 0], ay + times * offset[2, 1]
-    if c == 1:
-        rx, ry = bx + 4.0 * (offset[0, 0] - offset[2, 0]), by + 4.0 * (offset[0, 1] - offset[2, 1])
-    else:
-        rx, ry = bx + times * offset[1, 0], by + times * offset[1, 1]
-    return px, py, rx, ry
+def jacobian_at(offset, c, a, b):
+    first, second, third = xy(offset, 0), xy(offset, 1), xy(offset, 2)
+    sign = 4.0 if c == 0 else -4.0
+    p = plus_times(a, 4.0, minus(first, second)) if c == 2 else plus_times(a, sign, third)
+    return p, plus_times(b, 4.0, minus(first, third)) if c == 1 else plus_times(b, sign, second)
 
 
 @inner_kernel
-def add_by_points(descent, e, j, local, offset, x, ax, ay, bx, by, wanted):
+def add_by_points(descent, e, j, local, offset, x, a, b, wanted):
     trial, block, points, around = descent.trial, descent.block, descent.points, descent.shapes.around
     dof, sign, across = block.dof, block.sign, block.across
-    magnitude, total, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    kind, law, functions = axis_kind(x, ax, bx) if around else 0, trial.laws.number[e], points.slope.shape[2]
-    load, half = 3.0 * trial.data[e, SIXTH_SOURCE], trial.data[e, HALF_COEFFICIENT]
-    flux_x, flux_y = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
+    magnitude = total = 0.0
+    gradient, hessian = (0.0, 0.0), ZERO
+    kind, functions = axis_kind(x[0], a[0], b[0]) if around else 0, points.slope.shape[2]
+    law, load, half = trial.laws.number[e], 3.0 * trial.data[e, SIXTH_SOURCE], trial.data[e, HALF_COEFFICIENT]
+    flux = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
     few = law < 0 or wanted == COARSE_BLOCK
     for q in range(0 if few else points.plain, points.plain if few else points.weight.shape[1]):
-        w, slope_1, slope_2, level, radius, lead = points.weight[kind, q], 0.0, 0.0, 0.0, 1.0, 0.0
-        px, py, rx, ry = ax, ay, bx, by
+        w, side, slope = points.weight[kind, q], points.side[kind, q], points.slope[kind, q]
+        slope_1 = slope_2 = level = lead = 0.0
+        p, r, radius = a, b, 1.0
         for k in range(3):
-            px += points.side[kind, q, k, 1] * offset[k, 0]
-            py += points.side[kind, q, k, 1] * offset[k, 1]
-            rx += points.side[kind, q, k, 2] * offset[k, 0]
-            ry += points.side[kind, q, k, 2] * offset[k, 1]
+            p, r = plus_times(p, side[k, 1], xy(offset, k)), plus_times(r, side[k, 2], xy(offset, k))
         if around:
-            lead, radius = points.share[kind, q, 0], x + points.share[kind, q, 1] * ax + points.share[kind, q, 2] * bx
+            lead = points.share[kind, q, 0]
+            radius = x[0] + points.share[kind, q, 1] * a[0] + points.share[kind, q, 2] * b[0]
             for k in range(3):
-                radius += points.side[kind, q, k, 0] * offset[k, 0]
+                radius += side[k, 0] * offset[k, 0]
         for i in range(functions):
-            slope_1 += local[i] * points.slope[kind, q, i, 0]
-            slope_2 += local[i] * points.slope[kind, q, i, 1]
+            slope_1 += local[i] * slope[i, 0]
+            slope_2 += local[i] * slope[i, 1]
             level += local[i] * points.value[kind, q, i]
-        doubled, ex, ey, difference = px * ry - py * rx, rx - px, ry - py, slope_1 - slope_2
+        doubled, edge, difference = cross(p, r), minus(r, p), slope_1 - slope_2
         inverse = 1.0 / (radius * doubled)
-        fall_x, rise_y = radius * ey - lead * doubled, radius * ex  # derivatives of x D
-        nx, ny = slope_2 * px - slope_1 * rx, slope_2 * py - slope_1 * ry
-        qx, qy = inverse * nx, inverse * ny
-        half_square = 0.5 * (qx * nx + qy * ny)
+        rise = lead * doubled - radius * edge[1], radius * edge[0]  # derivatives of x D
+        n = weighted(slope_2, p, -slope_1, r)
+        g = times(inverse, n)
+        half_square = 0.5 * dot(g, n)
         weight, curve_weight, rest = w * half * inverse, 0.0, 0.0
         energy = weight * half_square / inverse
-        x_x, x_y = difference + qx * fall_x, qy * fall_x
-        y_x, y_y = -qx * rise_y, difference - qy * rise_y
+        n_x, n_y = plus_times((difference, 0.0), -rise[0], g), plus_times((0.0, difference), -rise[1], g)
         if law >= 0:
-            density, rate, curve = energy_density(trial.laws, law, qx * qx + qy * qy)
+            density, rate, curve = energy_density(trial.laws, law, dot(g, g))
             weight, energy = w * rate * inverse, 0.5 * w * density / inverse
             curve_weight = 2.0 * w * curve * inverse
-            rest = 0.5 * w * (density - rate * (qx * qx + qy * qy))
-        square_x, square_y = qx * x_x + qy * x_y, qx * y_x + qy * y_y
-        push, pull, area_factor = w * (flux_y * nx - flux_x * ny), load * w * level, rest - weight * half_square
+            rest = 0.5 * w * (density - rate * dot(g, g))
+        square = dot(g, n_x), dot(g, n_y)
+        push, pull, area_factor = w * cross(n, flux), load * w * level, rest - weight * half_square
         magnitude += energy + abs(push) + abs(pull * doubled)
         total += energy - push - pull * doubled
-        by_x += weight * difference * nx - area_factor * fall_x - w * difference * flux_y + pull * ey
-        by_y += weight * difference * ny + area_factor * rise_y + w * difference * flux_x - pull * ex
-        xx += weight * (x_x * x_x + x_y * x_y) + curve_weight * square_x * square_x - 2.0 * area_factor * lead * ey
-        xy += weight * (x_x * y_x + x_y * y_y) + curve_weight * square_x * square_y + area_factor * lead * ex
-        yy += weight * (y_x * y_x + y_y * y_y) + curve_weight * square_y * square_y
+        change = weighted(weight * difference, n, area_factor, rise)
+        change = plus_times(change, w * difference, turned(flux))
+        gradient = plus(gradient, plus_times(change, -pull, turned(edge)))
+        products = times(weight, (dot(n_x, n_x), dot(n_x, n_y), dot(n_y, n_y)))
+        products = plus_square(products, curve_weight, square)
+        hessian = plus(hessian, plus_times(products, area_factor * lead, (-2.0 * edge[1], edge[0], 0.0)))
         for i in range(functions if wanted > VALUE else 0):
             row = dof[j, i]
             if row < 0:
                 continue
-            g1, g2 = sign[j, i] * points.slope[kind, q, i, 0], sign[j, i] * points.slope[kind, q, i, 1]
-            ix, iy, turn, pulled = (
-                g2 * px - g1 * rx,
-                g2 * py - g1 * ry,
-                g1 - g2,
-                load * w * points.value[kind, q, i],
-            )
+            g1, g2 = sign[j, i] * slope[i, 0], sign[j, i] * slope[i, 1]
+            e_i, turn = weighted(g2, p, -g1, r), g1 - g2
+            pulled = load * w * points.value[kind, q, i]
             pulled *= sign[j, i]
-            across[i, 0], across[i, 1] = ix, iy
-            square = qx * ix + qy * iy
-            block.rest[row] += weight * (ix * nx + iy * ny) - w * (flux_y * ix - flux_x * iy) - pulled * doubled
-            block.mixed[row, 0] += weight * (x_x * ix + x_y * iy + nx * turn) + curve_weight * square_x * square
-            block.mixed[row, 0] += pulled * ey - w * flux_y * turn
-            block.mixed[row, 1] += weight * (y_x * ix + y_y * iy + ny * turn) + curve_weight * square_y * square
-            block.mixed[row, 1] += w * flux_x * turn - pulled * ex
+            put(across, i, e_i)
+            along = dot(g, e_i)
+            block.rest[row] += weight * dot(e_i, n) - w * cross(e_i, flux) - pulled * doubled
+            mixed = times(weight, plus_times((dot(n_x, e_i), dot(n_y, e_i)), turn, n))
+            add_to(block.mixed, row, plus_times(mixed, along, times(curve_weight, square)))
+            add_to(block.mixed, row, weighted(-pulled, turned(edge), turn, times(w, turned(flux))))
             for other in range(i + 1):
                 column = dof[j, other]
                 if column >= 0:
-                    product = weight * (ix * across[other, 0] + iy * across[other, 1])
-                    product += curve_weight * square * (qx * across[other, 0] + qy * across[other, 1])
+                    product = weight * dot(e_i, xy(across, other))
+                    product += curve_weight * along * dot(g, xy(across, other))
                     block.stiffness[max(row, column), min(row, column)] += product
-    return magnitude, total, by_x, by_y, xx, xy, yy
+    return magnitude, total, gradient, hessian

@@ -23,17 +23,32 @@ from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import (
     CONSTANTS,
-    DIRECTION_X,
-    DIRECTION_Y,
     FREE,
     HALF_COEFFICIENT,
     HELD,
     OWN,
     SIXTH_SOURCE,
 )
-from kohonen_adapt.kernels.triangle.chains import point_at
+from kohonen_adapt.kernels.triangle.chains import direction_of, point_at
 from kohonen_adapt.kernels.triangle.geometry import may_move
 from kohonen_adapt.kernels.triangle.polish.varying import half_flux, half_flux_rates
+from kohonen_adapt.kernels.vectors import (
+    ZERO,
+    cross,
+    divided,
+    dot,
+    from_to,
+    minus,
+    plus,
+    plus_dot,
+    plus_square,
+    plus_times,
+    put,
+    times,
+    turned,
+    weighted,
+    xy,
+)
 
 ROUNDING = 1e-13  # minimum gain as a fraction of the summed magnitudes of all terms
 OVERSTEP = 1.6  # relaxation of Newton's step, as in successive over-relaxation: halves the number of sweeps
@@ -72,135 +87,114 @@ def derivatives(position, star, trial, v):
 
     Returns
     -------
-    magnitude, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww
-        Sum of magnitudes of all terms, functional, gradient and Hessian.
+    magnitude, total, gradient, by_w, hessian, mixed, ww
+        Sum of magnitudes of all terms, functional, and derivatives by (x, y), w, (xx, xy, yy), (xw, yw) and ww.
     """
-    x, y, own = position[v, 0], position[v, 1], trial.value[v]
-    magnitude, total, by_x, by_y, by_w = 0.0, 0.0, 0.0, 0.0, 0.0
-    xx, xy, yy, xw, yw, ww = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    x, own = xy(position, v), trial.value[v]
+    magnitude = total = by_w = ww = 0.0
+    gradient, hessian, mixed = (0.0, 0.0), ZERO, (0.0, 0.0)
     for j in range(star.start[v], star.start[v + 1]):
-        e, a, b = star.element[j], star.ahead[j], star.behind[j]
-        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-        alpha, beta = trial.value[a] - own, trial.value[b] - own
-        ex, ey, difference = bx - ax, by - ay, alpha - beta
-        doubled = ax * by - ay * bx
+        e, i, k = star.element[j], star.ahead[j], star.behind[j]
+        a, b = from_to(x, position, i), from_to(x, position, k)
+        alpha, beta = trial.value[i] - own, trial.value[k] - own
+        edge, difference = minus(b, a), alpha - beta
+        inwards, doubled = turned(edge), cross(a, b)  # D and its derivative by the position
         inverse = 1.0 / doubled
         weight, load = trial.data[e, HALF_COEFFICIENT] * inverse, trial.data[e, SIXTH_SOURCE]
-        flux_x, flux_y = half_flux(trial.data, e, x, y, ax, ay, bx, by)
-        nx, ny = beta * ax - alpha * bx, beta * ay - alpha * by
-        qx, qy = inverse * nx, inverse * ny
-        energy = 0.5 * weight * (nx * nx + ny * ny)
+        flux = turned(half_flux(trial.data, e, x, a, b))
+        n = weighted(beta, a, -alpha, b)
+        q = times(inverse, n)
+        energy = 0.5 * weight * dot(n, n)
         # dn/dx - q dD/dx and dn/dy - q dD/dy with the doubled area D
-        x_x, x_y = difference + qx * ey, qy * ey
-        y_x, y_y = -qx * ex, difference - qy * ex
+        n_x, n_y = plus_times((difference, 0.0), -inwards[0], q), plus_times((0.0, difference), -inwards[1], q)
         if trial.laws.number[e] >= 0:
-            density, rate, curve = energy_density(trial.laws, trial.laws.number[e], qx * qx + qy * qy)
+            density, rate, curve = energy_density(trial.laws, trial.laws.number[e], dot(q, q))
             weight, energy = rate * inverse, 0.5 * doubled * density
             # additions to the terms of a constant coefficient: the rest of W times the area, and d2W/ds2 along grad u
-            rest, curve = 0.5 * density - 0.5 * rate * (qx * qx + qy * qy), 2.0 * curve * inverse
-            square_x, square_y, square_w = qx * x_x + qy * x_y, qx * y_x + qy * y_y, qx * ex + qy * ey
-            by_x -= rest * ey
-            by_y += rest * ex
-            xx += curve * square_x * square_x
-            xy += curve * square_x * square_y
-            yy += curve * square_y * square_y
-            xw += curve * square_x * square_w
-            yw += curve * square_y * square_w
+            rest, curve = 0.5 * density - 0.5 * rate * dot(q, q), 2.0 * curve * inverse
+            square, square_w = (dot(q, n_x), dot(q, n_y)), dot(q, edge)
+            gradient = plus_times(gradient, rest, inwards)
+            hessian = plus_square(hessian, curve, square)
+            mixed = plus_times(mixed, square_w, times(curve, square))
             ww += curve * square_w * square_w
-        pull, push = load * doubled * (alpha + beta), flux_y * nx - flux_x * ny
+        pull, push = load * doubled * (alpha + beta), -dot(flux, n)
         magnitude += energy + abs(pull) + abs(push)
         total += energy - pull - push
-        half_square = 0.5 * (qx * nx + qy * ny)
-        by_x += weight * (difference * nx + half_square * ey) + load * (alpha + beta) * ey - difference * flux_y
-        by_y += weight * (difference * ny - half_square * ex) - load * (alpha + beta) * ex + difference * flux_x
-        by_w += weight * (ex * nx + ey * ny) - load * doubled - flux_y * ex + flux_x * ey
-        xx += weight * (x_x * x_x + x_y * x_y)
-        xy += weight * (x_x * y_x + x_y * y_y)
-        yy += weight * (y_x * y_x + y_y * y_y)
-        xw += weight * (x_x * ex + x_y * ey) + load * ey
-        yw += weight * (y_x * ex + y_y * ey) - load * ex
-        ww += weight * (ex * ex + ey * ey)
+        change = times(weight, weighted(difference, n, -0.5 * dot(q, n), inwards))
+        change = plus_times(change, -load * (alpha + beta), inwards)
+        gradient = plus(gradient, plus_times(change, difference, flux))
+        by_w += plus_dot(weight * dot(edge, n) - load * doubled, edge, flux)
+        hessian = plus_times(hessian, weight, (dot(n_x, n_x), dot(n_x, n_y), dot(n_y, n_y)))
+        mixed = plus(mixed, weighted(weight, (dot(n_x, edge), dot(n_y, edge)), -load, inwards))
+        ww += weight * dot(edge, edge)
         if trial.data.shape[1] > CONSTANTS:
-            x_by_x, x_by_y, y_by_x, y_by_y = half_flux_rates(trial.data, e, x, y, ax, ay, bx, by)
-            by_x -= y_by_x * nx - x_by_x * ny
-            by_y -= y_by_y * nx - x_by_y * ny
-            xx -= 2.0 * difference * y_by_x
-            xy -= difference * (y_by_y - x_by_x)
-            yy += 2.0 * difference * x_by_y
-            xw -= y_by_x * ex - x_by_x * ey
-            yw -= y_by_y * ex - x_by_y * ey
-    return magnitude, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww
+            by_x, by_y = half_flux_rates(trial.data, e, x, a, b)
+            gradient = minus(gradient, (cross(n, by_x), cross(n, by_y)))
+            hessian = plus_times(hessian, difference, (-2.0 * by_x[1], by_x[0] - by_y[1], 2.0 * by_y[0]))
+            mixed = minus(mixed, (cross(edge, by_x), cross(edge, by_y)))
+    return magnitude, total, gradient, by_w, hessian, mixed, ww
 
 
 @inner_kernel
-def quadratic(position, star, trial, v, x, y):
+def quadratic(position, star, trial, v, x):
     # the same as `parabola` without laws, because calls of `parabola` make a polish a seventh slower
     own = trial.value[v]
-    c, r, k = 0.0, 0.0, 0.0
+    c = r = k = 0.0
     for j in range(star.start[v], star.start[v + 1]):
-        e, a, b = star.element[j], star.ahead[j], star.behind[j]
-        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-        alpha, beta = trial.value[a] - own, trial.value[b] - own
-        ex, ey = bx - ax, by - ay
-        doubled = ax * by - ay * bx
+        e, ahead, behind = star.element[j], star.ahead[j], star.behind[j]
+        a, b = from_to(x, position, ahead), from_to(x, position, behind)
+        alpha, beta = trial.value[ahead] - own, trial.value[behind] - own
+        edge, doubled = minus(b, a), cross(a, b)
         weight, load = trial.data[e, HALF_COEFFICIENT] / doubled, doubled * trial.data[e, SIXTH_SOURCE]
-        flux_x, flux_y = half_flux(trial.data, e, x, y, ax, ay, bx, by)
-        nx, ny = beta * ax - alpha * bx, beta * ay - alpha * by
-        c += 0.5 * weight * (nx * nx + ny * ny) - load * (alpha + beta) - flux_y * nx + flux_x * ny
-        r += weight * (ex * nx + ey * ny) - load - flux_y * ex + flux_x * ey
-        k += weight * (ex * ex + ey * ey)
+        flux, n = turned(half_flux(trial.data, e, x, a, b)), weighted(beta, a, -alpha, b)
+        c += plus_dot(0.5 * weight * dot(n, n) - load * (alpha + beta), flux, n)
+        r += plus_dot(weight * dot(edge, n) - load, flux, edge)
+        k += weight * dot(edge, edge)
     return c, r, k
 
 
 @inner_kernel
 def eliminated(slope):
-    magnitude, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
-    by_x, by_y = by_x - xw * by_w / ww, by_y - yw * by_w / ww
-    return (
-        magnitude,
-        total - 0.5 * by_w * by_w / ww,
-        by_x,
-        by_y,
-        xx - xw * xw / ww,
-        xy - xw * yw / ww,
-        yy - yw * yw / ww,
-    )
+    magnitude, total, gradient, by_w, hessian, mixed, ww = slope
+    gradient = minus(gradient, divided(times(by_w, mixed), ww))
+    hessian = minus(hessian, divided(plus_square(ZERO, 1.0, mixed), ww))
+    return magnitude, total - 0.5 * by_w * by_w / ww, gradient, hessian
 
 
 @inner_kernel
 def move_free(position, star, trials, v, floor):
     trial, dual, has_dual = trials.primal, trials.dual, trials.dual.value.shape[0] > 0
     slope = derivatives(position, star, trial, v)
-    _, _, _, _, by_w, _, _, _, xw, yw, ww = slope
-    magnitude, now, by_x, by_y, xx, xy, yy = eliminated(slope)
+    _, _, _, by_w, _, mixed, ww = slope
+    magnitude, now, gradient, hessian = eliminated(slope)
     dual_change = 0.0
     if has_dual:
         slope = derivatives(position, star, dual, v)
-        dual_change = -slope[4] / slope[10]
+        dual_change = -slope[3] / slope[6]
         more = eliminated(slope)
-        magnitude, now, by_x, by_y = magnitude + more[0], now + more[1], by_x + more[2], by_y + more[3]
-        xx, xy, yy = xx + more[4], xy + more[5], yy + more[6]
-    step_x, step_y = newton_step(by_x, by_y, xx, xy, yy)
-    if -(step_x * by_x + step_y * by_y) > ROUNDING * magnitude:
+        magnitude, now = magnitude + more[0], now + more[1]
+        gradient, hessian = plus(gradient, more[2]), plus(hessian, more[3])
+    step = newton_step(gradient, hessian)
+    if -dot(step, gradient) > ROUNDING * magnitude:
         for _ in range(HALVINGS + 1):
-            x, y = position[v, 0] + step_x, position[v, 1] + step_y
-            if may_move(position, star, v, x, y, floor):
+            x = plus(xy(position, v), step)
+            if may_move(position, star, v, x, floor):
                 if trial.nonlinear[v]:
-                    w = -(by_w + xw * step_x + yw * step_y) / ww
-                    c, r, k = least_parabola(position, star, trial, v, x, y, w, np.bool_(False))
+                    w = -plus_dot(by_w, mixed, step) / ww
+                    c, r, k = least_parabola(position, star, trial, v, x, w, np.bool_(False))
                 else:
-                    c, r, k = quadratic(position, star, trial, v, x, y)
+                    c, r, k = quadratic(position, star, trial, v, x)
                 gain, z = now - c + 0.5 * r * r / k, 0.0
                 if has_dual:
-                    d, s, stiff = quadratic(position, star, dual, v, x, y)
+                    d, s, stiff = quadratic(position, star, dual, v, x)
                     gain, z = gain - d + 0.5 * s * s / stiff, -s / stiff
                 if gain > ROUNDING * magnitude:
-                    position[v, 0], position[v, 1] = x, y
+                    put(position, v, x)
                     trial.value[v] -= r / k
                     if has_dual:
                         dual.value[v] += z
                     return gain
-            step_x, step_y = 0.5 * step_x, 0.5 * step_y
+            step = times(0.5, step)
     if trial.nonlinear[v]:
         improve_value(position, star, trial, v)
     else:
@@ -211,9 +205,10 @@ def move_free(position, star, trials, v, floor):
 
 
 @inner_kernel
-def newton_step(by_x, by_y, xx, xy, yy):
+def newton_step(gradient, hessian):
+    (x, y), (xx, off_diagonal, yy) = gradient, hessian
     mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
-    radius = math.hypot(half, xy)
+    radius = math.hypot(half, off_diagonal)
     least = LEAST_CURVATURE * (abs(mean) + radius)
     if not least > 0.0:
         return 0.0, 0.0
@@ -222,23 +217,23 @@ def newton_step(by_x, by_y, xx, xy, yy):
     along, across = -0.5 * OVERSTEP * (high + low), 0.0
     if radius > 0.0:
         across = -0.5 * OVERSTEP * (high - low) / radius
-    return along * by_x + across * (half * by_x + xy * by_y), along * by_y + across * (xy * by_x - half * by_y)
+    return weighted(along, gradient, across, (half * x + off_diagonal * y, off_diagonal * x - half * y))
 
 
 @inner_kernel
-def along_line(slope, tx, ty, is_dirichlet, rate):
-    magnitude, total, by_x, by_y, by_w, xx, xy, yy, xw, yw, ww = slope
-    mixed = tx * xw + ty * yw
+def along_line(slope, tangent, is_dirichlet, rate):
+    magnitude, total, gradient, by_w, hessian, mixed, ww = slope
+    along = dot(tangent, mixed)
     if not is_dirichlet:
-        total, rate = total - 0.5 * by_w * by_w / ww, -mixed / ww
-    along = tx * by_x + ty * by_y + rate * by_w
-    return (
-        magnitude,
-        total,
-        along,
-        tx * tx * xx + 2.0 * tx * ty * xy + ty * ty * yy + (2.0 * mixed + rate * ww) * rate,
-        rate,
-    )
+        total, rate = total - 0.5 * by_w * by_w / ww, -along / ww
+    curvature = curvature_along(tangent, hessian) + (2.0 * along + rate * ww) * rate
+    return magnitude, total, dot(tangent, gradient) + rate * by_w, curvature, rate
+
+
+@inner_kernel
+def curvature_along(tangent, hessian):
+    x, y = tangent
+    return x * x * hessian[0] + 2.0 * x * y * hessian[1] + y * y * hessian[2]
 
 
 @inner_kernel
@@ -249,40 +244,41 @@ def value_on_chain(trial, chain, parameter):
 @inner_kernel
 def move_on_chain(position, star, constraints, trials, v, floor):
     trial, dual, has_dual = trials.primal, trials.dual, trials.dual.value.shape[0] > 0
-    chain, parameter, is_dirichlet = np.int64(constraints.chain[v, OWN]), constraints.parameter[v], trial.fixed[v]
-    tx, ty = constraints.chains.geometry[chain, DIRECTION_X], constraints.chains.geometry[chain, DIRECTION_Y]
+    chain, parameter = np.int64(constraints.chain[v, OWN]), constraints.parameter[v]
+    tangent, is_dirichlet = direction_of(constraints.chains, chain), trial.fixed[v]
     slope = derivatives(position, star, trial, v)
-    magnitude, now, along, curvature, rate = along_line(slope, tx, ty, is_dirichlet, trial.on_chain[chain, 1])
-    by_w, ww, dual_change = slope[4], slope[10], 0.0
+    magnitude, now, along, curvature, rate = along_line(slope, tangent, is_dirichlet, trial.on_chain[chain, 1])
+    by_w, ww, dual_change = slope[3], slope[6], 0.0
     if has_dual:
         slope = derivatives(position, star, dual, v)
-        dual_change = -slope[4] / slope[10]
-        more = along_line(slope, tx, ty, is_dirichlet, dual.on_chain[chain, 1])
-        magnitude, now, along, curvature = magnitude + more[0], now + more[1], along + more[2], curvature + more[3]
+        dual_change = -slope[3] / slope[6]
+        more = along_line(slope, tangent, is_dirichlet, dual.on_chain[chain, 1])
+        magnitude, now = magnitude + more[0], now + more[1]
+        along, curvature = along + more[2], curvature + more[3]
     change = -OVERSTEP * along / abs(curvature)
     if -change * along > ROUNDING * magnitude:
         for _ in range(HALVINGS + 1):
-            x, y = point_at(constraints.chains, chain, parameter + change)
-            if may_move(position, star, v, x, y, floor):
+            x = point_at(constraints.chains, chain, parameter + change)
+            if may_move(position, star, v, x, floor):
                 w = rate * change - by_w / ww
                 if is_dirichlet:
                     w = value_on_chain(trial, chain, parameter + change) - trial.value[v]
                 if trial.nonlinear[v]:
-                    c, r, k = least_parabola(position, star, trial, v, x, y, w, is_dirichlet)
+                    c, r, k = least_parabola(position, star, trial, v, x, w, is_dirichlet)
                 else:
-                    c, r, k = quadratic(position, star, trial, v, x, y)
+                    c, r, k = quadratic(position, star, trial, v, x)
                 if not is_dirichlet:
                     w = -r / k
                 gain, z = now - c - (r + 0.5 * k * w) * w, 0.0
                 if has_dual:
-                    c, r, k = quadratic(position, star, dual, v, x, y)
+                    c, r, k = quadratic(position, star, dual, v, x)
                     z = -r / k
                     if is_dirichlet:
                         z = value_on_chain(dual, chain, parameter + change) - dual.value[v]
                     gain -= c + (r + 0.5 * k * z) * z
                 if gain > ROUNDING * magnitude:
                     constraints.parameter[v] = parameter + change
-                    position[v, 0], position[v, 1] = x, y
+                    put(position, v, x)
                     trial.value[v] += w
                     if has_dual:
                         dual.value[v] += z
@@ -300,11 +296,11 @@ def move_on_chain(position, star, constraints, trials, v, floor):
 
 
 @inner_kernel
-def parabola(position, star, trial, v, x, y, w):
-    c, r, k = 0.0, 0.0, 0.0
+def parabola(position, star, trial, v, x, w):
+    c = r = k = 0.0
     for j in range(star.start[v], star.start[v + 1]):
         e, a, b = np.int64(star.element[j]), np.int64(star.ahead[j]), np.int64(star.behind[j])
-        part, by_w, by_ww = triangle_parabola(position, trial, e, a, b, x, y, trial.value[v], w)
+        part, by_w, by_ww = triangle_parabola(position, trial, e, a, b, x, trial.value[v], w)
         c += part
         r += by_w
         k += by_ww
@@ -312,49 +308,47 @@ def parabola(position, star, trial, v, x, y, w):
 
 
 @inner_kernel
-def triangle_parabola(position, trial, e, a, b, x, y, own, w):
-    ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-    alpha, beta = trial.value[a] - own, trial.value[b] - own
-    ex, ey = bx - ax, by - ay
-    doubled = ax * by - ay * bx
-    load = doubled * trial.data[e, SIXTH_SOURCE]
-    flux_x, flux_y = half_flux(trial.data, e, x, y, ax, ay, bx, by)
-    nx, ny = beta * ax - alpha * bx + w * ex, beta * ay - alpha * by + w * ey
-    along, square, law = ex * nx + ey * ny, nx * nx + ny * ny, trial.laws.number[e]
+def triangle_parabola(position, trial, e, i, j, x, own, w):
+    a, b = from_to(x, position, i), from_to(x, position, j)
+    alpha, beta = trial.value[i] - own, trial.value[j] - own
+    edge, doubled = minus(b, a), cross(a, b)
+    load, flux = doubled * trial.data[e, SIXTH_SOURCE], turned(half_flux(trial.data, e, x, a, b))
+    n = plus_times(weighted(beta, a, -alpha, b), w, edge)
+    along, square, law = dot(edge, n), dot(n, n), trial.laws.number[e]
     weight, curve_term = trial.data[e, HALF_COEFFICIENT] / doubled, 0.0
     energy = 0.5 * weight * square
     if law >= 0:
         density, rate, curve = energy_density(trial.laws, law, square / (doubled * doubled))
         energy, weight = 0.5 * doubled * density, rate / doubled
         curve_term = 2.0 * curve * along * along / (doubled * doubled * doubled)
-    c = energy - load * (alpha + beta + w) - flux_y * nx + flux_x * ny
-    return c, weight * along - load - flux_y * ex + flux_x * ey, curve_term + weight * (ex * ex + ey * ey)
+    c = plus_dot(energy - load * (alpha + beta + w), flux, n)
+    return c, plus_dot(weight * along - load, flux, edge), curve_term + weight * dot(edge, edge)
 
 
 @inner_kernel
 def improve_value(position, star, trial, v):
-    x, y = position[v, 0], position[v, 1]
-    c, r, k = parabola(position, star, trial, v, x, y, 0.0)
+    x = xy(position, v)
+    c, r, k = parabola(position, star, trial, v, x, 0.0)
     w = -r / k
     for _ in range(TRIES):
-        if not trial.nonlinear[v] or parabola(position, star, trial, v, x, y, w)[0] <= c:
+        if not trial.nonlinear[v] or parabola(position, star, trial, v, x, w)[0] <= c:
             trial.value[v] += w
             return
         w *= 0.5
 
 
 @inner_kernel
-def least_parabola(position, star, trial, v, x, y, w, is_dirichlet):
-    """Return c, r, k of a parabola c + r w + k w^2 / 2 for `v` at (x, y).
+def least_parabola(position, star, trial, v, x, w, is_dirichlet):
+    """Return c, r, k of a parabola c + r w + k w^2 / 2 for `v` at x.
 
     The parabola has the functional at the better of `w` and of one Newton step from `w` as its minimum there. For a
     Dirichlet value the parabola is constant.
     """
-    c, r, k = parabola(position, star, trial, v, x, y, w)
+    c, r, k = parabola(position, star, trial, v, x, w)
     if is_dirichlet:
         return c, 0.0, 0.0
     further = w - r / k
-    value = parabola(position, star, trial, v, x, y, further)[0]
+    value = parabola(position, star, trial, v, x, further)[0]
     if value < c:
         c, w = value, further
     return c + 0.5 * k * w * w, -k * w, k

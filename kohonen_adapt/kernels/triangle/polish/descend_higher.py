@@ -47,6 +47,22 @@ from kohonen_adapt.kernels.triangle.polish.by_points import (
     valid_at,
 )
 from kohonen_adapt.kernels.triangle.polish.varying import with_source
+from kohonen_adapt.kernels.vectors import (
+    ZERO,
+    add_to,
+    combined,
+    cross,
+    dot,
+    from_to,
+    minus,
+    plus,
+    plus_times,
+    point,
+    times,
+    turned,
+    weighted,
+    xy,
+)
 
 EVEN, ODD, BUBBLE = 3, 6, 9  # index of the first function of each kind
 
@@ -141,7 +157,7 @@ def clear_derivatives(block):
 
 
 @inner_kernel
-def add_element(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
+def add_element(trial, reference, block, e, j, local, a, b, wanted):
     """Add the derivatives of element `e` to the block and return its functional.
 
     Parameters
@@ -150,137 +166,126 @@ def add_element(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
         Row of the block with the unknowns of the element.
     local
         Coefficients of the element, shape (functions,), beginning at the node that moves.
-    ax, ay, bx, by
+    a, b
         Vectors from that node to the next two corners, counter-clockwise.
     wanted
         VALUE, BLOCK or POSITION. Derivatives beyond the level `wanted` are undefined.
 
     Returns
     -------
-    magnitude, total, by_x, by_y, xx, xy, yy
-        Sum of magnitudes of all terms, functional, and its derivatives by the position of the node.
+    magnitude, total, gradient, hessian
+        Sum of magnitudes of all terms, functional, and its derivatives (x, y) and (xx, xy, yy) by the position of the
+        node.
     """
-    ex, ey, doubled, load, mean = bx - ax, by - ay, ax * by - ay * bx, 6.0 * trial.data[e, SIXTH_SOURCE], 0.0
+    inwards, doubled = turned(minus(b, a)), cross(a, b)
+    load, mean = 6.0 * trial.data[e, SIXTH_SOURCE], 0.0
     if trial.laws.number[e] >= 0:
-        part = add_by_law(trial, reference, block, e, j, local, ax, ay, bx, by, wanted)
+        part = add_by_law(trial, reference, block, e, j, local, a, b, wanted)
     else:
-        part = add_linear(trial, reference, block, e, j, local, ax, ay, bx, by, wanted)
-    magnitude, total, by_x, by_y, xx, xy, yy = part
+        part = add_linear(trial, reference, block, e, j, local, a, b, wanted)
+    magnitude, total, gradient, hessian = part
     if load != 0.0:
         for i in range(reference.slope.shape[1]):
             mean += reference.mean[i] * local[i]
             if wanted > VALUE and block.dof[j, i] >= 0:
                 pulled = load * block.sign[j, i] * reference.mean[i]
                 block.rest[block.dof[j, i]] -= pulled * doubled
-                block.mixed[block.dof[j, i], 0] += pulled * ey
-                block.mixed[block.dof[j, i], 1] -= pulled * ex
-        by_x += load * mean * ey
-        by_y -= load * mean * ex
+                add_to(block.mixed, block.dof[j, i], times(-pulled, inwards))
+        gradient = plus_times(gradient, -load * mean, inwards)
         magnitude += abs(load * mean * doubled)
         total -= load * mean * doubled
-    return magnitude, total, by_x, by_y, xx, xy, yy
+    return magnitude, total, gradient, hessian
 
 
 @inner_kernel
-def add_linear(trial, reference, block, e, j, local, ax, ay, bx, by, wanted):
+def add_linear(trial, reference, block, e, j, local, a, b, wanted):
     # With means of products of gradients, because sums over the quadrature points would take several times as long.
     dof, sign, product, mean = block.dof, block.sign, reference.product, reference.mean_slope
-    ex, ey, doubled, functions = bx - ax, by - ay, ax * by - ay * bx, mean.shape[0]
-    inverse = 1.0 / doubled
-    weight, flux_x, flux_y = (
-        inverse * trial.data[e, HALF_COEFFICIENT],
-        trial.data[e, HALF_FLUX_X],
-        trial.data[e, HALF_FLUX_Y],
-    )
-    aa, ab, bb = ax * ax + ay * ay, ax * bx + ay * by, bx * bx + by * by
-    first, cross, second, slope_1, slope_2 = 0.0, 0.0, 0.0, 0.0, 0.0
+    edge, functions = minus(b, a), mean.shape[0]
+    inverse, inwards = 1.0 / cross(a, b), turned(edge)
+    weight, flux = inverse * trial.data[e, HALF_COEFFICIENT], (trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y])
+    aa, ab, bb = dot(a, a), dot(a, b), dot(b, b)
+    first = both = second = slope_1 = slope_2 = 0.0
     for i in range(functions):
-        one, both, two = 0.0, 0.0, 0.0
+        terms = ZERO  # sums of products of gradients, (11, 12 + 21, 22)
         for other in range(functions):
-            one += product[i, other, 0] * local[other]
-            both += product[i, other, 1] * local[other]
-            two += product[i, other, 2] * local[other]
-        first, cross, second = first + local[i] * one, cross + local[i] * both, second + local[i] * two
+            terms = plus_times(terms, local[other], point(product[i], other))
+        first, both, second = plus_times((first, both, second), local[i], terms)
         slope_1, slope_2 = slope_1 + local[i] * mean[i, 0], slope_2 + local[i] * mean[i, 1]
         row = dof[j, i]
         if wanted == VALUE or row < 0:
             continue
-        dot, turn = aa * two - ab * both + bb * one, mean[i, 0] - mean[i, 1]
-        along_a, along_b = weight * (both - 2.0 * two), weight * (2.0 * one - both)
-        flow = flux_y * (mean[i, 1] * ax - mean[i, 0] * bx) - flux_x * (mean[i, 1] * ay - mean[i, 0] * by)
-        fall = weight * inverse * dot
-        block.rest[row] += sign[j, i] * (weight * dot - flow)
-        block.mixed[row, 0] += sign[j, i] * (along_a * ax - along_b * bx + fall * ey - flux_y * turn)
-        block.mixed[row, 1] += sign[j, i] * (along_a * ay - along_b * by - fall * ex + flux_x * turn)
+        one, two = terms[0], terms[2]
+        along, turn = aa * two - ab * terms[1] + bb * one, mean[i, 0] - mean[i, 1]
+        along_a, along_b = weight * (terms[1] - 2.0 * two), weight * (2.0 * one - terms[1])
+        flow = cross(weighted(mean[i, 1], a, -mean[i, 0], b), flux)
+        block.rest[row] += sign[j, i] * (weight * along - flow)
+        mixed = combined(along_a, a, -along_b, b, -weight * inverse * along, inwards)
+        add_to(block.mixed, row, times(sign[j, i], plus_times(mixed, turn, turned(flux))))
         for other in range(i + 1):
             column = dof[j, other]
             if column >= 0:
                 entry = aa * product[i, other, 2] - ab * product[i, other, 1] + bb * product[i, other, 0]
                 block.stiffness[max(row, column), min(row, column)] += weight * sign[j, i] * sign[j, other] * entry
-    difference = slope_1 - slope_2
-    push_x, push_y = flux_x * (slope_2 * ay - slope_1 * by), flux_y * (slope_2 * ax - slope_1 * bx)
-    square, turned = aa * second - ab * cross + bb * first, first - cross + second  # means of n.n and (G1 - G2)^2
-    to_a, to_b = 0.5 * cross - second, first - 0.5 * cross
-    nx, ny = to_a * ax - to_b * bx, to_a * ay - to_b * by  # means of (G1 - G2) n
+    difference, m = slope_1 - slope_2, weighted(slope_2, a, -slope_1, b)
+    push_x, push_y = flux[0] * m[1], flux[1] * m[0]
+    square, squared = aa * second - ab * both + bb * first, first - both + second  # means of n.n and (G1 - G2)^2
+    n = weighted(0.5 * both - second, a, 0.5 * both - first, b)  # mean of (G1 - G2) n
     half_square, energy = 0.5 * inverse * square, 0.5 * weight * square
-    total = energy - push_y + push_x
-    by_x = weight * (nx + half_square * ey) - difference * flux_y
-    by_y = weight * (ny - half_square * ex) + difference * flux_x
-    rate = inverse * inverse * square
-    xx = weight * (turned + 2.0 * inverse * ey * nx + ey * ey * rate)
-    xy = weight * (inverse * (ey * ny - ex * nx) - ex * ey * rate)
-    yy = weight * (turned - 2.0 * inverse * ex * ny + ex * ex * rate)
-    return energy + abs(push_x) + abs(push_y), total, by_x, by_y, xx, xy, yy
+    gradient = plus_times(times(weight, plus_times(n, -half_square, inwards)), difference, turned(flux))
+    rate, (ex, ey) = inverse * inverse * square, edge
+    xx = weight * (squared + 2.0 * inverse * ey * n[0] + ey * ey * rate)
+    yy = weight * (squared - 2.0 * inverse * ex * n[1] + ex * ex * rate)
+    off_diagonal = weight * (inverse * (ey * n[1] - ex * n[0]) - ex * ey * rate)
+    return energy + abs(push_x) + abs(push_y), energy - push_y + push_x, gradient, (xx, off_diagonal, yy)
 
 
 @inner_kernel
-def add_curved(descent, e, j, local, offset, x, y, ax, ay, bx, by, wanted):
+def add_curved(descent, e, j, local, offset, x, a, b, wanted):
     if descent.shapes.around or is_curved(offset):
-        part = add_by_points(descent, e, j, local, offset, x, ax, ay, bx, by, wanted)
+        part = add_by_points(descent, e, j, local, offset, x, a, b, wanted)
     else:
-        part = add_element(descent.trial, descent.reference, descent.block, e, j, local, ax, ay, bx, by, wanted)
+        part = add_element(descent.trial, descent.reference, descent.block, e, j, local, a, b, wanted)
     if descent.trial.data.shape[1] > CONSTANTS:
-        return with_source(part, descent, e, j, local, np.bool_(True), offset, x, y, ax, ay, bx, by, wanted)
+        return with_source(part, descent, e, j, local, np.bool_(True), offset, x, a, b, wanted)
     return part
 
 
 @inner_kernel
-def derivatives(descent, v, x, y, wanted):
-    """Return the sum of `add_element` over the star of node `v` moved to (x, y)."""
+def derivatives(descent, v, x, wanted):
+    """Return the sum of `add_element` over the star of node `v` moved to x."""
     position, star, block, local = descent.position, descent.star, descent.block, descent.block.local[0]
     node, own = descent.elements.node, block.own[0]
     clear_derivatives(block)
-    magnitude, total, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    magnitude = total = 0.0
+    gradient, hessian = (0.0, 0.0), ZERO
     begin = star.start[v]
     for row in range(begin, star.start[v + 1]):
-        e, a, b = np.int64(star.element[row]), star.ahead[row], star.behind[row]
-        k = corner_of(node, e, v)
+        e, j = np.int64(star.element[row]), row - begin
+        k, special = corner_of(node, e, v), descent.shapes.special[e]
         gather_coefficients(node, descent.trial.value, descent.modes, e, k, own, local)
-        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-        if descent.shapes.special[e]:
+        a, b = from_to(x, position, star.ahead[row]), from_to(x, position, star.behind[row])
+        if special:
             gather_offsets(descent.shapes, e, k, block.offset[0])
-            part = add_by_points(descent, e, row - begin, local, block.offset[0], x, ax, ay, bx, by, wanted)
+            part = add_by_points(descent, e, j, local, block.offset[0], x, a, b, wanted)
         else:
-            part = add_element(descent.trial, descent.reference, block, e, row - begin, local, ax, ay, bx, by, wanted)
+            part = add_element(descent.trial, descent.reference, block, e, j, local, a, b, wanted)
         if descent.trial.data.shape[1] > CONSTANTS:
-            special = descent.shapes.special[e]
-            part = with_source(
-                part, descent, e, row - begin, local, special, block.offset[0], x, y, ax, ay, bx, by, wanted
-            )
-        magnitude, total, by_x, by_y = magnitude + part[0], total + part[1], by_x + part[2], by_y + part[3]
-        xx, xy, yy = xx + part[4], xy + part[5], yy + part[6]
-    return magnitude, total, by_x, by_y, xx, xy, yy
+            part = with_source(part, descent, e, j, local, special, block.offset[0], x, a, b, wanted)
+        magnitude, total = magnitude + part[0], total + part[1]
+        gradient, hessian = plus(gradient, part[2]), plus(hessian, part[3])
+    return magnitude, total, gradient, hessian
 
 
 @inner_kernel
-def stays_valid(descent, v, x, y):
+def stays_valid(descent, v, x):
     position, star, offset = descent.position, descent.star, descent.block.offset[0]
     for row in range(star.start[v], star.start[v + 1]):
-        e, a, b = np.int64(star.element[row]), star.ahead[row], star.behind[row]
+        e, i, k = np.int64(star.element[row]), star.ahead[row], star.behind[row]
         if descent.shapes.special[e]:
             gather_offsets(descent.shapes, e, corner_of(descent.elements.node, e, v), offset)
-            ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-            if not (is_valid(offset, ax, ay, bx, by) and valid_at(position, offset, v, a, b)):
+            a, b = from_to(x, position, i), from_to(x, position, k)
+            if not (is_valid(offset, a, b) and valid_at(position, offset, v, i, k)):
                 return False
     return True
 
@@ -291,10 +296,10 @@ def factorise(block, first):
 
 
 @inner_kernel
-def solve_upper(block, first, step_x, step_y):
-    mixed, count = block.mixed, block.unknowns[0]
+def solve_upper(block, first, step):
+    count = block.unknowns[0]
     for i in range(first, count):
-        block.correction[i], block.response[i] = -block.rest[i], -step_x * mixed[i, 0] - step_y * mixed[i, 1]
+        block.correction[i], block.response[i] = -block.rest[i], -dot(step, xy(block.mixed, i))
     substitute(block.stiffness, block.correction, first, count)
     substitute(block.stiffness, block.response, first, count)
 

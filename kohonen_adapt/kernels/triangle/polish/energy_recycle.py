@@ -19,45 +19,47 @@ from kohonen_adapt.kernels.triangle.surgery import (
     midpoint,
     split,
 )
+from kohonen_adapt.kernels.vectors import xy
 
 
 @inner_kernel
-def halves_parabola(mesh, trial, e, k, x, y, own, w):
+def halves_parabola(mesh, trial, e, k, x, own, w):
     node = mesh.elements.node
     a, b, c = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3]), np.int64(node[e, k])
-    one, one_by_w, one_by_ww = triangle_parabola(mesh.position, trial, e, c, a, x, y, own, w)
-    two, two_by_w, two_by_ww = triangle_parabola(mesh.position, trial, e, b, c, x, y, own, w)
+    one, one_by_w, one_by_ww = triangle_parabola(mesh.position, trial, e, c, a, x, own, w)
+    two, two_by_w, two_by_ww = triangle_parabola(mesh.position, trial, e, b, c, x, own, w)
     return abs(one) + abs(two), one + two, one_by_w + two_by_w, one_by_ww + two_by_ww
 
 
 @inner_kernel
-def split_parabola(mesh, trial, e, k, x, y, own, w):
-    magnitude, total, slope, stiffness = halves_parabola(mesh, trial, e, k, x, y, own, w)
+def split_parabola(mesh, trial, e, k, x, own, w):
+    magnitude, total, slope, stiffness = halves_parabola(mesh, trial, e, k, x, own, w)
     other = np.int64(mesh.elements.neighbour[e, k])
     if other >= 0:
         j = np.int64(corner_towards(mesh.elements.neighbour, other, e))
-        more, c, r, s = halves_parabola(mesh, trial, other, j, x, y, own, w)
-        magnitude, total, slope, stiffness = magnitude + more, total + c, slope + r, stiffness + s
+        more, c, r, s = halves_parabola(mesh, trial, other, j, x, own, w)
+        magnitude, total = magnitude + more, total + c
+        slope, stiffness = slope + r, stiffness + s
     return magnitude, total, slope, stiffness
 
 
 @inner_kernel
-def best_of_split(mesh, trial, e, k, x, y):
+def best_of_split(mesh, trial, e, k, x):
     a, b = np.int64(mesh.elements.node[e, (k + 1) % 3]), np.int64(mesh.elements.node[e, (k + 2) % 3])
     own = 0.5 * (trial.value[a] + trial.value[b])
-    magnitude, before, slope, stiffness = split_parabola(mesh, trial, e, k, x, y, own, 0.0)
+    magnitude, before, slope, stiffness = split_parabola(mesh, trial, e, k, x, own, 0.0)
     gain, w = 0.5 * slope * slope / stiffness, -slope / stiffness
     if trial.nonlinear[a] or trial.nonlinear[b]:
-        gain = before - split_parabola(mesh, trial, e, k, x, y, own, w)[1]
+        gain = before - split_parabola(mesh, trial, e, k, x, own, w)[1]
     return magnitude, gain, own + w
 
 
 @inner_kernel
-def gain_of_split(mesh, trials, e, k, x, y):
-    magnitude, gain, value = best_of_split(mesh, trials.primal, e, k, x, y)
+def gain_of_split(mesh, trials, e, k, x):
+    magnitude, gain, value = best_of_split(mesh, trials.primal, e, k, x)
     dual_value = 0.0
     if trials.dual.value.shape[0] > 0:
-        dual_magnitude, dual_gain, dual_value = best_of_split(mesh, trials.dual, e, k, x, y)
+        dual_magnitude, dual_gain, dual_value = best_of_split(mesh, trials.dual, e, k, x)
         magnitude, gain = magnitude + dual_magnitude, gain + dual_gain
     return gain if gain > ROUNDING * magnitude else 0.0, value, dual_value
 
@@ -75,24 +77,24 @@ def weigh_splits(mesh, trials, offers, floor, first, last):
             a, b = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3])
             if fixed[a] and fixed[b] and (inner[a] or inner[b]):
                 continue  # between Dirichlet nodes inside a region the values of the user are not available
-            x, y, _ = midpoint(mesh, c, a, b)
-            gain, _, _ = gain_of_split(mesh, trials, e, k, x, y)
-            if gain > 0.0 and may_split(mesh, e, k, floor, x, y):
+            x, _ = midpoint(mesh, c, a, b)
+            gain, _, _ = gain_of_split(mesh, trials, e, k, x)
+            if gain > 0.0 and may_split(mesh, e, k, floor, x):
                 offers.gain[e, k] = gain
 
 
 @inner_kernel
 def merged_functional(position, star, trial, v, w):
-    x, y, own, total = position[w, 0], position[w, 1], trial.value[w], 0.0
+    x, own, total = xy(position, w), trial.value[w], 0.0
     shift = 3.0 * (own - trial.value[v])  # of the load, because all values are relative to the value of v
     for j in range(star.start[v], star.start[v + 1]):
         e, a, b = np.int64(star.element[j]), np.int64(star.ahead[j]), np.int64(star.behind[j])
         if a == w or b == w:
             continue
-        doubled = orientation(x, y, position[a, 0], position[a, 1], position[b, 0], position[b, 1])
+        doubled = orientation(x, xy(position, a), xy(position, b))
         if not doubled > 0.0:
             return np.inf
-        part, _, _ = triangle_parabola(position, trial, e, a, b, x, y, own, 0.0)
+        part, _, _ = triangle_parabola(position, trial, e, a, b, x, own, 0.0)
         total += part - shift * doubled * trial.data[e, SIXTH_SOURCE]
     return total
 
@@ -102,7 +104,7 @@ def star_functional(position, star, trial, v):
     total, magnitude = 0.0, 0.0
     for j in range(star.start[v], star.start[v + 1]):
         e, a, b = np.int64(star.element[j]), np.int64(star.ahead[j]), np.int64(star.behind[j])
-        part, _, _ = triangle_parabola(position, trial, e, a, b, position[v, 0], position[v, 1], trial.value[v], 0.0)
+        part, _, _ = triangle_parabola(position, trial, e, a, b, xy(position, v), trial.value[v], 0.0)
         total += part
         magnitude += abs(part)
     return total - ROUNDING * magnitude
@@ -201,9 +203,9 @@ def exchange(mesh, trials, offers, edges, nodes, floor):
         lock_around(mesh, v, locked)
         collapse(mesh, v, w)
         a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
-        x, y, parameter = midpoint(mesh, np.int64(elements.chain[e, k]), a, b)
-        _, value, other_value = gain_of_split(mesh, trials, e, k, x, y)
-        p = split(mesh, e, k, x, y, parameter)
+        x, parameter = midpoint(mesh, np.int64(elements.chain[e, k]), a, b)
+        _, value, other_value = gain_of_split(mesh, trials, e, k, x)
+        p = split(mesh, e, k, x, parameter)
         trials.primal.value[p], trials.primal.fixed[p] = value, False
         if trials.dual.value.shape[0] > 0:
             trials.dual.value[p], trials.dual.fixed[p] = other_value, False

@@ -7,7 +7,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, VALUE
-from kohonen_adapt.kernels.triangle.geometry import corner_of, orientation, row_beside, rows_with, squared_distance
+from kohonen_adapt.kernels.triangle.geometry import corner_of, row_beside, rows_with, squared_distance
 from kohonen_adapt.kernels.triangle.polish.by_points import gather_offsets, is_valid, put_offsets
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING
 from kohonen_adapt.kernels.triangle.polish.descend_higher import (
@@ -32,6 +32,7 @@ from kohonen_adapt.kernels.triangle.polish.energy_split_higher import (
     weigh_splits,
 )
 from kohonen_adapt.kernels.triangle.surgery import collapse, collapsed_quality, midpoint, split
+from kohonen_adapt.kernels.vectors import cross, from_to, xy
 
 # Squared length over the shortest of a node, from which an edge is not collapsed: seldom the cheapest, and costs take
 # most of the time of a recycling.
@@ -111,22 +112,20 @@ def merged_offsets(descent, v, removed, row, offset):
 @inner_kernel
 def derivatives_of_merged(descent, v, w, removed, own, wanted):
     position, star, block = descent.position, descent.star, descent.block
-    x, y, total = position[w, 0], position[w, 1], 0.0
+    x, total = xy(position, w), 0.0
     clear_derivatives(block)
     for row in range(star.start[v], star.start[v + 1]):
-        e, a, b = np.int64(star.element[row]), np.int64(star.ahead[row]), np.int64(star.behind[row])
-        if a == w or b == w:
+        e, i, k = np.int64(star.element[row]), np.int64(star.ahead[row]), np.int64(star.behind[row])
+        if i == w or k == w:
             continue
-        if not orientation(x, y, position[a, 0], position[a, 1], position[b, 0], position[b, 1]) > 0.0:
+        a, b = from_to(x, position, i), from_to(x, position, k)
+        if not cross(a, b) > 0.0:
             return np.inf
         merged_coefficients(descent, v, w, removed, row, own)
-        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
         merged_offsets(descent, v, removed, row, block.offset[4])
-        if not is_valid(block.offset[4], ax, ay, bx, by):
+        if not is_valid(block.offset[4], a, b):
             return np.inf
-        total += add_curved(descent, e, row - star.start[v], block.part, block.offset[4], x, y, ax, ay, bx, by, wanted)[
-            1
-        ]
+        total += add_curved(descent, e, row - star.start[v], block.part, block.offset[4], x, a, b, wanted)[1]
     return total
 
 
@@ -146,7 +145,7 @@ def merged_functional(descent, v, w, own):
     solved, square = factorise(block, 0)
     if not solved:
         return np.inf
-    solve_upper(block, 0, 0.0, 0.0)
+    solve_upper(block, 0, (0.0, 0.0))
     if nonlinear:
         return derivatives_of_merged(descent, v, w, removed, own, VALUE)
     return total - 0.5 * square
@@ -170,16 +169,16 @@ def weigh_collapses(mesh, descents, offers, most, floor, first, last):
             continue
         before, least, shortest = 0.0, most, np.inf
         for row in range(star.start[v], star.start[v + 1]):
-            shortest = min(shortest, squared_distance(position, v, position[star.ahead[row]]))
+            shortest = min(shortest, squared_distance(position, v, xy(position, star.ahead[row])))
         for i in range(descents.terms):
             descent = descents.primal if i == 0 else descents.dual
             number_block(descent, v)
-            magnitude, total = derivatives(descent, v, position[v, 0], position[v, 1], VALUE)[:2]
+            magnitude, total = derivatives(descent, v, xy(position, v), VALUE)[:2]
             before += total - ROUNDING * magnitude
         for j in range(star.start[v], star.start[v + 1]):
             for i in range(2):
                 w = merge_target(mesh, star, v, j, i)
-                if w < 0 or squared_distance(position, v, position[w]) > FAR * shortest:
+                if w < 0 or squared_distance(position, v, xy(position, w)) > FAR * shortest:
                     continue
                 cost = merged_functionals(descents, v, w) - before
                 # after the cost, because the checks take longer
@@ -215,10 +214,10 @@ def exchange_higher(mesh, descents, offers, edges, nodes, floor):
             put_merged(descents.primal if i == 0 else descents.dual, v, w)
         collapse(mesh, v, w)
         a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
-        x, y, parameter = midpoint(mesh, np.int64(elements.chain[e, k]), a, b)
-        gain_of_split(descents, e, k, x, y)
+        x, parameter = midpoint(mesh, np.int64(elements.chain[e, k]), a, b)
+        gain_of_split(descents, e, k, x)
         given, known = outer_given(descents.primal, e, k), descents.primal.modes.dirichlet[e, k]
-        p = split(mesh, e, k, x, y, parameter)
+        p = split(mesh, e, k, x, parameter)
         for i in range(descents.terms):
             descent = descents.primal if i == 0 else descents.dual
             descent.trial.value[p] = reference_value(descent, a) + descent.block.local[0, 0]

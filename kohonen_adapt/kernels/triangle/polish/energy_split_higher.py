@@ -25,6 +25,7 @@ from kohonen_adapt.kernels.triangle.polish.descend_higher import (
     solve_upper,
 )
 from kohonen_adapt.kernels.triangle.surgery import gather_around, may_split, midpoint
+from kohonen_adapt.kernels.vectors import from_to, xy
 
 # Edge ab, between the corners c and d, is split at p. A row has the indices among a, b, c, d of the ends of the sides
 # opposite to corners 2 and 1 of the elements (p, c, a), (p, b, c), (p, d, b) and (p, a, d).
@@ -65,33 +66,33 @@ def halve_coefficients(descent, e, k, own, row):
 @inner_kernel
 def value_on(descent, e, own):
     node, position, block = descent.elements.node, descent.position, descent.block
-    a, b, x, y = node[e, 1], node[e, 2], position[node[e, 0], 0], position[node[e, 0], 1]
-    ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
+    x = xy(position, node[e, 0])
+    a, b = from_to(x, position, node[e, 1]), from_to(x, position, node[e, 2])
     gather_coefficients(node, descent.trial.value, descent.modes, e, 0, own, block.part)
     gather_offsets(descent.shapes, e, 0, block.offset[4])
-    if not is_valid(block.offset[4], ax, ay, bx, by):
+    if not is_valid(block.offset[4], a, b):
         return -np.inf
-    return add_curved(descent, e, 0, block.part, block.offset[4], x, y, ax, ay, bx, by, VALUE)[1]
+    return add_curved(descent, e, 0, block.part, block.offset[4], x, a, b, VALUE)[1]
 
 
 @inner_kernel
-def derivatives_of_split(descent, e, k, x, y, wanted):
+def derivatives_of_split(descent, e, k, x, wanted):
     node, position, block = descent.elements.node, descent.position, descent.block
     clear_derivatives(block)
-    magnitude, total, at, corner, row = 0.0, 0.0, e, k, 0
+    magnitude = total = 0.0
+    at, corner, row = e, k, 0
     while at >= 0:
-        c, a, b = node[at, corner], node[at, (corner + 1) % 3], node[at, (corner + 2) % 3]
-        ax, ay, bx, by = position[a, 0] - x, position[a, 1] - y, position[b, 0] - x, position[b, 1] - y
-        cx, cy = position[c, 0] - x, position[c, 1] - y
+        a, b = from_to(x, position, node[at, (corner + 1) % 3]), from_to(x, position, node[at, (corner + 2) % 3])
+        c = from_to(x, position, node[at, corner])
         block.offset[row : row + 2] = 0.0
         for i in range(2):
             block.offset[row, 0, i] = descent.shapes.offset[at, (corner + 2) % 3, i]
             block.offset[row + 1, 0, i] = descent.shapes.offset[at, (corner + 1) % 3, i]
-        if not (is_valid(block.offset[row], cx, cy, ax, ay) and is_valid(block.offset[row + 1], bx, by, cx, cy)):
+        if not (is_valid(block.offset[row], c, a) and is_valid(block.offset[row + 1], b, c)):
             return magnitude, np.inf
         after, offset = row + 1, block.offset
-        one = add_curved(descent, at, row, block.local[row], offset[row], x, y, cx, cy, ax, ay, wanted)
-        two = add_curved(descent, at, after, block.local[after], offset[after], x, y, bx, by, cx, cy, wanted)
+        one = add_curved(descent, at, row, block.local[row], offset[row], x, c, a, wanted)
+        two = add_curved(descent, at, after, block.local[after], offset[after], x, b, c, wanted)
         magnitude, total = magnitude + one[0] + two[0], total + one[1] + two[1]
         other = np.int64(descent.elements.neighbour[at, corner])
         corner = corner_towards(descent.elements.neighbour, other, at) if other >= 0 else 0
@@ -100,7 +101,7 @@ def derivatives_of_split(descent, e, k, x, y, wanted):
 
 
 @inner_kernel
-def gain_of_split(descents, e, k, x, y):
+def gain_of_split(descents, e, k, x):
     """Return the decrease of the functionals by a split, or 0 if negligible.
 
     The best coefficients of the halves are left in `Block.local`, relative to `reference_value` of the first node of
@@ -108,18 +109,15 @@ def gain_of_split(descents, e, k, x, y):
     """
     gain, magnitude = 0.0, 0.0
     for i in range(descents.terms):
-        decrease, more = change_by_split(descents.primal if i == 0 else descents.dual, e, k, x, y)
+        decrease, more = change_by_split(descents.primal if i == 0 else descents.dual, e, k, x)
         gain, magnitude = gain + decrease, magnitude + more
     return gain if gain > ROUNDING * magnitude else 0.0
 
 
 @inner_kernel
-def change_by_split(descent, e, k, x, y):
-    block, other, is_dirichlet = (
-        descent.block,
-        np.int64(descent.elements.neighbour[e, k]),
-        descent.modes.dirichlet[e, k],
-    )
+def change_by_split(descent, e, k, x):
+    block, is_dirichlet = descent.block, descent.modes.dirichlet[e, k]
+    other = np.int64(descent.elements.neighbour[e, k])
     own = reference_value(descent, np.int64(descent.elements.node[e, (k + 1) % 3]))
     first = 1 if is_dirichlet else 0  # first free unknown
     special, nonlinear, unsplit = descent.shapes.special[e], descent.trial.laws.number[e] >= 0, 0.0
@@ -132,13 +130,13 @@ def change_by_split(descent, e, k, x, y):
     if other >= 0:
         halve_coefficients(descent, other, corner_towards(descent.elements.neighbour, other, e), own, 2)
     number_split(block, descent.modes.side.shape[2], other >= 0, is_dirichlet)
-    magnitude, before = derivatives_of_split(descent, e, k, x, y, COARSE_BLOCK if nonlinear else BLOCK)
+    magnitude, before = derivatives_of_split(descent, e, k, x, COARSE_BLOCK if nonlinear else BLOCK)
     if not before < np.inf:
         return -np.inf, magnitude
     solved, square = factorise(block, first)
     if not solved:
         return -np.inf, magnitude
-    solve_upper(block, first, 0.0, 0.0)
+    solve_upper(block, first, (0.0, 0.0))
     for j in range(4 if other >= 0 else 2):
         for i in range(block.local.shape[1]):
             if block.dof[j, i] >= first:
@@ -146,7 +144,7 @@ def change_by_split(descent, e, k, x, y):
     # The halves of curved elements, or of elements at the axis, need not contain the function, and new quadrature
     # points change the energy of a law. The gain is therefore relative to the value before the split.
     if nonlinear:
-        return unsplit - derivatives_of_split(descent, e, k, x, y, VALUE)[1], magnitude
+        return unsplit - derivatives_of_split(descent, e, k, x, VALUE)[1], magnitude
     return 0.5 * square + (unsplit - before if special else 0.0), magnitude
 
 
@@ -167,9 +165,9 @@ def weigh_splits(mesh, descents, offers, floor, first, last):
             a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
             if not known and fixed[a] and fixed[b] and (inner[a] or inner[b]):
                 continue
-            x, y, _ = midpoint(mesh, c, a, b)
-            gain = gain_of_split(descents, e, k, x, y)
-            if gain > 0.0 and may_split(mesh, e, k, floor, x, y):
+            x, _ = midpoint(mesh, c, a, b)
+            gain = gain_of_split(descents, e, k, x)
+            if gain > 0.0 and may_split(mesh, e, k, floor, x):
                 offers.gain[e, k] = gain
 
 
@@ -192,9 +190,6 @@ def put_split(mesh, descent, p, a, b, given):
         row = 0 if two == a else 1 if one == b else 2 if two == b else 3
         put_coefficients(modes, f, k, local[row])
         put_offsets(descent.shapes, f, k, descent.block.offset[row])
-        modes.dirichlet[f, k], modes.dirichlet[f, (k + 1) % 3], modes.dirichlet[f, (k + 2) % 3] = (
-            given[row],
-            False,
-            False,
-        )
+        modes.dirichlet[f, k] = given[row]
+        modes.dirichlet[f, (k + 1) % 3] = modes.dirichlet[f, (k + 2) % 3] = False
         modes.dirichlet[f, (k + 1 + row % 2) % 3] = descent.trial.fixed[p]  # the half of the edge

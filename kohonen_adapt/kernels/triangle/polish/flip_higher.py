@@ -8,7 +8,7 @@ import numpy as np
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, CONSTANTS, VALUE
 from kohonen_adapt.kernels.triangle.flip import flip_edge, mark_neighbours, may_flip
-from kohonen_adapt.kernels.triangle.geometry import corner_towards, corners_around, orientation
+from kohonen_adapt.kernels.triangle.geometry import corner_towards, corners_around, twice_area
 from kohonen_adapt.kernels.triangle.polish.by_points import gather_offsets, put_offsets, valid_at
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING
 from kohonen_adapt.kernels.triangle.polish.descend_higher import (
@@ -25,6 +25,7 @@ from kohonen_adapt.kernels.triangle.polish.descend_higher import (
     solve_upper,
 )
 from kohonen_adapt.kernels.triangle.polish.varying import with_source
+from kohonen_adapt.kernels.vectors import from_to, xy
 
 NEAR = 0.25  # of twice the decrease of a step by few points: more than another step takes off
 
@@ -85,7 +86,7 @@ def gain_of_flip(descents, e, k, other):
 def change_by_flip(descent, e, k, other):
     elements, position, local = descent.elements, descent.position, descent.block.local
     p, q, r, s = corners_around(elements.node, e, k, other)
-    if not (area_of(position, r, p, s) > 0.0 and area_of(position, s, q, r) > 0.0):
+    if not (twice_area(position, r, p, s) > 0.0 and twice_area(position, s, q, r) > 0.0):
         return 0.0, 0.0
     own, value, modes = reference_value(descent, r), descent.trial.value, descent.modes
     gather_coefficients(elements.node, value, modes, e, k, own, local[0])
@@ -110,11 +111,6 @@ def change_by_flip(descent, e, k, other):
         more, after, square = step_of_pair(descent, e, 2, special, (s, r, p, q), BLOCK)
         after -= 0.5 * square
     return before - after, magnitude + more
-
-
-@inner_kernel
-def area_of(position, a, b, c):
-    return orientation(position[a, 0], position[a, 1], position[b, 0], position[b, 1], position[c, 0], position[c, 1])
 
 
 @inner_kernel
@@ -165,7 +161,7 @@ def step_of_pair(descent, e, row, special, nodes, wanted):
     magnitude, total = derivatives_of_pair(descent, e, row, special, nodes, wanted)
     solved, square = factorise(block, 0)
     if solved:
-        solve_upper(block, 0, 0.0, 0.0)
+        solve_upper(block, 0, (0.0, 0.0))
         change_pair(block, block.local, row)
     return magnitude, total, square
 
@@ -206,18 +202,15 @@ def derivatives_of_pair(descent, e, row, special, nodes, wanted):
     clear_derivatives(block)
     magnitude, total = 0.0, 0.0
     for j in range(2):
-        v, a, b = (r, p, q) if j == 0 else (s, q, p)
-        x, y = descent.position[v, 0], descent.position[v, 1]
-        ax, ay = descent.position[a, 0] - x, descent.position[a, 1] - y
-        bx, by = descent.position[b, 0] - x, descent.position[b, 1] - y
-        local = block.local[row + j]
+        v, i, k = (r, p, q) if j == 0 else (s, q, p)
+        x, local, offset = xy(descent.position, v), block.local[row + j], block.offset[row + j]
+        a, b = from_to(x, descent.position, i), from_to(x, descent.position, k)
         if special:
-            part = add_curved(descent, e, j, local, block.offset[row + j], x, y, ax, ay, bx, by, wanted)
+            part = add_curved(descent, e, j, local, offset, x, a, b, wanted)
         else:
-            part = add_element(descent.trial, descent.reference, block, e, j, local, ax, ay, bx, by, wanted)
+            part = add_element(descent.trial, descent.reference, block, e, j, local, a, b, wanted)
             if descent.trial.data.shape[1] > CONSTANTS:
-                offset = block.offset[row + j]
-                part = with_source(part, descent, e, j, local, np.bool_(False), offset, x, y, ax, ay, bx, by, wanted)
+                part = with_source(part, descent, e, j, local, np.bool_(False), offset, x, a, b, wanted)
         magnitude, total = magnitude + part[0], total + part[1]
     return magnitude, total
 

@@ -9,6 +9,7 @@ from kohonen_adapt.kernels.triangle.flip import flip_edge, mark_neighbours, may_
 from kohonen_adapt.kernels.triangle.geometry import corners_around
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING
 from kohonen_adapt.kernels.triangle.polish.varying import flux_term
+from kohonen_adapt.kernels.vectors import cross, dot, from_to, minus, plus, weighted, xy
 
 
 @kernel
@@ -51,43 +52,40 @@ def gain_of_flip(position, node, trials, e, k, other):
 def change_by_flip(position, node, trial, e, k, other):
     value, data, laws = trial.value, trial.data, trial.laws
     p, q, r, s = corners_around(node, e, k, other)
-    x, y, own = position[r, 0], position[r, 1], value[r]
-    px, py, u = position[p, 0] - x, position[p, 1] - y, value[p] - own
-    qx, qy, v = position[q, 0] - x, position[q, 1] - y, value[q] - own
-    sx, sy, w = position[s, 0] - x, position[s, 1] - y, value[s] - own
+    x, own, law = xy(position, r), value[r], laws.number[e]
+    at_p, at_q, at_s = from_to(x, position, p), from_to(x, position, q), from_to(x, position, s)
+    u, v, w = value[p] - own, value[q] - own, value[s] - own
+    s_to_p, s_to_q = minus(at_p, at_s), minus(at_q, at_s)
     coefficient, load = 2.0 * data[e, HALF_COEFFICIENT], data[e, SIXTH_SOURCE]
-    law = laws.number[e]
     if law >= 0:
-        coefficient, before = 1.0, law_energy(laws, law, px, py, u, qx, qy, v)
-        before += law_energy(laws, law, qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
-        after = law_energy(laws, law, px, py, u, sx, sy, w) + law_energy(laws, law, sx, sy, w, qx, qy, v)
+        coefficient, before = 1.0, law_energy(laws, law, at_p, u, at_q, v)
+        before += law_energy(laws, law, s_to_q, v - w, s_to_p, u - w)
+        after = law_energy(laws, law, at_p, u, at_s, w) + law_energy(laws, law, at_s, w, at_q, v)
     else:
-        before = dirichlet_energy(px, py, u, qx, qy, v) + dirichlet_energy(
-            qx - sx, qy - sy, v - w, px - sx, py - sy, u - w
-        )
-        after = dirichlet_energy(px, py, u, sx, sy, w) + dirichlet_energy(sx, sy, w, qx, qy, v)
-    inner, outer = px * qy - py * qx, (qx - sx) * (py - sy) - (qy - sy) * (px - sx)
-    left, right = px * sy - py * sx, sx * qy - sy * qx
+        before = dirichlet_energy(at_p, u, at_q, v) + dirichlet_energy(s_to_q, v - w, s_to_p, u - w)
+        after = dirichlet_energy(at_p, u, at_s, w) + dirichlet_energy(at_s, w, at_q, v)
+    inner, outer = cross(at_p, at_q), cross(s_to_q, s_to_p)
+    left, right = cross(at_p, at_s), cross(at_s, at_q)
     if not (left > 0.0 and right > 0.0):
         return 0.0, 0.0
     pulled = load * (left * (u + w) + right * (w + v) - inner * (u + v) - outer * (u + v + w))
     gain = coefficient * (before - after) + pulled
     # Constant fluxes contribute equally before and after: the boundary of the pair determines the mean gradient.
     if data.shape[1] > CONSTANTS:
-        gain += flux_term(data, e, x, y, px, py, u, sx, sy, w) + flux_term(data, e, x, y, sx, sy, w, qx, qy, v)
-        gain -= flux_term(data, e, x, y, px, py, u, qx, qy, v)
-        gain -= flux_term(data, e, x + sx, y + sy, qx - sx, qy - sy, v - w, px - sx, py - sy, u - w)
+        gain += flux_term(data, e, x, at_p, u, at_s, w) + flux_term(data, e, x, at_s, w, at_q, v)
+        gain -= flux_term(data, e, x, at_p, u, at_q, v)
+        gain -= flux_term(data, e, plus(x, at_s), s_to_q, v - w, s_to_p, u - w)
     return gain, coefficient * (before + after) + abs(load) * (inner + outer) * (abs(u) + abs(v) + abs(w))
 
 
 @inner_kernel
-def dirichlet_energy(ax, ay, u, bx, by, v):
+def dirichlet_energy(a, u, b, v):
     """Return int |grad|^2 / 2 over (0, a, b) for the nodal values 0, u, v."""
-    nx, ny = v * ax - u * bx, v * ay - u * by
-    return 0.25 * (nx * nx + ny * ny) / (ax * by - ay * bx)
+    n = weighted(v, a, -u, b)
+    return 0.25 * dot(n, n) / cross(a, b)
 
 
 @inner_kernel
-def law_energy(laws, law, ax, ay, u, bx, by, v):
-    nx, ny, doubled = v * ax - u * bx, v * ay - u * by, ax * by - ay * bx
-    return 0.5 * doubled * energy_density(laws, law, (nx * nx + ny * ny) / (doubled * doubled))[0]
+def law_energy(laws, law, a, u, b, v):
+    n, doubled = weighted(v, a, -u, b), cross(a, b)
+    return 0.5 * doubled * energy_density(laws, law, dot(n, n) / (doubled * doubled))[0]

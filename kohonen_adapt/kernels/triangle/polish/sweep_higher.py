@@ -4,13 +4,14 @@ import numpy as np
 
 from kohonen_adapt.kernels.arrays import HALVINGS
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.triangle.arrays import BLOCK, DIRECTION_X, DIRECTION_Y, FREE, HELD, OWN, POSITION, VALUE
-from kohonen_adapt.kernels.triangle.chains import point_at
+from kohonen_adapt.kernels.triangle.arrays import BLOCK, FREE, HELD, OWN, POSITION, VALUE
+from kohonen_adapt.kernels.triangle.chains import direction_of, point_at
 from kohonen_adapt.kernels.triangle.geometry import may_move
 from kohonen_adapt.kernels.triangle.polish.descend import (
     OVERSTEP,
     ROUNDING,
     TRIES,
+    curvature_along,
     newton_step,
     value_on_chain,
 )
@@ -22,16 +23,13 @@ from kohonen_adapt.kernels.triangle.polish.descend_higher import (
     solve_upper,
     stays_valid,
 )
+from kohonen_adapt.kernels.vectors import ZERO, dot, plus, plus_square, plus_times, put, xy
 
 
 @kernel
 def descend_nodes_higher(descents, order, floor):
-    kinds, chains, fixed = (
-        descents.primal.constraints.kind,
-        descents.primal.constraints.chain,
-        descents.primal.trial.fixed,
-    )
-    gain = 0.0
+    kinds, chains = descents.primal.constraints.kind, descents.primal.constraints.chain
+    gain, fixed = 0.0, descents.primal.trial.fixed
     for node in order:
         v = np.int64(node)
         kind, first = kinds[v], 1 if fixed[v] else 0  # first free unknown
@@ -54,71 +52,64 @@ def eliminated(descent, v, chain, first):
 
     Returns
     -------
-    solved, magnitude, now, by_x, by_y, xx, xy, yy
+    solved, magnitude, now, gradient, hessian
         True if the elimination succeeded, followed by the values of `add_element`.
     """
-    block, geometry = descent.block, descent.constraints.chains.geometry
-    mixed, rest = block.mixed, block.rest
-    magnitude, now, by_x, by_y, xx, xy, yy = derivatives(
-        descent, v, descent.position[v, 0], descent.position[v, 1], POSITION
-    )
+    block, mixed = descent.block, descent.block.mixed
+    magnitude, now, gradient, hessian = derivatives(descent, v, xy(descent.position, v), POSITION)
     if chain >= 0:
-        tx, ty = geometry[chain, DIRECTION_X], geometry[chain, DIRECTION_Y]
+        tangent = direction_of(descent.constraints.chains, chain)
         rate = descent.trial.on_chain[chain, 1] if first else 0.0
-        by_x, by_y = tx * by_x + ty * by_y + rate * rest[0], 0.0
-        xx, xy, yy = tx * tx * xx + 2.0 * tx * ty * xy + ty * ty * yy, 0.0, 0.0
+        gradient = dot(tangent, gradient) + rate * block.rest[0], 0.0
+        curvature = curvature_along(tangent, hessian)
         for i in range(block.unknowns[0]):
-            along = tx * mixed[i, 0] + ty * mixed[i, 1]
-            xx += rate * (2.0 * along + rate * block.stiffness[0, 0]) if i == 0 else 0.0
-            mixed[i, 0], mixed[i, 1] = along + rate * block.stiffness[i, 0], 0.0
+            along = dot(tangent, xy(mixed, i))
+            curvature += rate * (2.0 * along + rate * block.stiffness[0, 0]) if i == 0 else 0.0
+            put(mixed, i, (along + rate * block.stiffness[i, 0], 0.0))
+        hessian = curvature, 0.0, 0.0
     solved, square = factorise(block, first)
     if not descent.trial.nonlinear[v]:
         now -= 0.5 * square
     for i in range(first, block.unknowns[0]):
-        along, aside = mixed[i, 0], mixed[i, 1]
-        by_x, by_y = by_x - along * rest[i], by_y - aside * rest[i]
-        xx, xy, yy = xx - along * along, xy - along * aside, yy - aside * aside
-    return solved, magnitude, now, by_x, by_y, xx, xy, yy
+        gradient = plus_times(gradient, -block.rest[i], xy(mixed, i))
+        hessian = plus_square(hessian, -1.0, xy(mixed, i))
+    return solved, magnitude, now, gradient, hessian
 
 
 @inner_kernel
 def move(descents, v, chain, first, floor):
-    primal, dual, position, constraints = (
-        descents.primal,
-        descents.dual,
-        descents.primal.position,
-        descents.primal.constraints,
-    )
-    magnitude, now, by_x, by_y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    primal, dual = descents.primal, descents.dual
+    position, constraints = primal.position, primal.constraints
+    magnitude = now = 0.0
+    gradient, hessian = (0.0, 0.0), ZERO
     for i in range(descents.terms):
         part = eliminated(primal if i == 0 else dual, v, chain, first)
         if not part[0]:
             return 0.0
-        magnitude, now, by_x, by_y = magnitude + part[1], now + part[2], by_x + part[3], by_y + part[4]
-        xx, xy, yy = xx + part[5], xy + part[6], yy + part[7]
+        magnitude, now = magnitude + part[1], now + part[2]
+        gradient, hessian = plus(gradient, part[3]), plus(hessian, part[4])
     if chain >= 0:
-        step_x, step_y = -OVERSTEP * by_x / abs(xx), 0.0
+        step = -OVERSTEP * gradient[0] / abs(hessian[0]), 0.0
     else:
-        step_x, step_y = newton_step(by_x, by_y, xx, xy, yy)
+        step = newton_step(gradient, hessian)
     for i in range(descents.terms):
-        solve_upper((primal if i == 0 else dual).block, first, step_x, step_y)
+        solve_upper((primal if i == 0 else dual).block, first, step)
     if primal.trial.nonlinear[v]:
         now = settle(primal, v, first, now)
     value, dual_value = primal.trial.value[v], dual.trial.value[v] if descents.terms == 2 else 0.0
-    gain, length, downhill = 0.0, 1.0, -(step_x * by_x + step_y * by_y) > ROUNDING * magnitude
+    gain, length, downhill = 0.0, 1.0, -dot(step, gradient) > ROUNDING * magnitude
     for _ in range(HALVINGS + 1 if downhill else 0):
-        x, y = position[v, 0] + length * step_x, position[v, 1] + length * step_y
-        ahead = constraints.parameter[v] + length * step_x
+        x, ahead = plus_times(xy(position, v), length, step), constraints.parameter[v] + length * step[0]
         if chain >= 0:
-            x, y = point_at(constraints.chains, chain, ahead)
-        if may_move(position, primal.star, v, x, y, floor) and stays_valid(primal, v, x, y):
+            x = point_at(constraints.chains, chain, ahead)
+        if may_move(position, primal.star, v, x, floor) and stays_valid(primal, v, x):
             if first:
                 primal.trial.value[v] = value_on_chain(primal.trial, chain, ahead)
                 if descents.terms == 2:
                     dual.trial.value[v] = value_on_chain(dual.trial, chain, ahead)
-            gain = gain_at(descents, v, first, x, y, length, now)
+            gain = gain_at(descents, v, first, x, length, now)
             if gain > ROUNDING * magnitude:
-                position[v, 0], position[v, 1] = x, y
+                put(position, v, x)
                 if chain >= 0:
                     constraints.parameter[v] = ahead
                 break
@@ -131,19 +122,18 @@ def move(descents, v, chain, first, floor):
     for i in range(0 if primal.trial.nonlinear[v] else descents.terms):
         descent = primal if i == 0 else dual
         if gain > 0.0:
-            solve_upper(descent.block, first, 0.0, 0.0)
+            solve_upper(descent.block, first, (0.0, 0.0))
         change_block(descent, v, first, 1.0, 0.0)
     return gain
 
 
 @inner_kernel
 def improve(descent, v, first):
-    x, y, nonlinear = descent.position[v, 0], descent.position[v, 1], descent.trial.nonlinear[v]
-    now = derivatives(descent, v, x, y, BLOCK)[1]
+    now = derivatives(descent, v, xy(descent.position, v), BLOCK)[1]
     if not factorise(descent.block, first)[0]:
         return
-    solve_upper(descent.block, first, 0.0, 0.0)
-    if nonlinear:
+    solve_upper(descent.block, first, (0.0, 0.0))
+    if descent.trial.nonlinear[v]:
         settle(descent, v, first, now)
     else:
         change_block(descent, v, first, 1.0, 0.0)
@@ -155,10 +145,10 @@ def settle(descent, v, first, now):
 
     Return the functional of the star, which is `now` before.
     """
-    x, y, length = descent.position[v, 0], descent.position[v, 1], 1.0
+    x, length = xy(descent.position, v), 1.0
     change_block(descent, v, first, length, 0.0)
     for _ in range(TRIES):
-        after = derivatives(descent, v, x, y, VALUE)[1]
+        after = derivatives(descent, v, x, VALUE)[1]
         if after <= now:
             return after
         change_block(descent, v, first, -0.5 * length, 0.0)
@@ -168,8 +158,8 @@ def settle(descent, v, first, now):
 
 
 @inner_kernel
-def gain_at(descents, v, first, x, y, length, now):
-    """Return the decrease of the functionals by a move of node `v` to (x, y).
+def gain_at(descents, v, first, x, length, now):
+    """Return the decrease of the functionals by a move of node `v` to x.
 
     In linear materials the elimination for the new position is left in the block. In nonlinear materials `length`
     times `response` is added to the unknowns, and subtracted again if the decrease is not positive.
@@ -177,13 +167,13 @@ def gain_at(descents, v, first, x, y, length, now):
     descent, gain = descents.primal, now
     if descent.trial.nonlinear[v]:
         change_block(descent, v, first, 0.0, length)
-        gain -= derivatives(descent, v, x, y, VALUE)[1]
+        gain -= derivatives(descent, v, x, VALUE)[1]
         if not gain > 0.0:
             change_block(descent, v, first, 0.0, -length)
         return gain
     for i in range(descents.terms):
         descent = descents.primal if i == 0 else descents.dual
-        gain -= derivatives(descent, v, x, y, BLOCK)[1]
+        gain -= derivatives(descent, v, x, BLOCK)[1]
         solved, square = factorise(descent.block, first)
         if not solved:
             return 0.0
