@@ -42,7 +42,8 @@ def insert(heap, key, a, b):
 
 @inner_kernel
 def remove_first(heap):
-    first, a, b = heap.key[0], np.int64(heap.ends[0, 0]), np.int64(heap.ends[0, 1])
+    first = heap.key[0]
+    a, b = np.int64(heap.ends[0, 0]), np.int64(heap.ends[0, 1])
     last = heap.size[0] - 1
     heap.size[0] = last
     key, end, other = heap.key[last], heap.ends[last, 0], heap.ends[last, 1]

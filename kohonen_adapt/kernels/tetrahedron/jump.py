@@ -59,7 +59,8 @@ def ridges_at_corner(mesh, v, ends):
 
     Returned is AT_CORNER + 1 if there are more ridges, or an unknown ridge.
     """
-    elements, star, count = mesh.elements, mesh.star, 0
+    elements, star = mesh.elements, mesh.star
+    count = 0
     for k in range(star.start[v], star.start[v + 1]):
         e = star.element[k]
         for j in range(3):
@@ -92,7 +93,8 @@ def on_patch_of(elements, e, v, w):
 def ridge_of_edge(mesh, v, w):
     """Return the ridge of edge vw, -1 if inside a patch, -2 if unknown."""
     elements, star, freedom = mesh.elements, mesh.star, mesh.constraints.freedom
-    only, sides, same = np.int64(-1), 0, True
+    only = np.int64(-1)
+    sides, same = 0, True
     for k in range(star.start[v], star.start[v + 1]):
         if star.link[k, 0] != w and star.link[k, 1] != w and star.link[k, 2] != w:
             continue

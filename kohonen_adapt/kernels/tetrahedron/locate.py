@@ -51,9 +51,11 @@ def depth_in_element(position, node, e, x):
 
 @inner_kernel
 def walk(position, elements, e, x):
-    node, region, e = elements.node, elements.region[e], np.int64(e)
+    node, region = elements.node, elements.region[e]
+    e = np.int64(e)
     for _ in range(WALK):
-        onward, most, least, total = np.int64(-1), 0.0, np.inf, 0.0
+        onward, most = np.int64(-1), 0.0
+        least, total = np.inf, 0.0
         for k in range(4):
             side = side_of_face(position, node, e, k, x)
             least = min(least, side)
@@ -265,10 +267,13 @@ def nearest_reached(position, elements, factor, e, x, scratch):
     smallest radius of a ball that connects x to the element (the largest distance to a crossed face). Elements are
     visited by increasing reach, and nodes nearer than the reach are skipped, because a slit or an edge is in between.
     """
-    stamp, frontier, reach = next_stamp(scratch), scratch.frontier, scratch.reach
+    stamp = next_stamp(scratch)
+    frontier, reach = scratch.frontier, scratch.reach
     region = elements.region[e]
-    frontier[0], reach[0], scratch.element_stamp[e] = e, 0.0, stamp
-    count, winner, best = 1, np.int64(-1), np.inf
+    frontier[0], reach[0] = e, 0.0
+    scratch.element_stamp[e] = stamp
+    count, winner = 1, np.int64(-1)
+    best = np.inf
     while count > 0:
         near = 0
         for i in range(1, count):

@@ -66,7 +66,8 @@ def star_energy(position, star, metric, weight, v, x):
 
 @inner_kernel
 def derivatives(position, star, metric, weight, v):
-    x, gradient, hessian = point(position, v), ZERO, ZEROS
+    x = point(position, v)
+    gradient, hessian = ZERO, ZEROS
     for j in range(star.start[v], star.start[v + 1]):
         b, c, d = others(star, j)
         p, q, r = from_to(x, position, b), from_to(x, position, c), from_to(x, position, d)

@@ -77,7 +77,8 @@ def nearest_sample(samples, p, x):
     Left-Balanced k-d Trees", 2022).
     """
     root, rows = np.int64(samples.start[p]), samples.start[p + 1] - samples.start[p]
-    here, before, depth = np.int64(0), np.int64(-1), 0
+    here, before = np.int64(0), np.int64(-1)
+    depth = 0
     found, least = root, np.inf
     while here >= 0:
         above = (here + 1) // 2 - 1

@@ -346,7 +346,8 @@ def exceeds_on_face(mesh, new, j, w):
 
 @inner_kernel
 def shell_nodes(mesh, v, w, count):
-    node, cavity, found = mesh.elements.node, mesh.cavity, 0
+    node, cavity = mesh.elements.node, mesh.cavity
+    found = 0
     cavity.counter[0] += 1
     for i in range(count):
         for k in range(4):
@@ -359,7 +360,8 @@ def shell_nodes(mesh, v, w, count):
 
 @inner_kernel
 def shared_neighbours(mesh, v, w, count):
-    node, cavity, found = mesh.elements.node, mesh.cavity, 0
+    node, cavity = mesh.elements.node, mesh.cavity
+    found = 0
     around = gather_around(mesh, w, cavity.around)
     cavity.counter[0] += 2
     mark = cavity.counter[0]

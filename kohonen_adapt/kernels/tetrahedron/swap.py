@@ -96,7 +96,8 @@ def walk_shell(mesh, queue, side, e, a, b, first, second):
             return count + 1, count
         if across == start:
             return count, count
-        e, first, second = across, second, fourth_node(elements.node, across, a, b, second)
+        e, first = across, second
+        second = fourth_node(elements.node, across, a, b, second)
     if (
         count == RING - 1
         and not is_blocked(queue, e)
@@ -115,7 +116,8 @@ def triangulate(mesh, trial, side, count, a, b, least, floor):
     quality in the metric, which must exceed `least`. With a trial the merit is minus the functional. No Euclidean
     quality may be below `floor`. Otherwise the merit is RULED_OUT.
     """
-    merit, apex, by_quality = mesh.cavity.merit, mesh.cavity.apex, trial is None
+    merit, apex = mesh.cavity.merit, mesh.cavity.apex
+    by_quality = trial is None
     for i in range(count - 1):
         merit[side, i, i + 1] = 2.0 if by_quality else 0.0
     for length in range(2, count):
@@ -162,7 +164,8 @@ def merit_with(mesh, trial, side, i, j, k, a, b, least, floor):
 def write_triangulation(mesh, side, count, a, b, patch, new):
     cavity, ring = mesh.cavity, mesh.cavity.ring
     region = mesh.elements.region[cavity.shell[side, 0]]
-    cavity.stack[0, 0], cavity.stack[0, 1], height = 0, count - 1, 1
+    cavity.stack[0, 0], cavity.stack[0, 1] = 0, count - 1
+    height = 1
     while height > 0:
         height -= 1
         i, k = np.int64(cavity.stack[height, 0]), np.int64(cavity.stack[height, 1])

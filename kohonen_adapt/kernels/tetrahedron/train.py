@@ -91,7 +91,8 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
 @inner_kernel
 def gather_ring(mesh, region, scratch, first, last, stamp):
     elements, star, inner = mesh.elements, mesh.star, mesh.constraints.inner
-    queue, stamps, end = scratch.queue, scratch.node_stamp, last
+    queue, stamps = scratch.queue, scratch.node_stamp
+    end = last
     for i in range(first, last):
         v = queue[i]
         for k in range(star.start[v], star.start[v + 1]):

@@ -100,7 +100,8 @@ def nearest_parameter(chains, c, x, near):
     """
     if chains.flags[c, SHAPE] == TABLED:
         return nearest_on_table(chains, c, x, near)
-    offset, tangent, length = minus(x, origin_of(chains, c)), direction_of(chains, c), chains.geometry[c, LENGTH]
+    offset, tangent = minus(x, origin_of(chains, c)), direction_of(chains, c)
+    length = chains.geometry[c, LENGTH]
     along = dot(offset, tangent)
     if chains.flags[c, SHAPE] == STRAIGHT:
         return min(length, max(0.0, along))
@@ -220,7 +221,8 @@ def on_span(knot, k, fraction):
 
 @inner_kernel
 def nearest_on_table(chains, c, x, near):
-    knot, k, best = chains.knot, knot_before(chains, c, near), np.inf
+    knot, k = chains.knot, knot_before(chains, c, near)
+    best = np.inf
     distance = squared_to_knot(knot, k, x)
     for direction in (1, -1):
         while distance < best:
@@ -283,7 +285,8 @@ def look_up(constraints, nodes, out):
 @kernel
 def farthest_from_facets(position, elements, constraints):
     """Return the largest sagitta of all facets and the index of its segment."""
-    chains, farthest, which = constraints.chains, 0.0, np.int64(-1)
+    chains, farthest = constraints.chains, 0.0
+    which = np.int64(-1)
     for e in range(elements.node.shape[0]):
         for k in range(3):
             c = np.int64(elements.chain[e, k])
@@ -314,7 +317,8 @@ def slide(mesh, v, parameter, floor):
 @inner_kernel
 def slide_pair(mesh, v, parameter, floor):
     position, constraints = mesh.position, mesh.constraints
-    w, before, start = np.int64(constraints.periodic.partner[v]), xy(position, v), constraints.parameter[v]
+    w, before = np.int64(constraints.periodic.partner[v]), xy(position, v)
+    start = constraints.parameter[v]
     # The star of the partner depends on the node where the mesh is a single element wide, so the node moves first.
     cause = slide(mesh, v, parameter, floor)
     if cause != MOVED:

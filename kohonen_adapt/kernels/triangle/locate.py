@@ -37,7 +37,8 @@ def least_barycentric(position, node, e, x):
 
 @inner_kernel
 def walk(position, elements, e, x):
-    node, region, e = elements.node, elements.region[e], np.int64(e)
+    node, region = elements.node, elements.region[e]
+    e = np.int64(e)
     for _ in range(WALK):
         if least_barycentric(position, node, e, x) >= -TOLERANCE:
             return e, True
@@ -203,10 +204,13 @@ def nearest_visible(position, elements, e, x, map_, scratch):
     element is the squared distance of the farthest edge on the path to the element. Elements are entered by increasing
     reach, and a node nearer than the reach of its element lies behind a slit or a corner. Ties go to the lowest index.
     """
-    stamp, frontier, reach = next_stamp(scratch), scratch.frontier, scratch.reach
+    stamp = next_stamp(scratch)
+    frontier, reach = scratch.frontier, scratch.reach
     region = elements.region[e]
-    frontier[0], reach[0], scratch.element_stamp[e] = e, 0.0, stamp
-    count, winner, best = 1, np.int64(-1), np.inf
+    frontier[0], reach[0] = e, 0.0
+    scratch.element_stamp[e] = stamp
+    count, winner = 1, np.int64(-1)
+    best = np.inf
     while count > 0:
         near = 0
         for i in range(1, count):
@@ -271,7 +275,8 @@ def find_winners(mesh, points, shape, region, start_nodes, winners, distances, s
     position, elements, star, inner = mesh.position, mesh.elements, mesh.star, mesh.constraints.inner
     node, neighbour, regions, crossed = elements.node, elements.neighbour, elements.region, scratch.crossed
     for t in range(points.shape[0]):
-        x, own, v = xy(points, t), region[t], np.int64(start_nodes[t])
+        x, own = xy(points, t), region[t]
+        v = np.int64(start_nodes[t])
         if t % STRETCH > 0 and region[t - 1] == own:
             v = nearer(position, v, np.int64(winners[t - 1]), x)
         map_ = factor_at(shape, t)

@@ -126,7 +126,8 @@ def split_and_flip(mesh, e, k, floor, x, parameter):
     without flips.
     """
     position, elements, scratch = mesh.position, mesh.elements, mesh.scratch
-    before, end, flips = quality_beside(mesh, e, k), np.int64(elements.node[e, (k + 1) % 3]), 0
+    before, end = quality_beside(mesh, e, k), np.int64(elements.node[e, (k + 1) % 3])
+    flips = 0
     p = split(mesh, e, k, x, parameter)
     for i in range(gather_around(mesh, p, scratch.around)):
         half = np.int64(scratch.around[i])

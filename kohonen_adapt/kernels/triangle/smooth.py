@@ -97,7 +97,8 @@ def average_at_sites(area, density, elements, star, first, last, log_density):
         for k in range(star.start[v], star.start[v + 1]):
             if not first_of_region(elements, star, v, k):
                 continue
-            region, mass, total = elements.region[star.element[k]], 0.0, 0.0
+            region = elements.region[star.element[k]]
+            mass = total = 0.0
             for j in range(k, star.start[v + 1]):
                 e = star.element[j]
                 if elements.region[e] == region:
@@ -202,7 +203,8 @@ def sweep(mesh, shape, weight, circumcentres, floor, order, interior, which):
         if constraints.kind[v] == FREE:
             by_quality += not step_towards(position, star, constraints.metric, v, x, floor)
             continue
-        chains, chain, parameter = constraints.chains, np.int64(constraints.chain[v, OWN]), constraints.parameter[v]
+        chains, chain = constraints.chains, np.int64(constraints.chain[v, OWN])
+        parameter = constraints.parameter[v]
         distance = signed_distance(chains, chain, parameter, nearest_parameter(chains, chain, x, parameter))
         if chains.flags[chain, PAIRED]:
             w = np.int64(constraints.periodic.partner[v])
@@ -220,7 +222,8 @@ def sweep(mesh, shape, weight, circumcentres, floor, order, interior, which):
 
 @inner_kernel
 def centre_mean(position, star, shape, weight, circumcentres, v):
-    x, total, mean = xy(position, v), 0.0, (0.0, 0.0)  # |K| c_K needs no division, so flat elements do no harm
+    x, total = xy(position, v), 0.0
+    mean = (0.0, 0.0)  # |K| c_K needs no division, so flat elements do no harm
     for k in range(star.start[v], star.start[v + 1]):
         i, j, w = star.ahead[k], star.behind[k], weight[star.element[k]]
         a, b = from_to(x, position, i), from_to(x, position, j)
@@ -240,7 +243,8 @@ def centre_mean(position, star, shape, weight, circumcentres, v):
 @inner_kernel
 def slide_along_chain(mesh, v, distance, floor):
     constraints = mesh.constraints
-    chains, chain, cause = constraints.chains, np.int64(constraints.chain[v, OWN]), MOVED
+    chains, chain = constraints.chains, np.int64(constraints.chain[v, OWN])
+    cause = MOVED
     for _ in range(HALVINGS + 1):
         parameter = advanced_parameter(chains, chain, constraints.parameter[v], distance)
         if chains.flags[chain, PAIRED]:

@@ -95,7 +95,8 @@ def is_pinned(mesh, e, k):
 
 @inner_kernel
 def quality_beside(mesh, e, k):
-    position, node, other = mesh.position, mesh.elements.node, np.int64(mesh.elements.neighbour[e, k])
+    position, node = mesh.position, mesh.elements.node
+    other = np.int64(mesh.elements.neighbour[e, k])
     quality = effective_element_quality(position, mesh.metric, node, e)
     return min(quality, effective_element_quality(position, mesh.metric, node, other)) if other >= 0 else quality
 
@@ -144,7 +145,8 @@ def start_node(elements, constraints, e, k):
 def split(mesh, e, k, x, parameter):
     elements, constraints, pool, origins = mesh.elements, mesh.constraints, mesh.pool, mesh.origins
     node, neighbour = elements.node, elements.neighbour
-    a, b, other = node[e, (k + 1) % 3], node[e, (k + 2) % 3], np.int64(neighbour[e, k])
+    a, b = node[e, (k + 1) % 3], node[e, (k + 2) % 3]
+    other = np.int64(neighbour[e, k])
     c = elements.chain[e, k]
     j = corner_towards(neighbour, other, e) if other >= 0 else 0
     pool.height[0] -= 1
@@ -222,7 +224,8 @@ def collapsed_quality(mesh, v, w, longest, floor):
 
 @inner_kernel
 def count_marked(mesh, w, mark):
-    node, scratch, count = mesh.elements.node, mesh.scratch, 0
+    node, scratch = mesh.elements.node, mesh.scratch
+    count = 0
     for i in range(gather_around(mesh, w, scratch.around_other)):
         e = np.int64(scratch.around_other[i])
         k = corner_of(node, e, w)

@@ -62,7 +62,8 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
     points, region, weights, winners = lesson.points, lesson.region, lesson.weights, lesson.winners
     strength, rings = lesson.strength, lesson.ends
     kind, chains, metric = constraints.kind, constraints.chains, constraints.metric
-    queue, stamps, radius, parameter = scratch.queue, scratch.node_stamp, strength.shape[0] - 1, 0.0
+    queue, stamps = scratch.queue, scratch.node_stamp
+    radius, parameter = strength.shape[0] - 1, 0.0
     by_quality, by_reach = 0, 0
     periodic, rings[0] = constraints.periodic.motions.shape[0] > 0, 0
     for t in range(points.shape[0]):
@@ -113,7 +114,8 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
 
 @inner_kernel
 def gather_ring(mesh, region, queue, first, last, stamps, stamp):
-    elements, star, inner, end = mesh.elements, mesh.star, mesh.constraints.inner, last
+    elements, star, inner = mesh.elements, mesh.star, mesh.constraints.inner
+    end = last
     for i in range(first, last):
         v = queue[i]
         if inner[v]:
@@ -141,7 +143,8 @@ def learn_across_boundary(mesh, x, region, rate, strength, rings, floor, scratch
     Ring r of the nodes on this side is ``scratch.queue[rings[r] : rings[r + 1]]``. The rings beyond the boundary begin
     at the partners of these nodes with equal r. The partners themselves have moved already.
     """
-    periodic, queue, stamps, reached = mesh.constraints.periodic, scratch.queue, scratch.node_stamp, rings[-1]
+    periodic, queue, stamps = mesh.constraints.periodic, scratch.queue, scratch.node_stamp
+    reached = rings[-1]
     for m in range(periodic.motions.shape[0]):
         there, stamp = periodic.region[m, region], next_stamp(scratch)
         if there < 0:
@@ -217,7 +220,8 @@ def relabel_edge(elements, star, a, b, chain):
 @inner_kernel
 def jump(mesh, v, x, step, floor):
     position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
-    chains, onto, away = constraints.chains, np.int64(constraints.chain[v, OWN]), np.int64(constraints.chain[v, OTHER])
+    chains = constraints.chains
+    onto, away = np.int64(constraints.chain[v, OWN]), np.int64(constraints.chain[v, OTHER])
     corner, corner_away = parameter_of(position, constraints, onto, v), parameter_of(position, constraints, away, v)
     distance, target = distance_to_chain(chains, onto, x, corner)
     distance_away, target_away = distance_to_chain(chains, away, x, corner_away)
@@ -244,7 +248,8 @@ def jump_at_junction(mesh, v, x, step, floor):
     of the third segment, and the element changes its region.
     """
     position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
-    chains, onto, least, target = constraints.chains, np.int64(-1), np.inf, 0.0
+    chains, onto = constraints.chains, np.int64(-1)
+    least, target = np.inf, 0.0
     for k in range(star.start[v], star.start[v + 1]):
         for j in range(3):
             c = np.int64(elements.chain[star.element[k], j])

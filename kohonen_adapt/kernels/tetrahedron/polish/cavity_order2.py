@@ -24,7 +24,8 @@ def energy_of_old(mesh, quadratic, old, count, a, b):
     # Return magnitude and functional of the elements `old`, and its minimum by edge ab.
     # The source is that along the edge.
     trial, modes, block, node = quadratic.trial, quadratic.modes, quadratic.block, mesh.elements.node
-    own, magnitude, total = trial.value[a], 0.0, 0.0
+    own = trial.value[a]
+    magnitude = total = 0.0
     clear(block, 1)
     for i in range(count):
         e = np.int64(old[i])
@@ -90,7 +91,8 @@ def add_correction(block, count, first, times):
 
 @inner_kernel
 def find_edge(block, edges, p, q):
-    low, high, row = min(p, q), max(p, q), 0
+    low, high = min(p, q), max(p, q)
+    row = 0
     while row < edges and not (block.end[row, 0] == low and block.end[row, 1] == high):
         row += 1
     return row
@@ -99,7 +101,8 @@ def find_edge(block, edges, p, q):
 @inner_kernel
 def list_edges(mesh, quadratic, count):
     # List the edges of the elements to remove, and return their number, -1 if too many.
-    block, modes, node, edges = quadratic.block, quadratic.modes, mesh.elements.node, 0
+    block, modes, node = quadratic.block, quadratic.modes, mesh.elements.node
+    edges = 0
     for i in range(count):
         e = np.int64(mesh.cavity.old[i])
         for k in range(6):
@@ -120,7 +123,8 @@ def gather_new(mesh, quadratic, count, known, own, base):
     # Gather the elements to insert, and return the numbers of edges and of unknowns.
     # New edges follow the `known` edges, and have unknown coefficients. `base` is a new edge on a patch with linear
     # Dirichlet values, (-1, -1) for none.
-    block, node, edges, unknowns = quadratic.block, mesh.cavity.new, known, 0
+    block, node = quadratic.block, mesh.cavity.new
+    edges, unknowns = known, 0
     for i in range(count):
         region = mesh.cavity.region[i]
         for k in range(4):

@@ -54,7 +54,8 @@ def follow_surfaces(position, surfaces, block, v):
 @inner_kernel
 def slivers_at(mesh, quadratic, v):
     # the sum of S + abs(S) over the faces at v, for the coefficients in the block
-    star, elements, counted, total = mesh.star, mesh.elements, quadratic.trial.counted, 0.0
+    star, elements, counted = mesh.star, mesh.elements, quadratic.trial.counted
+    total = 0.0
     for row in range(star.start[v], star.start[v + 1]):
         e = np.int64(star.element[row])
         for j in range(4):
@@ -77,7 +78,8 @@ def sliver_of(mesh, quadratic, v, row, j, p):
     k = 1
     while corners[k] != mesh.elements.node[element, j]:
         k += 1
-    trial, block, total = quadratic.trial, quadratic.block, 0.0
+    trial, block = quadratic.trial, quadratic.block
+    total = 0.0
     region, position = mesh.elements.region[element], mesh.position
     load, flux = source_around(trial, region, v), times(6.0, sixth_flux(trial, region))
     shift = times(1.0 if trial.laws.number[region] >= 0 else 0.0, shift_of(trial, region))

@@ -86,7 +86,8 @@ def derivatives(mesh, trial, v):
     """
     position, star, data = mesh.position, mesh.star, trial.data
     magnitude = total = by_w = ww = 0.0
-    at, gradient, hessian, mixed = point(position, v), ZERO, ZEROS, ZERO
+    at = point(position, v)
+    gradient, hessian, mixed = ZERO, ZEROS, ZERO
     worst, nonlinear = 2.0, False
     for row in range(star.start[v], star.start[v + 1]):
         i, j, k = others(star, row)
@@ -108,7 +109,8 @@ def derivatives(mesh, trial, v):
         z = g[0] * s[2] - t[1], g[1] * s[2] + t[0], g[2] * s[2]
         if law >= 0:
             g = minus(g, shift_of(trial, region))
-        square, along, g_w = dot(g, g), (dot(g, x), dot(g, y), dot(g, z)), -dot(g, s)
+        square, along = dot(g, g), (dot(g, x), dot(g, y), dot(g, z))
+        g_w = -dot(g, s)
         if law >= 0:
             nonlinear = True
             density, rate, curve = energy_density(trial.laws, law, square)
@@ -141,7 +143,8 @@ def derivatives(mesh, trial, v):
 def move_node(mesh, trial, v, floor):
     if follows_field(trial, v):
         return slide_in_field(mesh, trial, v, floor)
-    position, freedom, given = mesh.position, mesh.constraints.freedom, trial.fixed[v]
+    position, freedom = mesh.position, mesh.constraints.freedom
+    given = trial.fixed[v]
     (magnitude, total, before, nonlinear), gradient, by_w, hessian, mixed, ww = derivatives(mesh, trial, v)
     x, curved = point(position, v), has_slivers(mesh, trial, v)
     if curved:
@@ -279,7 +282,8 @@ def newton_step(gradient, hessian):
             tangent = math.copysign(1.0 / (abs(half) + math.sqrt(half * half + 1.0)), half)
             c = 1.0 / math.sqrt(tangent * tangent + 1.0)
             s = tangent * c
-            xx, yy, xy = xx - tangent * xy, yy + tangent * xy, 0.0
+            xx, yy = xx - tangent * xy, yy + tangent * xy
+            xy = 0.0
             xz, yz = c * xz - s * yz, s * xz + c * yz
             u, v = weighted(c, u, -s, v), weighted(s, u, c, v)
         xx, yy, zz, xy, yz, xz = yy, zz, xx, yz, xz, xy

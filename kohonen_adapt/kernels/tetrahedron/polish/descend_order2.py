@@ -73,7 +73,8 @@ def descend_nodes_order2(mesh, quadratic, order, floor):
 @inner_kernel
 def number_star(mesh, quadratic, v):
     star, block, modes, trial = mesh.star, quadratic.block, quadratic.modes, quadratic.trial
-    begin, own, count = star.start[v], trial.value[v], 1
+    begin, own = star.start[v], trial.value[v]
+    count = 1
     if star.start[v + 1] - begin > block.local.shape[0]:
         return False
     for row in range(begin, star.start[v + 1]):
@@ -206,7 +207,8 @@ def search(mesh, quadratic, v, step, rate, now, floor, kind):
     # `now` is the functional with eliminated unknowns, and its rounding error. The result is the decrease by a move,
     # 0 if v stays. After a move `correction` belongs to the new position, and a Dirichlet value has followed.
     position, star, trial, block = mesh.position, mesh.star, quadratic.trial, quadratic.block
-    x, own, relative = point(position, v), trial.value[v], block.local[0, 0]
+    x = point(position, v)
+    own, relative = trial.value[v], block.local[0, 0]
     first, (by_law, on_curve) = 1 if trial.fixed[v] else 0, kind
     before = star_quality(position, star, v, x, -np.inf)
     for _ in range(HALVINGS + 1):

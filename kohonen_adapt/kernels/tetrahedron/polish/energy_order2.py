@@ -84,7 +84,8 @@ def is_folded(position, block, corners):
 @inner_kernel
 def set_functions(block, i, at):
     # Set the gradients of the functions, and return the value and the gradient of u.
-    g, u, value, gradient = block.slope, block.local, 0.0, ZERO
+    g, u = block.slope, block.local
+    value, gradient = 0.0, ZERO
     for k in range(10):
         if k < 4:
             size, slope = at[k], point(g, k)
@@ -100,7 +101,8 @@ def set_functions(block, i, at):
 @inner_kernel
 def add_unknowns_at(block, i, at, h, m, pull, field, wanted):
     # `pull` is the source times the volume of the point.
-    gradient, dof, x = block.gradient, block.dof, point(block.slope, 0)
+    gradient, dof = block.gradient, block.dof
+    x = point(block.slope, 0)
     across, turned = dot(h, x), product(m, x)
     for own in range(10):
         row = dof[i, own]
@@ -205,7 +207,8 @@ def add_element(position, trial, block, i, region, load, corners, wanted):
     for k in range(4):
         add_to(t, k, total)
     edges = u[i, 4] + u[i, 5] + u[i, 6] + u[i, 7] + u[i, 8] + u[i, 9]
-    weight, pull, flux = six * data[region, TWELFTH_COEFFICIENT], load * six, times(six, sixth_flux(trial, region))
+    weight, pull = six * data[region, TWELFTH_COEFFICIENT], load * six
+    flux = times(six, sixth_flux(trial, region))
     energy = 0.05 * weight * (moment[0] + moment[3] + moment[5])
     pulled = pull * (u[i, 0] + u[i, 1] + u[i, 2] + u[i, 3] + OF_EDGE * edges)
     push = 0.25 * dot(flux, total)
@@ -226,7 +229,8 @@ def set_fields(g, t, u, i):
         for k in range(4):
             t[k, d] = constant
     for edge in range(6):
-        p, q, mode = EDGES[edge, 0], EDGES[edge, 1], 4.0 * u[i, 4 + edge]
+        p, q = EDGES[edge, 0], EDGES[edge, 1]
+        mode = 4.0 * u[i, 4 + edge]
         for d in range(3):
             t[p, d] += mode * g[q, d]
             t[q, d] += mode * g[p, d]
@@ -290,7 +294,8 @@ def stiffness_of(product, own, other):
 
 @inner_kernel
 def add_mixed(block, row, own, weight, rest, flux):
-    g, t, products, x = block.slope, block.field, block.product, point(block.slope, 0)
+    g, t, products = block.slope, block.field, block.product
+    x = point(block.slope, 0)
     along = dot(flux, x)
     if own < 4:
         e, s = point(g, own), sum_of_slopes(t)

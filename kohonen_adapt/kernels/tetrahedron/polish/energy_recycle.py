@@ -148,7 +148,8 @@ def list_neighbours(mesh, v, count):
 
     The elements around v must be in `cavity.old`.
     """
-    node, cavity, found = mesh.elements.node, mesh.cavity, 0
+    node, cavity = mesh.elements.node, mesh.cavity
+    found = 0
     cavity.counter[0] += 1
     cavity.node_stamp[v] = cavity.counter[0]
     for i in range(count):
@@ -184,7 +185,8 @@ def is_open(mesh, offers, count, a, b):
 
 @inner_kernel
 def halves_allowed(mesh, count, a, b, floor):
-    position, node, x = mesh.position, mesh.elements.node, midpoint(mesh.position, a, b)
+    position, node = mesh.position, mesh.elements.node
+    x = midpoint(mesh.position, a, b)
     before = after = 2.0
     for i in range(count):
         e = np.int64(mesh.cavity.around_other[i])
@@ -229,7 +231,8 @@ def edge_between(node, e, a, b):
 
 @inner_kernel
 def energy_around(mesh, trial, v, count):
-    total, worst, node = 0.0, 2.0, mesh.elements.node
+    total, worst = 0.0, 2.0
+    node = mesh.elements.node
     for i in range(count):
         e = np.int64(mesh.cavity.old[i])
         total += energy_of(mesh, trial, node, e, mesh.elements.region[e], v, v)[0]
@@ -244,7 +247,8 @@ def energy_merged(mesh, trial, v, w, count, least):
 
     The elements around v must be in `cavity.old`. Returned is inf if an element would be worse than `least`.
     """
-    position, elements, node, total = mesh.position, mesh.elements, mesh.elements.node, 0.0
+    position, elements, node = mesh.position, mesh.elements, mesh.elements.node
+    total = 0.0
     for i in range(count):
         e = np.int64(mesh.cavity.old[i])
         k = corner_of(node, e, v)
@@ -270,7 +274,8 @@ def cheapest_collapse(mesh, trial, v, most, floor):
 
     Returned are inf and -1 if no collapse is allowed.
     """
-    freedom, least, into = mesh.freedom, most, np.int64(NOWHERE)
+    freedom, least = mesh.freedom, most
+    into = np.int64(NOWHERE)
     count = gather_around(mesh, v, mesh.cavity.old)
     before, worst = energy_around(mesh, trial, v, count)
     for i in range(list_neighbours(mesh, v, count)):

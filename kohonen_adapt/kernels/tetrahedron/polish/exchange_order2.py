@@ -76,7 +76,8 @@ def gain_of_split(mesh, quadratic, shell, count, a, b, p):
     now = energy_of_old(mesh, quadratic, shell, count, a, b)[1] if block.curve_end.shape[0] > 0 else 0.0
     e = np.int64(shell[0])
     ab = EDGE_OF[corner_of(node, e, a), corner_of(node, e, b)]
-    middle, given, rows = modes.side[e, ab, 0], modes.dirichlet[e, ab], 2
+    middle, given = modes.side[e, ab, 0], modes.dirichlet[e, ab]
+    rows = 2
     block.end[0, 0], block.end[1, 0] = a, b
     for row in range(2):
         block.mode[row], block.edge_given[row] = 0.25 * middle, given
@@ -185,7 +186,9 @@ def cost_of_collapse(mesh, quadratic, v, w, count, neighbours, least):
 def cheapest_collapse(mesh, quadratic, v, most, floor):
     # Return the least cost per unknown below `most` of a collapse of v, its target, its cost and unknowns.
     # Returned are inf and -1 if no collapse is allowed.
-    freedom, cheapest, into, least_cost, saved = mesh.freedom, most, np.int64(NOWHERE), 0.0, 0
+    freedom, cheapest = mesh.freedom, most
+    into = np.int64(NOWHERE)
+    least_cost, saved = 0.0, 0
     count, worst = gather_around(mesh, v, mesh.cavity.old), 2.0
     _, before, _ = energy_of_old(mesh, quadratic, mesh.cavity.old, count, v, v)
     for i in range(count):
@@ -200,7 +203,8 @@ def cheapest_collapse(mesh, quadratic, v, most, floor):
         if unknowns < 1 or not after - before < cheapest * unknowns:
             continue
         if prepare_collapse(mesh, v, w, floor, UNLIMITED)[0] > 0.0:
-            cheapest, into, least_cost, saved = (after - before) / unknowns, w, after - before, unknowns
+            cheapest, into = (after - before) / unknowns, w
+            least_cost, saved = after - before, unknowns
     return (cheapest if into >= 0 else np.inf), into, least_cost, saved
 
 

@@ -51,7 +51,8 @@ def clear_moments(block):
 def add_by_law(trial, block, i, region, load, six, corners, wanted):
     # Add the derivatives of an element with a law to the block, and return the results of `add_element`.
     # `block.slope` and `block.field` are the gradients of the barycentric coordinates, and grad u at the corners.
-    t, u, law = block.field, block.local, trial.laws.number[region]
+    t, u = block.field, block.local
+    law = trial.laws.number[region]
     a, b, c, d = corners
     at_a, at_b, at_c, at_d = rank(a, b, c, d), rank(b, a, c, d), rank(c, a, b, d), rank(d, a, b, c)
     shift, flux, x = shift_of(trial, region), times(6.0, sixth_flux(trial, region)), point(block.slope, 0)

@@ -209,7 +209,8 @@ def filled_by_split(mesh, trial, e, k, a, b):
     The sliver shrinks. In the volume between the old and new faces the wrong gradient is replaced by the right
     gradient, and |S| decreases.
     """
-    position, elements, surfaces, p = mesh.position, mesh.elements, mesh.surfaces, mesh.elements.patch[e, k]
+    position, elements, surfaces = mesh.position, mesh.elements, mesh.surfaces
+    p = mesh.elements.patch[e, k]
     corners = OPPOSITE[k]
     c = elements.node[e, corners[0]]
     for i in range(1, 3):

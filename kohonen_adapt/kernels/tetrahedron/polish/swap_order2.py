@@ -97,7 +97,9 @@ def remove_edge(mesh, quadratic, queue, open_patch, e, edge, floor, charge):
     if nodes < 3 or nodes > LONGEST or other > LONGEST or (patch >= 0 and not open_patch[patch]):
         return 0, 0.0
     least = max(FLAT, min(floor, add_shells(mesh, rings)))
-    known, best, at_first, at_second, now = 0, np.inf, NOWHERE, NOWHERE, 0.0
+    known, best = 0, np.inf
+    at_first, at_second = NOWHERE, NOWHERE
+    now = 0.0
     for first in range(COUNTS[nodes]):
         for second in range(COUNTS[other]):
             new = write_rings(mesh, a, b, rings, first, second)

@@ -48,7 +48,8 @@ SAFETY = 1.0 + 1e-9  # safety factor of `MIN_JACOBIAN` for rounding, so that an 
 
 @inner_kernel
 def add_by_law(trial, reference, block, e, j, local, a, b, wanted):
-    slope, added, dof, law = reference.slope, block.added, block.dof, trial.laws.number[e]
+    slope, added, dof = reference.slope, block.added, block.dof
+    law = trial.laws.number[e]
     magnitude = total = 0.0
     gradient, hessian = (0.0, 0.0), ZERO
     functions, inwards = slope.shape[1], turned(minus(b, a))  # the derivative of the doubled area
@@ -60,7 +61,8 @@ def add_by_law(trial, reference, block, e, j, local, a, b, wanted):
             added[i, other] = 0.0
     coarse = wanted == COARSE_BLOCK
     for q in range(0 if coarse else reference.plain, reference.plain if coarse else slope.shape[0]):
-        w, slope_1, slope_2 = reference.weight[q], 0.0, 0.0
+        w = reference.weight[q]
+        slope_1 = slope_2 = 0.0
         for i in range(functions):
             slope_1 += local[i] * slope[q, i, 0]
             slope_2 += local[i] * slope[q, i, 1]
@@ -199,13 +201,15 @@ def add_by_points(descent, e, j, local, offset, x, a, b, wanted):
     magnitude = total = 0.0
     gradient, hessian = (0.0, 0.0), ZERO
     kind, functions = axis_kind(x[0], a[0], b[0]) if around else 0, points.slope.shape[2]
-    law, load, half = trial.laws.number[e], 3.0 * trial.data[e, SIXTH_SOURCE], trial.data[e, HALF_COEFFICIENT]
+    law, load = trial.laws.number[e], 3.0 * trial.data[e, SIXTH_SOURCE]
+    half = trial.data[e, HALF_COEFFICIENT]
     flux = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
     few = law < 0 or wanted == COARSE_BLOCK
     for q in range(0 if few else points.plain, points.plain if few else points.weight.shape[1]):
         w, side, slope = points.weight[kind, q], points.side[kind, q], points.slope[kind, q]
         slope_1 = slope_2 = level = lead = 0.0
-        p, r, radius = a, b, 1.0
+        p, r = a, b
+        radius = 1.0
         for k in range(3):
             p, r = plus_times(p, side[k, 1], xy(offset, k)), plus_times(r, side[k, 2], xy(offset, k))
         if around:
@@ -217,13 +221,15 @@ def add_by_points(descent, e, j, local, offset, x, a, b, wanted):
             slope_1 += local[i] * slope[i, 0]
             slope_2 += local[i] * slope[i, 1]
             level += local[i] * points.value[kind, q, i]
-        doubled, edge, difference = cross(p, r), minus(r, p), slope_1 - slope_2
+        doubled, edge = cross(p, r), minus(r, p)
+        difference = slope_1 - slope_2
         inverse = 1.0 / (radius * doubled)
         rise = lead * doubled - radius * edge[1], radius * edge[0]  # derivatives of x D
         n = weighted(slope_2, p, -slope_1, r)
         g = times(inverse, n)
         half_square = 0.5 * dot(g, n)
-        weight, curve_weight, rest = w * half * inverse, 0.0, 0.0
+        weight = w * half * inverse
+        curve_weight = rest = 0.0
         energy = weight * half_square / inverse
         n_x, n_y = plus_times((difference, 0.0), -rise[0], g), plus_times((0.0, difference), -rise[1], g)
         if law >= 0:

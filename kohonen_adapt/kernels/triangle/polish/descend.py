@@ -92,7 +92,8 @@ def derivatives(position, star, trial, v):
     """
     x, own = xy(position, v), trial.value[v]
     magnitude = total = by_w = ww = 0.0
-    gradient, hessian, mixed = (0.0, 0.0), ZERO, (0.0, 0.0)
+    gradient, hessian = (0.0, 0.0), ZERO
+    mixed = (0.0, 0.0)
     for j in range(star.start[v], star.start[v + 1]):
         e, i, k = star.element[j], star.ahead[j], star.behind[j]
         a, b = from_to(x, position, i), from_to(x, position, k)
@@ -163,7 +164,8 @@ def eliminated(slope):
 
 @inner_kernel
 def move_free(position, star, trials, v, floor):
-    trial, dual, has_dual = trials.primal, trials.dual, trials.dual.value.shape[0] > 0
+    trial, dual = trials.primal, trials.dual
+    has_dual = trials.dual.value.shape[0] > 0
     slope = derivatives(position, star, trial, v)
     _, _, _, by_w, _, mixed, ww = slope
     magnitude, now, gradient, hessian = eliminated(slope)
@@ -243,12 +245,14 @@ def value_on_chain(trial, chain, parameter):
 
 @inner_kernel
 def move_on_chain(position, star, constraints, trials, v, floor):
-    trial, dual, has_dual = trials.primal, trials.dual, trials.dual.value.shape[0] > 0
+    trial, dual = trials.primal, trials.dual
+    has_dual = trials.dual.value.shape[0] > 0
     chain, parameter = np.int64(constraints.chain[v, OWN]), constraints.parameter[v]
     tangent, is_dirichlet = direction_of(constraints.chains, chain), trial.fixed[v]
     slope = derivatives(position, star, trial, v)
     magnitude, now, along, curvature, rate = along_line(slope, tangent, is_dirichlet, trial.on_chain[chain, 1])
-    by_w, ww, dual_change = slope[3], slope[6], 0.0
+    by_w, ww = slope[3], slope[6]
+    dual_change = 0.0
     if has_dual:
         slope = derivatives(position, star, dual, v)
         dual_change = -slope[3] / slope[6]
@@ -314,7 +318,8 @@ def triangle_parabola(position, trial, e, i, j, x, own, w):
     edge, doubled = minus(b, a), cross(a, b)
     load, flux = doubled * trial.data[e, SIXTH_SOURCE], turned(half_flux(trial.data, e, x, a, b))
     n = plus_times(weighted(beta, a, -alpha, b), w, edge)
-    along, square, law = dot(edge, n), dot(n, n), trial.laws.number[e]
+    along, square = dot(edge, n), dot(n, n)
+    law = trial.laws.number[e]
     weight, curve_term = trial.data[e, HALF_COEFFICIENT] / doubled, 0.0
     energy = 0.5 * weight * square
     if law >= 0:

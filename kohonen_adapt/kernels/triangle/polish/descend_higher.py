@@ -91,7 +91,8 @@ class Descents(NamedTuple):
 @inner_kernel
 def number_block(descent, v):
     elements, star, modes, block = descent.elements, descent.star, descent.modes, descent.block
-    dof, sign, degrees = block.dof, block.sign, modes.side.shape[2]
+    dof, sign = block.dof, block.sign
+    degrees = modes.side.shape[2]
     begin, sides = star.start[v], 0
     for row in range(begin, star.start[v + 1]):
         j, e = row - begin, np.int64(star.element[row])
@@ -254,7 +255,8 @@ def add_curved(descent, e, j, local, offset, x, a, b, wanted):
 @inner_kernel
 def derivatives(descent, v, x, wanted):
     """Return the sum of `add_element` over the star of node `v` moved to x."""
-    position, star, block, local = descent.position, descent.star, descent.block, descent.block.local[0]
+    position, star, block = descent.position, descent.star, descent.block
+    local = descent.block.local[0]
     node, own = descent.elements.node, block.own[0]
     clear_derivatives(block)
     magnitude = total = 0.0
@@ -279,9 +281,11 @@ def derivatives(descent, v, x, wanted):
 
 @inner_kernel
 def stays_valid(descent, v, x):
-    position, star, offset = descent.position, descent.star, descent.block.offset[0]
+    position, star = descent.position, descent.star
+    offset = descent.block.offset[0]
     for row in range(star.start[v], star.start[v + 1]):
-        e, i, k = np.int64(star.element[row]), star.ahead[row], star.behind[row]
+        e = np.int64(star.element[row])
+        i, k = star.ahead[row], star.behind[row]
         if descent.shapes.special[e]:
             gather_offsets(descent.shapes, e, corner_of(descent.elements.node, e, v), offset)
             a, b = from_to(x, position, i), from_to(x, position, k)
@@ -307,7 +311,8 @@ def solve_upper(block, first, step):
 @inner_kernel
 def change_block(descent, v, first, times, length):
     trial, modes, star, block = descent.trial, descent.modes, descent.star, descent.block
-    dof, begin, degrees = block.dof, star.start[v], modes.side.shape[2]
+    dof = block.dof
+    begin, degrees = star.start[v], modes.side.shape[2]
     if first == 0:
         trial.value[v] += times * block.correction[0] + length * block.response[0]
     for row in range(begin, star.start[v + 1]):

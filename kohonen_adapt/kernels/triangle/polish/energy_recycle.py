@@ -85,7 +85,8 @@ def weigh_splits(mesh, trials, offers, floor, first, last):
 
 @inner_kernel
 def merged_functional(position, star, trial, v, w):
-    x, own, total = xy(position, w), trial.value[w], 0.0
+    x, own = xy(position, w), trial.value[w]
+    total = 0.0
     shift = 3.0 * (own - trial.value[v])  # of the load, because all values are relative to the value of v
     for j in range(star.start[v], star.start[v + 1]):
         e, a, b = np.int64(star.element[j]), np.int64(star.ahead[j]), np.int64(star.behind[j])
@@ -187,7 +188,8 @@ def exchange(mesh, trials, offers, edges, nodes, floor):
     `edges` are 3 e + k by decreasing gain, and `nodes` are by increasing cost. The values of new nodes are stored in
     the trials. Return the number of pairs and the decrease of the functional.
     """
-    elements, locked, pairs, decrease, at = mesh.elements, offers.locked, 0, 0.0, 0
+    elements, locked = mesh.elements, offers.locked
+    pairs, decrease, at = 0, 0.0, 0
     for edge in edges:
         e, k = edge // 3, edge % 3
         if not lock_edge(mesh, e, k, locked):

@@ -42,7 +42,9 @@ FAR = 2.0
 @inner_kernel
 def number_merged(descent, v, w, removed):
     elements, star, modes, block = descent.elements, descent.star, descent.modes, descent.block
-    dof, sign, degrees, begin, sides = block.dof, block.sign, modes.side.shape[2], star.start[v], 0
+    dof, sign = block.dof, block.sign
+    degrees, begin = modes.side.shape[2], star.start[v]
+    sides = 0
     for row in range(begin, star.start[v + 1]):
         j, e = row - begin, np.int64(star.element[row])
         k = corner_of(elements.node, e, v)
@@ -76,7 +78,8 @@ def number_merged(descent, v, w, removed):
 @inner_kernel
 def merged_coefficients(descent, v, w, removed, row, own):
     elements, star, modes, block = descent.elements, descent.star, descent.modes, descent.block
-    e, j, part, degrees = np.int64(star.element[row]), row - star.start[v], block.part, modes.side.shape[2]
+    e, j = np.int64(star.element[row]), row - star.start[v]
+    part, degrees = block.part, modes.side.shape[2]
     k = corner_of(elements.node, e, v)
     gather_coefficients(elements.node, descent.trial.value, modes, e, k, own, part)
     part[0] = descent.trial.value[w] - own
@@ -167,7 +170,8 @@ def weigh_collapses(mesh, descents, offers, most, floor, first, last):
         offers.cost[v] = np.inf
         if not offers.removable[v]:
             continue
-        before, least, shortest = 0.0, most, np.inf
+        before, least = 0.0, most
+        shortest = np.inf
         for row in range(star.start[v], star.start[v + 1]):
             shortest = min(shortest, squared_distance(position, v, xy(position, star.ahead[row])))
         for i in range(descents.terms):
@@ -197,7 +201,8 @@ def weigh_higher(mesh, descents, offers, most, floor, first, last, edges):
 
 @kernel
 def exchange_higher(mesh, descents, offers, edges, nodes, floor):
-    elements, locked, pairs, decrease, at = mesh.elements, offers.locked, 0, 0.0, 0
+    elements, locked = mesh.elements, offers.locked
+    pairs, decrease, at = 0, 0.0, 0
     for edge in edges:
         e, k = edge // 3, edge % 3
         if not lock_edge(mesh, e, k, locked):
@@ -231,10 +236,12 @@ def exchange_higher(mesh, descents, offers, edges, nodes, floor):
 @inner_kernel
 def put_merged(descent, v, w):
     star, modes, node = descent.star, descent.modes, descent.elements.node
-    own, offset, removed = reference_value(descent, v), descent.block.offset[4], rows_with(star, v, w)
+    own, offset = reference_value(descent, v), descent.block.offset[4]
+    removed = rows_with(star, v, w)
     merged_functional(descent, v, w, own)
     for row in range(star.start[v], star.start[v + 1]):
-        a, b, e = star.ahead[row], star.behind[row], np.int64(star.element[row])
+        a, b = star.ahead[row], star.behind[row]
+        e = np.int64(star.element[row])
         if a != w and b != w:
             merged_coefficients(descent, v, w, removed, row, own)
             k = corner_of(node, e, v)

@@ -34,7 +34,8 @@ ENDS = ((2, 0), (1, 2), (3, 1), (0, 3))
 
 @inner_kernel
 def number_split(block, degrees, both, is_dirichlet):
-    dof, sign, rows, halves = block.dof, block.sign, 4 if both else 2, 2 if is_dirichlet else 0
+    dof, sign = block.dof, block.sign
+    rows, halves = 4 if both else 2, 2 if is_dirichlet else 0
     count = 1 + degrees * ((4 if both else 3) - halves)
     for j in range(rows):
         for i in range(dof.shape[1]):
@@ -80,7 +81,8 @@ def derivatives_of_split(descent, e, k, x, wanted):
     node, position, block = descent.elements.node, descent.position, descent.block
     clear_derivatives(block)
     magnitude = total = 0.0
-    at, corner, row = e, k, 0
+    at, corner = e, k
+    row = 0
     while at >= 0:
         a, b = from_to(x, position, node[at, (corner + 1) % 3]), from_to(x, position, node[at, (corner + 2) % 3])
         c = from_to(x, position, node[at, corner])
@@ -120,7 +122,8 @@ def change_by_split(descent, e, k, x):
     other = np.int64(descent.elements.neighbour[e, k])
     own = reference_value(descent, np.int64(descent.elements.node[e, (k + 1) % 3]))
     first = 1 if is_dirichlet else 0  # first free unknown
-    special, nonlinear, unsplit = descent.shapes.special[e], descent.trial.laws.number[e] >= 0, 0.0
+    special, nonlinear = descent.shapes.special[e], descent.trial.laws.number[e] >= 0
+    unsplit = 0.0
     if other >= 0:
         special |= descent.shapes.special[other]
         nonlinear |= descent.trial.laws.number[other] >= 0

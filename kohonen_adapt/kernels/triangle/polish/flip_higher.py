@@ -32,7 +32,8 @@ NEAR = 0.25  # of twice the decrease of a step by few points: more than another 
 
 @kernel
 def descend_flips_higher(descents, floor, gainful, first, last, marks):
-    position, elements, gain, flips = descents.primal.position, descents.primal.elements, 0.0, 0
+    position, elements = descents.primal.position, descents.primal.elements
+    gain, flips = 0.0, 0
     for e in range(first, last):
         gainful[e] &= not marks
         for k in range(3):
@@ -88,7 +89,8 @@ def change_by_flip(descent, e, k, other):
     p, q, r, s = corners_around(elements.node, e, k, other)
     if not (twice_area(position, r, p, s) > 0.0 and twice_area(position, s, q, r) > 0.0):
         return 0.0, 0.0
-    own, value, modes = reference_value(descent, r), descent.trial.value, descent.modes
+    own = reference_value(descent, r)
+    value, modes = descent.trial.value, descent.modes
     gather_coefficients(elements.node, value, modes, e, k, own, local[0])
     j = corner_towards(elements.neighbour, other, e)
     gather_coefficients(elements.node, value, modes, other, j, own, local[1])
@@ -203,7 +205,8 @@ def derivatives_of_pair(descent, e, row, special, nodes, wanted):
     magnitude, total = 0.0, 0.0
     for j in range(2):
         v, i, k = (r, p, q) if j == 0 else (s, q, p)
-        x, local, offset = xy(descent.position, v), block.local[row + j], block.offset[row + j]
+        x = xy(descent.position, v)
+        local, offset = block.local[row + j], block.offset[row + j]
         a, b = from_to(x, descent.position, i), from_to(x, descent.position, k)
         if special:
             part = add_curved(descent, e, j, local, offset, x, a, b, wanted)

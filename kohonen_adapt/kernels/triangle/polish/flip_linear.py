@@ -52,7 +52,8 @@ def gain_of_flip(position, node, trials, e, k, other):
 def change_by_flip(position, node, trial, e, k, other):
     value, data, laws = trial.value, trial.data, trial.laws
     p, q, r, s = corners_around(node, e, k, other)
-    x, own, law = xy(position, r), value[r], laws.number[e]
+    x = xy(position, r)
+    own, law = value[r], laws.number[e]
     at_p, at_q, at_s = from_to(x, position, p), from_to(x, position, q), from_to(x, position, s)
     u, v, w = value[p] - own, value[q] - own, value[s] - own
     s_to_p, s_to_q = minus(at_p, at_s), minus(at_q, at_s)

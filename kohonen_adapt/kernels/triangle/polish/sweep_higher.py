@@ -97,7 +97,8 @@ def move(descents, v, chain, first, floor):
     if primal.trial.nonlinear[v]:
         now = settle(primal, v, first, now)
     value, dual_value = primal.trial.value[v], dual.trial.value[v] if descents.terms == 2 else 0.0
-    gain, length, downhill = 0.0, 1.0, -dot(step, gradient) > ROUNDING * magnitude
+    gain, length = 0.0, 1.0
+    downhill = -dot(step, gradient) > ROUNDING * magnitude
     for _ in range(HALVINGS + 1 if downhill else 0):
         x, ahead = plus_times(xy(position, v), length, step), constraints.parameter[v] + length * step[0]
         if chain >= 0:

@@ -120,7 +120,8 @@ def with_source(part, descent, e, j, local, special, offset, x, a, b, wanted):
             there = plus_times(there, side[0], midside)
             p, r = plus_times(p, side[1], midside), plus_times(r, side[2], midside)
         f, (f_x, f_y), (f_xx, f_xy, f_yy) = source_at(data, e, there)
-        doubled, w, (ex, ey) = cross(p, r), 0.5 * points.weight[kind, q], minus(r, p)
+        doubled, w = cross(p, r), 0.5 * points.weight[kind, q]
+        (ex, ey) = minus(r, p)
         # derivatives of f D by the position of the first corner
         rate = w * (doubled * lead * f_x - f * ey), w * (doubled * lead * f_y + f * ex)
         for i in range(points.value.shape[2]):
