@@ -10,7 +10,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, record
 
-__all__ = ["Grid", "cell_index", "clear_counts", "enter", "sum_up_counts"]
+__all__ = ["Grid", "cell_index", "cells_between", "clear_counts", "enter", "sum_up_counts"]
 
 
 @record
@@ -36,6 +36,14 @@ class Grid(NamedTuple):
             count = np.ceil(count / 2.0)
         start = np.empty(int(count.prod()) + 1, dtype=np.int64)
         return cls(origin, extent / count, count.astype(np.int64), start, np.empty(0, dtype=np.int32))
+
+
+@inner_kernel
+def cells_between(position, node, e, axis, grid):
+    low = high = position[node[e, 0], axis]
+    for k in range(1, node.shape[1]):
+        low, high = min(low, position[node[e, k], axis]), max(high, position[node[e, k], axis])
+    return cell_index(grid, low, axis), cell_index(grid, high, axis)
 
 
 @inner_kernel

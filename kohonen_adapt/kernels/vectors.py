@@ -112,6 +112,12 @@ def dot(a, b):
 
 
 @inner_kernel
+def squared_distance(position, v, x):
+    offset = from_to(x, position, v)
+    return dot(offset, offset)
+
+
+@inner_kernel
 def plus_dot(s, a, b):
     """Return s + a . b, summed from the left."""
     partial = s + a[0] * b[0] + a[1] * b[1]

@@ -219,12 +219,6 @@ def star_quality(position, star, v, x, least):
 
 
 @inner_kernel
-def squared_distance(position, a, b):
-    edge = between(position, a, b)
-    return dot(edge, edge)
-
-
-@inner_kernel
 def rounded(length):
     """Return a length rounded to 24 bits by Dekker's split.
 

@@ -6,8 +6,9 @@ walk from a former winner and a check that the sphere through the winner contain
 
 import numpy as np
 
-from kohonen_adapt.kernels.grid import cell_index, clear_counts, enter, sum_up_counts
+from kohonen_adapt.kernels.grid import cell_index, cells_between, clear_counts, enter, sum_up_counts
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.search import element_in_region, next_stamp
 from kohonen_adapt.kernels.tetrahedron.arrays import PLANE
 from kohonen_adapt.kernels.tetrahedron.metric import cholesky, mapped
 from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance
@@ -23,6 +24,7 @@ from kohonen_adapt.kernels.vectors import (
     plus,
     plus_times,
     point,
+    squared_distance,
 )
 
 TOLERANCE = 1e-10  # relative to the element size, so that points on faces are inside
@@ -82,7 +84,7 @@ def count_in_cells(position, node, grid):
     clear_counts(grid)
     start, shape = grid.start, grid.shape
     for e in range(node.shape[0]):
-        i0, i1, j0, j1, k0, k1 = cells_of_element(position, node, e, grid)
+        (i0, i1), (j0, j1), (k0, k1) = cells_of_element(position, node, e, grid)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
                 for k in range(k0, k1 + 1):
@@ -98,7 +100,7 @@ def fill_cells(position, node, grid):
     """
     shape = grid.shape
     for e in range(node.shape[0] - 1, -1, -1):
-        i0, i1, j0, j1, k0, k1 = cells_of_element(position, node, e, grid)
+        (i0, i1), (j0, j1), (k0, k1) = cells_of_element(position, node, e, grid)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
                 for k in range(k0, k1 + 1):
@@ -106,21 +108,14 @@ def fill_cells(position, node, grid):
 
 
 @inner_kernel
-def cells_between(position, node, e, axis, grid):
-    low = high = position[node[e, 0], axis]
-    for k in range(1, 4):
-        low, high = min(low, position[node[e, k], axis]), max(high, position[node[e, k], axis])
-    return cell_index(grid, low, axis), cell_index(grid, high, axis)
-
-
-@inner_kernel
 def cells_of_element(position, node, e, grid):
     if node[e, 0] < 0:
-        return 0, -1, 0, -1, 0, -1
-    i0, i1 = cells_between(position, node, e, 0, grid)
-    j0, j1 = cells_between(position, node, e, 1, grid)
-    k0, k1 = cells_between(position, node, e, 2, grid)
-    return i0, i1, j0, j1, k0, k1
+        return (0, -1), (0, -1), (0, -1)
+    return (
+        cells_between(position, node, e, 0, grid),
+        cells_between(position, node, e, 1, grid),
+        cells_between(position, node, e, 2, grid),
+    )
 
 
 @inner_kernel
@@ -163,26 +158,6 @@ def barycentric(position, node, points, found, out):
             total += out[t, k]
         for k in range(4):
             out[t, k] /= total
-
-
-@inner_kernel
-def next_stamp(scratch):
-    scratch.counter[0] += 1
-    return scratch.counter[0]
-
-
-@inner_kernel
-def squared_distance(position, v, x):
-    offset = from_to(x, position, v)
-    return dot(offset, offset)
-
-
-@inner_kernel
-def element_in_region(elements, star, v, region):
-    for k in range(star.start[v], star.start[v + 1]):
-        if elements.region[star.element[k]] == region:
-            return np.int64(star.element[k])
-    return np.int64(star.element[star.start[v]])
 
 
 @inner_kernel

@@ -7,8 +7,20 @@ sqrt(det M), and the squared length of an edge e after the map is e'Me.
 import math
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.tetrahedron.geometry import cubed_quality, squared_distance, sum_of_squares
-from kohonen_adapt.kernels.vectors import between, cross, determinant, dot, from_to, matrix, plus, point, product, times
+from kohonen_adapt.kernels.tetrahedron.geometry import cubed_quality, sum_of_squares
+from kohonen_adapt.kernels.vectors import (
+    between,
+    cross,
+    determinant,
+    dot,
+    from_to,
+    matrix,
+    plus,
+    point,
+    product,
+    squared_distance,
+    times,
+)
 
 ROUND = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 UNBOUNDED = -math.inf  # floor of Euclidean quality
@@ -48,7 +60,7 @@ def set_mean_shape(metric, p, a, b):
 @inner_kernel
 def squared_length(position, metric, a, b):
     if is_round(metric):
-        return squared_distance(position, a, b)
+        return squared_distance(position, a, point(position, b))
     edge = between(position, a, b)
     return dot(edge, product(mean_of_two(metric.shape, a, b), edge))
 

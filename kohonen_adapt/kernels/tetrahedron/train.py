@@ -8,10 +8,10 @@ from a node to its neighbour on another ridge, so that nodes move from ridge to 
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.search import next_stamp
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE
 from kohonen_adapt.kernels.tetrahedron.guard import may_move, star_tolerable
 from kohonen_adapt.kernels.tetrahedron.jump import jump
-from kohonen_adapt.kernels.tetrahedron.locate import next_stamp
 from kohonen_adapt.kernels.tetrahedron.surfaces import slid, within_reach
 from kohonen_adapt.kernels.vectors import minus, point, put, times
 

@@ -32,7 +32,6 @@ from kohonen_adapt.kernels.triangle.arrays import (
     STRAIGHT,
     TABLED,
 )
-from kohonen_adapt.kernels.triangle.geometry import squared_distance
 from kohonen_adapt.kernels.triangle.guard import may_move
 from kohonen_adapt.kernels.vectors import (
     combined,
@@ -44,6 +43,7 @@ from kohonen_adapt.kernels.vectors import (
     plus,
     plus_times,
     put,
+    squared_distance,
     times,
     turned,
     weighted,

@@ -229,12 +229,6 @@ def move_to_targets(position, star, nodes, target, tolerance, floor):
 
 
 @inner_kernel
-def squared_distance(position, v, x):
-    offset = from_to(x, position, v)
-    return dot(offset, offset)
-
-
-@inner_kernel
 def squared_distance_to_segment(u, v):
     # of the point v from the segment from the origin to u
     offset = plus_times(v, -min(1.0, max(0.0, dot(u, v) / dot(u, u))), u)

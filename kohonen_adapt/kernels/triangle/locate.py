@@ -6,13 +6,14 @@ The search of a winner follows Lowther and Mai, "On Automatic Mesh Generation us
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import CROSSINGS
-from kohonen_adapt.kernels.grid import cell_index, clear_counts, enter, sum_up_counts
+from kohonen_adapt.kernels.grid import cell_index, cells_between, clear_counts, enter, sum_up_counts
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.search import element_in_region, next_stamp
 from kohonen_adapt.kernels.triangle.arrays import SAGITTA
 from kohonen_adapt.kernels.triangle.chains import distance_to_chain, parameter_of
-from kohonen_adapt.kernels.triangle.geometry import orientation, squared_distance, squared_distance_to_segment
+from kohonen_adapt.kernels.triangle.geometry import orientation, squared_distance_to_segment
 from kohonen_adapt.kernels.triangle.metric import factor_at, mapped
-from kohonen_adapt.kernels.vectors import cross, dot, from_to, minus, xy
+from kohonen_adapt.kernels.vectors import cross, dot, from_to, minus, squared_distance, xy
 
 TOLERANCE = 1e-10  # relative to an element: points on an edge or on the boundary count as inside
 WALK = 64  # maximum number of steps; walks from a grid cell take two or three
@@ -65,7 +66,7 @@ def count_in_cells(position, node, grid):
     clear_counts(grid)
     start, shape = grid.start, grid.shape
     for e in range(node.shape[0]):
-        i0, i1, j0, j1 = cells_of_element(position, node, e, grid)
+        (i0, i1), (j0, j1) = cells_of_element(position, node, e, grid)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
                 start[i * shape[1] + j] += 1
@@ -76,7 +77,7 @@ def count_in_cells(position, node, grid):
 def fill_cells(position, node, grid):
     shape = grid.shape
     for e in range(node.shape[0] - 1, -1, -1):
-        i0, i1, j0, j1 = cells_of_element(position, node, e, grid)
+        (i0, i1), (j0, j1) = cells_of_element(position, node, e, grid)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
                 enter(grid, i * shape[1] + j, e)
@@ -84,12 +85,7 @@ def fill_cells(position, node, grid):
 
 @inner_kernel
 def cells_of_element(position, node, e, grid):
-    a, b, c = node[e, 0], node[e, 1], node[e, 2]
-    x0 = min(position[a, 0], position[b, 0], position[c, 0])
-    x1 = max(position[a, 0], position[b, 0], position[c, 0])
-    y0 = min(position[a, 1], position[b, 1], position[c, 1])
-    y1 = max(position[a, 1], position[b, 1], position[c, 1])
-    return cell_index(grid, x0, 0), cell_index(grid, x1, 0), cell_index(grid, y0, 1), cell_index(grid, y1, 1)
+    return cells_between(position, node, e, 0, grid), cells_between(position, node, e, 1, grid)
 
 
 @inner_kernel
@@ -130,12 +126,6 @@ def barycentric(position, node, points, found, out):
 
 
 @inner_kernel
-def next_stamp(scratch):
-    scratch.counter[0] += 1
-    return scratch.counter[0]
-
-
-@inner_kernel
 def closest_neighbour(position, elements, star, inner, v, x, region):
     best, nearest = squared_distance(position, v, x), v
     for k in range(star.start[v], star.start[v + 1]):
@@ -148,14 +138,6 @@ def closest_neighbour(position, elements, star, inner, v, x, region):
                 if distance < best:
                     best, nearest = distance, star.behind[k]
     return nearest
-
-
-@inner_kernel
-def element_in_region(elements, star, v, region):
-    for k in range(star.start[v], star.start[v + 1]):
-        if elements.region[star.element[k]] == region:
-            return star.element[k]
-    return star.element[star.start[v]]
 
 
 @inner_kernel

@@ -10,7 +10,6 @@ from kohonen_adapt.kernels.triangle.geometry import (
     corner_of,
     corner_towards,
     may_join,
-    squared_distance,
 )
 from kohonen_adapt.kernels.triangle.metric import (
     effective_element_quality,
@@ -18,7 +17,7 @@ from kohonen_adapt.kernels.triangle.metric import (
     set_mean_shape,
     squared_length,
 )
-from kohonen_adapt.kernels.vectors import from_to, plus, put, times, xy
+from kohonen_adapt.kernels.vectors import from_to, plus, put, squared_distance, times, xy
 
 NOWHERE = -1
 SPLITTER = 2.0**29 + 1.0  # Dekker's constant, leaves 24 of 53 bits

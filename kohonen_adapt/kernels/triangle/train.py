@@ -9,6 +9,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.arrays import BY_QUALITY, BY_REACH
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.search import next_stamp
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, JUNCTION, OTHER, OWN, PAIRED, SLIDING
 from kohonen_adapt.kernels.triangle.chains import (
     advanced_parameter,
@@ -23,7 +24,6 @@ from kohonen_adapt.kernels.triangle.chains import (
 )
 from kohonen_adapt.kernels.triangle.geometry import allowed, corner_of
 from kohonen_adapt.kernels.triangle.guard import may_move, star_tolerable, worst_around
-from kohonen_adapt.kernels.triangle.locate import next_stamp
 from kohonen_adapt.kernels.vectors import dot, minus, plus_times, put, xy
 
 

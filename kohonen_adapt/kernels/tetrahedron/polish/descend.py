@@ -23,7 +23,7 @@ from kohonen_adapt.kernels.arrays import HALVINGS
 from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, OFFSET, ON_PATCH, TWELFTH_COEFFICIENT
-from kohonen_adapt.kernels.tetrahedron.geometry import allowed, cubed_of, others, squared_distance, sum_of_squares
+from kohonen_adapt.kernels.tetrahedron.geometry import allowed, cubed_of, others, sum_of_squares
 from kohonen_adapt.kernels.tetrahedron.polish.applied_field import follows_field, rise_at
 from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, shift_of, sixth_flux, source_around, value_at
 from kohonen_adapt.kernels.tetrahedron.polish.slivers import has_slivers, sliver_gradient, slivers_around
@@ -32,6 +32,7 @@ from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance, slid, ta
 from kohonen_adapt.kernels.vectors import (
     ZERO,
     ZEROS,
+    between,
     cofactors,
     combined,
     divided,
@@ -39,6 +40,7 @@ from kohonen_adapt.kernels.vectors import (
     from_to,
     gram,
     minus,
+    norm,
     plus,
     plus_cross,
     plus_dot,
@@ -217,7 +219,7 @@ def slide_in_field(mesh, trial, v, floor):
 def differences(mesh, trial, v, w):
     # gradient and Hessian of the functional by the position of v, with the best value near w
     x = point(mesh.position, v)
-    h = STEP * math.sqrt(squared_distance(mesh.position, v, mesh.star.link[mesh.star.start[v], 0]))
+    h = STEP * norm(between(mesh.position, v, mesh.star.link[mesh.star.start[v], 0]))
     i, j, k = (h, 0.0, 0.0), (0.0, h, 0.0), (0.0, 0.0, h)
     now = least_near(mesh, trial, v, x, w)
     right, left = least_near(mesh, trial, v, plus(x, i), w), least_near(mesh, trial, v, minus(x, i), w)

@@ -7,7 +7,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, VALUE
-from kohonen_adapt.kernels.triangle.geometry import corner_of, row_beside, rows_with, squared_distance
+from kohonen_adapt.kernels.triangle.geometry import corner_of, row_beside, rows_with
 from kohonen_adapt.kernels.triangle.polish.by_points import gather_offsets, is_valid, put_offsets
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING
 from kohonen_adapt.kernels.triangle.polish.descend_higher import (
@@ -32,7 +32,7 @@ from kohonen_adapt.kernels.triangle.polish.energy_split_higher import (
     weigh_splits,
 )
 from kohonen_adapt.kernels.triangle.surgery import collapse, collapsed_quality, midpoint, split
-from kohonen_adapt.kernels.vectors import cross, from_to, xy
+from kohonen_adapt.kernels.vectors import cross, from_to, squared_distance, xy
 
 # Squared length over the shortest of a node, from which an edge is not collapsed: seldom the cheapest, and costs take
 # most of the time of a recycling.
