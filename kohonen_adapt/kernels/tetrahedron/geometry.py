@@ -17,6 +17,17 @@ ACROSS, UNUSED = -1, -2  # parts of elements with mixed nodes, and of unused row
 
 
 @inner_kernel
+def corners_of(node, e):
+    return np.int64(node[e, 0]), np.int64(node[e, 1]), np.int64(node[e, 2]), np.int64(node[e, 3])
+
+
+@inner_kernel
+def face_of(node, e, k):
+    """Return the nodes opposite to corner k."""
+    return np.int64(node[e, OPPOSITE[k, 0]]), np.int64(node[e, OPPOSITE[k, 1]]), np.int64(node[e, OPPOSITE[k, 2]])
+
+
+@inner_kernel
 def others(star, row):
     """Return the remaining nodes of an element around a node."""
     return star.link[row, 0], star.link[row, 1], star.link[row, 2]
@@ -189,12 +200,12 @@ def sum_of_squares(u, v, w):
 
 @inner_kernel
 def element_quality(position, node, e):
-    return cubed_quality(position, node[e, 0], node[e, 1], node[e, 2], node[e, 3])
+    return cubed_quality(position, *corners_of(node, e))
 
 
 @inner_kernel
 def element_volumes(position, node, e):
-    return six_volumes(position, node[e, 0], node[e, 1], node[e, 2], node[e, 3])
+    return six_volumes(position, *corners_of(node, e))
 
 
 @inner_kernel

@@ -9,7 +9,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_RIDGE, RIDGE_PATCHES
-from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, OPPOSITE
+from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, face_of
 from kohonen_adapt.kernels.tetrahedron.guard import effective_around, star_tolerable
 from kohonen_adapt.kernels.tetrahedron.surfaces import onto_ridge, within_reach
 from kohonen_adapt.kernels.vectors import between, cross, dot, midpoint, minus, plus_times, point, put
@@ -82,6 +82,11 @@ def ridges_at_corner(mesh, v, ends):
 
 
 @inner_kernel
+def touches(star, row, w):
+    return star.link[row, 0] == w or star.link[row, 1] == w or star.link[row, 2] == w
+
+
+@inner_kernel
 def on_patch_of(elements, e, v, w):
     for k in range(4):
         if elements.patch[e, k] >= 0 and elements.node[e, k] != v and elements.node[e, k] != w:
@@ -96,7 +101,7 @@ def ridge_of_edge(mesh, v, w):
     only = np.int64(-1)
     sides, same = 0, True
     for k in range(star.start[v], star.start[v + 1]):
-        if star.link[k, 0] != w and star.link[k, 1] != w and star.link[k, 2] != w:
+        if not touches(star, k, w):
             continue
         e = np.int64(star.element[k])
         for j in range(4):
@@ -134,7 +139,7 @@ def fits_edge(mesh, r, v, w):
         if meets[r, i] >= 0 and not has_face(elements, star, v, w, meets[r, i]):
             return False
     for k in range(star.start[v], star.start[v + 1]):
-        if star.link[k, 0] != w and star.link[k, 1] != w and star.link[k, 2] != w:
+        if not touches(star, k, w):
             continue
         e = star.element[k]
         for j in range(4):
@@ -155,7 +160,7 @@ def meets_patch(meets, r, p):
 @inner_kernel
 def has_face(elements, star, v, w, p):
     for k in range(star.start[v], star.start[v + 1]):
-        if star.link[k, 0] != w and star.link[k, 1] != w and star.link[k, 2] != w:
+        if not touches(star, k, w):
             continue
         e = star.element[k]
         for j in range(4):
@@ -222,7 +227,7 @@ def patch_beside(mesh, e, j, v, f, third, ahead, onto):
     """
     elements, star, meets = mesh.elements, mesh.star, mesh.constraints.surfaces.meets
     for k in range(star.start[v], star.start[v + 1]):
-        if star.link[k, 0] != third and star.link[k, 1] != third and star.link[k, 2] != third:
+        if not touches(star, k, third):
             continue
         g = np.int64(star.element[k])
         for i in range(4):
@@ -240,10 +245,10 @@ def patch_beside(mesh, e, j, v, f, third, ahead, onto):
 
 @inner_kernel
 def same_orientation(position, node, e, j, g, i, v, f, ahead):
-    a, b, c = np.int64(node[e, OPPOSITE[j, 0]]), np.int64(node[e, OPPOSITE[j, 1]]), np.int64(node[e, OPPOSITE[j, 2]])
+    a, b, c = face_of(node, e, j)
     a, b, c = successor(a, v, f, ahead), successor(b, v, f, ahead), successor(c, v, f, ahead)
     normal = face_normal(position, a, b, c)
-    other = face_normal(position, node[g, OPPOSITE[i, 0]], node[g, OPPOSITE[i, 1]], node[g, OPPOSITE[i, 2]])
+    other = face_normal(position, *face_of(node, g, i))
     return dot(normal, other) > 0.0
 
 

@@ -7,7 +7,7 @@ sqrt(det M), and the squared length of an edge e after the map is e'Me.
 import math
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.tetrahedron.geometry import cubed_quality, sum_of_squares
+from kohonen_adapt.kernels.tetrahedron.geometry import corners_of, cubed_quality, sum_of_squares
 from kohonen_adapt.kernels.vectors import (
     between,
     cross,
@@ -111,7 +111,7 @@ def both_qualities(position, shape, a, b, c, d):
 
 @inner_kernel
 def both_of_element(position, shape, node, e):
-    return both_qualities(position, shape, node[e, 0], node[e, 1], node[e, 2], node[e, 3])
+    return both_qualities(position, shape, *corners_of(node, e))
 
 
 @inner_kernel
@@ -123,7 +123,7 @@ def relieved(metric, euclidean, in_metric):
 def effective_quality(position, metric, node, e):
     """Return the cubed quality for comparison with the floor, see `Metric`."""
     if metric.relief == 1.0:
-        return cubed_quality(position, node[e, 0], node[e, 1], node[e, 2], node[e, 3])
+        return cubed_quality(position, *corners_of(node, e))
     euclidean, in_metric = both_of_element(position, metric.shape, node, e)
     return relieved(metric, euclidean, in_metric)
 
@@ -132,7 +132,7 @@ def effective_quality(position, metric, node, e):
 def quality_above(position, metric, node, e, floor):
     # cubed quality in the metric, UNBOUNDED if Euclidean quality is below `floor`
     if is_round(metric):
-        quality = cubed_quality(position, node[e, 0], node[e, 1], node[e, 2], node[e, 3])
+        quality = cubed_quality(position, *corners_of(node, e))
         return quality if quality >= floor else UNBOUNDED
     euclidean, in_metric = both_of_element(position, metric.shape, node, e)
     return in_metric if euclidean >= floor else UNBOUNDED

@@ -9,6 +9,7 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     allowed,
     corner_of,
     element_volumes,
+    face_of,
     gather_around,
     gather_edge,
     has_constrained_face,
@@ -36,7 +37,7 @@ def metric_length(mesh, a, b):
 @inner_kernel
 def write_face(mesh, row, e, k, across, patch):
     face, node = mesh.cavity.face, mesh.elements.node
-    a, b, c = node[e, OPPOSITE[k, 0]], node[e, OPPOSITE[k, 1]], node[e, OPPOSITE[k, 2]]
+    a, b, c = face_of(node, e, k)
     low, high = min(a, min(b, c)), max(a, max(b, c))
     face[row, 0], face[row, 1], face[row, 2] = low, a + b + c - low - high, high
     face[row, 3], face[row, 4] = across, k
@@ -325,10 +326,8 @@ def closes_slit(mesh, w, new):
     for i in range(new):
         k = corner_of(node, i, w)
         for j in range(4):
-            if j != k and patch[i, j] >= 0:
-                a, b, c = node[i, OPPOSITE[j, 0]], node[i, OPPOSITE[j, 1]], node[i, OPPOSITE[j, 2]]
-                if has_constrained_face(mesh, a, b, c):
-                    return True
+            if j != k and patch[i, j] >= 0 and has_constrained_face(mesh, *face_of(node, i, j)):
+                return True
     return False
 
 

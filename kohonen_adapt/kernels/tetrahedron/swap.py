@@ -15,11 +15,11 @@ from kohonen_adapt.kernels.tetrahedron.arrays import ELSEWHERE, FREE, PLANE, RIN
 from kohonen_adapt.kernels.tetrahedron.geometry import (
     EDGES,
     FLAT,
-    OPPOSITE,
     corner_of,
     cubed_quality_on,
     element_quality,
     element_volumes,
+    face_of,
     fourth_node,
     has_constrained_face,
     triangle_vectors,
@@ -327,8 +327,7 @@ def write_face_swap(mesh, queue, e, k):
     across = np.int64(elements.neighbour[e, k])
     if across < 0 or elements.patch[e, k] >= 0 or is_blocked(queue, across):
         return RULED_OUT
-    a, b = np.int64(elements.node[e, OPPOSITE[k, 0]]), np.int64(elements.node[e, OPPOSITE[k, 1]])
-    c, top = np.int64(elements.node[e, OPPOSITE[k, 2]]), np.int64(elements.node[e, k])
+    (a, b, c), top = face_of(elements.node, e, k), np.int64(elements.node[e, k])
     bottom = fourth_node(elements.node, across, a, b, c)
     cavity.old[0], cavity.old[1] = e, across
     for new, (p, q) in enumerate(((a, b), (b, c), (c, a))):

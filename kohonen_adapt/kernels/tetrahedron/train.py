@@ -10,6 +10,7 @@ import numpy as np
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.search import next_stamp
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE
+from kohonen_adapt.kernels.tetrahedron.geometry import corners_of
 from kohonen_adapt.kernels.tetrahedron.guard import may_move, star_tolerable
 from kohonen_adapt.kernels.tetrahedron.jump import jump
 from kohonen_adapt.kernels.tetrahedron.surfaces import slid, within_reach
@@ -37,7 +38,7 @@ def draw_points(position, node, order, cumulated, random, points, element):
             v, w = 1.0 - w, 1.0 - u - v
         elif u + v + w > 1.0:
             u, w = 1.0 - v - w, u + v + w - 1.0
-        a, b, c, d = node[e, 0], node[e, 1], node[e, 2], node[e, 3]
+        a, b, c, d = corners_of(node, e)
         for k in range(3):
             start = position[a, k]
             points[t, k] = (

@@ -32,6 +32,7 @@ from kohonen_adapt.kernels.triangle.arrays import (
     STRAIGHT,
     TABLED,
 )
+from kohonen_adapt.kernels.triangle.geometry import ends_of
 from kohonen_adapt.kernels.triangle.guard import may_move
 from kohonen_adapt.kernels.vectors import (
     combined,
@@ -292,7 +293,7 @@ def farthest_from_facets(position, elements, constraints):
             c = np.int64(elements.chain[e, k])
             if c < 0 or chains.flags[c, SHAPE] == STRAIGHT:
                 continue
-            a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
+            a, b = ends_of(elements.node, e, k)
             x, _ = midpoint_on_chain(position, constraints, c, a, b)
             distance = norm(minus(x, times(0.5, plus(xy(position, a), xy(position, b)))))
             if distance > farthest:

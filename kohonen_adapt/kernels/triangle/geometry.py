@@ -51,9 +51,14 @@ def row_beside(rows, third):
 
 
 @inner_kernel
+def ends_of(node, e, k):
+    return np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3])
+
+
+@inner_kernel
 def corners_around(node, e, k, other):
-    p, q, r = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3]), np.int64(node[e, k])
-    return p, q, r, node[other, 0] + node[other, 1] + node[other, 2] - p - q
+    p, q = ends_of(node, e, k)
+    return p, q, np.int64(node[e, k]), node[other, 0] + node[other, 1] + node[other, 2] - p - q
 
 
 @inner_kernel

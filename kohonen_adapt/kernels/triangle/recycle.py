@@ -11,7 +11,7 @@ from kohonen_adapt.kernels.heap import insert, remove_first
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import PAIRED
 from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip_in_metric, push, should_flip
-from kohonen_adapt.kernels.triangle.geometry import allowed, corner_of, corners_around
+from kohonen_adapt.kernels.triangle.geometry import allowed, corner_of, corners_around, ends_of
 from kohonen_adapt.kernels.triangle.metric import effective_element_quality
 from kohonen_adapt.kernels.triangle.surgery import (
     NOWHERE,
@@ -104,7 +104,7 @@ def fill_heaps(mesh, longest, shortest):
             continue
         for k in range(3):
             if elements.neighbour[e, k] < e:  # the outer boundary is -1
-                a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
+                a, b = ends_of(elements.node, e, k)
                 push_edge(mesh, longest, shortest, a, b)
 
 
@@ -157,7 +157,7 @@ def split_longest(mesh, longest, least, floor, flips):
         e, k, key = next_edge(mesh, longest, -1.0)
         if e < 0 or not -key > least:
             break
-        a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
+        a, b = ends_of(elements.node, e, k)
         c = np.int64(elements.chain[e, k])
         x, parameter = midpoint(mesh, c, a, b)
         if c >= 0 and constraints.chains.flags[c, PAIRED]:
@@ -177,7 +177,7 @@ def collapse_shortest(mesh, shortest, most, longest, spared, floor):
         e, k, key = next_edge(mesh, shortest, 1.0)
         if e < 0 or not key < most:
             break
-        v, w = np.int64(mesh.elements.node[e, (k + 1) % 3]), np.int64(mesh.elements.node[e, (k + 2) % 3])
+        v, w = ends_of(mesh.elements.node, e, k)
         if v == spared or w == spared:
             continue
         forth = collapsed_quality(mesh, v, w, longest, floor)

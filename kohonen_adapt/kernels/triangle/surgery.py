@@ -5,12 +5,7 @@ import numpy as np
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.triangle.arrays import FREE, MERGED, OTHER, OWN, SLIDING
 from kohonen_adapt.kernels.triangle.chains import midpoint_on_chain
-from kohonen_adapt.kernels.triangle.geometry import (
-    allowed,
-    corner_of,
-    corner_towards,
-    may_join,
-)
+from kohonen_adapt.kernels.triangle.geometry import allowed, corner_of, corner_towards, ends_of, may_join
 from kohonen_adapt.kernels.triangle.metric import (
     effective_element_quality,
     effective_quality,
@@ -70,7 +65,7 @@ def find_edge(mesh, a, b):
 @inner_kernel
 def half_qualities(mesh, e, k, x):
     position, node, metric = mesh.position, mesh.elements.node, mesh.metric
-    a, b, c = node[e, (k + 1) % 3], node[e, (k + 2) % 3], node[e, k]
+    (a, b), c = ends_of(node, e, k), node[e, k]
     at_c = xy(position, c)
     return min(
         effective_quality(metric, a, b, c, xy(position, a), x, at_c),
@@ -134,7 +129,7 @@ def halve_element(mesh, e, k, p):
 @inner_kernel
 def start_node(elements, constraints, e, k):
     c = elements.chain[e, k]
-    for v in (elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]):
+    for v in ends_of(elements.node, e, k):
         if constraints.inner[v] or (c >= 0 and constraints.kind[v] == SLIDING and constraints.chain[v, OWN] == c):
             return v
     return elements.node[e, k]
@@ -144,7 +139,7 @@ def start_node(elements, constraints, e, k):
 def split(mesh, e, k, x, parameter):
     elements, constraints, pool, origins = mesh.elements, mesh.constraints, mesh.pool, mesh.origins
     node, neighbour = elements.node, elements.neighbour
-    a, b = node[e, (k + 1) % 3], node[e, (k + 2) % 3]
+    a, b = ends_of(node, e, k)
     other = np.int64(neighbour[e, k])
     c = elements.chain[e, k]
     j = corner_towards(neighbour, other, e) if other >= 0 else 0
@@ -193,7 +188,7 @@ def collapsed_quality(mesh, v, w, longest, floor):
     for i in range(count):
         e = np.int64(scratch.around[i])
         k = corner_of(node, e, v)
-        a, b = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3])
+        a, b = ends_of(node, e, k)
         scratch.stamp[a], scratch.stamp[b] = mark, mark
         before = min(before, effective_element_quality(position, mesh.metric, node, e))
         if a == w or b == w:
@@ -228,7 +223,7 @@ def count_marked(mesh, w, mark):
     for i in range(gather_around(mesh, w, scratch.around_other)):
         e = np.int64(scratch.around_other[i])
         k = corner_of(node, e, w)
-        for other in (node[e, (k + 1) % 3], node[e, (k + 2) % 3]):
+        for other in ends_of(node, e, k):
             if scratch.stamp[other] == mark:
                 scratch.stamp[other] = mark + 1  # so that no neighbour counts twice
                 count += 1

@@ -11,7 +11,14 @@ import numpy as np
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OWN, PAIRED, REACH, SLIDING
 from kohonen_adapt.kernels.triangle.chains import nearest_parameter, point_at, tangent_at
-from kohonen_adapt.kernels.triangle.geometry import FLAT, allowed, element_quality, exceeds_quality, quality_bound
+from kohonen_adapt.kernels.triangle.geometry import (
+    FLAT,
+    allowed,
+    element_quality,
+    ends_of,
+    exceeds_quality,
+    quality_bound,
+)
 from kohonen_adapt.kernels.vectors import (
     cross,
     divided,
@@ -47,7 +54,7 @@ def find_crossings(position, elements, cluster, row, column, length):
         for k in range(3):
             other = elements.neighbour[e, k]
             if other > e and elements.chain[e, k] < 0 and cluster[e] != cluster[other]:
-                a, b = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]
+                a, b = ends_of(elements.node, e, k)
                 row[count], column[count] = cluster[e], cluster[other]
                 length[count] = length_of(position, a, b)
                 count += 1
@@ -226,7 +233,7 @@ def mark_too_long(position, target, elements, chains, spoiled):
         for k in range(3):
             c = elements.chain[e, k]
             if c >= 0 and chains.geometry[c, REACH] < np.inf and not spoiled[e]:
-                a, b = elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]
+                a, b = ends_of(elements.node, e, k)
                 length, before = length_of(target, a, b), length_of(position, a, b)
                 spoiled[e] = length > chains.geometry[c, REACH] and length > before
                 found += spoiled[e]

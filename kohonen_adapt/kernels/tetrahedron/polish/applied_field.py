@@ -14,7 +14,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     REDUCED,
     TWELFTH_COEFFICIENT,
 )
-from kohonen_adapt.kernels.tetrahedron.geometry import OPPOSITE
+from kohonen_adapt.kernels.tetrahedron.geometry import OPPOSITE, face_of
 from kohonen_adapt.kernels.tetrahedron.polish.energy import value_at
 from kohonen_adapt.kernels.tetrahedron.polish.slivers import UNMOVED, face_corners, position_of
 from kohonen_adapt.kernels.vectors import cross, dot, matrix, minus, plus, plus_times, point, product, times
@@ -60,7 +60,7 @@ def midway(one, other, slope, far_slope, start, end):
 def loads_of_face(mesh, trial, e, k, moved):
     # mu int Hs . n v dS on face k of e, with n out of e, for the functions v of the corners
     node, applied = mesh.elements.node, trial.applied
-    first, second, third = node[e, OPPOSITE[k, 0]], node[e, OPPOSITE[k, 1]], node[e, OPPOSITE[k, 2]]
+    first, second, third = face_of(node, e, k)
     a, b, c = face_corners(mesh.position, node, e, k, moved)
     normal = cross(minus(b, a), minus(c, a))
     mu = 12.0 * trial.data[mesh.elements.region[e], TWELFTH_COEFFICIENT]

@@ -9,14 +9,9 @@ import numpy as np
 from kohonen_adapt.kernels.functionals import eliminate, substitute
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, UNKNOWNS, VALUE
-from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, gather_edge
+from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, corners_of, gather_edge
 from kohonen_adapt.kernels.tetrahedron.polish.energy import source_along, value_at
 from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import add_element, clear
-
-
-@inner_kernel
-def corners_of(node, e):
-    return np.int64(node[e, 0]), np.int64(node[e, 1]), np.int64(node[e, 2]), np.int64(node[e, 3])
 
 
 @inner_kernel

@@ -20,6 +20,7 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     cubed_quality,
     cubed_quality_at,
     element_quality,
+    face_of,
     gather_around,
 )
 from kohonen_adapt.kernels.tetrahedron.polish.energy import (
@@ -257,11 +258,11 @@ def energy_merged(mesh, trial, v, w, count, least):
             if p >= 0 and trial.counted[p]:  # face of the neighbour after the collapse
                 total += sliver(position, elements, mesh.surfaces, trial, e, k, UNMOVED)[0]
             continue
-        a, b, c = node[e, OPPOSITE[k, 0]], node[e, OPPOSITE[k, 1]], node[e, OPPOSITE[k, 2]]
-        if not cubed_quality(mesh.position, w, a, b, c) >= least:
+        face = face_of(node, e, k)
+        if not cubed_quality(mesh.position, w, *face) >= least:
             return np.inf
         region = mesh.elements.region[e]
-        total += element_energy(position, trial, region, source_around(trial, region, v), w, a, b, c)[0]
+        total += element_energy(position, trial, region, source_around(trial, region, v), w, *face)[0]
         change = value_at(trial, region, w) - value_at(trial, region, v)
         moved = v, point(position, w), change
         total += slivers_of(position, elements, mesh.surfaces, trial, e, moved)[0]

@@ -11,7 +11,7 @@ would be at places without a jump of the field, and results on the mesh would su
 from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import TWELFTH_COEFFICIENT
-from kohonen_adapt.kernels.tetrahedron.geometry import OPPOSITE
+from kohonen_adapt.kernels.tetrahedron.geometry import OPPOSITE, corners_of, face_of
 from kohonen_adapt.kernels.tetrahedron.polish.energy import shift_of, sixth_flux, value_at
 from kohonen_adapt.kernels.tetrahedron.surfaces import onto_patch, signed_distance
 from kohonen_adapt.kernels.vectors import (
@@ -41,11 +41,8 @@ def position_of(position, node, moved):
 
 @inner_kernel
 def face_corners(position, node, e, k, moved):
-    return (
-        position_of(position, node[e, OPPOSITE[k, 0]], moved),
-        position_of(position, node[e, OPPOSITE[k, 1]], moved),
-        position_of(position, node[e, OPPOSITE[k, 2]], moved),
-    )
+    a, b, c = face_of(node, e, k)
+    return position_of(position, a, moved), position_of(position, b, moved), position_of(position, c, moved)
 
 
 @inner_kernel
@@ -85,7 +82,7 @@ def gradients(position, elements, trial, e, moved):
     """
     node, region = elements.node, elements.region[e]
     v, _, w = moved
-    i, j, k, last = node[e, 0], node[e, 1], node[e, 2], node[e, 3]
+    i, j, k, last = corners_of(node, e)
     origin, at_last = position_of(position, last, moved), value_at(trial, region, last)
     a, b = minus(position_of(position, i, moved), origin), minus(position_of(position, j, moved), origin)
     p, q, r = cofactors(a, b, minus(position_of(position, k, moved), origin))

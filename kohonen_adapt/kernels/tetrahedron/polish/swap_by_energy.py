@@ -8,7 +8,7 @@ values on the patch do not depend on the edge, which requires a plane with free 
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, element_quality, element_volumes
+from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, corners_of, element_quality, element_volumes
 from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, element_energy, source_along
 from kohonen_adapt.kernels.tetrahedron.surgery import replace
 from kohonen_adapt.kernels.tetrahedron.swap import (
@@ -28,7 +28,7 @@ SIX_VOLUMES, ENERGY = 0, 1  # columns of `seen`
 @inner_kernel
 def energy_of(mesh, trial, node, e, region, a, b):
     load = source_along(trial, region, a, b)
-    return element_energy(mesh.position, trial, region, load, node[e, 0], node[e, 1], node[e, 2], node[e, 3])
+    return element_energy(mesh.position, trial, region, load, *corners_of(node, e))
 
 
 @inner_kernel

@@ -9,7 +9,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import OWN, SIXTH_SOURCE, SLIDING
-from kohonen_adapt.kernels.triangle.geometry import corner_of, corner_towards, orientation
+from kohonen_adapt.kernels.triangle.geometry import corner_of, corner_towards, ends_of, orientation
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING, triangle_parabola
 from kohonen_adapt.kernels.triangle.surgery import (
     collapse,
@@ -25,7 +25,7 @@ from kohonen_adapt.kernels.vectors import xy
 @inner_kernel
 def halves_parabola(mesh, trial, e, k, x, own, w):
     node = mesh.elements.node
-    a, b, c = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3]), np.int64(node[e, k])
+    (a, b), c = ends_of(node, e, k), np.int64(node[e, k])
     one, one_by_w, one_by_ww = triangle_parabola(mesh.position, trial, e, c, a, x, own, w)
     two, two_by_w, two_by_ww = triangle_parabola(mesh.position, trial, e, b, c, x, own, w)
     return abs(one) + abs(two), one + two, one_by_w + two_by_w, one_by_ww + two_by_ww
@@ -45,7 +45,7 @@ def split_parabola(mesh, trial, e, k, x, own, w):
 
 @inner_kernel
 def best_of_split(mesh, trial, e, k, x):
-    a, b = np.int64(mesh.elements.node[e, (k + 1) % 3]), np.int64(mesh.elements.node[e, (k + 2) % 3])
+    a, b = ends_of(mesh.elements.node, e, k)
     own = 0.5 * (trial.value[a] + trial.value[b])
     magnitude, before, slope, stiffness = split_parabola(mesh, trial, e, k, x, own, 0.0)
     gain, w = 0.5 * slope * slope / stiffness, -slope / stiffness
@@ -74,7 +74,7 @@ def weigh_splits(mesh, trials, offers, floor, first, last):
             c = np.int64(elements.chain[e, k])
             if elements.neighbour[e, k] >= e or (c >= 0 and not offers.open[c]):  # the outer boundary is -1
                 continue
-            a, b = np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3])
+            a, b = ends_of(node, e, k)
             if fixed[a] and fixed[b] and (inner[a] or inner[b]):
                 continue  # between Dirichlet nodes inside a region the values of the user are not available
             x, _ = midpoint(mesh, c, a, b)
@@ -204,7 +204,7 @@ def exchange(mesh, trials, offers, edges, nodes, floor):
         decrease += gain - offers.cost[v]
         lock_around(mesh, v, locked)
         collapse(mesh, v, w)
-        a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
+        a, b = ends_of(elements.node, e, k)
         x, parameter = midpoint(mesh, np.int64(elements.chain[e, k]), a, b)
         _, value, other_value = gain_of_split(mesh, trials, e, k, x)
         p = split(mesh, e, k, x, parameter)

@@ -7,7 +7,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, VALUE
-from kohonen_adapt.kernels.triangle.geometry import corner_of, row_beside, rows_with
+from kohonen_adapt.kernels.triangle.geometry import corner_of, ends_of, row_beside, rows_with
 from kohonen_adapt.kernels.triangle.polish.by_points import gather_offsets, is_valid, put_offsets
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING
 from kohonen_adapt.kernels.triangle.polish.descend_higher import (
@@ -218,7 +218,7 @@ def exchange_higher(mesh, descents, offers, edges, nodes, floor):
         for i in range(descents.terms):
             put_merged(descents.primal if i == 0 else descents.dual, v, w)
         collapse(mesh, v, w)
-        a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
+        a, b = ends_of(elements.node, e, k)
         x, parameter = midpoint(mesh, np.int64(elements.chain[e, k]), a, b)
         gain_of_split(descents, e, k, x)
         given, known = outer_given(descents.primal, e, k), descents.primal.modes.dirichlet[e, k]

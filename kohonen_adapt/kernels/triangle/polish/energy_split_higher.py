@@ -9,7 +9,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, VALUE
-from kohonen_adapt.kernels.triangle.geometry import corner_of, corner_towards
+from kohonen_adapt.kernels.triangle.geometry import corner_of, corner_towards, ends_of
 from kohonen_adapt.kernels.triangle.polish.by_points import gather_offsets, is_valid, put_offsets
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING
 from kohonen_adapt.kernels.triangle.polish.descend_higher import (
@@ -165,7 +165,7 @@ def weigh_splits(mesh, descents, offers, floor, first, last):
             c, known = np.int64(elements.chain[e, k]), given[e, k]
             if elements.neighbour[e, k] >= e or (not offers.open[c] if c >= 0 else known):  # the outer boundary is -1
                 continue
-            a, b = np.int64(elements.node[e, (k + 1) % 3]), np.int64(elements.node[e, (k + 2) % 3])
+            a, b = ends_of(elements.node, e, k)
             if not known and fixed[a] and fixed[b] and (inner[a] or inner[b]):
                 continue
             x, _ = midpoint(mesh, c, a, b)
@@ -189,7 +189,7 @@ def put_split(mesh, descent, p, a, b, given):
     for i in range(gather_around(mesh, p, around)):
         f = np.int64(around[i])
         k = corner_of(node, f, p)
-        one, two = node[f, (k + 1) % 3], node[f, (k + 2) % 3]
+        one, two = ends_of(node, f, k)
         row = 0 if two == a else 1 if one == b else 2 if two == b else 3
         put_coefficients(modes, f, k, local[row])
         put_offsets(descent.shapes, f, k, descent.block.offset[row])
