@@ -10,6 +10,7 @@ from skfem import MeshTet
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
+from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["Images", "Motion", "change_of_field", "images_of", "motion_of"]
 
@@ -38,7 +39,7 @@ def motion_of(vector: Floats, centre: Floats | None) -> Motion:
 
 
 def change_of_field(coil: Coil, motion: Motion, x: Floats) -> Floats:
-    step = STEP * min(coil.width, coil.height) / np.linalg.norm(motion.at(coil.path), axis=0).max()
+    step = STEP * min(coil.width, coil.height) / magnitude(motion.at(coil.path)).max()
     generator, total = np.zeros((4, 4)), np.zeros_like(x)
     generator[:3, :3], generator[:3, 3:] = motion.turn, motion.at(np.zeros((3, 1)))
     for sign in (1.0, -1.0):
@@ -72,14 +73,11 @@ class Images(NamedTuple):
 
     def folded(self, x: Floats, current: Floats) -> tuple[Floats, Floats]:
         x, current = x.copy(), current.copy()
-        outside = ~self.contain(x)
-        for image in range(1, len(self.sign)):
-            rows = np.flatnonzero(outside)
-            y = self.points(x[:, rows], image)
-            inside = self.contain(y)
-            factor, rows = self.sign[image] * np.linalg.det(self.matrix[image]), rows[inside]
-            x[:, rows], current[:, rows] = y[:, inside], factor * (self.matrix[image] @ current[:, rows])
-            outside[rows] = False
+        for image, matrix in enumerate(self.matrix):  # the identity first
+            y = self.points(x, image)
+            rows = ~self.contain(x) & self.contain(y)
+            x[:, rows] = y[:, rows]
+            current[:, rows] = self.sign[image] * np.linalg.det(matrix) * (matrix @ current[:, rows])
         return x, current
 
     def contain(self, x: Floats) -> Mask:
@@ -87,18 +85,13 @@ class Images(NamedTuple):
 
 
 def images_of(mesh: MeshTet, mirrors: Iterable[Mirror]) -> Images:
-    planes = list(mirrors)
-    normal = np.array([mirror.normal for mirror in planes]).reshape(-1, 3)
-    origin = np.array([mesh.p[:, mesh.facets[0, mirror.facets[0]]] for mirror in planes]).reshape(-1, 3)
-    height = np.sum(normal * origin, axis=1)
-    found = [(np.eye(3), np.zeros(3), 1.0)]
+    planes, found = list(mirrors), [(np.eye(3), np.zeros(3), 1.0)]
     for matrix, shift, sign in found:  # grows
-        for mirror, n, level in zip(planes, normal, height, strict=True):
-            reflection = np.eye(3) - 2.0 * np.outer(n, n)
-            product = reflection @ matrix
+        for mirror in planes:
+            product, origin = mirror.reflection @ matrix, mirror.image(shift[:, None])[:, 0]
             if len(found) < MOST_IMAGES and all(np.abs(product - other).max() > EQUAL for other, _, _ in found):
-                kind = 1.0 if mirror.kind == "parallel" else -1.0
-                found.append((product, reflection @ shift + 2.0 * level * n, kind * sign))
+                found.append((product, origin, mirror.sign * sign))
     tolerance = ON_PLANE * np.ptp(mesh.p, axis=1).max()
     matrices, shifts, signs = (np.array(part) for part in zip(*found, strict=True))
-    return Images(matrices, shifts, signs, normal, height + tolerance)
+    normal = np.reshape([mirror.normal for mirror in planes], (-1, 3))
+    return Images(matrices, shifts, signs, normal, np.array([mirror.level + tolerance for mirror in planes]))

@@ -10,6 +10,7 @@ from skfem import MeshTet
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import point_text
 from kohonen_adapt.magnetostatics.coils.coil import Coil
+from kohonen_adapt.magnetostatics.coils.motion import images_of
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.materials.coefficients import subdomains_at
 from kohonen_adapt.mesh.host import edges_in
@@ -52,8 +53,8 @@ def check_placement(mesh: MeshTet, solid: Mask, coils: Mapping[str, Coil], mirro
     for name, coil in coils.items():
         samples = _inset(coil, INSET).winding.samples
         for plane, mirror in mirrors.items():
-            _check_symmetry(mesh, name, samples, coils.values(), plane, mirror)
-        inside = _folded(mesh, samples, mirrors.values())
+            _check_symmetry(name, samples, coils.values(), plane, mirror)
+        inside, _ = images_of(mesh, mirrors.values()).folded(samples, samples)
         element = elements_at(mesh, inside)
         if np.any(element < 0):
             low, high = (point_text(end(mesh.p, axis=1)) for end in (np.min, np.max))
@@ -78,44 +79,26 @@ def _inset(coil: Coil, fraction: float) -> Coil:
 
 def _met_elements(mesh: MeshTet, rows: Ints, coil: Coil) -> Ints:
     # elements with a node, the centroid or points of edges in the winding
-    t = mesh.t[:, rows]
-    nodes = np.unique(t)
-    in_winding = np.zeros(mesh.p.shape[1], dtype=bool)
+    t, (start, end) = mesh.t[:, rows], edges_in(mesh, rows)
+    nodes, inside = np.unique(t), np.zeros((2, mesh.p.shape[1]), dtype=bool)
+    in_winding, crossing = inside
     in_winding[nodes] = coil.contains(mesh.p[:, nodes])
-    met = in_winding[t].any(axis=0) | coil.contains(mesh.p[:, t].mean(axis=1))
-    start, end = edges_in(mesh, rows)
-    size = np.linalg.norm(coil.path.max(axis=1) - coil.path.min(axis=1)) + coil.width + coil.height
-    near = magnitude(mesh.p[:, start] - coil.path.mean(axis=1)[:, None]) < size + magnitude(
-        mesh.p[:, end] - mesh.p[:, start]
-    )
-    crossing = np.zeros(mesh.p.shape[1], dtype=bool)
+    size = magnitude(np.ptp(coil.path, axis=1)) + coil.width + coil.height
+    length = magnitude(mesh.p[:, end] - mesh.p[:, start])
+    near = magnitude(mesh.p[:, start] - coil.path.mean(axis=1)[:, None]) < size + length
     start, end = start[near], end[near]
     for fraction in ALONG_EDGE:
-        inside = coil.contains((1.0 - fraction) * mesh.p[:, start] + fraction * mesh.p[:, end])
-        crossing[start[inside]] = crossing[end[inside]] = True
+        meets = coil.contains((1.0 - fraction) * mesh.p[:, start] + fraction * mesh.p[:, end])
+        crossing[start[meets]] = crossing[end[meets]] = True
+    met = in_winding[t].any(axis=0) | coil.contains(mesh.p[:, t].mean(axis=1))
     return rows[met | (crossing[t].sum(axis=0) > 1)]
 
 
-def _folded(mesh: MeshTet, x: Floats, mirrors: Iterable[Mirror]) -> Floats:
-    x = x.copy()
-    for _ in range(2):  # for planes that are not at right angles
-        for mirror in mirrors:
-            height = mirror.normal @ x - mirror.normal @ mesh.p[:, mesh.facets[0, mirror.facets[0]]]
-            x -= 2.0 * np.outer(mirror.normal, np.maximum(height, 0.0))
-    return x
-
-
-def _check_symmetry(
-    mesh: MeshTet, name: str, samples: Floats, coils: Iterable[Coil], plane: str, mirror: Mirror
-) -> None:
-    height = mirror.normal @ samples - mirror.normal @ mesh.p[:, mesh.facets[0, mirror.facets[0]]]
+def _check_symmetry(name: str, samples: Floats, coils: Iterable[Coil], plane: str, mirror: Mirror) -> None:
     here, image = (
-        np.sum([coil.current_density(x) for coil in coils], axis=0)
-        for x in (samples, samples - 2.0 * np.outer(mirror.normal, height))
+        np.sum([coil.current_density(x) for coil in coils], axis=0) for x in (samples, mirror.image(samples))
     )
-    reflected = here - 2.0 * np.outer(mirror.normal, mirror.normal @ here)
-    wanted = -reflected if mirror.kind == "parallel" else reflected
-    if magnitude(image - wanted).max() > ASYMMETRY * magnitude(here).max():
+    if magnitude(image + mirror.sign * mirror.reflection @ here).max() > ASYMMETRY * magnitude(here).max():
         raise ValueError(
             f"the coil {name!r} is not symmetric about the plane {plane!r}, to which the flux is {mirror.kind}; give "
             "the whole coil, which crosses the plane at right angles, or the coil and its image."

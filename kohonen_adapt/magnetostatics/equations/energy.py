@@ -8,7 +8,7 @@ import numpy as np
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, Symmetry
+from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import reluctivities
 from kohonen_adapt.mesh.elements.assembly import Reduced
@@ -47,12 +47,10 @@ class PlaneEnergy(Energy):
     def of(cls, elements: Space, symmetry: Symmetry, coefficients: Coefficients, conditions: Conditions) -> Self:
         points = elements.points
         at = coefficients.at_quadrature(elements.element, points)
-        densities = at.densities(elements.weights, symmetry.extent, points[0] if symmetry is AXISYMMETRIC else 1.0)
+        densities = at.densities(elements.weights, symmetry.extent, points[0] if symmetry.axis else 1.0)
         load = elements.loads(symmetry.source(coefficients.current_density), symmetry.flux(at.coercivity))
-        constant = 0.0
-        if at.remanence.any():
-            at_rest = at.energy_density(np.zeros_like(at.remanence))
-            constant = float(np.sum(symmetry.volume(points, elements.weights) * at_rest))
+        at_rest = at.energy_density(np.zeros_like(at.remanence))
+        constant = float(np.sum(symmetry.volume(points, elements.weights) * at_rest))
         parts = elements, densities, load, conditions, None, 1.0, constant
         return cls(*parts, symmetry=symmetry, coefficients=coefficients)
 
