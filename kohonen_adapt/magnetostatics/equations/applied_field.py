@@ -5,21 +5,28 @@ from functools import cached_property
 
 import numpy as np
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components
+from scipy.sparse.csgraph import breadth_first_order
 from scipy.spatial import cKDTree
 from skfem import MeshTet
-from skfem.quadrature import get_quadrature
-from skfem.refdom import RefTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, Sources, circulations, field_at
+from kohonen_adapt.magnetostatics.equations.given_field import (
+    FACET_SIGNS,
+    AppliedField,
+    Sources,
+    circulations,
+    edges_around,
+    field_at,
+)
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, subdomains_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.elements.functions import nodes, reference_functions
+from kohonen_adapt.mesh.elements.rules import triangle_rule
 from kohonen_adapt.mesh.elements.space import Space
-from kohonen_adapt.mesh.host import edges_in, number_edges, number_facets
-from kohonen_adapt.mesh.measures import EDGES, hat_gradients
+from kohonen_adapt.mesh.host import ascending, edges_in, keys_of, number_edges, number_facets
+from kohonen_adapt.mesh.measures import EDGES, hat_gradients, is_in_front
+from kohonen_adapt.mesh.names import connected_components_of
 from kohonen_adapt.problem.boundary_terms import FACET_DEGREE
 
 __all__ = [
@@ -34,7 +41,6 @@ __all__ = [
 # field.
 PERMEABLE = 2.0
 LINKED = 0.01  # largest error of circulations along closed paths, relative to the range of the potential in iron
-FACE_EDGES = ((0, 1), (1, 2), (0, 2))  # the last in reverse orientation
 DEGREE = {1: FACET_DEGREE} | {order: 2 * order + 3 for order in range(2, 8)}  # of the rule of facets, by order
 TOLERANCE = 1e-9  # tolerance of equality, relative to the permeability of vacuum
 NO_CURRENT = 0.002  # allowed circulation around a face without current, relative to the integral of |Hs|
@@ -72,9 +78,13 @@ class Drive:
         outside = np.flatnonzero(~self.iron[element])
         values, point, element = self.layer[:, element], point[outside], element[outside]
         offset = self.elements.gradient_at(self.potential, element, self.elements.barycentric(x[:, point], element))
-        used, row = np.unique(point, return_inverse=True)
-        values[:, outside] = field_at(self.function, x[:, used])[:, row] + offset
+        values[:, outside] = self._given(x, point, element) + offset
         return values
+
+    def _given(self, x: Floats, point: Ints, element: Ints) -> Floats:
+        # the field without chi
+        used, row = np.unique(point, return_inverse=True)
+        return field_at(self.sources, x[:, used])[:, row]
 
     @cached_property
     def at_corners(self) -> Floats:
@@ -103,7 +113,7 @@ class Drive:
     def inside(self) -> Floats:
         """Part of T that `load` does not cover, as `Space.gradient` in A/m."""
         offset, elements = self.elements.gradient(self.potential), self.elements
-        element = np.arange(self.iron.size) if elements.order == 1 else elements.element
+        element = slice(None) if elements.order == 1 else elements.element
         return np.where(self.iron[element], self.layer[:, element], offset)
 
     @property
@@ -144,21 +154,18 @@ def _flux_out(elements: Space, permeability: Floats, function: AppliedField, clo
 
     Facets `closed` are left out; v are the functions of the elements.
     """
-    mesh = elements.corners
+    mesh, order = elements.corners, elements.order
     number_facets(mesh)
     first, second = mesh.f2t
-    jump = permeability[first] - np.where(second >= 0, permeability[second], 0.0)
+    jump = permeability[first] - np.append(permeability, 0.0)[second]  # second is -1 at the outer boundary
     surface = np.setdiff1d(np.flatnonzero(np.abs(jump) > TOLERANCE * VACUUM_PERMEABILITY), closed)
-    normal, unknowns = 0.5 * normals(mesh.p.T, mesh.facets[:, surface].T).T, elements.on_facets(surface)
-    outward = mesh.p[:, mesh.facets[0, surface]] - mesh.p[:, mesh.t[:, first[surface]]].mean(axis=1)
-    sign = np.sign(np.sum(normal * outward, axis=0)) * jump[surface]
-    load, (points, weights) = np.zeros(elements.doflocs.shape[1]), get_quadrature(RefTri, DEGREE[elements.order])
-    for (s, t), weight in zip(points.T, weights, strict=True):
-        barycentric = np.array([1.0 - s - t, s, t])
+    jump[~is_in_front(mesh.p[:, mesh.facets], mesh.p[:, mesh.t[:, first]].mean(axis=1))] *= -1.0
+    load, unknowns = np.zeros(elements.doflocs.shape[1]), elements.on_facets(surface).ravel()
+    for barycentric, weight in zip(*triangle_rule(DEGREE[order]), strict=True):
         x, normal = elements.facet_points(surface, barycentric)
-        normal_flux = np.sum(0.5 * normal * sign * field_at(function, x), axis=0)
-        terms = 2.0 * weight * reference_functions(barycentric[None], elements.order)[0] * normal_flux
-        load += np.bincount(unknowns.ravel(), terms.ravel(), load.size)
+        flux = 0.5 * weight * jump[surface] * np.sum(normal * field_at(function, x), axis=0)
+        terms = reference_functions(barycentric[None], order)[0] * flux
+        load += np.bincount(unknowns, terms.ravel(), load.size)
     size = np.abs(load)  # the sum is the flux out of closed surfaces, which is 0 but for the error of the quadrature
     return load - size * (load.sum() / size.sum()) if size.any() else load
 
@@ -188,33 +195,29 @@ def total_potential(mesh: MeshTet, iron: Mask, along: Floats) -> tuple[Floats, F
     of Hs along an edge of this kind means that the path links a current. T, shape (3, nelements), has these
     circulations.
     """
-    lower, upper = edges_in(mesh, iron)
-    chi, nnodes = np.zeros(mesh.p.shape[1]), mesh.p.shape[1]
-    if not lower.size:
-        return chi, np.zeros((3, iron.size))
-    graph = coo_array((np.ones(lower.size, dtype=np.int8), (lower, upper)), shape=(nnodes, nnodes)).tocsr()
-    _, component = connected_components(graph, directed=False)
-    key = lower * nnodes + upper
-    for first in np.unique(component[lower], return_index=True)[1]:
-        order, predecessor = breadth_first_order(graph, lower[first], directed=False)
-        start, end = predecessor[order[1:]].astype(np.int64), order[1:].astype(np.int64)
-        row = np.searchsorted(key, np.minimum(start, end) * nnodes + np.maximum(start, end))
-        drop = np.where(start < end, along[row], -along[row])
-        for node, previous, difference in zip(end.tolist(), start.tolist(), drop.tolist(), strict=True):
-            chi[node] = chi[previous] - difference
-    linked = _linked_currents(component[lower], along - (chi[lower] - chi[upper]), chi, component)
-    return chi, _layer(mesh, np.flatnonzero(iron), key, linked)
+    (lower, upper), nnodes = edges_in(mesh, iron), mesh.p.shape[1]
+    component = connected_components_of(nnodes, np.stack((lower, upper), axis=1))
+    roots = lower[np.unique(component[lower], return_index=True)[1]]
+    # One search from a further node that is joined to all roots.
+    ends = np.append(lower, np.full(roots.size, nnodes)), np.append(upper, roots)
+    graph = coo_array((np.ones(ends[0].size, dtype=np.int8), ends), shape=(nnodes + 1,) * 2).tocsr()
+    order, predecessor = breadth_first_order(graph, nnodes, directed=False)
+    end, chi = order[1 + roots.size :], np.zeros(nnodes)
+    start = predecessor[end]
+    row = np.searchsorted(keys_of(np.stack((lower, upper)), nnodes), keys_of(ascending(start, end), nnodes))
+    drop = np.where(start < end, along[row], -along[row])
+    for node, previous, difference in zip(end.tolist(), start.tolist(), drop.tolist(), strict=True):
+        chi[node] = chi[previous] - difference
+    linked = _linked_currents(along - (chi[lower] - chi[upper]), chi, component, lower)
+    return chi, _layer(mesh, np.flatnonzero(iron), linked)
 
 
 def _current_density(mesh: MeshTet, function: AppliedField | None) -> Floats:
     if function is None:
         return np.zeros(mesh.t.shape[1])
     number_edges(mesh)
-    start, end = mesh.edges.astype(np.int64)
-    key, corners = start * mesh.p.shape[1] + end, np.sort(mesh.facets, axis=0).astype(np.int64)
-    circulation, absolute = circulations(mesh.p, mesh.edges, function)
-    sides = [np.searchsorted(key, corners[i] * mesh.p.shape[1] + corners[j]) for i, j in FACE_EDGES]
-    total = np.abs(circulation[sides[0]] + circulation[sides[1]] - circulation[sides[2]])
+    sides, (circulation, absolute) = edges_around(mesh, slice(None)), circulations(mesh.p, mesh.edges, function)
+    total = np.abs(FACET_SIGNS @ circulation[sides])
     total[total <= NO_CURRENT * absolute[sides].sum(axis=0)] = 0.0
     size = 0.5 * np.linalg.norm(normals(mesh.p.T, mesh.facets.T), axis=1)
     return np.max((total / size)[mesh.t2f], axis=0)
@@ -226,9 +229,7 @@ def aligned_potential(drive: Drive, before: Drive) -> Floats:
     nodes, corners = np.unique(old.t[:, before.iron]), np.unique(mesh.t[:, drive.iron])
     if drive.function is None or not corners.size:
         return chi
-    lower, upper = edges_in(mesh, drive.iron)
-    graph = coo_array((np.ones(lower.size, dtype=np.int8), (lower, upper)), shape=(chi.size,) * 2)
-    component = connected_components(graph, directed=False)[1]
+    component = connected_components_of(chi.size, edges_in(mesh, drive.iron).T)
     distance, nearest = cKDTree(old.p[:, nodes].T).query(mesh.p[:, corners].T)
     unknowns = drive.elements.unknowns[:, drive.iron]
     for piece in np.unique(component[corners]):
@@ -242,12 +243,12 @@ def aligned_potential(drive: Drive, before: Drive) -> Floats:
     return chi
 
 
-def _linked_currents(component: Ints, circulation: Floats, chi: Floats, component_of_node: Ints) -> Floats:
+def _linked_currents(circulation: Floats, chi: Floats, component: Ints, node: Ints) -> Floats:
     # The circulations without their quadrature error, (nedges,): equal ones exactly equal, small ones 0.
-    highest, lowest = np.full(component_of_node.max() + 1, -np.inf), np.full(component_of_node.max() + 1, np.inf)
-    np.maximum.at(highest, component_of_node, chi)
-    np.minimum.at(lowest, component_of_node, chi)
-    rows = np.flatnonzero(np.abs(circulation) > LINKED * (highest - lowest)[component])
+    order = np.argsort(component, kind="stable")
+    first = np.unique(component[order], return_index=True)[1]
+    highest, lowest = (extreme.reduceat(chi[order], first) for extreme in (np.maximum, np.minimum))
+    rows = np.flatnonzero(np.abs(circulation) > LINKED * (highest - lowest)[component[node]])
     rows = rows[np.argsort(np.abs(circulation[rows]), kind="stable")]
     size, linked = np.abs(circulation[rows]), np.zeros_like(circulation)
     group = np.cumsum(np.diff(size, prepend=0.0) > LINKED * size)
@@ -256,17 +257,16 @@ def _linked_currents(component: Ints, circulation: Floats, chi: Floats, componen
     return linked
 
 
-def _layer(mesh: MeshTet, rows: Ints, key: Ints, circulation: Floats) -> Floats:
+def _layer(mesh: MeshTet, rows: Ints, circulation: Floats) -> Floats:
+    # of circulations along the edges of the elements `rows`
     layer = np.zeros((3, mesh.t.shape[1]))
     if not circulation.any():
         return layer
-    t = mesh.t[:, rows].astype(np.int64)
-    (start, end), nnodes = EDGES, mesh.p.shape[1]
-    at = np.searchsorted(key, np.minimum(t[start], t[end]) * nnodes + np.maximum(t[start], t[end]))
-    along = np.where(t[start] < t[end], circulation[at], -circulation[at])
+    start, end = EDGES
+    t, edge = mesh.t[:, rows], np.unique(mesh.t2e[:, rows], return_inverse=True)[1].reshape(6, -1)
+    along = np.where(t[start] < t[end], circulation[edge], -circulation[edge])
     rise = np.zeros(t.shape)
-    for first, second, values in zip(start, end, along, strict=True):
-        rise[second] = np.where(first == 0, values, rise[second])
+    rise[end[start == 0]] = along[start == 0]
     through = np.abs(along - (rise[end] - rise[start])).max(axis=0)
     worst = int(np.argmax(through))
     if through[worst] > LINKED * np.abs(circulation).max():

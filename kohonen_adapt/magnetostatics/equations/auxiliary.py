@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_array, csr_matrix, diags_array, tril, triu
+from scipy.sparse import coo_array, csc_array, csr_matrix, diags_array, tril, triu
 from scipy.sparse.linalg import splu
 
 from kohonen_adapt.arrays import Floats, Mask
@@ -102,7 +102,9 @@ class EdgeSolver(Solver):
         inner[edges.nodes[:, conditions.fixed]] = False
         if not inner.any():
             return None
-        averages = csr_matrix(abs(edges.gradient)[conditions.free][:, np.flatnonzero(inner)])
+        ends = edges.nodes[:, conditions.free]
+        entries = np.ones(ends.size), (np.tile(np.arange(ends.shape[1]), 2), ends.ravel())
+        averages = csr_matrix(coo_array(entries, (ends.shape[1], inner.size)).tocsr()[:, np.flatnonzero(inner)])
         half = 0.5 * edges.directions[:, conditions.free].T  # circulation of a vector at one end of an edge
         nodal = _nodal_matrix(matrix, averages, half, conditions)
         levels = pyamg.smoothed_aggregation_solver(

@@ -3,21 +3,22 @@
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array, csr_array, hstack
-from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
+from scipy.sparse import coo_array, csc_array, csr_array, eye_array, hstack
+from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.sparse.linalg import splu
 from skfem.refdom import RefTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.magnetostatics.equations.given_field import FACET_SIGNS, edges_around
+from kohonen_adapt.mesh.cells import crossed as cross_product
 from kohonen_adapt.mesh.elements.assembly import Reduced
 from kohonen_adapt.mesh.elements.space import Space
-from kohonen_adapt.mesh.host import keys_of, number_edges, number_facets
-from kohonen_adapt.mesh.measures import EDGES
+from kohonen_adapt.mesh.host import ascending, elements_of, keys_of, number_edges, number_facets
+from kohonen_adapt.mesh.measures import EDGES, is_in_front, magnitude
+from kohonen_adapt.mesh.names import connected_components_of
 
 __all__ = [
-    "FACET_SIGNS",
     "Curls",
     "EdgeElements",
     "conditions_on_edges",
@@ -25,18 +26,13 @@ __all__ = [
     "prescribed_flux_load",
 ]
 
-CYCLIC = ((1, 2), (2, 0), (0, 1))
-FACET_EDGES = ((0, 1), (1, 2), (0, 2))
-SAME, OPPOSITE = np.tile(np.arange(6), (2, 1)), np.array([[0, 1, 2], [5, 3, 4]])  # pairs of edges of an element
-# of both edges of a facet at a corner, in the order of `RefTet.facets`
-AT_CORNERS = np.transpose(
-    [
-        np.flatnonzero([corner in edge and set(edge) <= set(facet) for edge in RefTet.edges])
-        for facet in RefTet.facets
-        for corner in facet
-    ]
-)
-FACET_SIGNS = np.array([1.0, 1.0, -1.0])  # of a path around a facet with ascending nodes
+# Pairs of edges of an element: each with itself, both edges of a facet at a corner, and opposite edges
+AT_CORNERS = [
+    np.flatnonzero([corner in edge and set(edge) <= set(facet) for edge in RefTet.edges])
+    for facet in RefTet.facets
+    for corner in facet
+]
+PAIRS = np.hstack((np.tile(np.arange(6), (2, 1)), np.transpose(AT_CORNERS), [[0, 1, 2], [5, 3, 4]]))
 
 
 class EdgeElements:
@@ -62,56 +58,34 @@ class EdgeElements:
     def volumes(self) -> Floats:
         return self.elements.volumes
 
-    @property
-    def hats(self) -> Floats:
-        return self.elements.hats
-
     @cached_property
     def curls(self) -> Floats:
         """Curls of the functions of every element, (3, 6, nelements) in 1/m^2."""
-        first, second = (self.hats[:, ends] for ends in EDGES)
-        return 2.0 * self._sign * np.stack([first[i] * second[j] - first[j] * second[i] for i, j in CYCLIC])
+        return 2.0 * self._sign * cross_product(*(self.elements.hats[:, ends] for ends in EDGES))
 
     def curl(self, a: Floats) -> Floats:
         return np.einsum("cik,ik->ck", self.curls, a[self.unknowns])
 
     def at(self, a: Floats, x: Floats, element: Ints) -> Floats:
-        t, hats = self.mesh.t[:, element], self.hats[:, :, element]
-        middle = self.mesh.p[:, t].mean(axis=1)
-        barycentric = 0.25 + np.einsum("cin,cn->in", hats, x - middle)
-        first, second = EDGES
+        hats, (first, second) = self.elements.hats[:, :, element], EDGES
+        barycentric = self.elements.barycentric(x, element)
         functions = barycentric[first] * hats[:, second] - barycentric[second] * hats[:, first]
         return np.einsum("cin,in->cn", functions, self._sign[:, element] * a[self.unknowns[:, element]])
-
-    def mean(self, a: Floats) -> Floats:
-        first, second = EDGES
-        slopes = self.hats[:, second] - self.hats[:, first]
-        return np.einsum("cik,ik->ck", slopes, 0.25 * self._sign * a[self.unknowns])
-
-    @cached_property
-    def gradient(self) -> csr_array:
-        """Circulations of the gradients of the hat functions, (nedges, nnodes)."""
-        count, (lower, upper) = self.nodes.shape[1], self.nodes
-        edge, one = np.arange(count), np.ones(count)
-        entries = np.concatenate((-one, one)), (np.tile(edge, 2), np.concatenate((lower, upper)))
-        return coo_array(entries, shape=(count, self.mesh.p.shape[1])).tocsr()
 
     @cached_property
     def directions(self) -> Floats:
         return self.mesh.p[:, self.nodes[1]] - self.mesh.p[:, self.nodes[0]]
 
     def on_facets(self, facets: Ints) -> Ints:
-        corners, size = np.sort(self.mesh.facets[:, facets], axis=0), self.mesh.p.shape[1]
-        keys = keys_of(self.nodes, size)
-        return np.stack([np.searchsorted(keys, keys_of(corners[[i, j]], size)) for i, j in FACET_EDGES])
+        return edges_around(self.mesh, facets)
 
     def circulation(self, a: Floats, facets: Ints) -> Floats:
         return FACET_SIGNS @ a[self.on_facets(facets)]
 
     def turns_outward(self, facets: Ints) -> Mask:
-        corners = np.sort(self.mesh.facets[:, facets], axis=0)
-        outward = self.mesh.p[:, corners[0]] - self.mesh.p[:, self.mesh.t[:, self.mesh.f2t[0, facets]]].mean(axis=1)
-        return np.sum(normals(self.mesh.p.T, corners.T).T * outward, axis=0) > 0.0
+        mesh = self.mesh
+        centroid = mesh.p[:, mesh.t[:, mesh.f2t[0, facets]]].mean(axis=1)
+        return is_in_front(mesh.p[:, np.sort(mesh.facets[:, facets], axis=0)], centroid)
 
 
 class Curls:
@@ -131,7 +105,7 @@ class Curls:
         return np.einsum("cik,ck->ik", self.edges.curls, strength * self.edges.volumes)
 
     def against_slopes(self, size: Floats) -> Floats:
-        return size * self.edges.volumes * np.sqrt(np.sum(self.edges.curls**2, axis=0))
+        return size * self.edges.volumes * magnitude(self.edges.curls)
 
     def assemble_vector(self, terms: Floats) -> Floats:
         count = self.edges.nodes.shape[1]
@@ -139,29 +113,29 @@ class Curls:
 
     @cached_property
     def _entry(self) -> Ints:
-        # of the pairs `AT_CORNERS` in every element, (12, nelements)
-        mesh, found = self.edges.mesh, list[Ints]()
+        # of the pairs in every element, (21, nelements)
+        mesh, found = self.edges.mesh, [self.edges.unknowns]
+        first, last = self.edges.nodes.shape[1], 3 * mesh.t.shape[1]
         for facet, corners in enumerate(RefTet.facets):
             for corner in corners:
                 others = [other for other in corners if other != corner]
-                found.append(3 * mesh.t2f[facet] + np.sum(mesh.t[others] < mesh.t[corner], axis=0))
-        return np.stack(found)
+                rank = np.sum(mesh.t[others] < mesh.t[corner], axis=0)
+                found.append(first + 3 * mesh.t2f[facet][None] + rank)
+        first += 3 * mesh.facets.shape[1]
+        return np.concatenate((*found, np.arange(first, first + last).reshape(3, -1)))
 
     @cached_property
     def _pattern(self) -> csr_array:
-        # the matrix with places in `values` as entries
-        edges, count = self.edges, self.free.size
-        index = np.full(edges.nodes.shape[1], -1, dtype=np.int32)
+        # the matrix with entries in place of values
+        index, count = np.full(self.edges.nodes.shape[1], -1, dtype=np.int32), self.free.size
         index[self.free] = np.arange(count)
-        ends = np.empty((2, 3 * edges.mesh.facets.shape[1]), dtype=np.int32)
-        ends[:, self._entry] = index[edges.unknowns[AT_CORNERS]]
-        opposite = index[edges.unknowns[OPPOSITE]].reshape(2, -1)
-        start, end = np.concatenate((ends, opposite), axis=1)
-        inner = np.flatnonzero((start >= 0) & (end >= 0)).astype(np.int32)
-        start, end, diagonal = start[inner], end[inner], np.arange(count, dtype=np.int32)
-        place = np.concatenate((count + inner, count + inner, diagonal))
-        indices = np.concatenate((start, end, diagonal)), np.concatenate((end, start, diagonal))
-        return coo_array((place, indices), shape=(count, count)).tocsr()
+        ends = np.empty((2, int(self._entry.max()) + 1), dtype=np.int32)
+        ends[:, self._entry] = index[self.edges.unknowns[PAIRS]]
+        inner = np.flatnonzero(np.all(ends >= 0, axis=0)).astype(np.int32)
+        start, end = ends[:, inner]
+        other = np.flatnonzero(start != end)
+        places = np.append(start, end[other]), np.append(end, start[other])
+        return coo_array((np.append(inner, inner[other]), places), shape=(count, count)).tocsr()
 
     def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> Reduced:
         """Return the matrix for nu in every element.
@@ -174,17 +148,10 @@ class Curls:
         if along is not None:
             slope = np.einsum("ck,cik->ik", along[1], edges.curls)
             forms.append(((along[0] - across) * edges.volumes, slope[None]))
-        same, at_corners, opposite = (_products(forms, pairs) for pairs in (SAME, AT_CORNERS, OPPOSITE))
-        diagonal = np.bincount(edges.unknowns.ravel(), same.ravel(), edges.nodes.shape[1])[self.free]
-        on_facets = np.bincount(self._entry.ravel(), at_corners.ravel(), 3 * edges.mesh.facets.shape[1])
-        values = np.concatenate((diagonal, on_facets, opposite.ravel()))
+        terms = [sum(w * np.einsum("ck,ck->k", a[:, i], a[:, j]) for w, a in forms) for i, j in PAIRS.T]
+        values = np.bincount(self._entry.ravel(), np.ravel(terms))
         # CSR of a symmetric matrix is CSC
         return Reduced(csc_array((values[pattern.data], pattern.indices, pattern.indptr), shape=pattern.shape))
-
-
-def _products(forms: list[tuple[Floats, Floats]], pairs: Ints) -> Floats:
-    # sum of ``weight a_i . a_j`` for pairs of local edges, (npairs, nelements)
-    return np.stack([sum(w * np.einsum("ck,ck->k", a[:, i], a[:, j]) for w, a in forms) for i, j in pairs.T])
 
 
 def conditions_on_edges(edges: EdgeElements, closed: Ints) -> Conditions:
@@ -204,14 +171,10 @@ def conditions_on_edges(edges: EdgeElements, closed: Ints) -> Conditions:
     free = free[np.argsort(edges.mesh.p.sum(axis=0)[edges.nodes[:, free]].sum(axis=0), kind="stable")]
     if not loops.shape[1]:
         return Conditions(fixed, values, free)
-    inner = np.flatnonzero(~np.isin(free, used))
-    identity = coo_array((np.ones(inner.size), (inner, np.arange(inner.size))), shape=(free.size, inner.size))
     on_surface = loops.tocoo()
-    row_of = np.zeros(count, dtype=np.int64)
-    row_of[free] = np.arange(free.size)
-    rows = row_of[used[on_surface.row]]
-    extended = coo_array((on_surface.data, (rows, on_surface.col)), shape=(free.size, loops.shape[1]))
-    return Conditions(fixed, values, free, join=csc_array(hstack((identity, extended))))
+    inner, ends = free[~np.isin(free, used)], (used[on_surface.row], on_surface.col)
+    extended = hstack((eye_array(count).tocsc()[:, inner], coo_array((on_surface.data, ends), (count, loops.shape[1]))))
+    return Conditions(fixed, values, free, join=csc_array(extended.tocsr()[free]))
 
 
 def _loops(ends: Ints, around: Ints) -> csc_array:
@@ -222,67 +185,49 @@ def _loops(ends: Ints, around: Ints) -> csc_array:
     makes a loop (Eppstein, Proc. SODA, 2003).
     """
     nedges, nfacets = ends.shape[1], around.shape[1]
-    facet, edge = np.tile(np.arange(nfacets), 3), around.ravel()
-    order = np.argsort(edge, kind="stable")
-    first = np.searchsorted(edge[order], np.arange(nedges))
-    sides = np.bincount(edge, minlength=nedges)
-    if sides.max(initial=0) > 2:
+    if np.bincount(around.ravel()).max(initial=0) > 2:
         raise ValueError(
             "the mesh touches itself along an edge of its outer boundary; a vector potential needs a boundary on which "
             "two facets meet at every edge. Separate the parts, or join them by elements."
         )
-    in_tree = _spanning_edges(ends, np.arange(nedges), nedges)
-    rest = np.flatnonzero(~in_tree)
-    one, other = facet[order[first[rest]]], np.full(rest.size, nfacets)  # an edge at the rim leads outside
-    shared = sides[rest] == 2
-    other[shared] = facet[order[first[rest[shared]] + 1]]
-    crossed = np.zeros(nedges, dtype=bool)
-    crossed[rest[_spanning_edges(np.stack((one, other)), np.arange(rest.size), rest.size)]] = True
+    beside = elements_of(around.astype(np.int64), nedges)
+    beside[beside < 0] = nfacets  # an edge at the rim leads outside
+    in_tree = _spanning_edges(ends)
+    crossed, rest = np.zeros(nedges, dtype=bool), np.flatnonzero(~in_tree)
+    crossed[rest[_spanning_edges(beside[:, rest])]] = True
     generators, unknown = np.flatnonzero(~in_tree & ~crossed), np.flatnonzero(crossed)
     if not generators.size:
         return csc_array((nedges, 0))
-    signs = np.repeat(FACET_SIGNS, nfacets)
-    circulation = csr_array(coo_array((signs, (facet, edge)), shape=(nfacets, nedges)))
-    circulation = circulation[_facets_but_roots(one, other, nfacets)]
+    # The circulation around one facet of a closed surface follows from all others.
+    part = connected_components_of(nfacets + 1, beside[:, rest].T)
+    number, root = np.unique(part[:nfacets], return_index=True)
+    kept = np.delete(np.arange(nfacets), root[number != part[nfacets]])
+    facet, signs = np.tile(np.arange(nfacets), 3), np.repeat(FACET_SIGNS, nfacets)
+    circulation = csr_array(coo_array((signs, (facet, around.ravel())), shape=(nfacets, nedges)))[kept]
     values = np.zeros((nedges, generators.size))
     values[generators, np.arange(generators.size)] = 1.0
     values[unknown] = splu(circulation[:, unknown].tocsc()).solve(-(circulation @ values))
     return csc_array(np.round(values))
 
 
-def _spanning_edges(ends: Ints, edge: Ints, count: int) -> Mask:
-    pairs, first = np.unique(np.sort(ends, axis=0), axis=1, return_index=True)
-    size = int(ends.max(initial=0)) + 1
-    lower, upper = pairs.astype(np.int32)  # scipy before 1.15 takes no other integers
-    graph = coo_array((edge[first] + 1.0, (lower, upper)), shape=(size, size)).tocsr()
-    chosen = np.zeros(count, dtype=bool)
+def _spanning_edges(ends: Ints) -> Mask:
+    size, chosen = int(ends.max(initial=0)) + 1, np.zeros(ends.shape[1], dtype=bool)
+    _, edge = np.unique(keys_of(ascending(*ends), size), return_index=True)
+    start, end = ends[:, edge].astype(np.int32)  # scipy before 1.15 takes no other integers
+    graph = coo_array((edge + 1.0, (start, end)), shape=(size, size)).tocsr()
     chosen[minimum_spanning_tree(graph).data.astype(np.int64) - 1] = True
     return chosen
-
-
-def _facets_but_roots(one: Ints, other: Ints, nfacets: int) -> Mask:
-    # The circulation around one facet of a closed surface follows from all others.
-    size = nfacets + 1
-    _, part = connected_components(coo_array((np.ones(one.size), (one, other)), shape=(size, size)), directed=False)
-    kept = np.ones(nfacets, dtype=bool)
-    number, first = np.unique(part[:nfacets], return_index=True)
-    kept[first[number != part[nfacets]]] = False
-    return kept
 
 
 def open_surfaces(edges: EdgeElements, crossed: Ints) -> int:
     mesh, outer = edges.mesh, edges.mesh.boundary_facets()
     corners = mesh.facets[:, outer]
-    size = mesh.p.shape[1]
-    surface = _parts(corners[:2], corners[1:], size)[corners[0]]
-    part = _parts(mesh.t[:3], mesh.t[1:], size)[corners[0]]
+    surface, part = (
+        connected_components_of(mesh.p.shape[1], np.reshape((ends[:-1], ends[1:]), (2, -1)).T)[corners[0]]
+        for ends in (corners, mesh.t)
+    )
     found = np.unique(np.stack((part, surface))[:, np.isin(outer, crossed)], axis=1)
     return int(np.bincount(found[0]).max(initial=0))
-
-
-def _parts(start: Ints, end: Ints, size: int) -> Ints:
-    graph = coo_array((np.ones(start.size), (start.ravel(), end.ravel())), shape=(size, size))
-    return connected_components(graph, directed=False)[1]
 
 
 def prescribed_flux_load(edges: EdgeElements, crossed: Ints, potential: Floats) -> Floats:

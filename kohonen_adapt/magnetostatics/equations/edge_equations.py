@@ -28,22 +28,14 @@ class EdgeDrive(Drive):
     edges: EdgeElements
     circulation: Floats  # (nedges,) in A
 
-    def _at(self, x: Floats, point: Ints, element: Ints) -> Floats:
-        if self.function is None:
-            return np.zeros((3, point.size))
-        values, outside = self.layer[:, element], np.flatnonzero(~self.iron[element])
-        x, element = x[:, point[outside]], element[outside]
-        offset = self.elements.gradient_at(self.potential, element, self.elements.barycentric(x, element))
-        values[:, outside] = self.edges.at(self.circulation, x, element) + offset
-        return values
+    def _given(self, x: Floats, point: Ints, element: Ints) -> Floats:
+        return self.edges.at(self.circulation, x[:, point], element)
 
     @property
     def mean(self) -> Floats:
         # (3, nelements)
-        if self.function is None:
-            return np.zeros((3, self.iron.size))
-        outside = self.edges.mean(self.circulation) + self.elements.gradient(self.potential)
-        return np.where(self.iron, self.layer, outside)
+        mesh = self.edges.mesh
+        return self.at(mesh.p[:, mesh.t].mean(axis=1), np.arange(self.iron.size))
 
     def work_of_difference(self, density: Floats) -> float:
         """Return ``int (Hs - T) . B`` in J for a B without divergence, (3, nelements)."""

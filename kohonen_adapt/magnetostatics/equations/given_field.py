@@ -5,15 +5,31 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.polynomial import legendre
+from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.coils.coil import Coil
+from kohonen_adapt.mesh.elements.functions import positions
+from kohonen_adapt.mesh.elements.rules import product_rule
+from kohonen_adapt.mesh.host import edges_between
 from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.problem.boundary_terms import AppliedField
 
-__all__ = ["AppliedField", "Sources", "checked_field", "circulations", "field_at", "sources_of"]
+__all__ = [
+    "FACET_SIGNS",
+    "AppliedField",
+    "Sources",
+    "checked_field",
+    "circulations",
+    "edges_around",
+    "field_at",
+    "sources_of",
+]
 
 
+FACET_EDGES = ((0, 1), (1, 2), (0, 2))
+FACET_SIGNS = np.array([1.0, 1.0, -1.0])
 # Points of Lobatto's rules along a segment: seven have an error of 5e-5 at half its length from a wire. Fewer suffice
 # farther away, where the distance from the middle to all currents is at least a number of half lengths.
 LOBATTO_POINTS = {7: 0.0, 5: 2.2, 4: 3.5, 3: 9.0}
@@ -22,11 +38,9 @@ LOBATTO_POINTS = {7: 0.0, 5: 2.2, 4: 3.5, 3: 9.0}
 def checked_field(value: Any) -> AppliedField | None:
     if value is None or callable(value):
         return value
-    if callable(getattr(value, "getH", None)):
-        return lambda x: np.reshape(value.getH(x.T), x.T.shape).T
-    if isinstance(value, list | tuple) and value and all(callable(getattr(source, "getH", None)) for source in value):
-        sources = [checked_field(source) for source in value]
-        return lambda x: sum(np.asarray(source(x)) for source in sources if source is not None)
+    sources = value if isinstance(value, list | tuple) else [value]
+    if sources and all(callable(getattr(source, "getH", None)) for source in sources):
+        return lambda x: np.sum([np.reshape(source.getH(x.T), x.T.shape).T for source in sources], axis=0)
     if np.shape(value) == (3,) and np.asarray(value).dtype.kind in "iuf" and np.all(np.isfinite(value)):
         vector = np.array(value, dtype=float)
         return lambda x: np.tile(vector[:, None], x.shape[1])
@@ -50,6 +64,15 @@ def field_at(function: AppliedField, x: Floats) -> Floats:
             "wire."
         )
     return values
+
+
+def edges_around(mesh: MeshTet, facets: Ints | slice) -> Ints:
+    """Return the edges of facets, (3, n).
+
+    `FACET_SIGNS` are their signs in a path around a facet.
+    """
+    corners = np.sort(mesh.facets[:, facets], axis=0)
+    return np.stack([edges_between(mesh, corners[i], corners[j]) for i, j in FACET_EDGES])
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,19 +109,14 @@ class Rule(NamedTuple):
     at_ends: float
 
     @classmethod
-    def gauss(cls, count: int) -> "Rule":
-        inner, weights = np.polynomial.legendre.leggauss(count)
-        return cls(0.5 * (1.0 + inner), 0.5 * weights, 0.0)
-
-    @classmethod
     def lobatto(cls, count: int) -> "Rule":
-        legendre, at_ends = np.polynomial.legendre.Legendre.basis(count - 1), 1.0 / (count * (count - 1))
-        inner = np.real(legendre.deriv().roots())
-        return cls(0.5 * (1.0 + inner), at_ends / legendre(inner) ** 2, at_ends)
+        inner, at_ends = positions(count - 1, spread=True)[1:-1], 1.0 / (count * (count - 1))
+        return cls(inner, at_ends / legendre.Legendre.basis(count - 1, [0.0, 1.0])(inner) ** 2, at_ends)
 
 
 # A function may be infinite at nodes. The fields of coils there serve several edges.
-OF_FUNCTIONS, OF_COILS = Rule.gauss(6), [Rule.lobatto(count) for count in LOBATTO_POINTS]
+(GAUSS_POINTS, GAUSS_WEIGHTS), OF_COILS = product_rule((6,)), [Rule.lobatto(count) for count in LOBATTO_POINTS]
+OF_FUNCTIONS = Rule(GAUSS_POINTS[:, 1], GAUSS_WEIGHTS, 0.0)
 
 
 def circulations(x: Floats, ends: Ints, function: AppliedField) -> tuple[Floats, Floats]:
@@ -121,14 +139,13 @@ def _circulations_of(x: Floats, ends: Ints, function: AppliedField) -> Floats:
         rules, group = OF_COILS, np.sum(np.outer(list(LOBATTO_POINTS.values()), size) <= distance, axis=0) - 1
         used, row = np.unique(ends, return_inverse=True)
         at_nodes, weight = field_at(function, x[:, used]), np.array([rule.at_ends for rule in rules])[group]
-        for values in np.moveaxis(at_nodes[:, row.reshape(ends.shape)], 1, 0):
+        for values in at_nodes[:, row.reshape(ends.shape)].swapaxes(0, 1):
             found += weight * _integrands(values, edge, size)
     for k, rule in enumerate(rules):
         rows = np.flatnonzero(group == k)
-        first, along, length, total = start[:, rows], edge[:, rows], size[rows], found[:, rows]
-        for at, weight in zip(rule.inner, rule.weights, strict=True):
-            total += weight * _integrands(field_at(function, first + at * along), along, length)
-        found[:, rows] = total
+        first, along, length = start[:, rows], edge[:, rows], size[rows]
+        for at, part in zip(rule.inner, rule.weights, strict=True):
+            found[:, rows] += part * _integrands(field_at(function, first + at * along), along, length)
     return found
 
 
