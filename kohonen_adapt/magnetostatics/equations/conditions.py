@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import coo_array, csc_array
-from scipy.sparse.csgraph import connected_components
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
@@ -14,9 +13,9 @@ from kohonen_adapt.geometry.plane.pairs import Unmatched, image_nodes
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.elements.space import Space
-from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.host import ascending, keys_of, number_facets
 from kohonen_adapt.mesh.motions import Pair
-from kohonen_adapt.mesh.names import named, named_sets, nodes_of_points
+from kohonen_adapt.mesh.names import connected_components_of, named, named_sets, nodes_of_points
 
 __all__ = ["Boundaries", "Conditions", "Value", "circle_of", "conditions_of", "fixed_values", "ties_of"]
 
@@ -158,7 +157,8 @@ def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
     mean = x.mean(axis=1, keepdims=True)
     scale = np.max(np.abs(x - mean))
     scaled = (x - mean) / scale
-    solution, _, rank, _ = np.linalg.lstsq(np.vstack((2.0 * scaled, np.ones(x.shape[1]))).T, np.sum(scaled**2, axis=0))
+    rows = np.vstack((2.0 * scaled, np.ones(x.shape[1]))).T
+    solution, _, rank, _ = np.linalg.lstsq(rows, np.sum(scaled**2, axis=0))
     centre = mean[:, 0] + scale * solution[:2]
     distance = np.hypot(*(x - centre[:, None]))
     radius = float(distance.mean())
@@ -203,50 +203,40 @@ def ties_of(elements: Space, periodic: Sequence[Pair], antiperiodic: Sequence[Pa
     facets = [np.asarray(mesh.boundaries[name]) for name, *_ in pairs]
     images = [_image_facets(mesh, rows, *nodes) for rows, nodes in zip(facets, nodes_and_images, strict=True)]
     partners, reversed_facets = (np.concatenate(part) for part in zip(*images, strict=True))
-    tied = np.concatenate(facets), partners, np.repeat(signs, [len(rows) for rows in facets])
+    tied = np.concatenate(facets), partners, np.repeat(signs, list(map(len, facets)))
     inner, inner_image = (elements.on_facets(rows)[2:] for rows in tied[:2])
     inner_image[:, reversed_facets] = inner_image[::-1, reversed_facets]
-    first = np.concatenate([*(nodes for nodes, _ in nodes_and_images), inner.ravel()])
-    second = np.concatenate([*(images for _, images in nodes_and_images), inner_image.ravel()])
-    relative_sign = np.append(
-        np.repeat(signs, [len(nodes) for nodes, _ in nodes_and_images]), np.tile(tied[2], len(inner))
-    )
+    nodes, their_images = zip(*nodes_and_images, strict=True)
+    first, second = np.concatenate((*nodes, inner.ravel())), np.concatenate((*their_images, inner_image.ravel()))
+    relative_sign = np.append(np.repeat(signs, list(map(len, nodes))), np.tile(tied[2], len(inner)))
     return Ties(*_classes(elements.doflocs.shape[1], first, second, relative_sign), first, second, relative_sign, tied)
 
 
 def _classes(count: int, first: Ints, second: Ints, relative_sign: Floats) -> tuple[Ints, Floats, Mask]:
-    master, sign = np.arange(count), np.ones(count)
-    while True:
-        before = master.copy()
-        for a, b in ((first, second), (second, first)):
-            lower = master[b] < master[a]
-            master[a[lower]], sign[a[lower]] = master[b[lower]], (relative_sign * sign[b])[lower]
-        if np.array_equal(master, before):
-            break
-    zero = np.zeros(count, dtype=bool)
-    zero[master[first[sign[first] != relative_sign * sign[second]]]] = True
-    return master, sign, zero[master]
+    # Connected components of the unknowns u, as 2 i, and -u, as 2 i + 1.
+    negative = relative_sign < 0.0
+    pairs = np.concatenate([np.stack((2 * first + k, 2 * second + (negative ^ k)), axis=1) for k in (0, 1)])
+    label = connected_components_of(2 * count, pairs)
+    lowest = np.unique(label, return_index=True)[1][label[::2]]
+    return lowest // 2, np.where(lowest % 2, -1.0, 1.0), np.equal(label[::2], label[1::2])
 
 
 def _image_facets(mesh: MeshTri, facets: Ints, nodes: Ints, images: Ints) -> tuple[Ints, Mask]:
     count = mesh.p.shape[1]
     image = np.arange(count)
     image[nodes] = images
-    ends = np.sort(image[mesh.facets[:, facets]], axis=0).astype(np.int64)
-    first, second = np.sort(mesh.facets, axis=0).astype(np.int64)
-    key = first * count + second
+    key = keys_of(ascending(*mesh.facets), count)
     order = np.argsort(key)
-    found = order[np.searchsorted(key[order], ends[0] * count + ends[1])]
+    found = order[np.searchsorted(key[order], keys_of(ascending(*image[mesh.facets[:, facets]]), count))]
     return found, image[mesh.facets[0, facets]] != mesh.facets[0, found]
 
 
 def _values_on_ties(x: Floats, ties: Ties, fixed: Mask, values: Floats) -> tuple[Mask, Floats]:
-    class_value, prescribed = np.zeros(len(values)), np.flatnonzero(fixed)
-    class_value[ties.master[prescribed]] = ties.sign[prescribed] * values[prescribed]
-    fixed_class = ties.zero.copy()
-    fixed_class[ties.master[prescribed]] = True
+    prescribed, class_value, fixed_class = np.flatnonzero(fixed), np.zeros(len(values)), ties.zero.copy()
+    master = ties.master[prescribed]
+    class_value[master], fixed_class[master] = ties.sign[prescribed] * values[prescribed], True
     all_fixed = fixed_class[ties.master]
-    shared = np.where(all_fixed & ~ties.zero, ties.sign * class_value[ties.master], 0.0)
+    shared = np.where(ties.zero, 0.0, ties.sign * class_value[ties.master])
     difference = np.abs(shared - values)[prescribed]
     if difference.size and difference.max() > CONTRADICTION * np.max(np.abs(values)):
         node = prescribed[np.argmax(difference)]
@@ -269,28 +259,26 @@ def _evaluated(name: str, value: Value, x: Floats) -> Floats:
         raise ValueError(
             f"potential of {name!r} must be a float or have shape (n,) = {x.shape[1:]}; got {result.shape}."
         )
-    everywhere = np.broadcast_to(result, x.shape[1:])
-    bad = np.count_nonzero(~np.isfinite(everywhere))
+    bad = np.count_nonzero(~np.isfinite(np.broadcast_to(result, x.shape[1:])))
     if bad:
-        raise ValueError(f"potential of {name!r} must be finite; it is not at {bad} of its {everywhere.size} nodes.")
-    return everywhere
+        raise ValueError(f"potential of {name!r} must be finite; it is not at {bad} of its {x.shape[1]} nodes.")
+    return result
 
 
 def check_anchored(
     facets: Ints, nodes: int, fixed: Mask, open_boundary: OpenBoundary | None, ties: Ties | None
 ) -> None:
-    pairs, anchored = facets, fixed[:nodes]
+    pairs, anchored = facets.T, fixed[:nodes].copy()
     if open_boundary is not None:
-        anchored = anchored | (open_boundary.matrix.diagonal()[:nodes] > 0.0)
+        anchored |= open_boundary.matrix.diagonal()[:nodes] > 0.0
     if ties is not None:
-        inside = ties.first < nodes
-        pairs, anchored = np.hstack((pairs, np.stack((ties.first[inside], ties.second[inside])))), anchored.copy()
+        tied, inside = np.stack((ties.first, ties.second), axis=1), ties.first < nodes
+        pairs = np.concatenate((pairs, tied[inside]))
         anchored[ties.first[inside & (ties.relative_sign < 0.0)]] = True  # u = -u fixes the constant
-    graph = coo_array((np.ones(pairs.shape[1], dtype=np.int8), tuple(pairs)), shape=(nodes,) * 2)
-    count, component = connected_components(graph, directed=False)
-    floating = np.setdiff1d(np.arange(count), component[anchored])
+    component = connected_components_of(nodes, pairs)
+    floating, count = np.setdiff1d(component, component[anchored]), component.max() + 1
     if floating.size:
-        node = int(np.flatnonzero(component == floating[0])[0])
+        node = np.argmax(component == floating[0])
         raise ValueError(
             f"the potential is fixed nowhere on {floating.size} of the {count} connected parts of the mesh, "
             f"first the part of node {node}. Fix it there by the name of a boundary."

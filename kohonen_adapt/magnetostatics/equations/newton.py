@@ -10,7 +10,7 @@ import numpy as np
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.equations.energy import Tangent
 from kohonen_adapt.magnetostatics.equations.system import Solver
-from kohonen_adapt.problem.energy import Energy
+from kohonen_adapt.problem.energy import TINY, Energy
 
 __all__ = ["TOLERANCE", "Newton", "NewtonStep", "NotConverged", "refuse_unconverged"]
 
@@ -128,7 +128,7 @@ class Newton:
                 break
             after = u + change
             functional, rounding = energy.value(after)
-            step = _recorded(energy, after, change, energy.residual(after), 1.0, functional, steps[-1:])
+            step, _ = _recorded(energy, after, change, 1.0, functional, steps)
             if alone and step.residual > SLOW * steps[-1].residual:
                 pause *= 2
                 wait = pause
@@ -164,48 +164,40 @@ class Newton:
                 break  # a law without a finite slope there; the last values are kept
             damping, level = _damping(energy, u, step, float(gradient @ step[free]), level)
             u = u + damping * step
-            gradient, size = energy.residual(u)
-            steps.append(_recorded(energy, u, damping * step, (gradient, size), damping, level[0], steps[-1:]))
+            taken, gradient = _recorded(energy, u, damping * step, damping, level[0], steps)
+            steps.append(taken)
             if damping < LEAST_DAMPING:
                 break
         return u, tuple(steps)
 
 
 def _damping(
-    energy: Energy, u: Floats, step: Floats, slope: float, level: tuple[float, float]
+    energy: Energy, u: Floats, step: Floats, slope: float, before: tuple[float, float]
 ) -> tuple[float, tuple[float, float]]:
-    (before, rounding), damping = level, 1.0
+    # the largest accepted fraction of a step, and the functional there with its rounding error
+    damping = 1.0
     while True:
-        after, after_rounding = energy.value(u + damping * step)
-        if after <= before + DESCENT * damping * slope + 10.0 * (rounding + after_rounding) or damping < LEAST_DAMPING:
-            return damping, (after, after_rounding)
+        after = energy.value(u + damping * step)
+        if after[0] <= before[0] + DESCENT * damping * slope + 10.0 * (before[1] + after[1]) or damping < LEAST_DAMPING:
+            return damping, after
         damping *= 0.5
 
 
 def _recorded(
-    energy: Energy,
-    u: Floats,
-    change: Floats,
-    residual: tuple[Floats, float],
-    damping: float,
-    functional: float,
-    last: Sequence[NewtonStep],
-) -> NewtonStep:
-    gradient, size = residual
-    relative = _norm(energy.conditions.to_classes(gradient)) / max(size, np.finfo(float).tiny)
-    update = _norm(change) / max(_norm(u), np.finfo(float).tiny)
-    step = NewtonStep(relative, update, damping, functional, _remaining(update, damping, last))
+    energy: Energy, u: Floats, change: Floats, damping: float, functional: float, before: Sequence[NewtonStep]
+) -> tuple[NewtonStep, Floats]:
+    # the step to u, and the gradient there
+    gradient, size = energy.residual(u)
+    relative = _norm(energy.conditions.to_classes(gradient)) / max(size, TINY)
+    update = remaining = _norm(change) / max(_norm(u), TINY)
+    if before and min(damping, before[-1].damping) == 1.0 and update < 0.5 * before[-1].update:
+        remaining = update**2 / (before[-1].update - update)
+    step = NewtonStep(relative, update, damping, functional, remaining)
     logger.debug(
         "Newton step: relative residual %.2e, relative update %.2e, damping %g, functional %.9g",
-        *(step.residual, step.update, damping, functional),
+        *(relative, update, damping, functional),
     )
-    return step
-
-
-def _remaining(update: float, damping: float, last: Sequence[NewtonStep]) -> float:
-    if not last or min(damping, last[0].damping) < 1.0 or update >= 0.5 * last[0].update:
-        return update
-    return update**2 / (last[0].update - update)
+    return step, gradient
 
 
 def _norm(values: Floats) -> float:
