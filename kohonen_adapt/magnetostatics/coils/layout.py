@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import finite_triple, point_text
 from kohonen_adapt.magnetostatics.coils.winding import Arc, Bar, Plane, Sides, Winding, crossing_side, sides_of
+from kohonen_adapt.mesh.measures import magnitude, unit_vectors
 
 __all__ = ["laid_out", "rectangle"]
 
@@ -17,7 +18,7 @@ PARALLEL = 1e-6  # sine of the angle between directions, below which they do not
 
 def laid_out(path: Floats, width: float, height: float, radius: float) -> Winding:
     size = np.ptp(path, axis=1).max()
-    step = np.linalg.norm(np.roll(path, -1, axis=1) - path, axis=0)
+    step = magnitude(np.roll(path, -1, axis=1) - path)
     if step.min() <= ROUNDING * size:
         point = point_text(path[:, np.argmin(step)])
         raise ValueError(f"path has the point {point} twice in succession; the coil closes its path by itself.")
@@ -43,9 +44,9 @@ def laid_out(path: Floats, width: float, height: float, radius: float) -> Windin
 def _frame(path: Floats, origin: Floats, size: float) -> Floats:
     arm = path - origin[:, None]
     area = 0.5 * np.cross(arm, np.roll(arm, -1, axis=1), axis=0).sum(axis=1)
-    if np.linalg.norm(area) <= FLAT * size**2:
+    if magnitude(area) <= FLAT * size**2:
         raise ValueError("path encloses no area; give the corners in succession, without crossings.")
-    normal = area / np.linalg.norm(area)
+    normal = unit_vectors(area)
     height = np.abs(normal @ arm).max()
     if height > FLAT * size:
         raise ValueError(
@@ -53,8 +54,7 @@ def _frame(path: Floats, origin: Floats, size: float) -> Floats:
             "off a plane. Give the field of another coil as applied_field."
         )
     first = path[:, 1] - path[:, 0]
-    first = first - normal * (normal @ first)
-    first = first / np.linalg.norm(first)
+    first = unit_vectors(first - normal * (normal @ first))
     return np.stack((first, np.cross(normal, first), normal))
 
 
@@ -69,7 +69,7 @@ def _mitred(y: Plane, sides: Sides, width: float) -> tuple[Bar, ...]:
         )
     inner, outer = (y + half * (1j + slope) * sides.along for half in (0.5 * width, -0.5 * width))
     corner = np.stack((inner, np.roll(inner, -1), np.roll(outer, -1), outer), axis=1)
-    return tuple(map(Bar, corner, sides.along))
+    return tuple(map(Bar, corner))
 
 
 def _rounded(y: Plane, sides: Sides, width: float, radius: float, size: float) -> tuple[Bar | Arc, ...]:
@@ -94,7 +94,7 @@ def _rounded(y: Plane, sides: Sides, width: float, radius: float, size: float) -
             _append(pieces, Arc(start[k] + to_centre * along, radius, outward, turn, width))
         if straight[k] > ROUNDING * size:
             ends, shift = start[k] + straight[k] * np.array([0.0, 1.0]) * along, 0.5j * width * along
-            pieces.append(Bar(np.concatenate((ends + shift, ends[::-1] - shift)), along))
+            pieces.append(Bar(np.concatenate((ends + shift, ends[::-1] - shift))))
     first, last = pieces[0], pieces[-1]
     if len(pieces) > 1 and isinstance(first, Arc) and isinstance(last, Arc) and first.turn == last.turn:
         _append(pieces, first)
@@ -115,14 +115,12 @@ def rectangle(centre: ArrayLike, axis: ArrayLike, length: float, width: float, a
     normal = np.array(finite_triple(axis, "axis of a coil"))
     if not normal.any():
         raise ValueError(f"axis of a coil must not be zero; got {axis!r}.")
-    if along is None:
-        first = np.eye(3)[np.argmin(np.abs(normal))]
-    else:
-        first = np.array(finite_triple(along, "along of a coil"))
+    given = np.eye(3)[np.argmin(np.abs(normal))] if along is None else along
+    first = np.array(finite_triple(given, "along of a coil"))
     second = np.cross(normal, first)
-    if np.linalg.norm(second) <= PARALLEL * np.linalg.norm(normal) * np.linalg.norm(first):
+    if magnitude(second) <= PARALLEL * magnitude(normal) * magnitude(first):
         raise ValueError(f"axis and along of a coil must be directions that differ; got {axis!r} and {along!r}.")
-    second /= np.linalg.norm(second)
-    first = np.cross(second, normal / np.linalg.norm(normal))
+    second = unit_vectors(second)
+    first = np.cross(second, unit_vectors(normal))
     signs = np.array([[-0.5, 0.5, 0.5, -0.5], [-0.5, -0.5, 0.5, 0.5]])
     return middle[:, None] + np.outer(first, length * signs[0]) + np.outer(second, width * signs[1])

@@ -1,6 +1,7 @@
 """Quadrature rules for the winding of a coil and for its bore."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -16,6 +17,9 @@ __all__ = ["Currents", "currents_of", "flux_rule"]
 # derivatives of H have logarithmic singularities. Error of an inductance: tests/magnetostatics/test_coil_quantities.py
 ALONG, ACROSS, IN_BORE, IN_HEIGHT = 12, 10, 16, 12
 SAME = 1e-9  # relative distance of equal ends
+
+
+Curve = tuple[float, float, Callable[[Floats], Floats]]  # y as a function of x between two ends
 
 
 class Currents(NamedTuple):
@@ -57,13 +61,13 @@ def _winding_rule(winding: Winding) -> tuple[Floats, Floats, Floats, Plane]:
 def _bore_rule(winding: Winding) -> tuple[Floats, Floats]:
     # Slabs between the ends of curves, each with one or more intervals across.
     curves = [curve for piece in winding.pieces for curve in _inner_curves(piece)]
-    ends = np.sort(np.array([end for curve in curves for end in curve[:2]]))
-    ends = ends[np.diff(ends, prepend=-np.inf) > SAME * (ends[-1] - ends[0])] if ends.size else ends
+    ends = np.sort([end for *both, _ in curves for end in both])
+    ends = ends[np.diff(ends, prepend=-np.inf) > SAME * np.ptp(ends)] if ends.size else ends
     (u, along), (v, across) = _clustered(IN_BORE), _clustered(IN_BORE)
     points, weights = [np.zeros(0)], [np.zeros(0)]
     for first, last in pairwise(ends):
         x, middle = first + (last - first) * u, 0.5 * (first + last)
-        level = np.sort([curve.height(x) for curve in curves if curve.start < middle < curve.end], axis=0)
+        level = np.sort([height(x) for start, end, height in curves if start < middle < end], axis=0)
         for low, high in zip(level[::2], level[1::2], strict=True):
             y = low + np.outer(v, high - low)
             points.append((x + 1j * y).ravel())
@@ -71,34 +75,23 @@ def _bore_rule(winding: Winding) -> tuple[Floats, Floats]:
     return _extruded(winding, np.concatenate(points), np.concatenate(weights))
 
 
-class _Curve(NamedTuple):
-    # y as a function of x between two ends
-    start: float
-    end: float
-    centre: complex  # of an arc, or a point of a line
-    radius: float
-    slope: float  # of a line, or the side of the centre
-
-    def height(self, x: Floats) -> Floats:
-        across = x - self.centre.real
-        if self.radius:
-            across = np.sqrt(np.maximum(self.radius**2 - across**2, 0.0))
-        return self.centre.imag + self.slope * across
-
-
-def _inner_curves(piece: Bar | Arc) -> Iterator[_Curve]:
+def _inner_curves(piece: Bar | Arc) -> Iterator[Curve]:
     if isinstance(piece, Bar):
         low, high = np.sort(piece.core)
         if high.real > low.real:
-            yield _Curve(low.real, high.real, low, 0.0, (high - low).imag / (high - low).real)
+            yield low.real, high.real, lambda x: low.imag + (high - low).imag / (high - low).real * (x - low.real)
         return
-    radius = piece.radius - 0.5 * piece.turn * piece.width
+    centre, radius = piece.centre, piece.radius - 0.5 * piece.turn * piece.width
     first, last = sorted((piece.start, piece.start + piece.extent))
     turns = np.arange(np.floor(first / np.pi) + 1.0, np.ceil(last / np.pi)) * np.pi
     for start, end in pairwise(np.r_[first, turns, last]):
-        low, high = np.sort(piece.centre.real + radius * np.cos([start, end]))
+        low, high = np.sort(centre.real + radius * np.cos([start, end]))
         if high > low:
-            yield _Curve(low, high, piece.centre, radius, float(np.sign(np.sin(0.5 * (start + end)))))
+            yield low, high, partial(_on_circle, centre, radius, np.sign(np.sin(0.5 * (start + end))))
+
+
+def _on_circle(centre: complex, radius: float, side: float, x: Floats) -> Floats:
+    return centre.imag + side * np.sqrt(np.maximum(radius**2 - (x - centre.real) ** 2, 0.0))
 
 
 def _divided(piece: Bar | Arc) -> list[Bar | Arc]:

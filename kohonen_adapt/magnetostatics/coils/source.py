@@ -66,35 +66,25 @@ def _bars_of(winding: Winding, current_density: float) -> Bars:
 
 def _polyhedra(corner: Floats, face: Ints, source: Floats) -> Bars:
     # `source` is the jump of the current density over each face, divided by 4 pi.
-    a, b, c, d = np.moveaxis(corner[face], 1, 0)
+    rows = np.flatnonzero(source.any(axis=1))
+    face, source = face[rows], source[rows]
+    a, b, c, d = corner[face].swapaxes(0, 1)
     doubled = np.stack((np.cross(b - a, c - a), np.cross(c - a, d - a)), axis=1)
-    area = np.linalg.norm(doubled, axis=2)
-    total = area.sum(axis=1)
-    rows = np.flatnonzero((total > 1e-14 * total.max(initial=0.0)) & source.any(axis=1))
-    face, source, area = face[rows], source[rows], area[rows]
-    normal = doubled[rows].sum(axis=1)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = _unit(doubled.sum(axis=1))
     weight = np.cross(source, normal)
     start, end = face, np.roll(face, -1, axis=1)
     key, inverse = np.unique(np.minimum(start, end) * len(corner) + np.maximum(start, end), return_inverse=True)
-    edge = corner[end] - corner[start]
-    length = np.linalg.norm(edge, axis=2, keepdims=True)
-    across = np.cross(edge / np.where(length > 0.0, length, 1.0), normal[:, None])
+    across = np.cross(_unit(corner[end] - corner[start]), normal[:, None])
     matrix = np.zeros((len(key), 3, 3))
     np.add.at(matrix, inverse.reshape(start.shape), weight[:, None, :, None] * across[:, :, None, :])
-    ends = np.stack((key // max(len(corner), 1), key % max(len(corner), 1)), axis=1)
+    ends = np.stack(np.divmod(key, max(len(corner), 1)), axis=1).astype(np.int32)
     length = np.linalg.norm(corner[ends[:, 1]] - corner[ends[:, 0]], axis=1)
-    kept = np.flatnonzero(length > 1e-14 * length.max(initial=0.0))
-    return Bars(
-        np.ascontiguousarray(corner),
-        ends[kept].astype(np.int32),
-        length[kept],
-        matrix[kept],
-        face.astype(np.int32),
-        normal,
-        weight,
-        area,
-    )
+    area = np.linalg.norm(doubled, axis=2)
+    return Bars(np.ascontiguousarray(corner), ends, length, matrix, face.astype(np.int32), normal, weight, area)
+
+
+def _unit(vectors: Floats) -> Floats:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
 def _arcs_of(winding: Winding, current_density: float) -> Arcs:

@@ -64,7 +64,12 @@ def is_inside(points: Plane, y: Plane) -> Mask:
 
 class Bar(NamedTuple):
     corner: Plane  # (4,): inner start, inner end, outer end, outer start
-    along: complex  # unit vector
+
+    @property
+    def along(self) -> complex:
+        """Unit vector of the direction of the path."""
+        edge = complex(self.corner[1] - self.corner[0])
+        return edge / abs(edge)
 
     @property
     def core(self) -> Plane:
