@@ -1,6 +1,6 @@
 """Energy functionals of both potentials, in the plane with the dual of a goal."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,12 +10,10 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators import residual
 from kohonen_adapt.magnetostatics.arguments import Arguments, ArgumentsInSpace
 from kohonen_adapt.magnetostatics.equations.applied_field import aligned_potential
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Conditions, Value, circle_of, conditions_of
-from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
+from kohonen_adapt.magnetostatics.equations.conditions import Conditions, Value, circle_of, conditions_of
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Inverse, Scaled
-from kohonen_adapt.magnetostatics.materials.material import Material
-from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
+from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.residuals import dual_residual_by_points, residual_by_points
@@ -52,10 +50,17 @@ def functional_for(problem: Arguments, field: Field, goal: Goal | None) -> Ritz:
     derivative = at_points(field, goal.derivative(field))
     functional = dual_functional(field, ritz, *derivative)
     dual = dual_of(problem, field, derivative)
-    primal_error, dual_error = estimates_of(field, dual)
+    if field.order > 1:
+        indicators = [residual_by_points(field, None), dual_residual_by_points(field, dual, None)]
+    else:
+        primal = field.unknown, field.coefficients.current_density, field.coefficients.flux
+        indicators = [residual(field.mesh, u, field.reluctivity, source=f, flux=g) for u, f, g in (primal, dual)]
+    primal_error, dual_error = (float(np.linalg.norm(each)) for each in indicators)
     ratio = dual_error / primal_error if primal_error * dual_error > 0.0 else 1.0
+    terms = field.unknown * field.elements.loads(dual.source, dual.load)  # Euler's theorem on homogeneous functions
+    is_linear = abs(terms.sum() - goal(field)) <= TOLERANCE * np.abs(terms).sum()
     # Parabolas omit parts of curves that change a value by as much as a goal improves in a pass.
-    comparable = not field.elements.shape.curved.any() and is_linear(field, goal, dual)
+    comparable = not field.elements.shape.curved.any() and bool(is_linear)
     return replace(ritz, dual=replace(functional, values=dual.values), share=ratio, comparable=comparable)
 
 
@@ -72,69 +77,54 @@ def dual_functional(field: Field, ritz: Ritz, source: Floats, load: Floats) -> R
             "has no functional to minimise"
         )
     robin = {name: (kappa, 0.0) for name, (kappa, _) in ritz.robin.items()}
-    tables = np.asarray(ritz.coefficient)[primal_region[first]], source[first], load[:, point]
-    values = np.zeros(np.size(ritz.values))
-    return Ritz(values, ritz.fixed, *tables, region, order=ritz.order, robin=robin, signs=ritz.signs)
-
-
-def estimates_of(field: Field, dual: Dual) -> tuple[float, float]:
-    if field.order > 1:
-        indicators = [residual_by_points(field, None), dual_residual_by_points(field, dual, None)]
-    else:
-        primal = field.unknown, field.coefficients.current_density, field.coefficients.flux
-        indicators = [residual(field.mesh, u, field.reluctivity, source=f, flux=g) for u, f, g in (primal, dual)]
-    primal_norm, dual_norm = (float(np.linalg.norm(each)) for each in indicators)
-    return primal_norm, dual_norm
-
-
-def is_linear(field: Field, goal: Goal, dual: Dual) -> bool:
-    terms = field.unknown * field.elements.loads(dual.source, dual.load)  # Euler's theorem on homogeneous functions
-    return bool(abs(terms.sum() - goal(field)) <= TOLERANCE * np.abs(terms).sum())
+    return replace(
+        ritz,
+        coefficient=np.asarray(ritz.coefficient)[primal_region[first]],
+        source=source[first],
+        flux=load[:, point],
+        region=region,
+        robin=robin,
+    )
 
 
 def functional_of(problem: Arguments, field: Field) -> Ritz:
-    coefficients, boundaries = field.coefficients, problem.boundaries
-    conditions = conditions_of(field.elements, boundaries, field.symmetry, anchored=True)
+    coefficients, boundaries, symmetry = field.coefficients, problem.boundaries, field.symmetry
+    conditions = conditions_of(field.elements, boundaries, symmetry, anchored=True)
     present, first, region = coefficients.present(problem.materials)
-    varies = any(material.turns for material in present.values())
-    symmetry, extent = field.symmetry, field.symmetry.extent
-    flux: Flux = _flux_of(present, symmetry) if varies else symmetry.flux(coefficients.coercivity[:, first])
-    laws: tuple[EnergyLaw | None, ...] = ()
-    if coefficients.nonlinear_materials:
-        laws = tuple(material.bh for material in present.values())
+    flux: Flux = symmetry.flux(coefficients.coercivity[:, first])
+    if any(material.turns for material in present.values()):
+
+        def flux(x: Floats, index: Ints) -> Floats:
+            return symmetry.flux(coercivity_at(present, x, index))
+
+    laws: Sequence[EnergyLaw | None] = [material.bh for material in present.values()]
     if field.axisymmetric:
-        own = [material.bh for material in present.values() if material.bh is not None]
-        scaled = {id(law): Scaled(law, extent) for law in own}  # equal laws stay identical
-        laws = tuple(scaled.get(id(law)) for law in laws)
-    tables = extent * coefficients.reluctivity[first], symmetry.source(coefficients.current_density[first]), flux
-    order, around_axis = field.elements.order, field.axisymmetric
-    robin, signs = robin_of(field, boundaries), signs_of(boundaries)
-    return Ritz(field.unknown, conditions.fixed, *tables, region, laws, order, around_axis, robin, signs=signs)
+        own = (material.bh for material in present.values() if material.bh is not None)
+        scaled = {id(law): Scaled(law, symmetry.extent) for law in own}
+        laws = [scaled.get(id(law)) for law in laws]  # equal laws stay identical
+    robin, name = dict[str, tuple[float, Value]](), boundaries.open_boundary
+    if name is not None:
+        centre, radius = circle_of(field.mesh, name)
 
+        def load(x: Floats) -> Floats:
+            applied, dimension = symmetry.uniform(x, centre, boundaries.applied_field)
+            return symmetry.extent * dimension / radius * applied
 
-def signs_of(boundaries: Boundaries) -> dict[tuple[str, str], int]:
-    return {
-        (pair[0], pair[1]): sign
-        for sign, pairs in ((1, boundaries.periodic), (-1, boundaries.antiperiodic))
-        for pair in pairs
-    }
-
-
-def robin_of(field: Field, boundaries: Boundaries) -> dict[str, tuple[float, Value]]:
-    name = boundaries.open_boundary
-    if name is None:
-        return {}
-    (centre, radius), extent = circle_of(field.mesh, name), field.symmetry.extent
-
-    def load(x: Floats) -> Floats:
-        applied, dimension = field.symmetry.uniform(x, centre, boundaries.applied_field)
-        return extent * dimension / radius * applied
-
-    return {name: (extent / (VACUUM_PERMEABILITY * radius), load)}
-
-
-def _flux_of(materials: Mapping[str, Material], symmetry: Symmetry) -> Callable[[Floats, Ints], Floats]:
-    return lambda x, index: symmetry.flux(coercivity_at(materials, x, index))
+        robin[name] = symmetry.extent / (VACUUM_PERMEABILITY * radius), load
+    signed = ((1, boundaries.periodic), (-1, boundaries.antiperiodic))
+    return Ritz(
+        field.unknown,
+        conditions.fixed,
+        symmetry.extent * coefficients.reluctivity[first],
+        symmetry.source(coefficients.current_density[first]),
+        flux,
+        region,
+        laws if coefficients.nonlinear_materials else (),
+        field.order,
+        field.axisymmetric,
+        robin,
+        signs={(pair[0], pair[1]): sign for sign, pairs in signed for pair in pairs},
+    )
 
 
 HIGHEST_IN_SPACE = 2  # order of tetrahedra that the polish takes
@@ -145,29 +135,28 @@ FunctionalOn = Callable[[MeshTet], tuple[Energy, SolidField]]
 def functional_in_space(problem: ArgumentsInSpace, field: SolidField, functional_on: FunctionalOn) -> Ritz:
     if field.order > HIGHEST_IN_SPACE:
         raise NotOffered(f"tetrahedra of order {field.order} are not polished, only tetrahedra of order 1 and 2")
-    coefficients_of_mesh = field.coefficients
-    present, first, region = coefficients_of_mesh.present(problem.materials)
-    if any(material.turns and material.bh is not None for material in present.values()):
+    coefficients = field.coefficients
+    present, first, region = coefficients.present(problem.materials)
+    turning = [material for material in present.values() if material.turns]
+    if any(material.bh is not None for material in turning):
         raise NotOffered("nonlinear magnets that vary in a region have no functional to minimise")
-    varies = any(material.turns for material in present.values())
-    if field.order > 1 and varies:
+    if field.order > 1 and turning:
         raise NotOffered("tetrahedra of order 2 are polished beside constant magnets")
-    mu, coercivity = 1.0 / coefficients_of_mesh.reluctivity[first], coefficients_of_mesh.coercivity[:, first]
-    flux: Flux = np.where([material.bh is None for material in present.values()], mu * coercivity, 0.0)
-    if varies:
+    mu, coercivity = 1.0 / coefficients.reluctivity[first], coefficients.coercivity[:, first]
+    laws = tuple(None if material.bh is None else Inverse(material.bh) for material in present.values())
+    flux: Flux = np.where([law is None for law in laws], mu * coercivity, 0.0)
+    if turning:
 
         def flux(x: Floats, index: Ints) -> Floats:
             return mu[index] * coercivity_at(present, x, index)
 
-    laws = tuple(None if material.bh is None else Inverse(material.bh) for material in present.values())
     return Ritz(
         field.unknown,
         problem.conditions_of(field).fixed,
         mu,
-        0.0,
-        flux,
-        region,
-        laws if coefficients_of_mesh.nonlinear_materials else (),
+        flux=flux,
+        region=region,
+        laws=laws if coefficients.nonlinear_materials else (),
         order=field.order,
         shift=coercivity,
         surface=surface_terms(problem, field, ~field.drive.iron[first], functional_on),

@@ -10,7 +10,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.problem.functional_value import parts_of_element, source_rule
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.problem.tables import flux_at, source_at, value_by_region
+from kohonen_adapt.problem.tables import constants_at, flux_at, source_at
 
 __all__ = ["Doubt", "UnresolvedData", "doubt_about"]
 
@@ -76,7 +76,7 @@ def doubt_about(corners: Floats, region: Ints, ritz: Ritz) -> Doubt:
     edges = corners[:, :, None] - corners[:, None]
     longest = np.sum(edges**2, axis=0).max(axis=(0, 1))
     size = np.abs(np.linalg.det(edges[:, 0, 1:].transpose(2, 0, 1))) / (2.0 if len(corners) == 2 else 6.0)
-    stiffness = value_by_region(np.asarray(ritz.coefficient), region)
+    stiffness = constants_at(ritz.coefficient, region)
     if ritz.axisymmetric:
         stiffness = stiffness / corners[0].mean(axis=0)
     # Hat functions are at most 1. On triangles their slope times the area is at most half the longest edge.

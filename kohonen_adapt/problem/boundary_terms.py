@@ -23,7 +23,6 @@ __all__ = [
     "checked_conditions",
     "checked_surface",
     "corner_values",
-    "facet_terms",
     "nodal_terms",
     "reduced_regions",
     "robin_value",
@@ -70,46 +69,6 @@ def sides_of_boundary(mesh: MeshTri, name: str) -> tuple[Ints, Ints]:
     return element, np.argmin(beside, axis=1)
 
 
-def facet_terms(
-    ends: Floats, order: int, terms: tuple[float, Load], axisymmetric: bool = False, offset: Floats | None = None
-) -> tuple[Floats, Floats]:
-    """Return A (f, k, k) and b (f, k) of the terms ``c . A c / 2 - b . c`` of facets.
-
-    The coefficients c are in the order of `traces_at`. `ends` has shape (f, 2, 2), and `offset`, shape (f, 2), contains
-    the midside offsets. The load is interpolated at the unknowns. Around an axis both integrals have the factor 1 / x.
-    """
-    coefficient, load = terms
-    offset = np.zeros_like(ends[:, 0]) if offset is None else offset
-    fraction = np.append([0.0, 1.0], np.arange(1, order) / order)
-    loads = evaluate_load(_points_on_facets(ends, offset, fraction).reshape(-1, 2).T, load).reshape(-1, order + 1)
-    mass = _masses(ends, order, offset, axisymmetric)
-    if axisymmetric:
-        factor = axis_factors(ends, fraction)
-        loads = loads / np.where(factor > 0.0, factor, 1.0)
-    interpolant = np.linalg.solve(traces_at(fraction, order), loads.T)
-    return coefficient * mass, np.einsum("fij,jf->fi", mass, interpolant)
-
-
-def _points_on_facets(ends: Floats, offset: Floats, fraction: Floats) -> Floats:
-    position = ends[:, :1] + fraction[:, None] * (ends[:, 1:] - ends[:, :1])
-    return position + 4.0 * (fraction * (1.0 - fraction))[:, None] * offset[:, None]
-
-
-def _masses(ends: Floats, order: int, offset: Floats, axisymmetric: bool) -> Floats:
-    """Return the mass matrices of facets, around an axis with the factor 1 / x."""
-    traces, chord = traces_at(AT, order), ends[:, 1] - ends[:, 0]
-    tangent = chord[:, None] + 4.0 * (1.0 - 2.0 * AT)[:, None] * offset[:, None]
-    measure = WEIGHTS * np.hypot(*tangent.transpose(2, 0, 1))
-    if axisymmetric:
-        measure = measure * axis_factors(ends, AT) ** 2 / _points_on_facets(ends, offset, AT)[:, :, 0]
-    return np.einsum("qi,qj,fq->fij", traces, traces, measure)
-
-
-def axis_factors(ends: Floats, fraction: Floats) -> Floats:
-    at_axis = on_axis(ends[:, :, 0])
-    return 1.0 - at_axis[:, :1] * (1.0 - fraction) - at_axis[:, 1:] * fraction
-
-
 def terms_of_sides(
     corners: Floats,
     sides: tuple[Ints, Ints],
@@ -118,15 +77,33 @@ def terms_of_sides(
     axisymmetric: bool,
     offset: Floats | None,
 ) -> tuple[tuple[Ints, Ints], Floats, Floats]:
-    """Return the places (f, k) of coefficients on sides, and their `facet_terms`.
+    """Return A (f, k, k) and b (f, k) of the terms ``c . A c / 2 - b . c`` of sides.
 
+    Before them are returned the places (f, k) of the coefficients c, which are indices of coefficients (k, m).
     `corners` and the midside offsets `offset` have shape (2, 3, m), `sides` contains elements and opposite corners
-    (f,). Places are indices of coefficients (k, m).
+    (f,). The load is interpolated at the unknowns. Around an axis both integrals have the factor 1 / x.
     """
-    e, k = sides
-    ends = np.stack([corners[:, (k + 1) % 3, e].T, corners[:, (k + 2) % 3, e].T], axis=1)
-    matrix, load = facet_terms(ends, order, terms, axisymmetric, None if offset is None else offset[:, k, e].T)
-    return (trace_columns(k, order), e[:, None]), matrix, load
+    (element, k), (coefficient, load) = sides, terms
+    start, end = (corners[:, (k + turn) % 3, element][..., None] for turn in (1, 2))
+    bow = np.zeros_like(start) if offset is None else 4.0 * offset[:, k, element][..., None]
+    at_axis = on_axis(np.hstack((start[0], end[0]))) & axisymmetric
+
+    def points(fraction: Floats) -> tuple[Floats, Floats]:
+        # with the factor s, which is 0 on the axis
+        factor = 1.0 - at_axis[:, :1] * (1.0 - fraction) - at_axis[:, 1:] * fraction
+        return start + fraction * (end - start) + fraction * (1.0 - fraction) * bow, factor
+
+    x, factor = points(AT)
+    measure = WEIGHTS * np.hypot(*(end - start + (1.0 - 2.0 * AT) * bow))
+    if axisymmetric:
+        measure = measure * factor**2 / x[0]
+    traces, fraction = traces_at(AT, order), np.append([0.0, 1.0], np.arange(1, order) / order)
+    mass = np.einsum("qi,qj,fq->fij", traces, traces, measure)
+    x, factor = points(fraction)
+    loads = evaluate_load(x.reshape(2, -1), load).reshape(factor.shape) / np.where(factor > 0.0, factor, 1.0)
+    interpolant = np.linalg.solve(traces_at(fraction, order), loads.T)
+    places = trace_columns(k, order), element[:, None]
+    return places, coefficient * mass, np.einsum("fij,jf->fi", mass, interpolant)
 
 
 def robin_value(

@@ -104,7 +104,8 @@ def ritz_of(problem: CheckedProblem, mesh: Mesh, solution: Any) -> Ritz:
     try:
         method = problem.optional("ritz")
     except NotOffered as reason:
-        if is_vector_valued(mesh, solution):
+        size = np.size(solution) if isinstance(solution, np.ndarray) else 0
+        if size >= 2 * mesh.nvertices and all(size != count_unknowns(mesh, order) for order in (1, 2, 3, 4)):
             raise NotOffered(f"{reason}; {VECTORS}") from None
         raise
     ritz = method(mesh, solution)
@@ -113,11 +114,6 @@ def ritz_of(problem: CheckedProblem, mesh: Mesh, solution: Any) -> Ritz:
     if ritz.order != problem.order:
         raise NotOffered(f"the order of Ritz is {ritz.order}, the order of the problem is {problem.order}")
     return ritz
-
-
-def is_vector_valued(mesh: Mesh, solution: Any) -> bool:
-    size = np.size(solution) if isinstance(solution, np.ndarray) else 0
-    return size >= 2 * mesh.nvertices and size not in {count_unknowns(mesh, order) for order in (1, 2, 3, 4)}
 
 
 def curves_of(problem: CheckedProblem, mesh: Mesh, given: Mapping[str, Any] | None) -> Mapping[str, Any] | None:

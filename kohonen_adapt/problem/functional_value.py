@@ -31,8 +31,8 @@ from kohonen_adapt.problem.boundary_terms import (
     surface_work,
 )
 from kohonen_adapt.problem.energy import Densities, Energy
-from kohonen_adapt.problem.ritz import Flux, Ritz, check_matches, parts_of, plane_only_term
-from kohonen_adapt.problem.tables import flux_at, flux_table, source_at, value_by_region
+from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of, plane_only_term
+from kohonen_adapt.problem.tables import constants_at, flux_at, source_at
 
 __all__ = [
     "coefficients_on",
@@ -50,7 +50,6 @@ __all__ = [
     "source_loads",
     "source_rule",
     "value_on",
-    "vectors_of",
 ]
 
 Source = Callable[[Floats, Ints], ArrayLike]
@@ -65,18 +64,17 @@ IN_SPACE = {1: 7, 2: 8}  # degree of the rule of a source, by order; the rule of
 def functional_value(mesh: Mesh, ritz: Ritz) -> float:
     if mesh.dim() == TETRAHEDRON.dim and plane_only_term(ritz):
         raise ValueError(f"Ritz cannot be evaluated on tetrahedra: {plane_only_term(ritz)}.")
-    return sum(value_of_part(mesh, part) for part in parts_of(ritz))
-
-
-def value_of_part(mesh: Mesh, ritz: Ritz) -> float:
-    check_matches(ritz, mesh)
-    number, corners = numbers_of(ritz, mesh), mesh.p[:, mesh.t]
-    coefficients, offset = coefficients_on(mesh, ritz, number), offsets_on(mesh, ritz)
-    total = value_on(corners, coefficients, number, ritz, offset)
-    for name, terms in ritz.robin.items():
-        sides = sides_of_boundary(mesh, name)
-        total += robin_value(corners, coefficients, sides, terms, ritz.axisymmetric, offset)
-    return total - surface_work(np.asarray(ritz.values), nodal_terms(ritz.surface))
+    total = 0.0
+    for part in parts_of(ritz):
+        check_matches(part, mesh)
+        number, corners = numbers_of(part, mesh), mesh.p[:, mesh.t]
+        coefficients, offset = coefficients_on(mesh, part, number), offsets_on(mesh, part)
+        total += value_on(corners, coefficients, number, part, offset)
+        for name, terms in part.robin.items():
+            sides = sides_of_boundary(mesh, name)
+            total += robin_value(corners, coefficients, sides, terms, part.axisymmetric, offset)
+        total -= surface_work(np.asarray(part.values), nodal_terms(part.surface))
+    return total
 
 
 def numbers_of(ritz: Ritz, mesh: Mesh) -> Ints:
@@ -140,7 +138,7 @@ def energy_on(functions: ElementFunctions, number: Ints, ritz: Ritz, load: Float
     """Return the functional of coefficients (k, m) with a load (k, m)."""
     at = number[functions.element]
     x = functions.points[0] if ritz.axisymmetric else 1.0
-    shift = vectors_of(ritz.shift, at, functions.dim) if any(ritz.laws) and np.any(ritz.shift) else None
+    shift = constants_at(ritz.shift, at, functions.dim) if any(ritz.laws) and np.any(ritz.shift) else None
     given = None if shift is None else -np.where(has_law(ritz, at), shift, 0.0)
     return Energy(functions, densities_of(ritz, at, functions.weights, x), load, given=given)
 
@@ -148,14 +146,7 @@ def energy_on(functions: ElementFunctions, number: Ints, ritz: Ritz, load: Float
 def densities_of(ritz: Ritz, number: Ints, weights: Floats | float = 1.0, x: Floats | float = 1.0) -> Densities:
     """Return the energy densities of a `Ritz` at points of regions (n,)."""
     laws = [(law, np.flatnonzero(number == k)) for k, law in enumerate(ritz.laws) if law is not None]
-    return Densities(weights, value_by_region(np.asarray(ritz.coefficient), number) * np.ones(number.size), laws, x)
-
-
-def vectors_of(table: Flux, number: Ints, dim: int) -> Floats:
-    """Return a constant vector of every region at points of regions (n,), (d, n)."""
-    return np.stack(
-        [value_by_region(part, number) * np.ones(number.size) for part in flux_table(np.asarray(table), dim)]
-    )
+    return Densities(weights, constants_at(ritz.coefficient, number), laws, x)
 
 
 def integrand(slope: Floats, number: Ints, ritz: Ritz) -> tuple[Floats, Floats]:
@@ -163,8 +154,8 @@ def integrand(slope: Floats, number: Ints, ritz: Ritz) -> tuple[Floats, Floats]:
 
     Gradients `slope` and the derivatives by gradients have shape (3, n).
     """
-    densities, flux = densities_of(ritz, number), vectors_of(ritz.flux, number, len(slope))
-    own = slope - np.where(has_law(ritz, number), vectors_of(ritz.shift, number, len(slope)), 0.0)
+    densities, flux = densities_of(ritz, number), constants_at(ritz.flux, number, len(slope))
+    own = slope - np.where(has_law(ritz, number), constants_at(ritz.shift, number, len(slope)), 0.0)
     size = magnitude(own)
     return densities.density(size) - np.sum(flux * slope, axis=0), densities.secant(size) * own - flux
 
@@ -182,9 +173,9 @@ def loads_on(
         flux = flux_at(inner_points(functions.corners), number, ritz.flux).mean(axis=1)
         of_flux = functions.against_gradients(flux[:, functions.element])
     elif np.any(ritz.flux):
-        of_flux = functions.against_gradients(vectors_of(ritz.flux, number[functions.element], functions.dim))
+        of_flux = functions.against_gradients(constants_at(ritz.flux, number[functions.element], functions.dim))
     if not callable(ritz.source):
-        return functions.integrals * value_by_region(np.asarray(ritz.source), number), of_flux
+        return functions.integrals * constants_at(ritz.source, number), of_flux
     return source_loads(functions, number, ritz.source, coefficients), of_flux
 
 

@@ -228,17 +228,22 @@ class Ritz:
         coefficient = checked_constants("coefficient", self.coefficient, (), region)
         if not np.all(coefficient > 0.0):
             raise ValueError(f"coefficient of Ritz must be > 0; got {coefficient.min()}.")
-        source = self.source if callable(self.source) else checked_constants("source", self.source, (), region)
-        flux = self.flux if callable(self.flux) else checked_flux(self.flux, region)
-        shift = checked_flux(self.shift, region, "shift")
         # Copies, so that later changes of the caller's arrays do not change the functional.
-        names = ("values", "fixed", "coefficient", "source", "flux", "region", "laws", "shift")
-        laws = checked_laws(self.laws, region)
-        for name, own in zip(names, (values, fixed, coefficient, source, flux, region, laws, shift), strict=True):
-            object.__setattr__(self, name, own)
+        own = {
+            "values": values,
+            "fixed": fixed,
+            "coefficient": coefficient,
+            "source": self.source if callable(self.source) else checked_constants("source", self.source, (), region),
+            "flux": self.flux if callable(self.flux) else checked_flux(self.flux, region),
+            "region": region,
+            "laws": checked_laws(self.laws, region),
+            "shift": checked_flux(self.shift, region, "shift"),
+            "robin": checked_conditions(self.robin),
+            "signs": checked_signs(self.signs),
+        }
+        for name, value in own.items():
+            object.__setattr__(self, name, value)
         checked_surface(self.surface, len(values), region)
-        object.__setattr__(self, "robin", checked_conditions(self.robin))
-        object.__setattr__(self, "signs", checked_signs(self.signs))
         _check_dual(self)
 
 
@@ -275,17 +280,17 @@ def _check_dual(ritz: Ritz) -> None:
 def parts_of(ritz: Ritz) -> tuple[Ritz, ...]:
     if ritz.dual is None:
         return (ritz,)
-    primal, dual = replace(ritz, dual=None), replace(ritz.dual, signs=ritz.signs)
-    return _scaled(ritz.share, primal), _scaled(1.0 / ritz.share, dual)
 
-
-def _scaled(factor: float, ritz: Ritz) -> Ritz:
-    def scaled(given: Any) -> Any:
+    def scaled(factor: float, given: Any) -> Any:
         return (lambda *at: factor * np.asarray(given(*at))) if callable(given) else factor * np.asarray(given)
 
-    constants = {name: scaled(getattr(ritz, name)) for name in ("coefficient", "source", "flux")}
-    robin = {name: (factor * kappa, scaled(load)) for name, (kappa, load) in ritz.robin.items()}
-    return replace(ritz, robin=robin, **constants)
+    primal, dual = replace(ritz, dual=None), replace(ritz.dual, signs=ritz.signs)
+    found = []
+    for factor, part in ((ritz.share, primal), (1.0 / ritz.share, dual)):
+        constants = {name: scaled(factor, getattr(part, name)) for name in ("coefficient", "source", "flux")}
+        robin = {name: (factor * kappa, scaled(factor, load)) for name, (kappa, load) in part.robin.items()}
+        found.append(replace(part, robin=robin, **constants))
+    return tuple(found)
 
 
 def check_matches(ritz: Ritz, mesh: Mesh) -> None:

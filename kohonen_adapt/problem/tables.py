@@ -1,7 +1,7 @@
 """Validation and evaluation of the data of a Ritz functional."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,11 +19,13 @@ __all__ = [
     "checked_laws",
     "checked_regions",
     "checked_signs",
+    "constants_at",
     "flux_at",
     "flux_table",
     "source_at",
-    "value_by_region",
 ]
+
+Varying = Callable[[Floats, Ints], ArrayLike]  # of x (d, n) and region numbers (n,)
 
 AXIS_TOLERANCE = 1e-12  # of the largest x: rounding error of a node on the axis
 
@@ -138,29 +140,34 @@ def check_axis(values: Floats, fixed: Mask, mesh: MeshTri) -> None:
         )
 
 
-def value_by_region(table: Floats, region: Ints) -> Floats:
-    return table if table.ndim == 0 else table[region]
+def constants_at(table: Any, region: Ints | int, *shape: int) -> Floats:
+    """Return constants of a shape at points of regions (n,), (*shape, n).
+
+    The table has one column per region, or one value for all.
+    """
+    array, points = np.asarray(table, dtype=float), np.shape(region)
+    found = array[..., region] if array.ndim > len(shape) else array[(..., *(None for _ in points))]
+    return np.broadcast_to(found, (*shape, *points))
 
 
-def flux_at(x: Floats, region: Ints, flux: Callable[[Floats, Ints], ArrayLike]) -> Floats:
-    """Return a varying flux at points x of elements, shape (2, k, m)."""
-    flat = x.reshape(2, -1)
-    values = np.asarray(flux(flat, np.tile(region, x.shape[1])), dtype=float)
-    if values.shape != flat.shape:
-        raise ValueError(f"flux of Ritz must return the shape of x, (2, n) = {flat.shape}; got {values.shape}.")
-    bad = np.flatnonzero(~np.isfinite(values).all(axis=0))
-    if bad.size:
-        raise ValueError(f"flux of Ritz must be finite; it is not at {bad.size} points, first {flat[:, bad[0]]}.")
-    return values.reshape(x.shape)
+def reader_of(name: str, expected: str, rank: int) -> Callable[[Floats, Ints, Varying], Floats]:
+    """Return a function that evaluates varying data at points of elements.
+
+    The points have shape (d, k, m). The values have shape (k, m) if `rank` is 1, and (d, k, m) if it is 2.
+    """
+
+    def at(x: Floats, region: Ints, function: Varying) -> Floats:
+        flat = x.reshape(len(x), -1)
+        values = np.asarray(function(flat, np.tile(region, x.shape[1])), dtype=float)
+        if values.shape != flat.shape[-rank:]:
+            raise ValueError(f"{name} of Ritz must return {expected} = {flat.shape[-rank:]}; got {values.shape}.")
+        bad = np.flatnonzero(~np.isfinite(np.atleast_2d(values)).all(axis=0))
+        if bad.size:
+            first = flat[:, bad[0]]
+            raise ValueError(f"{name} of Ritz must be finite; it is not at {bad.size} points, first {first}.")
+        return values.reshape(x.shape[-rank - 1 :])
+
+    return at
 
 
-def source_at(x: Floats, region: Ints, source: Callable[[Floats, Ints], ArrayLike]) -> Floats:
-    """Return a varying source at points x (d, k, m) of elements, shape (k, m)."""
-    flat = x.reshape(len(x), -1)
-    values = np.asarray(source(flat, np.tile(region, x.shape[1])), dtype=float)
-    if values.shape != flat.shape[1:]:
-        raise ValueError(f"source of Ritz must return an array of shape (n,) = {flat.shape[1:]}; got {values.shape}.")
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size:
-        raise ValueError(f"source of Ritz must be finite; it is not at {bad.size} points, first {flat[:, bad[0]]}.")
-    return values.reshape(x.shape[1:])
+source_at, flux_at = reader_of("source", "an array of shape (n,)", 1), reader_of("flux", "the shape of x, (2, n)", 2)

@@ -39,7 +39,7 @@ from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.problem.boundary_terms import corner_values, reduced_regions
 from kohonen_adapt.problem.functional_value import integrand
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.problem.tables import value_by_region
+from kohonen_adapt.problem.tables import constants_at
 
 __all__ = ["CurvedEdges", "CurvedFaces"]
 
@@ -106,7 +106,7 @@ class CurvedFaces:
         sources = (
             np.nan if callable(ritz.source) else np.asarray(ritz.source)
         )  # a function may jump anywhere, and nan != nan
-        source = np.broadcast_to(value_by_region(np.asarray(sources), number), number.shape)[elements.region]
+        source = constants_at(sources, number)[elements.region]
         source_across = np.where(across >= 0, source[across], 0.0)
         ends = np.where(outer | (across >= 0), source[e] != source_across, source[e] != 0.0)
         level = np.abs(values[np.take_along_axis(elements.node[e], FACES[k], axis=1)]).max(axis=1, initial=0.0)
@@ -154,7 +154,7 @@ class CurvedFaces:
                 hats = TETRAHEDRON.hat_gradients(tangent)
                 normal = -0.5 * TETRAHEDRON.determinant(tangent) * hats[:, k]
                 slope = np.einsum("dcm,cm->dm", hats[:, 1:], rate.T @ own)
-                source = value_by_region(np.asarray(self.ritz.source), region) * (value @ own)
+                source = constants_at(self.ritz.source, region) * (value @ own)
                 density, field = integrand(slope, region, self.ritz)
                 across = np.sum(field * normal, axis=0) * np.sum(slope * move, axis=0)
                 found[used[rows], k] += weight * ((density - source) * np.sum(move * normal, axis=0) - across)

@@ -48,10 +48,10 @@ from kohonen_adapt.problem.boundary_terms import (
     reduced_regions,
     surface_work,
 )
-from kohonen_adapt.problem.functional_value import has_law, source_loads, value_on, vectors_of
+from kohonen_adapt.problem.functional_value import has_law, source_loads, value_on
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz, check_matches, plane_only_term
-from kohonen_adapt.problem.tables import flux_table
+from kohonen_adapt.problem.tables import constants_at, flux_table
 
 __all__ = ["SolidFunctional", "terms_at_nodes"]
 
@@ -280,7 +280,7 @@ def steepest(tet: Tetrahedralization, function: TrialFunction, ritz: Ritz, numbe
     node, region = tet.elements.node[tet.used].T, number[tet.elements.region[tet.used]]
     corners = tet.position.T[:, node]
     on_corners = corner_values(function.values, function.surface, node, reduced_regions(ritz.surface, region))
-    modes, shift = function.modes, np.where(has_law(ritz, region), vectors_of(ritz.shift, region, 3), 0.0)
+    modes, shift = function.modes, np.where(has_law(ritz, region), constants_at(ritz.shift, region, 3), 0.0)
     coefficients = on_corners if modes is None else np.vstack([on_corners, modes.side[tet.used, :, 0].T])
     slopes, hats = hierarchical(np.eye(4), ritz.order)[1], TETRAHEDRON.hat_gradients(corners)[:, 1:]
     fields = np.einsum("dcm,kcq,km->dqm", hats, slopes, coefficients, optimize=True)
