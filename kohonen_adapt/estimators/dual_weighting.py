@@ -1,25 +1,21 @@
 """Dual-weighted error estimates for a functional of the solution, the goal."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import Basis, BilinearForm, LinearForm, Mesh, condense, solve
-from skfem.helpers import dot, grad
+from skfem import Mesh, solve
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.estimators.discrete_flux import DiscreteFlux, Given, of_dual
+from kohonen_adapt.estimators.discrete_flux import DiscreteFlux, discrete_flux, of_dual
 from kohonen_adapt.estimators.equilibration import equilibrated_correction, fixed_nodes
-from kohonen_adapt.estimators.recovery_estimator import recovered_correction
-from kohonen_adapt.estimators.residual_estimator import HIGHER_SCALES, ProblemOfOrder
+from kohonen_adapt.estimators.recovery_estimator import recovered_correction, regions_of
+from kohonen_adapt.estimators.residual_estimator import HIGHER_SCALES, residual_of
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of, check_kind
-from kohonen_adapt.mesh.elements.functions import KINDS
+from kohonen_adapt.mesh.elements.functions import nodes
+from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["goal_error", "goal_oriented"]
-
-CURVED = 2  # additional degrees of the quadrature in elements with curved sides
 
 Arguments = tuple[ArrayLike, ArrayLike | None, ArrayLike | None]  # nodal values, source and flux of one problem
 
@@ -107,8 +103,7 @@ def goal_oriented(
     order = _order_of(mesh, potential)
     if order == 1:
         return np.sqrt(np.abs(_contributions(mesh, reluctivity, fixed, region, primal, weight)))
-    problem = ProblemOfOrder(mesh, order, reluctivity)
-    product = problem.residual(problem.given(*primal)) * problem.residual(_given_dual(problem, weight))
+    product = np.multiply(*map(residual_of, _primal_and_dual(mesh, reluctivity, order, primal, weight)))
     return HIGHER_SCALES[order] * np.sqrt(product)
 
 
@@ -179,8 +174,7 @@ def goal_error(
         parts = _contributions(mesh, reluctivity, fixed, region, primal, weight)
         if cell_of(mesh) is not TRIANGLE:
             return float(np.sum(parts))
-    problem = ProblemOfOrder(mesh, order, reluctivity)
-    return _weighted_residual(problem, problem.given(*primal), _given_dual(problem, weight), fixed)
+    return _weighted_residual(*_primal_and_dual(mesh, reluctivity, order, primal, weight), fixed)
 
 
 def _order_of(mesh: Mesh, potential: ArrayLike) -> int:
@@ -189,9 +183,13 @@ def _order_of(mesh: Mesh, potential: ArrayLike) -> int:
     return next((order for order in (2, 3) if np.size(potential) == count_unknowns(mesh, order)), 1)
 
 
-def _given_dual(problem: ProblemOfOrder, dual: Arguments) -> Given:
+def _primal_and_dual(
+    mesh: Mesh, reluctivity: ArrayLike, order: int, primal: Arguments, dual: Arguments
+) -> tuple[DiscreteFlux, DiscreteFlux]:
+    (u, *data), (z, *dual_data) = primal, dual
+    first = discrete_flux(mesh, u, reluctivity, data[0], data[1], order)
     with of_dual():
-        return problem.given(*dual)
+        return first, discrete_flux(mesh, z, reluctivity, dual_data[0], dual_data[1], order)
 
 
 def _contributions(
@@ -203,47 +201,32 @@ def _contributions(
     dual: Arguments,
 ) -> Floats:
     """Return the signed ``int_K t_u . t_z / nu`` of every element, in the unit of J."""
-
-    def correction(problem: Arguments, material: ArrayLike | None) -> tuple[DiscreteFlux, Floats, ArrayLike | None]:
-        values, source, flux = problem
-        if cell_of(mesh) is not TRIANGLE:
-            return recovered_correction(mesh, values, reluctivity, source, flux, material)
-        return *equilibrated_correction(mesh, values, reluctivity, source, flux, fixed, varying=True), None
-
     check_kind(mesh, space=True)
-    discrete, one, number = correction(primal, region)
-    with of_dual():
-        _, other, _ = correction(dual, number)
-    return discrete.product(one, other)
+    first, second = _primal_and_dual(mesh, reluctivity, 1, primal, dual)
+    if cell_of(mesh) is TRIANGLE:
+        one = equilibrated_correction(first, fixed)
+        with of_dual():
+            return first.product(one, equilibrated_correction(second, fixed))
+    number = regions_of(first, region)
+    return first.product(recovered_correction(first, number), recovered_correction(second, number))
 
 
-def _weighted_residual(problem: ProblemOfOrder, primal: Given, dual: Given, fixed: ArrayLike | None) -> float:
+def _weighted_residual(primal: DiscreteFlux, dual: DiscreteFlux, fixed: ArrayLike | None) -> float:
     """Return the dual-weighted residual, an estimate of the error of the goal.
 
     The residual is ``int source w - (nu grad u_h - flux) . grad w`` for ``w = z - z_h``, where z is the dual solution
     by elements of one order more.
     """
-    order, held = problem.order, fixed_nodes(problem.shape.corners, fixed)
-    degree = 2 * order + 2 + CURVED * problem.curved
-    own, more = (Basis(problem.mesh, KINDS[k](), intorder=degree) for k in (order, order + 1))
-    nothing = dual._replace(values=np.zeros_like(dual.values))
-    load = _residual_of(more, dual.source, problem.strength(own, nothing))
-    stiffness = BilinearForm(slopes).assemble(more, nu=problem.reluctivity[:, None])
-    outer = (more.mesh.f2t[1] < 0) & held[more.mesh.facets].all(axis=0)
-    prescribed = np.concatenate((more.nodal_dofs[0, held], more.facet_dofs[:, outer].ravel()))
-    better = solve(*condense(stiffness, load, D=prescribed))
-    strength = problem.strength(own, primal)
-    left, there = (_residual_of(basis, primal.source, strength) for basis in (more, own))
-    return float(left @ better - there @ dual.values)
-
-
-def _residual_of(basis: Basis, source: Floats, strength: Floats) -> Floats:
-    return LinearForm(balance).assemble(basis, source=source[:, None], strength=strength)
-
-
-def balance(v: Any, w: Any) -> Any:
-    return w.source * v - dot(w.strength, grad(v))
-
-
-def slopes(u: Any, v: Any, w: Any) -> Any:
-    return w.nu * dot(grad(u), grad(v))
+    own, held = primal.space, fixed_nodes(primal.space.corners, fixed)
+    more = Space(own.mesh, own.order + 1, arcs=False)
+    element, at = more.element, more.barycentric_of_points
+    nu, mesh = primal.reluctivity[element], more.corners
+    load = more.loads(dual.source, np.einsum("in,cin->cn", at, dual.prescribed[:, :, element]))
+    outer = np.flatnonzero((mesh.f2t[1] < 0) & held[mesh.facets].all(axis=0))
+    free = np.setdiff1d(np.arange(load.size), np.append(np.flatnonzero(held), more.on_facets(outer)))
+    weight = np.zeros(load.size)
+    weight[more.unknowns] = -own.in_each(dual.potential, nodes(more.order, more.dim, spread=False))
+    weight[free] += solve(more.stiffness(nu, free).matrix, load[free])
+    prescribed = np.einsum("in,cin->cn", at, primal.prescribed[:, :, element])
+    strength = nu * own.gradient_at(primal.potential, element, at) - prescribed
+    return float(more.loads(primal.source, -strength) @ weight)

@@ -8,13 +8,13 @@ solution has less energy by the square of the error at the corner.
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array
 from scipy.sparse.linalg import splu
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators.discrete_flux import DiscreteFlux
-from kohonen_adapt.mesh.corners import Materials, corner_exponents
+from kohonen_adapt.mesh.cells import TRIANGLE
+from kohonen_adapt.mesh.corners import Materials, corner_exponents, fixed_parts
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.elements.exponents import STRONG
 
@@ -39,11 +39,12 @@ class System(NamedTuple):
     solved: Mask  # (nnodes,): nodes that balance, or are fixed
 
     @classmethod
-    def of(cls, mesh: MeshTri, discrete: DiscreteFlux, potential: Floats) -> "System":
-        hats, size, count = discrete.hats, discrete.area, mesh.p.shape[1]
-        matrices = np.einsum("k,cik,cjk->ijk", size * discrete.reluctivity, hats, hats)
-        outflow = size * (np.einsum("ck,cik->ik", discrete.values, hats) - discrete.source / 3.0)
-        terms = np.abs(matrices * potential[mesh.t]).sum(axis=1)
+    def of(cls, discrete: DiscreteFlux) -> "System":
+        space, mesh, count = discrete.space, discrete.space.mesh, discrete.space.mesh.p.shape[1]
+        weights = space.volumes * discrete.reluctivity
+        matrices = np.einsum("k,cik,cjk->ijk", weights, space.hats, space.hats)
+        outflow = space.against_gradients(discrete.mean) - space.against_functions(discrete.source)
+        terms = np.abs(matrices * discrete.potential[mesh.t]).sum(axis=1)
         total, scale = (np.bincount(mesh.t.ravel(), each.ravel(), count) for each in (outflow, terms))
         imbalance, outer = np.abs(total), np.isin(np.arange(count), mesh.boundary_nodes())
         fixed = outer & (imbalance > FIXED * imbalance[~outer].max(initial=0.0) + ROUNDING * scale)
@@ -52,23 +53,17 @@ class System(NamedTuple):
     def condensed(self, nodes: Ints) -> Floats:
         # Return the matrix of free nodes (n,) with all others eliminated, (n, n).
         free = np.flatnonzero(~self.fixed)
-        number = np.full(self.fixed.size, -1)
-        number[free] = np.arange(free.size)
-        row, column = np.broadcast_arrays(number[self.mesh.t][:, None], number[self.mesh.t][None])
-        inner = (row >= 0) & (column >= 0)
-        entries = self.matrices[inner], (row[inner], column[inner])
-        units = np.zeros((free.size, nodes.size))
-        units[number[nodes], np.arange(nodes.size)] = 1.0
-        factors = splu(csc_array(coo_array(entries, shape=(free.size, free.size))))
-        return np.linalg.inv(factors.solve(units)[number[nodes]])
+        matrix = self.discrete.space.stiffness(self.discrete.reluctivity, free).matrix
+        inverse = splu(matrix).solve((free[:, None] == nodes).astype(np.float64))
+        return np.linalg.inv(inverse[np.searchsorted(free, nodes)])
 
 
-def with_strong_corners(indicators: Floats, mesh: MeshTri, discrete: DiscreteFlux, potential: Floats) -> Floats:
-    result = indicators
+def with_strong_corners(indicators: Floats, discrete: DiscreteFlux) -> Floats:
+    result, mesh = indicators, discrete.space.mesh
     among = contrasts(mesh, discrete.reluctivity)
     if not among.any():
         return result
-    system = System.of(mesh, discrete, potential)
+    system = System.of(discrete)
     for node in strong_corners(system, among):
         at = np.any(mesh.t == node, axis=0)
         missing, own = missing_square(system, int(node), np.flatnonzero(at)), np.sum(indicators[at] ** 2)
@@ -87,10 +82,10 @@ def contrasts(mesh: MeshTri, coefficient: Floats) -> Mask:
 
 
 def strong_corners(system: System, among: Mask) -> Ints:
-    mesh, fixed, coefficient = system.mesh, system.fixed, system.discrete.reluctivity
-    prescribed = fixed[mesh.facets].all(axis=0) & (mesh.f2t[1] < 0)
+    mesh, coefficient = system.mesh, system.discrete.reluctivity
     kind = np.unique(coefficient, return_inverse=True)[1].ravel()
-    found, exponent = corner_exponents(mesh, Materials(coefficient, kind, None, fixed, prescribed), among)
+    materials = Materials(coefficient, kind, None, *fixed_parts(mesh, system.fixed, 1))
+    found, exponent = corner_exponents(mesh, materials, among)
     strong = found[exponent < STRONG]
     return strong[[bool(system.solved[mesh.t[:, np.any(mesh.t == node, axis=0)]].all()) for node in strong]]
 
@@ -127,30 +122,22 @@ def endless_at(system: System, star: Ints, place: Ints, free: Ints) -> tuple[Flo
     for at, share in zip(number, steps, strict=True):
         trace[at, first], trace[at, second] = 1.0 - share, share
     x = a[:, None] + steps[:, None] * (b - a)[:, None]
+    one, other, start, end = number[:-1], number[1:], x[:, :-1], x[:, 1:]
+    # Two triangles of every piece, with nodes (3, 2, PIECES, n) and corners (2, 3, 2, PIECES, n).
+    nodes = np.stack([[one, one], [other, other + total], [other + total, one + total]])
+    corners = np.stack([[start, start], [end, RATIO * end], [RATIO * end, RATIO * start]]).transpose(2, 0, 1, 3, 4)
+    discrete, hats = system.discrete, TRIANGLE.hat_gradients(corners)
+    size = 0.5 * np.abs(TRIANGLE.determinant(corners))
     matrix, loads = np.zeros((2 * total, 2 * total)), np.zeros((2 * total, 2))
-    for piece in range(PIECES):
-        one, other, start, end = number[piece], number[piece + 1], x[:, piece], x[:, piece + 1]
-        add(system, star, (one, other, other + total), (start, end, RATIO * end), matrix, loads)
-        add(system, star, (one, other + total, one + total), (start, RATIO * end, RATIO * start), matrix, loads)
+    products = np.einsum("...k,ci...k,cj...k->ij...k", size * discrete.reluctivity[star], hats, hats)
+    np.add.at(matrix, (nodes[:, None], nodes[None]), products)
+    np.add.at(loads[:, 0], nodes, -size * np.einsum("ck,ci...k->i...k", discrete.mean[:, star], hats))
+    np.add.at(loads[:, 1], nodes, np.tile(size * discrete.source[star] / 3.0, (3, 1, 1, 1)))
     kept = np.append(free, np.arange(count, total))
     both = np.append(kept, kept + total)
     layers, load, removed = endless(matrix[np.ix_(both, both)], loads[both])
     trace = trace[np.ix_(kept, free)]
     return trace.T @ layers @ trace, trace.T @ load, removed
-
-
-def add(
-    system: System, star: Ints, number: tuple[Ints, ...], corner: tuple[Floats, ...], matrix: Floats, loads: Floats
-) -> None:
-    # Triangles within the elements `star`, with the residual and the source of these.
-    discrete, x, at = system.discrete, np.stack(corner, axis=1), np.stack(number)
-    side = x[:, BEFORE] - x[:, AFTER]
-    twice = side[0, 0] * side[1, 1] - side[1, 0] * side[0, 1]
-    hats, size = np.stack((-side[1], side[0])) / twice, 0.5 * np.abs(twice)
-    terms = np.einsum("k,cik,cjk->ijk", size * discrete.reluctivity[star], hats, hats)
-    np.add.at(matrix, (at[:, None], at[None]), terms)
-    np.add.at(loads[:, 0], at, -size * np.einsum("ck,cik->ik", discrete.values[:, star], hats))
-    np.add.at(loads[:, 1], at, np.tile(size * discrete.source[star] / 3.0, (3, 1)))
 
 
 def endless(layer: Floats, loads: Floats) -> tuple[Floats, Floats, float]:

@@ -7,14 +7,14 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from skfem import ElementTriP1, MeshTri
-from skfem.quadrature import get_quadrature
+from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.checks import finite_reals
 from kohonen_adapt.estimators.discrete_flux import DiscreteFlux, discrete_flux
 from kohonen_adapt.kernels.triangle.equilibrate import GIVEN, NATURAL, FluxData, equilibrate, patch_scratch
 from kohonen_adapt.mesh.cells import TETRAHEDRON, check_kind
+from kohonen_adapt.mesh.elements.rules import triangle_rule
 from kohonen_adapt.mesh.measures import area, gradient
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.mesh.validity import check_mesh
@@ -84,7 +84,9 @@ def equilibrated(
     >>> bool(squared_error <= np.sum(eta**2) <= 1.5 * squared_error)
     True
     """
-    discrete, correction = equilibrated_correction(mesh, potential, reluctivity, source, flux, fixed)
+    _check_plane(mesh)
+    discrete = discrete_flux(mesh, potential, reluctivity, source, flux, varying=False)
+    correction = equilibrated_correction(discrete, fixed)
     return np.sqrt(discrete.product(correction, correction))
 
 
@@ -130,8 +132,9 @@ def equilibrated_flux(
     >>> ka.estimators.equilibrated_flux(mesh, u, np.ones(8), source=np.ones(8)).shape
     (2, 3, 8)
     """
-    discrete, correction = equilibrated_correction(mesh, potential, reluctivity, source, flux, fixed)
-    return discrete.values[:, None] + correction
+    _check_plane(mesh)
+    discrete = discrete_flux(mesh, potential, reluctivity, source, flux, varying=False)
+    return discrete.at_corners + equilibrated_correction(discrete, fixed)
 
 
 def duality_gap(
@@ -202,13 +205,13 @@ def duality_gap(
     empty = np.zeros((2, nelements)) if flux is None else flux
     prescribed = finite_reals("flux", empty, {"2": 2, "nelements": nelements}, "element")
     slope = gradient(mesh, nodal)
-    (x, y), weights = get_quadrature(ElementTriP1, DEGREE)
-    at_points = np.einsum("cik,iq->cqk", corners + prescribed[:, None], np.stack((1.0 - x - y, x, y)))
+    barycentric, weights = triangle_rule(DEGREE)
+    at_points = barycentric @ (corners + prescribed[:, None])
     size = np.linalg.norm(at_points, axis=0)
     stored = _densities("energy", energy, np.linalg.norm(slope, axis=0)[None])
     gap = stored + _densities("coenergy", coenergy, size) - np.einsum("ck,cqk->qk", slope, at_points)
     # By Fenchel's inequality the gap is negative by rounding only.
-    return np.sqrt(2.0 * area(mesh) * np.maximum(2.0 * weights @ gap, 0.0))
+    return np.sqrt(2.0 * area(mesh) * np.maximum(weights @ gap, 0.0))
 
 
 def _densities(name: str, function: Callable[[Floats], Floats], values: Floats) -> Floats:
@@ -221,21 +224,9 @@ def _densities(name: str, function: Callable[[Floats], Floats], values: Floats) 
     return densities
 
 
-def equilibrated_correction(
-    mesh: MeshTri,
-    potential: ArrayLike,
-    reluctivity: ArrayLike,
-    source: ArrayLike | None,
-    flux: ArrayLike | None,
-    fixed: ArrayLike | None,
-    varying: bool = False,
-) -> tuple[DiscreteFlux, Floats]:
-    """Return the discrete flux sigma_h and the correction ``sigma* - sigma_h``.
-
-    The correction is given at the corners, shape (2, 3, nelements). With `varying` the flux may be, too.
-    """
-    _check_plane(mesh)
-    discrete = discrete_flux(mesh, potential, reluctivity, source, flux, varying)
+def equilibrated_correction(discrete: DiscreteFlux, fixed: ArrayLike | None) -> Floats:
+    """Return ``sigma* - sigma_h`` at the corners of elements, (2, 3, nelements)."""
+    mesh = discrete.space.mesh
     fixed_mask = fixed_nodes(mesh, fixed)
     problem, order = _problem(mesh, discrete, fixed_mask)
     rows, imbalance = np.zeros((*order.shape, 2)), np.zeros(mesh.p.shape[1])
@@ -244,14 +235,12 @@ def equilibrated_correction(
     _check_balance(mesh, discrete, fixed_mask, imbalance)
     correction = np.empty_like(rows)
     np.put_along_axis(correction, order[:, :, None], rows, axis=1)
-    return discrete, correction.T + discrete.variation
+    return correction.T + discrete.mean[:, None] - discrete.at_corners
 
 
 def fixed_nodes(mesh: MeshTri, fixed: ArrayLike | None) -> Mask:
     if fixed is None:
-        fixed_mask = np.zeros(mesh.p.shape[1], dtype=bool)
-        fixed_mask[mesh.facets[:, mesh.f2t[1] < 0]] = True
-        return fixed_mask
+        return np.isin(np.arange(mesh.p.shape[1]), mesh.facets[:, mesh.f2t[1] < 0])
     fixed_mask = np.asarray(fixed)
     if fixed_mask.shape != mesh.p.shape[1:] or fixed_mask.dtype != bool:
         raise ValueError(
@@ -275,7 +264,8 @@ def _problem(mesh: MeshTri, discrete: DiscreteFlux, fixed_mask: Mask) -> tuple[F
     node, neighbour = triangulation.elements.node, triangulation.elements.neighbour
     turned = (node[:, 1] != mesh.t[1]).astype(np.int64)
     order = np.stack((np.zeros_like(turned), 1 + turned, 2 - turned), axis=1)
-    outflow = -2.0 * discrete.area * np.einsum("ck,cik->ik", discrete.values, discrete.hats)
+    space = discrete.space
+    outflow = -2.0 * space.volumes * np.einsum("ck,cik->ik", discrete.mean, space.hats)
     dirichlet = fixed_mask[node[:, [1, 2, 0]]] & fixed_mask[node[:, [2, 0, 1]]]
     neighbour = np.where(neighbour >= 0, neighbour, np.where(dirichlet, GIVEN, NATURAL)).astype(np.int32)
     outflow = np.ascontiguousarray(np.take_along_axis(outflow.T, order, axis=1))
@@ -283,8 +273,9 @@ def _problem(mesh: MeshTri, discrete: DiscreteFlux, fixed_mask: Mask) -> tuple[F
 
 
 def _check_balance(mesh: MeshTri, discrete: DiscreteFlux, fixed_mask: Mask, imbalance: Floats) -> None:
-    parts = [np.einsum("ck,cik->ik", part, discrete.hats) for part in (discrete.values, discrete.prescribed)]
-    size = discrete.area * (np.abs(parts[0] + parts[1]) + np.abs(parts[1]) + np.abs(discrete.source) / 3.0)
+    space, fluxes = discrete.space, (discrete.mean, discrete.prescribed.mean(axis=1))
+    parts = [np.einsum("ck,cik->ik", flux, space.hats) for flux in fluxes]
+    size = space.volumes * (np.abs(parts[0] + parts[1]) + np.abs(parts[1]) + np.abs(discrete.source) / 3.0)
     largest = np.bincount(mesh.t.ravel(), size.ravel()).max()
     bad = np.flatnonzero(imbalance > UNBALANCED * largest)
     if bad.size:

@@ -13,105 +13,78 @@ from functools import cache
 
 import numpy as np
 from scipy.sparse import diags_array
-from scipy.sparse.linalg import LinearOperator, cg
-from skfem import MeshTet
-from skfem.quadrature import get_quadrature
-from skfem.refdom import RefTet, RefTri
+from scipy.sparse.linalg import cg
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.estimators.residual_estimator import outflows
+from kohonen_adapt.estimators.residual_estimator import outflows, rows_of_ends
 from kohonen_adapt.mesh.cells import TETRAHEDRON
-from kohonen_adapt.mesh.elements.rules import tetrahedron_rule
-from kohonen_adapt.mesh.measures import hat_gradients
+from kohonen_adapt.mesh.elements.assembly import assembled
+from kohonen_adapt.mesh.elements.functions import EDGES as OF_FUNCTIONS
+from kohonen_adapt.mesh.elements.functions import hierarchical
+from kohonen_adapt.mesh.elements.rules import tetrahedron_rule, triangle_rule
+from kohonen_adapt.mesh.elements.space import Space
 
-__all__ = ["Surplus", "cubic_slopes"]
+__all__ = ["Surplus", "cubic_functions"]
 
-EDGES, FACES = np.transpose(RefTet.edges), np.transpose(TETRAHEDRON.facets)  # corners, (2, 6) and (3, 4)
+EDGES, FACES = np.transpose(TETRAHEDRON.edges), np.transpose(TETRAHEDRON.facets)  # corners, (2, 6) and (3, 4)
+# The cubic among the hierarchical functions of order 3, with edges as of scikit-fem, and their scales.
+ROWS = [*(10 + OF_FUNCTIONS[3].index(ends) for ends in TETRAHEDRON.edges), *range(16, 20)]
+SCALES = np.repeat([13.5, 27.0], [6, 4])
 DEGREE = 5  # of products of two slopes, and of a function and a jump
 TOLERANCE = 1e-4  # relative residual
 
 
 class Surplus:
-    # `fixed` (nfacets,) are the facets with Dirichlet values; facets and edges of the mesh are numbered.
-    # Curved elements count as straight but for their `normals`, the gradients of barycentric coordinates at every
-    # corner, (4, 3, 4, nelements).
-    def __init__(self, mesh: MeshTet, volume: Floats, fixed: Mask, normals: Floats | None = None) -> None:
-        self.mesh, self.volume, self.normals = mesh, volume, normals
+    # `fixed` (nfacets,) are the facets with Dirichlet values in a space of order 2. Curved elements count as straight
+    # except for their normals.
+    def __init__(self, space: Space, fixed: Mask) -> None:
+        self.space, mesh = space, space.corners
         nedges, (i, j) = mesh.edges.shape[1], EDGES
         self.unknowns: Ints = np.vstack((mesh.t2e, nedges + mesh.t2f))
         self.signs = np.vstack((np.where(mesh.t[i] < mesh.t[j], 1.0, -1.0), np.ones(mesh.t.shape)))
-        held = np.zeros(nedges + fixed.size, dtype=np.bool_)
-        held[nedges:] = fixed
-        for edges, facet in zip(_edges_of_sides(), mesh.t2f, strict=True):
-            held[mesh.t2e[edges][:, fixed[facet]]] = True
-        self.moving, self.count = ~held, held.size
+        held = np.append(np.zeros(nedges, dtype=np.bool_), fixed)
+        held[space.on_facets(np.flatnonzero(fixed))[3:] - mesh.p.shape[1]] = True
+        self.free, self.count = np.flatnonzero(~held), held.size
 
     def residual(self, field: Floats, divergence: Floats) -> Floats:
         # Right-hand sides of elements, (10, nelements), for B, (3, 4, nelements), and its divergence, (4, nelements),
         # given at the corners and linear between them.
-        mesh = self.mesh
-        inward = hat_gradients(mesh)[:, TETRAHEDRON.opposite]
-        size = 3.0 * self.volume * np.linalg.norm(inward, axis=0)
-        jump = outflows(mesh, np.stack([self._outflow(field, inward, corners) for corners in FACES]))
+        mesh, hats = self.space.corners, self.space.hats_of_corners
+        size = 3.0 * self.space.volumes * np.linalg.norm(self.space.hats[:, TETRAHEDRON.opposite], axis=0)
+        if hats is None:
+            hats = np.broadcast_to(self.space.hats, (4, *self.space.hats.shape))
+        inward = hats[FACES, :, TETRAHEDRON.opposite]  # (3 corners of a side, 4 sides, 3, nelements)
+        outflow = -np.einsum("cjsk,jsck->jsk", field[:, FACES], inward) / np.linalg.norm(inward, axis=2)
+        jump = outflows(mesh, outflow)
         jump[:, mesh.f2t[1] < 0] *= 2.0  # no flux leaves the mesh, and one element has the whole facet
-        right = -_moments() @ (self.volume * divergence)
-        for table, facet, area, corners in zip(_on_sides(), mesh.t2f, size, TETRAHEDRON.facets, strict=True):
-            own = [np.sum(jump[:, facet] * (mesh.facets[:, facet] == mesh.t[corner]), axis=0) for corner in corners]
-            right += 0.5 * np.einsum("jk,ji->ik", area * np.stack(own), table)
+        on_sides = 0.5 * size * jump[rows_of_ends(mesh), mesh.t2f]
+        right = np.einsum("jsk,sji->ik", on_sides, _on_sides()) - _moments() @ (self.space.volumes * divergence)
         return right * self.signs
-
-    def _outflow(self, field: Floats, inward: Floats, corners: Ints) -> Floats:
-        # the normal component of the flux out of elements at one corner of every side, (4, nelements)
-        if self.normals is not None:
-            inward = np.moveaxis(self.normals[corners, :, TETRAHEDRON.opposite], 1, 0)
-        return -np.sum(field[:, corners] * inward, axis=0) / np.linalg.norm(inward, axis=0)
 
     def solve(self, metric: Floats, right: Floats) -> tuple[Floats, Floats]:
         # The error in elements, (10, nelements), with signs as in single elements, and its squared norms, (nelements,),
-        # for the products of the gradients of barycentric coordinates with C, (4, 4, nelements).
-        products = np.einsum("ijab,abk->ijk", _products(), self.volume * metric, optimize=True)
+        # for the products of the gradients of the last three barycentric coordinates with C, (3, 3, nelements).
+        products = np.einsum("ijab,abk->ijk", _products(), self.space.volumes * metric, optimize=True)
         products *= self.signs[:, None] * self.signs
-
-        def applied(values: Floats) -> Floats:  # of values that are 0 where they are held
-            return np.where(self.moving, self._total(np.einsum("ijn,jn->in", products, values[self.unknowns])), 0.0)
-
-        diagonal = np.where(self.moving, self._total(np.einsum("iin->in", products)), 1.0)
-        matrix = LinearOperator((self.count,) * 2, applied, dtype=np.float64)
-        total = np.where(self.moving, self._total(right), 0.0)
-        values, _ = cg(matrix, total, rtol=TOLERANCE, M=diags_array(1.0 / diagonal))
+        index, values = np.full(self.count, -1), np.zeros(self.count)
+        index[self.free] = np.arange(self.free.size)
+        matrix = assembled(self.unknowns, products[np.triu_indices(10)], index, self.free.size)
+        total = np.bincount(self.unknowns.ravel(), right.ravel(), self.count)[self.free]
+        values[self.free], _ = cg(matrix, total, rtol=TOLERANCE, M=diags_array(1.0 / matrix.diagonal()))
         error = values[self.unknowns]
         return error * self.signs, np.einsum("in,ijn,jn->n", error, products, error, optimize=True)
 
-    def _total(self, local: Floats) -> Floats:
-        return np.asarray(np.bincount(self.unknowns.ravel(), local.ravel(), self.count), dtype=np.float64)
 
-
-@cache
-def _edges_of_sides() -> list[list[int]]:
-    return [[k for k, ends in enumerate(RefTet.edges) if set(ends) <= set(side)] for side in TETRAHEDRON.facets]
-
-
-def _functions(l: Floats) -> Floats:  # noqa: E741
-    # (10, n) at barycentric coordinates (4, n)
-    (i, j), faces = EDGES, FACES
-    return np.vstack((l[i] * l[j] * (l[i] - l[j]), np.prod(l[faces], axis=0)))
-
-
-def cubic_slopes(at: Floats) -> Floats:
-    # derivatives by the barycentric coordinates, (10, 4, n), at points (4, n)
-    slopes = np.zeros((10, 4, at.shape[1]))
-    for row, (i, j) in enumerate(EDGES.T):
-        slopes[row, i], slopes[row, j] = at[j] * (2.0 * at[i] - at[j]), at[i] * (at[i] - 2.0 * at[j])
-    for row, corners in enumerate(FACES.T, start=6):
-        for corner in corners:
-            slopes[row, corner] = np.prod([at[other] for other in corners if other != corner], axis=0)
-    return slopes
+def cubic_functions(at: Floats) -> tuple[Floats, Floats]:
+    # values (10, n) and slopes by the last three barycentric coordinates, (10, 3, n), at points (n, 4)
+    values, slopes = (of_all[ROWS] for of_all in hierarchical(at, 3))
+    return values / SCALES[:, None], slopes / SCALES[:, None, None]
 
 
 @cache
 def _products() -> Floats:
     barycentric, weights = tetrahedron_rule(DEGREE)
-    slopes = cubic_slopes(barycentric.T)
+    _, slopes = cubic_functions(barycentric)
     return np.asarray(np.einsum("iaq,jbq,q->ijab", slopes, slopes, weights))
 
 
@@ -119,16 +92,12 @@ def _products() -> Floats:
 def _moments() -> Floats:
     # means of products with the barycentric coordinates, (10, 4)
     barycentric, weights = tetrahedron_rule(DEGREE)
-    return np.asarray(_functions(barycentric.T) * weights @ barycentric)
+    return np.asarray(cubic_functions(barycentric)[0] * weights @ barycentric)
 
 
 @cache
 def _on_sides() -> Floats:
     # means over each side of products with its barycentric coordinates, (4, 3, 10)
-    points, weights = get_quadrature(RefTri, DEGREE)
-    found = []
-    for corners in TETRAHEDRON.facets:
-        at = np.zeros((4, weights.size))
-        at[list(corners)] = 1.0 - points.sum(axis=0), *points
-        found.append(2.0 * np.einsum("jq,iq,q->ji", at[list(corners)], _functions(at), weights))
-    return np.stack(found)
+    barycentric, weights = triangle_rule(DEGREE)
+    on_sides = (cubic_functions(barycentric @ np.eye(4)[list(corners)])[0] for corners in TETRAHEDRON.facets)
+    return np.stack([barycentric.T @ (values * weights).T for values in on_sides])

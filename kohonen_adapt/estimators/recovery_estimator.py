@@ -13,7 +13,7 @@ from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.names import connected_components_of
 
-__all__ = ["corner_averages", "recovered_correction", "recovery"]
+__all__ = ["corner_averages", "recovered_correction", "recovery", "regions_of"]
 
 
 def recovery(
@@ -68,24 +68,16 @@ def recovery(
     >>> bool(ka.estimators.recovery(mesh, mesh.p[0], np.ones(8)).max() < 1e-12)  # a solution without error
     True
     """
-    discrete, correction, _ = recovered_correction(mesh, potential, reluctivity, source, flux, region)
+    discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
+    correction = recovered_correction(discrete, regions_of(discrete, region))
     indicators = np.sqrt(discrete.product(correction, correction))
     if cell_of(mesh) is TETRAHEDRON:
         return indicators
-    return with_strong_corners(indicators, mesh, discrete, np.asarray(potential, dtype=float))
+    return with_strong_corners(indicators, discrete)
 
 
-def recovered_correction(
-    mesh: Mesh,
-    potential: ArrayLike,
-    reluctivity: ArrayLike,
-    source: ArrayLike | None,
-    flux: ArrayLike | None,
-    region: ArrayLike | None,
-) -> tuple[DiscreteFlux, Floats, Ints]:
-    discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
-    values, number = discrete.at_corners, _regions(mesh, _data(discrete, region))
-    return discrete, corner_averages(mesh, values, number) - values, number
+def recovered_correction(discrete: DiscreteFlux, region: Ints) -> Floats:
+    return corner_averages(discrete.space.mesh, discrete.at_corners, region) - discrete.at_corners
 
 
 def corner_averages(mesh: Mesh, values: Floats, region: Ints) -> Floats:
@@ -102,21 +94,17 @@ def corner_averages(mesh: Mesh, values: Floats, region: Ints) -> Floats:
     return np.stack([(total / weight)[corner] for total in totals])
 
 
-def _data(discrete: DiscreteFlux, region: ArrayLike | None) -> NDArray[Any]:
-    if region is None:
-        return np.vstack((discrete.reluctivity, discrete.prescribed))
-    number = np.asarray(region)
-    if number.shape != discrete.area.shape or number.dtype.kind not in "iu":
+def regions_of(discrete: DiscreteFlux, region: ArrayLike | None) -> Ints:
+    """Return the number of the region of every element, see `recovery`."""
+    count = discrete.source.shape
+    data = np.vstack((discrete.reluctivity, discrete.prescribed.mean(axis=1))) if region is None else np.asarray(region)
+    if region is not None and (data.shape != count or data.dtype.kind not in "iu"):
         raise ValueError(
-            f"region must be integers of shape (nelements,) = {discrete.area.shape}; "
-            f"got {number.dtype} of shape {number.shape}."
+            f"region must be integers of shape (nelements,) = {count}; got {data.dtype} of shape {data.shape}."
         )
-    return number[None]
-
-
-def _regions(mesh: Mesh, data: NDArray[Any]) -> Ints:
     # A coefficient of every element, as of a nonlinear law, would give averages that are the fluxes themselves.
-    number = _equal_and_connected(mesh, data)
+    mesh = discrete.space.mesh
+    number = _equal_and_connected(mesh, np.atleast_2d(data))
     size = np.bincount(number)
     alone = size[number] == 1
     if 2 * np.count_nonzero(alone) <= size.size:

@@ -2,26 +2,27 @@
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import Basis, Mesh, MeshTri
+from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.estimators.discrete_flux import Given, checked_given, checked_reluctivity, discrete_flux
-from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
-from kohonen_adapt.mesh.curved import Isoparametric, with_midside_offsets
-from kohonen_adapt.mesh.elements.functions import KINDS, facet_products
-from kohonen_adapt.mesh.measures import area, hat_gradients, signed_area
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.estimators.discrete_flux import DiscreteFlux, discrete_flux
+from kohonen_adapt.mesh.cells import CELLS, TRIANGLE, cell_of
+from kohonen_adapt.mesh.elements.functions import facet_products, nodes, reference_functions
+from kohonen_adapt.mesh.elements.groups import all_points
+from kohonen_adapt.mesh.elements.space import Space
+from kohonen_adapt.mesh.measures import is_in_front
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = [
     "HIGHER_SCALES",
     "LATTICE",
     "Facets",
-    "ProblemOfOrder",
-    "divergences",
-    "outflow_at_points",
     "outflows",
     "residual",
     "residual_indicators",
+    "residual_of",
+    "residual_on_lattice",
+    "rows_of_ends",
 ]
 
 # Factors of the indicators that bring the root of their sum of squares near the error.
@@ -32,10 +33,7 @@ __all__ = [
 # A round magnet on curved elements: 5.9 - 6.0 at order 2, 10.2 - 10.6 at order 3 (`benchmarks curves`).
 HIGHER_SCALES = {2: 1.0 / 6.1, 3: 1.0 / 9.7}
 
-ENDS, OPPOSITE = TRIANGLE.facets, list(TRIANGLE.opposite)  # in the order of scikit-fem
-
-# Barycentric coordinates of the corners and the midsides, one row each.
-LATTICE = np.vstack((np.eye(3), [np.eye(3)[list(ends)].mean(axis=0) for ends in ENDS]))
+LATTICE = nodes(2, 2, spread=False)  # corners and midsides of triangles
 
 Facets = tuple[Ints, Ints, Floats]  # periodic facets, the matching facets, and the factor between their values
 
@@ -56,11 +54,16 @@ def outflows(mesh: Mesh, outflow: Floats) -> Floats:
     cell, nfacets = cell_of(mesh), mesh.facets.shape[1]
     row = np.broadcast_to(np.arange(len(outflow))[:, None, None], outflow.shape)
     if len(outflow) >= cell.dim:
-        ends = mesh.t[np.transpose(cell.facets)]
-        row = np.concatenate([np.argmax(mesh.facets[:, None, mesh.t2f] == ends, axis=0), row[cell.dim :]])
+        row = np.concatenate([rows_of_ends(mesh), row[cell.dim :]])
     place = row * nfacets + mesh.t2f
     total = np.bincount(place.ravel(), outflow.ravel(), len(outflow) * nfacets)
     return np.asarray(total, dtype=np.float64).reshape(-1, nfacets)
+
+
+def rows_of_ends(mesh: Mesh) -> Ints:
+    """Return the rows of the ends of sides in ``mesh.facets``, (d, d + 1, nelements)."""
+    ends = mesh.t[np.transpose(cell_of(mesh).facets)]
+    return np.argmax(mesh.facets[:, None, mesh.t2f] == ends, axis=0)
 
 
 def residual_indicators(
@@ -102,7 +105,9 @@ def residual_indicators(
         one, other, sign = joined
         row = np.arange(len(total))[:, None]
         if len(total) > 1:  # ends of matching facets are in the same order if only one of these runs clockwise
-            row = np.where(_clockwise(mesh, one) == _clockwise(mesh, other), SWAPPED[: len(total)], row)
+            middle = mesh.p[:, mesh.t].mean(axis=1)[:, mesh.f2t[0]]
+            left = is_in_front(mesh.p[:, mesh.facets], middle)
+            row = np.where(left[one] == left[other], SWAPPED[: len(total)], row)
         jump[:, one] = total[:, one] + sign * total[row, other]
         jump[:, other] = sign * jump[row, one]
         largest[one] = largest[other] = np.maximum(largest[one], largest[other])
@@ -111,79 +116,34 @@ def residual_indicators(
     return np.sqrt(inside + 0.5 * np.sum((around[1] * squared / largest)[mesh.t2f], axis=0))
 
 
-def _clockwise(mesh: MeshTri, facet: Ints) -> Mask:
-    middle = mesh.p[:, mesh.t[:, mesh.f2t[0, facet]]].mean(axis=1)
-    return TRIANGLE.determinant(np.concatenate([mesh.p[:, mesh.facets[:, facet]], middle[:, None]], axis=1)) < 0.0
+def residual_on_lattice(
+    space: Space,
+    flux: Floats,
+    source: Floats,
+    weight: Floats,
+    joined: Facets | None,
+    around: tuple[Floats | float, Floats | float] = (1.0, 1.0),
+    divergence: Floats | None = None,
+) -> Floats:
+    """Return residual indicators of a flux that is a polynomial in triangles.
 
-
-def divergences(flux: Floats, shape: Isoparametric) -> Floats:
-    """Return the divergence of a vector field, in each element or at its midsides.
-
-    `flux` contains values on `LATTICE`, shape (2, points, nelements). A linear field, with 3 points, has one value per
-    element, (1, nelements); a quadratic field has values at the midsides, (3, nelements), because the mean square there
-    is the mean square of a linear function over the element.
-    """
-    hats = hat_gradients(shape.corners)
-    if flux.shape[1] == 3:
-        return np.einsum("cik,cik->k", flux, hats)[None]
-    slopes, rows = np.stack([_slopes(barycentric) for barycentric in LATTICE[3:]]), np.flatnonzero(shape.curved)
-    found = np.einsum("cpk,spi,cik->sk", flux, slopes, hats, optimize=True)
-    for divergence, barycentric, slope in zip(found, LATTICE[3:], slopes, strict=True):
-        curved_hats = shape.hat_gradients(rows, np.repeat(barycentric[:, None], rows.size, axis=1))
-        divergence[rows] = np.einsum("cpk,pi,cik->k", flux[:, :, rows], slope, curved_hats, optimize=True)
-    return found
-
-
-def _slopes(barycentric: Floats) -> Floats:
-    at_middles = [4.0 * (barycentric[a] * np.eye(3)[b] + barycentric[b] * np.eye(3)[a]) for a, b in ENDS]
-    return np.vstack((np.diag(4.0 * barycentric - 1.0), at_middles))
-
-
-def outflow_at_points(shape: Isoparametric, flux: Floats) -> Floats:
-    """Return the flux out of elements at the ends and midsides of their sides.
-
-    `flux` has values at the points of `LATTICE`, shape (2, 6, nelements), or at the corners alone, (2, 3, nelements);
-    the result has shape (3 points or 2 ends, 3 sides, nelements). The normals have the length of the tangent for a
+    The values of the flux are on `LATTICE`, shape (2, 6, nelements), or at the corners alone, (2, 3, nelements). The
+    divergence is taken from these values, unless it is given at the midsides, (3, nelements), because the mean square
+    there is the mean square of a linear function over the element. Normals have the length of the tangent for a
     parameter from 0 to 1, so that an integral over the side is the integral of the product with the normal.
     """
-    mesh = shape.corners
-    straight = -2.0 * (area(mesh) * hat_gradients(mesh))[:, OPPOSITE]
-    (along, up), sense = shape.offset[:, OPPOSITE], np.sign(signed_area(mesh)) * [[1.0], [1.0], [-1.0]]
-    bow = 4.0 * np.stack((sense * up, -sense * along))
-    normal = np.stack((straight + bow, straight - bow, straight), axis=1)[:, : 1 + flux.shape[1] // 3]
-    points = np.transpose([(*ends, 3 + side) for side, ends in enumerate(ENDS)])
-    return np.einsum("cpsk,cpsk->psk", flux[:, points[: normal.shape[1]]], normal)
-
-
-class ProblemOfOrder:
-    """Scalar problem on triangles by elements of order 1 to 3.
-
-    Arguments are as in `residual`.
-    """
-
-    def __init__(self, mesh: MeshTri, order: int, reluctivity: ArrayLike) -> None:
-        self.order, self.shape = order, Isoparametric(mesh)
-        self.turned = np.argsort(mesh.t, axis=0)[None]  # scikit-fem sorts the corners of the straight triangles
-        corners, self.curved = self.shape.corners, bool(self.shape.curved.any())
-        self.mesh = with_midside_offsets(corners, self.shape.side_offset) if self.curved else corners
-        self.reluctivity = checked_reluctivity(mesh, reluctivity)
-
-    def given(self, values: ArrayLike, source: ArrayLike | None, flux: ArrayLike | None) -> Given:
-        given = checked_given(self.mesh, self.order, values, source, flux)
-        return given._replace(flux=np.take_along_axis(given.flux, self.turned, axis=1))
-
-    def residual(self, given: Given, joined: Facets | None = None) -> Floats:
-        weights = np.full(len(LATTICE), 0.5 / len(LATTICE))
-        basis = Basis(self.mesh, KINDS[self.order](), quadrature=(LATTICE.T[1:], weights))
-        flux = np.moveaxis(self.strength(basis, given), 2, 1)
-        load, outflow = given.source + divergences(flux, self.shape), outflow_at_points(self.shape, flux)
-        return residual_indicators(self.shape.corners, area(self.mesh), outflow, load, self.reluctivity, joined)
-
-    def strength(self, basis: Basis, given: Given) -> Floats:
-        # nu grad u - flux, (2, nelements, npoints)
-        barycentric = np.vstack((1.0 - basis.X.sum(axis=0), basis.X))
-        slope = np.asarray(basis.interpolate(given.values).grad)
-        return self.reluctivity[:, None] * slope - np.einsum("cik,iq->ckq", given.flux, barycentric)
+    hats, shape = space.hats[:, :, None], (2, 3, len(LATTICE), weight.size)
+    if space.curved.any():
+        hats = space.hats_at(*all_points(np.arange(weight.size), LATTICE)).reshape(shape)
+    if divergence is None:
+        slopes = reference_functions(LATTICE[3:], flux.shape[1] // 3)[1]
+        at_midsides = np.broadcast_to(hats, shape)[:, 1:, 3:]
+        divergence = np.einsum("cpk,pis,cisk->sk", flux, slopes, at_midsides, optimize=True)
+    points = np.transpose([(*ends, 3 + side) for side, ends in enumerate(TRIANGLE.facets)])[: 1 + flux.shape[1] // 3]
+    determinant = TRIANGLE.determinant(hats) / 3.0  # the hats sum to zero
+    normal = np.broadcast_to(-hats / np.abs(determinant), shape)[:, TRIANGLE.opposite, points]
+    outflow = np.sum(flux[:, points] * normal, axis=0)
+    return residual_indicators(space.corners, space.volumes, outflow, source + divergence, weight, joined, around)
 
 
 def residual(
@@ -260,11 +220,17 @@ def residual(
         check_mesh(mesh, curved=True, space=True)
         if cell_of(mesh) is not TRIANGLE:
             raise ValueError(f"order must be 1 on tetrahedra; got {order!r}. Orders 2 and 3 are for triangles.")
-        problem = ProblemOfOrder(mesh, order, reluctivity)
-        return problem.residual(problem.given(potential, source, flux), facets)
-    discrete = discrete_flux(mesh, potential, reluctivity, source, flux)
-    cell = cell_of(mesh)
-    normal = -cell.dim * discrete.area * discrete.hats[:, cell.opposite]  # of length |F|
+    return residual_of(discrete_flux(mesh, potential, reluctivity, source, flux, order), facets)
+
+
+def residual_of(discrete: DiscreteFlux, joined: Facets | None = None) -> Floats:
+    space, weight = discrete.space, discrete.reluctivity
+    if space.order > 1:
+        return residual_on_lattice(space, discrete.at(LATTICE), discrete.source, weight, joined)
+    # At order 1 a jump is that at the centroid of a facet, and the divergence of a varying flux does not count.
+    cell = CELLS[space.dim]
+    normal = -cell.dim * space.volumes * space.hats[:, cell.opposite]  # of length |F|
     normal /= np.linalg.norm(normal, axis=0) ** (0.5 - 0.5 / (cell.dim - 1))  # |F|, in space divided by the root of h_F
-    outflow = np.einsum("cik,cik->ik", discrete.at_corners[:, np.transpose(cell.facets)].mean(axis=1), normal)[None]
-    return residual_indicators(mesh, discrete.area, outflow, discrete.source[None], discrete.reluctivity, facets)
+    flux = discrete.at_corners[:, np.transpose(cell.facets)].mean(axis=1)
+    outflow = np.sum(flux * normal, axis=0)[None]
+    return residual_indicators(space.corners, space.volumes, outflow, discrete.source[None], weight, joined)

@@ -9,7 +9,7 @@ import numpy as np
 from skfem import MeshTet, MeshTri
 from skfem.mesh import MeshTet1, MeshTet2
 
-from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_number, listed, nearest_name
 from kohonen_adapt.geometry.plane.curves import Arc, Curve
 from kohonen_adapt.geometry.rules import checked_pair
@@ -29,11 +29,11 @@ from kohonen_adapt.magnetostatics.equations.symmetry import (
     surface,
 )
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
-from kohonen_adapt.magnetostatics.field_problem import check_elements, chosen_order
+from kohonen_adapt.magnetostatics.field_problem import check_elements, chosen_order, store
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, coefficients
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
-from kohonen_adapt.magnetostatics.quantities.goals import Goal, Torque, check_goal, unit_of_goal
+from kohonen_adapt.magnetostatics.quantities.goals import Goal, Torque, check_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.mesh.blended import exact_area
 from kohonen_adapt.mesh.cells import TETRAHEDRON, remedy_for
@@ -81,38 +81,34 @@ class Arguments:
     sides: Mapping[str, Curve] | None = None
 
     def __post_init__(self) -> None:
-        self._check_kinds()
+        if self.estimator not in ESTIMATORS:
+            names = ", ".join(repr(name) for name in ESTIMATORS)
+            raise ValueError(f"estimator must be one of {names}; got {self.estimator!r}.")
+        check_materials(self.materials, 2)
         self._check_fixed()
-        object.__setattr__(self, "order", chosen_order(self.order, self.estimator))
-        check_elements(checked_order(self.order, ", or 'auto'"), self.curved, self.estimator)
+        order = checked_order(chosen_order(self.order, self.estimator), ", or 'auto'")
+        check_elements(order, self.curved, self.estimator)
         self._check_depth()
         self._check_sides()
         self._check_bound()
-        self._check_goal()
-        object.__setattr__(self, "applied_field", self._checked_field())
+        if self.goal is not None:
+            check_goal(self.goal, 2, self.estimator)
         # Copies, so that later changes by the caller do not alter a solved problem.
-        object.__setattr__(self, "materials", dict(self.materials))
-        object.__setattr__(self, "potential", dict(self.potential or {}))
-        object.__setattr__(self, "ampere_turns", _checked_turns(self.ampere_turns, self.materials))
-        object.__setattr__(self, "points", _checked_points(self.points))
-        for name in ("periodic", "antiperiodic"):
-            object.__setattr__(self, name, _checked_pairs(name, getattr(self, name)))
+        checked = {
+            "order": order,
+            "applied_field": self._checked_field(),
+            "materials": dict(self.materials),
+            "potential": dict(self.potential or {}),
+            "ampere_turns": _checked_turns(self.ampere_turns, self.materials),
+            "points": _checked_points(self.points),
+            "periodic": _checked_pairs("periodic", self.periodic),
+            "antiperiodic": _checked_pairs("antiperiodic", self.antiperiodic),
+        }
+        store(self, checked)
 
     @property
-    def calibrated(self) -> bool:
-        """True if an estimate approximates the error in the energy norm.
-
-        False with a goal. Its indicators overestimate the error, because contributions of opposite sign do not cancel.
-        """
-        return self.goal is None
-
-    @property
-    def goal_unit(self) -> str:
-        """Unit of the values of the goal, an empty string without a goal.
-
-        Per metre of depth unless the problem has a `depth` or an axis.
-        """
-        return unit_of_goal(self.goal, per_metre=self.depth is None and not self.axisymmetric)
+    def per_metre(self) -> bool:
+        return self.depth is None and not self.axisymmetric
 
     @property
     def pairs(self) -> tuple[Pair, ...]:
@@ -166,12 +162,6 @@ class Arguments:
         paired = {name for pair in self.pairs for name in pair[:2]}
         return {name: arc for name, arc in arcs.items() if name not in paired}
 
-    def _check_kinds(self) -> None:
-        if self.estimator not in ESTIMATORS:
-            names = ", ".join(repr(name) for name in ESTIMATORS)
-            raise ValueError(f"estimator must be one of {names}; got {self.estimator!r}.")
-        check_materials(self.materials, 2)
-
     def _check_fixed(self) -> None:
         fixed_otherwise = self.open_boundary is not None or self.antiperiodic or self.axisymmetric
         has_potential = isinstance(self.potential, Mapping) and len(self.potential) > 0
@@ -224,10 +214,6 @@ class Arguments:
                 "mu0 (H_x y - H_y x), around an axis mu0 H_z r / 2."
             )
         return x, y
-
-    def _check_goal(self) -> None:
-        if self.goal is not None:
-            check_goal(self.goal, 2, self.estimator)
 
 
 def checked_order(order: int, alternative: str = "") -> int:
@@ -305,10 +291,13 @@ class ArgumentsInSpace:
             raise ValueError(f"potential must map names of boundaries to phi in A; got {self.potential!r}.")
         checked_field(self.applied_field)
         # Copies, so that later changes by the caller do not alter a solved problem.
-        object.__setattr__(self, "materials", dict(self.materials))
-        object.__setattr__(self, "potential", dict(self.potential or {}))
-        object.__setattr__(self, "symmetry", checked_symmetry(self.symmetry))
-        object.__setattr__(self, "coils", checked_coils(self.coils))
+        checked = {
+            "materials": dict(self.materials),
+            "potential": dict(self.potential or {}),
+            "symmetry": checked_symmetry(self.symmetry),
+            "coils": checked_coils(self.coils),
+        }
+        store(self, checked)
 
     @property
     def free_field(self) -> AppliedField | None:
@@ -334,7 +323,8 @@ class ArgumentsInSpace:
         A connected part without a given value has a first node that is neither fixed nor free, because u is determined
         there up to a constant only.
         """
-        elements, mesh, potential = drive.elements, drive.elements.corners, self.potential or {}
+        elements, potential = drive.elements, self.potential or {}
+        mesh = elements.corners
         for name in potential:
             surface(mesh, name, "potential")
         fixed, values = fixed_values(elements, Boundaries(potential))
@@ -343,8 +333,10 @@ class ArgumentsInSpace:
             if mirror.kind == "normal":
                 rows = np.unique(elements.on_facets(mirror.facets))
                 fixed[rows], values[rows] = True, 0.0
-        held, nnodes = fixed.copy(), mesh.p.shape[1]
-        held[:nnodes] |= _first_of_floating(mesh, fixed[:nnodes])
+        part = connected_components_of(mesh.p.shape[1], np.hstack([mesh.t[k : k + 2] for k in range(3)]).T)
+        number, first = np.unique(part, return_index=True)
+        held = fixed.copy()
+        held[first[~np.isin(number, part[fixed[: part.size]])]] = True
         return Conditions(fixed, np.where(held, values + drive.potential, 0.0), np.flatnonzero(~held))
 
     def conditions_of(self, field: SolidField) -> Conditions:
@@ -372,11 +364,3 @@ def _check_field(drive: Drive, name: str, mirror: Mirror) -> None:
             f"the flux is {mirror.kind} to the plane of symmetry {name!r}, but the applied_field has up to "
             f"{wrong:.3g} A/m {direction} it. Give the field of the whole coils, images included, or another symmetry."
         )
-
-
-def _first_of_floating(mesh: MeshTet, fixed: Mask) -> Mask:
-    part = connected_components_of(fixed.size, np.hstack([mesh.t[k : k + 2] for k in range(3)]).T)
-    number, first = np.unique(part, return_index=True)
-    chosen = np.zeros(fixed.size, dtype=bool)
-    chosen[first[~np.isin(number, part[fixed])]] = True
-    return chosen

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kohonen_adapt.arrays import Ints
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.arcs import refined_on_arcs
 from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.quantities.field import Field
@@ -35,22 +35,23 @@ def better_values(problem: Arguments, field: Field, outputs: Mapping[str, Output
     a sixteenth. The difference of two solves, with and without rounder arcs, is extrapolated accordingly. Both are
     linearised at the field, because their errors of second order cancel.
     """
+
+    def values_of(each: Field) -> Floats:
+        return np.array([float(output(each)) for output in outputs.values()])
+
     better = better_solution(problem, field)
-    values, before = ({name: float(output(each)) for name, output in outputs.items()} for each in (better, field))
-    doubts = dict.fromkeys(outputs, np.inf)
+    values, before, doubts = values_of(better), values_of(field), np.full(len(outputs), np.inf)
     for _ in range(MORE_ORDERS):
-        if all(doubt <= 0.5 * abs(values[name] - before[name]) for name, doubt in doubts.items()):
+        if np.all(doubts <= 0.5 * np.abs(values - before)):
             break
         better = richer_solution(problem, better, linearised=True)
-        now = {name: float(output(better)) for name, output in outputs.items()}
-        doubts = {name: REST * abs(value - values[name]) for name, value in now.items()}
-        values = now
+        now = values_of(better)
+        values, doubts = now, REST * np.abs(now - values)
     meshes, fraction = refined_on_arcs(field.mesh), 15.0 / 16.0 if is_second_order(field.mesh) else 0.75
     if meshes is not None and not (better.elements.arcs and is_second_order(field.mesh)):
         chords, arcs = (solution_of(problem, problem.energy_on(each, field.order), field, True) for each in meshes)
-        for name, output in outputs.items():
-            values[name] += (output(arcs) - output(chords)) / fraction
-    return {name: Uncertain(value, doubts[name]) for name, value in values.items()}
+        values = values + (values_of(arcs) - values_of(chords)) / fraction
+    return dict(zip(outputs, map(Uncertain, values, doubts), strict=True))
 
 
 def better_solution(problem: Arguments, field: Field) -> Field:

@@ -70,22 +70,19 @@ def bracket_of(problem: MagneticScalarPotential, field: SolidField) -> Bracket:
     source_error = vector.drive.work_of_difference(vector.flux_density)
     lower = upper - 0.5 * float(np.sum(indicators**2)) + source_error
     upper += max(source_error, 0.0)
-    coils, sign = tuple((problem.coils or {}).values()), sign_of_energy(problem)
-    energy = {1: (lower, upper), -1: (-upper, -lower)}.get(sign)
-    inductance = None
-    if len(coils) == 1 and problem.applied_field is None and sign == 1:
+    coils, materials = tuple((problem.coils or {}).values()), problem.materials.values()
+    magnets = any(each.coercivity is not None or callable(each.remanence) or any(each.remanence) for each in materials)
+    energy = inductance = None
+    if not magnets and all(each.bh is None for each in materials):
+        energy = lower, upper
+    elif problem.free_field is None and all(
+        not callable(value) and value == 0.0 for value in (problem.potential or {}).values()
+    ):
+        energy = -upper, -lower
+    if len(coils) == 1 and problem.applied_field is None and energy == (lower, upper):
         inductance = 2.0 * lower / coils[0].ampere_turns ** 2, 2.0 * upper / coils[0].ampere_turns ** 2
     reasons = reasons_against_guarantee(problem, field.mesh)
     return Bracket(lower, upper, energy, inductance, indicators, field, vector, reasons, source_error)
-
-
-def sign_of_energy(problem: MagneticScalarPotential) -> int:
-    """Return 1 or -1 if the energy is that fraction of the co-energy, else 0."""
-    materials, given = problem.materials.values(), (problem.potential or {}).values()
-    magnets = any(each.coercivity is not None or callable(each.remanence) or any(each.remanence) for each in materials)
-    if not magnets and all(each.bh is None for each in materials):
-        return 1
-    return -int(problem.free_field is None and all(not callable(value) and value == 0.0 for value in given))
 
 
 def reasons_against_guarantee(problem: MagneticScalarPotential, mesh: MeshTet) -> tuple[str, ...]:

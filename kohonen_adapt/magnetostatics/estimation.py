@@ -5,17 +5,17 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux, goal_oriented, recovery, residual
 from kohonen_adapt.estimators.residual_estimator import HIGHER_SCALES, Facets
 from kohonen_adapt.magnetostatics.arguments import Arguments
-from kohonen_adapt.magnetostatics.equations.conditions import Conditions, fixed_values, ties_of
-from kohonen_adapt.magnetostatics.equations.energy import Scalar, scalar_problem
+from kohonen_adapt.magnetostatics.equations.conditions import fixed_values, ties_of
 from kohonen_adapt.magnetostatics.error_by_orders import goal_indicators_by_orders, indicators_by_orders
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
-from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
+from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 from kohonen_adapt.magnetostatics.residuals import dual_residual_by_points, residual_by_points
@@ -28,7 +28,14 @@ from kohonen_adapt.mesh.elements.functions import ON_AXIS
 from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.measures import gradient, inner_points
 
-__all__ = ["RESIDUAL_SCALE", "energy_indicators", "equal_materials", "goal_indicators"]
+__all__ = [
+    "RESIDUAL_SCALE",
+    "energy_indicators",
+    "equal_materials",
+    "goal_indicators",
+    "indicators_of_order_1",
+    "scalar_problem",
+]
 
 # Ratio of the unscaled residual estimate to the error, measured by test_magnetostatics.py and benchmark M:
 #     cylinder in a disk, rings, 817 to 12 481 nodes                  3.61 - 3.78
@@ -47,23 +54,36 @@ def energy_indicators(problem: Arguments, field: Field) -> Floats:
         smooth = not (field.coefficients.nonlinear_materials or field.elements.shape.curved.any())
         energies = partial(energy_of, problem, field)
         return indicators_by_orders(field.unknown, field.order, energies, problem.method, smooth)
-    estimator, coefficients = problem.estimator, field.coefficients
     joined = _tied_facets(problem, field)
-    if estimator == "residual" and (field.order > 1 or field.axisymmetric):
+    if problem.estimator == "residual" and (field.order > 1 or field.axisymmetric):
         return _residual_scale(field) * residual_by_points(field, joined)
-    if estimator == "equilibrated":
+    if problem.estimator == "equilibrated":
         return equilibrated_bound(problem, field)
-    is_linear = not coefficients.nonlinear_materials and not field.axisymmetric
-    scalar = scalar_problem(field.elements, field.symmetry, coefficients) if is_linear else linearised(field, estimator)
-    flux = scalar.flux
-    if coefficients.varying_magnets and not field.axisymmetric:  # around an axis `linearised` has H at the corners
+    coefficients, is_linear = field.coefficients, not field.coefficients.nonlinear_materials and not field.axisymmetric
+    weight, flux = (
+        (coefficients.reluctivity, coefficients.flux)
+        if is_linear
+        else scalar_problem(field, problem.estimator, at_corners=field.axisymmetric)
+    )
+    if coefficients.varying_magnets and not field.axisymmetric:  # around an axis the flux has H at the corners
         flux = flux.reshape(2, -1, field.mesh.t.shape[1]) + flux_variation(field, problem.materials)
-    given = field.mesh, field.unknown, scalar.reluctivity
+    source, joins = field.symmetry.source(field.current_density), any(m.turns for m in problem.materials.values())
+    region = equal_materials(field, problem.materials) if joins or not is_linear else None
+    return indicators_of_order_1(problem.estimator, (field.mesh, field.unknown, weight), source, flux, joined, region)
+
+
+def indicators_of_order_1(
+    estimator: str,
+    given: tuple[Mesh, Floats, Floats],
+    source: Floats | None,
+    flux: Floats,
+    joined: Facets | None,
+    region: Ints | None,
+) -> Floats:
+    # Add further estimators of order 1 here, in the plane and in space.
     if estimator == "residual":
-        return RESIDUAL_SCALE * residual(*given, source=scalar.source, flux=flux, joined=joined)
-    varies = not is_linear or any(material.turns for material in problem.materials.values())
-    region = equal_materials(field, problem.materials) if varies else None
-    return recovery(*given, source=scalar.source, flux=flux, region=region)
+        return RESIDUAL_SCALE * residual(*given, source=source, flux=flux, joined=joined)
+    return recovery(*given, source=source, flux=flux, region=region)
 
 
 def _tied_facets(problem: Arguments, field: Field) -> Facets | None:
@@ -97,25 +117,25 @@ def equilibrated_bound(problem: Arguments, field: Field) -> Floats:
     return duality_gap(field.mesh, field.potential, balanced, *laws, flux=coefficients.flux)
 
 
-def linearised(field: Field, estimator: str) -> Scalar:
-    """Return a scalar problem with the solution and the field strength of `field`.
+def scalar_problem(field: Any, estimator: str, at_corners: bool) -> tuple[Floats, Floats]:
+    """Return the weight and the flux of a scalar problem that a field solves.
 
-    A scalar weight stands for the reluctivity tensor of nonlinear material, differential along B and secant across.
-    Recovery uses the differential reluctivity, because H is in error along B where B changes along itself. The residual
-    uses the root of the determinant, because jumps have any direction. With either weight nu the flux makes
-    ``nu grad u - flux`` the field strength.
+    The flux ``weight grad u - flux`` is the turned H in the plane and -B in space. A scalar weight stands for the
+    tensor of nonlinear material, differential along the field and secant across. Recovery uses the differential
+    coefficient, because the flux is in error along the field where the field changes along itself. The residual uses
+    the root of the determinant, because jumps have any direction.
     """
     # Estimate over error on the tube of test_nonlinear.py, iron at 1.9 to 2.0 T: recovery 0.85 - 0.88, residual
     # 0.96 - 1.25 (0.55 - 0.69 with the differential reluctivity).
-    weight = field.differential_reluctivity
+    dim, at = field.elements.dim, field.at_corners if at_corners else field
+    secant, weight = field.permeabilities if dim == 3 else (field.reluctivity, field.differential_reluctivity)
     if estimator == "residual":
-        weight = np.sqrt(field.reluctivity * weight)
-    reluctivity = field.symmetry.reluctivity(field.elements.centroids, weight)
-    slope, strength = gradient(field.mesh, field.unknown), field.field_strength
-    if field.axisymmetric:
-        slope, strength = slope[:, None], field.at_corners.field_strength.reshape(2, 3, -1)
-    flux = reluctivity * slope - field.symmetry.flux(strength.reshape(2, -1)).reshape(strength.shape)
-    return Scalar(reluctivity, flux, field.symmetry.source(field.current_density))
+        weight = np.sqrt(secant * weight)
+    if dim == 2:
+        weight = field.symmetry.reluctivity(field.elements.centroids, weight)
+    found = -at.flux_density if dim == 3 else field.symmetry.flux(at.field_strength)
+    slope = weight * gradient(field.mesh, field.unknown)
+    return weight, slope[:, None] - found.reshape(dim, dim + 1, -1) if at_corners else slope - found
 
 
 def goal_indicators(problem: Arguments, field: Field, goal: Goal) -> Floats:
@@ -124,47 +144,35 @@ def goal_indicators(problem: Arguments, field: Field, goal: Goal) -> Floats:
         return goal_indicators_by_orders(
             field, higher, lambda each: dual_of(problem, each, goal.derivative(each)).values, energies
         )
-    dual = dual_of(problem, field, goal.derivative(field))
+    dual, elements = dual_of(problem, field, goal.derivative(field)), field.elements
     if field.order > 1:
         # Errors from a solve of one order more in every pass gave no better force between two magnets.
         joined = _tied_facets(problem, field)
-        return _residual_scale(field) * np.sqrt(
-            residual_by_points(field, joined) * dual_residual_by_points(field, dual, joined)
-        )
-    pair = _primal_and_dual(problem, field, dual)
-    if field.elements.axis:  # there B decreases like 1 / r within elements
-        at = field.at_corners
-        change = field.change_at_each(np.eye(3), dual.values, at)
-        for name, strength in ("flux", at.field_strength), ("dual_flux", change):
-            flux = field.symmetry.flux(strength).reshape(2, 3, -1)
-            pair[name] = pair[name][:, None] - flux + flux.mean(axis=1, keepdims=True)
-    return goal_oriented(field.mesh, **pair)
-
-
-def _primal_and_dual(problem: Arguments, field: Field, of_goal: Dual) -> dict[str, Any]:
-    """Return the arguments of `goal_oriented` for a field and its dual.
-
-    Both solve ``-div(nu grad u - flux) = source``. For nonlinear material nu is the root of the determinant of the
-    tensor of the linearised problem, and the fluxes make ``nu grad u - flux`` the field strength and, of the dual, its
-    change.
-    """
-    dual, source, load = of_goal
-    elements, symmetry, u, at = field.elements, field.symmetry, field.unknown, field.at_quadrature
-    weight = np.sqrt(field.reluctivity * field.differential_reluctivity)
-    current = symmetry.source(field.current_density)
-    nu = symmetry.reluctivity(elements.centroids, weight)
-    change = symmetry.flux(at.change_of_strength(symmetry.flux_density(at.x, elements.gradient(dual))))
-    strength, change = balanced(elements, symmetry.flux(at.field_strength), current), balanced(elements, change, source)
-    return {
-        "potential": u,
-        "dual": dual,
-        "reluctivity": nu,
-        "source": current,
-        "flux": nu * gradient(field.mesh, u) - strength,
-        "dual_source": source,
-        "dual_flux": nu * gradient(field.mesh, dual) - change + balanced(elements, load, np.zeros_like(source)),
-        "fixed": _fixed_nodes(energy_of(problem, field).conditions),
-    }
+        product = residual_by_points(field, joined) * dual_residual_by_points(field, dual, joined)
+        return _residual_scale(field) * np.sqrt(product)
+    at, symmetry = field.at_quadrature, field.symmetry
+    current, weight = symmetry.source(field.current_density), scalar_problem(field, "residual", at_corners=False)[0]
+    change = symmetry.flux(at.change_of_strength(symmetry.flux_density(at.x, elements.gradient(dual.values))))
+    of_field = field.unknown, symmetry.flux(at.field_strength), current
+    of_dual = dual.values, change - dual.load, dual.source
+    fluxes = [
+        weight * gradient(field.mesh, u) - balanced(elements, flux, source) for u, flux, source in (of_field, of_dual)
+    ]
+    if elements.axis:  # there B decreases like 1 / r within elements
+        of_corners = field.at_corners
+        strengths = of_corners.field_strength, field.change_at_each(np.eye(3), dual.values, of_corners)
+        turned = (symmetry.flux(each).reshape(2, 3, -1) for each in strengths)
+        fluxes = [
+            mean[:, None] - corners + corners.mean(axis=1, keepdims=True)
+            for mean, corners in zip(fluxes, turned, strict=True)
+        ]
+    # On paired sides and on the open boundary the imbalance of the field is no part of the estimate.
+    conditions = energy_of(problem, field).conditions
+    fixed = conditions.fixed_or_tied
+    if conditions.open_boundary is not None:
+        fixed = fixed | (conditions.open_boundary.matrix.diagonal() > 0.0)
+    data = {"source": current, "flux": fluxes[0], "dual_source": dual.source, "dual_flux": fluxes[1], "fixed": fixed}
+    return goal_oriented(field.mesh, field.unknown, dual.values, weight, **data)
 
 
 def balanced(elements: Space, flux: Floats, source: Floats) -> Floats:
@@ -186,10 +194,3 @@ def balanced(elements: Space, flux: Floats, source: Floats) -> Floats:
     projection = np.sum((1.0 - off_axis) * corner, axis=1) / np.sum(1.0 - off_axis, axis=0)
     mean[:, touching] += np.einsum("ik,cik->ck", missing[:, touching], corner - projection[:, None])
     return mean
-
-
-def _fixed_nodes(conditions: Conditions) -> Mask:
-    # On paired sides and on the open boundary the imbalance of the field is no part of the estimate.
-    fixed = conditions.fixed_or_tied
-    open_boundary = conditions.open_boundary
-    return fixed if open_boundary is None else fixed | (open_boundary.matrix.diagonal() > 0.0)

@@ -1,19 +1,20 @@
 """Methods that magnetostatic problems in the plane and in space have in common."""
 
 from abc import ABC, abstractmethod
-from typing import ClassVar, Generic, TypeVar
+from collections.abc import Mapping
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.magnetostatics.quantities.goals import Goal
+from kohonen_adapt.magnetostatics.quantities.goals import Goal, unit_of_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.problem.protocol import AutoOrder, CheckedProblem, NotOffered
 from kohonen_adapt.problem.uncertain import error_of
 
-__all__ = ["FieldProblem", "check_belongs", "check_elements", "chosen_order", "scaled_to", "vanish"]
+__all__ = ["FieldProblem", "check_elements", "chosen_order", "store"]
 
 ROUNDING = 1e-12  # sum of the indicators of a goal, relative to its value, that rounding errors make
 
@@ -26,6 +27,27 @@ class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
     norm: ClassVar[str] = "energy"
     goal: Goal | None
     no_goal: ClassVar[str]  # how to get a goal, the end of a message
+
+    @property
+    def per_metre(self) -> bool:
+        """True if values of goals are per metre of depth."""
+        return False
+
+    @property
+    def calibrated(self) -> bool:
+        """True if an estimate approximates the error in the energy norm.
+
+        False with a goal. Its indicators overestimate the error, because contributions of opposite sign do not cancel.
+        """
+        return self.goal is None
+
+    @property
+    def goal_unit(self) -> str:
+        """Unit of the values of the goal, an empty string without a goal.
+
+        Per metre of depth in the plane, unless the problem has a `depth` or an axis.
+        """
+        return unit_of_goal(self.goal, self.per_metre)
 
     @abstractmethod
     def solve(self, mesh: MeshKind) -> FieldKind:
@@ -70,7 +92,6 @@ class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
             As in `solve`, except for equations that have no finite solution.
         """
 
-    @abstractmethod
     def indicators(self, mesh: MeshKind, field: FieldKind) -> Floats:
         """Return error indicators in the energy norm, or of the error of the goal.
 
@@ -90,7 +111,34 @@ class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
         ndarray (nelements,)
             Unsquared, in sqrt(J/m) whatever the depth; axisymmetric and in space in sqrt(J). With a goal in the root of
             its unit.
+
+        Raises
+        ------
+        ValueError
+            If the field belongs to another mesh, or if the goal raises it.
         """
+        wanted, got = ((each.nvertices, each.nelements) for each in (mesh, field.mesh))
+        if wanted != got:
+            raise ValueError(
+                f"field must belong to the mesh, with {wanted[0]} nodes and {wanted[1]} elements; its own has {got[0]} "
+                f"and {got[1]}. Solve on the mesh first."
+            )
+        if self.goal is None:
+            return self._of_energy(field)
+        found = self._of_goal(field, self.goal)
+        if float(np.sum(found**2)) > ROUNDING * abs(self.goal(field)):
+            return found
+        of_energy = self._of_energy(field)
+        size = float(np.linalg.norm(of_energy))
+        return of_energy * (np.sqrt(abs(self.goal_error(field))) / size) if size else of_energy
+
+    @abstractmethod
+    def _of_energy(self, field: FieldKind) -> Floats:
+        """Return the indicators of the energy."""
+
+    @abstractmethod
+    def _of_goal(self, field: FieldKind, goal: Goal) -> Floats:
+        """Return the indicators of a goal."""
 
     def goal_error(self, field: FieldKind) -> float:
         """Return an estimate of the error of the goal, exact less computed value.
@@ -155,28 +203,16 @@ class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
         return float(np.sqrt(field.squared_norm))
 
 
-def vanish(of_goal: Floats, goal: float) -> bool:
-    return float(np.sum(of_goal**2)) <= ROUNDING * abs(goal)
-
-
-def scaled_to(indicators: Floats, error: float) -> Floats:
-    size = float(np.linalg.norm(indicators))
-    return indicators * (np.sqrt(abs(error)) / size) if size else indicators
-
-
 def chosen_order(order: int, estimator: str) -> int:
     # Least time to an error: python -m benchmarks goal-orders, in space forces-in-space and coils --tight
     automatic = isinstance(order, AutoOrder) or str(order) == "auto"
     return AutoOrder(2 if estimator == "residual" else 1) if automatic else order
 
 
-def check_belongs(field: Field | SolidField, mesh: Mesh) -> None:
-    wanted, got = ((each.nvertices, each.nelements) for each in (mesh, field.mesh))
-    if wanted != got:
-        raise ValueError(
-            f"field must belong to the mesh, with {wanted[0]} nodes and {wanted[1]} elements; its own has {got[0]} and "
-            f"{got[1]}. Solve on the mesh first."
-        )
+def store(problem: object, values: Mapping[str, Any]) -> None:
+    """Set checked arguments of a frozen problem."""
+    for name, value in values.items():
+        object.__setattr__(problem, name, value)
 
 
 def check_elements(order: int, curved: object, estimator: str) -> None:

@@ -10,13 +10,13 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.better_values import better_values
-from kohonen_adapt.magnetostatics.corner_errors import with_strong_corners
 from kohonen_adapt.magnetostatics.estimation import energy_indicators, goal_indicators
-from kohonen_adapt.magnetostatics.field_problem import FieldProblem, check_belongs, scaled_to, vanish
+from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.functional import functional_for
 from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.solution import field_of, linkage_slope, solution_of
-from kohonen_adapt.magnetostatics.strong_corners import materials_of
+from kohonen_adapt.magnetostatics.strong_corners import materials_of, with_strong_corners
 from kohonen_adapt.mesh.corners import corner_exponents, singular_nodes
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.ritz import Ritz
@@ -174,16 +174,12 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
     def check(self, mesh: MeshTri) -> None:
         self.energy_on(mesh)
 
-    def indicators(self, mesh: MeshTri, field: Field) -> Floats:
-        check_belongs(field, mesh)
-        if self.goal is not None:
-            found = goal_indicators(self, field, self.goal)
-            if not vanish(found, self.goal(field)):
-                return found
-        of_energy = energy_indicators(self, field)
-        if self.estimator == "residual":
-            of_energy = with_strong_corners(self, field, of_energy)
-        return of_energy if self.goal is None else scaled_to(of_energy, self.goal_error(field))
+    def _of_energy(self, field: Field) -> Floats:
+        found = energy_indicators(self, field)
+        return with_strong_corners(self, field, found) if self.estimator == "residual" else found
+
+    def _of_goal(self, field: Field, goal: Goal) -> Floats:
+        return goal_indicators(self, field, goal)
 
     def functional(self, mesh: MeshTri, field: Field) -> float:
         """Return the functional that a solution minimises.

@@ -17,22 +17,19 @@ from kohonen_adapt.magnetostatics.equations.energy import coenergy
 from kohonen_adapt.magnetostatics.error_by_orders import goal_indicators_by_orders, indicators_by_orders
 from kohonen_adapt.magnetostatics.field_problem import (
     FieldProblem,
-    check_belongs,
     check_elements,
     chosen_order,
-    scaled_to,
-    vanish,
+    store,
 )
 from kohonen_adapt.magnetostatics.functional import functional_in_space
 from kohonen_adapt.magnetostatics.hypercircle import gap_indicators, with_currents_of
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
-from kohonen_adapt.magnetostatics.quantities.goals import Goal, check_goal, check_goal_on, unit_of_goal
+from kohonen_adapt.magnetostatics.quantities.goals import Goal, check_goal, check_goal_on
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.solid_estimation import (
     are_parallel,
-    arguments_of_goal,
     better_values,
-    dual_of_goal,
+    dual_in_space,
     energy_indicators_in_space,
     goal_indicators_in_space,
     linearised_at,
@@ -127,7 +124,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "order", chosen_order(self.order, self.estimator))
+        store(self, {"order": chosen_order(self.order, self.estimator)})
         if not is_count(self.order) or self.order not in ORDERS:
             raise ValueError(
                 f"order of MagneticScalarPotential must be a whole number from 1 to 6; got {self.order!r}."
@@ -137,19 +134,6 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         check_elements(self.order, self.curved, self.estimator)
         if self.goal is not None:
             check_goal(self.goal, 3, self.estimator)
-
-    @property
-    def calibrated(self) -> bool:
-        """True if an estimate approximates the error in the energy norm, not with a goal."""
-        return self.goal is None
-
-    @property
-    def goal_unit(self) -> str:
-        """Unit of the values of the goal, an empty string without a goal.
-
-        The values are totals.
-        """
-        return unit_of_goal(self.goal, per_metre=False)
 
     @property
     def vector_potential(self) -> MagneticVectorPotential:
@@ -198,53 +182,41 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         """
         return self._functional(mesh)
 
-    def _energy_of(self, field: SolidField, order: int) -> Energy:
-        return self._at_order(order)._functional(field.mesh, field.drive)[0]
-
-    def _at_order(self, order: int) -> Self:
-        return replace(self, order=order, goal=None, estimator="residual")
-
     def _functional(self, mesh: MeshTet, known: Drive | None = None) -> tuple[Energy, SolidField]:
         material, planes = self.given_on(mesh, self.order)
         parallel = [plane.facets for plane in planes.values() if plane.kind == "parallel"]
         closed = np.concatenate([np.zeros(0, dtype=np.int64), *parallel])
         drive = drive_on(mesh, material, self.free_field, closed, self.order, known)
         conditions = self.conditions(drive, planes)
-        energy = coenergy(drive, material, conditions)
-        field = SolidField(
-            mesh, conditions.values, material, drive, planes, far=ends_far(drive, conditions, planes.values())
-        )
+        far = ends_far(drive, conditions, planes.values())
+        field = SolidField(mesh, conditions.values, material, drive, planes, far=far)
         check_goal_on(self.goal, field)
-        return energy, field
+        return coenergy(drive, material, conditions), field
 
-    def indicators(self, mesh: MeshTet, field: SolidField) -> Floats:
-        check_belongs(field, mesh)
-        if self.goal is not None:
-            found = self._goal_indicators(field, self.goal)
-            if not vanish(found, self.goal(field)):
-                return found
-            return scaled_to(self._energy_indicators(field), self.goal_error(field))
+    def _of_energy(self, field: SolidField) -> Floats:
         if self.estimator == "bracket":
-            vector = self.vector_potential.solve(mesh)
+            vector = self.vector_potential.solve(field.mesh)
             return gap_indicators(with_currents_of(vector, field), vector)
-        return self._energy_indicators(field)
-
-    def _energy_indicators(self, field: SolidField) -> Floats:
         if field.order <= HIGHEST_WITH_SURPLUS:
-            estimator = "residual" if self.goal is not None else self.estimator
-            return energy_indicators_in_space(self, field, estimator)
+            return energy_indicators_in_space(self, field, self.estimator)
         smooth = not (field.coefficients.nonlinear_materials or field.elements.curved.any())
         energies = partial(self._energy_of, field)
         return indicators_by_orders(field.unknown, field.order, energies, self.method, smooth)
 
-    def _goal_indicators(self, field: SolidField, goal: Goal) -> Floats:
+    def _of_goal(self, field: SolidField, goal: Goal) -> Floats:
         if field.order <= HIGHEST_WITH_SURPLUS:
             return goal_indicators_in_space(self, field, goal)
 
         def dual(each: SolidField) -> Floats:
-            return dual_of_goal(self._at_order(each.order), each, goal)["dual"]
+            return dual_in_space(self._at_order(each.order), each, goal)[0]
 
         return goal_indicators_by_orders(field, self._better_solution(field), dual, partial(self._energy_of, field))
+
+    def _energy_of(self, field: SolidField, order: int) -> Energy:
+        return self._at_order(order)._functional(field.mesh, field.drive)[0]
+
+    def _at_order(self, order: int) -> Self:
+        return replace(self, order=order, goal=None, estimator="residual")
 
     def aimed_at(self, output: object) -> Self:
         """Return the problem for an output, with a goal where that is quicker.
@@ -332,5 +304,5 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         ritz = functional_in_space(self, field, self.functional_on)
         if self.goal is None:
             return ritz
-        shapes_only = not are_parallel(field, arguments_of_goal(self, field, self.goal)["dual"])
+        shapes_only = not are_parallel(field, dual_in_space(self, field, self.goal)[0])
         return replace(ritz, comparable=False, shapes_only=shapes_only)

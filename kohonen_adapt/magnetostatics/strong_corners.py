@@ -1,4 +1,4 @@
-"""Corners at which a field is singular, and layers of elements there.
+"""Corners at which a field is singular, with errors and layers of elements.
 
 A field ``r^l s(angle)`` has the energy ``r^2l`` around its corner. With a small exponent l much of the energy is in the
 elements at the corner. What these miss changes the field everywhere, although neither jumps nor averages of H show it.
@@ -12,10 +12,12 @@ from kohonen_adapt.geometry.singular_layers import FACTOR, RESOLVED, sizes_at, w
 from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.mesh.corners import Materials, corner_exponents, fixed_parts
+from kohonen_adapt.magnetostatics.solution import unknown_of
+from kohonen_adapt.mesh.corners import Materials, corner_exponents
 from kohonen_adapt.mesh.elements.exponents import STRONG
+from kohonen_adapt.problem.singular_nodes import materials_with
 
-__all__ = ["layer_counts", "layered", "materials_of", "strong_corners"]
+__all__ = ["layer_counts", "layered", "materials_of", "strong_corners", "with_strong_corners"]
 
 LEFT = 0.02  # fraction of the squared error at a corner after enough layers
 ROOM = 10.0  # least size of elements in layers, as a multiple of `RESOLVED`
@@ -48,10 +50,46 @@ def materials_of(problem: Arguments, field: Field) -> Materials:
     coefficients = field.coefficients
     conditions = conditions_of(field.elements, problem.boundaries, field.symmetry, anchored=True)
     flux = None if coefficients.varying_magnets else coefficients.flux
-    values = coefficients.material_index[None] if flux is None else flux
-    table = np.stack(
-        [coefficients.reluctivity, np.where(coefficients.nonlinear, coefficients.material_index, -1), *values]
-    )
-    kind = np.unique(table, axis=1, return_inverse=True)[1].ravel()
-    fixed = fixed_parts(field.elements.corners, conditions.fixed, field.order)
-    return Materials(coefficients.reluctivity, kind, flux, *fixed)
+    law = np.where(coefficients.nonlinear, coefficients.material_index, -1)
+    data = coefficients.reluctivity, law, coefficients.material_index, flux, conditions.fixed
+    return materials_with(field.elements.corners, *data, field.order)
+
+
+def with_strong_corners(problem: Arguments, field: Field, indicators: Floats) -> Floats:
+    nodes, exponent = strong_corners(problem, field)
+    if not nodes.size:
+        return indicators
+    squared = squared_error(problem, field, nodes, exponent)
+    at = np.isin(field.mesh.t, nodes).any(axis=0)
+    own, others = np.sum(indicators[at] ** 2), np.sum(indicators[~at] ** 2)
+    if squared <= own + others:
+        return indicators
+    share = indicators[at] ** 2 / own if own > 0.0 else 1.0 / at.sum()
+    result = indicators.copy()
+    result[at] = np.sqrt((squared - others) * share)
+    return result
+
+
+def squared_error(problem: Arguments, field: Field, nodes: Ints, exponent: Floats) -> float:
+    # The functional falls by half of the squared error from the field to the solution of one order more on layers. The
+    # squared error at a corner falls like ``factor^(2 l layers)``, so that the fall by layers determines the rest. At a
+    # corner with elements too small for layers, the whole field is assumed to be ``r^l s(angle)``: elements of relative
+    # size h with u = 0 in place of the field increase the energy by the factor ``2 h^2l / (1 - h^2l)``.
+    mesh, order = field.mesh, field.order + 1
+    counts, here = layer_counts(mesh, nodes, exponent), problem.energy_on(mesh, field.order)
+
+    def level_on(mesh: MeshTri) -> float:
+        energy = problem.energy_on(mesh, order)
+        return energy.value(unknown_of(problem, energy, field)[0])[0]
+
+    level = level_on(layered(problem, mesh, nodes, counts)[0])
+    squared = 2.0 * (here.value(field.unknown)[0] - level)
+    left = np.max(FACTOR ** (2.0 * exponent * counts), where=counts > 0, initial=0.0)
+    if left > LEFT:
+        squared += 2.0 * left / (1.0 - left) * (level_on(mesh) - level)
+    if np.any(counts == 0):
+        sizes = sizes_at(mesh)[nodes] / np.ptp(mesh.p, axis=1).max()
+        part = np.max(sizes ** (2.0 * exponent), where=counts == 0, initial=0.0)
+        density = here.vector(field.unknown)
+        squared += 2.0 * part / (1.0 - part) * here.products(field.unknown, density, density).sum()
+    return float(squared)

@@ -22,7 +22,7 @@ from kohonen_adapt.magnetostatics.equations.newton import (
     TOLERANCE,
     Newton,
 )
-from kohonen_adapt.magnetostatics.field_problem import FieldProblem, check_belongs
+from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
 from kohonen_adapt.magnetostatics.quantities.edge_field import EdgeField
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
@@ -157,6 +157,13 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
             )
         return crossed
 
-    def indicators(self, mesh: MeshTet, field: EdgeField) -> Floats:
-        check_belongs(field, mesh)
+    @property
+    def calibrated(self) -> bool:
+        """False, because a scalar potential determines the scale of the indicators."""
+        return False
+
+    def _of_energy(self, field: EdgeField) -> Floats:
         return tangential_jumps(field)
+
+    def _of_goal(self, field: EdgeField, goal: Goal) -> Floats:
+        raise NotImplementedError

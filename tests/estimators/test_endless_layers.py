@@ -72,5 +72,5 @@ def test_recovery_sees_what_forty_layers_lower(angles, nu, closed, sides, loaded
     (u, coarse), (_, fine) = found
     discrete = discrete_flux(mesh, u, nu, np.full(nu.size, source), flux)
     star = np.flatnonzero(np.any(mesh.t == 0, axis=0))
-    squared = missing_square(System.of(mesh, discrete, u), 0, star)
+    squared = missing_square(System.of(discrete), 0, star)
     assert 1.0 <= squared / (2.0 * (coarse - fine)) <= 1.3

@@ -16,24 +16,7 @@ from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.measures import magnitude, unit_vectors
 from kohonen_adapt.problem.energy import Energy
 
-__all__ = ["CoEnergy", "PlaneEnergy", "Scalar", "Tangent", "coenergy", "scalar_problem"]
-
-
-@dataclass(frozen=True)
-class Scalar:
-    """Scalar problem ``-div(reluctivity grad u - flux) = source`` in the plane."""
-
-    reluctivity: Floats  # (nelements,)
-    flux: Floats  # (2, nelements)
-    source: Floats  # (nelements,)
-
-
-def scalar_problem(elements: Space, symmetry: Symmetry, coefficients: Coefficients) -> Scalar:
-    return Scalar(
-        symmetry.reluctivity(elements.points, coefficients.reluctivity),
-        -symmetry.flux(-coefficients.coercivity),
-        symmetry.source(coefficients.current_density),
-    )
+__all__ = ["CoEnergy", "PlaneEnergy", "Tangent", "coenergy"]
 
 
 @dataclass(frozen=True, kw_only=True)
