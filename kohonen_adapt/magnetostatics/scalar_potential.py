@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import is_count
 from kohonen_adapt.geometry.space.movable_solid import with_round_edges
 from kohonen_adapt.magnetostatics.arguments import ArgumentsInSpace, solved
@@ -35,8 +35,10 @@ from kohonen_adapt.magnetostatics.solid_estimation import (
     linearised_at,
     with_surplus,
 )
+from kohonen_adapt.magnetostatics.strong_corners import materials_in_space
 from kohonen_adapt.magnetostatics.vector_potential import MagneticVectorPotential
 from kohonen_adapt.mesh.curved import corners_of
+from kohonen_adapt.mesh.singular_edges import singular_edges
 from kohonen_adapt.problem.energy import Energy
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.protocol import AutoOrder
@@ -272,6 +274,39 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         cut_off = self.curved and field.order == 1  # faces cut off a part of round bodies
         mesh = with_round_edges(field.mesh) if cut_off else field.mesh
         return linearised_at(field, *self._at_order(field.order + 1)._functional(mesh, field.drive), self.method)
+
+    def singular_edges(self, mesh: MeshTet, field: SolidField) -> tuple[Ints, Ints]:
+        """Return the edges along which B is infinite or not smooth, and corners.
+
+        Parameters
+        ----------
+        mesh, field
+            As in `indicators`.
+
+        Returns
+        -------
+        ndarray (2, k), ndarray (n,)
+            Numbers of the nodes of the edges, the lower first, and of the corners. Across an edge with sectors of
+            constant permeability phi is a sum of functions ``r^l s(angle)``. Edges with an exponent l below 2 other
+            than 1 count, and edges of magnets unless the magnetisation is along them. Nonlinear material has its
+            permeability at H = 0. Surfaces that turn by less than 35 degrees count as smooth. At a corner edges meet at
+            an angle or end, except in a plane of symmetry across the edge.
+
+        Examples
+        --------
+        >>> import numpy as np, skfem
+        >>> from kohonen_adapt.magnetostatics import MagneticScalarPotential, Material
+        >>> def inside(x):
+        ...     return np.all(np.abs(x - 0.5) < 0.25, axis=0)
+        >>> mesh = skfem.MeshTet.init_tensor(*[np.linspace(0.0, 1.0, 5)] * 3).with_defaults()
+        >>> mesh = mesh.with_subdomains({"iron": inside, "air": lambda x: ~inside(x)})
+        >>> materials = {"iron": Material(1000.0), "air": Material()}
+        >>> problem = MagneticScalarPotential(materials, {"left": 0.0, "right": 1.0})
+        >>> edges, corners = problem.singular_edges(mesh, problem.solve(mesh))
+        >>> edges.shape[1], corners.size
+        (24, 8)
+        """
+        return singular_edges(mesh, materials_in_space(self, field))
 
     def ritz(self, mesh: MeshTet, field: SolidField) -> Ritz:
         """Return the co-energy functional and its minimiser, the potential.

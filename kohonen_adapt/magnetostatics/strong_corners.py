@@ -7,17 +7,18 @@ elements at the corner. What these miss changes the field everywhere, although n
 import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.singular_layers import FACTOR, RESOLVED, sizes_at, with_layers
-from kohonen_adapt.magnetostatics.arguments import Arguments
+from kohonen_adapt.magnetostatics.arguments import Arguments, ArgumentsInSpace
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.quantities.field import Field
+from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.solution import unknown_of
 from kohonen_adapt.mesh.corners import Materials, corner_exponents
 from kohonen_adapt.mesh.elements.exponents import STRONG
 from kohonen_adapt.problem.singular_nodes import materials_with
 
-__all__ = ["layer_counts", "layered", "materials_of", "strong_corners", "with_strong_corners"]
+__all__ = ["layer_counts", "layered", "materials_in_space", "materials_of", "strong_corners", "with_strong_corners"]
 
 LEFT = 0.02  # fraction of the squared error at a corner after enough layers
 ROOM = 10.0  # least size of elements in layers, as a multiple of `RESOLVED`
@@ -47,11 +48,21 @@ def layered(problem: Arguments, mesh: MeshTri, nodes: Ints, counts: Ints) -> tup
 
 
 def materials_of(problem: Arguments, field: Field) -> Materials:
-    coefficients = field.coefficients
     conditions = conditions_of(field.elements, problem.boundaries, field.symmetry, anchored=True)
-    flux = None if coefficients.varying_magnets else coefficients.flux
+    return _materials(field, field.coefficients.reluctivity, field.coefficients.flux, conditions.fixed)
+
+
+def materials_in_space(problem: ArgumentsInSpace, field: SolidField) -> Materials:
+    permeability, remanence = 1.0 / field.coefficients.reluctivity, field.coefficients.remanence
+    fixed = problem.conditions_of(field).fixed
+    return _materials(field, permeability, remanence, fixed)._replace(flux=remanence)
+
+
+def _materials(field: Field | SolidField, coefficient: Floats, flux: Floats, fixed: Mask) -> Materials:
+    coefficients = field.coefficients
     law = np.where(coefficients.nonlinear, coefficients.material_index, -1)
-    data = coefficients.reluctivity, law, coefficients.material_index, flux, conditions.fixed
+    constant = None if coefficients.varying_magnets else flux
+    data = coefficient, law, coefficients.material_index, constant, fixed
     return materials_with(field.elements.corners, *data, field.order)
 
 

@@ -1,18 +1,32 @@
 """Corners of boundaries and interfaces, and the exponents of solutions there."""
 
+from math import comb
 from typing import NamedTuple
 
 import numpy as np
-from skfem import MeshTri
+from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.blended import Blended
 from kohonen_adapt.mesh.cells import determinants
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.elements.exponents import exponents
-from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.host import edges_between, number_facets
+from kohonen_adapt.mesh.measures import magnitude
 
-__all__ = ["Materials", "corner_exponents", "fixed_parts", "meetings", "singular_nodes"]
+__all__ = [
+    "STRAIGHT",
+    "Interfaces",
+    "Joints",
+    "Materials",
+    "are_smooth",
+    "corner_exponents",
+    "fixed_parts",
+    "interfaces_of",
+    "joints_of",
+    "meetings",
+    "singular_nodes",
+]
 
 STRAIGHT = np.deg2rad(10.0)  # turn of an interface or boundary up to which a node is smooth; chords of arcs turn less
 WHOLE = 0.01  # largest distance of an exponent of a polynomial from 1
@@ -21,21 +35,26 @@ WHOLE = 0.01  # largest distance of an exponent of a polynomial from 1
 class Materials(NamedTuple):
     coefficient: Floats  # (m,); with a law its value at zero
     kind: Ints  # (m,): number of the material, equal for equal constants
-    flux: Floats | None  # (2, m); None if the flux varies within materials
+    flux: Floats | None  # (d, m); None if the flux varies within materials
     fixed: Mask  # (nnodes,): nodes with prescribed values
     prescribed: Mask  # (nfacets,): facets with prescribed values
 
 
-def fixed_parts(mesh: MeshTri, fixed: Mask, order: int) -> tuple[Mask, Mask]:
+def fixed_parts(mesh: Mesh, fixed: Mask, order: int) -> tuple[Mask, Mask]:
     number_facets(mesh)
-    nodes, facets = mesh.nvertices, mesh.facets.shape[1]
-    prescribed = fixed[mesh.facets].all(axis=0) & (mesh.f2t[1] < 0)
-    own = fixed[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1)
-    return fixed[:nodes], prescribed & own.all(axis=1)
+    parts = [np.arange(mesh.facets.shape[1])[None]]
+    if mesh.dim() == 3:
+        parts.insert(0, edges_between(mesh, mesh.facets[[0, 0, 1]], mesh.facets[[1, 2, 2]]))
+    prescribed, start = fixed[mesh.facets].all(axis=0) & (mesh.f2t[1] < 0), mesh.nvertices
+    for k, part in enumerate(parts, start=1):  # edges, then insides of facets
+        count, each = part.max() + 1, comb(order - 1, k)
+        prescribed &= fixed[start : start + count * each].reshape(count, each)[part].all(axis=(0, 2))
+        start += count * each
+    return fixed[: mesh.nvertices], prescribed
 
 
-class Lines(NamedTuple):
-    facets: Ints  # (f,)
+class Interfaces(NamedTuple):
+    facets: Ints  # (f,): on the boundary, or between materials
     prescribed: Mask  # (f,): True on a boundary with prescribed values
     kind: Ints  # (f,): equal for the same materials on both sides and the same condition
 
@@ -44,50 +63,64 @@ def singular_nodes(mesh: MeshTri, materials: Materials) -> Ints:
     # Corners count with an exponent below 2 other than 1, or a jump of the flux. Pairs of boundaries are treated as
     # natural conditions.
     shape = Blended(mesh)
-    found = [
-        int(node) for node in candidates(shape, lines_of(shape, materials)) if is_singular(shape, materials, int(node))
-    ]
+    lines = interfaces_of(shape.corners, materials)
+    found = [int(node) for node in candidates(shape, lines) if is_singular(shape, materials, int(node))]
     return np.union1d(found, points_inside(shape, materials)).astype(np.int64)
 
 
-def lines_of(shape: Blended, materials: Materials) -> Lines:
-    first, second = shape.corners.f2t
+def interfaces_of(mesh: Mesh, materials: Materials) -> Interfaces:
+    number_facets(mesh)
+    first, second = mesh.f2t
     left, right = materials.kind[first], np.where(second >= 0, materials.kind[second], -1)
     facets = np.flatnonzero(left != right)
     sides, prescribed = np.sort(np.stack([left, right]), axis=0)[:, facets], materials.prescribed[facets]
     kind = np.unique(np.stack([*sides, prescribed]), axis=1, return_inverse=True)[1].ravel()
-    return Lines(facets, prescribed, kind)
+    return Interfaces(facets, prescribed, kind)
 
 
-def candidates(shape: Blended, lines: Lines) -> Ints:
+def candidates(shape: Blended, lines: Interfaces) -> Ints:
     # Return the nodes at which lines meet, end, turn or change their kind.
-    count = shape.p.shape[1]
     ends = shape.corners.facets[:, lines.facets]
     _, tangents = shape.facet_points(lines.facets, np.array([0.0, 1.0]))
     direction = np.concatenate([tangents[..., 0], -tangents[..., 1]], axis=1)
     direction /= np.hypot(*direction)
-    node = ends.ravel()
-    meeting, total = meetings(node, direction, count)
-    low, high = np.full(count, lines.kind.max(initial=0) + 1), np.full(count, -1)
-    kinds = np.tile(lines.kind, 2)
-    np.minimum.at(low, node, kinds)
-    np.maximum.at(high, node, kinds)
-    turns = total > 2.0 * np.sin(0.5 * STRAIGHT)
-    return np.flatnonzero((meeting > 0) & ((meeting != 2) | turns | (low != high)))
+    joints = joints_of(ends.ravel(), direction, np.tile(lines.kind, 2), shape.p.shape[1])
+    return np.flatnonzero((joints.meeting > 0) & ~(joints.joined & (joints.turn <= STRAIGHT)))
 
 
-def meetings(node: Ints, direction: Floats, count: int) -> tuple[Ints, Floats]:
-    # Number of facets at every node, and length of the sum of their directions, 2 sin(turn / 2) for two facets. `node`
-    # (n,) and `direction` (2, n) are nodes and unit vectors into the facets at the ends of all facets.
-    total = np.hypot(*(np.bincount(node, part, count) for part in direction))
-    return np.bincount(node, minlength=count), total
+class Joints(NamedTuple):
+    meeting: Ints  # (n,): number of parts that meet
+    turn: Floats  # (n,): angle between two parts in radians, 0 in line
+    low: Ints  # (n,): least and ...
+    high: Ints  # (n,): ... largest kind of the parts
+
+    @property
+    def joined(self) -> Mask:
+        # two parts of one kind
+        return (self.meeting == 2) & (self.low == self.high)
+
+
+def joints_of(place: Ints, direction: Floats, kind: Ints, count: int) -> Joints:
+    # `place`, (n,) below `count`, is the node or edge at which each part ends, with unit vectors into the parts and
+    # their kinds.
+    meeting, total = meetings(place, direction, count)
+    low, high = np.full(count, kind.max(initial=0) + 1), np.full(count, -1)
+    np.minimum.at(low, place, kind)
+    np.maximum.at(high, place, kind)
+    return Joints(meeting, 2.0 * np.arcsin(np.minimum(0.5 * total, 1.0)), low, high)
+
+
+def meetings(place: Ints, direction: Floats, count: int) -> tuple[Ints, Floats]:
+    # Number of parts at every place, and length of the sum of their directions, 2 sin(turn / 2) for two parts.
+    total = magnitude(np.array([np.bincount(place, part, count) for part in direction]))
+    return np.bincount(place, minlength=count), total
 
 
 def corner_exponents(mesh: MeshTri, materials: Materials, among: Mask | None = None) -> tuple[Ints, Floats]:
     # Return the nodes at which the gradient is infinite, and the least exponent of each.
     # A mask `among` restricts the nodes.
     shape = Blended(mesh)
-    nodes = candidates(shape, lines_of(shape, materials))
+    nodes = candidates(shape, interfaces_of(shape.corners, materials))
     nodes = nodes if among is None else nodes[among[nodes]]
     found = [(int(node), exponents_at(shape, materials, int(node))) for node in nodes]
     least = {node: each[0] for node, each in found if each.size and each[0] < 1.0 - WHOLE}
@@ -98,7 +131,11 @@ def is_singular(shape: Blended, materials: Materials, node: int) -> bool:
     element = np.nonzero(np.equal(shape.t.T, node))[0]
     if np.ptp(materials.kind[element]) > 0 and jumps(materials, element):
         return True
-    return bool(np.any(np.abs(exponents_at(shape, materials, node) - 1.0) > WHOLE))
+    return not are_smooth(exponents_at(shape, materials, node))
+
+
+def are_smooth(found: Floats) -> bool:
+    return bool(np.all(np.abs(found - 1.0) <= WHOLE))
 
 
 def exponents_at(shape: Blended, materials: Materials, node: int) -> Floats:

@@ -1,7 +1,7 @@
 """Materials of a functional, which decide where its minimiser is singular."""
 
 import numpy as np
-from skfem import MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.corners import Materials, fixed_parts
@@ -12,7 +12,7 @@ __all__ = ["materials_of", "materials_with"]
 
 
 def materials_with(
-    mesh: MeshTri, coefficient: Floats, law: Ints, region: Ints, flux: Floats | None, fixed: Mask, order: int
+    mesh: Mesh, coefficient: Floats, law: Ints, region: Ints, flux: Floats | None, fixed: Mask, order: int
 ) -> Materials:
     """Return materials from the coefficient, the law and the flux of every element.
 
@@ -23,10 +23,15 @@ def materials_with(
     return Materials(coefficient, kind, flux, *fixed_parts(mesh, fixed, order))
 
 
-def materials_of(mesh: MeshTri, ritz: Ritz) -> Materials:
+def materials_of(mesh: Mesh, ritz: Ritz) -> Materials:
     region = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
     numbers = {id(law): number for number, law in enumerate(ritz.laws)}
     law = np.array([numbers[id(law)] for law in ritz.laws])[region] if ritz.laws else 0 * region
-    flux = None if callable(ritz.flux) else constants_at(ritz.flux, region, 2)
-    coefficient = constants_at(ritz.coefficient, region)
-    return materials_with(mesh, coefficient, law, region, flux, np.asarray(ritz.fixed), ritz.order)
+    coefficient, flux = constants_at(ritz.coefficient, region), None
+    if not callable(ritz.flux):  # the shift of a law is a flux where the gradient is small
+        flux, shift = (constants_at(each, region, mesh.dim()) for each in (ritz.flux, ritz.shift))
+        flux = flux + coefficient * shift
+    found = materials_with(mesh, coefficient, law, region, flux, np.asarray(ritz.fixed), ritz.order)
+    if callable(ritz.flux) and mesh.dim() == 3:
+        return found._replace(flux=np.asarray(ritz.flux(mesh.p[:, mesh.t].mean(axis=1), region)))
+    return found

@@ -1,0 +1,269 @@
+"""Edges and corners in space against those of bodies that are known, and against the plane."""
+
+import numpy as np
+import pytest
+from helpers.magnet_solids import blocks, nested_balls
+from helpers.meshes import disk, square
+from helpers.solids import box, extruded
+from helpers.tetrahedra import fichera
+from skfem import Basis, ElementTetP2, MeshTet
+
+import kohonen_adapt as ka
+from kohonen_adapt.geometry.plane.polylines import CORNER
+from kohonen_adapt.geometry.space.movable_solid import with_round_edges
+from kohonen_adapt.magnetostatics import MagneticScalarPotential, Material
+from kohonen_adapt.mesh.corners import singular_nodes
+from kohonen_adapt.mesh.singular_edges import SHARP, singular_edges
+from kohonen_adapt.problem.singular_nodes import materials_of
+
+STEPS = np.linspace(0.0, 1.0, 5)
+
+
+def everywhere(x):
+    return np.full(x.shape[1:], True)
+
+
+def found(mesh, fixed=everywhere, order=1, **tables):
+    """Singular edges and corners if u is given on the facets for whose middles `fixed` says so."""
+    outer = mesh.boundary_facets()
+    given = outer[fixed(mesh.p[:, mesh.facets[:, outer]].mean(axis=1))]
+    mask = np.isin(np.arange(mesh.nvertices), mesh.facets[:, given])
+    if order == 2:
+        basis = Basis(mesh, ElementTetP2())
+        mask = np.isin(np.arange(basis.N), basis.get_dofs(given).all())
+    ritz = ka.Ritz(np.zeros(mask.size), mask, **{"coefficient": 1.0} | tables, order=order)
+    return singular_edges(mesh, materials_of(mesh, ritz))
+
+
+def length(mesh, edges):
+    return np.linalg.norm(np.diff(mesh.p[:, edges], axis=1)[:, 0], axis=0).sum()
+
+
+def region_of(mesh, *names):
+    return sum((k + 1) * np.isin(np.arange(mesh.nelements), mesh.subdomains[name]) for k, name in enumerate(names))
+
+
+def box_in_air():
+    mesh = blocks([STEPS] * 3, {"inner": ((0.25,) * 3, (0.75,) * 3)})
+    return mesh, region_of(mesh, "inner")
+
+
+def at_corners_of_box(mesh, corners):
+    return corners.size == 8 and np.allclose(np.abs(mesh.p[:, corners] - 0.5), 0.25)
+
+
+def prism():
+    t = np.linspace(-1.0, 1.0, 5)
+    mesh = MeshTet.init_tensor(t, t, STEPS)
+    x, y, _ = mesh.p[:, mesh.t].mean(axis=1)
+    return mesh.restrict(np.flatnonzero(~((x > 0) & (y < 0))))
+
+
+def test_an_l_shaped_prism_has_one_edge_that_goes_on_in_mirror_images():
+    mesh = prism()
+    for order in (1, 2):
+        edges, corners = found(mesh, lambda x: (x[2] > 1e-9) & (x[2] < 1 - 1e-9), order)
+        np.testing.assert_allclose(mesh.p[:2, edges], 0.0, atol=1e-12)
+        assert length(mesh, edges) == pytest.approx(1.0) and corners.size == 0
+
+
+def test_an_edge_that_ends_obliquely_has_a_corner_there():
+    mesh = prism()
+    mesh = MeshTet(mesh.p * (1.0 + np.outer([0.0, 0.0, 0.5], mesh.p[0])), mesh.t)  # the upper end is tilted
+    _, corners = found(mesh)
+    np.testing.assert_allclose(mesh.p[:, corners], [[0.0], [0.0], [1.0]], atol=1e-12)
+
+
+def test_ficheras_corner_has_three_edges():
+    mesh = fichera(2)
+    edges, corners = found(mesh)
+    inner = mesh.p[:, corners]
+    assert corners.size == 1 and length(mesh, edges) == pytest.approx(3.0 * np.ptp(mesh.p[0]) / 2.0)
+    for edge in edges.T:
+        assert np.count_nonzero(np.ptp(mesh.p[:, edge], axis=1) > 1e-12) == 1
+        assert np.count_nonzero(np.isclose(mesh.p[:, edge].mean(axis=1), inner[:, 0])) == 2
+
+
+@pytest.mark.parametrize("axes", ["xy", "yz"])
+@pytest.mark.parametrize("order", [1, 2])
+def test_faces_at_right_angles_have_no_singular_edge(order, axes):
+    """Fixed faces beside natural ones have the exponent 1, two of one kind have 2."""
+    mesh = box(3)
+    assert found(mesh, order=order)[0].size == 0
+    names = ["xyz".index(axis) for axis in axes]
+    edges, corners = found(mesh, lambda x: (x[names] < 1e-9).any(axis=0), order)
+    assert edges.size == corners.size == 0
+
+
+def test_a_change_of_condition_on_a_plane_is_an_edge():
+    mesh = box(4)
+    edges, corners = found(mesh, lambda x: (x[2] < 1e-9) & (x[0] < 0.5))
+    np.testing.assert_allclose(mesh.p[::2, edges], np.broadcast_to([[[0.5]], [[0.0]]], (2, 2, 4)))
+    assert corners.size == 0
+    edges, corners = found(mesh, lambda x: (x[2] < 1e-9) & (x[:2] < 0.5).all(axis=0))
+    assert length(mesh, edges) == pytest.approx(1.0)
+    np.testing.assert_allclose(mesh.p[:, corners], [[0.5], [0.5], [0.0]])
+
+
+def test_iron_in_air():
+    mesh, region = box_in_air()
+    edges, corners = found(mesh, coefficient=[1.0, 1000.0], region=region)
+    assert length(mesh, edges) == pytest.approx(6.0) and at_corners_of_box(mesh, corners)
+    assert found(mesh, coefficient=[1.0, 1.001], region=region)[0].size == 0
+
+
+@pytest.mark.parametrize("permeability", [1.0, 1.05])
+def test_edges_of_a_magnet_count_except_along_the_magnetisation(permeability):
+    mesh, region = box_in_air()
+    flux = np.outer([0.0, 0.0, 1.0], [0.0, 1.0])
+    edges, corners = found(mesh, coefficient=[1.0, permeability], flux=flux, region=region)
+    assert length(mesh, edges) == pytest.approx(4.0) and at_corners_of_box(mesh, corners)
+    assert np.all(np.ptp(mesh.p[2, edges], axis=0) < 1e-12)
+    edges, _ = found(mesh, flux=lambda x, region: x * (region == 1), region=region)
+    assert length(mesh, edges) == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize("parallel", [True, False])
+def test_symmetry_planes_that_cut_a_magnet_have_no_edges(parallel):
+    """A quarter of a box has a quarter of its edges: at natural planes along, at fixed ones across the magnet."""
+    mesh = blocks([STEPS] * 3, {"magnet": ((-1.0, -1.0, 0.25), (0.5, 0.5, 0.75))})
+    axis = 2 if parallel else 0
+    flux = np.outer(np.eye(3)[axis], [0.0, 1.0])
+    edges, corners = found(
+        mesh,
+        lambda x: (x[[0, 1]] > 1 - 1e-9).any(axis=0) | ((x[0] < 1e-9) & (not parallel)),
+        flux=flux,
+        region=region_of(mesh, "magnet"),
+    )
+    assert length(mesh, edges) == pytest.approx(2.0 if parallel else 1.5)
+    np.testing.assert_allclose(np.sort(mesh.p[2, corners]), [0.25, 0.75])
+
+
+def test_four_squares_that_touch_along_a_line():
+    mesh = box(4)
+    x, y, _ = mesh.p[:, mesh.t].mean(axis=1) - 0.5
+    edges, corners = found(mesh, lambda x: x[0] < 1e-9, coefficient=[1.0, 1000.0], region=(x * y > 0).astype(int))
+    np.testing.assert_allclose(mesh.p[:2, edges], 0.5)
+    assert length(mesh, edges) == pytest.approx(1.0) and corners.size == 0
+
+
+def round_bar(rings=6, layers=4):
+    """A bar of half the radius and half the height of the air around it."""
+    mesh = extruded(disk(rings, 1.0), layers)
+    x = mesh.p[:, mesh.t]
+    inner = (np.hypot(*x[:2]).max(axis=0) < 0.5 + 1e-9) & (np.abs(x[2] - 0.5) < 0.25 + 1e-9).all(axis=0)
+    return mesh.with_subdomains({"inner": np.flatnonzero(inner), "air": np.flatnonzero(~inner)})
+
+
+@pytest.mark.parametrize("curved", [False, True])
+@pytest.mark.parametrize("half", [False, True])
+def test_round_surfaces_have_no_edges_and_circles_no_corners(curved, half):
+    bar, ball = round_bar(), nested_balls(2)
+    magnet = {"flux": np.outer([0.0, 0.0, 1.0], [0.0, 1.0])}
+    for tables in ({"coefficient": [1.0, 1000.0]}, magnet):
+        for mesh, name, lines in ((bar, "inner", 4), (ball, "ball", 0)):
+            if half:
+                middle = mesh.p[:, mesh.t].mean(axis=1)
+                mesh = mesh.restrict(np.flatnonzero(middle[1] > 0))
+            mesh = with_round_edges(mesh) if curved else mesh
+            natural = 1e-9 if half else -np.inf
+            edges, corners = found(mesh, lambda x, y=natural: x[1] > y, region=region_of(mesh, name), **tables)
+            polygons = lines * 18 * np.sin(np.pi / 18) * (0.5 if half else 1.0)
+            assert length(mesh, edges) == pytest.approx(0.5 * polygons) and corners.size == 0
+
+
+def test_a_circle_counts_as_a_whole():
+    """A disc magnetised along x has no charge on the edges at its highest and lowest node."""
+    mesh = round_bar()
+    edges, corners = found(mesh, flux=np.outer([1.0, 0.0, 0.0], [0.0, 1.0]), region=region_of(mesh, "inner"))
+    assert length(mesh, edges) == pytest.approx(36 * np.sin(np.pi / 18)) and corners.size == 0
+
+
+def test_the_geometry_has_the_same_corners():
+    assert SHARP == CORNER
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_upright_edges_are_singular_where_the_plane_is(seed):
+    """Of random materials and conditions drawn along z, with natural ends."""
+    rng = np.random.default_rng(seed)
+    flat = square(3)
+    region = rng.integers(0, 3, flat.nelements)
+    coefficient = rng.choice([1.0, 2.0, 50.0, 1e4], 3)
+    outer = flat.boundary_facets()
+    given = flat.facets[:, outer[rng.random(outer.size) < 0.6]]
+    rim = np.isin(np.arange(flat.nvertices), given)
+    plane = ka.Ritz(np.zeros(flat.nvertices), rim, coefficient, region=region)
+    nodes = singular_nodes(flat, materials_of(flat, plane))
+    mesh = extruded(flat, 2)
+
+    def fixed(x):
+        sides = (x[2] > 1e-9) & (x[2] < 1 - 1e-9)
+        return sides & np.array([on_fixed(point) for point in x.T])
+
+    def on_fixed(point):
+        middle = point[:2]
+        ends = flat.p[:, flat.facets[:, outer]]
+        way, off = ends[:, 1] - ends[:, 0], middle[:, None] - ends[:, 0]
+        share = np.sum(way * off, axis=0) / np.sum(way**2, axis=0)
+        near = np.hypot(*(off - share * way)) < 1e-9
+        own = outer[near & (share > 0) & (share < 1)]
+        return rim[flat.facets[:, own]].all()
+
+    edges, _ = found(mesh, fixed, 2, coefficient=coefficient, region=np.tile(region, 6))
+    upright = np.ptp(mesh.p[2, edges], axis=0) > 1e-9
+    assert upright.all()
+    np.testing.assert_array_equal(np.unique(edges % flat.nvertices), nodes)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_orders_of_nodes_and_elements_do_not_matter(seed):
+    rng = np.random.default_rng(seed)
+    for mesh, region in (box_in_air(), (bar := round_bar(3), region_of(bar, "inner"))):
+        tables = {"coefficient": [1.0, 30.0], "flux": np.outer([0.0, 0.6, 0.8], [0.0, 1.0])}
+        edges, corners = found(mesh, region=region, **tables)
+        node, element = rng.permutation(mesh.nvertices), rng.permutation(mesh.nelements)
+        p = np.empty_like(mesh.p)
+        p[:, node] = mesh.p
+        t = rng.permuted(node[mesh.t[:, element]], axis=0)
+        turned = MeshTet(p, t)
+        own, own_corners = found(turned, region=region[element], **tables)
+        np.testing.assert_array_equal(own, np.unique(np.sort(node[edges], axis=0), axis=1))
+        np.testing.assert_array_equal(own_corners, np.sort(node[corners]))
+        np.testing.assert_array_equal(turned.t, t)
+
+
+def test_parts_that_touch_along_an_edge():
+    mesh = box(2)
+    x, y, _ = mesh.p[:, mesh.t].mean(axis=1) - 0.5
+    edges, corners = found(mesh.restrict(np.flatnonzero(x * y > 0)))
+    assert edges.size == corners.size == 0
+
+
+def test_a_scalar_potential_has_the_edges_of_its_functional():
+    mesh, _ = box_in_air()
+    magnet, air = Material(1.1, remanence=(0.0, 0.0, 1.0)), Material()
+    for order in (1, 2):
+        problem = MagneticScalarPotential({"inner": magnet, "air": air}, {"outer": 0.0}, order=order)
+        field = problem.solve(mesh)
+        edges, corners = problem.singular_edges(mesh, field)
+        of_ritz = singular_edges(mesh, materials_of(mesh, problem.ritz(mesh, field)))
+        np.testing.assert_array_equal(edges, of_ritz[0])
+        np.testing.assert_array_equal(corners, of_ritz[1])
+        assert at_corners_of_box(mesh, corners)
+
+
+class Law:
+    """The identity, as a law."""
+
+    def field_strength(self, b):
+        return b
+
+    def energy(self, b):
+        return 0.5 * b**2
+
+
+def test_the_shift_of_a_law_is_a_magnet():
+    mesh, region = box_in_air()
+    edges, _ = found(mesh, laws=[None, Law()], shift=np.outer([0.0, 0.0, 1.0], [0.0, 1.0]), region=region)
+    assert length(mesh, edges) == pytest.approx(4.0)
