@@ -9,8 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.commands.arguments import refuse_link
 from kohonen_adapt.display import lattice
@@ -25,6 +27,7 @@ __all__ = ["CaseRun", "curve_sentence", "results_of", "write_fields"]
 
 MESH, FIELDS, INSIDE, HISTORY = "adapted.msh", "adapted.vtu", "inside.vtu", "history.csv"
 PASSES = "passes"  # subfolder of the finished passes
+HIGHEST_IN_FILES = 2  # order of potentials in space
 ENDED = "ended.txt"  # file in `PASSES` with the final message of a finished run
 
 
@@ -139,9 +142,17 @@ def write_fields(case: Case, result: AdaptResult, mesh: Path, fields: Path) -> N
     write_mesh(
         fields,
         result.mesh,
-        point_data={"A (Wb per m)" if len(result.mesh.p) == 2 else "phi (A)": field.potential},
+        point_data={"A (Wb per m)" if len(result.mesh.p) == 2 else "phi (A)": _written_potential(field)},
         cell_data={"B (T)": field.flux_density, "H (A per m)": field.field_strength, "indicator": result.indicators},
     )
+
+
+def _written_potential(field: Any) -> Floats:
+    # files have fields in space up to order 2
+    space = field.elements
+    if space.dim == 2 or space.order <= HIGHEST_IN_FILES:
+        return np.asarray(field.potential)
+    return space.at_order(HIGHEST_IN_FILES).interpolated(space, field.potential)
 
 
 def curve_sentence(case: Case, result: AdaptResult) -> str:

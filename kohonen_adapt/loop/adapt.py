@@ -16,7 +16,7 @@ from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.dimension import method_of
-from kohonen_adapt.loop.final_order import GradingTolerance, run_to_order
+from kohonen_adapt.loop.final_order import HIGH_ORDERS, GradingTolerance, run_to_order
 from kohonen_adapt.loop.growth import MAX_NODES, Growth, GrowthByTolerance, NodeCounts
 from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.method import Method
@@ -244,7 +244,10 @@ def run(
     steps: Steps,
 ) -> AdaptResult:
     orders, method = problem.final_orders(stop.max_nodes is not None), method_of(mesh)
-    of_passes, grading = problem.of_passes if orders else problem, GradingTolerance(stop, orders)
+    of_passes, grading = (
+        problem.of_passes if orders else problem,
+        GradingTolerance(stop, orders, HIGH_ORDERS[mesh.dim()]),
+    )
     allowed = grading.aim if orders else stop.tolerance
     growth = node_counts(of_passes, method, mesh, settings.rules, target_nodes, stop, allowed)
     settings = replace(settings, growth=growth)

@@ -9,14 +9,15 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.checks import point_text
 from kohonen_adapt.loop.passes import Status
-from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
+from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, cell_of
 from kohonen_adapt.mesh.corners import corner_exponents, singular_nodes
+from kohonen_adapt.mesh.singular_edges import singular_edges
 from kohonen_adapt.problem.evaluation import ritz_of
 from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.singular_nodes import materials_of
 
-__all__ = ["corner_remark", "corner_sentences", "corners_of_field"]
+__all__ = ["corner_remark", "corner_sentences", "singular_parts"]
 
 TOLD = 0.35  # exponent below which a corner is named; half the error takes elements 7 times smaller there
 SHOWN = 3  # corners named
@@ -26,13 +27,22 @@ SEEN = 1e-3  # least relative error that is named
 LIMITED = (Status.MAX_PASSES, Status.MAX_NODES, Status.STALLED, Status.NOT_MOVED)
 
 
-def corners_of_field(problem: CheckedProblem, mesh: Mesh, solution: Any) -> Ints:
-    if problem.has("singular_nodes"):
-        return np.asarray(problem.singular_nodes(mesh, solution))
-    try:
-        return singular_nodes(mesh, materials_of(mesh, ritz_of(problem, mesh, solution)))
-    except NotOffered:
-        return np.zeros(0, dtype=np.int64)
+def singular_parts(problem: CheckedProblem, mesh: Mesh, solution: Any) -> tuple[Ints, Ints | None]:
+    """Return the nodes at which a field is singular, and in space the edges (2, k)."""
+    in_space = cell_of(mesh) is TETRAHEDRON
+    own = "singular_edges" if in_space else "singular_nodes"
+    if problem.has(own):
+        found = getattr(problem, own)(mesh, solution)
+    else:
+        try:
+            materials = materials_of(mesh, ritz_of(problem, mesh, solution))
+        except NotOffered:
+            return np.zeros(0, dtype=np.int64), np.zeros((2, 0), dtype=np.int64) if in_space else None
+        found = (singular_edges if in_space else singular_nodes)(mesh, materials)
+    if not in_space:
+        return np.asarray(found), None
+    edges, nodes = found
+    return np.asarray(nodes), np.asarray(edges)
 
 
 def corner_remark(status: Status, problem: CheckedProblem, mesh: Mesh, ritz: Ritz | None) -> str:

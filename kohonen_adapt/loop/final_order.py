@@ -1,20 +1,21 @@
-"""Results of a higher order than the passes, on layers at corners.
+"""Results of a higher order than the passes, on layers at corners and edges.
 
 The passes grade the mesh at order 2. Then layers at the corners of the field and one solve of a higher order take less
 time than more nodes, because the error falls exponentially (B. Guo and I. Babuska, Comput. Mech. 1, 1986).
 """
 
 import logging
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from skfem import Mesh, MeshTri
+from skfem import Mesh
 
 from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.singular_layers import with_layers
-from kohonen_adapt.loop.corners import corner_remark, corners_of_field
+from kohonen_adapt.loop.corners import corner_remark, singular_parts
 from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.passes import Pass, Status, StepFailed
 from kohonen_adapt.loop.result import AdaptResult
@@ -29,30 +30,56 @@ from kohonen_adapt.loop.stopping import (
     failed_ending,
     interrupted_ending,
 )
+from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.problem.evaluation import energy_norm, estimate, goal_error_of, goal_of
 from kohonen_adapt.problem.protocol import CheckedProblem
 from kohonen_adapt.problem.uncertain import doubts_of
 
-__all__ = ["GradingTolerance", "run_to_order"]
+__all__ = ["HIGH_ORDERS", "GradingTolerance", "run_to_order"]
 
 logger = logging.getLogger("kohonen_adapt")
 
-GRADED = 0.019  # relative error at order 2 of a mesh that is graded well enough for higher orders
-# Relative error up to which no pass follows: one order more takes less time than a pass that only adds nodes.
-ENOUGH = 0.03
 DIRECT = 0.5  # fraction of this error from which a tolerance is met by passes alone
 OF_GOAL = 10.0  # tolerance of passes for goals, as a multiple of the tolerance of the estimate
-# Error at order 2 over the error of higher orders, on a mesh of that error with layers (C-core, 211 nodes).
-GAINS = {4: 8.0, 5: 17.0, 6: 34.0, 7: 60.0, 8: 100.0}
 SMOOTH = 2.0  # least gain of a raised order; below, the solution is not smooth and the passes go on alone
 SAFE = 0.8  # of the tolerance of passes before a higher order
 FINER = 0.7  # of the tolerance of the passes after a raised order that did not suffice, at most
 
 
-def gain_of(order: int) -> float:
-    return GAINS[min(order, max(GAINS))]
+@dataclass(frozen=True)
+class HighOrders:
+    """Gains of high orders on layers, in the plane or in space.
+
+    Attributes
+    ----------
+    graded
+        Relative error at order 2 of a mesh that is graded well enough for higher orders.
+    enough
+        Relative error up to which no pass follows: one order more takes less time than a pass that only adds nodes.
+    gains
+        Error at order 2 over the error of a higher order, on a mesh of the former error with layers.
+    orders_per_layer
+        Order of the elements, over the number of layers.
+    """
+
+    graded: float
+    enough: float
+    gains: Mapping[int, float]
+    orders_per_layer: float
+
+    def gain(self, order: int) -> float:
+        return self.gains[min(order, max(self.gains))]
+
+    def layers(self, order: int) -> int:
+        return int(order / self.orders_per_layer)
+
+
+HIGH_ORDERS = {
+    TRIANGLE.dim: HighOrders(0.019, 0.03, {4: 8.0, 5: 17.0, 6: 34.0, 7: 60.0, 8: 100.0}, 2.0),  # C-core, 211 nodes
+    TETRAHEDRON.dim: HighOrders(0.1, 0.15, {4: 9.0, 5: 16.0, 6: 25.0}, 2.5),  # Fichera's corner, 120 and 250 nodes
+}
 
 
 @dataclass
@@ -65,16 +92,19 @@ class GradingTolerance:
         Stop test with the tolerance of the result.
     orders
         Orders for the result.
+    high
+        What these orders bring.
     relative
         Tolerance of the passes, relative to the energy norm, or to the tolerance of a goal.
     """
 
     stop: StopTest
     orders: range
+    high: HighOrders
     relative: float | None = None
 
     def __call__(self, last: Pass) -> float | None:
-        return self._within(last, ENOUGH)
+        return self._within(last, self.high.enough)
 
     def _within(self, last: Pass, enough: float) -> float | None:
         tolerance = self.stop.tolerance(last)
@@ -82,14 +112,14 @@ class GradingTolerance:
             return None
         if last.energy_norm is None:
             return max(1.0, OF_GOAL if self.relative is None else self.relative) * tolerance
-        aim, graded = (GRADED, enough) if self.relative is None else (self.relative,) * 2
+        aim, graded = (self.high.graded, enough) if self.relative is None else (self.relative,) * 2
         if tolerance > DIRECT * aim * last.energy_norm:
             return tolerance
-        return min(graded * last.energy_norm, gain_of(self.orders[-1]) * tolerance)
+        return min(graded * last.energy_norm, self.high.gain(self.orders[-1]) * tolerance)
 
     def aim(self, last: Pass) -> float | None:
         # Return the estimate that passes aim at, to meet the tolerance at once.
-        tolerance = self._within(last, GRADED)
+        tolerance = self._within(last, self.high.graded)
         return tolerance and (tolerance if tolerance == self.stop.tolerance(last) else SAFE * tolerance)
 
     def lower(self, last: Pass, factor: float) -> None:
@@ -110,7 +140,7 @@ def run_to_order(
         if stop.of_result.unreachable_text(result.history):
             return result
         try:
-            raised = at_orders(result, problem, adaptation, stop, orders, history.best_curved)
+            raised = at_orders(result, problem, adaptation, stop, grading, history.best_curved)
         except (KeyboardInterrupt, StepFailed) as cause:
             ending = interrupted_ending(result.history, result.best)
             if isinstance(cause, StepFailed):
@@ -140,14 +170,14 @@ def at_orders(
     problem: CheckedProblem,
     adaptation: Adaptation,
     stop: StopTest,
-    orders: range,
+    grading: GradingTolerance,
     curved: MovableMesh | None,
 ) -> AdaptResult:
-    tolerance = stop.tolerance(result.best)
+    tolerance, orders, high = stop.tolerance(result.best), grading.orders, grading.high
     wanted = result.estimate / tolerance if tolerance else np.inf
-    order = next((order for order in orders if gain_of(order) > wanted), orders[-1])
+    order = next((order for order in orders if high.gain(order) > wanted), orders[-1])
     while True:
-        raised = at_order(result, problem, adaptation, stop, order, curved)
+        raised = at_order(result, problem, adaptation, stop, order, high.layers(order), curved)
         if raised.status is Status.CONVERGED or order >= orders[-1] or not tolerance:
             return raised
         if result.estimate < SMOOTH * raised.estimate:
@@ -161,12 +191,13 @@ def at_order(
     adaptation: Adaptation,
     stop: StopTest,
     order: int,
+    layers: int,
     curved: MovableMesh | None,
 ) -> AdaptResult:
-    steps, layers = adaptation.steps, order // 2
+    steps = adaptation.steps
     steps.next_pass(len(result.history))
     with steps("relocate"):
-        mesh, corners, remark = layered(result, adaptation, layers, curved)
+        mesh, places, remark = layered(result, adaptation, layers, curved)
     with steps("solve"):
         if problem.has("on_curves"):
             problem = problem.on_curves(adaptation.settings.rules.curves or {})
@@ -176,7 +207,7 @@ def at_order(
     record = replace(record, seconds=steps.seconds, compile_seconds=steps.compile_seconds)
     history = (*result.history, record)
     ending = ending_at_order(history, result.status, stop)
-    on_layers = f" on {layers} layers at {corners} corners" if corners else ""
+    on_layers = f" on {layers} layer{'s' * (layers > 1)} at {places}" if places else ""
     made = f"Solved with order {order}{on_layers}, {record.unknowns} unknowns.{remark}"
     named = corner_remark(ending.status, problem, mesh, None)
     return replace(
@@ -194,16 +225,21 @@ def at_order(
 
 def layered(
     result: AdaptResult, adaptation: Adaptation, layers: int, curved: MovableMesh | None
-) -> tuple[MeshTri, int, str]:
-    # Returned are the mesh with layers, the number of corners with layers, and a remark.
-    rules, corners = adaptation.settings.rules, corners_of_field(adaptation.problem, result.mesh, result.solution)
-    whole, remark = result.mesh, ""
-    if curved is not None:
-        whole = on_whole_curves(result.mesh, curved)
-        remark = remark_on_sides(curved.flattened(whole))
-    mesh, nodes = with_layers(whole, corners, layers, rules.periodic, rules.curves)
+) -> tuple[Mesh, str, str]:
+    # Returned are the mesh with layers, the corners or edges that have them, and a remark.
+    rules, whole, remark = adaptation.settings.rules, result.mesh, ""
+    corners, edges = singular_parts(adaptation.problem, result.mesh, result.solution)
+    if edges is not None:
+        mesh, nodes = with_layers(whole, np.union1d(corners, edges), layers, edges=edges)
+        places = f"singular edges with {nodes.size} nodes"
+    else:
+        if curved is not None:
+            whole = on_whole_curves(result.mesh, curved)
+            remark = remark_on_sides(curved.flattened(whole))
+        mesh, nodes = with_layers(whole, corners, layers, rules.periodic, rules.curves)
+        places = f"{nodes.size} corner{'s' * (nodes.size > 1)}"
     number_facets(mesh)
-    return mesh, nodes.size, remark
+    return mesh, places * bool(nodes.size), remark
 
 
 def ending_at_order(history: tuple[Pass, ...], status: Status, stop: StopTest) -> Ending:

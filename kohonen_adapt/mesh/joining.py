@@ -5,12 +5,13 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 from scipy.spatial import KDTree
-from skfem import MeshTri
+from skfem import Mesh, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import is_number, point_text
-from kohonen_adapt.mesh.curved import corners_of, midside_offsets, numbered_sides, with_midside_offsets
+from kohonen_adapt.mesh.cells import cell_of
+from kohonen_adapt.mesh.curved import corners_of, midside_offsets, with_midside_offsets
 from kohonen_adapt.mesh.host import facets_opposite, number_facets, remade, set_boundaries
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.measures import directed
@@ -125,13 +126,13 @@ def _boundary(mesh: MeshTri, facet: Ints, sides: Sides) -> Ints:
     return boundary_of(mesh, facet, sides.element, sides.corner, oriented)
 
 
-def sides_of(mesh: MeshTri, rows: Ints, first: int = 0) -> Sides:
+def sides_of(mesh: Mesh, rows: Ints, first: int = 0) -> Sides:
     number_facets(mesh)
     facet = np.asarray(rows, dtype=np.int64)
     meant = getattr(rows, "ori", np.zeros_like(facet))
     facet, element = np.tile(facet, 2), np.concatenate([mesh.f2t[side, facet] for side in (meant, 1 - meant)])
     facet, element = facet[element >= 0], element[element >= 0]
-    corner = np.argmax(numbered_sides(mesh)[1][:, element] == facet, axis=0)
+    corner = np.array(cell_of(mesh).opposite)[np.argmax(mesh.t2f[:, element] == facet, axis=0)]
     return Sides(element + first, corner, isinstance(rows, OrientedBoundary))
 
 

@@ -38,6 +38,7 @@ METHODS = {
     "ritz": "mesh, solution",
     "curves": "mesh",
     "improved": "mesh, solution, outputs",
+    "singular_edges": "mesh, solution",
     "singular_nodes": "mesh, solution",
     "corner_exponents": "mesh",
     "aimed_at": "output",
@@ -102,6 +103,8 @@ class Problem(Protocol):
                                                   share of curves in errors of orders 2 and 3
     ``ritz(mesh, solution)``                      functional that the solution minimises, a `Ritz`; the polish needs it
     ``singular_nodes(mesh, solution)``            numbers of the nodes that get layers; default: from ``ritz``
+    ``singular_edges(mesh, solution)``            in space, edges (2, k) and corners (n,) that get layers; default: from
+                                                  ``ritz``
     ``corner_exponents(mesh)``                    exponents of the solution by number of the corner, a mapping; messages
                                                   name those below 0.35; default: from ``ritz``
     ``metric(mesh, solution)``                    tensors (nelements, d, d) for the directions of elements, as from
