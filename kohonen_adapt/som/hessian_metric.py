@@ -212,7 +212,8 @@ def ratios_of_bounded_edges(mesh: Mesh, values: Floats) -> Floats:
     bounded = np.repeat(largest, dim, axis=1)
     for _ in range(ROUNDS):
         scale = (sizes @ np.sqrt(np.prod(bounded, axis=1)) / count) ** (2.0 / dim)
-        bounded = np.maximum(values, np.minimum(scale / longest**2, largest))
+        least = scale / longest**2 if longest > 0.0 else np.inf  # a single element has no extent
+        bounded = np.maximum(values, np.minimum(least, largest))
     return np.where(largest > 0.0, np.maximum(bounded / np.where(largest > 0.0, largest, 1.0), LARGEST_RATIO**-2), 1.0)
 
 
