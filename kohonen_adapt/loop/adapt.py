@@ -244,10 +244,8 @@ def run(
     steps: Steps,
 ) -> AdaptResult:
     orders, method = problem.final_orders(stop.max_nodes is not None), method_of(mesh)
-    of_passes, grading = (
-        problem.of_passes if orders else problem,
-        GradingTolerance(stop, orders, HIGH_ORDERS[mesh.dim()]),
-    )
+    of_passes = problem.of_passes if orders else problem
+    grading = GradingTolerance(stop, orders, HIGH_ORDERS[mesh.dim()])
     allowed = grading.aim if orders else stop.tolerance
     growth = node_counts(of_passes, method, mesh, settings.rules, target_nodes, stop, allowed)
     settings = replace(settings, growth=growth)

@@ -251,6 +251,8 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         return goal_indicators_by_orders(field, self._better_solution(field), dual, partial(self._energy_of, field))
 
     def _energy_of(self, field: SolidField, order: int) -> Energy:
+        if order == field.order:  # without the field of coils and the checks of the mesh again
+            return coenergy(field.drive, field.coefficients, self.conditions_of(field))
         return self._at_order(order)._functional(field.mesh, field.drive)[0]
 
     def _at_order(self, order: int) -> Self:
