@@ -29,6 +29,14 @@ def pytest_sessionstart(session):
         warmup(space=True)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Mark all tests of the benchmarks as slow: they check studies that few users run."""
+    for item in items:
+        if item.path.parent.name == "benchmarks":
+            item.add_marker("slow")
+
+
 @pytest.fixture(autouse=True)
 def quiet_again():
     """The command turns the package's remarks on for its process, in a fixture of a module, too."""

@@ -22,15 +22,21 @@ SEEDS = st.integers(0, 2**32 - 1)
 RESUMED = 3  # one of so many cases is killed and resumed
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("problem", [plane_problem, space_problem])
+def test_of_a_few_devices(problem, seed):
+    checked(*problem(seed))
+
+
 @pytest.mark.slow
-@examples(100)
+@examples(50)
 @given(SEEDS)
 def test_in_the_plane(seed):
     checked(*plane_problem(seed))
 
 
 @pytest.mark.slow
-@examples(100)
+@examples(50)
 @given(SEEDS)
 def test_in_space(seed):
     checked(*space_problem(seed))
