@@ -39,17 +39,19 @@ class Blended(Isoparametric):
 
     def __init__(self, mesh: MeshTri, sides: Projections | None = None) -> None:
         super().__init__(mesh)
-        self.facet_series = np.zeros((2 * TERMS, *self.side_offset.shape))  # (powers, 2, nfacets): e by powers of t
-        self.facet_series[0] = self.side_offset
-        start, end = self.corners.p[:, self.corners.facets].swapaxes(0, 1)
-        half, offset = 0.5 * (end - start), self.side_offset
-        size = np.hypot(*offset)
-        rounded = np.abs(np.sum(half * offset, axis=0)) <= ROUND * size * np.hypot(*half)
-        rows = np.flatnonzero((size > 0.0) & rounded)
-        self.facet_series[:, :, rows] = series_of_arcs(half[:, rows], offset[:, rows])
+        size = np.hypot(*self.side_offset)
+        curved = np.flatnonzero(size > 0.0)
+        self.number = np.full(size.size, -1)  # of a side among the curved ones, the last for the rest
+        self.number[curved] = np.arange(curved.size)
+        self.facet_series = np.zeros((2 * TERMS, 2, curved.size + 1))  # (powers, 2, ncurved + 1): e by powers of t
+        start, end = self.corners.p[:, self.corners.facets[:, curved]].swapaxes(0, 1)
+        half, offset = 0.5 * (end - start), self.side_offset[:, curved]
+        self.facet_series[0, :, :-1] = offset
+        rounded = np.flatnonzero(np.abs(np.sum(half * offset, axis=0)) <= ROUND * size[curved] * np.hypot(*half))
+        self.facet_series[:, :, rounded] = series_of_arcs(half[:, rounded], offset[:, rounded])
         for name, project in (sides or {}).items():
             on = np.asarray(named(self.corners.boundaries, name, "boundary"))
-            rows = on[size[on] > 0.0]
+            rows = self.number[on[size[on] > 0.0]]
             self.facet_series[:, :, rows] = 0.0
             self.facet_series[:FITTED, :, rows] = fitted_series(start[:, rows], end[:, rows], offset[:, rows], project)
 
@@ -59,7 +61,7 @@ class Blended(Isoparametric):
         facet = self.corners.t2f[AFTER]
         sign = np.where(self.corners.facets[0, facet] == self.t[AFTER], 1.0, -1.0)
         powers = np.arange(len(self.facet_series))[:, None, None]
-        return self.facet_series[:, :, facet] * (sign**powers)[:, None]
+        return self.facet_series[:, :, self.number[facet]] * (sign**powers)[:, None]
 
     def bows(self, element: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
         start, end = barycentric[self.ends]
@@ -72,8 +74,8 @@ class Blended(Isoparametric):
         """
         start, end = self.corners.p[:, self.corners.facets[:, facets]].swapaxes(0, 1)[..., None]
         x, tangent = start + at * (end - start), np.repeat(end - start, at.size, axis=2)
-        rows = np.flatnonzero(self.side_offset[:, facets].any(axis=0))
-        t, series = 2.0 * at - 1.0, self.facet_series[:, :, facets[rows], None]
+        rows = np.flatnonzero(self.number[facets] >= 0)
+        t, series = 2.0 * at - 1.0, self.facet_series[:, :, self.number[facets[rows]], None]
         value, slope = _polynomial(series, t)
         x[:, rows] += (1.0 - t**2) * value
         tangent[:, rows] += 2.0 * ((1.0 - t**2) * slope - 2.0 * t * value)

@@ -64,7 +64,8 @@ def singular_nodes(mesh: MeshTri, materials: Materials) -> Ints:
     # natural conditions.
     shape = Blended(mesh)
     lines = interfaces_of(shape.corners, materials)
-    found = [int(node) for node in candidates(shape, lines) if is_singular(shape, materials, int(node))]
+    around = elements_around(shape, candidates(shape, lines))
+    found = [node for node, (element, k) in around.items() if is_singular(shape, materials, element, k)]
     return np.union1d(found, points_inside(shape, materials)).astype(np.int64)
 
 
@@ -122,26 +123,35 @@ def corner_exponents(mesh: MeshTri, materials: Materials, among: Mask | None = N
     shape = Blended(mesh)
     nodes = candidates(shape, interfaces_of(shape.corners, materials))
     nodes = nodes if among is None else nodes[among[nodes]]
-    found = [(int(node), exponents_at(shape, materials, int(node))) for node in nodes]
-    least = {node: each[0] for node, each in found if each.size and each[0] < 1.0 - WHOLE}
+    around = elements_around(shape, nodes)
+    found = {node: exponents_at(shape, materials, element, k) for node, (element, k) in around.items()}
+    least = {node: each[0] for node, each in found.items() if each.size and each[0] < 1.0 - WHOLE}
     return np.array(list(least), dtype=np.int64), np.array(list(least.values()))
 
 
-def is_singular(shape: Blended, materials: Materials, node: int) -> bool:
-    element = np.nonzero(np.equal(shape.t.T, node))[0]
+def elements_around(shape: Blended, nodes: Ints) -> dict[int, tuple[Ints, Ints]]:
+    # Return the elements at each node and its numbers in them.
+    element, k = np.nonzero(np.isin(shape.t.T, nodes))
+    node, order = shape.t[k, element], np.argsort(shape.t[k, element], kind="stable")
+    first = np.searchsorted(node[order], nodes[1:])
+    groups = zip(np.split(element[order], first), np.split(k[order], first), strict=True)
+    return dict(zip(nodes.tolist(), groups, strict=True)) if nodes.size else {}
+
+
+def is_singular(shape: Blended, materials: Materials, element: Ints, k: Ints) -> bool:
     if np.ptp(materials.kind[element]) > 0 and jumps(materials, element):
         return True
-    return not are_smooth(exponents_at(shape, materials, node))
+    return not are_smooth(exponents_at(shape, materials, element, k))
 
 
 def are_smooth(found: Floats) -> bool:
     return bool(np.all(np.abs(found - 1.0) <= WHOLE))
 
 
-def exponents_at(shape: Blended, materials: Materials, node: int) -> Floats:
-    element, k = np.nonzero(np.equal(shape.t.T, node))
+def exponents_at(shape: Blended, materials: Materials, element: Ints, k: Ints) -> Floats:
+    # Return the exponents at the corners `k` of elements, which are one node.
     ends = np.array([AFTER, BEFORE])[:, k]  # (2, n): corners at the ends of both sides at the node
-    sides = shape.p[:, shape.t[ends, element]] - shape.p[:, node, None, None]
+    sides = shape.p[:, shape.t[ends, element]] - shape.p[:, shape.t[k, element]][:, None]
     facet = shape.corners.t2f[AFTER][ends[::-1], element]
     clockwise = determinants(sides.swapaxes(0, 1)) < 0.0
     sides, facet = np.where(clockwise, sides[:, ::-1], sides), np.where(clockwise, facet[::-1], facet)

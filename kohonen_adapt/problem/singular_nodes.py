@@ -19,8 +19,16 @@ def materials_with(
     Without a flux that is constant in materials, regions are materials.
     """
     values = region[None] if flux is None else flux
-    kind = np.unique(np.stack([coefficient, law, *values]), axis=1, return_inverse=True)[1].ravel()
+    kind = numbered(np.stack([coefficient, law, *values]), region)
     return Materials(coefficient, kind, flux, *fixed_parts(mesh, fixed, order))
+
+
+def numbered(columns: Floats, region: Ints) -> Ints:
+    # Number equal columns alike. Columns that are equal in regions are sorted once per region, not once per element.
+    first, within = np.unique(region, return_index=True, return_inverse=True)[1:]
+    if not np.array_equal(columns, columns[:, first][:, within]):
+        first = within = np.arange(columns.shape[1])
+    return np.unique(columns[:, first], axis=1, return_inverse=True)[1].ravel()[within]
 
 
 def materials_of(mesh: Mesh, ritz: Ritz) -> Materials:

@@ -6,7 +6,7 @@ exponents are the eigenvalues of ``-(coefficient s')' = l^2 coefficient s`` on t
 Polynomials have whole numbers, and a gradient with l < 1 is infinite.
 """
 
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from scipy.linalg import eigh
@@ -18,6 +18,7 @@ __all__ = ["SMOOTH", "STRONG", "exponents"]
 SMOOTH = 1.95  # exponent from which a solution counts as smooth
 STRONG = 0.45  # exponent below which elements at a node miss more than jumps of the flux show
 DEGREE = 8  # of s in pieces of sectors; exponents below `SMOOTH` are then right to 1e-9
+DIGITS = 12  # of angles, so that the same corner of another mesh has the same exponents
 LARGEST = np.pi / 3.0  # angle of a piece
 
 
@@ -32,7 +33,13 @@ def exponents(angle: Floats, coefficient: Floats, prescribed: tuple[bool, bool] 
         Whether values are prescribed on both ends of the sectors, None for a node inside.
     """
     first = np.flatnonzero(np.append(True, coefficient[1:] != coefficient[:-1]))
-    size, value = np.add.reduceat(angle, first), coefficient[first] / coefficient.max()
+    size, value = np.round(np.add.reduceat(angle, first), DIGITS), coefficient[first] / coefficient.max()
+    return of_sectors(tuple(size.tolist()), tuple(value.tolist()), prescribed)
+
+
+@lru_cache(maxsize=1024)  # passes keep the angles of corners
+def of_sectors(angles: tuple[float, ...], values: tuple[float, ...], prescribed: tuple[bool, bool] | None) -> Floats:
+    size, value = np.array(angles), np.array(values)
     count = np.ceil(size / LARGEST).astype(int)
     size, value = np.repeat(size / count, count), np.repeat(value, count)
     slopes, products = np.zeros((2, size.size * DEGREE + 1, size.size * DEGREE + 1))
@@ -52,7 +59,10 @@ def exponents(angle: Floats, coefficient: Floats, prescribed: tuple[bool, bool] 
     scaled = (scale[:, None] * matrix[np.ix_(free, free)] * scale for matrix in (slopes, products))
     found = np.sqrt(np.maximum(eigh(*scaled, eigvals_only=True), 0.0))
     constants = prescribed is None or not any(prescribed)
-    return np.asarray(found[int(constants) :][found[int(constants) :] < SMOOTH])
+    found = found[int(constants) :]
+    found = found[found < SMOOTH]
+    found.setflags(write=False)
+    return found
 
 
 @cache
