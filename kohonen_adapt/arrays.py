@@ -5,7 +5,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Floats", "Ints", "Mask", "free_rows", "padded", "ranks", "sorted_below"]
+__all__ = [
+    "Floats",
+    "Ints",
+    "Mask",
+    "counted",
+    "free_rows",
+    "grouped",
+    "padded",
+    "ranks",
+    "sorted_below",
+    "unique_pairs",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.integer]
@@ -34,3 +45,20 @@ def ranks(order: Ints, rows: int) -> NDArray[np.int32]:
 def sorted_below(values: Floats, below: float) -> Ints:
     found = np.flatnonzero(values < below)
     return found[np.argsort(values[found], kind="stable")]
+
+
+def grouped(label: Ints) -> list[Ints]:
+    """Return the indices with each label, ascending."""
+    order = np.argsort(label, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
+
+
+def counted(count: Ints) -> Ints:
+    """Return 0, 1, ..., k - 1 for each k of `count`."""
+    return np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+
+
+def unique_pairs(one: Ints, other: Ints) -> tuple[Ints, Ints]:
+    """Return the different pairs of indices in ascending order."""
+    count = int(other.max(initial=0)) + 1
+    return np.divmod(np.unique(one.astype(np.int64) * count + other), count)

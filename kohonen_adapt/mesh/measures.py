@@ -16,11 +16,14 @@ from kohonen_adapt.mesh.cells import (
     TETRAHEDRON,
     cell_of,
     check_kind,
+    crossed,
+    determinants,
 )
 from kohonen_adapt.mesh.curved import check_curved_sides, check_midsides, curved_determinants, is_second_order
 
 __all__ = [
     "EDGES",
+    "angles_between",
     "area",
     "directed",
     "gradient",
@@ -154,3 +157,8 @@ def magnitude(vectors: Floats) -> Floats:
 def unit_vectors(vectors: Floats) -> Floats:  # zero for zero
     size = magnitude(vectors)
     return vectors / np.where(size > 0.0, size, 1.0)
+
+
+def angles_between(u: Floats, v: Floats) -> Floats:  # of vectors (d, ...), from 0 to pi
+    across = np.abs(determinants((u, v))) if len(u) == 2 else magnitude(crossed(u, v))
+    return np.arctan2(across, np.sum(u * v, axis=0))

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kohonen_adapt import Rules
-from kohonen_adapt.geometry.plane.cutting import TURN, straight_end, turning_angle
+from kohonen_adapt.geometry.plane.cutting import TURN, bends, straight_end, turning_angles
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.arrays import OWN, SLIDING, STRAIGHT
@@ -15,14 +15,13 @@ from kohonen_adapt.kernels.triangle.chains import nearest_parameter
 BENDS = (0.0, 0.0, 0.0, 0.5 * TURN, 2.0 * TURN, -0.3)
 
 
-@given(bends=st.lists(st.sampled_from(BENDS), max_size=40), first=st.integers(0, 40))
-def test_a_run_goes_straight_on_up_to_the_first_node_where_it_turns(bends, first):
-    way = np.cumsum([0.0, *bends])
-    position = np.cumsum([[0.0, 0.0], *np.stack([np.cos(way), np.sin(way)], axis=1).tolist()], axis=0)
-    node, last = np.arange(len(position)), len(position) - 1
+@given(turns=st.lists(st.sampled_from(BENDS), max_size=40), first=st.integers(0, 40))
+def test_a_run_goes_straight_on_up_to_the_first_node_where_it_turns(turns, first):
+    z = np.cumsum([0.0, *np.exp(1j * np.cumsum([0.0, *turns]))])
+    last = len(z) - 1
     first %= last
-    turning = (slot for slot in range(first + 1, last) if abs(turning_angle(position, node, slot)) > TURN)
-    assert straight_end(position, node, first, last) == next(turning, last)
+    turning = (i for i in range(first + 1, last) if abs(turning_angles(z[i - 1 : i + 2])) > TURN)
+    assert straight_end(bends(z), first) == next(turning, last)
 
 
 def test_nodes_on_straight_chains_have_the_parameters_that_kernels_find():

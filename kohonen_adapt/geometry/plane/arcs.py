@@ -8,7 +8,8 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.geometry.plane.cutting import CLOSE, FEWEST, fitted_circle, turning_angles
+from kohonen_adapt.geometry.circles import sphere_through
+from kohonen_adapt.geometry.plane.cutting import CLOSE, FEWEST, as_complex, turning_angles
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.geometry.plane.polylines import (
@@ -16,7 +17,6 @@ from kohonen_adapt.geometry.plane.polylines import (
     constrained_facets,
     joints_of,
     trace_facets,
-    without_noise,
 )
 from kohonen_adapt.geometry.plane.recognition import trace_across_junctions
 from kohonen_adapt.geometry.rules import Rules
@@ -148,12 +148,9 @@ def separate_sides(ends: Floats, centres: Floats) -> Iterator[tuple[Ints, tuple[
 
 
 def possible_arc(position: Floats, nodes: Ints, names: list[str], is_cut: bool) -> PossibleArc | None:
-    turns = turning_angles(position, nodes)
-    nodes = nodes[:-1] if nodes[0] == nodes[-1] else nodes
-    x, y, radius = without_noise(np.array([fitted_circle(position, nodes, 0, len(nodes) - 1)]))[0].tolist()
-    distance, turn = np.abs(np.hypot(*(position[nodes] - (x, y)).T) - radius).max(), float(np.abs(turns).max())
-    one_way = abs(np.sign(turns).sum()) == len(turns)
-    sagitta = radius * turn**2 / 8.0
-    if not (one_way and STRAIGHTEST < turn < SHARPEST and distance <= min(CIRCULAR * radius, CLOSE * sagitta)):
+    turns, x = turning_angles(as_complex(position[nodes])), position[nodes[: -1 if nodes[0] == nodes[-1] else None]]
+    turn, one_way = float(np.abs(turns).max()), abs(np.sign(turns).sum()) == len(turns)
+    circle = sphere_through(x, min(CIRCULAR, CLOSE * turn**2 / 8.0))
+    if circle is None or not one_way or not STRAIGHTEST < turn < SHARPEST:
         return None
-    return PossibleArc(names, len(nodes), turn, (x, y), radius, is_cut)
+    return PossibleArc(names, len(x), turn, tuple(circle[0].tolist()), circle[1], is_cut)

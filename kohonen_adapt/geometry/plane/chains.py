@@ -12,9 +12,9 @@ import scipy  # loads `scipy.interpolate` at its first use
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.curves import NEAR, Arc, Curve, Line, projected, size_of
-from kohonen_adapt.geometry.plane.cutting import lengths_and_angles
+from kohonen_adapt.geometry.plane.cutting import Points, as_complex
 from kohonen_adapt.geometry.plane.polylines import BY_MIDSIDES, Polylines, Segments, nodes_of
-from kohonen_adapt.geometry.plane.recognition import fewest_facets
+from kohonen_adapt.geometry.plane.recognition import angles_of, fewest_facets
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.arrays import (
     AT,
@@ -64,11 +64,10 @@ def on_lines_and_arcs(curve: Ints, curves: Mapping[str, Curve]) -> Mask:
 def chains_of(
     position: Floats, polylines: Polylines, segments: Segments, curves: Mapping[str, Curve], offset: Floats
 ) -> Chains:
-    count = len(segments.rows)
-    longest, even, angle = (np.empty(count) for _ in range(3))
-    lengths_and_angles(position, polylines.node, segments.rows, segments.circle, longest, even, angle)
+    count, z = len(segments.first), as_complex(position)
+    longest, even = facet_lengths(z, polylines.node, segments)
     table = straight_table(position[polylines.node[segments.first]], position[polylines.node[segments.last]])
-    set_arcs(table, segments, angle, longest)
+    set_arcs(table, segments, angles_of(z, polylines.node, segments), longest)
     knots = [table.knot] * count
     for p in np.flatnonzero(segments.curve >= 0).tolist():
         name, shape = list(curves.items())[segments.curve[p]]
@@ -89,6 +88,17 @@ def chains_of(
     log_arcs(table, segments)
     row = np.append(0, np.cumsum([len(rows) for rows in knots])).astype(np.int32)
     return table._replace(row=row, knot=np.concatenate([table.knot, *knots]))
+
+
+def facet_lengths(z: Points, node: Ints, segments: Segments) -> tuple[Floats, Floats]:
+    """Return the longest facet and the equivalent facet length of every segment.
+
+    A chord of length l cuts the area ``l^3 / (12 r)`` off a circle of radius r. Equal facets that cut off as much as
+    the facets of a segment have the equivalent length sqrt(sum l^3 / sum l).
+    """
+    length, of_slot = np.abs(z[node[segments.slots + 1]] - z[node[segments.slots]]), segments.of_slot
+    longest = np.maximum.reduceat(length, np.cumsum(segments.facets) - segments.facets)
+    return longest, np.sqrt(np.bincount(of_slot, length**3) / np.bincount(of_slot, length))
 
 
 def straight_table(start: Floats, end: Floats) -> Chains:

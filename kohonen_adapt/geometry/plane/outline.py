@@ -102,7 +102,7 @@ class Outline:
         midsides = midsides_of(facets, triangulation, offset)
         curve = midsides.curve_index(curve_of_facets(facets.sides, len(facets.element), curves))
         joints = joints_of(facets, triangulation.position, on_lines_and_arcs(curve, curves), midsides.offset)
-        joints, circle = joints_on_curves(joints, facets, triangulation.position, midsides, curve)
+        joints, circle = joints_on_curves(joints, midsides, curve)
         if not midsides.any_curved:
             circle = arcs_across_junctions(facets, triangulation.position, curve, curves, pinned, pairs)
         polylines, segments, sliding = cut_in_pairs(triangulation, facets, joints, pairs, pinned, curve, curves, circle)

@@ -8,15 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask, counted
+from kohonen_adapt.geometry.circles import rounded
 from kohonen_adapt.geometry.plane.curves import Arc, Curve, check_near
-from kohonen_adapt.geometry.plane.cutting import FIRST, IS_CLOSED, IS_ROUND, LAST, cut_polylines
+from kohonen_adapt.geometry.plane.cutting import Part, as_complex, as_rows, cut_polyline
 from kohonen_adapt.kernels.triangle.arrays import Elements
-from kohonen_adapt.mesh.names import marked_facets
+from kohonen_adapt.mesh.measures import angles_between
+from kohonen_adapt.mesh.names import connected_components_of, marked_facets
 
 __all__ = [
     "BY_MIDSIDES",
@@ -26,7 +26,7 @@ __all__ = [
     "Polyline",
     "Polylines",
     "Segments",
-    "angles_between",
+    "circle_row",
     "constrained_facets",
     "continuations",
     "cut_into_segments",
@@ -36,10 +36,9 @@ __all__ = [
     "polylines_of",
     "trace_facets",
     "trace_polylines",
-    "without_noise",
+    "turns_at",
 ]
 
-BITS = 43  # bits kept of centres and radii of recognised circles
 BY_MIDSIDES = -2  # index of curve of a facet that is curved by its midside node, without a user-defined curve
 CORNER = np.radians(35.0)  # an angle of this size or more is a corner
 
@@ -55,7 +54,6 @@ class Facets(NamedTuple):
 class Joints(NamedTuple):
     node: Ints  # (j,)
     facets: Ints  # (j, 2)
-    ends: Ints  # (j, 2) other nodes of the facets
     turn: Floats  # (j,) angle between the facets in radians
     smooth: Mask  # (j,) True if a curve may pass: same names and regions on both sides, no sharp turn
 
@@ -76,6 +74,10 @@ class Polylines(NamedTuple):
     start: NDArray[np.int32]  # (r + 1,) first slot of every polyline in `node` and `facet`
     closed: Mask  # (r,) True if the polyline is a loop without a corner
 
+    @property
+    def facet_of_each(self) -> Ints:
+        return self.facet[self.start[:-1]]
+
 
 class Segments(NamedTuple):
     """Curve segments into which polylines are cut.
@@ -83,18 +85,12 @@ class Segments(NamedTuple):
     A slot is an index into ``Polylines.node``.
     """
 
-    rows: Ints  # (p, 4) slots of the first and last node, 1 if an arc, 1 if closed
-    circle: Floats  # (p, 3) centre and radius of arcs
+    first: Ints  # (p,) slots of the first and last node
+    last: Ints  # (p,)
+    closed: Mask  # (p,)
+    circle: Floats  # (p, 3) centre and radius of arcs, nan for others
     curve: Ints  # (p,) index of the user-defined curve, -1 for none, `BY_MIDSIDES` if curved by midside nodes
     widest: Floats  # (p,) largest angle of a facet in radians, for a part of an arc across junctions, nan for others
-
-    @property
-    def first(self) -> Ints:
-        return self.rows[:, FIRST]
-
-    @property
-    def last(self) -> Ints:
-        return self.rows[:, LAST]
 
     @property
     def facets(self) -> Ints:
@@ -102,20 +98,18 @@ class Segments(NamedTuple):
 
     @property
     def is_round(self) -> Mask:
-        return self.rows[:, IS_ROUND] == 1
-
-    @property
-    def closed(self) -> Mask:
-        return self.rows[:, IS_CLOSED] == 1
+        return ~np.isnan(self.circle[:, 2])
 
     @property
     def of_slot(self) -> Ints:
-        return np.repeat(np.arange(len(self.rows)), self.facets)
+        return np.repeat(np.arange(len(self.first)), self.facets)
 
     @property
     def slots(self) -> Ints:
-        count = self.facets
-        return np.arange(count.sum()) + np.repeat(self.first - np.cumsum(count) + count, count)
+        return np.repeat(self.first, self.facets) + counted(self.facets)
+
+    def select(self, rows: Ints | Mask) -> "Segments":
+        return Segments._make(array[rows] for array in self)
 
 
 def constrained_facets(mesh: MeshTri, elements: Elements) -> Facets:
@@ -129,23 +123,17 @@ def joints_of(facets: Facets, position: Floats, cornerless: Mask, offset: Floats
     Facets of the mask `cornerless`, shape (f,), join smoothly at any angle. `offset`, shape (f, 2), is the midside
     offset, with which the turn is the angle between parabolas.
     """
-    node, rows = joined_ends(facets.nodes, len(position))
-    other = facets.nodes.ravel()[rows ^ 1]
+    node, ends = joined_ends(facets.nodes, len(position))
     # the path arrives along the first facet and leaves along the second, so labels may be reversed
-    before, after = facets.label[rows[:, 0] // 2, 1 - rows[:, 0] % 2], facets.label[rows[:, 1] // 2, rows[:, 1] % 2]
-    tangent_change = np.broadcast_to(4.0 * offset, facets.nodes.shape)
-    turn = angles_between(
-        *(position[other[:, side]] - position[node] + tangent_change[rows[:, side] // 2] for side in (0, 1))
-    )
-    smooth = (turn < CORNER) | np.all(cornerless[rows // 2], axis=1)
-    return Joints(node, rows // 2, other, turn, (before == after) & smooth)
+    before, after = (facets.label[end // 2, (end + arrives) % 2] for arrives, end in ((1, ends[:, 0]), (0, ends[:, 1])))
+    curve = np.broadcast_to(4.0 * offset, facets.nodes.shape)
+    turn = turns_at(ends, position[facets.nodes[:, ::-1]] - position[facets.nodes] + curve[:, None])
+    smooth = (turn < CORNER) | np.all(cornerless[ends // 2], axis=1)
+    return Joints(node, ends // 2, turn, (before == after) & smooth)
 
 
 def trace_facets(facets: Facets, joints: Joints, stops: Mask) -> Polylines:
-    through = np.full((len(stops), 2), -1, dtype=np.int32)
-    continuing = joints.smooth & ~stops[joints.node]
-    through[joints.node[continuing]] = joints.facets[continuing]
-    return trace_polylines(facets.nodes, through)
+    return trace_polylines(facets.nodes, joints.node, joints.facets, joints.smooth & ~stops[joints.node])
 
 
 def continuations(edges: Ints, position: Floats, stops: Mask, sharpest: float) -> tuple[Ints, Ints]:
@@ -153,7 +141,6 @@ def continuations(edges: Ints, position: Floats, stops: Mask, sharpest: float) -
     # the mask `stops`, shape (n,). Returns the ends (m, 2) of the edges as new numbers, equal only where two edges
     # continue each other, and the node of every number.
     flat, number = edges.ravel(), np.arange(edges.size)
-    direction = position[edges[:, ::-1].ravel()] - position[flat]
     order = np.argsort(flat, kind="stable")
     order = order[~stops[flat[order]]]
     found, shift = [np.empty((0, 2), dtype=np.int64)], 1
@@ -161,7 +148,7 @@ def continuations(edges: Ints, position: Floats, stops: Mask, sharpest: float) -
         found.append(np.stack([order[:-shift][same], order[shift:][same]], axis=1))
         shift += 1
     pairs = np.concatenate(found)
-    turn = angles_between(direction[pairs[:, 0]], direction[pairs[:, 1]])
+    turn = turns_at(pairs, position[edges[:, ::-1]] - position[edges])
     free = np.ones(len(flat), dtype=bool)
     for one, other in pairs[np.argsort(turn, kind="stable")][: np.sum(turn < sharpest)].tolist():
         if free[one] and free[other]:
@@ -178,8 +165,12 @@ def polylines_of(edges: Ints, position: Floats) -> list[Polyline]:
     shape (2, n).
     Polylines also end where other than two edges meet. Loops without a corner are closed.
     """
-    end = edges[:, [0, -1]]
-    node, edge, start, closed = trace_polylines(end, _smooth(edges, position))
+    end, count = edges[:, [0, -1]], edges.shape[1]
+    slope = np.linalg.inv(np.vander(np.linspace(0.0, 1.0, count), increasing=True))[1]
+    directions = np.stack([position[:, edges] @ slope, position[:, edges[:, ::-1]] @ slope])
+    joint, ends = joined_ends(end, position.shape[1])
+    smooth = turns_at(ends, directions.transpose(2, 0, 1)) < CORNER
+    node, edge, start, closed = trace_polylines(end, joint, ends // 2, smooth)
     forth = end[edge, 0] == node  # the edge after the last node of a polyline is -1
     polylines = []
     for first, last, loop in zip(start[:-1], start[1:] - 1, closed, strict=True):
@@ -190,21 +181,21 @@ def polylines_of(edges: Ints, position: Floats) -> list[Polyline]:
     return polylines
 
 
-def trace_polylines(ends: Ints, through: Ints) -> Polylines:
+def trace_polylines(ends: Ints, node: Ints, edges: Ints, smooth: Mask) -> Polylines:
     """Trace polylines along edges with the ends (m, 2).
 
-    `through`, shape (n, 2), holds the two edges that join smoothly at a node, -1 at nodes where polylines end.
+    The pairs of `edges`, shape (j, 2), join at nodes, shape (j,), if `smooth`. Polylines end at all other nodes.
     Direction 2 f + s of edge f starts at its end s. Among the starts of a loop and the two directions of an open
     polyline, the lowest number is chosen.
     """
+    through = np.full((int(ends.max(initial=-1)) + 1, 2), -1, dtype=np.int32)
+    through[node[smooth]] = edges[smooth]
     begin, end = ends.ravel(), ends[:, ::-1].ravel()
-    direction = np.arange(len(begin))
+    direction, is_end = np.arange(len(begin)), through[begin, 0] < 0
     # the edge before, and its direction that ends here
-    back = np.where(through[begin, 0] < 0, direction // 2, through[begin].sum(axis=1) - direction // 2)
-    before = np.where(ends[back, 1] == begin, 2 * back, 2 * back + 1)
-    before = np.where(through[begin, 0] < 0, direction, before)
-    graph = coo_array((np.ones(len(direction)), (direction, before)), shape=(len(direction),) * 2)
-    polyline = connected_components(graph, directed=False)[1]
+    back = np.where(is_end, direction // 2, through[begin].sum(axis=1) - direction // 2)
+    before = np.where(is_end, direction, 2 * back + (ends[back, 1] != begin))
+    polyline = connected_components_of(len(direction), np.stack([direction, before], axis=1))
     closed = np.bincount(polyline, before == direction) == 0
     first = np.full(len(closed), len(direction))
     np.minimum.at(first, polyline, np.where(closed[polyline] | (before == direction), direction, len(direction)))
@@ -217,41 +208,50 @@ def trace_polylines(ends: Ints, through: Ints) -> Polylines:
     order = chosen[np.lexsort((rank[chosen], start, closed[polyline[chosen]]))]
     last = np.append(np.diff(polyline[order]) != 0, True)[: len(order)]
     count = np.flatnonzero(last) + 1
-    node, facet = (
-        np.insert(array, count, extra) for array, extra in ((begin[order], end[order[last]]), (order // 2, -1))
-    )
     slots = np.append(0, count + np.arange(1, len(count) + 1))
-    return Polylines(
-        node.astype(np.int32), facet.astype(np.int32), slots.astype(np.int32), closed[polyline[order[last]]]
-    )
+    nodes, facets = np.insert(begin[order], count, end[order[last]]), np.insert(order // 2, count, -1)
+    loops = closed[polyline[order[last]]]
+    return Polylines(nodes.astype(np.int32), facets.astype(np.int32), slots.astype(np.int32), loops)
 
 
 def cut_into_segments(
     position: Floats, polylines: Polylines, curve: Ints, curves: Mapping[str, Curve], circle_of_facet: Floats
 ) -> tuple[Polylines, Segments]:
-    # Facets with the curve index `BY_MIDSIDES` are not cut; the first columns of `circle_of_facet`, shape (f, 4), are
-    # their circles, nan for none.
-    node, facet = polylines.node.copy(), polylines.facet.copy()
-    of_polyline = curve[facet[polylines.start[:-1]]]
-    most = len(facet) + len(of_polyline)
-    rows, circle = np.zeros((most, 4), dtype=np.int64), np.zeros((most, 3))
-    count = cut_polylines(position, node, facet, polylines.start, polylines.closed, of_polyline != -1, rows, circle)
-    first = facet[rows[:count, FIRST]]
-    segments = Segments(rows[:count], without_noise(circle[:count]), curve[first], np.full(count, np.nan))
-    on_arc = (segments.curve == BY_MIDSIDES) & ~np.isnan(circle_of_facet[first, 0])
-    segments.rows[on_arc, IS_ROUND], segments.circle[on_arc] = 1, circle_of_facet[first[on_arc], :3]
+    # Facets with a curve index other than -1 are not cut. The first columns of `circle_of_facet`, shape (f, 4), are
+    # the circles of facets with the index `BY_MIDSIDES`, nan for none.
+    z, node, facet, rows = as_complex(position), polylines.node.copy(), polylines.facet.copy(), []
+    for begin, end, closed in zip(
+        polylines.start[:-1].tolist(), polylines.start[1:].tolist(), polylines.closed, strict=True
+    ):
+        parts, shift = [Part(0, end - begin - 1, closed=closed)], 0
+        if curve[facet[begin]] == -1:
+            parts, shift = cut_polyline(z[node[begin:end]], closed)
+        elif not closed and node[begin] == node[end - 1]:  # a loop with a corner: a segment needs two end nodes
+            middle = (end - begin - 1) // 2
+            parts = [Part(0, middle), Part(middle, end - begin - 1)]
+        if shift:
+            for array in (node, facet):
+                array[begin : end - 1] = np.roll(array[begin : end - 1], -shift)
+            node[end - 1] = node[begin]
+        rows += [(begin + part.first, begin + part.last, part.closed, *circle_row(part)) for part in parts]
+    first, last, is_closed, *circle = np.reshape(np.array(rows), (-1, 6)).T
+    first, last, circles = first.astype(np.int64), last.astype(np.int64), np.stack(circle, axis=1)
+    segments = Segments(first, last, is_closed == 1.0, circles, curve[facet[first]], np.full(len(first), np.nan))
+    on_arc = segments.curve == BY_MIDSIDES
+    segments.circle[on_arc] = circle_of_facet[facet[first[on_arc]], :3]
     for p in np.flatnonzero(segments.curve >= 0).tolist():
         name, shape = list(curves.items())[segments.curve[p]]
         check_near(nodes_of(position, node, segments, p), shape, name)
         if isinstance(shape, Arc):
-            segments.rows[p, IS_ROUND], segments.circle[p] = 1, (*shape.centre, shape.radius)
+            segments.circle[p] = *shape.centre, shape.radius
     return polylines._replace(node=node, facet=facet), segments
 
 
-def without_noise(circle: Floats) -> Floats:
-    """Return circles (p, 3) rounded to about 1e-13 of their radius."""
-    step = np.ldexp(1.0, np.frexp(circle[:, 2:])[1] - BITS)
-    return np.round(circle / step) * step + 0.0  # no -0
+def circle_row(part: Part) -> Floats:
+    if part.circle is None:
+        return np.full(3, np.nan)
+    centre, radius = part.circle
+    return rounded(np.append(as_rows(centre), radius), radius)
 
 
 def nodes_of(position: Floats, node: Ints, segments: Segments, p: int) -> Floats:
@@ -270,24 +270,10 @@ def joined_ends(ends: Ints, nnodes: int) -> tuple[Ints, Ints]:
     return node, np.stack([order[first], order[first + 1]], axis=1)
 
 
-def angles_between(u: Floats, w: Floats) -> Floats:
-    return np.abs(np.arctan2(u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0], -np.sum(u * w, axis=1)))
+def turns_at(ends: Ints, directions: Floats) -> Floats:
+    """Return the angles between edges that join at `ends`, shape (j, 2).
 
-
-def _smooth(edges: Ints, position: Floats) -> Ints:
-    node, end = joined_ends(edges[:, [0, -1]], position.shape[1])
-    direction = _directions(edges, position)
-    smooth = angles_between(direction[end[:, 0]], direction[end[:, 1]]) < CORNER
-    through = np.full((position.shape[1], 2), -1, dtype=np.int32)
-    through[node[smooth]] = end[smooth] // 2
-    return through
-
-
-def _directions(edges: Ints, position: Floats) -> Floats:
-    if edges.shape[1] > 3:  # slopes of the polynomials through equispaced nodes
-        slope = np.linalg.inv(np.vander(np.linspace(0.0, 1.0, edges.shape[1]), increasing=True))[1]
-        return np.stack([position[:, edges] @ slope, position[:, edges[:, ::-1]] @ slope], axis=2).reshape(2, -1).T
-    start, end = position[:, edges[:, 0]], position[:, edges[:, -1]]
-    middle = position[:, edges[:, 1]] if edges.shape[1] == 3 else 0.5 * (start + end)
-    forth, back = 4.0 * (middle - start) - (end - start), 4.0 * (middle - end) - (start - end)
-    return np.stack([forth, back], axis=2).reshape(2, -1).T
+    `directions`, shape (m, 2, d), lead from both ends into the edges.
+    """
+    one, other = directions.reshape(-1, directions.shape[2])[ends.T].swapaxes(1, 2)
+    return angles_between(one, -other)

@@ -5,24 +5,24 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask, grouped
+from kohonen_adapt.geometry.circles import rounded, sphere_through
 from kohonen_adapt.geometry.plane.curves import Arc, Curve
 from kohonen_adapt.geometry.plane.cutting import (
     COLLINEAR,
     FEWEST_FACETS,
-    IS_ROUND,
-    LAST,
     MOST,
     TURN,
-    angle_on_circle,
-    arc_end,
+    Circle,
+    Points,
+    arc_facets,
+    as_complex,
+    as_rows,
+    circle_near,
     circle_of_part,
-    fitted_circle,
+    circle_through,
     is_full_turn,
-    lengths_and_angles,
 )
 from kohonen_adapt.geometry.plane.pairs import Pairs
 from kohonen_adapt.geometry.plane.polylines import (
@@ -36,13 +36,14 @@ from kohonen_adapt.geometry.plane.polylines import (
     cut_into_segments,
     joined_ends,
     trace_polylines,
-    without_noise,
 )
 from kohonen_adapt.mesh.host import facets_opposite
+from kohonen_adapt.mesh.names import connected_components_of
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = [
     "Midsides",
+    "angles_of",
     "arcs_across_junctions",
     "fewest_facets",
     "joints_on_curves",
@@ -60,97 +61,66 @@ CONCENTRIC = 1e-3  # maximum distance of centres that coincide, relative to the 
 
 class Midsides(NamedTuple):
     offset: Floats  # (f, 2) from the midpoints of the chords
+    points: Points  # (3, f): ends and midsides
     is_curved: Mask  # (f,)
-    any_curved: bool  # True if a facet is curved: then all others are straight, and no chords of arcs
+
+    @property
+    def any_curved(self) -> bool:  # True if a facet is curved: then all others are straight, and no chords of arcs
+        return bool(self.is_curved.any())
 
     def curve_index(self, curve: Ints) -> Ints:
         return np.where((curve == -1) & self.is_curved, BY_MIDSIDES, curve)
 
 
 def midsides_of(facets: Facets, triangulation: Triangulation, offsets: Floats | None) -> Midsides:
-    if offsets is None:
-        return Midsides(np.zeros(facets.nodes.shape), np.zeros(len(facets.nodes), dtype=bool), any_curved=False)
-    offset = offsets.T[facets_opposite(triangulation.mesh, triangulation.elements.node)[facets.element, facets.corner]]
-    position = triangulation.position
-    chord = position[facets.nodes[:, 1]] - position[facets.nodes[:, 0]]
-    height = np.abs(chord[:, 0] * offset[:, 1] - chord[:, 1] * offset[:, 0])
-    is_curved = height > COLLINEAR * np.sum(chord**2, axis=1)
-    return Midsides(np.where(is_curved[:, None], offset, 0.0), is_curved, any_curved=bool(is_curved.any()))
+    start, end = as_complex(triangulation.position[facets.nodes.T])
+    offset = np.zeros(facets.nodes.shape)
+    if offsets is not None:
+        opposite = facets_opposite(triangulation.mesh, triangulation.elements.node)
+        offset = offsets.T[opposite[facets.element, facets.corner]]
+    height = np.abs(((end - start).conj() * as_complex(offset)).imag)
+    is_curved = height > COLLINEAR * np.abs(end - start) ** 2
+    offset = np.where(is_curved[:, None], offset, 0.0)
+    return Midsides(offset, np.stack([start, end, 0.5 * (start + end) + as_complex(offset)]), is_curved)
 
 
-def joints_on_curves(
-    joints: Joints, facets: Facets, position: Floats, midsides: Midsides, curve: Ints
-) -> tuple[Joints, Floats]:
+def joints_on_curves(joints: Joints, midsides: Midsides, curve: Ints) -> tuple[Joints, Floats]:
     # A circle is centre, radius and nan, shape (f, 4), all nan for facets on no circle. Joints between facets with a
     # user-defined curve remain.
-    circle = np.full((len(facets.nodes), 4), np.nan)
+    circle = np.full((len(curve), 4), np.nan)
     if not midsides.any_curved:
         return joints, circle
-    curve_index, (one, other) = curve == BY_MIDSIDES, joints.facets.T
-    on_circle = on_one_circle(facets, position, midsides, one, other) & on_one_circle(
-        facets, position, midsides, other, one
-    )
-    group = groups_of(len(circle), joints.facets[joints.smooth & curve_index[one] & curve_index[other] & on_circle])
-    for rows in members(group, curve_index):
-        circle[rows, :3] = circle_through(facets, position, midsides, rows)
+    points, by_midsides, (one, other) = midsides.points, curve == BY_MIDSIDES, joints.facets.T
+    on_circle = are_on_circle(points[:, one], points[:, other]) & are_on_circle(points[:, other], points[:, one])
+    linked = joints.smooth & by_midsides[one] & by_midsides[other] & on_circle
+    group = connected_components_of(len(curve), joints.facets[linked])
+    for rows in grouped(group):
+        found = sphere_through(as_rows(points[:, rows].ravel()), CIRCULAR) if len(rows) > 1 else None
+        if found:
+            circle[rows, :3] = *found[0], found[1]
     group[np.isnan(circle[:, 0])] = -1
-    continues = (curve_index[one] == curve_index[other]) & (~curve_index[one] | (group[one] == group[other]))
+    continues = (by_midsides[one] == by_midsides[other]) & (~by_midsides[one] | (group[one] == group[other]))
     kinked = (curve[one] == -1) & (curve[other] == -1) & (joints.turn > TURN)
     return joints._replace(smooth=joints.smooth & continues & ~kinked), circle
 
 
-def on_one_circle(facets: Facets, position: Floats, midsides: Midsides, one: Ints, other: Ints) -> Mask:
-    (a, b), m = ends_and_midside(facets, position, midsides, one)
-    u, w = b - a, m - a
-    twice = 2.0 * (u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0])
-    uu, ww = np.sum(u**2, axis=1), np.sum(w**2, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        x, y = (w[:, 1] * uu - u[:, 1] * ww) / twice, (u[:, 0] * ww - w[:, 0] * uu) / twice
-        radius, found = np.hypot(x, y), np.ones(len(one), dtype=bool)
-        (c, d), n = ends_and_midside(facets, position, midsides, other)
-        for point in (c, d, n):
-            offset = point - a
-            found &= np.abs(np.hypot(offset[:, 0] - x, offset[:, 1] - y) - radius) <= CIRCULAR * radius
-    return found
+def are_on_circle(own: Points, others: Points) -> Mask:
+    # True if points (3, j) are on the circles through others
+    a, b, c = own
+    circle = circle_through(a, b, c)
+    return np.all(circle.distances(others) <= CIRCULAR * circle.radius, axis=0)
 
 
-def ends_and_midside(
-    facets: Facets, position: Floats, midsides: Midsides, rows: Ints
-) -> tuple[tuple[Floats, Floats], Floats]:
-    a, b = (position[facets.nodes[rows, side]] for side in (0, 1))
-    return (a, b), 0.5 * (a + b) + midsides.offset[rows]
-
-
-def groups_of(count: int, linked: Ints) -> Ints:
-    graph = coo_array((np.ones(len(linked), dtype=np.int8), tuple(linked.T)), shape=(count, count))
-    return connected_components(graph, directed=False)[1]
-
-
-def members(group: Ints, curve_index: Mask) -> Iterator[Ints]:
-    order = np.argsort(group[curve_index], kind="stable")
-    rows = np.flatnonzero(curve_index)[order]
-    cuts = np.flatnonzero(np.diff(group[rows])) + 1
-    yield from (part for part in np.split(rows, cuts) if len(part) > 1)
-
-
-def circle_through(facets: Facets, position: Floats, midsides: Midsides, rows: Ints) -> Floats:
-    (a, b), m = ends_and_midside(facets, position, midsides, rows)
-    points = np.concatenate([a, b, m])
-    found = without_noise(np.array([fitted_circle(points, np.arange(len(points)), 0, len(points) - 1)]))[0]
-    offset = np.abs(np.hypot(*(points - found[:2]).T) - found[2])
-    return found if np.max(offset) <= CIRCULAR * found[2] < np.inf else np.full(3, np.nan)
-
-
-def with_coarse_arcs(position: Floats, node: Ints, segments: Segments, others: Floats) -> Segments:
+def with_coarse_arcs(z: Points, node: Ints, segments: Segments, others: Floats) -> Segments:
     # Four or five nodes may lie on a circle by chance, as on a chamfer. They are an arc if their centre coincides
     # with the centre of an arc, of another candidate, or of the circles `others`, shape (k, 3). Three nodes always lie
     # on a circle, so the radius must coincide, too, unless the radius in `others` is nan.
-    found = list(arc_candidates(position, node, segments))
+    found = list(arc_candidates(z, node, segments))
     if not found:
         return segments
-    circles = without_noise(np.array([candidate for _, _, candidate in found]))
-    others = np.concatenate([circles, segments.circle[segments.is_round], others])
-    accepted = []
+    centre, radius = (np.array(column) for column in zip(*(circle for _, _, circle in found), strict=True))
+    circles = rounded(np.column_stack([as_rows(centre), radius]), radius[:, None])
+    others, accepted = np.concatenate([circles, segments.circle[segments.is_round], others]), []
     for number, (first, last, _) in enumerate(found):
         tolerance = CONCENTRIC * circles[number, 2]
         near = np.hypot(*(others[:, :2] - circles[number, :2]).T) <= tolerance
@@ -164,12 +134,11 @@ def with_coarse_arcs(position: Floats, node: Ints, segments: Segments, others: F
 
 def joined_segments(segments: Segments, arcs: Iterable[tuple[int, int, Floats]]) -> Segments:
     # An arc is the indices of its first and last segment, with centre, radius and `widest`.
-    remaining, rows, circle = np.ones(len(segments.rows), dtype=bool), segments.rows.copy(), segments.circle.copy()
-    widest = segments.widest.copy()
+    remaining, joined = np.ones(len(segments.first), dtype=bool), Segments._make(array.copy() for array in segments)
     for first, last, arc in arcs:
-        rows[first, LAST], rows[first, IS_ROUND], circle[first], widest[first] = rows[last, LAST], 1, arc[:3], arc[3]
+        joined.last[first], joined.circle[first], joined.widest[first] = segments.last[last], arc[:3], arc[3]
         remaining[first + 1 : last + 1] = False
-    return Segments(rows[remaining], circle[remaining], segments.curve[remaining], widest[remaining])
+    return joined.select(remaining)
 
 
 def arcs_across_junctions(
@@ -178,21 +147,25 @@ def arcs_across_junctions(
     # Returns the circles of facets, shape (f, 4): centre, radius and the largest angle of a facet that leaves the arc
     # enough nodes, nan for facets on no arc. Junctions with other boundaries and interfaces are ignored. Facets with a
     # user-defined curve are left out. Arcs end at nodes of the mask `stops`, shape (n,).
-    arcs, rows = np.full((len(curve), 4), np.nan), np.flatnonzero(curve == -1)
+    arcs, rows, z = np.full((len(curve), 4), np.nan), np.flatnonzero(curve == -1), as_complex(position)
     polylines = trace_across_junctions(facets.nodes[rows], position, stops, CORNER)
-    none = np.full((len(rows), 4), np.nan)
-    polylines, segments = cut_into_segments(position, polylines, np.full(len(rows), -1), {}, none)
-    segments = with_whole_arcs(position, polylines, segments, np.bincount(facets.nodes.ravel()) > 2)
+    polylines, segments = cut_into_segments(position, polylines, np.full(len(rows), -1), {}, arcs[rows])
+    segments = with_whole_arcs(z, polylines, segments, np.bincount(facets.nodes.ravel()) > 2)
     user_defined = [(*shape.centre, shape.radius) for shape in curves.values() if isinstance(shape, Arc)]
     others = [*user_defined, *((x, y, np.nan) for x, y in centres_of(pairs.motions))]
-    segments = with_coarse_arcs(position, polylines.node, segments, np.reshape(others, (-1, 3)))
-    longest, even, angle = (np.empty(len(segments.rows)) for _ in range(3))
-    lengths_and_angles(position, polylines.node, segments.rows, segments.circle, longest, even, angle)
-    for p in np.flatnonzero(segments.is_round).tolist():
-        widest = abs(angle[p]) / fewest_facets(segments.facets[p])
-        arcs[rows[polylines.facet[segments.first[p] : segments.last[p]]]] = (*segments.circle[p], widest)
+    segments = with_coarse_arcs(z, polylines.node, segments, np.reshape(others, (-1, 3)))
+    widest = np.abs(angles_of(z, polylines.node, segments)) / fewest_facets(segments.facets)
+    found = np.column_stack([segments.circle, widest])
+    arcs[rows[polylines.facet[segments.slots]]] = found[segments.of_slot]
     arcs[(pairs.facet >= 0) & np.isnan(arcs[pairs.facet, 0])] = np.nan  # both sides of a pair are arcs, or none is
     return arcs
+
+
+def angles_of(z: Points, node: Ints, segments: Segments) -> Floats:
+    """Return the angles of arcs in radians, positive to the left, shape (p,)."""
+    centre = as_complex(segments.circle)[segments.of_slot]
+    start, end = z[node[segments.slots]] - centre, z[node[segments.slots + 1]] - centre
+    return np.bincount(segments.of_slot, np.angle(end * start.conj())).astype(np.float64)
 
 
 def fewest_facets(facets: Ints) -> Ints:
@@ -200,27 +173,26 @@ def fewest_facets(facets: Ints) -> Ints:
     return np.where(facets < FACETS, np.minimum(facets, FEWEST_FACETS), FACETS)
 
 
-def with_whole_arcs(position: Floats, polylines: Polylines, segments: Segments, junction: Mask) -> Segments:
+def with_whole_arcs(z: Points, polylines: Polylines, segments: Segments, junction: Mask) -> Segments:
     # Noise may leave only parts of a polyline on a circle. A polyline with a junction and without a straight part is an
     # arc if all nodes are near a circle.
-    begin, accepted, circle = np.searchsorted(segments.first, polylines.start), [], np.full((1, 4), np.nan)
+    begin, accepted = np.searchsorted(segments.first, polylines.start), []
     is_straight = (segments.facets > 1) & ~segments.is_round
     for first, last in pairwise(begin.tolist()):
-        slots = range(segments.first[first], segments.last[last - 1] + 1)
-        if last - first < 2 or is_straight[first:last].any() or not junction[polylines.node[slots]].any():
+        node = polylines.node[segments.first[first] : segments.last[last - 1] + 1]
+        if last - first < 2 or is_straight[first:last].any() or not junction[node].any():
             continue
-        angle = abs(angle_on_circle(position, polylines.node, slots[0], slots[-1], circle, 0))
-        if 0.0 < angle <= MOST or is_full_turn(angle):
-            accepted.append((first, last - 1, np.append(without_noise(circle[:, :3])[0], np.nan)))
+        circle = circle_near(z[node])
+        angle = abs(circle.angle(z[node])) if circle else 0.0
+        if circle and (0.0 < angle <= MOST or is_full_turn(angle)):
+            accepted.append((first, last - 1, np.array([*as_rows(circle.centre), circle.radius, np.nan])))
     return joined_segments(segments, accepted)
 
 
 def trace_across_junctions(nodes: Ints, position: Floats, stops: Mask, sharpest: float) -> Polylines:
     ends, node = continuations(nodes, position, stops, sharpest)
-    through = np.full((len(node), 2), -1, dtype=np.int32)
     joint, end = joined_ends(ends, len(node))
-    through[joint] = end // 2
-    polylines = trace_polylines(ends, through)
+    polylines = trace_polylines(ends, joint, end // 2, np.ones(len(joint), dtype=bool))
     return polylines._replace(node=node[polylines.node].astype(np.int32))
 
 
@@ -240,20 +212,17 @@ def centres_of(motions: Floats) -> Floats:
     return np.linalg.solve(rest[turns], motions[turns, :, 2:])[:, :, 0]
 
 
-def arc_candidates(
-    position: Floats, node: Ints, segments: Segments
-) -> Iterator[tuple[int, int, tuple[float, float, float]]]:
+def arc_candidates(z: Points, node: Ints, segments: Segments) -> Iterator[tuple[int, int, Circle]]:
     # Fewer than FEWEST_FACETS facets are a candidate only from corner to corner.
-    for first, last in runs_of_single_facets(segments, np.zeros((len(segments.rows), 1))):
-        at, stop = int(segments.first[first]), int(segments.last[last])
-        segment_at = first - at
-        if SHORTEST <= stop - at < FEWEST_FACETS:
-            yield first, last, circle_of_part(position, node, at, stop)
-        while at + FEWEST_FACETS <= stop:
-            end = arc_end(position, node, at, stop)
-            if end - at >= FEWEST_FACETS:
-                yield segment_at + at, segment_at + end - 1, circle_of_part(position, node, at, end)
-            at = end if end - at >= FEWEST_FACETS else at + 1
+    for first, last in runs_of_single_facets(segments, np.zeros((len(segments.first), 1))):
+        own, at = z[node[segments.first[first] : segments.last[last] + 1]], 0
+        if SHORTEST <= len(own) - 1 < FEWEST_FACETS:
+            yield first, last, circle_of_part(own)
+        while at + FEWEST_FACETS < len(own):
+            count = arc_facets(own[at:])
+            if count >= FEWEST_FACETS:
+                yield first + at, first + at + count - 1, circle_of_part(own[at : at + count + 1])
+            at += count if count >= FEWEST_FACETS else 1
 
 
 def runs_of_single_facets(segments: Segments, key: Floats) -> Iterator[tuple[int, int]]:

@@ -14,8 +14,8 @@ from skfem.mesh import MeshTri1
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import checked_points
+from kohonen_adapt.geometry.circles import sphere_through
 from kohonen_adapt.geometry.plane.curves import Arc
-from kohonen_adapt.geometry.plane.cutting import fitted_circle
 from kohonen_adapt.geometry.plane.polylines import polylines_of
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.host import number_facets
@@ -144,9 +144,8 @@ class Spline:
             None if there are fewer than four points, or if one is farther from the circle than 1e-6 of the radius.
         """
         points = np.concatenate(self.pieces, axis=1).T
-        x, y, radius = fitted_circle(points, np.arange(len(points)), 0, len(points) - 1)
-        offset = np.abs(np.hypot(points[:, 0] - x, points[:, 1] - y) - radius)
-        return Arc((x, y), radius) if len(points) >= FEWEST and offset.max() <= CIRCULAR * radius < np.inf else None
+        circle = sphere_through(points, CIRCULAR) if len(points) >= FEWEST else None
+        return circle and Arc(tuple(circle[0]), circle[1])
 
     def __repr__(self) -> str:
         count = sum(points.shape[1] for points in self.pieces)

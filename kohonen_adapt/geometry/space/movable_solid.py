@@ -271,10 +271,10 @@ def surfaces_of(patches: Patches, ridges: Ridges, samples: Samples) -> Surfaces:
         axis=patches.axis,
         size=patches.size,
         meets=ridges.meets,
-        ridge_shape=ridges.shape,
-        ridge_origin=ridges.origin,
-        ridge_axis=ridges.axis,
-        ridge_size=ridges.size,
+        ridge_shape=ridges.curves.shape,
+        ridge_origin=ridges.curves.origin,
+        ridge_axis=ridges.curves.axis,
+        ridge_size=ridges.curves.size,
         samples=samples,
     )
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask, counted, grouped, unique_pairs
 from kohonen_adapt.geometry.plane.curves import projected
 from kohonen_adapt.geometry.space.surfaces import (
     Surface,
@@ -22,6 +22,8 @@ from kohonen_adapt.geometry.space.surfaces import (
 )
 from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, PLANE, PROJECTED, SPHERE, Tetrahedra
 from kohonen_adapt.mesh.cells import FACES, normals
+from kohonen_adapt.mesh.host import ascending, keys_of
+from kohonen_adapt.mesh.measures import angles_between
 from kohonen_adapt.mesh.names import marked_facets
 
 __all__ = [
@@ -76,9 +78,9 @@ def constrained_faces(mesh: MeshTet, elements: Tetrahedra) -> Faces:
 
 def edges_of(faces: Faces, nnodes: int) -> Edges:
     start, end = faces.nodes.ravel(), np.roll(faces.nodes, -1, axis=1).ravel()
-    code = np.minimum(start, end).astype(np.int64) * nnodes + np.maximum(start, end)
+    code = keys_of(ascending(start, end), nnodes)
     order = np.argsort(code, kind="stable")
-    first = np.flatnonzero(np.append(True, np.diff(code[order]) != 0)[: len(order)])
+    first = np.flatnonzero(np.diff(code[order], prepend=-1))
     ends = np.stack(np.divmod(code[order][first], nnodes), axis=1)
     return Edges(ends, np.append(first, len(order)), order // 3, (start < end)[order])
 
@@ -90,9 +92,8 @@ def seams_of(faces: Faces, edges: Edges, position: Floats) -> Seams:
     opposite = edges.forth[slot] != edges.forth[slot + 1]
     normal = normals(position, faces.nodes)
     here, there = normal[one], np.where(opposite[:, None], 1.0, -1.0) * normal[other]
-    turn = np.arctan2(np.linalg.norm(np.cross(here, there), axis=1), np.einsum("ij,ij->i", here, there))
     same_label = faces.label[one, 0] == faces.label[other, np.where(opposite, 0, 1)]
-    return Seams(edge, np.stack([one, other], axis=1), turn, opposite, same_label)
+    return Seams(edge, np.stack([one, other], axis=1), angles_between(here.T, there.T), opposite, same_label)
 
 
 class Patches(NamedTuple):
@@ -146,15 +147,11 @@ class Sheet(NamedTuple):
 
 
 def on_their_patches(nodes: Ints, patches: Patches, position: Floats) -> Floats:
-    count = len(patches.shape)
-    there = np.unique(nodes.ravel() * np.int64(count) + np.repeat(patches.of_face, 3))
-    node, patch = np.divmod(there, max(count, 1))
+    node, patch = unique_pairs(nodes.ravel(), np.repeat(patches.of_face, 3))
     bound = np.zeros(len(position), dtype=bool)
     bound[node[patches.moves[patch]]] = True
     node, patch = node[bound[node]], patch[bound[node]]
-    first = np.flatnonzero(np.diff(node, prepend=-1))
-    rank = np.arange(len(node)) - np.repeat(first, np.diff(np.append(first, len(node))))
-    rows = [rank == k for k in range(int(rank.max(initial=-1)) + 1)]
+    rows = grouped(counted(np.bincount(node, minlength=1)))
     return onto_all([(node[own], patch[own]) for own in rows], patches, position)
 
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components
+from scipy.sparse.csgraph import breadth_first_order
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask, grouped
 from kohonen_adapt.geometry.plane.curves import check_near, curve_of_facets
 from kohonen_adapt.geometry.plane.cutting import CLOSE, TURN
 from kohonen_adapt.geometry.plane.polylines import CORNER
@@ -130,16 +130,10 @@ class Skin:
     plane: Ints
 
     def sets(self, faces: Mask) -> list[Ints]:
-        count = len(self.nodes)
-        inside = self.pairs[faces[self.pairs].all(axis=1)]
-        label = connected_components(linked(inside, count), directed=False)[1]
+        label = connected_components_of(len(self.nodes), self.pairs[faces[self.pairs].all(axis=1)])
         rows = np.flatnonzero(faces)
-        planes = np.unique(np.stack([label[rows], self.plane[rows]]), axis=1)[0]
-        several = np.bincount(planes, minlength=count) > 1
-        rows = rows[several[label[rows]]]
-        order = np.argsort(label[rows], kind="stable")
-        parts = np.split(rows[order], np.flatnonzero(np.diff(label[rows][order])) + 1)
-        return sorted((part for part in parts if len(part)), key=lambda part: int(part[0]))
+        parts = (rows[part] for part in grouped(label[rows]) if len(np.unique(self.plane[rows[part]])) > 1)
+        return sorted(parts, key=lambda part: int(part[0]))
 
     def proper_planes(self, faces: Ints) -> Mask:
         """Return the mask (f,) of faces that lie in proper planes, among some faces.
@@ -160,11 +154,6 @@ class Skin:
         return among & proper[self.plane]
 
 
-def linked(pairs: Ints, count: int) -> csr_array:
-    one, other = np.concatenate([pairs, pairs[:, ::-1]]).T
-    return csr_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(count, count))
-
-
 def rounds_among(skin: Skin, faces: Mask) -> list[tuple[Ints, Round]]:
     """Return the spheres and cylinders among faces (f,), each with its faces.
 
@@ -172,15 +161,11 @@ def rounds_among(skin: Skin, faces: Mask) -> list[tuple[Ints, Round]]:
     another cylinder has the same axis.
     """
     found = [each for part in skin.sets(faces) for each in rounds_of_set(skin, part)]
-    sure = [each for _, each in found if not each.is_coarse]
-    coarse = [each for _, each in found if each.is_coarse]
 
-    def is_one(number: int, each: Round) -> bool:
-        others = sure + coarse[:number] + coarse[number + 1 :]
-        return any(are_coaxial(each, other) for other in others)
+    def is_coaxial(each: Round) -> bool:
+        return any(are_coaxial(each, other) for _, other in found if other is not each)
 
-    accepted = {id(each) for number, each in enumerate(coarse) if is_one(number, each)} | set(map(id, sure))
-    return [(part, each) for part, each in found if id(each) in accepted]
+    return [(part, each) for part, each in found if not each.is_coarse or is_coaxial(each)]
 
 
 def with_steep_faces(skin: Skin, pairs: Ints, rounds: list[tuple[Ints, Round]]) -> list[tuple[Ints, Round]]:
@@ -205,16 +190,14 @@ def with_steep_faces(skin: Skin, pairs: Ints, rounds: list[tuple[Ints, Round]]) 
 
 
 def rounds_of_set(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
-    whole = round_of(skin.position, skin.nodes[part])
-    if whole:
+    if whole := round_of(skin.position, skin.nodes[part]):
         return [(part, whole)]
-    curved = np.zeros(len(skin.nodes), dtype=bool)
-    curved[part] = True
-    planes = skin.proper_planes(part)
-    if not planes.any():
+    curved = skin.proper_planes(part)
+    if not curved.any():
         return grown(skin, part)
+    curved[part] ^= True
     found = []
-    for rest in skin.sets(curved & ~planes):
+    for rest in skin.sets(curved):
         whole = round_of(skin.position, skin.nodes[rest])
         found += [(rest, whole)] if whole else grown(skin, rest)
     return found
@@ -224,17 +207,14 @@ def grown(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
     number = np.full(len(skin.nodes), -1)
     number[part] = np.arange(len(part))
     own = number[skin.pairs]
-    own = own[(own >= 0).all(axis=1)]
-    local = replace(skin, nodes=skin.nodes[part])
-    free, untried = (np.ones(len(part), dtype=bool) for _ in range(2))
-    found = []
+    local = replace(skin, nodes=skin.nodes[part], pairs=own[(own >= 0).all(axis=1)])
+    free, untried, found = *np.ones((2, len(part)), dtype=bool), []
     for _ in range(TRIES):
         seeds = np.flatnonzero(free & untried)
         if not len(seeds):
             break
         seed = int(seeds[len(seeds) // 2])
-        graph = linked(own[free[own].all(axis=1)], len(part))
-        on, each = grown_from(local, graph, seed, free)
+        on, each = grown_from(local, seed, free)
         untried[seed] = False
         if each is not None:
             free[on] = False
@@ -242,21 +222,21 @@ def grown(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
     return found
 
 
-def grown_from(skin: Skin, graph: csr_array, seed: int, free: Mask) -> tuple[Ints, Round | None]:
+def grown_from(skin: Skin, seed: int, free: Mask) -> tuple[Ints, Round | None]:
+    pairs = skin.pairs[free[skin.pairs].all(axis=1)]
+    one, other = np.concatenate([pairs, pairs[:, ::-1]]).T
+    graph = csr_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(len(free), len(free)))
     order = breadth_first_order(graph, seed, directed=False, return_predecessors=False)
+    on, each = order, None
     for count in SEEDS:
-        on = np.sort(order[:count])
-        each = round_of(skin.position, skin.nodes[on])
-        if each is not None:
-            break
-    else:
-        return on, None
+        if each is None:
+            on = np.sort(order[:count])
+            each = round_of(skin.position, skin.nodes[on])
     for _ in range(GROWTHS):
-        before, on = on, reached(skin, graph, seed, free & near(skin, each))
-        grown_to = round_of(skin.position, skin.nodes[on]) if len(on) else None
-        if grown_to is None:
-            return before, None
-        each = grown_to
+        if each is None:
+            break
+        before, on = on, reached(pairs, seed, free & near(skin, each))
+        each = round_of(skin.position, skin.nodes[on]) if len(on) else None
         if np.array_equal(before, on):
             break
     return on, each
@@ -269,10 +249,6 @@ def near(skin: Skin, each: Round) -> Mask:
     return distance <= CLOSE * squared / (8.0 * each.size)
 
 
-def reached(skin: Skin, graph: csr_array, seed: int, faces: Mask) -> NDArray[np.integer]:
-    if not faces[seed]:
-        return np.empty(0, dtype=np.int64)
-    one, other = graph.nonzero()
-    both = faces[one] & faces[other]
-    label = connected_components(linked(np.stack([one[both], other[both]], axis=1), len(faces)), directed=False)[1]
-    return np.flatnonzero(faces & (label == label[seed]))
+def reached(pairs: Ints, seed: int, faces: Mask) -> Ints:
+    label = connected_components_of(len(faces), pairs[faces[pairs].all(axis=1)])
+    return np.flatnonzero(faces & (label == label[seed]) & faces[seed])

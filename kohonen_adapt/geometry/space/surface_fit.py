@@ -1,13 +1,14 @@
 """Fitting of spheres and cylinders to constrained faces."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.geometry.circles import fitted_sphere, rounded
 from kohonen_adapt.geometry.plane.cutting import DISTINCT, FEWEST, LOOSE
-from kohonen_adapt.geometry.plane.polylines import BITS, CORNER
-from kohonen_adapt.geometry.space.surfaces import across, on_cylinder, on_sphere
+from kohonen_adapt.geometry.plane.polylines import CORNER
+from kohonen_adapt.geometry.space.surfaces import across
 from kohonen_adapt.kernels.tetrahedron.arrays import CYLINDER, SPHERE
 from kohonen_adapt.mesh.cells import normals
 
@@ -15,7 +16,7 @@ __all__ = ["Round", "are_coaxial", "round_of"]
 
 ON_SPHERE, ON_CYLINDER = 8, 10  # fewest nodes, twice the number of parameters: fewer may fit by chance
 COARSE = 4  # minimum number of angles around the axis of a cylinder that is coaxial with another cylinder
-STEPS = 10  # iterations of the Gauss-Newton method
+STEPS = 9  # iterations of the Gauss-Newton method
 APART = 1e-6  # radians: nearer angles around an axis count as one
 EQUAL = 1e-9  # distance below which differences are rounding errors, relative to the radius
 COAXIAL = 1e-3  # maximum distance of axes relative to the radius, and maximum angle in radians
@@ -32,7 +33,7 @@ class Round:
     origin
         Centre, or point of the axis, shape (3,).
     axis
-        Unit vector of the axis of a cylinder, shape (3,).
+        Unit vector of the axis of a cylinder, zero for a sphere, shape (3,).
     size
         Radius.
     deviation
@@ -51,17 +52,24 @@ class Round:
     nodes: int
     angles: int
 
+    @classmethod
+    def of(cls, origin: Floats, axis: Floats, size: float, x: Floats) -> "Round":
+        is_cylinder = bool(axis.any())
+        found = cls(CYLINDER if is_cylinder else SPHERE, origin, axis, size, 0.0, len(x), len(x))
+        angles = angles_around(found.out(x), axis) if is_cylinder else len(x)
+        return replace(found, deviation=float(found.distance(x).max()), angles=angles)
+
     @property
     def is_coarse(self) -> bool:
         return self.shape == CYLINDER and (self.angles < FEWEST or self.nodes < ON_CYLINDER)
 
+    def out(self, x: Floats) -> Floats:
+        """Return the vectors from the centre, or from the axis."""
+        out = x - self.origin
+        return out - self.axis * (out @ self.axis)[:, None]
+
     def distance(self, x: Floats) -> Floats:
-        near = (
-            on_sphere(x, self.origin, self.size)
-            if self.shape == SPHERE
-            else on_cylinder(x, self.origin, self.axis, self.size)
-        )
-        return np.linalg.norm(near - x, axis=1)
+        return np.abs(np.linalg.norm(self.out(x), axis=1) - self.size)
 
 
 def round_of(position: Floats, nodes: Ints) -> Round | None:
@@ -75,53 +83,33 @@ def round_of(position: Floats, nodes: Ints) -> Round | None:
     if len(x) < FEWEST:
         return None
     normal = normals(position, nodes)
-    centroids = position[nodes].mean(axis=1)
-    cylinder, sphere = cylinder_through(x, normal), sphere_through(x)
-    found = [each for each in (cylinder, sphere) if each and fits(each, x, normal, centroids)]
-    if (
-        len(found) == 2
-        and cylinder
-        and sphere
-        and cylinder.deviation > max(2.0 * sphere.deviation, EQUAL * sphere.size)
-    ):
+    cylinder, sphere = (
+        each if each and fits(each, x, normal, position[nodes].mean(axis=1)) else None
+        for each in (cylinder_through(x, normal), sphere_of(x))
+    )
+    if cylinder and sphere and cylinder.deviation > max(2.0 * sphere.deviation, EQUAL * sphere.size):
         return sphere
-    return found[0] if found else None
+    return cylinder or sphere
 
 
 def fits(found: Round, x: Floats, normal: Floats, centroids: Floats) -> bool:
     if found.angles < (COARSE if found.shape == CYLINDER else ON_SPHERE) or not found.deviation <= LOOSE * found.size:
         return False
-    out = centroids - found.origin
-    flat = x - found.origin
-    if found.shape == CYLINDER:
-        out = out - found.axis * (out @ found.axis)[:, None]
-        flat = flat - found.axis * (flat @ found.axis)[:, None]
+    out = found.out(centroids)
     cosine = np.abs(np.einsum("ij,ij->i", out, normal))
     lengths = np.linalg.norm(out, axis=1) * np.linalg.norm(normal, axis=1)
-    return DISTINCT * found.deviation <= least_extent(flat, found) and bool(np.all(cosine > np.cos(CORNER) * lengths))
+    extent = least_extent(found.out(x), found)
+    return DISTINCT * found.deviation <= extent and bool(np.all(cosine > np.cos(CORNER) * lengths))
 
 
 def least_extent(x: Floats, found: Round) -> float:
     axes = np.linalg.svd(x - x.mean(axis=0), full_matrices=False)[2]
-    axes = axes[np.abs(axes @ found.axis) < 0.5] if found.shape == CYLINDER else axes
-    return float(np.min(np.ptp(x @ axes.T, axis=0)))
+    return float(np.min(np.ptp(x @ axes[np.abs(axes @ found.axis) < 0.5].T, axis=0)))
 
 
-def sphere_through(x: Floats) -> Round | None:
-    """Return the least-squares sphere of points (Kasa, 1976, in space), or None.
-
-    The sum of (|x - c|^2 - r^2)^2 is least.
-    """
-    middle, scale = x.mean(axis=0), np.ptp(x, axis=0).max()
-    y = (x - middle) / scale
-    solution, _, rank, _ = np.linalg.lstsq(np.column_stack([2.0 * y, np.ones(len(y))]), np.sum(y**2, axis=1))
-    if rank < 4:
-        return None
-    radius = float(np.sqrt(solution[3] + np.sum(solution[:3] ** 2)))
-    radius = float(rounded(scale * radius, scale * radius))
-    centre = rounded(middle + scale * solution[:3], radius)
-    deviation = np.abs(np.linalg.norm(x - centre, axis=1) - radius).max()
-    return Round(SPHERE, centre, np.zeros(3), radius, float(deviation), len(x), len(x))
+def sphere_of(x: Floats) -> Round | None:
+    centre, radius = fitted_sphere(x)
+    return Round.of(centre, np.zeros(3), radius, x) if radius < np.inf else None
 
 
 def cylinder_through(x: Floats, normal: Floats) -> Round | None:
@@ -132,21 +120,13 @@ def cylinder_through(x: Floats, normal: Floats) -> Round | None:
     the distance of a point by -s u.t, and a shift by p changes the distance by -u.p.
     """
     middle, scale = x.mean(axis=0), np.ptp(x, axis=0).max()
-    y, point = (x - middle) / scale, np.zeros(3)
-    weight = np.linalg.norm(normal, axis=1, keepdims=True)
+    y, weight = (x - middle) / scale, np.linalg.norm(normal, axis=1, keepdims=True)
     axis = np.linalg.eigh((normal / weight).T @ normal)[1][:, 0]
-    radius = 0.0
-    for step in range(STEPS):
-        one = across(axis)
-        basis = np.stack([one, np.cross(axis, one)])
+    centre, radius = fitted_sphere(y @ basis_of(axis).T)
+    point = centre @ basis_of(axis)
+    for _ in range(STEPS if radius < np.inf else 0):
+        basis = basis_of(axis)
         along, flat = (y - point) @ axis, (y - point) @ basis.T
-        if step == 0:  # least-squares circle of Kasa
-            rows = np.column_stack([2.0 * flat, np.ones(len(flat))])
-            solution, _, rank, _ = np.linalg.lstsq(rows, np.sum(flat**2, axis=1))
-            if rank < 3:
-                return None
-            point, radius = solution[:2] @ basis, float(np.sqrt(max(solution[2] + np.sum(solution[:2] ** 2), 0.0)))
-            continue
         distance = np.linalg.norm(flat, axis=1)
         if not np.all(distance > 0.0):
             return None
@@ -156,33 +136,27 @@ def cylinder_through(x: Floats, normal: Floats) -> Round | None:
         point, radius = point + solution[:2] @ basis, radius + solution[4]
         axis = axis + solution[2:4] @ basis
         axis = axis / np.linalg.norm(axis)
-    return cylinder_of(x, middle + scale * point, axis, scale * radius)
-
-
-def cylinder_of(x: Floats, point: Floats, axis: Floats, radius: float) -> Round | None:
-    if not np.isfinite(radius) or radius <= 0.0:
+    if not 0.0 < radius < np.inf:
         return None
     axis = rounded(axis * np.sign(axis[np.argmax(np.abs(axis))]), 1.0)
-    axis = axis / np.linalg.norm(axis)
-    point = rounded(point + axis * ((x.mean(axis=0) - point) @ axis), radius)
-    radius = float(rounded(radius, radius))
+    axis, point, radius = axis / np.linalg.norm(axis), middle + scale * point, scale * radius
+    point = rounded(point + axis * ((middle - point) @ axis), radius)
+    return Round.of(point, axis, float(rounded(radius, radius)), x)
+
+
+def basis_of(axis: Floats) -> Floats:
     one = across(axis)
-    flat = (x - point) @ np.stack([one, np.cross(axis, one)]).T
-    angle = np.sort(np.arctan2(flat[:, 1], flat[:, 0]))
-    angles = int(np.sum(np.diff(angle, append=angle[0] + 2.0 * np.pi) > APART))
-    deviation = np.abs(np.linalg.norm(flat, axis=1) - radius).max()
-    return Round(CYLINDER, point, axis, radius, float(deviation), len(x), angles)
+    return np.stack([one, np.cross(axis, one)])
 
 
-def rounded(values: Floats | float, size: float) -> Floats:
-    step = np.ldexp(1.0, np.frexp(size)[1] - BITS)
-    return np.round(np.asarray(values) / step) * step + 0.0  # no -0
+def angles_around(out: Floats, axis: Floats) -> int:
+    # number of different angles of vectors from an axis
+    angle = np.sort(np.arctan2(*(basis_of(axis)[::-1] @ out.T)))
+    return int(np.sum(np.diff(angle, append=angle[0] + 2.0 * np.pi) > APART))
 
 
 def are_coaxial(one: Round, other: Round) -> bool:
     if one.shape != CYLINDER or other.shape != CYLINDER:
         return False
-    deviation = other.origin - one.origin
-    apart = np.linalg.norm(deviation - one.axis * (deviation @ one.axis))
-    turn = np.linalg.norm(np.cross(one.axis, other.axis))
+    apart, turn = np.linalg.norm(one.out(other.origin[None])), np.linalg.norm(np.cross(one.axis, other.axis))
     return bool(apart <= COAXIAL * one.size and turn <= COAXIAL)
