@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-FACES = ["", ".cases", ".estimators", ".magnetostatics", ".plotting", ".report"]
+FACES = ["", ".cases", ".elements", ".estimators", ".magnetostatics", ".plotting", ".report"]
 PUBLIC = {f"kohonen_adapt{face}": set(importlib.import_module(f"kohonen_adapt{face}").__all__) for face in FACES}
 
 

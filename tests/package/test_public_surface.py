@@ -25,6 +25,7 @@ MODULES = [
     importlib.import_module(name)
     for name in (
         "kohonen_adapt",
+        "kohonen_adapt.elements",
         "kohonen_adapt.estimators",
         "kohonen_adapt.magnetostatics",
         "kohonen_adapt.plotting",
