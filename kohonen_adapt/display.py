@@ -1,7 +1,8 @@
 """Units, outlines and number formats shared by plots and reports."""
 
 from collections.abc import Sequence
-from math import floor, log10
+from itertools import product
+from math import comb, floor, log10
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +21,7 @@ __all__ = [
     "divisions_of",
     "in_unit",
     "lattice",
+    "lattice_points",
     "lattice_shape",
     "level_of_share",
     "outlined_facets",
@@ -133,18 +135,22 @@ def lattice(divisions: int) -> tuple[Floats, Ints]:
     ndarray (3, n^2)
         Points of the triangles.
     """
-    n = divisions
+    n, share = divisions, lattice_points(divisions, 2)
     places = [(i, j) for j in range(n + 1) for i in range(n + 1 - j)]
     number = {place: k for k, place in enumerate(places)}
-    share = np.array([(n - i - j, i, j) for i, j in places], dtype=float).T / n
     upright = [(number[i, j], number[i + 1, j], number[i, j + 1]) for i, j in places if i + j < n]
     others = [(number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]) for i, j in places if i + j < n - 1]
     return share, np.array(upright + others).T
 
 
-def divisions_of(points: int) -> int:
-    n = round((np.sqrt(8.0 * points + 1.0) - 3.0) / 2.0)
-    return n if n > 0 and (n + 1) * (n + 2) == 2 * points else 0
+def lattice_points(divisions: int, dim: int) -> Floats:
+    """Return the barycentric coordinates of a lattice in an element, (d + 1, k)."""
+    every = (place[::-1] for place in product(range(divisions + 1), repeat=dim))
+    return np.array([(divisions - sum(place), *place) for place in every if sum(place) <= divisions]).T / divisions
+
+
+def divisions_of(points: int, dim: int = 2) -> int:
+    return next((n for n in range(1, points) if comb(n + dim, dim) == points), 0)
 
 
 def lattice_shape(name: str, values: ArrayLike, nelements: int) -> dict[str, int]:

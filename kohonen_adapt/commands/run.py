@@ -15,7 +15,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.commands.arguments import refuse_link
-from kohonen_adapt.display import lattice
+from kohonen_adapt.display import lattice_points
 from kohonen_adapt.files import remove_drafts, whole_file, whole_files, write_whole
 from kohonen_adapt.io import write_mesh
 from kohonen_adapt.loop.adapt import adapt
@@ -27,7 +27,8 @@ __all__ = ["CaseRun", "curve_sentence", "results_of", "write_fields"]
 
 MESH, FIELDS, INSIDE, HISTORY = "adapted.msh", "adapted.vtu", "inside.vtu", "history.csv"
 PASSES = "passes"  # subfolder of the finished passes
-HIGHEST_IN_FILES = 2  # order of potentials in space
+POTENTIAL = {2: "A (Wb per m)", 3: "phi (A)"}  # by dimension
+HIGHEST_AT_NODES = 2  # order of potentials in space in the file of fields
 ENDED = "ended.txt"  # file in `PASSES` with the final message of a finished run
 
 
@@ -142,17 +143,15 @@ def write_fields(case: Case, result: AdaptResult, mesh: Path, fields: Path) -> N
     write_mesh(
         fields,
         result.mesh,
-        point_data={"A (Wb per m)" if len(result.mesh.p) == 2 else "phi (A)": _written_potential(field)},
+        point_data={POTENTIAL[len(result.mesh.p)]: _written_potential(field)},
         cell_data={"B (T)": field.flux_density, "H (A per m)": field.field_strength, "indicator": result.indicators},
     )
 
 
 def _written_potential(field: Any) -> Floats:
-    # files have fields in space up to order 2
-    space = field.elements
-    if space.dim == 2 or space.order <= HIGHEST_IN_FILES:
-        return np.asarray(field.potential)
-    return space.at_order(HIGHEST_IN_FILES).interpolated(space, field.potential)
+    # higher orders are in the file with values inside elements
+    above = field.elements.dim == 3 and field.elements.order > HIGHEST_AT_NODES
+    return np.asarray(field.potential[: field.mesh.nvertices] if above else field.potential)
 
 
 def curve_sentence(case: Case, result: AdaptResult) -> str:
@@ -168,15 +167,16 @@ def results_of(result: AdaptResult) -> list[str]:
 
 
 def _has_inside(field: Any) -> bool:
-    return len(field.mesh.p) == 2 and field.elements.order > 1
+    return bool(field.elements.order > 1)
 
 
 def _write_inside(field: Any, path: Path) -> None:
-    share, _ = lattice(field.elements.order)
+    dim = field.elements.dim
+    share = lattice_points(field.elements.order, dim)
     at, count = field.at_each(share), field.mesh.t.shape[1]
-    data = {"A (Wb per m)": field.potential_at_each(share)}
+    data = {POTENTIAL[dim]: field.potential_at_each(share)}
     for name, unit, vector in (("B", "T", at.flux_density), ("H", "A per m", at.field_strength)):
-        data |= {f"{name}_{axis} ({unit})": part.reshape(-1, count) for axis, part in zip("xy", vector, strict=True)}
+        data |= {f"{name}_{axis} ({unit})": part.reshape(-1, count) for axis, part in zip("xyz", vector, strict=False)}
     write_mesh(path, field.mesh, point_data=data, positions=at.x)
 
 

@@ -147,6 +147,8 @@ def _may_group(key: str, parts: list[Any]) -> bool:
 
 def _kind(block: Any) -> int:
     others = {beginning: kind for beginning, kind in REFUSED.items() if block.type.startswith(beginning)}
+    if block.type in LAGRANGE:
+        return {2: TRIANGLE, 3: TETRAHEDRON}[LAGRANGE[block.type]]
     return KINDS.get(block.type) or next(iter(others.values()), HEXAHEDRON if block.dim == 3 else QUADRILATERAL)
 
 
@@ -154,7 +156,7 @@ def _all_sets(mesh: Any, points: Floats, key: str | None) -> Iterator[tuple[int,
     # (type, name, nodes, numbers) of all cells, and of the cells of every set
     first = 0
     for k, block in enumerate(mesh.cells):
-        if block.type == LAGRANGE:
+        if block.type in LAGRANGE:
             raise ValueError("its Lagrange cells hold a field inside elements; read the mesh from its own file")
         kind = _kind(block)
         nodes = _nodes(block, kind, len(points))
@@ -179,7 +181,7 @@ def _inside(values: Any, parts: list[Ints], cells: Ints) -> Any:
     # means of one component over the cells, or the values of several at the corners
     if values.shape[1] > 1:
         return values[cells]
-    weights = [mean_weights(part.shape[1]) for part in parts]
+    weights = [mean_weights(part.shape[1], cells.shape[1] - 1) for part in parts]
     means = [np.einsum("i,mic->mc", own, values[part]) for own, part in zip(weights, parts, strict=True)]
     return np.concatenate(means)[:, None]
 
@@ -188,7 +190,7 @@ def _nodes(block: Any, kind: int, count: int) -> Ints:
     if kind not in KINDS.values():
         return np.empty((len(block.data), 0), np.int64)
     nodes = np.asarray(block.data, np.int64)
-    nodes = nodes if block.type == LAGRANGE else nodes.reshape(-1, nodes_per_element(kind))
+    nodes = nodes if block.type in LAGRANGE else nodes.reshape(-1, nodes_per_element(kind))
     if np.any((nodes < 0) | (nodes >= count)):
         raise ValueError("a cell has a node that does not exist")
     return nodes[:, GMSH_TETRAHEDRON] if kind == TEN_NODES else nodes
@@ -242,13 +244,13 @@ def read_arrays(path: Path, shape: str) -> CellFields:
     mesh = _read_with_meshio(path, "read_field")
     with as_value_error(path, f"'{path}' cannot be read: {{}}."):
         points = _points(mesh)
-        kinds = [TRIANGLE if block.type == LAGRANGE else _kind(block) for block in mesh.cells]
+        kinds = [_kind(block) for block in mesh.cells]
         blocks = [k for k, kind in enumerate(kinds) if shape_of(kind) == shape and kind in KINDS.values()]
         parts = [_nodes(mesh.cells[k], kinds[k], len(points)) for k in blocks]
         cells = np.concatenate(
             [np.empty((0, CORNERS[shape]), np.int64), *(part[:, : CORNERS[shape]] for part in parts)]
         )
-        is_nodal = all(mesh.cells[k].type != LAGRANGE for k in blocks)
+        is_nodal = all(mesh.cells[k].type not in LAGRANGE for k in blocks)
         nodal = [
             Field(name, True, rows) if is_nodal else Field(name, False, _inside(rows, parts, cells))
             for name, values in mesh.point_data.items()

@@ -17,12 +17,13 @@ from skfem import Mesh, MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
-from kohonen_adapt.display import divisions_of, lattice
+from kohonen_adapt.display import divisions_of, lattice_points
 from kohonen_adapt.io.content import ALLOWED_BYTES, MAX_EXPANSION
 from kohonen_adapt.mesh.blended import Blended
 from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.curved import Isoparametric, nodes_of_elements
-from kohonen_adapt.mesh.elements.rules import triangle_rule
+from kohonen_adapt.mesh.elements.functions import hierarchical, reference_functions
+from kohonen_adapt.mesh.elements.rules import tetrahedron_rule, triangle_rule
 from kohonen_adapt.mesh.host import number_edges
 from kohonen_adapt.mesh.measures import is_in_front
 from kohonen_adapt.mesh.names import combinations
@@ -37,8 +38,14 @@ SUBDOMAIN, BOUNDARY = "skfem:s:", "skfem:b:"
 KINDS = {3: "triangle", 4: "tetra", 6: "triangle6", 10: "tetra10"}
 """Nodes per element to the type in meshio (VTK's types 5, 10 and 22)."""
 
-LAGRANGE = "VTK_LAGRANGE_TRIANGLE"
-"""Triangles of any order with equispaced nodes (VTK's type 69) in meshio."""
+LAGRANGE = {"VTK_LAGRANGE_TRIANGLE": 2, "VTK_LAGRANGE_TETRAHEDRON": 3}
+"""Elements of any order with equispaced nodes (VTK's types 69 and 71) in meshio, to their dimension."""
+
+PARTS: dict[int, tuple[tuple[int, ...], ...]] = {
+    3: ((0, 1), (1, 2), (2, 0), (0, 1, 2)),
+    4: ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3), (0, 1, 3), (2, 3, 1), (0, 3, 2), (0, 2, 1), (0, 1, 2, 3)),
+}
+"""Number of corners to edges, faces and the inside in the order and direction of VTK."""
 
 PARABOLAS = 3  # highest order whose elements have parabolas as sides; the others have arcs
 Source = bytes | str
@@ -86,13 +93,14 @@ def write_vtu(
         )
     # meshio does not escape names in the XML.
     cells = {escape(name, quote=False): [_components(values)] for name, values in (names | cell_data).items()}
-    order = max((divisions_of(len(values)) for values in point_data.values() if values.ndim == 2), default=0)
+    dim, inside = len(mesh.p), [len(values) for values in point_data.values() if values.ndim == 2]
+    order = max((divisions_of(count, dim) for count in inside), default=0)
     nodes, p = nodes_of_elements(mesh), mesh.p
     if any(values.size > p.shape[1] for values in point_data.values()) and not order:
         nodes, p = _with_midsides(mesh)
     if order:
         nodes, p = _lagrange_nodes(mesh, order), _lagrange_points(mesh, order) if positions is None else positions
-    kind = LAGRANGE if order > 1 else KINDS[nodes.shape[1]]
+    kind = list(LAGRANGE)[dim - 2] if order > 1 else KINDS[nodes.shape[1]]
     nodal = {
         escape(name, quote=False): _at_points(mesh, values, order) if order else values
         for name, values in point_data.items()
@@ -110,52 +118,53 @@ def _with_midsides(mesh: MeshTet) -> tuple[Ints, Floats]:
 
 def _lagrange_nodes(mesh: Mesh, order: int) -> Ints:
     count = mesh.t.shape[1]
-    return (_vtk_rows(order) * count + np.arange(count)[:, None]).astype(np.int64)
+    return (_vtk_rows(order, len(mesh.p)) * count + np.arange(count)[:, None]).astype(np.int64)
 
 
 def _lagrange_points(mesh: Mesh, order: int) -> Floats:
-    share, count = lattice(order)[0], mesh.t.shape[1]
-    shape = Blended(mesh) if order > PARABOLAS else Isoparametric(mesh)
+    share, count = lattice_points(order, len(mesh.p)), mesh.t.shape[1]
+    shape = Blended(mesh) if order > PARABOLAS and len(mesh.p) == 2 else Isoparametric(mesh)
     return shape.points(np.tile(np.arange(count), share.shape[1]), np.repeat(share, count, axis=1))
 
 
 def _at_points(mesh: Mesh, values: Floats, order: int) -> Floats:
     if values.ndim == 2:
         return values.ravel()
-    own, share = values[nodes_of_elements(mesh)].T, lattice(order)[0]
-    between = 4.0 * share * np.roll(share, -1, axis=0)
-    functions = share if len(own) == 3 else np.vstack([share * (2.0 * share - 1.0), between])
+    own, share = values[nodes_of_elements(mesh)].T, lattice_points(order, len(mesh.p))
+    functions, _ = reference_functions(share.T, 1 if len(own) == len(share) else 2)
     return (functions.T @ own).ravel()
 
 
-def _places(order: int) -> list[tuple[int, int]]:
-    # nodes of VTK in steps from corner 0: corners, sides 01, 12 and 20, then the triangle inside
-    n, inner = order, range(1, order)
-    if n == 0:
-        return [(0, 0)]
-    sides = [(i, 0) for i in inner], [(n - i, i) for i in inner], [(0, n - i) for i in inner]
-    inside = [(i + 1, j + 1) for i, j in _places(n - 3)] if n > 2 else []
-    return [(0, 0), (n, 0), (0, n), *sides[0], *sides[1], *sides[2], *inside]
+def _places(order: int, corners: int) -> list[tuple[int, ...]]:
+    # nodes of VTK in steps towards each corner: corners, edges, faces, inside
+    if corners == 2:
+        return [(order - step, step) for step in range(order + 1)]
+    if order == 0:
+        return [(0,) * corners]
+    found = [tuple(row) for row in (order * np.eye(corners, dtype=int)).tolist()]
+    for part in PARTS[corners]:
+        for steps in _places(order - len(part), len(part)) if order >= len(part) else ():
+            inner = dict(zip(part, steps, strict=True))
+            found.append(tuple(inner[corner] + 1 if corner in inner else 0 for corner in range(corners)))
+    return found
 
 
 @cache
-def _vtk_rows(order: int) -> Ints:
-    row = {tuple(place): k for k, place in enumerate(np.rint(order * lattice(order)[0][1:].T).astype(int).tolist())}
-    return np.array([row[place] for place in _places(order)])
+def _vtk_rows(order: int, dim: int) -> Ints:
+    steps = np.rint(order * lattice_points(order, dim).T).astype(int).tolist()
+    row = {tuple(place): k for k, place in enumerate(steps)}
+    return np.array([row[place] for place in _places(order, dim + 1)])
 
 
 @cache
-def mean_weights(nodes: int) -> Floats:
-    order = divisions_of(nodes)
+def mean_weights(nodes: int, dim: int) -> Floats:
+    order = divisions_of(nodes, dim)
     if not order:
-        raise ValueError(f"a Lagrange triangle has {nodes} nodes, which is not the number of any order")
-    barycentric, weight = triangle_rule(order)
-    at = lattice(order)[0][1:, _vtk_rows(order)]
-    powers = [(a, b) for a in range(order + 1) for b in range(order + 1 - a)]
-    values, moments = (
-        np.array([x**a * y**b for a, b in powers]) for x, y in (at - 1.0 / 3.0, barycentric.T[1:] - 1.0 / 3.0)
-    )
-    return np.asarray(np.linalg.solve(values, moments @ weight))
+        raise ValueError(f"a Lagrange cell has {nodes} nodes, which is not the number of any order")
+    barycentric, weight = (triangle_rule if dim == 2 else tetrahedron_rule)(order)
+    at = lattice_points(order, dim)[:, _vtk_rows(order, dim)]
+    values, moments = hierarchical(at.T, order)[0], hierarchical(barycentric, order)[0] @ weight
+    return np.asarray(np.linalg.solve(values, moments))
 
 
 def _mark_sides(mesh: Mesh, facets: Ints) -> Ints:

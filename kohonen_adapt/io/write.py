@@ -76,9 +76,10 @@ def write_mesh(
         ``mesh.edges``, for ``.vtu`` only, whose cells are then quadratic tetrahedra (VTK's type 24).
 
         For fields of order p above 1, or fields that jump between elements, ``.vtu`` takes values (k, nelements) at the
-        k = (p + 1) (p + 2) / 2 points of a `kohonen_adapt.display.lattice` in every element, like
-        ``field.potential_at_each(lattice(p)[0])``. The elements are Lagrange cells of order p (VTK's type 69) without
-        common points, from order 4 on with sides on the arcs through the nodes of a `MeshTri2`.
+        k points of `kohonen_adapt.display.lattice_points` in every element, (p + 1) (p + 2) / 2 in the plane and
+        (p + 1) (p + 2) (p + 3) / 6 in space, like ``field.potential_at_each(lattice_points(p, 3))``. The elements are
+        Lagrange cells of order p (VTK's types 69 and 71) without common points, from order 4 on with sides on the arcs
+        through the nodes of a `MeshTri2`.
     cell_data
         Fields (nelements,) or vectors (2, nelements), of tetrahedra (3, nelements), by name.
     groups
@@ -87,7 +88,7 @@ def write_mesh(
         ``boundary_7`` are groups of that number and no name, and other names get new numbers. VTU files have no
         numbers.
     positions
-        Positions (2, k * nelements) of values inside elements, if sides follow curves that `mesh` does not define, in
+        Positions (d, k * nelements) of values inside elements, if sides follow curves that `mesh` does not define, in
         the order of ``field.at_each(share).x``.
 
     Raises
@@ -111,16 +112,16 @@ def write_mesh(
     remedy = CONVERTED.get(path.suffix.lower(), "").format(path.stem, path.name)
     suffix = "" if for_elmer else suffix_of(path, "write_mesh", WRITTEN, remedy)
     check_mesh(mesh, curved=True, inverted=True, space=True)
-    mesh = of_positive_volume(mesh)
+    inside = _checked_inside(mesh, point_data, path)
+    mesh = mesh if inside else of_positive_volume(mesh)  # values inside have the order of the corners
     subdomains = _checked_sets(mesh.subdomains, "subdomain")
     boundaries = _checked_sets(mesh.boundaries, "boundary")
-    inside = _checked_inside(mesh, point_data, path)
     nodal = {name: values for name, values in (point_data or {}).items() if name not in inside}
     on_edges = _edges_with_values(mesh, nodal, suffix)
     points = _checked_fields(with_midside_means(mesh, nodal, on_edges), mesh.p.shape[1] + len(on_edges), "point_data")
     points |= inside
     cells = _checked_fields(cell_data, mesh.t.shape[1], "cell_data", len(mesh.p))
-    place = _checked_positions(positions, inside)
+    place = _checked_positions(positions, inside, len(mesh.p))
     groups = groups or Groups()
     if for_elmer:
         if points or cells:
@@ -190,15 +191,17 @@ def _checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]
 def _checked_inside(mesh: Mesh, fields: Mapping[str, ArrayLike] | None, path: Path) -> dict[str, Floats]:
     found: dict[str, Floats] = {}
     shapes: set[tuple[int, ...]] = set()
-    for name, values in (fields or {}).items() if len(mesh.p) == 2 else ():
+    dim = len(mesh.p)
+    for name, values in (fields or {}).items():
         if np.ndim(values) != 2:
             continue
         _check_name(name, "point_data")
         shape, count = np.shape(values), mesh.t.shape[1]
-        if shape[1] != count or not divisions_of(shape[0]):
+        if shape[1] != count or not divisions_of(shape[0], dim):
+            points = {2: "(p + 1) (p + 2) / 2", 3: "(p + 1) (p + 2) (p + 3) / 6"}[dim]
             raise ValueError(
-                f"point_data '{name}' must have shape ({mesh.p.shape[1]},), or (k, {count}) with k = (p + 1) (p + 2) / "
-                f"2 points in every element for the order p; got {shape}."
+                f"point_data '{name}' must have shape ({mesh.p.shape[1]},), or (k, {count}) with k = {points} points "
+                f"in every element for the order p; got {shape}."
             )
         if path.suffix.lower() != ".vtu":
             raise ValueError(
@@ -215,13 +218,13 @@ def _checked_inside(mesh: Mesh, fields: Mapping[str, ArrayLike] | None, path: Pa
     return found
 
 
-def _checked_positions(positions: ArrayLike | None, inside: dict[str, Floats]) -> Floats | None:
+def _checked_positions(positions: ArrayLike | None, inside: dict[str, Floats], dim: int) -> Floats | None:
     if positions is None:
         return None
     if not inside:
         raise ValueError("positions are of values inside elements, but point_data has none of shape (k, nelements).")
     count = next(iter(inside.values())).size
-    return finite_reals("positions", positions, {"2": 2, "k * nelements": count}, "point")
+    return finite_reals("positions", positions, {str(dim): dim, "k * nelements": count}, "point")
 
 
 def _checked_fields(

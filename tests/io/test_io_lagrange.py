@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from helpers.curved_meshes import RADII, curved_annulus
 from numpy.testing import assert_allclose
-from skfem import Basis, ElementTriP1, MeshTri, MeshTri2
+from skfem import Basis, ElementTetP1, ElementTriP1, MeshTet, MeshTri, MeshTri2
 
 import kohonen_adapt as ka
-from kohonen_adapt.display import lattice
+from kohonen_adapt.display import lattice, lattice_points
 
 TYPE = "VTK_LAGRANGE_TRIANGLE"
 
@@ -70,6 +70,57 @@ def test_read_field_returns_the_means_of_elements(order, tmp_path):
     linear = mesh.p[0][mesh.t].mean(axis=0)
     ka.write_mesh(tmp_path / "g.vtu", mesh, point_data={"u": points_of(mesh, order)[0]})
     assert_allclose(ka.read_field(tmp_path / "g.vtu", mesh, "u"), linear, atol=1e-13)
+
+
+def vtk_place_in_space(index, order):
+    """``vtkHigherOrderTetra::BarycentricIndex`` of VTK 9: steps of a node towards the corners 1, 2, 3 and 0."""
+    place, highest, lowest = [0, 0, 0, 0], order, 0
+    while index != 0 and index >= 2 * (order * order + 1):
+        index, highest, lowest, order = index - 2 * (order * order + 1), highest - 3, lowest + 1, order - 4
+    if index < 4:
+        place = [lowest] * 4
+        place[(3, 0, 1, 2)[index]] = highest
+        return place
+    if index - 4 < 6 * (order - 1):
+        side, step = divmod(index - 4, order - 1)
+        a, b = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))[side]
+        place = [lowest] * 4
+        place[(a - 1) % 4], place[(b - 1) % 4] = highest - 1 - step, lowest + 1 + step
+        return place
+    face, step = divmod(index - 4 - 6 * (order - 1), (order - 1) * (order - 2) // 2)
+    on_face = vtk_place(step, order - 3)
+    for k, each in zip(((0, 2, 3), (2, 0, 1), (2, 1, 3), (1, 0, 3))[face], on_face, strict=True):
+        place[k] = lowest + 1 + each
+    place[(1, 3, 0, 2)[face]] = lowest
+    return place
+
+
+def crooked_solid():
+    mesh = MeshTet().refined(1)
+    p = mesh.p + 0.1 * np.sin(3.0 * mesh.p[[1, 2, 0]])
+    t = mesh.t.copy()
+    t[:2, ::2] = t[1::-1, ::2]  # elements of either sign
+    return MeshTet(p, t).with_subdomains({"low": lambda x: x[1] < 0.5})
+
+
+@pytest.mark.parametrize("order", [2, 3, 4, 5, 6])
+def test_nodes_of_tetrahedra_are_in_the_order_of_vtk(order, tmp_path):
+    mesh = crooked_solid()
+    x = np.einsum("iq,dik->dqk", lattice_points(order, 3), mesh.p[:, mesh.t])
+    ka.write_mesh(tmp_path / "f.vtu", mesh, point_data={"u": polynomial(x, order) + x[2], "x": mesh.p[0]})
+    read = meshio.read(tmp_path / "f.vtu")
+    (block,) = read.cells
+    assert block.type == "VTK_LAGRANGE_TETRAHEDRON" and block.data.shape == (mesh.nelements, x.shape[1])
+    steps = np.array([vtk_place_in_space(k, order) for k in range(x.shape[1])])
+    wanted = np.einsum("qi,dik->kqd", np.roll(steps, 1, axis=1) / order, mesh.p[:, mesh.t])
+    assert_allclose(read.points[block.data], wanted, atol=1e-14)
+    assert_allclose(read.point_data["u"][block.data], polynomial(wanted.T, order).T + wanted[..., 2], rtol=1e-12)
+    assert_allclose(read.point_data["x"][block.data], wanted[:, :, 0], atol=1e-14)
+    assert "skfem:s:low" in read.cell_data
+    basis = Basis(mesh, ElementTetP1(), intorder=9)
+    at = np.asarray(basis.global_coordinates())
+    mean = ((polynomial(at, order) + at[2]) * basis.dx).sum(axis=1) / basis.dx.sum(axis=1)
+    assert_allclose(ka.read_field(tmp_path / "f.vtu", mesh, "u"), mean, atol=1e-11 * np.abs(mean).max())
 
 
 @pytest.mark.parametrize("order", [2, 3, 4, 6])
