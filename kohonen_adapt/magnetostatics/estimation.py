@@ -12,7 +12,7 @@ from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flu
 from kohonen_adapt.estimators.residual_estimator import HIGHER_SCALES, Facets
 from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.equations.conditions import fixed_values, ties_of
-from kohonen_adapt.magnetostatics.error_by_orders import goal_indicators_by_orders, indicators_by_orders
+from kohonen_adapt.magnetostatics.error_by_orders import FROM_BELOW, goal_indicators_by_orders, indicators_by_orders
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
@@ -52,8 +52,8 @@ AXIS_SCALES = HIGHER_SCALES | {1: 1.0 / 4.2}
 def energy_indicators(problem: Arguments, field: Field) -> Floats:
     if field.elements.arcs:
         smooth = not (field.coefficients.nonlinear_materials or field.elements.shape.curved.any())
-        energies = partial(energy_of, problem, field)
-        return indicators_by_orders(field.unknown, field.order, energies, problem.method, smooth)
+        energies, below = partial(energy_of, problem, field), smooth and field.order >= FROM_BELOW[2]
+        return indicators_by_orders(field.unknown, field.order, energies, problem.method, below)
     joined = _tied_facets(problem, field)
     if problem.estimator == "residual" and (field.order > 1 or field.axisymmetric):
         return _residual_scale(field) * residual_by_points(field, joined)

@@ -14,7 +14,7 @@ from kohonen_adapt.geometry.space.movable_solid import with_round_edges
 from kohonen_adapt.magnetostatics.arguments import ArgumentsInSpace, solved
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, drive_on
 from kohonen_adapt.magnetostatics.equations.energy import coenergy
-from kohonen_adapt.magnetostatics.error_by_orders import goal_indicators_by_orders, indicators_by_orders
+from kohonen_adapt.magnetostatics.error_by_orders import FROM_BELOW, goal_indicators_by_orders, indicators_by_orders
 from kohonen_adapt.magnetostatics.field_problem import (
     FieldProblem,
     check_elements,
@@ -33,6 +33,7 @@ from kohonen_adapt.magnetostatics.solid_estimation import (
     energy_indicators_in_space,
     goal_indicators_in_space,
     linearised_at,
+    roughly,
     with_surplus,
 )
 from kohonen_adapt.magnetostatics.strong_corners import materials_in_space
@@ -88,9 +89,10 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         0.5 to 1.1 times that of a mesh of as many nodes adapted for the energy (`benchmarks magnets`).
     order
         From 1 to 6 (at order 2 B is linear in every element, with the unknowns of `skfem.ElementTetP2`) or "auto", the
-        default: 2, but 1 with another estimator. From order 4 on, `adapt` moves nodes at order 2, refines geometrically
-        at edges and corners (`kohonen_adapt.refined_at`) and solves with the order, which takes a fraction of the time
-        for small errors. The estimate was then 0.6 to 1.3 times the error.
+        default: 2, but 1 with another estimator. From order 4
+        on, `adapt` moves nodes at order 2, refines geometrically at edges and corners (`kohonen_adapt.refined_at`) and
+        solves with the order, which takes a fraction of the time for small errors. The estimate is then 0.86 to 1.12
+        times the error (`benchmarks hp --three-d`).
     curved
         At order 2 `kohonen_adapt.adapt` puts the nodes inside edges onto curved surfaces and solves on a `MeshTet2`. An
         edge that would fold an element stays straight. On straight edges the error of H falls by the power 1.3 of the
@@ -237,9 +239,13 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
             return gap_indicators(with_currents_of(vector, field), vector)
         if field.order <= HIGHEST_WITH_SURPLUS:
             return energy_indicators_in_space(self, field, self.estimator)
-        smooth = not (field.coefficients.nonlinear_materials or field.elements.curved.any())
-        energies = partial(self._energy_of, field)
-        return indicators_by_orders(field.unknown, field.order, energies, self.method, smooth)
+        nodes = np.concatenate([part.ravel() for part in self.singular_edges(field.mesh, field)])
+        singular = np.asarray(np.isin(field.mesh.t, nodes).any(axis=0), dtype=np.bool_)
+        # Changes of smooth fields fall faster than by a power, which lower orders do not show.
+        below = field.order >= FROM_BELOW[3] and bool(singular.any())
+        higher = None if below else self._better_solution(field).unknown
+        energies, method = partial(self._energy_of, field), roughly(self.method)
+        return indicators_by_orders(field.unknown, field.order, energies, method, below, singular, higher)
 
     def _of_goal(self, field: SolidField, goal: Goal) -> Floats:
         if field.order <= HIGHEST_WITH_SURPLUS:
@@ -309,9 +315,14 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
     def _better_solution(self, field: SolidField) -> SolidField:
         if field.order == HIGHEST_WITH_SURPLUS:
             return with_surplus(self, field)
+        if field.order > HIGHEST_WITH_SURPLUS and "higher" in field.kept:  # for indicators, goals and outputs
+            return field.kept["higher"]
         cut_off = self.curved and field.order == 1  # faces cut off a part of round bodies
         mesh = with_round_edges(field.mesh) if cut_off else field.mesh
-        return linearised_at(field, *self._at_order(field.order + 1)._functional(mesh, field.drive), self.method)
+        found = linearised_at(field, *self._at_order(field.order + 1)._functional(mesh, field.drive), self.method)
+        if field.order > HIGHEST_WITH_SURPLUS:
+            field.kept["higher"] = found
+        return found
 
     def singular_edges(self, mesh: MeshTet, field: SolidField) -> tuple[Ints, Ints]:
         """Return the edges along which B is infinite or not smooth, and corners.
