@@ -83,7 +83,7 @@ def test_run_adapts_as_python_does(folder, capsys):
     (folder / "case.toml").write_text(CASE.replace("scale", f"{goal}\nscale"))
     assert cli.main(["run", str(folder / "case.toml"), "--out", str(folder / "out")]) == 0
     said = capsys.readouterr().out
-    names = {"adapted.msh", "adapted.vtu", "history.csv", "passes", "report.html", *PICTURES}
+    names = {"adapted.msh", "adapted.vtu", "inside.vtu", "history.csv", "passes", "report.html", *PICTURES}
     assert {file.name for file in (folder / "out").iterdir()} == names
     assert "pull (N)" in said and "through (Wb)" in said and "phi (A)" in said and "there (T)" in said
     materials = {"magnet": Material(1.05, remanence=(0.0, 0.0, 1.2)), "air": Material()}
@@ -101,6 +101,11 @@ def test_run_adapts_as_python_does(folder, capsys):
     fields = meshio.read(folder / "out" / "adapted.vtu")
     np.testing.assert_allclose(fields.point_data["phi (A)"], field.potential, atol=1e-6)
     assert fields.cell_data["B (T)"][0].shape[1] == 3
+    inside = meshio.read(folder / "out" / "inside.vtu")
+    (cells,) = inside.cells
+    at = [inside.point_data[f"B_{axis} (T)"][cells.data[:, :4]].mean(axis=1) for axis in "xyz"]
+    assert cells.type == "VTK_LAGRANGE_TETRAHEDRON"  # B is linear in elements
+    np.testing.assert_allclose(np.transpose(at), fields.cell_data["B (T)"][0], atol=1e-6)
 
 
 def test_init_writes_a_case_that_runs(folder, capsys):
