@@ -57,9 +57,9 @@ def coil_mesh(fineness, end):
     return mesh.with_subdomains({"coil": in_coil, "air": lambda x: ~in_coil(x)})
 
 
-def rings_mesh(parts, end=0.2):
-    """1 mm squares to 20 mm, wider beyond; `parts`: name to (r0, r1, z0, z1) in mm, the rest air."""
-    r, up = graded(MM, 1.2, end, 0.0, 0.02), graded(MM, 1.2, end, 0.0, 0.02)
+def rings_mesh(parts, end=0.2, step=MM):
+    """Squares of 1 mm or another step to 20 mm, wider beyond; `parts`: name to (r0, r1, z0, z1) in mm, the rest air."""
+    r = up = graded(step, 1.2, end, 0.0, 0.02)
     mesh = MeshTri.init_tensor(r, np.append(-up[:0:-1], up))
     r, z = mesh.p[:, mesh.t].mean(axis=1) / MM
     inside = {name: (r > a) & (r < b) & (z > c) & (z < d) for name, (a, b, c, d) in parts.items()}
@@ -135,9 +135,9 @@ def actuator(cells=20, **more):
     return mesh, Magnetostatics({"go": AIR, "back": AIR, "bar": STEEL, "air": AIR}, **given)
 
 
-def plunger():
+def plunger(step=MM):
     """The same around an axis: a coil and a plunger of steel."""
-    mesh = rings_mesh({"coil": (8, 12, -4, 4), "plunger": (0, 5, 2, 14)})
+    mesh = rings_mesh({"coil": (8, 12, -4, 4), "plunger": (0, 5, 2, 14)}, step=step)
     parts = {"coil": AIR, "plunger": STEEL, "air": AIR}
     return mesh, Magnetostatics(parts, {"far": 0.0}, ampere_turns={"coil": TURNS}, axisymmetric=True, order=1)
 
