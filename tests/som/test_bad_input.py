@@ -368,21 +368,6 @@ def test_sweeps_need_a_density():
     assert len(KohonenMap(MESH).train(np.full((2, 4), 0.5))) > 0
 
 
-@pytest.mark.parametrize(
-    ("values", "x", "message"),
-    [
-        (np.ones(32), np.zeros((2, 1)), r"values must have shape \(nodes,\) = \(25,\); got \(32,\)\."),
-        (np.ones((25, 1)), np.zeros((2, 1)), r"values must have shape \(nodes,\) = \(25,\); got \(25, 1\)\."),
-        (1j * np.ones(25), np.zeros((2, 1)), r"values must be real numbers; got complex128\..*"),
-        (np.ones(25), np.zeros(2), r"x must have shape \(2, n\); got \(2,\)\."),
-        (np.ones(25), np.zeros((3, 5)), r"x must have shape \(2, n\); got \(3, 5\)\."),
-    ],
-)
-def test_shapes_for_interpolation(values, x, message):
-    with pytest.raises(ValueError, match=f"^{message}$"):
-        ka.interpolate(MESH, values, x)
-
-
 @pytest.mark.parametrize("seed", [-1, 1.5, None, "a"])
 def test_training_needs_a_seed_that_fixes_it(seed):
     with pytest.raises(ValueError, match=r"^seed must be an integer >= 0; got "):
