@@ -5,8 +5,7 @@ import pytest
 from helpers.solids import box
 from helpers.tetrahedra import REGULAR, comb, fichera, generic_cube, hollow, lone, sixfold, slit, thrown, turned
 from scipy.spatial.transform import Rotation
-from skfem import Basis, ElementTetP1, MeshHex, MeshLine, MeshTet, MeshTet2
-from skfem.mesh import MeshWedge1
+from skfem import Basis, ElementTetP1, MeshTet
 
 import kohonen_adapt as ka
 from kohonen_adapt.mesh.adjacency import neighbours_of, positive
@@ -157,99 +156,3 @@ def test_sizes_give_as_many_nodes_as_densely_packed_spheres_have_centres():
     """A face-centred cubic lattice with neighbours at the distance h has 4 nodes in a cube with sides sqrt(2) h."""
     h = 0.1 + 0.05 * np.arange(MESH.nelements)
     np.testing.assert_allclose(ka.density_from_sizes(MESH, h), 4 / (np.sqrt(2) * h) ** 3)
-
-
-def moved(node, place):
-    p = MESH.p.copy()
-    p[:, node] = place
-    return MeshTet(p, MESH.t)
-
-
-INNER = MESH.interior_nodes()[0]
-BROKEN = {
-    "tangled": (
-        moved(INNER, (0.9, 0.9, 0.9)),
-        r"the mesh is tangled: element \d+ shares a face with an element on the",
-    ),
-    "doubled": (MeshTet(MESH.p, np.hstack([MESH.t, MESH.t[:, 5:6]])), r"the mesh is tangled: element 5 .*doubled"),
-    "three at a face": (
-        MeshTet(np.hstack([REGULAR, [[2, 2], [2, 3], [2, 4]]]), np.array([[0, 1, 2, 3], [1, 2, 3, 4], [1, 2, 3, 5]]).T),
-        r"the mesh is tangled: element \d shares a face with an element on the same side of it",
-    ),
-    "dangling node": (
-        MeshTet(np.hstack([MESH.p, [[2.0], [2.0], [2.0]]]), MESH.t, validate=False),
-        r"every node must belong to an element; 1 do not, the first is node 64\. Drop them with mesh\.remove_unused",
-    ),
-    "no coordinate": (
-        moved(7, (np.nan, 0.2, 0)),
-        r"mesh must have finite coordinates; node 7 is at \(nan, 0\.2, 0\.0\)",
-    ),
-    "no elements": (MeshTet(np.zeros((3, 4)), np.zeros((4, 0), dtype=int)), r"mesh must have at least one element"),
-    "unknown nodes": (
-        MeshTet(MESH.p, MESH.t + 1, validate=False),
-        r"mesh\.t must hold node numbers from 0 to 63; got 1",
-    ),
-    "in the plane": (MeshTet(MESH.p[:2], MESH.t), r"mesh must have coordinates of shape \(3, n\); got \(2, 64\)\."),
-    "facet in no element": (
-        MeshTet(MESH.p, MESH.t, {"rim": np.array([3, 378])}),
-        r"boundary 'rim' must have indices from 0 to 377; got 3 to 378\.",
-    ),
-    "unknown elements": (
-        MeshTet(MESH.p, MESH.t, None, {"core": np.array([-1, 3])}),
-        r"subdomain 'core' must have indices from 0 to 161; got -1 to 3\.",
-    ),
-}
-FLAT = MESH.p[:, MESH.t[1:, 0]].mean(axis=1)  # in the face opposite to the node
-BROKEN["flat"] = (
-    moved(MESH.t[0, 0], FLAT),
-    r"every element must have a volume above zero; [12] have none, the first is element 0\. Mesh again",
-)
-CALLS = {
-    "indicators": lambda mesh: ka.density_from_indicators(mesh, np.ones(mesh.t.shape[1])),
-    "sizes": lambda mesh: ka.density_from_sizes(mesh, np.ones(mesh.t.shape[1])),
-    "interpolate": lambda mesh: ka.interpolate(mesh, np.ones(mesh.p.shape[1]), np.zeros((3, 1))),
-    "find": lambda mesh: ka.find_elements(mesh, np.zeros((3, 1))),
-    "residual": lambda mesh: ka.estimators.residual(mesh, np.ones(mesh.p.shape[1]), np.ones(mesh.t.shape[1])),
-    "recovery": lambda mesh: ka.estimators.recovery(mesh, np.ones(mesh.p.shape[1]), np.ones(mesh.t.shape[1])),
-}
-OVERLAP = ("interpolate", "find")  # ask whether elements lie on one another
-
-
-@pytest.mark.parametrize(
-    ("broken", "call"),
-    [(name, call) for name in BROKEN for call in CALLS if call in OVERLAP or "tangled" not in BROKEN[name][1]],
-)
-def test_broken_meshes(broken, call):
-    mesh, message = BROKEN[broken]
-    with pytest.raises(ValueError, match=f"^{message}"):
-        CALLS[call](mesh)
-
-
-OTHER_CLASSES = [
-    (MeshHex(), r"MeshHex1\. Split its elements into tetrahedra: mesh\.to_meshtet\(\)\."),
-    (MeshWedge1(), r"MeshWedge1\. Split its elements into tetrahedra: mesh\.to_meshtet\(\)\."),
-    (MeshLine(), r"MeshLine1\. This works in the plane and in space only\."),
-    ("mesh.msh", r"str\. Build one with skfem\.MeshTri or MeshTet or kohonen_adapt\.read_mesh\."),
-]
-
-
-@pytest.mark.parametrize(("mesh", "message"), OTHER_CLASSES)
-def test_meshes_of_another_class_get_the_remedy(mesh, message):
-    for call in (
-        lambda: ka.quality(mesh),
-        lambda: ka.density_from_indicators(mesh, [1.0]),
-        lambda: ka.density_from_sizes(mesh, [1.0]),
-        lambda: ka.find_elements(mesh, np.zeros((3, 1))),
-        lambda: ka.interpolate(mesh, [1.0], np.zeros((3, 1))),
-    ):
-        with pytest.raises(
-            ValueError, match=rf"^mesh must be a skfem\.MeshTri, MeshTri2, MeshTet or MeshTet2; got {message}"
-        ):
-            call()
-
-
-def test_the_remedies_work():
-    for solid in (MeshHex(), MeshWedge1()):
-        assert ka.quality(solid.to_meshtet()).min() > 0.5
-    second = MeshTet2.from_mesh(MESH)
-    np.testing.assert_array_equal(ka.quality(MeshTet(second.p[:, : second.nvertices], second.t)), ka.quality(MESH))
