@@ -17,27 +17,6 @@ from kohonen_adapt.magnetostatics import FluxLinkage, Magnetostatics, Material
 ORDERS = range(4, 9)
 
 
-@pytest.mark.parametrize("order", ORDERS)
-def test_harmonic_polynomials_of_the_order_are_exact(order):
-    mesh = random_mesh()
-
-    def exact(x):
-        return ((x[0] - 1.0 + 1j * x[1]) ** order).real / 2.0**order
-
-    def density(x):
-        slope = order * (x[0] - 1.0 + 1j * x[1]) ** (order - 1) / 2.0**order
-        return np.stack([-slope.imag, -slope.real])
-
-    problem = Magnetostatics(dict.fromkeys(LAYERS, Material()), dict.fromkeys(mesh.boundaries, exact), order=order)
-    field = problem.solve(mesh)
-    x = np.random.default_rng(1).uniform(0.0, 3.0, (2, 50))
-    size = np.abs(exact(field.elements.doflocs)).max()
-    np.testing.assert_allclose(field.potential_at(x), exact(x), atol=1e-11 * size)
-    np.testing.assert_allclose(field.flux_density_at(x), density(x), atol=1e-10 * order * size)
-    if order < 6:  # from order 6 on lower orders make the estimate
-        assert np.linalg.norm(problem.indicators(mesh, field)) < 1e-8 * problem.energy_norm(mesh, field)
-
-
 def test_order_four_equals_scikit_fem():
     mesh = random_mesh()
     materials = {name: Material(1.0 + 9.0 * k, current_density=1e6 * k) for k, name in enumerate(LAYERS)}
