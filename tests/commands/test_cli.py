@@ -66,6 +66,7 @@ def test_demo_without_matplotlib_writes_its_files_and_names_the_remedy(tmp_path,
     )
 
 
+@pytest.mark.slow
 def test_an_error_in_the_drawing_is_not_taken_for_a_missing_matplotlib(tmp_path):
     code = "import sys; sys.modules['PIL'] = None; from kohonen_adapt.__main__ import main; main()"  # matplotlib's
     done = python("-c", code, "demo", "magnet", "--out", tmp_path)
@@ -150,6 +151,7 @@ def test_out_is_read_only(tmp_path, capsys):
     assert "does not: Permission denied." in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_no_traceback_for_a_folder_that_cannot_be(tmp_path):
     (tmp_path / "file").touch()
     done = run("demo", "magnet", "--out", tmp_path / "file" / "below")

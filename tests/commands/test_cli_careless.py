@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from helpers.mesh_files import gmsh_session, needs_gmsh
 from helpers.meshes import square
+from helpers.worlds import without_matplotlib
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -138,7 +139,8 @@ def test_plausible_numbers_are_not_doubted(said_of_case):
         assert "no faults found" in said and "warning" not in said
 
 
-def test_a_run_repeats_its_warnings_at_the_end(said_of_case, tmp_path):
+def test_a_run_repeats_its_warnings_at_the_end(said_of_case, tmp_path, monkeypatch):
+    without_matplotlib(monkeypatch)  # pictures would take most of the time
     toml = "order = 1\n" + MAGNET.replace("1000.0", "1.2566e-3").replace("passes = 1", "passes = 0")
     status, said = said_of_case(bar_in_air(), toml, "--out", tmp_path / "out")
     assert status == 0
@@ -184,6 +186,7 @@ def test_a_case_without_current_gets_a_hint(toml, hints, said_of_case):
     assert [line.removeprefix("hint: ") for line in said.splitlines() if line.startswith("hint: ")] == hints
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["--help", "check it.msh", "check it.toml", "run it.toml --out out", "run no.toml"])
 def test_a_reader_that_ends_early_breaks_no_pipe(command, tmp_path):
     """As `head` does; the files are written all the same."""

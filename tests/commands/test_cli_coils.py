@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.magnet_solids import blocks
+from helpers.worlds import without_matplotlib
 
 import kohonen_adapt as ka
 from kohonen_adapt import __main__ as cli
@@ -107,8 +108,9 @@ def test_a_current_that_no_winding_has(current, count, folder, capsys):
     assert (said.out + said.err).count("coil 'winding' has 6.25e+11 A/m^2, and windings have about 10^6") == count
 
 
-def test_a_reversed_current_is_another_problem(folder, capsys):
+def test_a_reversed_current_is_another_problem(folder, capsys, monkeypatch):
     """Its indicators are the same, the signs of its outputs are not."""
+    without_matplotlib(monkeypatch)
     case, out = folder / "case.toml", str(folder / "out")
     output = '[outputs.b]\nquantity = "flux_density"\nat = [0.0, 0.0, 0.07]\ncomponent = "z"\n'
     case.write_text(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from helpers.cases import INSET
 from helpers.meshes import inset
+from helpers.worlds import without_matplotlib
 from numpy.testing import assert_allclose
 
 import kohonen_adapt as ka
@@ -75,7 +76,8 @@ def test_every_picture_is_drawn(finished):
     assert report.count("<img ") == 6
 
 
-def test_a_resumed_run_ends_with_the_same_figures(finished, tmp_path):
+def test_a_resumed_run_ends_with_the_same_figures(finished, tmp_path, monkeypatch):
+    without_matplotlib(monkeypatch)
     case = written(tmp_path, CASE.replace("passes = 2", "passes = 1"))
     assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
     case.write_text(CASE)
@@ -85,7 +87,8 @@ def test_a_resumed_run_ends_with_the_same_figures(finished, tmp_path):
         assert {name: one[name] for name in same} == {name: other[name] for name in same}
 
 
-def test_passes_serve_any_higher_order(finished, tmp_path):
+def test_passes_serve_any_higher_order(finished, tmp_path, monkeypatch):
+    without_matplotlib(monkeypatch)
     case, out = written(tmp_path, CASE.replace("order = 5", "order = 6")), tmp_path / "out"
     assert cli.main(["run", str(case), "--out", str(out), "--quiet"]) == 0
     case.write_text(CASE)

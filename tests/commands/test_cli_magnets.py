@@ -9,6 +9,7 @@ import meshio
 import numpy as np
 import pytest
 from helpers.magnet_solids import blocks
+from helpers.worlds import without_matplotlib
 from skfem import MeshTet, MeshTri
 
 import kohonen_adapt as ka
@@ -210,7 +211,8 @@ def test_a_dry_run_with_a_tolerance_of_one_output_solves_nothing(folder, caplog)
     assert "is the goal of the passes" not in caplog.text
 
 
-def test_a_case_asks_for_bounds_by_both_potentials(folder, tmp_path, capsys):
+def test_a_case_asks_for_bounds_by_both_potentials(folder, tmp_path, capsys, monkeypatch):
+    without_matplotlib(monkeypatch)
     text = CASE.replace("scale = 1e-3", "scale = 1e-3\nbracket = true\norder = 1").replace("passes = 1", "passes = 0")
     (folder / "case.toml").write_text(text)
     assert cli.main(["run", str(folder / "case.toml"), "--out", str(tmp_path / "out")]) == 0

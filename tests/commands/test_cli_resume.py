@@ -3,7 +3,6 @@
 import csv
 import errno
 import os
-import random
 import resource
 import signal
 import subprocess
@@ -131,14 +130,13 @@ Magnetostatics.solve_from = solve_from
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_loop_that_hears_of_nothing_ends_at_once(number, case, tmp_path, begin):
+def test_a_loop_that_hears_of_nothing_ends_at_once(case, tmp_path, begin):
     out = tmp_path / "out"
     process = begin("run", case, "--out", out, code=STUBBORN + PLAIN_COMMAND)
     first, *_ = wait_for_line(process, "stubborn")
-    process.send_signal(number)
+    process.send_signal(signal.SIGINT)
     process.communicate(timeout=30)
-    assert process.returncode == -number
+    assert process.returncode == -signal.SIGINT
     assert first.endswith(f"To continue after an interruption: kohonen-adapt run {case} --resume {out}\n")
     assert_whole(out)
     assert len(history(out)) == 1
@@ -147,8 +145,7 @@ def test_a_loop_that_hears_of_nothing_ends_at_once(number, case, tmp_path, begin
     assert_same_results(out, tmp_path / "straight")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_drawing_that_hears_of_nothing_ends_at_once(number, case, tmp_path, begin):
+def test_drawing_that_hears_of_nothing_ends_at_once(case, tmp_path, begin):
     """Everything else is written by then, and it says so."""
     out = tmp_path / "out"
     (tmp_path / "slow").mkdir()
@@ -156,15 +153,16 @@ def test_drawing_that_hears_of_nothing_ends_at_once(number, case, tmp_path, begi
     process = begin("run", case, "--out", out, code=COMMAND, path=tmp_path / "slow")
     wait_for_line(process, f"Results are in {out}. Drawing pictures and the report; Ctrl-C skips this step.")
     time.sleep(1.0)  # until it has the lock
-    process.send_signal(number)
+    process.send_signal(signal.SIGTERM)
     process.communicate(timeout=30)
-    assert process.returncode == -number
+    assert process.returncode == -signal.SIGTERM
     assert_whole(out)
     assert run(case, "--out", tmp_path / "straight") == 0
     assert_same_results(out, tmp_path / "straight")
     assert run(case, "--resume", out) == 0
 
 
+@pytest.mark.slow
 def test_interrupted_before_the_first_pass(case, tmp_path, begin):
     code = STUBBORN.replace("solve_from", "solve") + PLAIN_COMMAND
     process = begin("run", case, "--out", tmp_path / "out", code=code)
@@ -175,31 +173,10 @@ def test_interrupted_before_the_first_pass(case, tmp_path, begin):
     assert run(case, "--resume", tmp_path / "out") == 0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL], ids=["interrupted", "killed"])
-def test_cut_short_at_any_moment_and_resumed(number, tmp_path, begin):
-    """Twice, with 899 nodes; the moment is drawn anew for each process."""
-    mesh = ka.read_mesh(ROOT / "examples" / "c_core.msh")
-    case = case_in(tmp_path, mesh, CASE.replace("core]", "iron]") + "[materials.magnet]\nremanence = [0.0, 1.2]\n")
-    assert run(case, "--out", tmp_path / "straight") == 0
-    draw, out = random.Random(int(number)), tmp_path / "out"
-    for option in ("--out", "--resume"):
-        process = begin("run", case, option, out)
-        wait_for_line(process, "pass " if option == "--out" else ("pass ", "Continuing"))
-        time.sleep(draw.uniform(0.0, 0.4))
-        process.send_signal(number)
-        process.communicate(timeout=30)
-        assert process.returncode in (0, -number)  # 0 where it had ended before
-        assert_whole(out)
-    assert run(case, "--resume", out) == 0
-    assert_same_results(out, tmp_path / "straight")
-    assert not drafts(out)
-
-
 STUCK = "import os, time; os.replace = lambda *given: (print('stuck', flush=True), time.sleep(600)); "
 
 
-@pytest.mark.parametrize("option", ["--out", "--resume"])
+@pytest.mark.parametrize("option", [pytest.param("--out", marks=pytest.mark.slow), "--resume"])
 def test_drafts_of_an_interrupted_run_go_with_the_next(option, case, tmp_path, begin):
     assert option == "--out" or run(case, "--out", tmp_path / "out") == 0
     case.write_text(CASE.replace("passes = 2", "passes = 3"))
@@ -213,6 +190,7 @@ def test_drafts_of_an_interrupted_run_go_with_the_next(option, case, tmp_path, b
     assert not drafts(tmp_path / "out")
 
 
+@pytest.mark.slow
 def test_relocate_interrupted_while_it_writes(case, tmp_path, begin):
     mesh = ka.read_mesh(tmp_path / "mesh.msh")
     ka.write_mesh(tmp_path / "field.vtu", mesh, cell_data={"rho": np.ones(mesh.t.shape[1])})
@@ -255,7 +233,7 @@ def killed_at(call, after, case, *arguments):
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
 
 
-@pytest.mark.parametrize("after", [False, True], ids=["before", "after"])
+@pytest.mark.parametrize("after", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["before", "after"])
 def test_killed_while_a_file_gets_its_name(after, case, tmp_path):
     """Every other file before it has its name, and those between after that."""
     case.write_text(CASE.replace("passes = 2", "passes = 1"))

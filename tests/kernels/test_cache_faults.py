@@ -25,6 +25,8 @@ RUN = """
 from copied.loops import scaled
 print(scaled(1.0), sum(scaled.stats.cache_hits.values()))
 """
+pytestmark = pytest.mark.slow
+
 SAID = "compiled loops of kohonen_adapt cannot be stored in '"
 REMEDY = "so every process compiles them again. Set NUMBA_CACHE_DIR to a writable folder."
 

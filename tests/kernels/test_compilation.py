@@ -73,6 +73,7 @@ def test_an_edited_kernel_is_seen_in_its_caller(kernels):
     assert run(kernels, "(1, 1.0)") == ([2.0, 2.0], 2, 0)
 
 
+@pytest.mark.slow
 def test_copies_of_the_same_kernels_share_their_code_wherever_they_lie(kernels, tmp_path):
     elsewhere = tmp_path / "a clone" / "beside it" / kernels.name
     shutil.copytree(kernels, elsewhere)
@@ -84,6 +85,7 @@ def test_copies_of_the_same_kernels_share_their_code_wherever_they_lie(kernels, 
     assert run(kernels, cache=cache) == ([2.0], 1, 0)
 
 
+@pytest.mark.slow
 def test_the_code_of_kernels_not_used_for_longest_goes_first(kernels, tmp_path):
     cache = tmp_path / "cache"
     for age in range(10):
@@ -96,6 +98,7 @@ def test_the_code_of_kernels_not_used_for_longest_goes_first(kernels, tmp_path):
 
 
 @fast_compiler_only
+@pytest.mark.slow
 def test_a_loop_is_compiled_once_whatever_integers_it_is_called_with(kernels):
     (kernels / "callee.py").write_text(TIMES)
     (kernels / "caller.py").write_text(MANY_TIMES)
@@ -103,6 +106,7 @@ def test_a_loop_is_compiled_once_whatever_integers_it_is_called_with(kernels):
     assert len(files_of(kernels.parent / "cache", "callee.times")) == 1
 
 
+@pytest.mark.slow
 def test_an_index_of_types_that_are_gone_is_an_empty_one(kernels):
     types = "from typing import NamedTuple\n\nclass {name}(NamedTuple):\n    x: float\n"
     caller = "from .numba.compilation import kernel\n\n@kernel\ndef scaled(pair):\n    return 2 * pair.x\n"
@@ -170,6 +174,7 @@ def test_the_warm_up_says_nothing_of_its_own_meshes(caplog):
     assert "largest distance" not in caplog.text
 
 
+@pytest.mark.slow
 def test_what_moves_no_node_compiles_nothing(tmp_path):
     meshes = [Path(__file__).parents[2] / "examples" / name for name in ("c_core.msh", "motor.msh")]
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}

@@ -269,6 +269,7 @@ def script_fails(code, tmp_path, *command):
 TYPED = "import kohonen_adapt as ka\ndef f(x): return x\nka.sweep(f, {{'x': range({})}})"
 
 
+@pytest.mark.slow
 def test_a_function_that_only_stands_at_a_prompt_is_refused_with_the_remedy(tmp_path):
     said = script_fails("", tmp_path, "-c", TYPED.format(1))
     assert "ValueError: function must be one" in said.replace(
@@ -277,6 +278,7 @@ def test_a_function_that_only_stands_at_a_prompt_is_refused_with_the_remedy(tmp_
     assert "Define it at the top level of a module" in said
 
 
+@pytest.mark.slow
 def test_a_script_without_its_guard_is_refused_with_the_remedy(tmp_path):
     assert 'only below `if __name__ == "__main__":`' in script_fails(TYPED.format(9), tmp_path)
 
@@ -284,6 +286,7 @@ def test_a_script_without_its_guard_is_refused_with_the_remedy(tmp_path):
 # ---- other executors ----
 
 
+@pytest.mark.slow
 def test_processes_of_somebody_elses():
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
         result = ka.sweep(swept.square, {"x": [1, 2, 3]}, executor=executor)
