@@ -16,6 +16,7 @@ from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.singular_layers import with_layers
 from kohonen_adapt.loop.corners import corner_remark, singular_parts
+from kohonen_adapt.loop.growth import predicted_nodes
 from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.passes import Pass, Status, StepFailed
 from kohonen_adapt.loop.result import AdaptResult
@@ -34,7 +35,7 @@ from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.problem.evaluation import energy_norm, estimate, goal_error_of, goal_of
-from kohonen_adapt.problem.protocol import CheckedProblem
+from kohonen_adapt.problem.protocol import OF_PASSES, CheckedProblem
 from kohonen_adapt.problem.uncertain import doubts_of
 
 __all__ = ["HIGH_ORDERS", "GradingTolerance", "run_to_order"]
@@ -62,12 +63,15 @@ class HighOrders:
         Error at order 2 over the error of a higher order, on a mesh of the former error with layers.
     orders_per_layer
         Order of the elements, over the number of layers.
+    few
+        Nodes at order 2 that take less time than a higher order, relative to the nodes of the last pass.
     """
 
     graded: float
     enough: float
     gains: Mapping[int, float]
     orders_per_layer: float
+    few: float = 0.0
 
     def gain(self, order: int) -> float:
         return self.gains[min(order, max(self.gains))]
@@ -78,7 +82,7 @@ class HighOrders:
 
 HIGH_ORDERS = {
     TRIANGLE.dim: HighOrders(0.019, 0.03, {4: 8.0, 5: 17.0, 6: 34.0, 7: 60.0, 8: 100.0}, 2.0),  # C-core, 211 nodes
-    TETRAHEDRON.dim: HighOrders(0.1, 0.15, {4: 9.0, 5: 16.0, 6: 25.0}, 2.5),  # Fichera's corner, 120 and 250 nodes
+    TETRAHEDRON.dim: HighOrders(0.1, 0.15, {4: 9.0, 5: 16.0, 6: 25.0}, 2.5, 6.5),  # Fichera's corner, 120 and 250 nodes
 }
 
 
@@ -113,9 +117,14 @@ class GradingTolerance:
         if last.energy_norm is None:
             return max(1.0, OF_GOAL if self.relative is None else self.relative) * tolerance
         aim, graded = (self.high.graded, enough) if self.relative is None else (self.relative,) * 2
-        if tolerance > DIRECT * aim * last.energy_norm:
+        if tolerance > DIRECT * aim * last.energy_norm or self._needs_few(last, tolerance):
             return tolerance
         return min(graded * last.energy_norm, self.high.gain(self.orders[-1]) * tolerance)
+
+    def _needs_few(self, last: Pass, tolerance: float) -> bool:
+        # True if order 2 meets the tolerance with few nodes, and no higher order is prescribed
+        nodes = predicted_nodes(last, tolerance, OF_PASSES, last.mesh.dim())
+        return len(self.orders) > 1 and nodes < self.high.few * last.mesh.nvertices
 
     def aim(self, last: Pass) -> float | None:
         # Return the estimate that passes aim at, to meet the tolerance at once.

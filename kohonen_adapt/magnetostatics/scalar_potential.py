@@ -89,7 +89,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         0.5 to 1.1 times that of a mesh of as many nodes adapted for the energy (`benchmarks magnets`).
     order
         From 1 to 6 (at order 2 B is linear in every element, with the unknowns of `skfem.ElementTetP2`) or "auto", the
-        default: 2, but 1 with another estimator. From order 4
+        default: 2, but 1 with another estimator, and with a tolerance the order that takes the least time. From order 4
         on, `adapt` moves nodes at order 2, refines geometrically at edges and corners (`kohonen_adapt.refined_at`) and
         solves with the order, which takes a fraction of the time for small errors. The estimate is then 0.86 to 1.12
         times the error (`benchmarks hp --three-d`).
@@ -142,9 +142,9 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
             check_goal(self.goal, 3, self.estimator)
 
     @property
-    def orders(self) -> tuple[int, int] | None:
-        """Lowest and highest order, None if the order is automatic."""
-        return None if isinstance(self.order, AutoOrder) else (ORDERS[0], ORDERS[-1])
+    def orders(self) -> tuple[int, int]:
+        """Lowest and highest order."""
+        return ORDERS[0], ORDERS[-1]
 
     @property
     def vector_potential(self) -> MagneticVectorPotential:

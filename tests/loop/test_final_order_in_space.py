@@ -73,6 +73,14 @@ def test_the_error_of_a_force_is_told(problem, adapted, better):
     assert 0.3 < replace(problem, goal=goal).goal_error(adapted.solution) / error < 1.5
 
 
+def test_the_default_order_follows_the_tolerance():
+    default, start = MagneticScalarPotential(MATERIALS, {"outer": 0.0}), blocks([AXIS] * 3, PARTS)
+    loose, tight = (ka.adapt(start, default, rtol=rtol) for rtol in (0.1, 0.01))
+    assert loose.status is tight.status is ka.Status.CONVERGED
+    assert loose.best.order == 2 and tight.best.order == 4
+    assert tight.mesh.nvertices < 0.25 * 7969  # nodes that order 2 takes
+
+
 class Notched:
     """-lap u = 1 in a cube without an octant, u = 0 around."""
 
