@@ -58,6 +58,7 @@ from benchmarks.peers import (
     case_oracle,
     hexahedra,
     hp,
+    hp_in_space,
     ngsolve_oracle,
     peers_in_space,
     peers_order_2,
@@ -145,7 +146,7 @@ def main() -> None:
     parser.add_argument("what", nargs="*", metavar="NAME", help=f"any of {' '.join(names)}")
     parser.add_argument("--seeds", type=int, default=5, help="medians over seeds 0 to SEEDS - 1 (default 5)")
     parser.add_argument("--quick", action="store_true", help="small meshes only")
-    parser.add_argument("--three-d", action="store_true", help="peers: on tetrahedra")
+    parser.add_argument("--three-d", action="store_true", help="peers, hp: on tetrahedra")
     parser.add_argument("--order", type=int, choices=(1, 2), default=1, help="peers --three-d: order of the elements")
     parser.add_argument("--loops", action="store_true", help="hp: NGSolve's adaptive loop, too (slow)")
     parser.add_argument("--polish", action="store_true", help="coils: the polish beside coils only")
@@ -177,7 +178,7 @@ def main() -> None:
             of_order = peers_order_2 if options.order == 2 else peers_in_space
             print(of_order.report(range(options.seeds), options.quick) + "\n", flush=True)
         elif name == "hp":
-            for part in hp.parts(options.quick, options.loops):
+            for part in hp_in_space.parts(options.quick) if options.three_d else hp.parts(options.quick, options.loops):
                 print(part + "\n", flush=True)
         elif name == "fingerprints" and options.close:
             try:

@@ -28,8 +28,9 @@ PROGRAMS = dict(programs())
 # The reference solutions of a case read its pairs, cuts and curves as the package defines them.
 ORACLE = ("case_oracle", "ngsolve_field", "ngsolve_force", "ngsolve_mesh")
 READS_CASES = {f"benchmarks/peers/{name}.py" for name in ORACLE}
-# What is measured there is the package's own rule for errors of values, of any field.
+# What is measured there is the package's own rule for errors of values, of any field, and of orders in space.
 READS_ERRORS = {f"benchmarks/checks/{name}.py" for name in ("effectivity", "forces_in_space")}
+READS_ERRORS |= {"benchmarks/problems/solids_by_order.py", "benchmarks/peers/hp_in_space.py"}
 
 
 def imported(tree):
