@@ -49,7 +49,6 @@ __all__ = ["ENTRIES"]
 
 STAR = record_type(arrays.Star, (I1, I1, I1, I1))
 ELEMENTS = record_type(arrays.Elements, (I2, I2, I1, I2, I1, B1))
-SITES = record_type(smooth.Sites, (I1, I1, I1, R1))
 CHAINS = record_type(arrays.Chains, (R2, int8[:, ::1], I1, R2))
 PERIODIC_PAIRS = record_type(arrays.PeriodicPairs, (I1, I1, R3, I2))
 CONSTRAINTS = record_type(arrays.Constraints, (int8[::1], I2, R1, B1, CHAINS, PERIODIC_PAIRS, METRIC))
@@ -90,9 +89,6 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(geometry.spread_starts, ELEMENTS, I1, I1),
     ),
     "map": (
-        Entry(smooth.average_at_sites, R1, R1, ELEMENTS, STAR, int64, int64, R2),
-        Entry(smooth.count_sites, ELEMENTS, STAR, I1),
-        Entry(smooth.fill_sites, ELEMENTS, STAR, SITES),
         Entry(flip.mark_non_delaunay, R2, ELEMENTS, R2, int64, int64, B1),
         Entry(flip.flip_edges, R2, ELEMENTS, METRIC, float64, B1, I1, B1, int64),
         Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
@@ -101,8 +97,6 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(ordering.sort_into_tiles, I1, I1, B1, int64, int64, L1, I1),
         Entry(ordering.swap_each, I1, L1, L1),
         Entry(train.learn, KERNEL_MESH, LESSON, float64, float64, B1, SEARCH_SCRATCH),
-        Entry(smooth.update_factors, R2, int64, int64, SITES, R2, ELEMENTS, R2),
-        Entry(smooth.multiply_factors, ELEMENTS, SITES, R1),
         Entry(smooth.sweep, KERNEL_MESH, R2, R1, boolean, float64, I1, B1, boolean),
         Entry(chains.farthest_from_facets, R2, ELEMENTS, CONSTRAINTS),
     ),

@@ -41,7 +41,6 @@ from kohonen_adapt.som.relocate import (
     move,
     move_in_space,
     split_edges,
-    split_edges_in_space,
 )
 from kohonen_adapt.som.relocation_record import Moved
 from kohonen_adapt.som.schedule import BEFORE_POLISH, Schedule
@@ -120,7 +119,7 @@ class SpaceMethod(Method):
     transfer_kernels = ("space carrying",)
     open = staticmethod(MovableSolid.of)
     relocate = staticmethod(move_in_space)
-    split = staticmethod(split_edges_in_space)
+    split = staticmethod(split_edges)
     functional = staticmethod(SolidFunctional.of_solution)
     carry = staticmethod(transferred_in_space)
     reasons = staticmethod(reasons_in_space)

@@ -207,7 +207,8 @@ def shapes_along(vectors: Floats, values: Floats) -> Floats:
 def ratios_of_bounded_edges(mesh: Mesh, values: Floats) -> Floats:
     # Eigenvalues relative to the largest, raised to the value at which edges are as long as the bound in a metric of as
     # many nodes as the mesh has. The metric depends on the bound in turn.
-    sizes, dim, largest = area(mesh), values.shape[1], values[:, -1:]
+    sizes = area(mesh)
+    dim, largest = values.shape[1], values[:, -1:]
     longest, count = LONGEST * extent(mesh, sizes), cell_of(mesh).size_per_node * mesh.nvertices
     bounded = np.repeat(largest, dim, axis=1)
     for _ in range(ROUNDS):

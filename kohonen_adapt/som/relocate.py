@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable
 from contextlib import nullcontext
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,12 +23,11 @@ from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
 from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
 from kohonen_adapt.kernels.threads import Nodes, number_of_threads
 from kohonen_adapt.kernels.triangle.arrays import Elements
-from kohonen_adapt.som.density import DensityInSpace, density_in_space
 from kohonen_adapt.som.recycling import RATIO, recycle_nodes, starts_of
 from kohonen_adapt.som.relocation_record import Moved, why_still
 from kohonen_adapt.som.schedule import IN_METRIC, Schedule, most_doublings
 from kohonen_adapt.som.training import Trainer
-from kohonen_adapt.som.training_points import Density, density_of, source_of
+from kohonen_adapt.som.training_points import Density, density_of
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -38,7 +38,6 @@ __all__ = [
     "move_in_space",
     "report_sagitta",
     "split_edges",
-    "split_edges_in_space",
 ]
 
 # Logarithm of the mean mass per node of a patch, above which mass must travel the width of the patch.
@@ -53,7 +52,7 @@ PAIRS, NODES = 10_000, 50_000  # per compiled call, so that Ctrl-C takes effect 
 
 
 def loops_in_plane(topology: str) -> tuple[str, ...]:
-    return "ground", "map", "carrying", "recycling" if topology == "recycle" else "transport"
+    return "ground", "map", "carrying", "locating", "recycling" if topology == "recycle" else "transport"
 
 
 def move(
@@ -74,7 +73,9 @@ def move(
     """
     before, pairs = movable.copy(), recycles and topology == "recycle"
     target = nodes if nodes and pairs else max(nodes, movable.nnodes)
-    recycled, starts, exchanges = unchanged(before.triangulation), None, pairs or target > movable.nnodes
+    recycled = unchanged(before.triangulation)
+    starts = None
+    exchanges = pairs or target > movable.nnodes
     with nullcontext() if exchanges else numbered_along_curve(movable) as row:
         wanted = density_of(movable.triangulation, density, row)
         movable.measure_by(wanted.shapes_now(movable.triangulation, unchanged(movable.triangulation).start_element))
@@ -91,19 +92,20 @@ def move(
         errors = trainer.learn(wanted.draw, schedule, rng, starts)
         if schedule.sweeps:
             movable.measure_by(wanted.shapes_now(movable.triangulation))
-            if recycled.splits:
-                wanted.refit(movable.triangulation, before.triangulation, recycled.start_element)
             trainer.smooth(wanted, schedule.sweeps)
     return Moved(before, recycled, errors, why_still(movable, schedule), trainer.refused)
 
 
-def split_edges(movable: MovableMesh, density: ArrayLike, nodes: int) -> Moved[MovableMesh]:
+def split_edges(movable: MovableMesh | MovableSolid, density: ArrayLike, nodes: int) -> Moved[Any]:
     before = movable.copy()
-    recycled = unchanged(before.triangulation)
+    recycled = unchanged(before.tessellation)
     if nodes > movable.nnodes:
-        wanted = density_of(movable.triangulation, density)
-        movable.measure_by(wanted.shapes_now(movable.triangulation, recycled.start_element))
-        recycled = recycle_nodes(movable, wanted.at_nodes(), nodes, pairs=False)
+        wanted = density_of(before.tessellation, density)
+        movable.measure_by(wanted.nodal_shapes())
+        if isinstance(movable, MovableMesh):
+            recycled = recycle_nodes(movable, wanted.at_nodes(), nodes, pairs=False)
+        else:
+            recycled = rearrange(movable, wanted, "fixed", 0, nodes, swaps=False)  # swaps would raise the energy
     return Moved(before, recycled, (), why_still(movable, None))
 
 
@@ -160,28 +162,17 @@ def move_in_space(
 ) -> Moved[MovableSolid]:
     before, sweeps = movable.copy(), None if schedule is None else schedule.sweeps
     refused = np.zeros(2, dtype=np.int64)
-    wanted = density_in_space(before.tetrahedralization, density)
-    movable.measure_by(wanted.shape)
+    wanted = density_of(before.tetrahedralization, density)
+    movable.measure_by(wanted.nodal_shapes())
     if schedule is None or not schedule.trains:
         recycled, errors = rearrange(movable, wanted, topology, sweeps, nodes, refused), tuple[float, ...]()
     else:
         recycled = rearrange(movable, wanted, topology, 0, nodes)
-        source = source_of(before.tetrahedralization, density)
         trainer = Trainer.of(movable)
-        errors = trainer.learn(source.draw, schedule, rng, starts_in_space(before, movable))
+        errors = trainer.learn(wanted.draw, schedule, rng, starts_in_space(before, movable))
         refused += trainer.refused
         rearrange(movable, wanted, "flip" if movable.flips else "fixed", sweeps, refused=refused)
     return Moved(before, recycled, errors, why_still(movable, schedule), refused)
-
-
-def split_edges_in_space(movable: MovableSolid, density: ArrayLike, nodes: int) -> Moved[MovableSolid]:
-    before = movable.copy()
-    recycled = unchanged(before.tetrahedralization)
-    if nodes > movable.nnodes:
-        wanted = density_in_space(before.tetrahedralization, density)
-        movable.measure_by(wanted.shape)
-        recycled = rearrange(movable, wanted, "fixed", 0, nodes, swaps=False)  # swaps would raise the energy
-    return Moved(before, recycled, (), why_still(movable, None))
 
 
 def starts_in_space(before: MovableSolid, now: MovableSolid) -> Ints:
@@ -197,7 +188,7 @@ def starts_in_space(before: MovableSolid, now: MovableSolid) -> Ints:
 
 def rearrange(
     movable: MovableSolid,
-    density: DensityInSpace,
+    density: Density,
     topology: str,
     sweeps: int | None = None,
     nodes: int = 0,
@@ -259,7 +250,7 @@ def fill(opened: OpenSolid, heaps: tuple[Heap, Heap]) -> None:
         fill_heaps(opened.mesh, *heaps, first, min(first + NODES, len(opened.mesh.position)))
 
 
-def smooth(opened: OpenSolid, density: DensityInSpace, sweeps: int, movable: MovableSolid) -> Ints:
+def smooth(opened: OpenSolid, density: Density, sweeps: int, movable: MovableSolid) -> Ints:
     parts, refused = opened.parts(), np.zeros(2, dtype=np.int64)
     for _ in range(sweeps):
         refused += sweep(opened, parts, weights(opened, density), cubed(movable.floor))
@@ -269,10 +260,10 @@ def smooth(opened: OpenSolid, density: DensityInSpace, sweeps: int, movable: Mov
     return refused
 
 
-def weights(opened: OpenSolid, density: DensityInSpace) -> Floats:
+def weights(opened: OpenSolid, density: Density) -> Floats:
     node, weight = opened.mesh.elements.node, np.zeros(len(opened.mesh.elements.node))
     used = np.flatnonzero(node[:, 0] >= 0)
-    weight[used] = density.at(opened.mesh.position[node[used]].mean(axis=1)) ** POWER
+    weight[used] = density.means(opened.mesh.position[node[used]]) ** POWER
     return weight
 
 

@@ -108,7 +108,9 @@ class Trainer:
             transport.carry(shown, found, ceil((rounds - number) / FLOWS))
 
     def _present(self, draw: Drawing, schedule: Schedule, rng: np.random.Generator, winners: Ints) -> tuple[float, ...]:
-        count, errors, fixed_draw = self.movable.nnodes, list[float](), None
+        count = self.movable.nnodes
+        errors = list[float]()
+        fixed_draw = None
         if not schedule.fresh:
             fixed_draw = draw(
                 ceil(max((stage.points_per_neuron for stage in schedule.stages), default=0.0) * count), rng
@@ -126,8 +128,9 @@ class Trainer:
     def smooth(self, density: Density, sweeps: int) -> None:
         movable = self._triangles("sweeps")
         for number in range(sweeps):
+            tri = movable.triangulation
             if number % density.lasting == 0:
-                weight = density.squares(movable.triangulation)
+                weight = density.means(tri.position[tri.elements.node]) ** 2
                 movable.measure_by(density.shapes_now(movable.triangulation))
             self.sweep(weight, movable.flips)
             self._flip()
@@ -165,7 +168,8 @@ class Trainer:
 
     def sweep(self, weight: Floats, circumcentres: bool) -> None:
         movable = self._triangles("sweeps")
-        mesh, shape, floor = movable.kernel_mesh(), movable.shape, movable.floor
+        mesh = movable.kernel_mesh()
+        shape, floor = movable.shape, movable.floor
         parts = parts_for(movable.nnodes, 1, self.method.cell.dim)
         interior = self._interior_nodes(parts, 1)
 

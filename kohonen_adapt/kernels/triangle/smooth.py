@@ -1,15 +1,13 @@
-"""Density weights of elements, and smoothing of a mesh with the weights.
+"""Smoothing of a mesh with weights of elements.
 
 Chen and Xu, "Optimal Delaunay triangulations", J. Comput. Math. 22 (2004); Chen and Holst, "Efficient mesh
 optimization schemes based on optimal Delaunay triangulations", Comput. Methods Appl. Mech. Engrg. 200 (2011).
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import BY_QUALITY, BY_REACH, HALVINGS, MOVED
-from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel, record
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OWN, PAIRED
 from kohonen_adapt.kernels.triangle.chains import (
     advanced_parameter,
@@ -18,17 +16,7 @@ from kohonen_adapt.kernels.triangle.chains import (
     slide,
     slide_pair,
 )
-from kohonen_adapt.kernels.triangle.geometry import corner_of
 from kohonen_adapt.kernels.triangle.guard import may_move
-from kohonen_adapt.kernels.triangle.locate import (
-    STRETCH,
-    TOLERANCE,
-    WALK,
-    least_barycentric,
-    nearer,
-    side_of_edge,
-    walk,
-)
 from kohonen_adapt.kernels.triangle.metric import factor_of_three, mapped, mapped_back
 from kohonen_adapt.kernels.vectors import (
     cross,
@@ -46,142 +34,6 @@ from kohonen_adapt.kernels.vectors import (
 )
 
 RELAXATION = 0.85  # full steps overshoot where the density changes within an element
-
-
-@record
-class Sites(NamedTuple):
-    start: np.ndarray  # (n + 1,) int32: node v has the sites start[v] to start[v + 1]
-    region: np.ndarray  # (s,) int32
-    element: np.ndarray  # (s,) int32: element of the region in the base mesh that contains the node
-    factor: np.ndarray  # (s,): density^(2/3), so that the product over the corners is the squared density of an element
-
-
-@kernel
-def count_sites(elements, star, start):
-    start[0] = 0
-    for v in range(star.start.shape[0] - 1):
-        count = 0
-        for k in range(star.start[v], star.start[v + 1]):
-            if first_of_region(elements, star, v, k):
-                count += 1
-        start[v + 1] = start[v] + count
-
-
-@inner_kernel
-def first_of_region(elements, star, v, k):
-    region = elements.region[star.element[k]]
-    for j in range(star.start[v], k):
-        if elements.region[star.element[j]] == region:
-            return False
-    return True
-
-
-@kernel
-def fill_sites(elements, star, sites):
-    for v in range(star.start.shape[0] - 1):
-        s = sites.start[v]
-        for k in range(star.start[v], star.start[v + 1]):
-            if first_of_region(elements, star, v, k):
-                sites.region[s] = elements.region[star.element[k]]
-                sites.element[s] = star.element[k]
-                s += 1
-
-
-@kernel
-def average_at_sites(area, density, elements, star, first, last, log_density):
-    """Set the logarithms of area-weighted mean densities at corners, shape (m, 3).
-
-    Each mean is over the elements of a region around a node.
-    """
-    for v in range(first, last):
-        for k in range(star.start[v], star.start[v + 1]):
-            if not first_of_region(elements, star, v, k):
-                continue
-            region = elements.region[star.element[k]]
-            mass = total = 0.0
-            for j in range(k, star.start[v + 1]):
-                e = star.element[j]
-                if elements.region[e] == region:
-                    mass += area[e] * density[e]
-                    total += area[e]
-            mean = np.log(mass / total)
-            for j in range(k, star.start[v + 1]):
-                e = np.int64(star.element[j])
-                if elements.region[e] == region:
-                    log_density[e, corner_of(elements.node, e, v)] = mean
-
-
-@inner_kernel
-def factor_in_region(sites, v, region):
-    first = sites.start[v]
-    for s in range(first + 1, sites.start[v + 1]):
-        if sites.region[s] == region:
-            return sites.factor[s]
-    return sites.factor[first]
-
-
-@kernel
-def update_factors(position, first, last, sites, base_position, base, log_density):
-    """Update the density factors of the nodes `first` to `last`.
-
-    The logarithm of the density is linear on each element of the base mesh. The search for a node begins at the
-    element of the previous node if nearer, except at every STRETCH-th node, where nodes may be divided among threads.
-    """
-    for v in range(first, last):
-        for s in range(sites.start[v], sites.start[v + 1]):
-            x, before = xy(position, v), np.int64(-1)
-            if v % STRETCH > 0:
-                before = np.int64(sites.element[sites.start[v] - 1])
-            e = element_from(base_position, base, np.int64(sites.element[s]), before, x)
-            sites.element[s] = e
-            total, value = 0.0, 0.0
-            for k in range(3):
-                barycentric = max(0.0, side_of_edge(base_position, base.node, e, k, x))
-                total += barycentric
-                value += barycentric * log_density[e, k]
-            sites.factor[s] = np.exp(2.0 / 3.0 * value / total)
-
-
-@kernel
-def multiply_factors(elements, sites, weight):
-    for e in range(elements.node.shape[0]):
-        weight[e] = 1.0
-        for k in range(3):
-            weight[e] *= factor_in_region(sites, elements.node[e, k], elements.region[e])
-
-
-@inner_kernel
-def element_from(position, elements, e, other, x):
-    if other >= 0 and elements.region[other] == elements.region[e]:
-        near = nearer(position, np.int64(elements.node[e, 0]), np.int64(elements.node[other, 0]), x)
-        if near != elements.node[e, 0] and least_barycentric(position, elements.node, e, x) < -TOLERANCE:
-            found, inside = walk(position, elements, other, x)
-            if inside:
-                return found
-    return nearest_element(position, elements, e, x)
-
-
-@inner_kernel
-def nearest_element(position, elements, e, x):
-    start, inside = np.int64(-1), False
-    for _ in range(WALK):
-        if inside or e == start:
-            break
-        start = e
-        e, inside = walk(position, elements, e, x)
-    depth = least_barycentric(position, elements.node, e, x)
-    while not inside:
-        onward = e
-        for k in range(3):
-            across = np.int64(elements.neighbour[e, k])
-            if across >= 0 and elements.region[across] == elements.region[e]:
-                other = least_barycentric(position, elements.node, across, x)
-                if other > depth:
-                    onward, depth = across, other
-        if onward == e:
-            break
-        e = onward
-    return e
 
 
 @kernel
