@@ -9,10 +9,10 @@ the density equilateral triangles with one node per unit area have edges of squa
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.movable import Recycled, unchanged
-from kohonen_adapt.geometry.plane.chains import parameters_of, signed_distances
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import Surgery
 from kohonen_adapt.kernels.heap import Heap
@@ -74,7 +74,8 @@ def recycle_nodes(
         if now < FEW_MISFITS or now > BETTER * before:
             break
         more, fewer = turn(surgery.mesh, movable.floor, int(TURNED * target))
-        splits, collapses, before = splits + more, collapses + fewer, now
+        splits, collapses = splits + more, collapses + fewer
+        before = now
     if not splits and not collapses:
         return done
     rows, _ = surgery.write_back(movable, renumbered=pairs)
@@ -158,14 +159,15 @@ class Facets(NamedTuple):
 def recycle_pairs(mesh: OpenMesh, target: int, both: bool, ratio: float, floor: float) -> tuple[int, int]:
     # Squared lengths may differ by a factor `ratio`. Without `both` no node is removed, and nodes are added up to
     # `target`. Returns the numbers of nodes added and removed.
-    images, wanted, splits, collapses = images_of_chains(mesh), desired_length(mesh, target), 0, 0
+    wanted = desired_length(mesh, target)
+    splits = collapses = 0
     available = int(mesh.pool.height[0]) // 2 - 1
     if not both:
         available = min(available, (target - int(np.count_nonzero(mesh.pool.anchor >= 0))) // 2)
     for _ in range(PAIR_ROUNDS if both else 0):
-        collapses += collapse_short(mesh, facets_of_pairs(mesh, images), wanted / ratio, wanted * ratio, floor)
+        collapses += collapse_short(mesh, facets_of_pairs(mesh), wanted / ratio, wanted * ratio, floor)
     for _ in range(PAIR_ROUNDS):
-        splits += split_long(mesh, facets_of_pairs(mesh, images), wanted * ratio, floor, available - splits)
+        splits += split_long(mesh, facets_of_pairs(mesh), wanted * ratio, floor, available - splits)
     return 2 * splits, 2 * collapses
 
 
@@ -176,53 +178,34 @@ def desired_length(mesh: OpenMesh, target: int) -> float:
     return float(EQUILATERAL * np.sum(areas * mesh.origins.density[node].mean(axis=1)) / target)
 
 
-def images_of_chains(mesh: OpenMesh) -> list[tuple[int, int, int]]:
-    chains, motions = mesh.constraints.chains, mesh.constraints.periodic.motions
-    paired, found = np.flatnonzero(chains.paired), []
-    near = SAME * float(np.max(np.ptp(mesh.position[mesh.pool.anchor >= 0], axis=0)))
-    for m in range(0, len(motions), 2):
-        turn, shift = motions[m, :, :2], motions[m, :, 2]
-        for c in paired.tolist():
-            distance = np.abs(turn @ chains.origin[c] + shift - chains.origin[paired]).max(axis=1)
-            turned = np.abs(turn @ chains.direction[c] - chains.direction[paired]).max(axis=1)
-            same = (distance < near) & (turned < SAME) & (paired != c)
-            found += [(c, d, m) for d in paired[same].tolist() if has_partners(mesh, c, d, m)]
-    return found
+def facets_of_pairs(mesh: OpenMesh) -> Facets:
+    elements, position, periodic = mesh.elements, mesh.position, mesh.constraints.periodic
+    on_pairs = np.append(mesh.constraints.chains.paired, False)[elements.chain]
+    e, k = np.nonzero(on_pairs & (elements.node[:, :1] >= 0))
+    ends, chain = np.stack(elements.ends(e, k), axis=1), elements.chain[e, k]
+    nodes = np.unique(ends)
+    tree, near = cKDTree(position[nodes]), SAME * float(np.ptp(position[nodes], axis=0).max())
+    key = keys_of_facets(ends, len(position))
+    order, parts = np.argsort(key), []
+    for m in range(0, len(periodic.motions), 2):
+        turn, shift = periodic.motions[m, :, :2], periodic.motions[m, :, 2]
+        distance, found = tree.query(position[ends] @ turn.T + shift)
+        image = nodes[found]
+        # A motion may also map a part of a circle to a part of the same side, whose nodes are no partners.
+        partners = (periodic.motion[ends] == m) & (periodic.partner[ends] == image)
+        same = np.all((distance < near) & (partners | (periodic.partner[ends] < 0)), axis=1)
+        place = np.searchsorted(key[order], keys_of_facets(image, len(position)))
+        other = order[np.minimum(place, len(order) - 1)]
+        same &= (keys_of_facets(image, len(position)) == key[other]) & (chain[other] != chain)
+        here = np.flatnonzero(same)
+        sides = np.stack([here, other[here]], axis=1)
+        start, end = (np.stack([ends[here, i], image[here, i]], axis=1) for i in range(2))
+        parts.append(Facets(e[sides], start, end, chain[sides], np.full(len(here), m)))
+    return Facets(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
-def has_partners(mesh: OpenMesh, c: int, d: int, m: int) -> bool:
-    # A motion may also map a part of a circle to a part of the same side, whose nodes are no partners.
-    periodic, (here, there) = mesh.constraints.periodic, (nodes_along(mesh, chain) for chain in (c, d))
-    motion, own = periodic.motion[here], periodic.partner[here]
-    if not np.any(motion == m) and np.any(motion == m ^ 1):
-        return False
-    return bool(np.isin(own[motion == m], there).all())
-
-
-def nodes_along(mesh: OpenMesh, c: int) -> Ints:
-    e, k = np.nonzero((mesh.elements.chain == c) & (mesh.elements.node[:, :1] >= 0))
-    return np.unique(np.concatenate(mesh.elements.ends(e, k)))
-
-
-def facets_of_pairs(mesh: OpenMesh, images: list[tuple[int, int, int]]) -> Facets:
-    parts = []
-    for c, d, m in images:
-        here, there = facets_along(mesh, c), facets_along(mesh, d)
-        element, start, end = (np.stack(pair, axis=1) for pair in zip(here, there, strict=True))
-        parts.append(Facets(element, start, end, np.broadcast_to([c, d], start.shape), np.full(len(start), m)))
-    element, start, end, chain, motion = (np.concatenate(array) for array in zip(*parts, strict=True))
-    return Facets(element, start, end, chain, motion)
-
-
-def facets_along(mesh: OpenMesh, c: int) -> tuple[Ints, Ints, Ints]:
-    e, k = np.nonzero((mesh.elements.chain == c) & (mesh.elements.node[:, :1] >= 0))
-    chain, ends = np.full(len(e), c), np.stack(mesh.elements.ends(e, k))
-    at = np.stack([parameters_of(mesh.position, mesh.constraints, chain, node) for node in ends])
-    along = signed_distances(mesh.constraints.chains, chain, *at) > 0.0
-    first = np.where(along, 0, 1)
-    order = np.argsort(at[first, np.arange(len(e))], kind="stable")
-    first = first[order]
-    return e[order], ends[first, order], ends[1 - first, order]
+def keys_of_facets(ends: Ints, count: int) -> Ints:
+    return np.min(ends, axis=1).astype(np.int64) * count + np.max(ends, axis=1)
 
 
 def lengths(mesh: OpenMesh, facets: Facets) -> Floats:
@@ -238,7 +221,8 @@ def squared_lengths(mesh: OpenMesh, start: Ints, end: Ints) -> Floats:
 
 
 def collapse_short(mesh: OpenMesh, facets: Facets, least: float, longest: float, floor: float) -> int:
-    length, changed, count = lengths(mesh, facets), set[int](), 0
+    length, changed = lengths(mesh, facets), set[int]()
+    count = 0
     for i in np.argsort(length, kind="stable"):
         ends = facets.start[i], facets.end[i]
         if length[i] >= least or changed & {int(v) for pair in ends for v in pair}:
