@@ -62,7 +62,8 @@ def check_in_plane(
 
 def unknowns_of(mesh: Mesh, node: Ints, functions: int) -> tuple[Ints, Floats]:
     """Return the unknowns of coefficients, (k, m), and their positions."""
-    columns, places, corners = [node], [mesh.p[:, : mesh.nvertices].T], mesh.p.T[node]
+    columns, places = [node], [mesh.p[:, : mesh.nvertices].T]
+    corners = mesh.p.T[node]
     count = len(places[0])
     if functions > 3:
         facet, ends = facets_of_sides(mesh, node), mesh.p[:, mesh.facets].mean(axis=1).T

@@ -106,7 +106,10 @@ def transferred_modes(
     # Points of an element are searched from an old element in the same region, points of a side from either adjacent
     # element.
     new, order = movable.triangulation, old.functional.ritz.order
-    elements, m, functional, degrees = new.elements, len(new.elements.node), old.functional, order - 1
+    elements = new.elements
+    m = len(new.elements.node)
+    functional = old.functional
+    degrees = order - 1
     if not degrees:
         return without_modes(m)
     start = start_elements(old.triangulation, new, start_element)

@@ -81,7 +81,9 @@ def doubt_about(corners: Floats, region: Ints, ritz: Ritz) -> Doubt:
         stiffness = stiffness / corners[0].mean(axis=0)
     # Hat functions are at most 1. On triangles their slope times the area is at most half the longest edge.
     scales = {"source": (size, longest), "flux": (0.5 * np.sqrt(longest), 1.0)}
-    residual, squared, unresolved = np.zeros(len(size)), 0.0, []
+    residual = np.zeros(len(size))
+    squared = 0.0
+    unresolved = []
     for name, found in variations(corners, region, ritz):
         (reach, scale), load = scales[name], found.magnitude * size
         # a flux has a jump at most, which leaves the functional its meaning
@@ -94,7 +96,8 @@ def doubt_about(corners: Floats, region: Ints, ritz: Ritz) -> Doubt:
 
 
 def variations(corners: Floats, region: Ints, ritz: Ritz) -> Iterator[tuple[str, Variation]]:
-    source, flux, hats = ritz.source, ritz.flux, np.eye(len(corners) + 1)
+    source, flux = ritz.source, ritz.flux
+    hats = np.eye(len(corners) + 1)
     if callable(source):
         dim = len(corners)
         rule = Rule(*source_rule(ritz.order if dim == 2 else 1, dim))  # in space of positive weights
@@ -111,7 +114,9 @@ def variation(values_at: Callable[[Floats, slice], Floats], corners: Floats, rul
     values at the corners in the rows of `tests`, by the `rule`, at the centre and at the corners are compared with
     loads by the `rule` in parts of elements.
     """
-    parts, functions, count = parts_of_element(len(corners)), len(corners) + 1, corners.shape[2]
+    parts = parts_of_element(len(corners))
+    functions = len(corners) + 1
+    count = corners.shape[2]
     fine = Rule(
         np.einsum("qk,pkj->pqj", rule.points, parts).reshape(-1, functions),
         np.tile(rule.weight, len(parts)) / len(parts),

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kohonen_adapt.kernels.functionals import eliminate, substitute
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel, record
 from kohonen_adapt.kernels.triangle.geometry import corner_of, twice_area
 from kohonen_adapt.kernels.vectors import cross, dot, from_to, xy
@@ -156,7 +157,8 @@ def minimise(data, patch, size, closed):
             for j in range(unknowns):
                 patch.matrix[i, j] = patch.matrix[j, i] = 0.0
             patch.matrix[i, i], patch.load[i] = 1.0, 0.0
-    solve(patch.matrix, patch.load, unknowns)
+    eliminate(patch.matrix, patch.load, patch.matrix, 0, 0, unknowns)
+    substitute(patch.matrix, patch.load, 0, unknowns)
     for s in range(edges):
         patch.tilt[s] += patch.load[s]
     add_to_all(patch.mean, size + 1, patch.load[edges])
@@ -178,8 +180,11 @@ def set_energy_matrix(data, patch, s):
     b_rim, c_rim, rim = bc - bb, cc - bc, bb - 2.0 * bc + cc
     gram = patch.gram
     gram[0, 0], gram[1, 1], gram[2, 2], gram[3, 3] = 2.0 * cc, 2.0 * rim, 2.0 * bb, 2.0 * rim
-    gram[0, 1], gram[0, 2], gram[0, 3] = c_rim, 2.0 * bc, -c_rim
-    gram[1, 2], gram[1, 3], gram[2, 3] = b_rim, -rim, -b_rim
+    gram[0, 1] = c_rim
+    gram[0, 2] = 2.0 * bc
+    gram[0, 3] = -c_rim
+    gram[1, 2] = b_rim
+    gram[1, 3], gram[2, 3] = -rim, -b_rim
     scale = 1.0 / (24.0 * data.reluctivity[e] * cross(b, c))
     for i in range(4):
         for j in range(i, 4):
@@ -213,26 +218,6 @@ def assemble(patch, right, left, circulation):
             for n in range(3):
                 for j in range(4):
                     patch.matrix[unknowns[i], unknowns[n]] += directions[i][k] * patch.gram[k, j] * directions[n][j]
-
-
-@inner_kernel
-def solve(matrix, load, n):
-    for j in range(n):
-        for k in range(j):
-            matrix[j, j] -= matrix[j, k] * matrix[j, k]
-        matrix[j, j] = np.sqrt(matrix[j, j])
-        for i in range(j + 1, n):
-            for k in range(j):
-                matrix[i, j] -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] /= matrix[j, j]
-    for i in range(n):
-        for k in range(i):
-            load[i] -= matrix[i, k] * load[k]
-        load[i] /= matrix[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            load[i] -= matrix[k, i] * load[k]
-        load[i] /= matrix[i, i]
 
 
 @inner_kernel

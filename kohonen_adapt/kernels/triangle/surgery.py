@@ -115,13 +115,16 @@ def halve_element(mesh, e, k, p):
     new = pool.free_elements[pool.height[1]]
     k1, k2 = (k + 1) % 3, (k + 2) % 3
     across = np.int64(neighbour[e, k1])
-    node[new, 0], node[new, 1], node[new, 2] = node[e, k], p, node[e, k2]
+    node[new, 0] = node[e, k]
+    node[new, 1] = p
+    node[new, 2] = node[e, k2]
     neighbour[new, 1], chain[new, 1] = across, chain[e, k1]
     neighbour[new, 2], chain[new, 2] = e, -1
     chain[new, 0], elements.region[new] = chain[e, k], elements.region[e]
     if across >= 0:
         neighbour[across, corner_towards(neighbour, across, e)] = new
-    node[e, k2], neighbour[e, k1], chain[e, k1] = p, new, -1
+    node[e, k2], neighbour[e, k1] = p, new
+    chain[e, k1] = -1
     pool.anchor[node[e, k]], pool.anchor[node[e, k1]], pool.anchor[node[new, 2]] = e, e, new
     return new
 
@@ -147,7 +150,9 @@ def split(mesh, e, k, x, parameter):
     p = np.int64(pool.free_nodes[pool.height[0]])
     put(mesh.position, p, x)
     constraints.kind[p] = FREE if c < 0 else SLIDING
-    constraints.chain[p, OWN], constraints.chain[p, OTHER], constraints.parameter[p] = c, -1, parameter
+    constraints.chain[p, OWN] = c
+    constraints.chain[p, OTHER] = -1
+    constraints.parameter[p] = parameter
     # the level of a free end, because the level of an outermost layer would restrict the edges of an interior node
     elements.level[p] = elements.level[b if constraints.kind[b] == FREE else a]
     constraints.inner[p] = other >= 0 and elements.region[other] == elements.region[e]
