@@ -1,5 +1,7 @@
 """Loops that Python calls, with argument types, in the order of use."""
 
+from types import ModuleType
+
 from numba.types import boolean, float64, int8, int64
 
 from kohonen_adapt.kernels import arrays as shared
@@ -35,17 +37,11 @@ from kohonen_adapt.kernels.triangle import (
     train,
     transport,
 )
-from kohonen_adapt.kernels.triangle.polish import (
-    descend,
-    descend_higher,
-    energy_recycle,
-    energy_recycle_higher,
-    flip_higher,
-    flip_linear,
-    sweep_higher,
-)
+from kohonen_adapt.kernels.triangle.polish import affine, higher
 
 __all__ = ["ENTRIES"]
+
+B2 = boolean[:, ::1]
 
 STAR = record_type(arrays.Star, (I1, I1, I1, I1))
 ELEMENTS = record_type(arrays.Elements, (I2, I2, I1, I2, I1, B1))
@@ -58,17 +54,26 @@ SURGERY_SCRATCH = record_type(arrays.SurgeryScratch, (I1, I1, L1, L1, I1, B1))
 OPEN_MESH = record_type(arrays.OpenMesh, (R2, ELEMENTS, CONSTRAINTS, POOL, ORIGINS, SURGERY_SCRATCH, METRIC))
 LAWS = record_type(functionals.Laws, (I1, int64, R3))
 TRIAL = record_type(arrays.Trial, (R1, B1, R2, R2, B1, LAWS))
-TRIALS = record_type(arrays.Trials, (TRIAL, TRIAL))
-MODES = record_type(shared.Modes, (R3, R1, boolean[:, ::1]))
-REFERENCE = record_type(arrays.Reference, (R3, R1, R1, R2, R3, R3, int64))
-POINTS = record_type(arrays.Points, (R2, R3, R3, R4, R4, int64))
+MODES = record_type(shared.Modes, (R3, R1, B2))
+REFERENCE = record_type(arrays.Reference, (R1, R2, R3, R3))
+POINTS = record_type(arrays.Points, (I2, R2, R3, R3, R4, R4))
 SHAPES = record_type(arrays.Shapes, (R3, B1, boolean))
-BLOCK = record_type(arrays.Block, (I1, R1, I2, R2, I1, R2, R1, R3, R2, R2, R2, R1, R2, R1, R1))
+ROWS = I1, R1, I1, I2, B2, B2, B1, R2, R3  # triangles around a centre
+BLOCK = record_type(arrays.Block, (*ROWS, I2, R2, I1, R1, R2, R2, R1, R2, R1, R1))
 DESCENT = record_type(arrays.Descent, (R2, ELEMENTS, STAR, CONSTRAINTS, TRIAL, MODES, REFERENCE, POINTS, SHAPES, BLOCK))
-DESCENTS = record_type(descend_higher.Descents, (DESCENT, DESCENT, int64))
+DESCENTS = record_type(arrays.Descents, (DESCENT, DESCENT, int64))
 OFFERS = record_type(arrays.Offers, (R2, R1, I1, B1, B1, B1))
 FLUX_DATA = record_type(equilibrate.FluxData, (R2, I2, I2, R2, R1, R1))
 PATCH_SCRATCH = record_type(equilibrate.Patch, (I1, I1, R1, R1, R1, B1, R2, R1, R2, R1, R1))
+
+
+def polish(loops: ModuleType) -> tuple[Entry, ...]:
+    return (
+        Entry(loops.exchange, OPEN_MESH, DESCENTS, OFFERS, L1, L1, float64),
+        Entry(loops.weigh, OPEN_MESH, DESCENTS, OFFERS, float64, float64, int64, int64, boolean),
+        Entry(loops.descend_flips, DESCENTS, float64, B1, int64, int64, boolean),
+        Entry(loops.descend_nodes, DESCENTS, I1, float64),
+    )
 
 
 # Groups by use. In "polish" the loops that exchange nodes are first: the second process works backwards, and compiles
@@ -115,20 +120,9 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(transport.move_to_neighbour_mean, R2, R1, I2, STAR, CONSTRAINTS, B1),
         Entry(transport.slow_down, R2, R2, R1, I2, STAR, CONSTRAINTS, B1, I1, I1),
     ),
-    "polish": (
-        Entry(energy_recycle.exchange, OPEN_MESH, TRIALS, OFFERS, L1, L1, float64),
-        Entry(energy_recycle.weigh_splits, OPEN_MESH, TRIALS, OFFERS, float64, int64, int64),
-        Entry(energy_recycle.weigh_collapses, OPEN_MESH, STAR, TRIALS, OFFERS, float64, float64, int64, int64),
-        Entry(flip_linear.descend_flips, R2, ELEMENTS, TRIALS, float64, B1, int64, int64, boolean),
-        Entry(descend.descend_nodes, R2, STAR, CONSTRAINTS, TRIALS, I1, float64),
-    ),
-    "polish of higher order": (
-        Entry(energy_recycle_higher.exchange_higher, OPEN_MESH, DESCENTS, OFFERS, L1, L1, float64),
-        Entry(energy_recycle_higher.weigh_higher, OPEN_MESH, DESCENTS, OFFERS, float64, float64, int64, int64, boolean),
-        Entry(flip_higher.descend_flips_higher, DESCENTS, float64, B1, int64, int64, boolean),
-        Entry(sweep_higher.descend_nodes_higher, DESCENTS, I1, float64),
-    ),
-    "equilibration": (Entry(equilibrate.equilibrate, FLUX_DATA, PATCH_SCRATCH, boolean[:, ::1], R3, R1),),
+    "polish": polish(affine),
+    "polish of higher order": polish(higher),
+    "equilibration": (Entry(equilibrate.equilibrate, FLUX_DATA, PATCH_SCRATCH, B2, R3, R1),),
     "carrying": (
         Entry(locate.walk_each, R2, ELEMENTS, R2, I1, B1),
         Entry(locate.barycentric, R2, I2, R2, I1, R2),

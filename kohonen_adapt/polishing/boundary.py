@@ -11,7 +11,6 @@ from scipy.sparse.linalg import spsolve
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.chains import on_chains
-from kohonen_adapt.kernels.triangle.arrays import Reference
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction, local_coefficients
 from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -20,6 +19,8 @@ from kohonen_adapt.problem.functional_value import energy_on, functions_on, load
 from kohonen_adapt.problem.ritz import Ritz
 
 __all__ = ["BoundaryTerms"]
+
+FUNCTIONS = {1: 3, 2: 6, 3: 10}  # of a triangle, by order
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,6 @@ class BoundaryTerms:
     ----------
     ritz
         User-defined functional.
-    reference
-        Shape functions and quadrature points.
     number
         Index of every region in the tables of the functional, (nregions,).
     chains
@@ -41,7 +40,6 @@ class BoundaryTerms:
     """
 
     ritz: Ritz
-    reference: Reference
     number: Ints
     chains: dict[str, Mask]
     dirichlet: Mask
@@ -84,7 +82,7 @@ class BoundaryTerms:
     def _unknowns(self, triangulation: Triangulation, trial: TrialFunction) -> tuple[Ints, int]:
         elements = triangulation.elements
         free = self.nodes(triangulation) & ~trial.fixed
-        count, functions = int(free.sum()), self.reference.slope.shape[1]
+        count, functions = int(free.sum()), FUNCTIONS[self.ritz.order]
         unknown = np.full((functions, len(elements.node)), -1)
         unknown[:3] = np.where(free, np.cumsum(free) - 1, -1)[elements.node.T]
         e, k = sides_on(elements.chain, self.on & ~self.dirichlet)

@@ -11,7 +11,7 @@ from kohonen_adapt.geometry.plane.midsides import offsets_from_chords
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.kernels.triangle.arrays import ROUND, SLIDING
-from kohonen_adapt.mesh.elements.polynomials import LINEAR_FUNCTIONS, gradients
+from kohonen_adapt.mesh.elements.polynomials import gradients
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.polishing.energy_tables import constants_of
 from kohonen_adapt.problem.ritz import Ritz
@@ -105,7 +105,7 @@ class Chords:
             return 0.0
         e, k, change, offset = self.slivers(triangulation)
         node, (a, b) = triangulation.elements.node[e], triangulation.elements.ends(e, k)
-        slope = gradients(triangulation.position[node], values[node], LINEAR_FUNCTIONS)[1][:, 0].T
+        slope = gradients(triangulation.position[node], values[node]).T
         mean = 0.5 * (values[a] + values[b]) + CENTROID * np.sum(slope * offset, axis=1)
         density = 0.5 * change[:, 0] * np.sum(slope**2, axis=1) - change[:, 1] * mean
         density -= np.sum(change[:, 2:] * slope, axis=1)
@@ -177,7 +177,8 @@ def shift_per_area(ritz: Ritz, triangulation: Triangulation, e: Ints, k: Ints) -
     exact solution. The estimate of q_n is the mean of both sides weighted by 1 / coefficient, because the side of
     the smaller coefficient is more accurate.
     """
-    values, position, elements = np.asarray(ritz.values), triangulation.position, triangulation.elements
+    values = np.asarray(ritz.values)
+    position, elements = triangulation.position, triangulation.elements
     a, b = elements.ends(e, k)
     across = elements.neighbour[e, k]
     sides = np.stack([e, np.where(across >= 0, across, e)])
@@ -205,9 +206,7 @@ def state_of(ritz: Ritz, triangulation: Triangulation, sides: Ints) -> Floats:
     node, number = triangulation.elements.node[e], np.zeros(e.size, dtype=np.int64)
     number = number if ritz.region is None else np.asarray(ritz.region)[e]
     corners = triangulation.position[node]
-    gx, gy = gradients(corners, np.asarray(ritz.values)[node], LINEAR_FUNCTIONS)[1][
-        :, 0
-    ]  # at any order from nodal values
+    gx, gy = gradients(corners, np.asarray(ritz.values)[node])  # at any order from nodal values
     coefficient, source, *flux = constants_of(ritz, number).T
     if callable(ritz.source):
         source = source_at(corners.mean(axis=1).T[:, None], number, ritz.source)[0]

@@ -86,11 +86,10 @@ class Stars(NamedTuple):
         at, corner = slivers.element[which], slivers.corner[which]
         chain, ends = elements.chain[at, corner], np.stack(elements.ends(at, corner), axis=1)
         parameter = np.stack([parameters_of(position, constraints, chain, ends[:, i]) for i in range(2)], axis=1)
-        own_slivers, parts = slivers, list[Part]()
-        for source, function in ((functional, trial), (functional.dual, trial.dual)):
-            if source is not None and function is not None:
-                own_slivers = slivers if source is functional else source.chords.slivers(triangulation)
-                parts.append(Part(function.values, source.constants[elements.region[e]], own_slivers.change[which]))
+        parts = list[Part]()
+        for part, function in functional.parts(trial):
+            change = (slivers if part is functional else part.chords.slivers(triangulation)).change[which]
+            parts.append(Part(function.values, part.constants[elements.region[e]], change))
         k = np.argmax(elements.node[e] == node[owner][:, None], axis=1)
         lengths = np.append(constraints.chains.reach, np.inf)
         reach = np.stack([lengths[elements.chain[e, (k + side) % 3]] for side in (2, 1)], axis=1)
@@ -105,9 +104,6 @@ class Stars(NamedTuple):
         position = self.movable.triangulation.position
         return position[self.ahead] - x[self.owner], position[self.behind] - x[self.owner]
 
-    def totals(self, rows: Floats) -> Floats:
-        return sum_by_owner(self.owner, rows, len(self.node))
-
     def worst(self, x: Floats) -> Floats:
         a, b = self.sides(x)
         quality = 2.0 * np.sqrt(3.0) * cross(a, b) / (np.sum(a**2 + b**2 + (b - a) ** 2, axis=1))
@@ -119,9 +115,9 @@ class Stars(NamedTuple):
         after, now = self.worst(x), self.worst(before)
         lengths = (np.hypot(*np.stack(self.sides(place)).T) for place in (x, before))
         new, old = lengths
-        too_long = np.any((new > self.reach) & (new > old), axis=1)
+        too_long = np.bincount(self.owner, np.any((new > self.reach) & (new > old), axis=1), len(self.node))
         valid = (after > FLAT) & (after >= np.minimum(self.movable.polish_floor, now))
-        return valid & (self.totals(too_long.astype(float)) == 0.0)
+        return valid & (too_long == 0)
 
     def evaluated(self, parameter: Floats) -> tuple[Floats, Floats, list[Floats]]:
         # `parameter` (k,) places the nodes. The nodal values minimise the functional unless they are Dirichlet
@@ -137,7 +133,8 @@ class Stars(NamedTuple):
         )
         offset = self.movable.outline.points_on(self.chain, middle) - 0.5 * (start + end)
         area, touches = segment_areas(end - start, offset), 0.5 * own.any(axis=1)
-        total, size, changes = np.zeros(len(self.node)), np.zeros(len(self.node)), []
+        total, size = np.zeros(len(self.node)), np.zeros(len(self.node))
+        changes = []
         for part in self.parts:
             value, magnitude, slope, stiffness = self._of_part(part, x, area, offset, touches)
             change = np.where(self.dirichlet, 0.0, -slope / stiffness)
@@ -146,31 +143,30 @@ class Stars(NamedTuple):
             changes.append(change)
         return total, size, changes
 
-    def _of_part(self, part: Part, x: Floats, area: Floats, offset: Floats, touches: Floats) -> tuple[Floats, ...]:
+    def _of_part(self, part: Part, x: Floats, area: Floats, offset: Floats, touches: Floats) -> list[Floats]:
         # `area`, `offset` and `touches` (s,) belong to the slivers. `touches` is the value of the node's shape
-        # function at the midpoint of the chord.
-        (a, b), own, holder = self.sides(x), part.values[self.node][self.owner], self.holder
-        doubled, ua, ub = cross(a, b), part.values[self.ahead], part.values[self.behind]
+        # function at the midpoint of the chord. Energies of elements precede energies of slivers.
+        (a, b), own = self.sides(x), part.values[self.node][self.owner]
+        doubled = cross(a, b)
+        ua, ub = part.values[self.ahead], part.values[self.behind]
+        holder = np.append(np.arange(len(doubled)), self.holder)
         hat = np.stack([a[:, 1] - b[:, 1], b[:, 0] - a[:, 0]], axis=1) / doubled[:, None]
         turned = (ua - own)[:, None] * b - (ub - own)[:, None] * a
         slope = np.stack([turned[:, 1], -turned[:, 0]], axis=1) / doubled[:, None]
-        mean = 0.5 * part.values[self.ends].sum(axis=1) + CENTROID * np.sum(slope[holder] * offset, axis=1)
-        share = touches + CENTROID * np.sum(hat[holder] * offset, axis=1)
-        of_rows = energy_terms(part.constants, 0.5 * doubled, slope, hat, (own + ua + ub) / 3.0, 1.0 / 3.0)
-        of_slivers = energy_terms(part.change, area, slope[holder], hat[holder], mean, share)
-        pairs = zip(map(self.totals, of_rows), of_slivers, strict=True)
-        return tuple(rows + sum_by_owner(self.owner[holder], slivers, len(self.node)) for rows, slivers in pairs)
+        mean = 0.5 * part.values[self.ends].sum(axis=1) + CENTROID * np.sum(slope[self.holder] * offset, axis=1)
+        share = touches + CENTROID * np.sum(hat[self.holder] * offset, axis=1)
+        mean, share = np.append((own + ua + ub) / 3.0, mean), np.append(np.full(len(doubled), 1.0 / 3.0), share)
+        constants = np.concatenate([part.constants, part.change])
+        terms = energy_terms(constants, np.append(0.5 * doubled, area), slope[holder], hat[holder], mean, share)
+        return [np.bincount(self.owner[holder], rows, len(self.node)).astype(np.float64) for rows in terms]
 
 
 def energy_terms(
-    constants: Floats, weight: Floats, slope: Floats, hat: Floats, mean: Floats, share: Floats | float
+    constants: Floats, weight: Floats, slope: Floats, hat: Floats, mean: Floats, share: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
     coefficient, source, flux = constants[:, 0], constants[:, 1], constants[:, 2:]
-    stored, pulled, pushed = (
-        0.5 * coefficient * np.sum(slope**2, axis=1),
-        source * mean,
-        np.sum(flux * slope, axis=1),
-    )
+    stored, pulled = 0.5 * coefficient * np.sum(slope**2, axis=1), source * mean
+    pushed = np.sum(flux * slope, axis=1)
     first = np.sum((coefficient[:, None] * slope - flux) * hat, axis=1) - source * share
     magnitude = np.abs(stored) + np.abs(pulled) + np.abs(pushed)
     second = coefficient * np.sum(hat**2, axis=1)
@@ -186,7 +182,9 @@ def move_nodes(stars: Stars, near: Floats) -> float:
     second = np.maximum(second, np.abs(slope) / near)
     change = np.divide(-OVERSTEP * slope, second, out=np.zeros_like(slope), where=second > 0.0)
     change = np.clip(change, -FARTHEST * near, FARTHEST * near)
-    before, done, total = movable.triangulation.position[node], np.abs(change * slope) <= ROUNDING * size, 0.0
+    before = movable.triangulation.position[node]
+    done = np.abs(change * slope) <= ROUNDING * size
+    total = 0.0
     for _ in range(HALVINGS + 1):
         x = stars.points(start + change)
         value, _, changes_after = stars.evaluated(start + change)
@@ -207,10 +205,6 @@ def move_nodes(stars: Stars, near: Floats) -> float:
     for part, each in zip(stars.parts, changes_before, strict=True):
         part.values[node] += each
     return total
-
-
-def sum_by_owner(owner: Ints, rows: Floats, count: int) -> Floats:
-    return np.bincount(owner, rows, count).astype(np.float64)
 
 
 def wrapped(parameter: Floats, length: Floats, closed: Mask) -> Floats:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, padded
 from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.kernels.arrays import Modes
@@ -16,19 +16,11 @@ from kohonen_adapt.kernels.triangle.arrays import (
     RATES_X,
     RATES_Y,
     VARYING,
-    Points,
     Shapes,
 )
 from kohonen_adapt.mesh.elements.element_functions import ElementFunctions
 from kohonen_adapt.mesh.elements.functions import kinds_at_axis
-from kohonen_adapt.mesh.elements.polynomials import (
-    LINEAR_FUNCTIONS,
-    TrialFunction,
-    by_points,
-    gradients,
-    joined_points,
-    local_coefficients,
-)
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction, gradients, local_coefficients
 from kohonen_adapt.mesh.measures import inner_points, magnitude
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.problem.functional_value import source_rule
@@ -58,16 +50,13 @@ def min_per_thread(order: int) -> int:
     return FEW // UNKNOWNS[order - 1] ** 3
 
 
-def shapes_of(ritz: Ritz, offsets: Floats, rows: int) -> tuple[Points, Shapes]:
-    """Return quadrature points, and element shapes with `rows` rows.
+def shapes_of(ritz: Ritz, offsets: Floats, rows: int) -> Shapes:
+    """Return element shapes with `rows` rows.
 
     `offsets` (m, 3, 2) holds the midside offsets. Rows after m are straight.
     """
-    all_offsets = np.zeros((rows, 3, 2))
-    all_offsets[: len(offsets)] = offsets
-    special = np.any(all_offsets != 0.0, axis=(1, 2)) | ritz.axisymmetric
-    points = joined_points(ritz.order) if any(ritz.laws) else by_points(ritz.order)
-    return points, Shapes(all_offsets, special, ritz.axisymmetric)
+    all_offsets = padded(offsets, rows, 0.0)
+    return Shapes(all_offsets, np.any(all_offsets != 0.0, axis=(1, 2)) | ritz.axisymmetric, ritz.axisymmetric)
 
 
 def kinds_of(ritz: Ritz, triangulation: Triangulation) -> Ints | None:
@@ -126,9 +115,7 @@ def polynomial(points: Floats, values: Floats) -> tuple[Floats, Floats]:
     # `values` (6, m) belong to the corners `points` (2, 3, m), then to the midpoints after each corner. Returned are
     # the value (m,) and the derivatives by x, y, xx, xy and yy (5, m).
     corner, middle = values[:3], values[3:]
-    hat = np.stack(
-        [gradients(points.T, np.tile(unit, (points.shape[2], 1)), LINEAR_FUNCTIONS)[1][:, 0] for unit in np.eye(3)]
-    )
+    hat = np.stack([gradients(points.T, np.tile(unit, (points.shape[2], 1))) for unit in np.eye(3)])
     after = np.roll(hat, -1, axis=0)
     slope = np.einsum("im,icm->cm", corner, hat) + 4.0 * np.einsum("im,icm->cm", middle, hat + after)
     hessian = np.einsum("im,icm,idm->cdm", corner, hat, hat) + 2.0 * np.einsum("im,icm,idm->cdm", middle, hat, after)

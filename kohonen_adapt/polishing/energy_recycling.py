@@ -10,11 +10,11 @@ from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import Surgery
 from kohonen_adapt.kernels.arrays import Modes
-from kohonen_adapt.kernels.threads import even_cuts, shared
+from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
 from kohonen_adapt.kernels.triangle.arrays import HELD, Offers, OpenMesh, SurgeryScratch
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.loops import Linear
+from kohonen_adapt.polishing.loops import Loops
 
 __all__ = ["Exchange", "recycle_by_energy"]
 
@@ -70,22 +70,20 @@ def without_spare_rows(trial: TrialFunction, kept: Ints, used: Ints) -> TrialFun
     return TrialFunction(trial.values[kept], trial.fixed[kept], modes, dual)
 
 
-def compute_gains(loops: Linear, mesh: OpenMesh, offers: Offers) -> float:
+def compute_gains(loops: Loops, mesh: OpenMesh, offers: Offers) -> float:
     # Costs above the largest gain are not computed. Gains and costs depend on the current mesh alone, and therefore
     # not on the number of threads.
-    cuts, rows = even_cuts(len(offers.cost), loops.few), (len(mesh.position), len(mesh.elements.node))
-    own = [mesh._replace(scratch=SurgeryScratch.of(*rows)) for _ in cuts[1:]]
+    rows = len(mesh.position), len(mesh.elements.node)
+    own = [mesh._replace(scratch=SurgeryScratch.of(*rows)) for _ in range(number_of_threads())]
 
-    def weigh_edges(thread: int, first: int, last: int) -> None:
-        for e in range(first, last, PART):
-            loops.weigh_splits(thread, mesh, offers, e, min(e + PART, last))
+    def weigh(edges: bool, rows: int, most: float) -> None:
+        def task(thread: int, first: int, last: int) -> None:
+            for start in range(first, last, PART):
+                loops.weigh(thread, own[thread], offers, most, start, min(start + PART, last), edges)
 
-    shared(weigh_edges, even_cuts(len(offers.gain), loops.few))
+        shared(task, even_cuts(rows, loops.few))
+
+    weigh(True, len(offers.gain), 0.0)
     most = float(offers.gain.max())
-
-    def weigh_nodes(thread: int, first: int, last: int) -> None:
-        for v in range(first, last, PART):
-            loops.weigh_collapses(thread, own[thread], offers, most, v, min(v + PART, last))
-
-    shared(weigh_nodes, cuts)
+    weigh(False, len(offers.cost), most)
     return most

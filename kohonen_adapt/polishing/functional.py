@@ -12,11 +12,9 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.functionals import Laws
-from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING, OpenMesh, Reference, Trial, Trials
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING, OpenMesh, Trial, Trials
 from kohonen_adapt.mesh.elements.polynomials import (
     TrialFunction,
-    exact_reference,
-    joined_reference,
     local_coefficients,
     modes_of,
 )
@@ -43,7 +41,7 @@ from kohonen_adapt.polishing.energy_tables import (
     laws_of_regions,
     numbers_of_regions,
 )
-from kohonen_adapt.polishing.loops import Higher, Linear
+from kohonen_adapt.polishing.loops import Function, Loops
 from kohonen_adapt.polishing.stationarity_in_plane import check_in_plane
 from kohonen_adapt.problem.functional_value import value_on
 from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of
@@ -61,8 +59,6 @@ class Functional:
     ----------
     solution
         Minimiser of the functional on the input mesh.
-    reference
-        Shape functions and quadrature points.
     ritz
         User-defined functional.
     number
@@ -100,7 +96,6 @@ class Functional:
     """
 
     solution: TrialFunction
-    reference: Reference
     ritz: Ritz
     number: NDArray[np.int64]
     constants: Floats
@@ -148,8 +143,8 @@ class Functional:
             If `of` raises, or if the functional is not stationary at the solution.
         """
         functional = cls.of(ritz, movable, mesh)
-        for each in filter(None, (functional, functional.dual)):
-            check_in_plane(each.ritz, mesh, movable, each.solution, each.boundary, each.sign)
+        for each, solution in functional.parts(functional.solution):
+            check_in_plane(each.ritz, mesh, movable, solution, each.boundary, each.sign)
         return functional
 
     @classmethod
@@ -177,8 +172,7 @@ class Functional:
         linear = whole & ~bare & followed & (deviation <= LINEAR * np.ptp(values))
         dirichlet = (whole & ~bare) | partly
         number = numbers_of_regions(ritz, triangulation.elements.region)
-        at = (joined_reference if any(ritz.laws) else exact_reference)(ritz.order)
-        boundary = BoundaryTerms(ritz, at, number, {name: outline.names[name] != 0 for name in ritz.robin}, dirichlet)
+        boundary = BoundaryTerms(ritz, number, {name: outline.names[name] != 0 for name in ritz.robin}, dirichlet)
         held = ~outline.straight | (dirichlet & ~linear) | (whole & bare) | boundary.on
         largest = steepest(ritz, triangulation, values, modes) if any(ritz.laws) else 0.0
         law, tables = laws_of_regions(ritz, number, largest)
@@ -194,7 +188,7 @@ class Functional:
             held_sides = boundary.on | outline.constraints.chains.paired
             modes.dirichlet[on_chains(triangulation.elements.chain, held_sides)] = True
         chains = dirichlet, linear, signs_of_chains(ritz, outline), boundary, held, on_chain
-        return cls(solution, at, ritz, number, constants, *chains, comparable, law, tables, chords)
+        return cls(solution, ritz, number, constants, *chains, comparable, law, tables, chords)
 
     @property
     def is_approximate(self) -> bool:
@@ -203,35 +197,33 @@ class Functional:
 
     @property
     def varies(self) -> bool:
-        return self.has_varying_source or callable(self.ritz.flux) or (self.dual is not None and self.dual.varies)
+        return self.has_varying_source or any(callable(part.ritz.flux) for part, _ in self.parts(self.solution))
 
     @property
     def has_varying_source(self) -> bool:
-        return callable(self.ritz.source) or (self.dual is not None and self.dual.has_varying_source)
+        return any(callable(part.ritz.source) for part, _ in self.parts(self.solution))
+
+    def parts(self, trial: TrialFunction) -> "list[tuple[Functional, TrialFunction]]":
+        """Return the primal and, if any, the dual functional with their functions."""
+        return [(self, trial)] if self.dual is None or trial.dual is None else [(self, trial), (self.dual, trial.dual)]
 
     def value(self, triangulation: Triangulation, trial: TrialFunction, offsets: Floats | None = None) -> float:
-        node, number = triangulation.elements.node, self.number[triangulation.elements.region]
-        coefficients = local_coefficients(trial.values[node], trial.modes).T
-        corners, offset = triangulation.position.T[:, node.T], None if offsets is None else offsets.T
-        total = value_on(corners, coefficients, number, self.ritz, offset)
-        total += self.boundary.value(triangulation.elements.chain, corners, coefficients, offset)
-        total += self.chords.value(triangulation, trial.values)
-        if self.dual is None or trial.dual is None:
-            return total
-        return total + self.dual.value(triangulation, trial.dual, offsets)
+        node, corners = triangulation.elements.node, triangulation.position.T[:, triangulation.elements.node.T]
+        offset, total = None if offsets is None else offsets.T, 0.0
+        for part, own in self.parts(trial):
+            coefficients = local_coefficients(own.values[node], own.modes).T
+            total += value_on(corners, coefficients, part.number[triangulation.elements.region], part.ritz, offset)
+            total += part.boundary.value(triangulation.elements.chain, corners, coefficients, offset)
+        return total + self.energy_beyond_chords(triangulation, trial)
 
     def energy_beyond_chords(self, triangulation: Triangulation, trial: TrialFunction) -> float:
-        own = self.chords.value(triangulation, trial.values)
-        if self.dual is None or trial.dual is None:
-            return own
-        return own + self.dual.energy_beyond_chords(triangulation, trial.dual)
+        return sum(part.chords.value(triangulation, own.values) for part, own in self.parts(trial))
 
     def improve_on_boundary(
         self, triangulation: Triangulation, trial: TrialFunction, offsets: Floats | None = None
     ) -> None:
-        self.boundary.improve(triangulation, trial, offsets)
-        if self.dual is not None and trial.dual is not None:
-            self.dual.improve_on_boundary(triangulation, trial.dual, offsets)
+        for part, own in self.parts(trial):
+            part.boundary.improve(triangulation, own, offsets)
 
     def trials(self, triangulation: Triangulation, trial: TrialFunction) -> Trials:
         primal = self.trial(triangulation, trial.values, trial.fixed)
@@ -239,13 +231,12 @@ class Functional:
             return Trials(primal, primal._replace(value=primal.value[:0]))
         return Trials(primal, self.dual.trial(triangulation, trial.dual.values, trial.fixed))
 
-    def loops(self, movable: MovableMesh, trial: TrialFunction, mesh: KernelMesh | OpenMesh) -> Linear:
+    def loops(self, movable: MovableMesh, trial: TrialFunction, mesh: KernelMesh | OpenMesh) -> Loops:
         mesh = KernelMesh(mesh.position, mesh.elements, movable.triangulation.star, mesh.constraints)
         trials = self.trials(movable.triangulation, trial)
-        if trial.affine:
-            return Linear(mesh, trials, movable.polish_floor)
-        shapes = shapes_of(self.ritz, movable.midside_offsets(), len(mesh.elements.node))
-        return Higher(mesh, trials, movable.polish_floor, trial.all_modes, self.reference, *shapes)
+        rows = len(mesh.elements.node)
+        shapes = None if trial.affine else shapes_of(self.ritz, movable.midside_offsets(), rows)
+        return Loops(Function(mesh, trials, trial.all_modes, shapes), self.ritz.order, movable.polish_floor)
 
     def trial(self, triangulation: Triangulation, values: Floats, fixed: Mask) -> Trial:
         law, nonlinear = self.law[triangulation.elements.region], np.zeros(len(values), dtype=np.bool_)
@@ -279,7 +270,9 @@ def is_plain(ritz: Ritz, outline: Outline) -> bool:
 
 
 def solution_on(ritz: Ritz, triangulation: Triangulation, mesh: MeshTri, general: bool) -> TrialFunction:
-    values, fixed, n, modes = np.asarray(ritz.values), np.asarray(ritz.fixed), triangulation.nnodes, None
+    values, fixed = np.asarray(ritz.values), np.asarray(ritz.fixed)
+    n = triangulation.nnodes
+    modes = None
     node = triangulation.elements.node
     if ritz.order == 1 and general:
         modes = without_modes(len(node))

@@ -56,8 +56,7 @@ def counted(reasons: Sequence[str]) -> str:
 
 # The braces stand for the names of the segment.
 def reason_on_segment(movable: MovableMesh, functional: Functional, c: int) -> str:
-    parts = (functional,) if functional.dual is None else (functional, functional.dual)
-    if any(part.boundary.on[c] for part in parts):
+    if any(part.boundary.on[c] for part, _ in functional.parts(functional.solution)):
         return "open {} (Robin condition)"
     names_of_pairs = [name for names in functional.ritz.signs for name in names]
     if functional.sign[c] == 0.0 and any(movable.outline.names[name][c] for name in names_of_pairs):

@@ -30,7 +30,7 @@ from kohonen_adapt.kernels.triangle.arrays import (
     Trials,
 )
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
-from kohonen_adapt.polishing.loops import Linear, Patch
+from kohonen_adapt.polishing.loops import Function, Loops
 
 __all__ = ["Freedom", "descend_pairs", "independent", "set_partners"]
 
@@ -80,7 +80,7 @@ def set_partners(movable: MovableMesh, trial: TrialFunction, sign: Floats) -> No
         modes.side[stars.element[at_partner], stars.corner[at_partner, 3 - b]] = times * coefficients
 
 
-def descend_pairs(movable: MovableMesh, loops: Linear, freedom: Freedom) -> float:
+def descend_pairs(movable: MovableMesh, loops: Loops, freedom: Freedom) -> float:
     if not len(movable.constraints.periodic.motions):
         return 0.0
     couples, gain = Couples.of(movable, freedom.sign), 0.0
@@ -90,7 +90,7 @@ def descend_pairs(movable: MovableMesh, loops: Linear, freedom: Freedom) -> floa
         some = couples.some(rows)
         stars = Gathered.of(movable, some)
         patch = stars.patch(movable, loops, some, freedom)
-        gain += loops.descend_patch(patch)
+        gain += loops.descend_patch(patch, np.arange(len(rows), dtype=np.int32))
         stars.write_back(movable, loops, some, patch)
     return gain
 
@@ -133,7 +133,9 @@ class Gathered(NamedTuple):
         start, end = tri.star.start[centres], tri.star.start[centres + 1]
         which = np.repeat(np.arange(len(centres)), end - start)
         row = np.arange(len(which)) - np.repeat(np.cumsum(end - start) - (end - start), end - start) + start[which]
-        element, owner, at_partner = tri.star.element[row], which % len(couples.node), which >= len(couples.node)
+        element = tri.star.element[row]
+        owner = which % len(couples.node)
+        at_partner = which >= len(couples.node)
         order = np.argsort(owner, kind="stable")
         element, owner, at_partner = element[order], owner[order], at_partner[order]
         mirrored = at_partner & (np.linalg.det(couples.turn) < 0.0)[owner]
@@ -184,8 +186,9 @@ class Gathered(NamedTuple):
         _, found, number = np.unique(key, return_index=True, return_inverse=True)
         return number.reshape(key.shape), found
 
-    def patch(self, movable: MovableMesh, loops: Linear, couples: Couples, freedom: Freedom) -> Patch:
-        tri, constraints, count = movable.triangulation, movable.constraints, len(couples.node)
+    def patch(self, movable: MovableMesh, loops: Loops, couples: Couples, freedom: Freedom) -> Function:
+        tri, constraints = movable.triangulation, movable.constraints
+        count = len(couples.node)
         number, found = self.numbers(movable, couples)
         node, times = self.nodes(movable), self.signs(couples)
         position = self.positions(movable, couples).reshape(-1, 2)[found]
@@ -194,16 +197,16 @@ class Gathered(NamedTuple):
         start[: count + 1] = np.searchsorted(self.owner, np.arange(count + 1))
         ends = number.astype(np.int32)
         star = Star(start, np.arange(len(node), dtype=np.int32), *np.ascontiguousarray(ends[:, 1:].T))
-        primal, dual = loops.trials
-        general = bool(loops.modes)
+        primal, dual = loops.function.trials
+        general = loops.function.shapes is not None
         trials = Trials(*(self.trial(each, couples, freedom, ends, found, node, general) for each in (primal, dual)))
         kind = np.where(np.arange(len(rows)) < count, freedom.kind[rows], HELD).astype(np.int8)
         of_nodes = {name: getattr(constraints, name)[rows] for name in ("chain", "parameter", "inner")}
-        modes = tuple(self.modes(movable, own, times, freedom.sign) for own in loops.modes)
-        shapes = loops.shapes and self.shapes(loops.shapes, couples)
-        elements, nodes = tri.elements._replace(node=ends), np.arange(count, dtype=np.int32)
+        modes = tuple(self.modes(movable, own, times, freedom.sign) for own in loops.function.modes)
+        shapes = loops.function.shapes and self.shapes(loops.function.shapes, couples)
+        elements = tri.elements._replace(node=ends)
         mesh = KernelMesh(position, elements, star, constraints._replace(kind=kind, **of_nodes))
-        return Patch(mesh, trials, modes, shapes, nodes)
+        return Function(mesh, trials, modes, shapes)
 
     def trial(
         self, trial: Trial, couples: Couples, freedom: Freedom, ends: Ints, found: Ints, node: Ints, general: bool
@@ -269,7 +272,7 @@ class Gathered(NamedTuple):
         side = modes.side[at] * self.side_factors(modes.side.shape[2], times)
         return Modes(side, modes.bubble[self.element] * times, dirichlet)
 
-    def write_back(self, movable: MovableMesh, loops: Linear, couples: Couples, patch: Patch) -> None:
+    def write_back(self, movable: MovableMesh, loops: Loops, couples: Couples, patch: Function) -> None:
         constraints, count = movable.constraints, len(couples.node)
         parameter = patch.mesh.constraints.parameter[:count]
         for nodes, times in ((couples.node, np.ones(count)), (couples.partner, couples.sign)):
@@ -277,10 +280,10 @@ class Gathered(NamedTuple):
             constraints.parameter[nodes] = parameter
             points = movable.outline.points_on(constraints.own_chain[nodes[moved]], parameter[moved])
             movable.triangulation.position[nodes[moved]] = points
-            for function, now in zip(loops.trials, patch.trials, strict=True):
+            for function, now in zip(loops.function.trials, patch.trials, strict=True):
                 if len(function.value):
                     function.value[nodes] = times * now.value[:count]
         signs = self.signs(couples)
-        for modes, own in zip(loops.modes, patch.modes, strict=True):
+        for modes, own in zip(loops.function.modes, patch.modes, strict=True):
             modes.side[self.element[:, None], self.corner] = own.side * self.side_factors(modes.side.shape[2], signs)
             modes.bubble[self.element] = own.bubble * signs

@@ -15,7 +15,7 @@ from kohonen_adapt.polishing.curve_nodes import descend_curves
 from kohonen_adapt.polishing.elements import UNKNOWNS
 from kohonen_adapt.polishing.energy_recycling import Exchange, recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.loops import Linear
+from kohonen_adapt.polishing.loops import Loops
 from kohonen_adapt.polishing.paired_stars import Freedom, descend_pairs, set_partners
 from kohonen_adapt.polishing.polish import SETTLED
 
@@ -158,7 +158,7 @@ def sweep(
     return gain
 
 
-def flip_downhill(movable: MovableMesh, loops: Linear) -> float:
+def flip_downhill(movable: MovableMesh, loops: Loops) -> float:
     if not movable.flips:
         return 0.0
     gainful = np.empty(len(movable.triangulation.elements.node), dtype=np.bool_)

@@ -76,7 +76,10 @@ class Density:
         raise NotImplementedError
 
     def means(self, corners: Floats) -> Floats:
-        """Return mean densities of elements with `corners` (m, d + 1, d), as fractions of the largest value."""
+        """Return mean densities of elements as fractions of the largest value.
+
+        `corners` has shape (m, d + 1, d).
+        """
         means, most = np.empty(len(corners)), AT_ONCE // len(self.shares)
         for first in range(0, len(corners), most):
             points = np.einsum("qk,mkd->qmd", self.shares, corners[first : first + most])

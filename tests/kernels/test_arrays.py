@@ -19,12 +19,11 @@ NO_ARRAYS = {
     "Laws": {"first"},
     "Metric": {"relief"},
     "KernelMesh": {"elements", "star", "constraints"},
-    "Points": {"plain"},
-    "Reference": {"plain"},
     "Shapes": {"around"},
     "OpenMesh": {"elements", "constraints", "pool", "origins", "scratch", "metric"},
     "Trial": {"laws"},
     "Trials": {"primal", "dual"},
+    "Descents": {"primal", "dual", "terms"},
 }
 KINDS = {name: kind for module in (shared, arrays) for name, kind in vars(module).items() if hasattr(kind, "_fields")}
 RECORDS = ("Elements", "Star", "Constraints", "Chains", "PeriodicPairs", "SearchScratch", "SurgeryScratch")

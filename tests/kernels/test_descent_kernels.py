@@ -11,17 +11,18 @@ from hypothesis import strategies as st
 from kohonen_adapt import Ritz, Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING, WITHOUT
 from kohonen_adapt.kernels.triangle.flip import flip_edge
-from kohonen_adapt.kernels.triangle.polish import descend as kernels
-from kohonen_adapt.kernels.triangle.polish.descend import LEAST_CURVATURE, OVERSTEP, derivatives, quadratic
-from kohonen_adapt.kernels.triangle.polish.flip_linear import descend_flips, gain_of_flip
+from kohonen_adapt.kernels.triangle.polish import affine
+from kohonen_adapt.kernels.triangle.polish.descend import LEAST_CURVATURE, OVERSTEP
+from kohonen_adapt.kernels.triangle.polish.flips import gain_of_flip
+from kohonen_adapt.kernels.triangle.polish.linear import around, derivatives
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value
 
-derivatives, flip_edge, gain_of_flip, quadratic = (
-    interpreted(loop) for loop in (derivatives, flip_edge, gain_of_flip, quadratic)
+around, derivatives, flip_edge, gain_of_flip = (
+    interpreted(loop) for loop in (around, derivatives, flip_edge, gain_of_flip)
 )
 
 FLOOR = 0.3
@@ -48,8 +49,11 @@ class Setting:
         self.values, self.fixed = self.ritz.values.copy(), self.ritz.fixed.copy()
         self.functional = Functional.of(self.ritz, movable)
         self.constraints = self.outline.constraints._replace(kind=self.functional.kinds(self.outline, self.fixed))
-        self.trials = self.functional.trials(self.tri, TrialFunction(self.values, self.fixed, None))
-        self.trial = self.trials.primal
+        kernel_mesh = movable.kernel_mesh()._replace(constraints=self.constraints)
+        trial = TrialFunction(self.values, self.fixed, None)
+        self.loops = self.functional.loops(movable, trial, kernel_mesh)
+        self.descents = self.loops.scratch(0)
+        self.trial = self.descents.primal.trial
 
     @property
     def arrays(self):
@@ -60,15 +64,13 @@ class Setting:
         self.values[:] = ritz_solution(*self.arrays, self.fixed)
 
     def sweep(self):
-        return kernels.descend_nodes(
-            self.tri.position, self.tri.star, self.constraints, self.trials, np.arange(self.tri.nnodes), FLOOR
-        )
+        return affine.descend_nodes(self.descents, np.arange(self.tri.nnodes), FLOOR)
 
 
 def all_flips(at, floor):
     """A sweep over all edges."""
     every = np.ones(len(at.tri.elements.node), dtype=np.bool_)
-    return descend_flips(at.tri.position, at.tri.elements, at.trials, floor, every, 0, len(every), False)
+    return affine.descend_flips(at.descents, floor, every, 0, len(every), False)
 
 
 MESHES = {
@@ -127,11 +129,12 @@ def test_a_star_knows_what_a_move_and_a_value_do_to_the_whole(build):
         if constraints.kind[v] == SLIDING:
             way = 1e-3 * constraints.chains.direction[constraints.own_chain[v]]
         before = functional(*at.arrays)
-        c0, r0, _ = quadratic(at.tri.position, at.tri.star, at.trial, v, at.tri.position[v])
+        arrays = at.tri.position, at.tri.star, at.trial, WITHOUT, v
+        _, c0, r0, _ = around(*arrays, at.tri.position[v], 0.0)
         slope = derivatives(at.tri.position, at.tri.star, at.trial, v)
         assert (c0, r0) == pytest.approx((slope[1], slope[3]), rel=1e-10, abs=1e-12 * slope[0])
         at.tri.position[v] += way
-        c, r, k = quadratic(at.tri.position, at.tri.star, at.trial, v, at.tri.position[v])
+        _, c, r, k = around(*arrays, at.tri.position[v], 0.0)
         w = rng.normal()
         at.values[v] += w
         assert functional(*at.arrays) - before == pytest.approx(c + r * w + k * w * w / 2 - c0, rel=1e-9, abs=1e-9)
@@ -187,7 +190,7 @@ def test_a_flip_gains_what_the_functional_loses(build):
     elements, gained = at.tri.elements, 0
     for e, k in zip(*np.nonzero((elements.neighbour >= 0) & (elements.chain < 0)), strict=True):
         with np.errstate(divide="ignore"):  # a flip may leave no area
-            gain = gain_of_flip(at.tri.position, elements.node, at.trials, e, k, elements.neighbour[e, k])
+            gain = gain_of_flip(at.descents, WITHOUT, e, k, elements.neighbour[e, k])
         saved = [array.copy() for array in elements]
         before = functional(*at.arrays)
         flip_edge(elements, e, k)
@@ -208,9 +211,9 @@ def test_marked_edges_are_flipped_as_if_all_were_looked_at(build):
         m = len(one.tri.elements.node)
         gainful = np.empty(m, dtype=np.bool_)
         for first, last in ((0, m // 3), (m // 3, m)):
-            descend_flips(one.tri.position, one.tri.elements, one.trials, FLOOR, gainful, first, last, True)
+            affine.descend_flips(one.descents, FLOOR, gainful, first, last, True)
         assert 0 < np.count_nonzero(gainful) < m
-        found = descend_flips(one.tri.position, one.tri.elements, one.trials, FLOOR, gainful, 0, len(gainful), False)
+        found = affine.descend_flips(one.descents, FLOOR, gainful, 0, len(gainful), False)
         assert found == all_flips(other, FLOOR)
         for mine, all_of_them in zip(one.tri.elements, other.tri.elements, strict=True):
             np.testing.assert_array_equal(mine, all_of_them)

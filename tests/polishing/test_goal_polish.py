@@ -19,7 +19,7 @@ from kohonen_adapt.estimators import residual
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.triangle.arrays import FREE, SLIDING
-from kohonen_adapt.kernels.triangle.polish.sweep_higher import descend_nodes_higher
+from kohonen_adapt.kernels.triangle.polish import higher
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
@@ -124,7 +124,7 @@ def test_a_node_comes_to_rest_where_the_sum_is_least(order):
     for v in (np.flatnonzero(group)[2] for group in groups):
         for _ in range(100):
             before = at.value()
-            gain = descend_nodes_higher(scratch, np.array([v], dtype=np.int32), 0.0)
+            gain = higher.descend_nodes(scratch, np.array([v], dtype=np.int32), 0.0)
             assert 0.0 <= gain <= before - at.value() + 1e-12 * abs(before)
         rate = at.functional.on_chain[chain[v], 1] if trial.fixed[v] else 0.0
         for way in constraints.chains.direction[chain[v]][None] if sliding[v] else np.eye(2):

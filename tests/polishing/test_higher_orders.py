@@ -12,7 +12,7 @@ from kohonen_adapt import Ritz, Rules
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import Surgery
-from kohonen_adapt.kernels.triangle.polish.energy_recycle_higher import weigh_higher
+from kohonen_adapt.kernels.triangle.polish import higher
 from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
 from kohonen_adapt.mesh.elements.polynomials import evaluated, local_coefficients, modes_of
 from kohonen_adapt.mesh.host import count_unknowns
@@ -167,7 +167,7 @@ def test_what_was_in_memory_before_has_no_say(order):
         room = loops.scratch(0)
         for array in room.primal.block:
             array[:] = np.nan if array.dtype == np.float64 else -5
-        weigh_higher(mesh, room, offers, most, movable.floor, v, v + 1, False)
+        higher.weigh(mesh, room, offers, most, movable.floor, v, v + 1, False)
     np.testing.assert_array_equal(offers.cost, costs)
 
 

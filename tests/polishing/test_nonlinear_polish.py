@@ -17,24 +17,20 @@ from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.functionals import Laws, energy_density
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING, WITH, WITHOUT
 from kohonen_adapt.kernels.triangle.flip import flip_edge
-from kohonen_adapt.kernels.triangle.polish import descend as kernels
-from kohonen_adapt.kernels.triangle.polish.descend import (
-    LEAST_CURVATURE,
-    OVERSTEP,
-    derivatives,
-    parabola,
-)
-from kohonen_adapt.kernels.triangle.polish.flip_linear import descend_flips, gain_of_flip
+from kohonen_adapt.kernels.triangle.polish import affine
+from kohonen_adapt.kernels.triangle.polish.descend import LEAST_CURVATURE, OVERSTEP
+from kohonen_adapt.kernels.triangle.polish.flips import gain_of_flip
+from kohonen_adapt.kernels.triangle.polish.linear import around, derivatives
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table, radial
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.energy_tables import tabulated
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value
 
-derivatives, flip_edge, gain_of_flip, parabola, energy_density = (
-    interpreted(loop) for loop in (derivatives, flip_edge, gain_of_flip, parabola, energy_density)
+derivatives, flip_edge, gain_of_flip, around, energy_density = (
+    interpreted(loop) for loop in (derivatives, flip_edge, gain_of_flip, around, energy_density)
 )
 
 LAWS = {
@@ -208,8 +204,10 @@ class Setting:
         self.values, self.fixed = self.ritz.values.copy(), self.ritz.fixed.copy()
         self.functional = Functional.of(self.ritz, movable)
         self.constraints = self.outline.constraints._replace(kind=self.functional.kinds(self.outline, self.fixed))
-        self.trials = self.functional.trials(self.tri, TrialFunction(self.values, self.fixed, None))
-        self.trial = self.trials.primal
+        mesh = movable.kernel_mesh()._replace(constraints=self.constraints)
+        loops = self.functional.loops(movable, TrialFunction(self.values, self.fixed, None), mesh)
+        self.descents = loops.scratch(0)
+        self.trial = self.descents.primal.trial
 
     @property
     def arrays(self):
@@ -223,13 +221,11 @@ class Setting:
 
     def sweep(self):
         order = np.arange(self.tri.nnodes)
-        return kernels.descend_nodes(self.tri.position, self.tri.star, self.constraints, self.trials, order, FLOOR)
+        return affine.descend_nodes(self.descents, order, FLOOR)
 
     def flips(self):
         every = np.ones(len(self.tri.elements.node), dtype=np.bool_)
-        decrease, count = descend_flips(
-            self.tri.position, self.tri.elements, self.trials, FLOOR, every, 0, len(every), False
-        )
+        decrease, count = affine.descend_flips(self.descents, FLOOR, every, 0, len(every), False)
         self.tri.refill_star()
         return decrease, count
 
@@ -294,14 +290,15 @@ def test_a_star_knows_what_a_move_and_a_value_do_to_the_whole(build, law):
             way = 1e-3 * constraints.chains.direction[constraints.own_chain[v]]
         before = at.exact()
         star, w = (at.tri.position, at.tri.star, at.trial, v), 0.1 * rng.normal()
-        now = parabola(*star, at.tri.position[v], 0.0)
-        assert now[0] == pytest.approx(derivatives(*star)[1], rel=1e-10, abs=1e-12 * abs(before))
-        c, r, k = parabola(*star, at.tri.position[v] + way, w)
-        (low, _, _), (high, _, _) = (parabola(*star, at.tri.position[v] + way, w + d) for d in (-1e-5, 1e-5))
+        now = around(*star[:3], WITH, v, at.tri.position[v], 0.0)[1]
+        assert now == pytest.approx(derivatives(*star)[1], rel=1e-10, abs=1e-12 * abs(before))
+        there = *star[:3], WITH, v, at.tri.position[v] + way
+        _, c, r, k = around(*there, w)
+        low, high = (around(*there, w + d)[1] for d in (-1e-5, 1e-5))
         assert (high - low) / 2e-5 == pytest.approx(r, rel=1e-3, abs=1e-5 * k)
         at.tri.position[v] += way
         at.values[v] += w
-        assert at.exact() - before == pytest.approx(c - now[0], rel=1e-9, abs=TABLE * abs(before))
+        assert at.exact() - before == pytest.approx(c - now, rel=1e-9, abs=TABLE * abs(before))
         at.tri.position[v] -= way
         at.values[v] -= w
 
@@ -367,7 +364,7 @@ def test_a_flip_gains_what_the_functional_loses(law):
     elements, gained = at.tri.elements, 0
     for e, k in zip(*np.nonzero((elements.neighbour >= 0) & (elements.chain < 0)), strict=True):
         with np.errstate(divide="ignore"):  # a flip may leave no area
-            gain = gain_of_flip(at.tri.position, elements.node, at.trials, e, k, elements.neighbour[e, k])
+            gain = gain_of_flip(at.descents, WITHOUT, e, k, elements.neighbour[e, k])
         saved = [array.copy() for array in elements]
         before = at.exact()
         flip_edge(elements, e, k)
@@ -462,7 +459,7 @@ def test_a_linear_law_is_polished_like_linear_material():
 
 
 def test_nonlinear_material_compiles_nothing_that_linear_has_not():
-    mesh, compiled = blocks(16), (kernels.descend_nodes, descend_flips)
+    mesh, compiled = blocks(16), (affine.descend_nodes, affine.descend_flips)
     ka.polish(mesh, problem_of(Material(1000.0)), sweeps=1)
     before = [len(kernel.signatures) for kernel in compiled]
     ka.polish(mesh, problem_of(Material(bh=STEEL)), sweeps=1)

@@ -13,8 +13,8 @@ from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.midsides import MIN_JACOBIAN, jacobian_coefficients
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, FREE, POSITION, SLIDING, VALUE
-from kohonen_adapt.kernels.triangle.polish import descend_higher as kernels
+from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, FREE, POSITION, SLIDING, UNKNOWNS, VALUE
+from kohonen_adapt.kernels.triangle.polish import patch, rows
 from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value
@@ -101,20 +101,19 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
     tri, movable = at.movable.triangulation, at.movable
     assert at.value() == pytest.approx(functional_value(at.mesh, at.ritz), rel=1e-12)
     scratch = at.functional.loops(movable, at.trial, movable.kernel_mesh()).scratch(0).primal
-    derivatives, number, change = (
-        interpreted(loop) for loop in (kernels.derivatives, kernels.number_block, kernels.change_block)
-    )
+    loops = patch.derivatives, patch.number_unknowns, patch.change, rows.gather_star, rows.put_star
+    derivatives, number, change, gather, put = map(interpreted, loops)
     special = np.unique(tri.elements.node[scratch.shapes.special])
     nodes = special[movable.constraints.kind[special] == FREE]
     for v in (nodes[np.argmin(tri.position[nodes, 0])], nodes[-1]):  # beside the axis, and beside a curve
-        number(scratch, v)
-        scratch.block.own[0] = 0.0
-        count, (x, y) = scratch.block.unknowns[0], tri.position[v].copy()
+        gather(scratch, v)
+        number(scratch, True)
+        count, (x, y) = scratch.block.size[UNKNOWNS], tri.position[v].copy()
 
         def now(dx=0.0, dy=0.0, v=v, count=count, x=x, y=y):
             """The functional of the whole mesh, and what the kernel has of the star."""
             tri.position[v] = x + dx, y + dy
-            star, value = derivatives(scratch, v, (x + dx, y + dy), POSITION), at.value()
+            star, value = derivatives(scratch, (x + dx, y + dy), POSITION), at.value()
             tri.position[v] = x, y
             block = scratch.block
             stiffness = np.tril(block.stiffness[:count, :count])
@@ -122,9 +121,9 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
             return value, np.array(star[2]), block.rest[:count].copy(), block.mixed[:count].copy(), whole, star[3]
 
         _, slope, rest, mixed, stiffness, (xx, xy, yy) = now()
-        value = derivatives(scratch, v, (x, y), POSITION)[1]
+        value = derivatives(scratch, (x, y), POSITION)[1]
         for wanted in (VALUE, BLOCK):
-            assert derivatives(scratch, v, (x, y), wanted)[1] == pytest.approx(value, rel=1e-14)
+            assert derivatives(scratch, (x, y), wanted)[1] == pytest.approx(value, rel=1e-14)
         np.testing.assert_array_equal(scratch.block.rest[:count], rest)
         np.testing.assert_array_equal(np.tril(scratch.block.stiffness[:count, :count]), np.tril(stiffness))
         hessian, scale = np.array([[xx, xy], [xy, yy]]), np.abs(stiffness).max()
@@ -140,9 +139,11 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
             found = []
             for step in (STEP, -2.0 * STEP):
                 scratch.block.correction[:count] = np.eye(count)[i]
-                change(scratch, v, 0, step, 0.0)
+                change(scratch.block, 0, step, 0.0)
+                put(scratch, v, True)
                 found.append(now())
-            change(scratch, v, 0, STEP, 0.0)
+            change(scratch.block, 0, STEP, 0.0)
+            put(scratch, v, True)
             np.testing.assert_allclose((found[0][0] - found[1][0]) / (2.0 * STEP), rest[i], **near)
             np.testing.assert_allclose((found[0][2] - found[1][2]) / (2.0 * STEP), stiffness[i], **loose)
 
@@ -155,10 +156,11 @@ def test_few_points_integrate_the_block_of_a_uniform_field(name):
     scratch = at.functional.loops(movable, at.trial, movable.kernel_mesh()).scratch(0).primal
     straight = np.setdiff1d(tri.elements.node, tri.elements.node[scratch.shapes.special])
     v = straight[movable.constraints.kind[straight] == FREE][0]
-    interpreted(kernels.number_block)(scratch, v)
-    count, found = scratch.block.unknowns[0], []
+    interpreted(rows.gather_star)(scratch, v)
+    interpreted(patch.number_unknowns)(scratch, True)
+    count, found = scratch.block.size[UNKNOWNS], []
     for wanted in (COARSE_BLOCK, BLOCK):
-        interpreted(kernels.derivatives)(scratch, v, tri.position[v], wanted)
+        interpreted(patch.derivatives)(scratch, tri.position[v], wanted)
         found.append((scratch.block.rest[:count].copy(), np.tril(scratch.block.stiffness[:count, :count])))
     for few, all_points in zip(*found, strict=True):
         np.testing.assert_allclose(few, all_points, rtol=1e-12, atol=1e-12 * np.abs(all_points).max())

@@ -13,10 +13,11 @@ from kohonen_adapt import Rules
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.triangle.arrays import FREE
+from kohonen_adapt.kernels.triangle.arrays import FREE, WITHOUT
 from kohonen_adapt.kernels.triangle.flip import flip_edge
-from kohonen_adapt.kernels.triangle.polish.descend import derivatives, descend_nodes, quadratic
-from kohonen_adapt.kernels.triangle.polish.flip_linear import gain_of_flip
+from kohonen_adapt.kernels.triangle.polish import affine
+from kohonen_adapt.kernels.triangle.polish.flips import gain_of_flip
+from kohonen_adapt.kernels.triangle.polish.linear import around, derivatives
 from kohonen_adapt.magnetostatics import Froehlich, Magnetostatics, Material, halbach, radial
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
@@ -25,8 +26,8 @@ from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value
 
-derivatives, flip_edge, gain_of_flip, quadratic = (
-    interpreted(loop) for loop in (derivatives, flip_edge, gain_of_flip, quadratic)
+derivatives, flip_edge, gain_of_flip, around = (
+    interpreted(loop) for loop in (derivatives, flip_edge, gain_of_flip, around)
 )
 
 FLUX = np.random.default_rng(5).normal(size=(2, 6))
@@ -54,8 +55,11 @@ class Setting:
 
     def ask_again(self):
         """The flux of every element as it is now."""
-        self.trials = self.functional.trials(self.tri, TrialFunction(self.values, self.fixed, None))
-        self.trial = self.trials.primal
+        kind = self.functional.kinds(self.movable.outline, self.fixed)
+        mesh = self.movable.kernel_mesh()._replace(constraints=self.movable.constraints._replace(kind=kind))
+        self.loops = self.functional.loops(self.movable, TrialFunction(self.values, self.fixed, None), mesh)
+        self.descents = self.loops.scratch(0)
+        self.trial = self.descents.primal.trial
 
     def value(self):
         return self.functional.value(self.tri, TrialFunction(self.values, self.trial.fixed, None))
@@ -86,7 +90,7 @@ def test_derivatives_are_those_of_the_functional(build):
             ends = [(s, t, at.at(v, s * h[i] + t * h[j])) for s in (-1, 1) for t in (-1, 1)]
             assert given == pytest.approx(sum(s * t * end for s, t, end in ends) / 4e-10, abs=0.03 * max(xx, yy))
         moved = 0.004 * np.random.default_rng(v).normal(size=2)
-        c = quadratic(at.tri.position, at.tri.star, at.trial, v, at.tri.position[v] + moved)[0]
+        c = around(at.tri.position, at.tri.star, at.trial, WITHOUT, v, at.tri.position[v] + moved, 0.0)[1]
         assert c - total == pytest.approx(at.at(v, [*moved, 0.0]) - at.value(), rel=1e-6, abs=1e-9)
 
 
@@ -100,7 +104,7 @@ def test_a_flip_gains_what_the_functional_loses(build):
             if other < 0 or elements.chain[e, k] >= 0:
                 continue
             with np.errstate(divide="ignore"):  # a flip may leave no area
-                gain = gain_of_flip(at.tri.position, elements.node, at.trials, e, k, other)
+                gain = gain_of_flip(at.descents, WITHOUT, e, k, other)
             if gain > 0.0:
                 before = at.value()
                 flip_edge(elements, e, k)
@@ -122,11 +126,10 @@ def test_recycling_takes_off_what_it_says(build):
 
 def test_sweeps_lower_the_functional_by_their_gain():
     at = Setting(perturbed(inset(8), 1))
-    nodes, constraints = np.arange(at.tri.nnodes, dtype=np.int32), at.movable.constraints
-    kind = at.functional.kinds(at.movable.outline, at.trial.fixed)
+    nodes = np.arange(at.tri.nnodes, dtype=np.int32)
     for _ in range(3):
         before = at.value()
-        gain = descend_nodes(at.tri.position, at.tri.star, constraints._replace(kind=kind), at.trials, nodes, 0.3)
+        gain = affine.descend_nodes(at.descents, nodes, 0.3)
         assert 0.0 < gain < (before - at.value()) * (1.0 + 1e-9)
 
 

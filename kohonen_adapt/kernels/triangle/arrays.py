@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.kernels.arrays import Metric, Modes, Pool
+from kohonen_adapt.kernels.arrays import KernelMesh, Metric, Modes, Pool
 from kohonen_adapt.kernels.functionals import Laws
 from kohonen_adapt.kernels.numba.compilation import record
 
@@ -205,36 +205,38 @@ class Trials(NamedTuple):
 
 @record
 class Reference(NamedTuple):
-    """Functions of order 2 or 3 on the triangle (0, 0), (1, 0), (0, 1), at points.
+    """Functions of order 1, 2 or 3 on the triangle (0, 0), (1, 0), (0, 1).
 
     With the barycentric coordinates L_k, the functions are L_k, then for the side opposite to each corner the even
     function 4 L_i L_j; at order 3 also the odd function 27/2 L_i L_j (L_i - L_j) of each side and the bubble 27 L_0 L_1
     L_2.
     """
 
-    slope: np.ndarray  # (points, functions, 2): gradients
-    weight: np.ndarray  # (points,): quadrature weights, with sum 1 for each of both rules
     mean: np.ndarray  # (functions,): integrals
     mean_slope: np.ndarray  # (functions, 2): means of the gradients
     product: np.ndarray  # (functions, functions, 3): means of g1 h1, g1 h2 + g2 h1 and g2 h2 of gradients g and h
     halves: np.ndarray  # (2, functions, functions): coefficients on (p, 0, 1) and (p, 2, 0), p the midpoint of 1 and 2
-    plain: int  # number of points of the rule for linear elements, followed by the points for nonlinear elements
+
+
+STRAIGHT_SIDED = 7  # kind of `Points`
 
 
 @record
 class Points(NamedTuple):
-    """Quadrature points of elements with curved sides or around an axis, by kind.
+    """Quadrature points of elements by kind.
 
-    Kind 0 has no corner on the axis, kinds 1 to 3 have corner ``kind - 1`` on the axis, and kinds 4 to 6 have all
-    corners on the axis except ``kind - 4``.
+    Points for linear material are first, points for nonlinear material follow.
+
+    Kind 0 has a curved side and no corner on the axis, kinds 1 to 3 have corner ``kind - 1`` on the axis, and kinds 4
+    to 6 have all corners on the axis except ``kind - 4``. Kind 7 has straight sides in the plane.
     """
 
-    weight: np.ndarray  # (7, points): as of `Reference`
-    share: np.ndarray  # (7, points, 3): barycentric coordinates
-    value: np.ndarray  # (7, points, functions)
-    slope: np.ndarray  # (7, points, functions, 2): gradients
-    side: np.ndarray  # (7, points, 3, 3): value and gradient of the even function of each side
-    plain: int  # as of `Reference`
+    last: np.ndarray  # (8, 2) int32: numbers of points up to the last for linear and for nonlinear material
+    weight: np.ndarray  # (8, points): with sum 1 for each material
+    share: np.ndarray  # (8, points, 3): barycentric coordinates
+    value: np.ndarray  # (8, points, functions)
+    slope: np.ndarray  # (8, points, functions, 2): gradients
+    side: np.ndarray  # (8, points, 3, 3): value and gradient of the even function of each side
 
 
 @record
@@ -246,24 +248,33 @@ class Shapes(NamedTuple):
 
 # Derivatives wanted of an element: none; by a block, at the points of linear material; by a block; by position, too.
 VALUE, COARSE_BLOCK, BLOCK, POSITION = range(4)
+ROWS, UNKNOWNS = 0, 1  # of `Block.size`
+# Tuples as arguments, so that numba compiles the branch for their length alone.
+WITHOUT, WITH = (), (0,)
 
 
 @record
 class Block(NamedTuple):
-    """Scratch for the unknowns that change with a node or an edge.
+    """Triangles around a centre, with the unknowns that change with the centre.
 
-    Shapes are given by d elements, u unknowns and b functions.
+    Rows are the triangles of a node, of a merged node, at the midpoint of an edge or beside an edge. Corner 0 is
+    the centre, and sides are opposite to corners. Unknowns are the value at the centre, the coefficients of the sides
+    from the centre that are not held, and the bubbles. Shapes are given by d elements, u unknowns and b functions.
     """
 
-    unknowns: np.ndarray  # (1,) int32: number of unknowns
-    own: np.ndarray  # (1,): value to which the values around the node are relative
+    size: np.ndarray  # (2,) int32: numbers of rows and of unknowns
+    own: np.ndarray  # (2,): value to which values are relative, and the value at the centre relative to this value
+    element: np.ndarray  # (d,) int32: element with the data of the row
+    end: np.ndarray  # (d, 3) int32: -1 for the centre, then the next corners counter-clockwise
+    held: np.ndarray  # (d, 3) bool: the coefficients of the side are not unknowns
+    dirichlet: np.ndarray  # (d, 3) bool: as in `Modes`
+    special: np.ndarray  # (d,) bool: as in `Shapes`
+    local: np.ndarray  # (d, b): coefficients
+    offset: np.ndarray  # (d, 3, 2): as in `Shapes`
     dof: np.ndarray  # (d, b) int32: index of the unknown of every coefficient, -1 for none
     sign: np.ndarray  # (d, b): factor from the unknown to the coefficient
-    far_end: np.ndarray  # (u,) int32: far end of the edge of every unknown
-    local: np.ndarray  # (4, b): coefficients of elements
-    part: np.ndarray  # (b,): coefficients of a fifth element
-    offset: np.ndarray  # (5, 3, 2): midside offsets of these five elements
-    across: np.ndarray  # (b, 2): rotated gradient of each function times the doubled area
+    far_end: np.ndarray  # (u,) int32: far end of the side of every unknown
+    part: np.ndarray  # (b,): coefficients of an element that is halved
     added: np.ndarray  # (b, b + 3): derivatives by the coefficients of an element: second, first, mixed by x and y
     stiffness: np.ndarray  # (u, u): second derivatives, in the lower triangle; then the Cholesky factor
     rest: np.ndarray  # (u,): first derivatives; then the solution with the factor
@@ -273,19 +284,22 @@ class Block(NamedTuple):
 
     @classmethod
     def of(cls, elements: int, functions: int) -> "Block":
-        elements = max(elements, 4)  # a split edge has up to four
-        unknowns = 1 + (elements + 1) * (functions // 3 - 1) + elements * (functions == 10)
-        dof, sign = np.empty((elements, functions), dtype=np.int32), np.empty((elements, functions))
-        numbers = np.empty(1, dtype=np.int32), np.empty(1), dof, sign
-        local, across, vectors = np.empty((5, functions)), np.empty((functions, 2)), np.empty((3, unknowns))
-        table, mixed, far_end = np.empty((unknowns, unknowns)), np.empty((unknowns, 2)), np.empty(unknowns, np.int32)
-        scratch = far_end, local[:4], local[4], np.empty((5, 3, 2)), across, np.empty((functions, functions + 3))
-        return cls(*numbers, *scratch, table, vectors[0], mixed, vectors[1], vectors[2])
+        rows = max(elements, 4)  # a split edge has up to four
+        unknowns = 1 + (rows + 1) * (functions // 3 - 1) + rows * (functions == 10)
+        numbers = np.empty(2, np.int32), np.empty(2), np.empty(rows, np.int32), np.empty((rows, 3), np.int32)
+        held, dirichlet = np.empty((2, rows, 3), dtype=np.bool_)
+        marks = held, dirichlet, np.empty(rows, dtype=np.bool_)
+        local, sign = np.empty((2, rows, functions))
+        dof, far_end = np.empty((rows, functions), dtype=np.int32), np.empty(unknowns, dtype=np.int32)
+        rest, correction, response = np.empty((3, unknowns))
+        added = np.empty(functions), np.empty((functions, functions + 3)), np.empty((unknowns, unknowns))
+        coefficients = local, np.empty((rows, 3, 2)), dof, sign, far_end
+        return cls(*numbers, *marks, *coefficients, *added, rest, np.empty((unknowns, 2)), correction, response)
 
 
 @record
 class Descent(NamedTuple):
-    """Mesh and function of order 2 or 3 or around an axis, with scratch of a thread."""
+    """Mesh and function with scratch of a thread."""
 
     position: np.ndarray  # (n, 2)
     elements: Elements
@@ -297,6 +311,29 @@ class Descent(NamedTuple):
     points: Points
     shapes: Shapes
     block: Block
+
+
+@record
+class Descents(NamedTuple):
+    """Primal and dual function on a mesh.
+
+    Loops with this record have an argument `higher`, which is WITHOUT for functions that are affine on every element.
+    numba then compiles their closed forms, and WITH the unknowns of a `Block` all others.
+    """
+
+    primal: Descent
+    dual: Descent  # in linear materials
+    terms: int  # 1 without a dual function, else 2
+
+    @classmethod
+    def of(
+        cls, mesh: KernelMesh, trials: Trials, modes: tuple[Modes, ...], shapes: tuple[Reference, Points, Shapes]
+    ) -> "Descents":
+        most = int(np.diff(mesh.star.start).max())
+        primal, dual = (Block.of(most, len(shapes[0].mean)) for _ in trials)
+        first = Descent(*mesh, trials.primal, modes[0], *shapes, primal)
+        second = Descent(*mesh, trials.dual, modes[-1], *shapes, dual)
+        return cls(first, second, 2 if len(trials.dual.value) else 1)
 
 
 @record

@@ -24,21 +24,17 @@ from kohonen_adapt.mesh.host import ascending, keys_of, number_edges, number_fac
 
 __all__ = [
     "FIRST",
-    "LINEAR_FUNCTIONS",
     "SECOND",
     "TrialFunction",
-    "by_points",
     "edge_coefficients",
     "evaluated",
-    "exact_reference",
     "facets_of_sides",
     "gradients",
     "hierarchical_loads",
-    "joined_points",
-    "joined_reference",
     "local_coefficients",
     "modes_of",
     "places_on_sides",
+    "quadrature_points",
     "reference",
     "set_bubbles",
     "set_sides",
@@ -84,33 +80,19 @@ class TrialFunction(NamedTuple):
 
 
 @cache
-def reference(order: int, degree: int) -> Reference:
-    barycentric, weights = triangle_rule(degree)
+def reference(order: int) -> Reference:
+    barycentric, weights = triangle_rule(2 * (order - 1))
     slope = _as_rows(hierarchical(barycentric, order)[1])
     products = np.einsum("q,qir,qjs->ijrs", weights, slope, slope)
     both = np.stack([products[..., 0, 0], products[..., 0, 1] + products[..., 1, 0], products[..., 1, 1]], axis=2)
     exact, of_point = triangle_rule(order)
     mean = 0.5 * hierarchical(exact, order)[0] @ of_point
-    return Reference(slope, weights, mean, np.einsum("q,qir->ir", weights, slope), both, halves(order), weights.size)
+    return Reference(mean, np.einsum("q,qir->ir", weights, slope), both, halves(order))
 
 
 def _as_rows(parts: Floats) -> Floats:
     # points before functions and contiguous, as in the records of kernels
     return np.ascontiguousarray(np.moveaxis(parts, -1, 0))
-
-
-def exact_reference(order: int) -> Reference:
-    return reference(order, 2 * (order - 1))
-
-
-def law_reference(order: int) -> Reference:
-    return reference(order, LAW_DEGREE[order])
-
-
-@cache
-def joined_reference(order: int) -> Reference:
-    own, more = exact_reference(order), law_reference(order)
-    return own._replace(slope=np.concatenate([own.slope, more.slope]), weight=np.append(own.weight, more.weight))
 
 
 def halves(order: int) -> Floats:
@@ -191,11 +173,11 @@ def local_coefficients(corners: Floats, modes: Modes | None) -> Floats:
     return np.hstack([corners, *sides, *([modes.bubble[:, None]] if len(sides) == 2 else [])])
 
 
-def gradients(corners: Floats, coefficients: Floats, at: Reference) -> tuple[Floats, Floats]:
+def gradients(corners: Floats, values: Floats) -> Floats:
+    """Return the gradients (2, m) of values (m, 3) at corners (m, 3, 2)."""
     (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
-    doubled = ax * by - bx * ay
-    along, aside = np.einsum("qic,mi->cqm", at.slope, coefficients)
-    return doubled, np.stack([by * along - ay * aside, ax * aside - bx * along]) / doubled
+    along, aside = (values[:, 1:] - values[:, :1]).T
+    return np.stack([by * along - ay * aside, ax * aside - bx * along]) / (ax * by - bx * ay)
 
 
 def evaluated(coefficients: Floats, barycentric: Floats, kind: Ints | None = None) -> Floats:
@@ -204,26 +186,25 @@ def evaluated(coefficients: Floats, barycentric: Floats, kind: Ints | None = Non
     return np.sum(values.T * coefficients, axis=1)
 
 
-LINEAR_FUNCTIONS = reference(1, 0)
-
-
 @cache
-def by_points(order: int, law: bool = False) -> Points:
-    barycentric, weight = points_near_axis(order, law)
-    own = [near_axis(at, order, kind) for kind, at in enumerate(barycentric)]
+def quadrature_points(order: int) -> Points:
+    both = [_rules(order, law) for law in (False, True)]
+    rules = [[np.concatenate(parts) for parts in zip(*pair, strict=True)] for pair in zip(*both, strict=True)]
+    last = np.cumsum([[len(weight) for _, weight in each] for each in both], axis=0, dtype=np.int32).T.copy()
+    most, kinds = last.max(), [*range(len(ON_AXIS)), 0]
+    share = np.stack([np.pad(at, ((0, most - len(at)), (0, 0)), "edge") for at, _ in rules])
+    weight = np.stack([np.pad(weights, (0, most - len(weights))) for _, weights in rules])
+    own = [near_axis(at, order, kind) for kind, at in zip(kinds, share, strict=True)]
     value, slope = (np.stack([_as_rows(each) for each in parts]) for parts in zip(*own, strict=True))
-    even = [(values[SIDES, None], slopes[SIDES]) for values, slopes in (hierarchical(at, 2) for at in barycentric)]
+    even = [(values[SIDES, None], slopes[SIDES]) for values, slopes in (hierarchical(at, 2) for at in share)]
     sides = np.stack([_as_rows(np.concatenate(parts, axis=1)) for parts in even])
-    return Points(weight, barycentric, value, slope, sides, weight.shape[1])
+    return Points(last, weight, share, value, slope, sides)
 
 
-@cache
-def joined_points(order: int) -> Points:
-    own, more = by_points(order), by_points(order, law=True)
-    weight, barycentric, value, slope, side = (
-        np.concatenate(pair, axis=1) for pair in zip(own[:-1], more[:-1], strict=True)
-    )
-    return Points(weight, barycentric, value, slope, side, own.plain)
+def _rules(order: int, law: bool) -> list[tuple[Floats, Floats]]:
+    # by kind of `Points`
+    straight = triangle_rule(LAW_DEGREE[order] if law else 2 * (order - 1))
+    return [*zip(*points_near_axis(order, law), strict=True), straight]
 
 
 # on tetrahedra

@@ -107,16 +107,17 @@ def source_at(data, e, x):
 
 
 @inner_kernel
-def with_source(part, descent, e, j, local, special, offset, x, a, b, wanted):
+def with_source(part, descent, j, x, a, b, wanted):
     magnitude, total, gradient, hessian = part
     data, block, points = descent.trial.data, descent.block, descent.points
+    e, special = block.element[j], block.special[j]
     kind = axis_kind(x[0], a[0], b[0]) if descent.shapes.around else 0
-    for q in range(points.plain):
+    for q in range(points.last[kind, 0]):
         lead, second, third = points.share[kind, q, 0], points.share[kind, q, 1], points.share[kind, q, 2]
         there, level = plus_times(plus_times(x, second, a), third, b), 0.0
         p, r = a, b
         for k in range(3 if special else 0):
-            side, midside = points.side[kind, q, k], xy(offset, k)
+            side, midside = points.side[kind, q, k], xy(block.offset[j], k)
             there = plus_times(there, side[0], midside)
             p, r = plus_times(p, side[1], midside), plus_times(r, side[2], midside)
         f, (f_x, f_y), (f_xx, f_xy, f_yy) = source_at(data, e, there)
@@ -126,7 +127,7 @@ def with_source(part, descent, e, j, local, special, offset, x, a, b, wanted):
         rate = w * (doubled * lead * f_x - f * ey), w * (doubled * lead * f_y + f * ex)
         for i in range(points.value.shape[2]):
             value = points.value[kind, q, i]
-            level += local[i] * value
+            level += block.local[j, i] * value
             row = block.dof[j, i]
             if wanted > VALUE and row >= 0:
                 value *= block.sign[j, i]
