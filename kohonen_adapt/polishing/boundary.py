@@ -3,6 +3,7 @@
 The kernels, which see vertex stars only, do not include Robin terms.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,6 +64,14 @@ class BoundaryTerms:
             total += robin_value(corners, coefficients, sides, terms, self.ritz.axisymmetric, offset)
         return total
 
+    def terms(
+        self, chain: Ints, corners: Floats, offset: Floats | None
+    ) -> Iterator[tuple[tuple[Ints, Ints], Floats, Floats]]:
+        """Return the terms of every condition by `terms_of_sides`, for `value`."""
+        for name, chains in self.chains.items():
+            data = self.ritz.order, self.ritz.robin[name], self.ritz.axisymmetric, offset
+            yield terms_of_sides(corners, sides_on(chain, chains), *data)
+
     def improve(self, triangulation: Triangulation, trial: TrialFunction, offsets: Floats | None = None) -> None:
         # All values are found by one linear solve. With nonlinear laws the matrix has secant coefficients, and the
         # step is undone if the functional rises. `offsets` holds the midside offsets, shape (m, 3, 2).
@@ -96,10 +105,8 @@ class BoundaryTerms:
         return own + self.value(near.chain, near.corners, near.coefficients, near.offset)
 
     def _equations(self, near: "RobinElements", count: int) -> tuple[coo_array, Floats]:
-        parts, ritz = [(near.unknown.T, *self._of_elements(near))], self.ritz
-        for name, chains in self.chains.items():
-            data = ritz.order, ritz.robin[name], ritz.axisymmetric, near.offset
-            places, matrix, load = terms_of_sides(near.corners, sides_on(near.chain, chains), *data)
+        parts = [(near.unknown.T, *self._of_elements(near))]
+        for places, matrix, load in self.terms(near.chain, near.corners, near.offset):
             pulled = np.einsum("fij,fj->fi", matrix, near.coefficients[places])
             parts.append((near.unknown[places], matrix, pulled - load))
         total, right = coo_array((count, count)), np.zeros(count)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask, counted
 from kohonen_adapt.geometry.plane.chains import on_chains, parameters_of, signed_distances
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.arrays import HALVINGS
@@ -78,7 +78,7 @@ class Stars(NamedTuple):
         star, elements, position = triangulation.star, triangulation.elements, triangulation.position
         count = star.start[node + 1] - star.start[node]
         owner = np.repeat(np.arange(len(node)), count)
-        row = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count) + star.start[node][owner]
+        row = counted(count) + star.start[node][owner]
         e, ahead, behind = star.element[row], star.ahead[row], star.behind[row]
         first, last = np.searchsorted(slivers.element, e), np.searchsorted(slivers.element, e, side="right")
         holder = np.repeat(np.arange(len(e)), last - first)

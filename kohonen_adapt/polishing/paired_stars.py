@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask, counted
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.pairs import sliding_pairs
 from kohonen_adapt.kernels.arrays import KernelMesh, Modes
@@ -130,9 +130,10 @@ class Gathered(NamedTuple):
     @classmethod
     def of(cls, movable: MovableMesh, couples: Couples) -> "Gathered":
         tri, centres = movable.triangulation, np.concatenate([couples.node, couples.partner])
-        start, end = tri.star.start[centres], tri.star.start[centres + 1]
-        which = np.repeat(np.arange(len(centres)), end - start)
-        row = np.arange(len(which)) - np.repeat(np.cumsum(end - start) - (end - start), end - start) + start[which]
+        start = tri.star.start[centres]
+        count = tri.star.start[centres + 1] - start
+        which = np.repeat(np.arange(len(centres)), count)
+        row = counted(count) + start[which]
         element = tri.star.element[row]
         owner = which % len(couples.node)
         at_partner = which >= len(couples.node)

@@ -8,9 +8,8 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.pairs import sliding_pairs
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction, facets_of_sides, local_coefficients
-from kohonen_adapt.polishing.boundary import BoundaryTerms, sides_on
+from kohonen_adapt.polishing.boundary import BoundaryTerms
 from kohonen_adapt.polishing.stationarity import check_residual, derivatives_on, doubts_of, sums
-from kohonen_adapt.problem.boundary_terms import terms_of_sides
 from kohonen_adapt.problem.functional_value import numbers_of
 from kohonen_adapt.problem.ritz import Ritz
 
@@ -33,9 +32,7 @@ def check_in_plane(
     node, corners = elements.node, movable.triangulation.position.T[:, elements.node.T]
     coefficients, offset = local_coefficients(values[node], solution.modes).T, movable.midside_offsets().T
     parts = derivatives_on(corners, coefficients, numbers_of(ritz, mesh), ritz, offset)
-    for name, chains in boundary.chains.items():
-        data = ritz.order, ritz.robin[name], ritz.axisymmetric, offset
-        places, matrix, load = terms_of_sides(corners, sides_on(elements.chain, chains), *data)
+    for places, matrix, load in boundary.terms(elements.chain, corners, offset):
         pulled = np.einsum("fij,fj->fi", matrix, coefficients[places])
         np.add.at(parts.total, places, pulled - load)
         np.add.at(parts.size, places, np.abs(pulled) + np.abs(load))

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask, counted
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.pairs import sliding_pairs
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
@@ -287,10 +287,9 @@ def clusters_of(triangulation: Triangulation, rank: Ints) -> Ints:
     order = order[np.argsort(region[order], kind="stable")]
     count = np.bincount(region)
     clusters = np.maximum(1, np.round(count / CLUSTER).astype(np.int64))
-    mean_parameter = np.arange(len(order)) - np.repeat(np.cumsum(count) - count, count)
     along = region[order]
     cluster = np.empty(len(order), dtype=np.int32)
-    cluster[order] = (np.cumsum(clusters) - clusters)[along] + mean_parameter * clusters[along] // count[along]
+    cluster[order] = (np.cumsum(clusters) - clusters)[along] + counted(count) * clusters[along] // count[along]
     return cluster
 
 
