@@ -15,6 +15,7 @@ from kohonen_adapt.arrays import Floats
 __all__ = [
     "as_reals",
     "check_count",
+    "check_fields",
     "check_fraction",
     "check_hook",
     "check_state",
@@ -48,6 +49,14 @@ def positive_number(value: Any, what: str) -> float:
     if not (is_number(value) and isfinite(value) and value > 0.0):
         raise ValueError(f"{what} must be a positive number; got {value!r}.")
     return float(value)
+
+
+def check_fields(instance: object, **checks: Callable[[Any, str], Any]) -> None:
+    """Replace fields of a frozen dataclass by the results of their checks."""
+    kind = type(instance).__name__
+    for field, check in checks.items():
+        what = f"{field} of {'an' if kind[0] in 'AEIOU' else 'a'} {kind}"
+        object.__setattr__(instance, field, check(getattr(instance, field), what))
 
 
 def check_count(name: str, value: object) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.checks import finite_point, is_number
+from kohonen_adapt.checks import check_fields, finite_point, is_number
 
 __all__ = ["Motion", "Pair", "Reflection", "Rotation", "Translation", "inverse", "is_proper", "motion_of", "moved"]
 
@@ -48,7 +48,7 @@ class Rotation:
         if not is_number(self.angle) or not isfinite(self.angle):
             raise ValueError(f"angle of a Rotation must be a finite number in radians; got {self.angle!r}.")
         object.__setattr__(self, "angle", float(self.angle))
-        object.__setattr__(self, "centre", finite_point(self.centre, "centre of a Rotation"))
+        check_fields(self, centre=finite_point)
 
     @property
     def matrix(self) -> Floats:
@@ -84,7 +84,7 @@ class Translation:
     vector: tuple[float, float]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vector", finite_point(self.vector, "vector of a Translation"))
+        check_fields(self, vector=finite_point)
 
     @property
     def matrix(self) -> Floats:
@@ -121,8 +121,7 @@ class Reflection:
     normal: tuple[float, float]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "point", finite_point(self.point, "point of a Reflection"))
-        object.__setattr__(self, "normal", finite_point(self.normal, "normal of a Reflection"))
+        check_fields(self, point=finite_point, normal=finite_point)
         if hypot(*self.normal) == 0.0:
             raise ValueError("normal of a Reflection must have a direction; got (0, 0).")
 

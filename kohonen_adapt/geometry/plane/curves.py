@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.checks import checked_points, finite_point, positive_number
+from kohonen_adapt.checks import check_fields, checked_points, finite_point, positive_number
 
 __all__ = ["NEAR", "Arc", "Curve", "Line", "check_near", "curve_of_facets", "projected", "size_of"]
 
@@ -46,8 +46,7 @@ class Line:
     end: tuple[float, float]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", finite_point(self.start, "start of a Line"))
-        object.__setattr__(self, "end", finite_point(self.end, "end of a Line"))
+        check_fields(self, start=finite_point, end=finite_point)
         if self.start == self.end:
             raise ValueError(f"start and end of a Line must be two different points; got {self.start} twice.")
 
@@ -106,8 +105,7 @@ class Arc:
     radius: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", finite_point(self.centre, "centre of an Arc"))
-        object.__setattr__(self, "radius", positive_number(self.radius, "radius of an Arc"))
+        check_fields(self, centre=finite_point, radius=positive_number)
 
     def project(self, x: ArrayLike) -> Floats:
         """Return the points of the circle nearest to `x`.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.checks import checked_points, finite_triple, is_number, positive_number
+from kohonen_adapt.checks import check_fields, checked_points, finite_triple, is_number, positive_number
 
 __all__ = [
     "Cone",
@@ -58,8 +58,7 @@ class Plane:
     normal: tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "point", finite_triple(self.point, "point of a Plane"))
-        object.__setattr__(self, "normal", direction(self.normal, "normal of a Plane"))
+        check_fields(self, point=finite_triple, normal=direction)
 
     def project(self, x: ArrayLike) -> Floats:
         """Return the points of the plane nearest to `x`.
@@ -113,8 +112,7 @@ class Sphere:
     radius: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", finite_triple(self.centre, "centre of a Sphere"))
-        object.__setattr__(self, "radius", positive_number(self.radius, "radius of a Sphere"))
+        check_fields(self, centre=finite_triple, radius=positive_number)
 
     def project(self, x: ArrayLike) -> Floats:
         """Return the points of the sphere nearest to `x`.
@@ -170,9 +168,7 @@ class Cylinder:
     radius: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "point", finite_triple(self.point, "point of a Cylinder"))
-        object.__setattr__(self, "axis", direction(self.axis, "axis of a Cylinder"))
-        object.__setattr__(self, "radius", positive_number(self.radius, "radius of a Cylinder"))
+        check_fields(self, point=finite_triple, axis=direction, radius=positive_number)
 
     def project(self, x: ArrayLike) -> Floats:
         """Return the points of the cylinder nearest to `x`.
@@ -229,8 +225,7 @@ class Cone:
     half_angle: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "apex", finite_triple(self.apex, "apex of a Cone"))
-        object.__setattr__(self, "axis", direction(self.axis, "axis of a Cone"))
+        check_fields(self, apex=finite_triple, axis=direction)
         angle = self.half_angle
         if not (is_number(angle) and 0.0 < angle < 0.5 * pi):
             raise ValueError(f"half_angle of a Cone must be in radians, above 0 and below pi/2; got {angle!r}.")
