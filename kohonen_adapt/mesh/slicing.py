@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh, MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
 from kohonen_adapt.mesh.host import keys_of, number_facets
 from kohonen_adapt.mesh.names import named_sets
@@ -17,12 +17,15 @@ __all__ = ["CutBy", "Flat", "cut_triangles", "flat"]
 SNAP = 1e-12  # distance below which a node is on the plane, relative to the size of the mesh
 ALONG = 1e-12  # size of the other components below which a unit vector is along an axis
 
-# Triangles of a cut by the number of corners below the plane. Each node lies on an edge between two corners, numbered
-# with the corners below first.
-PIECES = {
-    1: (((0, 1), (0, 2), (0, 3)),),
-    2: (((0, 2), (0, 3), (1, 3)), ((0, 2), (1, 3), (1, 2))),
-    3: (((0, 3), (1, 3), (2, 3)),),
+# Parts of a cut through an element, by the number of all corners and of the corners below the plane. Each node lies on
+# an edge between two corners, numbered with the corners below first.
+PIECES: dict[int, dict[int, tuple[tuple[tuple[int, int], ...], ...]]] = {
+    3: {1: (((0, 1), (0, 2)),), 2: (((0, 2), (1, 2)),)},
+    4: {
+        1: (((0, 1), (0, 2), (0, 3)),),
+        2: (((0, 2), (0, 3), (1, 3)), ((0, 2), (1, 3), (1, 2))),
+        3: (((0, 3), (1, 3), (2, 3)),),
+    },
 }
 
 
@@ -109,25 +112,27 @@ def _cut(mesh: Mesh, point: Floats, normal: Floats) -> tuple[Ints, Ints, Ints, F
     height = normal @ (mesh.p - point[:, None])
     height[np.abs(height) < SNAP * np.ptp(mesh.p, axis=1).max()] = 0.0
     for is_above in (height >= 0.0, height > 0.0):  # the second for a plane along the boundary
-        count = np.sum(~is_above[mesh.t], axis=0)
-        if np.any((count > 0) & (count < len(mesh.t))):
-            break
-    else:
-        raise ValueError(
-            f"plane must meet the mesh, which is from {height.min():.4g} to {height.max():.4g} along its normal from "
-            f"its point {tuple(point.tolist())}."
-        )
-    found = []
-    for number, triangles in PIECES.items():
+        below, above, element = _pieces(is_above[mesh.t])
+        if element.size:
+            return mesh.t[below, element], mesh.t[above, element], element, height
+    raise ValueError(
+        f"plane must meet the mesh, which is from {height.min():.4g} to {height.max():.4g} along its normal from "
+        f"its point {tuple(point.tolist())}."
+    )
+
+
+def _pieces(above: Mask) -> tuple[Ints, Ints, Ints]:
+    # Corners below and above at the ends of the edges that are cut, (nodes, k), and the element of each part of the
+    # cut, from a mask of corners above, (corners, m).
+    count, order, found = np.sum(~above, axis=0), np.argsort(above, axis=0, kind="stable"), []
+    for number, pieces in PIECES[len(above)].items():
         element = np.flatnonzero(count == number)
-        corners = mesh.t[:, element]
-        corners = np.take_along_axis(corners, np.argsort(is_above[corners], axis=0, kind="stable"), axis=0)
-        for edges in triangles:
-            below, above = np.transpose(edges)
-            found.append((corners[below], corners[above], element))
-    below, above, element = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
-    order = np.argsort(element, kind="stable")
-    return below[:, order], above[:, order], element[order], height
+        for edges in pieces:
+            first, second = np.transpose(edges)
+            found.append((order[first[:, None], element], order[second[:, None], element], element))
+    below, over, element = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
+    rows = np.argsort(element, kind="stable")
+    return below[:, rows], over[:, rows], element[rows]
 
 
 def cut_triangles(corners: Floats, plane: CutBy) -> Floats:
@@ -147,15 +152,10 @@ def cut_triangles(corners: Floats, plane: CutBy) -> Floats:
     """
     normal = np.array(plane.normal, dtype=float) / np.linalg.norm(plane.normal)
     height = np.einsum("c,cin->in", normal, corners - np.reshape(plane.point, (3, 1, 1)))
-    above = height >= 0.0
-    rows = np.flatnonzero(above.any(axis=0) & ~above.all(axis=0))
-    alone = np.argmax(above[:, rows] == (above[:, rows].sum(axis=0) == 1), axis=0)
-    ends = []
-    for step in (1, 2):
-        other = (alone + step) % 3
-        share = height[alone, rows] / (height[alone, rows] - height[other, rows])
-        ends.append(corners[:, alone, rows] + share * (corners[:, other, rows] - corners[:, alone, rows]))
-    return np.einsum("ac,eck->aek", _frame(normal)[0], np.array(ends))
+    below, above, row = _pieces(height >= 0.0)
+    low, high = height[below, row], height[above, row]
+    start, end = corners[:, below, row], corners[:, above, row]
+    return np.einsum("ac,cek->eak", _frame(normal)[0], start + low / (low - high) * (end - start))
 
 
 def _frame(normal: Floats) -> tuple[Floats, tuple[str, str]]:
