@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
@@ -16,7 +14,7 @@ from kohonen_adapt.cases.readers import NUMBER, TEXT, list_of, read_table, table
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector
 from kohonen_adapt.mesh.host import set_boundaries
 from kohonen_adapt.mesh.motions import Pair, Rotation, inverse, moved
-from kohonen_adapt.mesh.names import named
+from kohonen_adapt.mesh.names import connected_components_of, named
 from kohonen_adapt.mesh.turning import elements_of, turned
 
 __all__ = ["Turn", "turn", "turned_materials", "turned_mesh"]
@@ -78,9 +76,8 @@ def with_arcs_on(sides: Iterable[str], mesh: MeshTri) -> MeshTri:
 def _connected(mesh: MeshTri, facets: Ints) -> list[Ints]:
     nodes, index = np.unique(mesh.facets[:, facets], return_inverse=True)
     one, other = index.reshape(2, -1)
-    graph = coo_array((np.ones(one.size), (one, other)), shape=(nodes.size,) * 2)
-    count, label = connected_components(graph, directed=False)
-    return [facets[label[one] == k] for k in range(count)]
+    label = connected_components_of(nodes.size, np.stack([one, other], axis=1))
+    return [facets[label[one] == k] for k in range(label.max() + 1)]
 
 
 def turned_materials(materials: Mapping[str, Material], mesh: MeshTri, turn: Turn) -> dict[str, Material]:

@@ -4,8 +4,6 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from skfem import Mesh
 
@@ -23,6 +21,7 @@ from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.host import keys_of
 from kohonen_adapt.mesh.measures import magnitude
+from kohonen_adapt.mesh.names import connected_components_of
 from kohonen_adapt.problem.protocol import CheckedProblem
 
 __all__ = [
@@ -258,9 +257,7 @@ def _fanned(mesh: Mesh, rim: Ints) -> Ints:
     pair = order[count[edge[order]] == 2].reshape(-1, 2)
     # A fan is a connected set of corners (face, node); two faces with a common edge connect corners at both ends.
     corner = {end: _corners(faces, pair % len(rim), ends[end, pair[:, 0]]) for end in (0, 1)}
-    one, other = np.concatenate([corner[0], corner[1]]).T
-    graph = coo_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(faces.size, faces.size))
-    fan = connected_components(graph, directed=False)[1]
+    fan = connected_components_of(faces.size, np.concatenate([corner[0], corner[1]]))
     node = np.unique(np.stack([faces.ravel(), fan]), axis=1)[0]
     return np.union1d(np.flatnonzero(np.bincount(node) > 1), crowded)
 

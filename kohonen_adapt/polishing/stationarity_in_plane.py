@@ -7,7 +7,8 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.pairs import sliding_pairs
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
-from kohonen_adapt.mesh.elements.polynomials import TrialFunction, facets_of_sides, local_coefficients
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction, local_coefficients
+from kohonen_adapt.mesh.host import facets_opposite
 from kohonen_adapt.polishing.boundary import BoundaryTerms
 from kohonen_adapt.polishing.stationarity import check_residual, derivatives_on, doubts_of, sums
 from kohonen_adapt.problem.functional_value import numbers_of
@@ -63,7 +64,7 @@ def unknowns_of(mesh: Mesh, node: Ints, functions: int) -> tuple[Ints, Floats]:
     corners = mesh.p.T[node]
     count = len(places[0])
     if functions > 3:
-        facet, ends = facets_of_sides(mesh, node), mesh.p[:, mesh.facets].mean(axis=1).T
+        facet, ends = facets_opposite(mesh, node), mesh.p[:, mesh.facets].mean(axis=1).T
         for _ in range(3, min(functions, 9), 3):
             columns.append(count + facet)
             places.append(ends)

@@ -20,7 +20,7 @@ from kohonen_adapt.kernels.triangle.arrays import Points, Reference
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.elements.functions import ON_AXIS, factor_at, hierarchical, near_axis
 from kohonen_adapt.mesh.elements.rules import LAW_DEGREE, points_near_axis, triangle_rule
-from kohonen_adapt.mesh.host import ascending, keys_of, number_edges, number_facets
+from kohonen_adapt.mesh.host import ascending, facets_opposite, keys_of, number_edges
 
 __all__ = [
     "FIRST",
@@ -28,7 +28,6 @@ __all__ = [
     "TrialFunction",
     "edge_coefficients",
     "evaluated",
-    "facets_of_sides",
     "gradients",
     "hierarchical_loads",
     "local_coefficients",
@@ -105,13 +104,6 @@ def halves(order: int) -> Floats:
     return np.stack(parts)
 
 
-def facets_of_sides(mesh: MeshTri, node: Ints) -> Ints:
-    number_facets(mesh)
-    opposite = mesh.t2f[AFTER].T  # scikit-fem's sides join the local nodes (0, 1), (1, 2), (0, 2)
-    same = np.asarray(node)[:, :, None] == mesh.t.T[:, None, :]
-    return np.einsum("mkc,mc->mk", same, opposite)
-
-
 def modes_of(
     mesh: MeshTri, node: Ints, values: Floats, order: int, fixed: Mask | None = None, kind: Ints | None = None
 ) -> Modes:
@@ -120,7 +112,7 @@ def modes_of(
     `values` (nunknowns,) are its values at the unknowns of the order. A side is a Dirichlet side if all of its own
     unknowns are `fixed` (nunknowns,).
     """
-    facet, nodes, facets = facets_of_sides(mesh, node), mesh.nvertices, mesh.facets.shape[1]
+    facet, nodes, facets = facets_opposite(mesh, node), mesh.nvertices, mesh.facets.shape[1]
     own = values[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1)[facet]  # from the lower node index
     dirichlet = np.zeros(node.shape, dtype=np.bool_)
     if fixed is not None:
