@@ -1,21 +1,22 @@
 """Nodes that stay where they are, with reasons in words."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Mask, unique_pairs
 from kohonen_adapt.checks import listed
+from kohonen_adapt.geometry.movable import Movable
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.polylines import CORNER
 from kohonen_adapt.geometry.rules import Pinned, pinned_nodes
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD as HELD_IN_SPACE
-from kohonen_adapt.kernels.triangle.arrays import HELD
-from kohonen_adapt.mesh.names import named_sets
+from kohonen_adapt.mesh.cells import FACES
+from kohonen_adapt.mesh.host import ascending, keys_of
+from kohonen_adapt.mesh.measures import angles_between
 
 __all__ = ["names_at", "of_boundaries", "reasons_in_plane", "reasons_in_space", "with_pins", "without_turns"]
 
@@ -23,45 +24,50 @@ TURN = re.compile(r"(, | at a turn of )[\d.e-]+ degrees")
 
 
 def reasons_in_plane(movable: MovableMesh) -> list[str]:
-    found = [""] * movable.nnodes
     ends, chain = constrained_edges(movable)
     order = np.argsort(ends.ravel(), kind="stable")
     start = np.searchsorted(ends.ravel()[order], np.arange(movable.nnodes + 1))
-    for v in np.flatnonzero(movable.constraints.kind == HELD).tolist():
+
+    def reason(v: int) -> str:
         rows, side = np.divmod(order[start[v] : start[v + 1]], 2)
-        if movable.outline.pinned[v]:
-            found[v] = "pinned"
-            continue
         others, names = ends[rows, 1 - side], names_at(movable, v, chain[rows])
+        small = ""
         if movable.constraints.periodic.partner[v] >= 0:
             small = f"periodic pair on {names}, whose other node cannot slide"
         elif not movable.outline.straight[chain[rows]].all():
             small = f"end of a curve of {names}"
-        else:
-            small = ""
-        found[v] = corner_text(movable.triangulation.position, v, others, names, small)
-    return found
+        return corner_text(movable.triangulation.position, v, others, names, small)
+
+    return reasons_of(movable, movable.outline.pinned, reason)
+
+
+def reasons_of(movable: Movable, pinned: Mask, reason: Callable[[int], str]) -> list[str]:
+    held = movable.held_nodes | pinned
+    return ["" if not held[v] else "pinned" if pinned[v] else reason(v) for v in range(movable.nnodes)]
 
 
 def constrained_edges(movable: MovableMesh) -> tuple[Ints, Ints]:
     """Return the nodes (f, 2) and the curve segment (f,) of every constrained edge."""
     elements = movable.triangulation.elements
     e, k = np.nonzero(elements.chain >= 0)
-    ends = np.sort(np.stack(elements.ends(e, k), axis=1), axis=1)
-    ends, first = np.unique(ends, axis=0, return_index=True)
-    return ends, elements.chain[e, k][first]
+    ends = ascending(*elements.ends(e, k))
+    first = np.unique(keys_of(ends, movable.nnodes), return_index=True)[1]
+    return ends[:, first].T, elements.chain[e, k][first]
 
 
 def names_at(movable: MovableMesh, v: int, chain: Ints) -> str:
-    names = [name for name, orientation in movable.outline.names.items() if np.any(orientation[chain])]
-    if names:
-        return f"{'boundary' if len(names) == 1 else 'boundaries'} {listed(names)}"
-    triangulation = movable.triangulation
-    star = triangulation.star
-    around = triangulation.elements.region[star.element[star.start[v] : star.start[v + 1]]]
-    sets = named_sets(movable.input_mesh.subdomains)
-    names = [name for name, rows in sets.items() if np.isin(around, triangulation.region_of_input[rows]).any()]
+    if found := boundaries_with(movable, chain):
+        return found
+    star = movable.triangulation.star
+    names = movable.subdomains_of(
+        movable.triangulation.elements.region[star.element[star.start[v] : star.start[v + 1]]]
+    )
     return f"subdomain{'s' * (len(names) > 1)} {listed(names)}" if names else "the outer boundary"
+
+
+def boundaries_with(movable: Movable, parts: Ints) -> str:
+    names = [name for name, side in movable.part_names.items() if np.any(side[parts])]
+    return f"{'boundary' if len(names) == 1 else 'boundaries'} {listed(names)}" if names else ""
 
 
 def corner_text(position: Floats, v: int, others: Ints, names: str, small: str) -> str:
@@ -69,36 +75,31 @@ def corner_text(position: Floats, v: int, others: Ints, names: str, small: str) 
         return f"junction of {len(others)} boundaries and interfaces at {names}"
     if len(others) < 2:
         return f"end of {names}"
-    one, two = position[v] - position[others[0]], position[others[1]] - position[v]
-    turn = abs(np.arctan2(one[0] * two[1] - one[1] * two[0], one @ two))
+    turn = angles_between(position[v] - position[others[0]], position[others[1]] - position[v])
     if turn >= CORNER:
         return f"corner of {names}, {np.rad2deg(turn):.3g} degrees"
     return small or f"no curve of {names} is recognised at a turn of {np.rad2deg(turn):.3g} degrees; use `curves`"
 
 
 def reasons_in_space(movable: MovableSolid) -> list[str]:
-    found, elements = [""] * movable.nnodes, movable.tetrahedralization.elements
+    elements = movable.tetrahedralization.elements
     e, k = np.nonzero(elements.patch >= 0)
-    node = elements.node[e[:, None], (k[:, None] + [1, 2, 3]) % 4]
-    pairs = np.unique(np.stack([node.ravel(), np.repeat(elements.patch[e, k], 3)], axis=1), axis=0)
-    start = np.searchsorted(pairs[:, 0], np.arange(movable.nnodes + 1))
-    for v in np.flatnonzero((movable.freedom.number == HELD_IN_SPACE) | movable.freedom.pinned).tolist():
-        patches = pairs[start[v] : start[v + 1], 1]
-        where = of_boundaries(movable, patches)
-        if movable.freedom.pinned[v]:
-            found[v] = "pinned"
-        elif len(patches) > 2:
-            found[v] = f"corner of {len(patches)} faces{where}"
-        elif len(patches) == 2:
-            found[v] = f"corner of an edge between two faces{where}"
-        else:
-            found[v] = f"rim of a sheet that is neither straight nor an arc{where}"
-    return found
+    node, patch = unique_pairs(elements.node[e[:, None], FACES[k]].ravel(), np.repeat(elements.patch[e, k], 3))
+    start = np.searchsorted(node, np.arange(movable.nnodes + 1))
+
+    def reason(v: int) -> str:
+        patches = patch[start[v] : start[v + 1]]
+        what = "rim of a sheet that is neither straight nor an arc"
+        if len(patches) > 1:
+            what = f"corner of {'an edge between two' if len(patches) == 2 else len(patches)} faces"
+        return what + of_boundaries(movable, patches)
+
+    return reasons_of(movable, movable.freedom.pinned, reason)
 
 
 def of_boundaries(movable: MovableSolid, patches: Ints) -> str:
-    names = [name for name, side in movable.patches.names.items() if np.any(side[patches])]
-    return f" of {'boundary' if len(names) == 1 else 'boundaries'} {listed(names)}" if names else ""
+    found = boundaries_with(movable, patches)
+    return f" of {found}" if found else ""
 
 
 def with_pins(reasons: list[str], mesh: Mesh, pinned: Pinned, points: Mapping[str, Ints] | None = None) -> list[str]:

@@ -1,24 +1,38 @@
 """Mesh as arrays that change when nodes move, with the constraints on its nodes."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
+from skfem.generic_utils import OrientedBoundary
 
-from kohonen_adapt.arrays import Floats, Ints, Mask, padded
+from kohonen_adapt.arrays import Floats, Ints, Mask, padded, ranks
 from kohonen_adapt.checks import check_state, listed
-from kohonen_adapt.mesh.names import named_sets
+from kohonen_adapt.geometry.rules import Rules, check_for, euclidean_floor_of, floor_of
+from kohonen_adapt.mesh.host import facets_opposite, set_boundaries
+from kohonen_adapt.mesh.names import LEFT, boundary_of, named_sets, turned
 from kohonen_adapt.mesh.shapes import are_round, round_shapes
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["Movable", "Recycled", "Work", "arrays_of", "names_beside", "shown", "unchanged"]
+__all__ = [
+    "Movable",
+    "Recycled",
+    "Work",
+    "arrays_of",
+    "element_order",
+    "reordered_state",
+    "settings_of",
+    "shown",
+    "unchanged",
+]
 
 
+@dataclass(kw_only=True)
 class Movable(ABC):
     """Mesh as arrays, with the constraints on its nodes.
 
@@ -36,12 +50,16 @@ class Movable(ABC):
         Minimum Euclidean quality that the polish may leave in a metric with min_quality="auto".
     floor
         Minimum quality after a change, or the worst quality before the change if that is lower.
+    flips
+        True if edges may flip, in space if elements may be swapped.
     least
         Minimum Euclidean quality beside a metric, in which `floor` is measured; equal to `floor` if that is Euclidean.
     shape
         Shapes of the metric at the nodes, (n, 3), in space (n, 6).
     in_metric
         True if the shapes are not round.
+    curved
+        True if `mesh` returns curved elements: curved sides are requested, and a part of the boundary is curved.
     """
 
     state_names: ClassVar[tuple[str, ...]]
@@ -50,9 +68,11 @@ class Movable(ABC):
     least_in_polish: ClassVar[float]
 
     floor: float
+    flips: bool
     least: float
     shape: Floats
     in_metric: bool = False
+    curved: bool = False
 
     @property
     @abstractmethod
@@ -61,6 +81,23 @@ class Movable(ABC):
     @property
     @abstractmethod
     def held_nodes(self) -> Mask: ...
+
+    @property
+    @abstractmethod
+    def part_names(self) -> Mapping[str, NDArray[np.int8]]:
+        """Orientation of each boundary name on the curve segments or patches."""
+
+    @property
+    @abstractmethod
+    def part_of_facets(self) -> Ints:
+        """Curve segment or patch of the facet opposite to each corner, (m, d + 1)."""
+
+    @abstractmethod
+    def are_left(self, element: Ints, corner: Ints) -> Mask:
+        """Return True for elements to the left of curve segments, or in front of patches."""
+
+    @abstractmethod
+    def mesh(self) -> Mesh: ...
 
     @abstractmethod
     def records(self) -> dict[str, Any]:
@@ -83,6 +120,35 @@ class Movable(ABC):
     @abstractmethod
     def farthest_part(self) -> str:
         """Return the name of the part at this distance from its facets."""
+
+    def start(self) -> Mesh:
+        return self.mesh() if self.curved else self.input_mesh
+
+    def straight_mesh(self) -> Mesh:
+        mesh, used, boundaries = self.tessellation.to_mesh(), self.tessellation.used, self.input_mesh.boundaries
+        if boundaries is not None:
+            facet, part = facets_opposite(mesh, self.tessellation.elements.node[used]), self.part_of_facets[used]
+            found = {}
+            for name, manner in self.part_names.items():
+                own, on_left = np.append(manner, 0)[part], None
+                e, k = np.nonzero(own)
+                if isinstance(boundaries[name], OrientedBoundary):
+                    on_left = turned(own[e, k], self.are_left(used[e], k)) == LEFT
+                found[name] = boundary_of(mesh, facet, e, k, on_left)
+            set_boundaries(mesh, found)
+        return mesh
+
+    def name_of(self, part: int) -> str:
+        # The regions beside a part are listed if the part has no name.
+        found = [name for name, manner in self.part_names.items() if manner[part]]
+        if found:
+            return f"boundary {' + '.join(map(repr, found))}"
+        found = self.subdomains_of(self.tessellation.elements.region[np.any(self.part_of_facets == part, axis=1)])
+        return listed(found) if found else ""
+
+    def subdomains_of(self, regions: Ints) -> list[str]:
+        sets, region = named_sets(self.input_mesh.subdomains), self.tessellation.region_of_input
+        return [name for name, rows in sets.items() if np.isin(regions, region[rows]).any()]
 
     def measure_by(self, shape: Floats | None) -> None:
         # shapes of the metric at the nodes, None for round ones
@@ -132,21 +198,39 @@ class Movable(ABC):
         check_state(self.state(), state, rows, self.ranges(n, m))
 
 
-def names_beside(
-    tessellation: Triangulation | Tetrahedralization, names: Mapping[str, NDArray[np.int8]], part: int, regions: Ints
-) -> str:
-    # Returns an empty string if neither has a name.
-    found = [name for name, manner in names.items() if manner[part]]
-    if found:
-        return f"boundary {' + '.join(map(repr, found))}"
-    region_of_input, beside = tessellation.region_of_input, set(regions.tolist())
-    sets = named_sets(tessellation.mesh.subdomains).items()
-    found = [name for name, rows in sets if beside & set(region_of_input[rows].tolist())]
-    return listed(found) if found else ""
-
-
 def arrays_of(record: str, state: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     return {name.removeprefix(f"{record}."): array for name, array in state.items() if name.startswith(f"{record}.")}
+
+
+def settings_of(rules: Rules, tessellation: Triangulation | Tetrahedralization) -> dict[str, Any]:
+    """Return the fields of a `Movable` that `rules` determine, after a check."""
+    dim = tessellation.cell.dim
+    check_for(rules, dim)
+    floor, least = floor_of(rules, dim), euclidean_floor_of(rules, dim)
+    return {"floor": floor, "least": least, "flips": rules.flips, "shape": round_shapes(tessellation.nnodes, dim)}
+
+
+def reordered_state(
+    state: Mapping[str, NDArray[Any]], nodes: Ints, elements: Ints, by_element: Sequence[str]
+) -> dict[str, NDArray[Any]]:
+    """Return the arrays of some nodes and elements, in their order.
+
+    The first two of `by_element` are the nodes and the neighbours of elements.
+    """
+    found = {name: np.take(array, elements if name in by_element else nodes, axis=0) for name, array in state.items()}
+    node, neighbour = by_element[:2]
+    for name, order, like in (
+        (node, nodes, "position"),
+        ("twins.partner", nodes, "position"),
+        (neighbour, elements, node),
+    ):
+        if name in found:
+            found[name] = np.append(ranks(order, len(state[like])), np.int32(-1))[found[name]]
+    return found
+
+
+def element_order(node: Ints, node_index: Ints) -> Ints:
+    return np.argsort(node_index[node].min(axis=1), kind="stable")
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,10 @@ element lies, nor that more than two elements share a facet. The number of eleme
 of the rim only. Elements that lie on others are therefore found by the centroids of elements with a facet on the rim.
 """
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import KDTree
 from skfem import Mesh
 
@@ -19,6 +21,7 @@ from kohonen_adapt.mesh.names import connected_components_of, named_sets
 
 __all__ = [
     "BoxTree",
+    "across",
     "connected_arrays",
     "neighbours_of",
     "parts_at",
@@ -73,12 +76,18 @@ def parts_of_regions(neighbour: Ints, region: Ints) -> Ints:
     return connected_components_of(int(region.max()) + 1, np.stack([region[e], region[neighbour[e, k]]], axis=1))
 
 
-def write_on_both_sides(of_facet: Ints, neighbour: Ints, element: Ints, corner: Ints, value: Ints) -> None:
+def write_on_both_sides(
+    of_facet: NDArray[Any], neighbour: Ints, element: Ints, corner: Ints, value: NDArray[Any]
+) -> None:
     of_facet[element, corner] = value
-    across = neighbour[element, corner]
-    inside = across >= 0
-    e, own = across[inside], element[inside]
-    of_facet[e, np.argmax(neighbour[e] == own[:, None], axis=1)] = value[inside]
+    inside = neighbour[element, corner] >= 0
+    of_facet[across(neighbour, element[inside], corner[inside])] = value[inside]
+
+
+def across(neighbour: Ints, element: Ints, corner: Ints) -> tuple[Ints, Ints]:
+    """Return the elements across facets inside the mesh, and the corners there."""
+    there = neighbour[element, corner]
+    return there, np.argmax(neighbour[there] == element[:, None], axis=1)
 
 
 def connected_arrays(mesh: Mesh) -> tuple[Floats, Ints, Ints]:

@@ -15,7 +15,7 @@ from kohonen_adapt.mesh.curved import corners_of, midside_offsets, with_midside_
 from kohonen_adapt.mesh.host import facets_opposite, number_facets, remade, set_boundaries
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.measures import directed
-from kohonen_adapt.mesh.names import LEFT, boundary_of, named_sets
+from kohonen_adapt.mesh.names import boundary_of, named_sets
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["Sides", "boundary_facets", "merge", "sides_of", "with_images"]
@@ -113,17 +113,15 @@ def with_images(
     mesh = remade(host, position, elements, boundaries=None, subdomains=dict(subdomains) or None)
     facet = facets_opposite(mesh, elements.T)  # scikit-fem may have reordered the corners
     if sides:
-        set_boundaries(mesh, {name: _boundary(mesh, facet, each) for name, each in sides.items()})
+        found = {}
+        for name, (element, corner, oriented) in sides.items():
+            found[name] = boundary_of(mesh, facet, element, corner, np.ones_like(element, bool) if oriented else None)
+        set_boundaries(mesh, found)
     if not offset.any():
         return mesh
     of_facet = np.zeros(mesh.facets.shape)
     of_facet[:, facet] = offset.swapaxes(1, 2)
     return with_midside_offsets(mesh, of_facet)
-
-
-def _boundary(mesh: MeshTri, facet: Ints, sides: Sides) -> Ints:
-    oriented = (lambda element, _: np.full(element.shape, LEFT, dtype=np.int8)) if sides.oriented else None
-    return boundary_of(mesh, facet, sides.element, sides.corner, oriented)
 
 
 def sides_of(mesh: Mesh, rows: Ints, first: int = 0) -> Sides:

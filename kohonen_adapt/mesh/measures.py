@@ -31,6 +31,7 @@ __all__ = [
     "inner_points",
     "is_in_front",
     "magnitude",
+    "qualities_of",
     "quality",
     "signed_area",
     "unit_vectors",
@@ -49,11 +50,6 @@ def signed_area(mesh: Mesh) -> Floats:
     """
     cell = cell_of(mesh)
     return cell.determinant(mesh.p[:, mesh.t]) / factorial(cell.dim)
-
-
-def edges_of(mesh: Mesh) -> Floats:
-    corners, (one, other) = mesh.p[:, mesh.t], np.transpose(cell_of(mesh).edges)
-    return corners[:, one] - corners[:, other]
 
 
 def area(mesh: Mesh) -> Floats:
@@ -126,8 +122,15 @@ def quality(mesh: Mesh) -> Floats:
     if is_second_order(mesh):
         check_midsides(mesh)
         check_curved_sides(mesh)
-    cell = cell_of(mesh)
-    return cell.regular * np.abs(signed_area(mesh)) ** (2 / cell.dim) / np.sum(edges_of(mesh) ** 2, axis=(0, 1))
+    return np.abs(qualities_of(mesh.p[:, mesh.t]))
+
+
+def qualities_of(corners: Floats) -> Floats:
+    """Return qualities of elements with corners (d, d + 1, m), negative if inverted."""
+    cell = CELLS[len(corners)]
+    one, other = np.transpose(cell.edges)
+    size, squares = cell.determinant(corners) / factorial(cell.dim), (corners[:, one] - corners[:, other]) ** 2
+    return np.sign(size) * cell.regular * np.abs(size) ** (2 / cell.dim) / np.sum(squares, axis=(0, 1))
 
 
 def hat_gradients(mesh: Mesh) -> Floats:

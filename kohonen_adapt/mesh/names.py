@@ -1,6 +1,6 @@
 """Named subdomains and boundaries, and regions of elements with equal names."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,12 +19,14 @@ __all__ = [
     "LEFT",
     "RIGHT",
     "UNORIENTED",
+    "boundary_of",
     "codes_of_names",
     "combinations",
     "connected_components_of",
     "in_order",
     "labels",
     "manners_of",
+    "marked_facets",
     "named",
     "named_sets",
     "nodes_of_points",
@@ -157,31 +159,27 @@ def marked_facets(mesh: Mesh, elements: Any) -> tuple[Ints, Ints, Ints, Ints, di
     element and of its neighbour, -1 outside, shape (f, 2), the labels of both sides, shape (f, 2), and the result of
     `manners_of` by boundary name.
     """
-    across, own = elements.neighbour, elements.region[:, None]
-    other = np.where(across >= 0, elements.region[across], -1)
-    marked = other != own
+    across, other = elements.neighbour, np.append(elements.region, np.int32(-1))[elements.neighbour]
+    marked = other != elements.region[:, None]
     boundaries = mesh.boundaries or {}
     facet = facets_opposite(mesh, elements.node) if boundaries else None
     if facet is not None:
         named_facets = np.zeros(mesh.facets.shape[1], dtype=bool)
         named_facets[np.concatenate([np.asarray(rows, dtype=np.int64) for rows in boundaries.values()])] = True
         marked |= named_facets[facet]
-    e, k = np.nonzero(marked & ((across < 0) | (across > np.arange(len(own))[:, None])))
+    e, k = np.nonzero(marked & ((across < 0) | (across > np.arange(len(across))[:, None])))
     sides = {} if facet is None else {n: manners_of(mesh, rows, facet[e, k], e) for n, rows in boundaries.items()}
     regions = np.stack([elements.region[e], other[e, k]], axis=1)
     return e, k, regions, labels(regions, list(sides.values())), sides
 
 
-def boundary_of(
-    mesh: Mesh, facet: Ints, element: Ints, corner: Ints, side: Callable[[Ints, Ints], Manners] | None
-) -> Ints:
-    # `facet`, shape (m, d + 1), holds the facets of `facets_opposite`. `side(element, corner)` returns the side on
-    # which the elements lie, LEFT or RIGHT. With None the boundary has no orientation.
+def boundary_of(mesh: Mesh, facet: Ints, element: Ints, corner: Ints, on_side: Mask | None) -> Ints:
+    # `facet`, shape (m, d + 1), holds the facets of `facets_opposite`. `on_side` is True for elements on the oriented
+    # side. With None the boundary has no orientation.
     number, first = np.unique(facet[element, corner], return_index=True)
-    if side is None:
+    if on_side is None:
         return number
-    element, corner = element[first], corner[first]
-    return OrientedBoundary(number, (mesh.f2t[0, number] == element) != (side(element, corner) == LEFT))
+    return OrientedBoundary(number, (mesh.f2t[0, number] == element[first]) != on_side[first])
 
 
 def turned(side: Manners, same_direction: Mask | bool) -> Manners:
@@ -194,10 +192,9 @@ def labels(regions: Ints, sides: list[Manners]) -> Ints:
     A label is a combination of the `regions` to the left and right, (f, 2), and of the named boundaries. The columns
     are for the direction of the facet and for the opposite direction.
     """
-    rows = []
-    for pair, along in ((regions, True), (regions[:, ::-1], False)):
-        seen = [turned(side, along) for side in sides]
-        code = codes_of_names([(np.flatnonzero(side), side[side > 0]) for side in seen], len(pair)).view(np.int64)
-        rows.append(np.column_stack([pair, code]))
-    number = np.unique(np.concatenate(rows), axis=0, return_inverse=True)[1].ravel()
+    directions = [
+        np.column_stack([pair, *(turned(side, along) for side in sides)])
+        for pair, along in ((regions, True), (regions[:, ::-1], False))
+    ]
+    number = np.unique(np.concatenate(directions), axis=0, return_inverse=True)[1]
     return number.reshape(2, -1).T

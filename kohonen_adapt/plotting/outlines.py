@@ -97,7 +97,7 @@ def plot_outlines(
     _draw_constraints(axes, outline, triangulation.position, unit)
     why = without_turns(np.array(with_pins(reasons_in_plane(movable), mesh, pinned), dtype=np.str_))
     _draw_reasons(axes, why, outline, triangulation.position, unit)
-    sagitta = in_unit(unit) * outline.sagitta(triangulation)
+    sagitta = in_unit(unit) * outline.farthest(triangulation)[0]
     if sagitta > 0.0:
         label = f"facets, up to {sagitta:.3g} {unit}".rstrip() + " off their curves"
         axes.plot([], [], color="0.8", linewidth=0.5, label=label)

@@ -9,7 +9,8 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.circles import sphere_through
-from kohonen_adapt.geometry.plane.cutting import CLOSE, FEWEST, as_complex, turning_angles
+from kohonen_adapt.geometry.plane.chains import circles_of, on_chains
+from kohonen_adapt.geometry.plane.cutting import CLOSE, FEWEST, Points, as_complex, as_rows, turning_angles
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.geometry.plane.polylines import (
@@ -45,16 +46,15 @@ def refined_on_arcs(mesh: MeshTri) -> tuple[MeshTri, MeshTri] | None:
     """
     movable = MovableMesh.of(mesh, Rules())
     elements, chains = movable.triangulation.elements, movable.constraints.chains
-    e, k = np.nonzero(np.append(chains.shape == ROUND, False)[elements.chain])
+    e, k = np.nonzero(on_chains(elements.chain, chains.shape == ROUND))
     chain = np.full(mesh.facets.shape[1], -1)
     chain[facets_opposite(mesh, elements.node)[e, k]] = elements.chain[e, k]
     finer = refined(mesh)
     middle, facet = halves_of_facets(mesh, finer) if is_second_order(mesh) else midpoints_of_facets(mesh)
     middle, facet = middle[chain[facet] >= 0], facet[chain[facet] >= 0]
-    (tx, ty), curvature = chains.direction[chain[facet]].T, chains.curvature[chain[facet]]
-    centre = chains.origin[chain[facet]].T + np.stack((-ty, tx)) / curvature
-    radial = finer.doflocs[:, middle] - centre
-    on_circle, inside = centre + radial / (np.abs(curvature) * np.hypot(*radial)), mesh.f2t[1, facet] >= 0
+    circles, inside = circles_of(chains), mesh.f2t[1, facet] >= 0
+    radial = as_complex(finer.doflocs[:, middle].T) - circles.centre[chain[facet]]
+    on_circle = as_rows(circles.centre[chain[facet]] + circles.radius[chain[facet]] * radial / np.abs(radial)).T
     chords, arcs = finer.doflocs.copy(), finer.doflocs.copy()
     chords[:, middle[~inside]], arcs[:, middle] = on_circle[:, ~inside], on_circle
     pair = replace(finer, doflocs=chords), replace(finer, doflocs=arcs)
@@ -113,25 +113,23 @@ def possible_arcs(movable: MovableMesh) -> Iterator[PossibleArc]:
                 seen.update(rows.tolist())
                 yield found
     rest = np.flatnonzero(single & ~np.isin(np.arange(len(single)), list(seen)))
-    for own, centre, radius, turn in separate_sides(position[facets.nodes[rest]], centres_of_arcs(outline)):
+    for own, centre, radius, turn in separate_sides(as_complex(position[facets.nodes[rest]]), centres_of_arcs(outline)):
         names = [name for name, side in facets.sides.items() if np.all(side[rest[own]] > 0)]
         count = len(np.unique(facets.nodes[rest[own]]))
         yield PossibleArc(names, count, turn, centre, radius, is_cut=True)
 
 
-def centres_of_arcs(outline: Outline) -> Floats:
-    chains = outline.constraints.chains
-    (tx, ty), curvature = chains.direction[outline.on_circles].T, chains.curvature[outline.on_circles]
-    centre = chains.origin[outline.on_circles] + np.stack([-ty, tx], axis=1) / curvature[:, None]
-    step = CIRCULAR / np.abs(curvature).max(initial=1e-300)
-    return centre[np.unique(np.round(centre / step), axis=0, return_index=True)[1]]
+def centres_of_arcs(outline: Outline) -> Points:
+    centre = circles_of(outline.constraints.chains).centre[outline.on_circles]
+    step = CIRCULAR / np.abs(outline.constraints.chains.curvature).max(initial=1e-300)
+    return centre[np.unique(np.round(as_rows(centre) / step), axis=0, return_index=True)[1]]
 
 
-def separate_sides(ends: Floats, centres: Floats) -> Iterator[tuple[Ints, tuple[float, float], float, float]]:
+def separate_sides(ends: Points, centres: Points) -> Iterator[tuple[Ints, tuple[float, float], float, float]]:
     # Sides, as the tips of teeth, with both ends on a circle about a centre of arcs, and with gaps of less than half
     # their length. Yields indices of at least three sides, centre, radius and the turn from side to side.
-    for x, y in centres.tolist():
-        z = (ends[:, :, 0] - x) + 1j * (ends[:, :, 1] - y)
+    for centre in centres.tolist():
+        z = ends - centre
         radius, middle = np.abs(z), np.angle(z.sum(axis=1))
         half = 0.5 * np.abs(np.angle(z[:, 1] * z[:, 0].conj()))
         on = np.flatnonzero((np.ptp(radius, axis=1) <= CIRCULAR * radius[:, 0]) & (2.0 * half < CORNER))
@@ -144,7 +142,7 @@ def separate_sides(ends: Floats, centres: Floats) -> Iterator[tuple[Ints, tuple[
         cuts = np.flatnonzero(~linked) + 1
         for rows, turns in zip(np.split(on, cuts), np.split(np.append(turn, 0.0), cuts), strict=True):
             if len(rows) >= FACETS:
-                yield rows, (x, y), float(radius[rows, 0].mean()), float(turns[:-1].max())
+                yield rows, (centre.real, centre.imag), float(radius[rows, 0].mean()), float(turns[:-1].max())
 
 
 def possible_arc(position: Floats, nodes: Ints, names: list[str], is_cut: bool) -> PossibleArc | None:

@@ -5,14 +5,15 @@ The parameter of a point is its arc length from the beginning of the segment, ap
 """
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import scipy  # loads `scipy.interpolate` at its first use
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.curves import NEAR, Arc, Curve, Line, projected, size_of
-from kohonen_adapt.geometry.plane.cutting import Points, as_complex
+from kohonen_adapt.geometry.plane.cutting import Circle, Points, angles, as_complex, as_rows
 from kohonen_adapt.geometry.plane.polylines import BY_MIDSIDES, Polylines, Segments, nodes_of
 from kohonen_adapt.geometry.plane.recognition import angles_of, fewest_facets
 from kohonen_adapt.kernels.numba.compilation import interpreted
@@ -36,6 +37,7 @@ logger = logging.getLogger("kohonen_adapt")
 
 __all__ = [
     "chains_of",
+    "circles_of",
     "find_parameters",
     "on_chains",
     "on_lines_and_arcs",
@@ -43,6 +45,7 @@ __all__ = [
     "parameters_of",
     "points_on",
     "signed_distances",
+    "spans_of",
 ]
 
 MAX_TURN = np.deg2rad(30.0)  # maximum turn of the tangent along a facet
@@ -66,23 +69,25 @@ def chains_of(
 ) -> Chains:
     count, z = len(segments.first), as_complex(position)
     longest, even = facet_lengths(z, polylines.node, segments)
-    table = straight_table(position[polylines.node[segments.first]], position[polylines.node[segments.last]])
+    start, end = (position[polylines.node[slots]] for slots in (segments.first, segments.last))
+    table = Chains.of(count)
+    table.reach[:] = table.merged[:] = table.even[:] = np.inf
+    table.closed[:] = segments.closed
+    set_lines(table, np.arange(count), start, end)
     set_arcs(table, segments, angles_of(z, polylines.node, segments), longest)
     knots = [table.knot] * count
-    for p in np.flatnonzero(segments.curve >= 0).tolist():
-        name, shape = list(curves.items())[segments.curve[p]]
-        nodes = nodes_of(position, polylines.node, segments, p)
-        if isinstance(shape, Line):
-            set_line(table, p, projected(shape, nodes[[0, -1]], name))
-        elif not isinstance(shape, Arc):
-            knots[p] = spline_knots(shape, nodes, bool(segments.closed[p]), name)
-            set_spline(table, p, knots[p], bool(segments.closed[p]), longest[p])
-    for p in np.flatnonzero((segments.curve == BY_MIDSIDES) & ~segments.is_round).tolist():
-        rows = polylines.facet[segments.first[p] : segments.last[p]]
-        knots[p] = knots_through(
-            nodes_of(position, polylines.node, segments, p), offset[rows], bool(segments.closed[p])
-        )
-        set_spline(table, p, knots[p], bool(segments.closed[p]), longest[p])
+    for p in np.flatnonzero((segments.curve != -1) & ~segments.is_round).tolist():
+        nodes, closed = nodes_of(position, polylines.node, segments, p), bool(segments.closed[p])
+        if segments.curve[p] == BY_MIDSIDES:
+            rows = polylines.facet[segments.first[p] : segments.last[p]]
+            knots[p] = knots_through(nodes, offset[rows], closed)
+        else:
+            name, shape = list(curves.items())[segments.curve[p]]
+            if isinstance(shape, Line):
+                set_lines(table, [p], *projected(shape, nodes[[0, -1]], name)[:, None])
+                continue
+            knots[p] = spline_knots(shape, nodes, closed, name)
+        set_spline(table, p, knots[p], longest[p])
     curved = table.shape != STRAIGHT
     table.even[curved] = even[curved]
     log_arcs(table, segments)
@@ -101,61 +106,53 @@ def facet_lengths(z: Points, node: Ints, segments: Segments) -> tuple[Floats, Fl
     return longest, np.sqrt(np.bincount(of_slot, length**3) / np.bincount(of_slot, length))
 
 
-def straight_table(start: Floats, end: Floats) -> Chains:
+def set_lines(table: Chains, rows: Ints | list[int], start: Floats, end: Floats) -> None:
     chord = end - start
     length = np.sqrt(np.sum(chord**2, axis=1))
     with np.errstate(invalid="ignore"):  # the chord of a closed segment is 0; its direction is set later
-        direction = chord / length[:, None]
-    table = Chains.of(len(start))
-    table.origin[:], table.direction[:], table.length[:] = start, direction, length
-    table.reach[:] = table.merged[:] = table.even[:] = np.inf
-    return table
+        table.origin[rows], table.direction[rows], table.length[rows] = start, chord / length[:, None], length
 
 
 def set_arcs(table: Chains, segments: Segments, angle: Floats, longest: Floats) -> None:
-    is_round = segments.is_round
-    centre, radius, angle = segments.circle[is_round, :2], segments.circle[is_round, 2], angle[is_round]
-    out = table.origin[is_round] - centre
-    distance = np.sqrt(np.sum(out**2, axis=1))
-    out /= distance[:, None]
-    sense = np.sign(angle)
-    table.shape[is_round] = ROUND
-    table.closed[is_round] = segments.closed[is_round]
-    table.origin[is_round] = centre + radius[:, None] * out
-    table.direction[is_round] = sense[:, None] * np.stack([-out[:, 1], out[:, 0]], axis=1)
-    table.curvature[is_round] = sense / radius
-    full = np.where(table.closed[is_round], 2.0 * np.pi, np.abs(angle))
-    table.length[is_round] = radius * full
-    coarse = np.clip(LONGEST * full / segments.facets[is_round], MAX_TURN, 0.5 * np.pi)
+    # not a number for segments that are no arcs
+    centre, radius = segments.circle[:, :2], segments.circle[:, 2]
+    out, sense = table.origin - centre, np.sign(angle)
+    out /= np.sqrt(np.sum(out**2, axis=1))[:, None]
+    full = np.where(segments.closed, 2.0 * np.pi, np.abs(angle))
+    coarse = np.clip(LONGEST * full / segments.facets, MAX_TURN, 0.5 * np.pi)
     # arcs defined by the user or by midside nodes need not be recognised again
-    own = full / fewest_facets(segments.facets[is_round])
-    widest = np.where(np.isnan(segments.widest[is_round]), own, segments.widest[is_round])
-    reach = np.where(segments.curve[is_round] != -1, coarse, np.minimum(MAX_TURN, widest))
-    table.reach[is_round] = 2.0 * radius * np.sin(0.5 * reach)
-    table.merged[is_round] = 2.0 * radius * np.sin(0.5 * np.minimum(0.5 * MAX_TURN, widest))
-    chord = np.maximum(table.reach, longest)[is_round]
-    table.sagitta[is_round] = chord**2 / (4.0 * radius) + NEAR * radius  # at least twice the sagitta
+    own = full / fewest_facets(segments.facets)
+    widest = np.where(np.isnan(segments.widest), own, segments.widest)
+    reach = chord_of(radius, np.where(segments.curve != -1, coarse, np.minimum(MAX_TURN, widest)))
+    is_round = segments.is_round
+    table.shape[is_round] = ROUND
+    for array, values in (
+        (table.origin, centre + radius[:, None] * out),
+        (table.direction, sense[:, None] * np.stack([-out[:, 1], out[:, 0]], axis=1)),
+        (table.curvature, sense / radius),
+        (table.length, radius * full),
+        (table.reach, reach),
+        (table.merged, chord_of(radius, np.minimum(0.5 * MAX_TURN, widest))),
+        # at least twice the sagitta
+        (table.sagitta, np.maximum(reach, longest) ** 2 / (4.0 * radius) + NEAR * radius),
+    ):
+        array[is_round] = values[is_round]
 
 
-def set_line(table: Chains, p: int, ends: Floats) -> None:
-    chord = ends[1] - ends[0]
-    table.origin[p], table.length[p] = ends[0], np.sqrt(np.sum(chord**2))
-    table.direction[p] = chord / table.length[p]
+def chord_of(radius: Any, angle: Any) -> Any:
+    return 2.0 * radius * np.sin(0.5 * angle)
 
 
-def set_spline(table: Chains, p: int, knots: Floats, closed: bool, longest: float) -> None:
-    table.shape[p], table.closed[p] = TABLED, closed
-    table.origin[p], table.length[p] = knots[0, POSITION], knots[-1, AT]
+def set_spline(table: Chains, p: int, knots: Floats, longest: float) -> None:
+    position, rate = knots[:, POSITION], as_complex(knots[:, DERIVATIVE])
+    table.shape[p], table.origin[p], table.length[p] = TABLED, position[0], knots[-1, AT]
     table.direction[p] = knots[0, DERIVATIVE] / np.sqrt(np.sum(knots[0, DERIVATIVE] ** 2))
-    radius = least_radius(knots)
-    reach = max(longest, 2.0 * radius * np.sin(0.5 * MAX_TURN))
+    curvature = np.max(np.abs(angles(rate)) / np.diff(knots[:, AT]))
+    radius = 1.0 / curvature if curvature > 0.0 else np.inf
+    reach = max(longest, chord_of(radius, MAX_TURN))
     sagitta = min(longest, reach * (reach / (4.0 * radius))) if radius < np.inf else 0.0
     table.reach[p], table.merged[p] = reach, 0.5 * reach
-    table.sagitta[p] = sagitta + NEAR * size_of(knots[:, POSITION])
-
-
-def cross(u: Floats, w: Floats) -> Floats:
-    return u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
+    table.sagitta[p] = sagitta + NEAR * size_of(position)
 
 
 def spline_knots(curve: Curve, nodes: Floats, closed: bool, name: str) -> Floats:
@@ -221,13 +218,6 @@ def bump(fraction: Floats) -> tuple[Floats, Floats]:
     return 16.0 * (fraction * rest) ** 2, 32.0 * fraction * rest * (rest - fraction)
 
 
-def least_radius(knots: Floats) -> float:
-    rate = knots[:, DERIVATIVE]
-    turn = np.abs(np.arctan2(cross(rate[:-1], rate[1:]), np.sum(rate[:-1] * rate[1:], axis=1)))
-    curvature = np.max(turn / np.diff(knots[:, AT]))
-    return float(1.0 / curvature) if curvature > 0.0 else np.inf
-
-
 def log_arcs(table: Chains, segments: Segments) -> None:
     for p in np.flatnonzero((table.shape == ROUND) & (segments.curve < 0)):
         x, y, radius = segments.circle[p]
@@ -252,18 +242,17 @@ def on_chains(chain: Ints, chains: Mask) -> Mask:
     return (chain >= 0) & chains[chain]
 
 
-def find_parameters(position: Floats, constraints: Constraints, node: Ints, first: Ints, last: Ints) -> None:
-    chains, nearest = constraints.chains, interpreted(nearest_parameter)
-    for c, (begin, end) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
-        sliding = node[begin:end][constraints.kind[node[begin:end]] == SLIDING]
-        if chains.shape[c] == STRAIGHT:
-            (ux, uy), (tx, ty) = (position[sliding] - chains.origin[c]).T, chains.direction[c]
-            constraints.parameter[sliding] = np.clip(ux * tx + uy * ty, 0.0, chains.length[c])
-            continue
-        near = 0.0
-        for v in sliding:
-            near = nearest(chains, c, position[v], near)
-            constraints.parameter[v] = near
+def find_parameters(position: Floats, constraints: Constraints, node: Ints, segments: Segments) -> None:
+    chains, nearest, slides = constraints.chains, interpreted(nearest_parameter), constraints.kind == SLIDING
+    chain = np.where(slides, constraints.own_chain, -1)
+    straight = np.flatnonzero(on_chains(chain, chains.shape == STRAIGHT))
+    own = chain[straight]
+    along = np.sum((position[straight] - chains.origin[own]) * chains.direction[own], axis=1)
+    constraints.parameter[straight] = np.clip(along, 0.0, chains.length[own])
+    for c in np.flatnonzero(chains.shape != STRAIGHT).tolist():
+        nodes, near = node[segments.first[c] : segments.last[c]], 0.0
+        for v in nodes[slides[nodes]].tolist():
+            near = constraints.parameter[v] = nearest(chains, c, position[v], near)
 
 
 def parameters_of(position: Floats, constraints: Constraints, chain: Ints, node: Ints) -> Floats:
@@ -278,15 +267,27 @@ def parameters_of(position: Floats, constraints: Constraints, chain: Ints, node:
 
 
 def ends_of(chains: Chains) -> Floats:
-    end = chains.origin + chains.length[:, None] * chains.direction
-    is_round, is_tabled = chains.shape == ROUND, chains.shape == TABLED
-    half = 0.5 * (chains.curvature * chains.length)[is_round]
-    chord = 2.0 * np.sin(half) / chains.curvature[is_round]
-    (tx, ty), sine, cosine = chains.direction[is_round].T, np.sin(half), np.cos(half)
-    distance = np.stack([cosine * tx - sine * ty, sine * tx + cosine * ty], axis=1)
-    end[is_round] = chains.origin[is_round] + chord[:, None] * distance
-    end[is_tabled] = chains.knot[chains.row[1:][is_tabled] - 1, AT_X : AT_Y + 1]
+    half = 0.5 * chains.curvature * chains.length
+    chord = chains.length * np.sinc(half / np.pi) * np.exp(1j * half) * as_complex(chains.direction)
+    end, is_tabled = chains.origin + as_rows(chord), chains.shape == TABLED
+    end[is_tabled] = chains.knot[chains.row[1:][is_tabled] - 1, POSITION]
     return end
+
+
+def circles_of(chains: Chains) -> Circle:
+    """Return the circles of curve segments, infinite for straight ones."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        centre = as_complex(chains.origin) + 1j * as_complex(chains.direction) / chains.curvature
+        return Circle(centre, 1.0 / np.abs(chains.curvature))
+
+
+def spans_of(position: Floats, constraints: Constraints, chain: Ints, ends: Sequence[Ints]) -> tuple[Floats, Floats]:
+    """Return the parameters of first nodes, and the signed distances to second ones.
+
+    `ends` are nodes (k,) at both ends of parts of curve segments.
+    """
+    start, end = (parameters_of(position, constraints, chain, node) for node in ends)
+    return start, signed_distances(constraints.chains, chain, start, end)
 
 
 def signed_distances(chains: Chains, chain: Ints, start: Floats, end: Floats) -> Floats:

@@ -4,7 +4,7 @@ Points are complex numbers x + i y in the order of the polyline. Closed polyline
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from kohonen_adapt.geometry.circles import fitted_sphere
 __all__ = [
     "Circle",
     "Points",
+    "angles",
     "arc_facets",
     "as_complex",
     "as_rows",
@@ -24,6 +25,7 @@ __all__ = [
     "circle_through",
     "cut_polyline",
     "is_full_turn",
+    "square",
     "straight_end",
     "turning_angles",
 ]
@@ -61,7 +63,7 @@ def turning_angles(z: Points) -> Floats:
 
 class Circle(NamedTuple):
     centre: Points
-    radius: Floats | float
+    radius: Any
 
     def angle(self, z: Points) -> float:
         """Return the angle of a polyline around the centre, 0 if its sense changes."""

@@ -12,46 +12,49 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.geometry.plane.gap_sides import components, facing_sides
+from kohonen_adapt.geometry.plane.gap_sides import facing_sides
 from kohonen_adapt.geometry.rules import checked_layers
 from kohonen_adapt.kernels.triangle.arrays import Constraints, Elements
+from kohonen_adapt.mesh.names import connected_components_of
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["Band", "bands_of", "check_layer_count", "lower_to_steps", "parts_of", "set_levels"]
+__all__ = ["Band", "bands_of", "bands_with", "check_layer_count", "parts_of", "set_levels", "steps_from"]
 
 
 class Band(NamedTuple):
     name: str  # name of the subdomain
     number: int  # requested number of layers
+    inside: Mask  # (r,) regions of its connected part
     pairs: Ints  # (k, 2) nodes of all edges of its connected part
     sides: tuple[Ints, Ints]  # nodes on each side
 
 
 def set_levels(triangulation: Triangulation, constraints: Constraints, layers: Mapping[str, int] | None) -> None:
-    wanted = checked_layers(triangulation.mesh, layers)
-    bands: list[Band] = []
-    for name, number in wanted.items():
-        rows = np.asarray(triangulation.mesh.subdomains[name], dtype=np.int64)
-        if not len(rows):
-            raise ValueError(f"subdomain {name!r} has no elements, so it can have no layers; leave it out.")
-        for inside in parts_of(triangulation.elements, triangulation.region_of_input[rows]):
-            bands += bands_of(triangulation, constraints, name, number, inside)
-            triangulation.elements.layered[inside] = True
-    if bands:
-        for band in bands:
-            check_layer_count(triangulation.position, band)
-        triangulation.elements.level[:] = levels_of(bands, triangulation.nnodes)
+    found = list(bands_with(triangulation, constraints, checked_layers(triangulation.mesh, layers)))
+    for band in found:
+        check_layer_count(triangulation.position, band)
+        triangulation.elements.layered[band.inside] = True
+    if found:
+        triangulation.elements.level[:] = levels_of(found, triangulation.nnodes)
 
 
 def parts_of(elements: Elements, regions: Ints) -> Iterator[Mask]:
     inside = np.zeros(len(elements.layered), dtype=bool)
     inside[regions] = True
     e, k = np.nonzero(elements.neighbour >= 0)
-    own, other = elements.region[e], elements.region[elements.neighbour[e, k]]
-    both = inside[own] & inside[other]
-    label = components(own[both], other[both], len(inside))
+    pairs = elements.region[np.stack([e, elements.neighbour[e, k]], axis=1)]
+    label = connected_components_of(len(inside), pairs[inside[pairs].all(axis=1)])
     for part in np.unique(label[inside]):
         yield inside & (label == part)
+
+
+def bands_with(triangulation: Triangulation, constraints: Constraints, wanted: Mapping[str, int]) -> Iterator[Band]:
+    for name, number in wanted.items():
+        rows = np.asarray(triangulation.mesh.subdomains[name], dtype=np.int64)
+        if not len(rows):
+            raise ValueError(f"subdomain {name!r} has no elements, so it can have no layers; leave it out.")
+        for inside in parts_of(triangulation.elements, triangulation.region_of_input[rows]):
+            yield from bands_of(triangulation, constraints, name, number, inside)
 
 
 def bands_of(
@@ -64,13 +67,11 @@ def bands_of(
         )
     node = triangulation.elements.node[inside[triangulation.elements.region]]
     pairs = node[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    return [Band(name, number, pairs, both) for both in sides]
+    return [Band(name, number, inside, pairs, both) for both in sides]
 
 
 def check_layer_count(position: Floats, band: Band) -> None:
-    steps = np.full(len(position), min(band.number, len(position)))
-    steps[band.sides[0]] = 0
-    lower_to_steps(band.pairs, steps)
+    steps = steps_from(band, 0, len(position))
     least = band.sides[1][np.argmin(steps[band.sides[1]])]
     if steps[least] < band.number:
         x, y = position[least]
@@ -80,6 +81,14 @@ def check_layer_count(position: Floats, band: Band) -> None:
             f"({x:.6g}, {y:.6g}); layers asks for {band.number}: topology='recycle' and target_nodes make "
             "the others, up to 8; else refine it there first."
         )
+
+
+def steps_from(band: Band, side: int, count: int) -> Ints:
+    # edges between every node and a side, at most the number of layers
+    steps = np.full(count, min(band.number, count))
+    steps[band.sides[side]] = 0
+    lower_to_steps(band.pairs, steps)
+    return steps
 
 
 def lower_to_steps(edges: Ints, value: Ints) -> None:
@@ -109,7 +118,8 @@ def levels_of(bands: list[Band], count: int) -> Ints:
 def levels_of_sides(bands: list[Band], count: int) -> tuple[Ints, Mask]:
     sides = [side for band in bands for side in band.sides]
     number = np.repeat(np.arange(len(sides)), [len(side) for side in sides])
-    label = components(number, len(sides) + np.concatenate(sides), len(sides) + count)
+    pairs = np.stack([number, len(sides) + np.concatenate(sides)], axis=1)
+    label = connected_components_of(len(sides) + count, pairs)
     neighbours: dict[int, list[tuple[int, int]]] = {}
     for i, band in enumerate(bands):
         a, b = label[2 * i], label[2 * i + 1]

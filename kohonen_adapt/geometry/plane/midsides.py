@@ -6,10 +6,13 @@ Sides follow the curve as far as the Jacobian determinant of every element stays
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.geometry.plane.chains import parameters_of, points_on, signed_distances
+from kohonen_adapt.geometry.plane.chains import on_chains, points_on, spans_of
 from kohonen_adapt.kernels.triangle.arrays import STRAIGHT, Constraints
 from kohonen_adapt.kernels.triangle.polish.by_points import MIN_JACOBIAN
+from kohonen_adapt.mesh.adjacency import across, write_on_both_sides
+from kohonen_adapt.mesh.cells import determinants
 from kohonen_adapt.mesh.curved import AFTER, BEFORE, determinant_coefficients
+from kohonen_adapt.mesh.host import ascending, keys_of
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["MIN_JACOBIAN", "area_cut_off", "offsets_on_curves", "offsets_with_free_sides"]
@@ -26,12 +29,13 @@ def offsets_on_curves(triangulation: Triangulation, constraints: Constraints, le
     element keeps as much.
     """
     elements = triangulation.elements
-    offsets = np.zeros((*elements.node.shape, 2))
-    curved = np.append(constraints.chains.shape != STRAIGHT, False)[elements.chain]
+    offsets, curved = (
+        np.zeros((*elements.node.shape, 2)),
+        on_chains(elements.chain, constraints.chains.shape != STRAIGHT),
+    )
     e, k = np.nonzero(curved & (elements.neighbour < np.arange(len(offsets))[:, None]))
-    offsets[e, k] = offsets_from_chords(triangulation, constraints, e, k)
-    there, side = across(triangulation, e, k)
-    offsets[there, side] = offsets[e, k][elements.neighbour[e, k] >= 0]
+    offset = offsets_from_chords(triangulation, constraints, e, k)
+    write_on_both_sides(offsets, elements.neighbour, e, k, offset)
     rows = np.flatnonzero(curved.any(axis=1))
     offsets[rows] *= limit_factors(triangulation, constraints, rows, offsets[rows], least)[:, :, None]
     return offsets
@@ -44,13 +48,13 @@ def offsets_with_free_sides(triangulation: Triangulation, constraints: Constrain
     corners = triangulation.position[elements.node]
     for e in np.flatnonzero(relative_determinants(corners, offsets) < CROWDED):
         free = np.flatnonzero((elements.chain[e] < 0) & (elements.neighbour[e] >= 0))
-        there, side = across(triangulation, np.full(free.size, e), free)
+        there, side = across(elements.neighbour, np.full(free.size, e), free)
         rows, others = np.append(e, there), np.arange(1, 1 + free.size)
         rises = np.stack(np.meshgrid(*[RISES] * free.size), axis=-1).reshape(-1, free.size, 1)
-        outward = (corners[e, np.take(AFTER, free)] - corners[e, np.take(BEFORE, free)])[:, ::-1] * [-1.0, 1.0]
+        outward = rises * (corners[e, np.take(AFTER, free)] - corners[e, np.take(BEFORE, free)])[:, ::-1] * [-1.0, 1.0]
         trials = np.repeat(offsets[rows][None], len(rises), axis=0)  # (trials, rows, 3, 2)
-        trials[:, 0, free] += rises * outward
-        trials[:, others, side] += rises * outward
+        trials[:, 0, free] += outward
+        trials[:, others, side] += outward
         least = relative_determinants(np.tile(corners[rows], (len(rises), 1, 1)), trials.reshape(-1, 3, 2))
         offsets[rows] = trials[np.argmax(least.reshape(len(rises), -1).min(axis=1))]
     return offsets
@@ -66,19 +70,11 @@ def relative_determinants(corners: Floats, offsets: Floats) -> Floats:
     return jacobian_coefficients(corners, offsets).min(axis=1) / straight
 
 
-def across(triangulation: Triangulation, e: Ints, k: Ints) -> tuple[Ints, Ints]:
-    neighbour = triangulation.elements.neighbour
-    other = neighbour[e, k]
-    there = other[other >= 0]
-    return there, np.argmax(neighbour[there] == e[other >= 0][:, None], axis=1)
-
-
 def offsets_from_chords(triangulation: Triangulation, constraints: Constraints, e: Ints, k: Ints) -> Floats:
     position = triangulation.position
     chains, chain, ends = constraints.chains, triangulation.elements.chain[e, k], triangulation.elements.ends(e, k)
-    start, end = (parameters_of(position, constraints, chain, node) for node in ends)
-    middle = start + 0.5 * signed_distances(chains, chain, start, end)
-    length = chains.length[chain]
+    start, distance = spans_of(position, constraints, chain, ends)
+    middle, length = start + 0.5 * distance, chains.length[chain]
     round_ = np.where(chains.closed[chain], np.floor(middle / length), 0.0)
     return points_on(constraints, chain, middle - round_ * length) - 0.5 * (position[ends[0]] + position[ends[1]])
 
@@ -86,10 +82,9 @@ def offsets_from_chords(triangulation: Triangulation, constraints: Constraints, 
 def area_cut_off(triangulation: Triangulation, constraints: Constraints) -> float:
     # between the straight sides of elements and their curves, without sign
     elements, position = triangulation.elements, triangulation.position
-    e, k = np.nonzero(np.append(constraints.chains.shape != STRAIGHT, False)[elements.chain])
+    e, k = np.nonzero(on_chains(elements.chain, constraints.chains.shape != STRAIGHT))
     offset, (a, b) = offsets_from_chords(triangulation, constraints, e, k), elements.ends(e, k)
-    (tx, ty), (ox, oy) = (position[b] - position[a]).T, offset.T
-    return float(np.sum(np.abs(tx * oy - ty * ox)) * 2.0 / 3.0)
+    return float(np.sum(np.abs(determinants(((position[b] - position[a]).T, offset.T)))) * 2.0 / 3.0)
 
 
 def limit_factors(
@@ -108,7 +103,7 @@ def limit_factors(
         if not too_small.any():
             return factor[side]
         limited |= too_small
-        np.minimum.at(factor, side[too_small], np.repeat(enough[too_small, None], 3, axis=1))
+        np.minimum.at(factor, side[too_small], enough[too_small, None])
 
 
 def sufficient_factors(corners: Floats, offsets: Floats, doubled: Floats, fraction: float) -> Floats:
@@ -135,7 +130,6 @@ def side_indices(triangulation: Triangulation, constraints: Constraints, rows: I
     elements, periodic = triangulation.elements, constraints.periodic
     ends = np.stack(elements.ends(rows[:, None], np.arange(3)))
     images = periodic.partner[ends]
-    paired = np.append(constraints.chains.paired, False)[elements.chain[rows]]
-    ends, images = (np.sort(nodes, axis=0).astype(np.int64) for nodes in (ends, images))
-    own, other = (nodes[0] * triangulation.nnodes + nodes[1] for nodes in (ends, images))
-    return np.where(paired & (images[0] >= 0), np.minimum(own, other), own)
+    paired = on_chains(elements.chain[rows], constraints.chains.paired) & np.all(images >= 0, axis=0)
+    own, other = (keys_of(ascending(*nodes), triangulation.nnodes) for nodes in (ends, np.maximum(images, 0)))
+    return np.where(paired, np.minimum(own, other), own)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Mask
-from kohonen_adapt.geometry.movable import Movable, arrays_of
+from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.geometry.movable import Movable, arrays_of, settings_of
 from kohonen_adapt.geometry.plane.layers import set_levels
 from kohonen_adapt.geometry.plane.midsides import (
     MIN_JACOBIAN,
@@ -18,15 +18,14 @@ from kohonen_adapt.geometry.plane.midsides import (
     offsets_on_curves,
     offsets_with_free_sides,
 )
-from kohonen_adapt.geometry.plane.outline import Outline
-from kohonen_adapt.geometry.rules import Rules, check_for, euclidean_floor_of, floor_of
+from kohonen_adapt.geometry.plane.outline import Outline, run_along
+from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.arrays import KernelMesh, Metric
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
 from kohonen_adapt.kernels.triangle.arrays import HELD, JUNCTION, Constraints, Elements
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_non_delaunay
 from kohonen_adapt.mesh.curved import is_second_order, offsets_of_sides, with_midside_offsets
 from kohonen_adapt.mesh.host import facets_opposite
-from kohonen_adapt.mesh.shapes import round_shapes
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["BY_ELEMENT", "STATE_NAMES", "MovableMesh", "with_state"]
@@ -43,7 +42,7 @@ STATE_NAMES = (
 FLAT = 1e-6  # distance of a midside node from its curve, relative to the mesh, up to which the side is exact
 
 
-@dataclass
+@dataclass(kw_only=True)
 class MovableMesh(Movable):
     """Triangle mesh as arrays, with the constraints on its nodes.
 
@@ -53,12 +52,6 @@ class MovableMesh(Movable):
         Nodes and elements, with the levels that preserve layers.
     outline
         Constraints on the nodes of boundaries and interfaces, and the boundary names.
-    floor
-        Minimum quality after a change, or the worst quality before the change if that is lower.
-    flips
-        True if edges may flip.
-    curved
-        True if `mesh` returns a `MeshTri2`: curved sides are requested, and a boundary or interface is curved.
     """
 
     state_names = STATE_NAMES
@@ -68,12 +61,6 @@ class MovableMesh(Movable):
 
     triangulation: Triangulation
     outline: Outline
-    floor: float
-    flips: bool
-    least: float
-    shape: Floats
-    in_metric: bool = False
-    curved: bool = False
 
     @classmethod
     def of(cls, mesh: MeshTri, rules: Rules, curved: bool | None = None) -> "MovableMesh":
@@ -82,16 +69,13 @@ class MovableMesh(Movable):
         `curved` requests curved sides in the output; None requests them if the input is a `MeshTri2`. Curved sides that
         are on no boundary or interface are straightened.
         """
-        check_for(rules, 2)
         triangulation = Triangulation.of(mesh)
+        settings = settings_of(rules, triangulation)
         second_order = is_second_order(mesh)
         outline = Outline.of(triangulation, rules, offsets_of_sides(mesh) if second_order else None)
         set_levels(triangulation, outline.constraints, rules.layers)
-        floor = floor_of(rules, 2)
         curved_output = (second_order if curved is None else curved) and not outline.straight.all()
-        shape = round_shapes(triangulation.nnodes, 2)
-        least = euclidean_floor_of(rules, 2)
-        return cls(triangulation, outline, floor, rules.flips, least, shape, curved=curved_output)
+        return cls(triangulation=triangulation, outline=outline, curved=curved_output, **settings)
 
     @property
     def constraints(self) -> Constraints:
@@ -120,15 +104,12 @@ class MovableMesh(Movable):
         return distance if distance > FLAT * np.ptp(mesh.doflocs, axis=1).max() else 0.0
 
     def _with_offsets(self, offsets: Floats) -> MeshTri:
-        mesh = self.outline.with_boundaries(self.triangulation.to_mesh(), self.triangulation)
+        mesh = self.straight_mesh()
         if not self.curved:
             return mesh
         facet, of_facet = facets_opposite(mesh, self.triangulation.elements.node), np.zeros((2, mesh.facets.shape[1]))
         of_facet[:, facet] = np.moveaxis(offsets, 2, 0)
         return with_midside_offsets(mesh, of_facet)
-
-    def start(self) -> MeshTri:
-        return self.mesh() if self.curved else self.input_mesh
 
     def midside_offsets(self, least: float = MIN_JACOBIAN) -> Floats:
         """Return the midside offsets of all sides, (m, 3, 2), 0 unless `curved`."""
@@ -186,13 +167,24 @@ class MovableMesh(Movable):
         return total
 
     def sagitta(self) -> float:
-        return 0.0 if self.curved else self.outline.sagitta(self.triangulation)
+        return 0.0 if self.curved else self.outline.farthest(self.triangulation)[0]
 
     def cut_off(self) -> float:
         return 0.0 if self.curved else area_cut_off(self.triangulation, self.constraints)
 
     def farthest_part(self) -> str:
-        return self.outline.farthest_curve(self.triangulation)
+        return self.name_of(self.outline.farthest(self.triangulation)[1]) or "none"
+
+    @property
+    def part_names(self) -> Mapping[str, NDArray[np.int8]]:
+        return self.outline.names
+
+    @property
+    def part_of_facets(self) -> Ints:
+        return self.triangulation.elements.chain
+
+    def are_left(self, element: Ints, corner: Ints) -> Mask:
+        return run_along(self.triangulation, self.constraints, element, corner)
 
     @property
     def held_nodes(self) -> Mask:

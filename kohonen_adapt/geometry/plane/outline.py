@@ -4,22 +4,19 @@ Boundaries and interfaces are cut at corners into curve segments (`chains`).
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import MeshTri
-from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.geometry.movable import names_beside
 from kohonen_adapt.geometry.plane.chains import (
     chains_of,
     find_parameters,
     on_lines_and_arcs,
     pair_chains,
-    parameters_of,
     points_on,
-    signed_distances,
+    spans_of,
 )
 from kohonen_adapt.geometry.plane.curves import Curve, curve_of_facets, projected
 from kohonen_adapt.geometry.plane.pairs import Pairs, find_pairs
@@ -35,6 +32,7 @@ from kohonen_adapt.geometry.plane.polylines import (
     trace_facets,
 )
 from kohonen_adapt.geometry.plane.recognition import (
+    Midsides,
     arcs_across_junctions,
     joints_on_curves,
     midsides_of,
@@ -58,11 +56,10 @@ from kohonen_adapt.kernels.triangle.arrays import (
 from kohonen_adapt.kernels.triangle.chains import farthest_from_facets, look_up
 from kohonen_adapt.kernels.triangle.geometry import move_to_targets
 from kohonen_adapt.mesh.adjacency import write_on_both_sides
-from kohonen_adapt.mesh.host import facets_opposite, set_boundaries
-from kohonen_adapt.mesh.names import boundary_of, turned
+from kohonen_adapt.mesh.names import turned
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["Outline"]
+__all__ = ["Outline", "run_along"]
 
 STILL = 1e-13  # distance from the curve below which nodes are not moved, relative to the size of the mesh
 
@@ -95,36 +92,30 @@ class Outline:
     def of(cls, triangulation: Triangulation, rules: Rules, offset: Floats | None = None) -> "Outline":
         # Curved facets, arcs and splines are recognised by `offset`, shape (2, nfacets), the offsets of midside nodes
         # from the midpoints of the chords.
-        pinned = pinned_nodes(triangulation.mesh, rules.pinned)
-        curves = with_circles(checked_curves(triangulation.mesh, rules.curves))
-        facets = constrained_facets(triangulation.mesh, triangulation.elements)
+        mesh, position, elements = triangulation.mesh, triangulation.position, triangulation.elements
+        pinned, curves = pinned_nodes(mesh, rules.pinned), with_circles(checked_curves(mesh, rules.curves))
+        facets = constrained_facets(mesh, elements)
         pairs = find_pairs(triangulation, facets, rules.periodic)
-        midsides = midsides_of(facets, triangulation, offset)
-        curve = midsides.curve_index(curve_of_facets(facets.sides, len(facets.element), curves))
-        joints = joints_of(facets, triangulation.position, on_lines_and_arcs(curve, curves), midsides.offset)
-        joints, circle = joints_on_curves(joints, midsides, curve)
-        if not midsides.any_curved:
-            circle = arcs_across_junctions(facets, triangulation.position, curve, curves, pinned, pairs)
-        polylines, segments, sliding = cut_in_pairs(triangulation, facets, joints, pairs, pinned, curve, curves, circle)
-        chains = chains_of(triangulation.position, polylines, segments, curves, midsides.offset)
+        found = segmented(triangulation, facets, pairs, pinned, curves, offset)
+        polylines, segments = found.polylines, found.segments
         chain = np.empty(len(facets.element), dtype=np.int32)
         chain[polylines.facet[segments.slots]] = segments.of_slot
-        elements = triangulation.elements
         write_on_both_sides(elements.chain, elements.neighbour, facets.element, facets.corner, chain)
         occupied = pinned.copy()
         occupied[facets.nodes[pairs.facet >= 0]] = True
+        occupied &= ~found.sliding
         constraints = Constraints(
-            kind=kinds_of(facets, sliding, pinned),
-            chain=chains_of_nodes(facets, joints, chain, sliding, occupied & ~sliding, rules.flips),
+            kind=kinds_of(facets, found.sliding, pinned),
+            chain=chains_of_nodes(facets, found.joints, chain, found.sliding, occupied, rules.flips),
             parameter=np.zeros(triangulation.nnodes),
             inner=inner_nodes(triangulation),
-            chains=chains,
+            chains=chains_of(position, polylines, segments, curves, found.midsides.offset),
             periodic=periodic_pairs_of(triangulation, facets, pairs),
         )
-        find_parameters(triangulation.position, constraints, polylines.node, segments.first, segments.last)
+        find_parameters(position, constraints, polylines.node, segments)
         match_pairs(constraints, pairs, chain)
         first = polylines.facet[segments.first]
-        along = runs_along(triangulation, constraints, facets.element[first], facets.corner[first])
+        along = run_along(triangulation, constraints, facets.element[first], facets.corner[first])
         names = {name: turned(side[first], along) for name, side in facets.sides.items()}
         return cls(constraints, names, pinned, curves, segments.curve)
 
@@ -148,13 +139,10 @@ class Outline:
         tolerance = STILL * np.max(np.ptp(triangulation.position, axis=0))
         move_to_targets(triangulation.position, triangulation.star, nodes, target, tolerance, floor)
 
-    def sagitta(self, triangulation: Triangulation) -> float:
-        return farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)[0]
-
-    def farthest_curve(self, triangulation: Triangulation) -> str:
-        _, c = farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)
-        regions = triangulation.elements.region[np.any(triangulation.elements.chain == c, axis=1)]
-        return names_beside(triangulation, self.names, c, regions) or "none"
+    def farthest(self, triangulation: Triangulation) -> tuple[float, int]:
+        """Return the largest distance of a curve segment from its facets, and its index."""
+        distance, chain = farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)
+        return float(distance), int(chain)
 
     @property
     def straight(self) -> Mask:
@@ -177,60 +165,52 @@ class Outline:
     def points_on(self, chain: Ints, parameter: Floats) -> Floats:
         return points_on(self.constraints, chain, parameter)
 
-    def with_boundaries(self, mesh: MeshTri, triangulation: Triangulation) -> MeshTri:
-        if triangulation.mesh.boundaries is None:
-            return mesh
-        facet = facets_opposite(mesh, triangulation.elements.node)
-        set_boundaries(mesh, {name: self._boundary(mesh, facet, triangulation, name) for name in self.names})
-        return mesh
-
-    def _boundary(self, mesh: MeshTri, facet: Ints, triangulation: Triangulation, name: str) -> Ints:
-        chain = triangulation.elements.chain
-        manner = np.append(self.names[name], 0)
-        element, corner = np.nonzero((chain >= 0) & manner[chain].astype(bool))
-
-        def side(e: Ints, k: Ints) -> NDArray[np.int8]:
-            return turned(manner[chain[e, k]], runs_along(triangulation, self.constraints, e, k))
-
-        oriented = isinstance(triangulation.mesh.boundaries[name], OrientedBoundary)
-        return boundary_of(mesh, facet, element, corner, side if oriented else None)
-
 
 def with_circles(curves: dict[str, Curve]) -> dict[str, Curve]:
     arcs = {name: curve.as_arc() for name, curve in curves.items() if isinstance(curve, Spline)}
     return curves | {name: arc for name, arc in arcs.items() if arc is not None}
 
 
-def cut_in_pairs(
+class Segmented(NamedTuple):
+    """Facets joined into polylines and cut into curve segments."""
+
+    midsides: Midsides
+    joints: Joints
+    polylines: Polylines
+    segments: Segments
+    sliding: Mask  # (n,) nodes inside segments, which slide
+
+
+def segmented(
     triangulation: Triangulation,
     facets: Facets,
-    joints: Joints,
     pairs: Pairs,
     pinned: Mask,
-    curve: Ints,
     curves: dict[str, Curve],
-    circle: Floats,
-) -> tuple[Polylines, Segments, Mask]:
-    # Returns polylines, segments, and the mask (n,) of nodes inside segments, which slide. A node whose partner
-    # cannot slide ends its segment.
-    paired = np.flatnonzero(pairs.partner >= 0)
+    offset: Floats | None,
+) -> Segmented:
+    # A node whose partner cannot slide ends its segment.
+    position, paired, stops = triangulation.position, np.flatnonzero(pairs.partner >= 0), pinned.copy()
+    midsides = midsides_of(facets, triangulation, offset)
+    curve = midsides.curve_index(curve_of_facets(facets.sides, len(facets.element), curves))
+    joints = joints_of(facets, position, on_lines_and_arcs(curve, curves), midsides.offset)
+    joints, circle = joints_on_curves(joints, midsides, curve)
+    if not midsides.any_curved:
+        circle = arcs_across_junctions(facets, position, curve, curves, pinned, pairs)
     if np.any(((curve >= 0) | ((curve == BY_MIDSIDES) & np.isnan(circle[:, 0]))) & (pairs.facet >= 0)):
         raise ValueError(
             "a periodic boundary cannot have a curve, too: its pieces must be straight or arcs of circles, which need "
             "none. Leave its curve out, or draw its midside nodes to their chords."
         )
-    stops = pinned.copy()
     while True:
-        polylines, segments = cut_into_segments(
-            triangulation.position, trace_facets(facets, joints, stops), curve, curves, circle
-        )
+        polylines, segments = cut_into_segments(position, trace_facets(facets, joints, stops), curve, curves, circle)
         segments = with_arcs_across_junctions(polylines, segments, circle)
         sliding = np.zeros(triangulation.nnodes, dtype=bool)
         sliding[polylines.node[segments.slots]] = True
         sliding[polylines.node[np.stack([segments.first, segments.last])[:, ~segments.closed]]] = False
         unmatched = paired[sliding[paired] & ~sliding[pairs.partner[paired]]]
         if len(unmatched) == 0:
-            return polylines, segments, sliding
+            return Segmented(midsides, joints, polylines, segments, sliding)
         stops[unmatched] = True
 
 
@@ -280,13 +260,12 @@ def chains_of_nodes(
 def inner_nodes(triangulation: Triangulation) -> Mask:
     elements = triangulation.elements
     inner = np.ones(triangulation.nnodes, dtype=bool)
-    across = elements.neighbour
-    e, k = np.nonzero((across < 0) | (elements.region[across] != elements.region[:, None]))
+    e, k = np.nonzero(np.append(elements.region, np.int32(-1))[elements.neighbour] != elements.region[:, None])
     inner[np.concatenate(elements.ends(e, k))] = False
     return inner
 
 
-def runs_along(triangulation: Triangulation, constraints: Constraints, element: Ints, corner: Ints) -> Mask:
-    ends, chain = triangulation.elements.ends(element, corner), triangulation.elements.chain[element, corner]
-    start, end = (parameters_of(triangulation.position, constraints, chain, node) for node in ends)
-    return signed_distances(constraints.chains, chain, start, end) > 0.0
+def run_along(triangulation: Triangulation, constraints: Constraints, element: Ints, corner: Ints) -> Mask:
+    elements = triangulation.elements
+    chain, ends = elements.chain[element, corner], elements.ends(element, corner)
+    return spans_of(triangulation.position, constraints, chain, ends)[1] > 0.0

@@ -9,9 +9,12 @@ from scipy.spatial import KDTree
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.checks import point_text
+from kohonen_adapt.geometry.plane.cutting import Points, as_complex, as_rows, square
 from kohonen_adapt.geometry.plane.polylines import Facets, constrained_facets
 from kohonen_adapt.geometry.rules import checked_pairs
 from kohonen_adapt.kernels.triangle.arrays import SLIDING, Constraints
+from kohonen_adapt.mesh.host import ascending, keys_of
 from kohonen_adapt.mesh.motions import Motion, Pair, inverse, is_proper, motion_of, moved
 from kohonen_adapt.mesh.triangulation import Triangulation
 
@@ -52,8 +55,13 @@ class Match(NamedTuple):
     nodes: Ints  # (k,) nodes of the first boundary
     images: Ints  # (k,) nodes of the second boundary, nearest to the images of the first
     distance: float  # largest distance between `images` and the images of `nodes`
+    fits: bool  # True if the distance is small
     continues: bool  # True if the moved mesh lies on the other side of the second boundary
     fault: str  # why a motion that matches nodes is not suitable; empty if suitable
+
+    @property
+    def is_suitable(self) -> bool:
+        return self.fits and self.continues and not self.fault
 
 
 def matched(sides: Sides, named: Motion | None) -> Match:
@@ -71,7 +79,7 @@ def matched(sides: Sides, named: Motion | None) -> Match:
     if named is None:
         return only_suitable(sides)
     match = match_by(sides, named.matrix)
-    if match.distance > sides.near:
+    if not match.fits:
         raise Unmatched(unmatched_message(sides, repr(named), f"it leaves one {match.distance:.6g} off"))
     if match.fault:
         raise ValueError(f"{sides.sentence('do not fit')} by {named!r}: {match.fault}")
@@ -79,8 +87,8 @@ def matched(sides: Sides, named: Motion | None) -> Match:
 
 
 def only_suitable(sides: Sides) -> Match:
-    tried = first_matches(matches_by_angle(sides, mirrored=False), sides.near)
-    suitable = [match for match in tried if match.distance <= sides.near and match.continues and not match.fault]
+    tried = first_matches(matches_by_angle(sides, mirrored=False))
+    suitable = [match for match in tried if match.is_suitable]
     if len(suitable) == 1:
         return suitable[0]
     if suitable:
@@ -91,24 +99,22 @@ def only_suitable(sides: Sides) -> Match:
     raise refusal(sides, tried)
 
 
-def first_matches(matches: Iterator[Match], near: float) -> list[Match]:
-    found, fitting, suitable = list[Match](), 0, 0
+def first_matches(matches: Iterator[Match]) -> list[Match]:
+    found = list[Match]()
     for match in matches:
         found.append(match)
-        fits = match.distance <= near and not match.fault
-        fitting, suitable = fitting + fits, suitable + (fits and match.continues)
-        if suitable == SHOWN or fitting == ENOUGH:
+        fitting = [each for each in found if each.fits and not each.fault]
+        if len(fitting) == ENOUGH or sum(each.continues for each in fitting) == SHOWN:
             break
     return found
 
 
 def refusal(sides: Sides, tried: Sequence[Match]) -> ValueError:
     fitting = [match for match in tried if match.distance <= sides.near]
-    overlapping = motions_of(sides, [match for match in fitting if not match.fault])
-    mirrored = [
-        match for match in matches_by_angle(sides, mirrored=True) if match.distance <= sides.near and not match.fault
-    ]
-    reflections = motions_of(sides, mirrored)
+    overlapping = motions_of(sides, fitting)
+    reflections = motions_of(
+        sides, [match for match in matches_by_angle(sides, mirrored=True) if match.distance <= sides.near]
+    )
     if overlapping:
         return ValueError(
             f"{sides.sentence('fit')} by a motion, but the mesh does not go on there: once moved it lies on the same "
@@ -134,7 +140,8 @@ def unmatched_message(sides: Sides, motion: str, found: str) -> str:
 
 
 def motions_of(sides: Sides, matches: Sequence[Match]) -> list[Motion]:
-    return [motion for match in matches if (motion := motion_of(match.motion, sides.size))]
+    fitting = (match.motion for match in matches if match.fits and not match.fault)
+    return [found for motion in fitting if (found := motion_of(motion, sides.size))]
 
 
 def proposal(sides: Sides, motions: Sequence[Motion]) -> str:
@@ -162,20 +169,17 @@ def matches_by_angle(sides: Sides, mirrored: bool) -> Iterator[Match]:
 
 
 def candidates(sides: Sides, mirrored: bool) -> list[Floats]:
-    points, targets = (sides.position[:, nodes] for nodes in sides.nodes)
-    if mirrored:
-        points = MIRROR @ points
-    ends = farthest(points)
-    middle, target_centre = points.mean(axis=1, keepdims=True), targets.mean(axis=1, keepdims=True)
-    radius, slack = np.hypot(*(targets - target_centre)), 4.0 * sides.near
-    first, second = (np.flatnonzero(np.abs(radius - r) <= slack) for r in np.hypot(*(ends - middle)))
-    apart, found = np.hypot(*(ends[:, 1] - ends[:, 0])), list[Floats]()
+    points, targets = (as_complex(sides.position[:, nodes].T) for nodes in sides.nodes)
+    ends = farthest(-points.conj() if mirrored else points)
+    radius, slack = np.abs(targets - targets.mean()), 4.0 * sides.near
+    middle = -points.mean().conj() if mirrored else points.mean()
+    first, second = (np.flatnonzero(np.abs(radius - r) <= slack) for r in np.abs(ends - middle))
+    apart, aims = np.abs(ends[1] - ends[0]), list[Points]()
     for q in first:
-        distance = np.hypot(*(targets[:, second] - targets[:, [q]])) - apart
-        found += [rigid_motion(ends, targets[:, [q, w]]) for w in second[np.abs(distance) <= slack]]
-    if not found:
-        aims = farthest(targets)
-        found = [rigid_motion(ends, aims), rigid_motion(ends, aims[:, ::-1])]
+        distance = np.abs(targets[second] - targets[q]) - apart
+        aims += [targets[[q, w]] for w in second[np.abs(distance) <= slack]]
+    aims = aims or [farthest(targets), farthest(targets)[::-1]]
+    found = [rigid_motion(ends, aim) for aim in aims]
     return [np.column_stack([each[:, :2] @ MIRROR, each[:, 2]]) for each in found] if mirrored else found
 
 
@@ -188,8 +192,8 @@ def match_by(sides: Sides, motion: Floats) -> Match:
     if len(np.unique(at)) < len(at):
         twice = at[np.setdiff1d(np.arange(len(at)), np.unique(at, return_index=True)[1])[0]]
         fault = (
-            f"two nodes of {one!r} come to lie on one of {other!r}, at {position_text(sides, others[twice])}. Merge "
-            "nodes that are in one place, or name the two sides of a slit apart."
+            f"two nodes of {one!r} come to lie on one of {other!r}, at {point_text(sides.position[:, others[twice]])}. "
+            "Merge nodes that are in one place, or name the two sides of a slit apart."
         )
     elif not np.all(against | along) or len(sides.facets[0]) != len(sides.facets[1]):
         fault = (
@@ -201,38 +205,31 @@ def match_by(sides: Sides, motion: Floats) -> Match:
             f"the mesh goes on beyond {np.sum(against)} facets of {other!r} and lies on the same side of "
             f"{np.sum(along)}. Name parts apart that are one another's image by different motions."
         )
-    return Match(motion, nodes, images, float(distance.max()), bool(against.all()) == is_proper(motion), fault)
+    largest, continues = float(distance.max()), bool(against.all()) == is_proper(motion)
+    return Match(motion, nodes, images, largest, largest <= sides.near, continues, fault)
 
 
 def senses(sides: Sides, nodes: Ints, images: Ints) -> tuple[Mask, Mask]:
     count = sides.position.shape[1]
     image = np.full(count, -1, dtype=np.int64)
     image[nodes] = images
-    start, end = image[sides.facets[0]].T
-    first, second = sides.facets[1].T.astype(np.int64)
-    return np.isin(end * count + start, first * count + second), np.isin(start * count + end, first * count + second)
+    first, second = image[sides.facets[0].T], sides.facets[1].T
+    against, along = (np.isin(keys_of(ends, count), keys_of(second, count)) for ends in (first[::-1], first))
+    return against, along
 
 
-def position_text(sides: Sides, node: int) -> str:
-    x, y = sides.position[:, node]
-    return f"({x:.6g}, {y:.6g})"
+def farthest(points: Points) -> Points:
+    first = points[np.argmax(square(points - points.mean()))]
+    return np.array([first, points[np.argmax(square(points - first))]])
 
 
-def farthest(points: Floats) -> Floats:
-    first = np.argmax(np.sum((points - points.mean(axis=1, keepdims=True)) ** 2, axis=0))
-    second = np.argmax(np.sum((points - points[:, [first]]) ** 2, axis=0))
-    return points[:, [first, second]]
-
-
-def rigid_motion(points: Floats, targets: Floats) -> Floats:
-    (ux, uy), (wx, wy) = points[:, 1] - points[:, 0], targets[:, 1] - targets[:, 0]
-    cosine, sine = ux * wx + uy * wy, ux * wy - uy * wx
-    length = np.hypot(cosine, sine)
-    cosine, sine = cosine / length, sine / length
+def rigid_motion(points: Points, targets: Points) -> Floats:
+    turn = (points[1] - points[0]).conj() * (targets[1] - targets[0])
+    cosine, sine = as_rows(turn) / np.abs(turn)
     if abs(sine) < MATCH and cosine > 0.0:
         cosine, sine = 1.0, 0.0
-    turn = np.array([[cosine, -sine], [sine, cosine]])
-    return np.column_stack([turn, (targets - turn @ points).mean(axis=1)])
+    matrix = np.array([[cosine, -sine], [sine, cosine]])
+    return np.column_stack([matrix, np.mean(as_rows(targets) - as_rows(points) @ matrix.T, axis=0)])
 
 
 class Pairs(NamedTuple):
@@ -298,11 +295,8 @@ def check_outer(triangulation: Triangulation, facets: Facets, *names: str) -> No
 
 
 def partner_facets(facets: Facets, partner: Ints) -> Ints:
-    count = len(partner)
-    images = partner[facets.nodes].astype(np.int64)
-    key = facets.nodes.min(axis=1).astype(np.int64) * count + facets.nodes.max(axis=1)
-    wanted = np.where(np.all(images >= 0, axis=1), images.min(axis=1) * count + images.max(axis=1), -1)
+    images, count = partner[facets.nodes.T], len(partner)
+    key, wanted = (keys_of(ascending(*ends), count) for ends in (facets.nodes.T, np.maximum(images, 0)))
     order = np.argsort(key)
-    at = np.minimum(np.searchsorted(key[order], wanted), len(key) - 1)
-    found = order[at]
-    return np.where(key[found] == wanted, found, -1)
+    found = order[np.minimum(np.searchsorted(key[order], wanted), len(key) - 1)]
+    return np.where((key[found] == wanted) & np.all(images >= 0, axis=0), found, -1)

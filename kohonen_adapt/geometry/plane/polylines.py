@@ -3,7 +3,8 @@
 A facet is constrained if it lies on the outer boundary, between two regions, or on a named boundary.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ __all__ = [
     "Polyline",
     "Polylines",
     "Segments",
-    "circle_row",
+    "circles_of",
     "constrained_facets",
     "continuations",
     "cut_into_segments",
@@ -219,24 +220,24 @@ def cut_into_segments(
 ) -> tuple[Polylines, Segments]:
     # Facets with a curve index other than -1 are not cut. The first columns of `circle_of_facet`, shape (f, 4), are
     # the circles of facets with the index `BY_MIDSIDES`, nan for none.
-    z, node, facet, rows = as_complex(position), polylines.node.copy(), polylines.facet.copy(), []
-    for begin, end, closed in zip(
-        polylines.start[:-1].tolist(), polylines.start[1:].tolist(), polylines.closed, strict=True
-    ):
-        parts, shift = [Part(0, end - begin - 1, closed=closed)], 0
-        if curve[facet[begin]] == -1:
-            parts, shift = cut_polyline(z[node[begin:end]], closed)
+    z, node, facet, parts = as_complex(position), polylines.node.copy(), polylines.facet.copy(), list[Part]()
+    is_whole, loops = (curve[polylines.facet_of_each] != -1).tolist(), polylines.closed.tolist()
+    for (begin, end), whole, closed in zip(pairwise(polylines.start.tolist()), is_whole, loops, strict=True):
+        last, shift = end - begin - 1, 0
+        own = [Part(0, last, closed=closed)]
+        if not whole and last > 1:
+            own, shift = cut_polyline(z[node[begin:end]], closed)
         elif not closed and node[begin] == node[end - 1]:  # a loop with a corner: a segment needs two end nodes
-            middle = (end - begin - 1) // 2
-            parts = [Part(0, middle), Part(middle, end - begin - 1)]
+            own = [Part(0, last // 2), Part(last // 2, last)]
         if shift:
             for array in (node, facet):
                 array[begin : end - 1] = np.roll(array[begin : end - 1], -shift)
             node[end - 1] = node[begin]
-        rows += [(begin + part.first, begin + part.last, part.closed, *circle_row(part)) for part in parts]
-    first, last, is_closed, *circle = np.reshape(np.array(rows), (-1, 6)).T
-    first, last, circles = first.astype(np.int64), last.astype(np.int64), np.stack(circle, axis=1)
-    segments = Segments(first, last, is_closed == 1.0, circles, curve[facet[first]], np.full(len(first), np.nan))
+        parts += [part._replace(first=begin + part.first, last=begin + part.last) for part in own]
+    rows = [(part.first, part.last, part.closed) for part in parts]
+    first, last, is_closed = np.array(rows, dtype=np.int64).reshape(-1, 3).T
+    circle, widest = circles_of(parts), np.full(len(parts), np.nan)
+    segments = Segments(first, last, is_closed == 1, circle, curve[facet[first]], widest)
     on_arc = segments.curve == BY_MIDSIDES
     segments.circle[on_arc] = circle_of_facet[facet[first[on_arc]], :3]
     for p in np.flatnonzero(segments.curve >= 0).tolist():
@@ -247,11 +248,13 @@ def cut_into_segments(
     return polylines._replace(node=node, facet=facet), segments
 
 
-def circle_row(part: Part) -> Floats:
-    if part.circle is None:
-        return np.full(3, np.nan)
-    centre, radius = part.circle
-    return rounded(np.append(as_rows(centre), radius), radius)
+def circles_of(parts: Sequence[Part]) -> Floats:
+    # (p, 3) centre and radius, nan for parts that are straight
+    found = np.full((len(parts), 3), np.nan)
+    for p, part in enumerate(parts):
+        if part.circle:
+            found[p] = rounded(np.append(as_rows(part.circle.centre), part.circle.radius), part.circle.radius)
+    return found
 
 
 def nodes_of(position: Floats, node: Ints, segments: Segments, p: int) -> Floats:

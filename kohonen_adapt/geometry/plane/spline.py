@@ -201,17 +201,15 @@ class Samples(NamedTuple):
 
 
 def _sampled(pieces: Sequence[Floats], closed: Sequence[bool]) -> Samples:
-    points = [
-        np.append(piece, piece[:, :1], axis=1) if loop else piece for piece, loop in zip(pieces, closed, strict=True)
-    ]
-    chords = [np.sqrt(_squared(np.diff(piece.T, axis=0))) for piece in points]
+    points = [np.append(piece, piece[:, : int(loop)], axis=1).T for piece, loop in zip(pieces, closed, strict=True)]
+    chords = [np.sqrt(_squared(np.diff(piece, axis=0))) for piece in points]
     total, start = np.sum(np.concatenate(chords)), 0.0
     cubics, knots, parameters, reach = [], [], [], 0.0
     for piece, chord, loop in zip(points, chords, closed, strict=True):
         own = np.append(0.0, np.cumsum(chord)) / total
-        spline = scipy.interpolate.CubicSpline(own, piece.T, bc_type="periodic" if loop else "not-a-knot")
+        spline = scipy.interpolate.CubicSpline(own, piece, bc_type="periodic" if loop else "not-a-knot")
         at_end = [spline(own[-1], order) / factorial(order) for order in (3, 2, 1)]
-        cubics += [spline.c, np.stack([*at_end, piece[:, -1]])[:, None]]
+        cubics += [spline.c, np.stack([*at_end, piece[-1]])[:, None]]
         t, far = _refined(spline, own)
         knots.append(start + own)
         parameters.append(start + t)

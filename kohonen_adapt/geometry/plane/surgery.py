@@ -1,7 +1,7 @@
 """Triangle meshes with spare rows, and creation of missing thin layers."""
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,8 +12,8 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, free_rows, padded, ranks
 from kohonen_adapt.checks import listed
-from kohonen_adapt.geometry.movable import Recycled, unchanged
-from kohonen_adapt.geometry.plane.layers import Band, bands_of, lower_to_steps, parts_of
+from kohonen_adapt.geometry.movable import Recycled, element_order, reordered_state, unchanged
+from kohonen_adapt.geometry.plane.layers import bands_with, steps_from
 from kohonen_adapt.geometry.plane.movable import BY_ELEMENT, MovableMesh, with_state
 from kohonen_adapt.geometry.rules import Rules, checked_layers
 from kohonen_adapt.kernels.arrays import Metric, Pool
@@ -23,7 +23,7 @@ from kohonen_adapt.kernels.triangle.arrays import SLIDING, Elements, OpenMesh, O
 from kohonen_adapt.kernels.triangle.surgery import find_edge, midpoint, split
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["Surgery", "element_order", "numbered_along_curve", "reordered_state", "with_layers"]
+__all__ = ["Surgery", "numbered_along_curve", "with_layers"]
 
 FEW = 10_000  # number of nodes of a mesh that fits in the cache of a processor in any order
 FAR = 4.0  # median index distance of neighbours above which nodes are renumbered, relative to sqrt(nnodes)
@@ -50,11 +50,13 @@ def numbered_along_curve(movable: MovableMesh) -> Iterator[Ints | None]:
         return
     nodes, count = along_curve(tri.position), len(tri.elements.node)
     elements = element_order(tri.elements.node, ranks(nodes, tri.nnodes))
-    movable.set_arrays(reordered_state(movable.state(), nodes, elements))
+    movable.set_arrays(reordered_state(movable.state(), nodes, elements, BY_ELEMENT))
     try:
         yield elements
     finally:
-        movable.set_arrays(reordered_state(movable.state(), ranks(nodes, tri.nnodes), ranks(elements, count)))
+        movable.set_arrays(
+            reordered_state(movable.state(), ranks(nodes, tri.nnodes), ranks(elements, count), BY_ELEMENT)
+        )
 
 
 def is_scattered(triangulation: Triangulation) -> bool:
@@ -62,21 +64,6 @@ def is_scattered(triangulation: Triangulation) -> bool:
     if triangulation.nnodes < FEW:
         return False
     return bool(np.median(np.abs(node[:, 0] - node[:, 1])) > FAR * np.sqrt(triangulation.nnodes))
-
-
-def reordered_state(state: Mapping[str, NDArray[Any]], nodes: Ints, elements: Ints) -> dict[str, NDArray[Any]]:
-    node_index = ranks(nodes, len(state["position"]))
-    element_index = np.append(ranks(elements, len(state["elements.node"])), np.int32(-1))
-    reordered = {name: np.take(a, elements if name in BY_ELEMENT else nodes, axis=0) for name, a in state.items()}
-    reordered["elements.node"] = node_index[reordered["elements.node"]]
-    reordered["elements.neighbour"] = element_index[reordered["elements.neighbour"]]
-    partner = reordered["twins.partner"]
-    reordered["twins.partner"] = np.where(partner >= 0, node_index[partner], -1).astype(np.int32)
-    return reordered
-
-
-def element_order(node: Ints, node_index: Ints) -> Ints:
-    return np.argsort(node_index[node].min(axis=1), kind="stable")
 
 
 logger = logging.getLogger("kohonen_adapt")
@@ -121,7 +108,7 @@ class Surgery:
             nodes = nodes[along_curve(self.state["position"][nodes])]
         elements = np.flatnonzero(node[:, 0] >= 0)
         elements = elements[element_order(node[elements], ranks(nodes, len(anchor)))]
-        movable.set_arrays(reordered_state(self.state, nodes, elements))
+        movable.set_arrays(reordered_state(self.state, nodes, elements, BY_ELEMENT))
         return nodes, elements
 
 
@@ -131,8 +118,7 @@ def longest_merged(movable: MovableMesh) -> Floats:
 
 
 def outer_edges(elements: Elements) -> Ints:
-    e, k = np.nonzero(elements.neighbour < 0)
-    return np.stack([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]], axis=1)
+    return np.stack(elements.ends(*np.nonzero(elements.neighbour < 0)), axis=1)
 
 
 MOST = 8  # maximum number of layers that is made; more must be in the input mesh
@@ -155,23 +141,12 @@ def with_layers(mesh: MeshTri, rules: Rules, grows: bool = False) -> MeshTri:
 
 def edges_to_split(movable: MovableMesh, wanted: dict[str, int]) -> Ints:
     found = [np.empty((0, 2), dtype=np.int64)]
-    for band in bands(movable, wanted):
-        from_one, from_other = (np.full(movable.nnodes, min(band.number, movable.nnodes)) for _ in band.sides)
-        for steps, side in ((from_one, band.sides[0]), (from_other, band.sides[1])):
-            steps[side] = 0
-            lower_to_steps(band.pairs, steps)
+    for band in bands_with(movable.triangulation, movable.constraints, wanted):
+        from_one, from_other = (steps_from(band, side, movable.nnodes) for side in (0, 1))
         a, b = np.concatenate([band.pairs, band.pairs[:, ::-1]]).T
         across = from_one[a] + 1 + from_other[b]
         found.append(np.stack([a, b], axis=1)[(across < band.number) & (from_one[a] == across // 2)])
     return np.unique(np.sort(np.concatenate(found), axis=1), axis=0)
-
-
-def bands(movable: MovableMesh, wanted: dict[str, int]) -> Iterator[Band]:
-    triangulation = movable.triangulation
-    for name, number in wanted.items():
-        rows = np.asarray(triangulation.mesh.subdomains[name], dtype=np.int64)
-        for inside in parts_of(triangulation.elements, triangulation.region_of_input[rows]):
-            yield from bands_of(triangulation, movable.constraints, name, number, inside)
 
 
 def split_edges(movable: MovableMesh, edges: Ints) -> None:

@@ -29,10 +29,7 @@ class InputEdges(NamedTuple):
     def of(cls, mesh: MeshTet, faces: Faces, patches: Patches) -> "InputEdges":
         # Curved edges of a `MeshTet2` on plane patches only, which are facets of a surface that is not recognised.
         moves = patches.moves[patches.of_face]
-        flat, curved = (
-            edges_between(mesh, nodes, np.roll(nodes, -1, axis=1))
-            for nodes in (faces.nodes[~moves], faces.nodes[moves])
-        )
+        flat, curved = edges_of(mesh, faces.nodes[~moves]), edges_of(mesh, faces.nodes[moves])
         offset, own = offsets_of_sides(mesh), np.setdiff1d(flat, curved)
         own = own[offset[:, own].any(axis=0)]
         return cls(mesh.p.T[mesh.edges[:, own].T], offset[:, own].T)
@@ -48,8 +45,7 @@ def offsets_on_surfaces(
     # `elements`. The midside node of an edge on curved patches is the projection of the middle of the edge.
     number_edges(mesh)
     e, k = np.nonzero((elements.patch >= 0) & (elements.node[:, :1] >= 0))
-    nodes = np.take_along_axis(elements.node[e], FACES[k], axis=1)
-    edge = edges_between(mesh, nodes, np.roll(nodes, -1, axis=1))
+    edge = edges_of(mesh, elements.node[e[:, None], FACES[k]])
     start, end = mesh.p[:, mesh.edges].swapaxes(0, 1)
     middle = 0.5 * (start + end)
     there = on_their_patches(edge, patches._replace(of_face=elements.patch[e, k]), middle.T)
@@ -63,6 +59,10 @@ def offsets_on_surfaces(
     return offset, curved & ~offset.any(axis=0)
 
 
+def edges_of(mesh: MeshTet, faces: Ints) -> Ints:
+    return edges_between(mesh, faces, np.roll(faces, -1, axis=1))
+
+
 def rows_in_edges(mesh: MeshTet, ends: Floats) -> Ints:
     # Indices of edges by the positions of their ends (k, 2, 3), -1 for none.
     distance, nodes = cKDTree(mesh.p.T).query(ends.reshape(-1, 3))
@@ -73,25 +73,22 @@ def rows_in_edges(mesh: MeshTet, ends: Floats) -> Ints:
 
 def _folding(mesh: MeshTet, offset: Floats) -> Ints:
     # An element that would fold gets the straight edge with which its determinants are largest.
-    chosen, offset = np.zeros(0, dtype=np.int64), offset.copy()
-    rows = np.flatnonzero(np.any(np.any(offset, axis=0)[mesh.t2e], axis=0))
-    while rows.size:
+    before, touched = (np.asarray(offset.any(axis=0)) for _ in range(2))
+    offset = offset.copy()
+    while touched.any():
+        rows = np.flatnonzero(touched[mesh.t2e].any(axis=0))
         rows = rows[_least(mesh, rows, offset[:, mesh.t2e[:, rows]]) < MIN_JACOBIAN]
-        if not rows.size:
-            break
-        found = []
-        for k in range(6):
+        found = np.full((6, rows.size), -np.inf)
+        for k, least in enumerate(found):
             tried = offset[:, mesh.t2e[:, rows]]
             curved = tried[:, k].any(axis=0)
             tried[:, k] = 0.0
-            found.append(np.where(curved, _least(mesh, rows, tried), -np.inf))
+            least[curved] = _least(mesh, rows, tried)[curved]
         edge = mesh.t2e[np.argmax(found, axis=0), rows]
         offset[:, edge] = 0.0
-        chosen = np.union1d(chosen, edge)
-        touched = np.zeros(mesh.edges.shape[1], dtype=np.bool_)
+        touched[:] = False
         touched[edge] = True
-        rows = np.flatnonzero(touched[mesh.t2e].any(axis=0))
-    return chosen
+    return np.flatnonzero(before & ~offset.any(axis=0))
 
 
 def _least(mesh: MeshTet, rows: Ints, offset: Floats) -> Floats:

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from skfem import MeshTet
-from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.geometry.movable import Movable, arrays_of, names_beside
-from kohonen_adapt.geometry.rules import Rules, check_for, checked_surfaces, euclidean_floor_of, floor_of, pinned_nodes
+from kohonen_adapt.geometry.movable import Movable, arrays_of, settings_of
+from kohonen_adapt.geometry.rules import Rules, checked_surfaces, pinned_nodes
 from kohonen_adapt.geometry.space.midsides import NO_EDGES, InputEdges, offsets_on_surfaces
 from kohonen_adapt.geometry.space.patches import Patches, constrained_faces, edges_of, on_their_patches, seams_of
 from kohonen_adapt.geometry.space.projection import (
@@ -40,10 +39,8 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Surfaces,
 )
 from kohonen_adapt.mesh.adjacency import write_on_both_sides
-from kohonen_adapt.mesh.cells import FACES, normals
+from kohonen_adapt.mesh.cells import FACES
 from kohonen_adapt.mesh.curved import is_second_order, with_midside_offsets
-from kohonen_adapt.mesh.host import facets_opposite, set_boundaries
-from kohonen_adapt.mesh.names import boundary_of, turned
 from kohonen_adapt.mesh.shapes import round_shapes
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 
@@ -56,7 +53,7 @@ BY_ELEMENT = ("tetrahedra.node", "tetrahedra.neighbour", "tetrahedra.region", "t
 STATE_NAMES = ("position", "shape", *BY_ELEMENT, "freedom.number", "freedom.place", "freedom.pinned")
 
 
-@dataclass
+@dataclass(kw_only=True)
 class MovableSolid(Movable):
     """Tetrahedral mesh as arrays, with the constraints on its nodes.
 
@@ -70,12 +67,6 @@ class MovableSolid(Movable):
         Constraint of every node.
     patches
         Names and front of every patch.
-    floor
-        Minimum quality after a change, or the worst quality before the change if that is lower.
-    flips
-        True if elements may be swapped.
-    curved
-        True if `mesh` returns a `MeshTet2`: curved edges are requested, and a patch is curved.
     input_edges
         Curved edges of the input on surfaces that are not recognised, whose nodes are held.
     """
@@ -89,12 +80,6 @@ class MovableSolid(Movable):
     surfaces: Surfaces
     freedom: Freedom
     patches: Patches
-    floor: float
-    flips: bool
-    least: float
-    shape: Floats
-    in_metric: bool = False
-    curved: bool = False
     input_edges: InputEdges = NO_EDGES
 
     @classmethod
@@ -104,8 +89,8 @@ class MovableSolid(Movable):
         `curved` requests curved edges in the output; None requests them if the input is a `MeshTet2`. Curved edges of
         the input on patches that are recognised as plane keep their nodes, and edges inside regions are straightened.
         """
-        check_for(rules, 3)
         tet = Tetrahedralization.of(mesh)
+        settings = settings_of(rules, tet)
         pinned = pinned_nodes(tet.mesh, rules.pinned)
         faces = constrained_faces(tet.mesh, tet.elements)
         edges = edges_of(faces, tet.nnodes)
@@ -118,12 +103,18 @@ class MovableSolid(Movable):
         ridges = ridges_of(edges, patches, on_their_patches(faces.nodes, patches, tet.position))
         elements = tet.elements
         write_on_both_sides(elements.patch, elements.neighbour, faces.element, faces.corner, patches.of_face)
-        floor, least = floor_of(rules, 3), euclidean_floor_of(rules, 3)
         freedom = freedom_of(faces, patches, ridges, pinned, tet.position)
         there = surfaces_of(patches, ridges, samples_of(faces, patches, tet.position))
         curved_output = bool(wanted) and (len(input_edges.ends) > 0 or bool(np.any(patches.shape != PLANE)))
-        fixed, shape = (tet, there, freedom, patches), round_shapes(tet.nnodes, 3)
-        return cls(*fixed, floor, rules.flips, least, shape, curved=curved_output, input_edges=input_edges)
+        return cls(
+            tetrahedralization=tet,
+            surfaces=there,
+            freedom=freedom,
+            patches=patches,
+            input_edges=input_edges,
+            curved=curved_output,
+            **settings,
+        )
 
     @property
     def tessellation(self) -> Tetrahedralization:
@@ -140,7 +131,7 @@ class MovableSolid(Movable):
 
     def mesh(self) -> MeshTet:
         if not self.curved:
-            return self._straight_mesh()
+            return self.straight_mesh()
         mesh, straight, count = self.curved_mesh()
         if straight.any():
             logger.info(
@@ -151,40 +142,23 @@ class MovableSolid(Movable):
 
     def curved_mesh(self) -> tuple[MeshTet, Mask, int]:
         # and the edges on curved surfaces that stay straight, (nedges,), and the number of all
-        mesh = self._straight_mesh()
+        mesh = self.straight_mesh()
         offset, flat = offsets_on_surfaces(mesh, self.tetrahedralization.elements, self.patches, self.input_edges)
         curved = with_midside_offsets(mesh, offset) if offset.any() else mesh
         return curved, flat, int(np.count_nonzero(flat | offset.any(axis=0)))
 
-    def _straight_mesh(self) -> MeshTet:
-        mesh = self.tetrahedralization.to_mesh()
-        if self.input_mesh.boundaries is not None:
-            facet = facets_opposite(mesh, self.tetrahedralization.elements.node[self.tetrahedralization.used])
-            set_boundaries(mesh, {name: self._boundary(mesh, facet, name) for name in self.patches.names})
-        return mesh
+    @property
+    def part_names(self) -> Mapping[str, NDArray[np.int8]]:
+        return self.patches.names
 
-    def start(self) -> MeshTet:
-        return self.mesh() if self.curved else self.input_mesh
+    @property
+    def part_of_facets(self) -> Ints:
+        return self.tetrahedralization.elements.patch
 
-    def _boundary(self, mesh: MeshTet, facet: Ints, name: str) -> Ints:
-        tet, used = self.tetrahedralization, self.tetrahedralization.used
-        patch, manner = tet.elements.patch[used], np.append(self.patches.names[name], 0)
-        element, corner = np.nonzero((patch >= 0) & manner[patch].astype(bool))
-
-        def side(e: Ints, k: Ints) -> NDArray[np.int8]:
-            return turned(manner[patch[e, k]], self.on_front(used[e], k))
-
-        oriented = isinstance(self.input_mesh.boundaries[name], OrientedBoundary)
-        return boundary_of(mesh, facet, element, corner, side if oriented else None)
-
-    def on_front(self, element: Ints, corner: Ints) -> Mask:
+    def are_left(self, element: Ints, corner: Ints) -> Mask:
         tet = self.tetrahedralization
-        patch = tet.elements.patch[element, corner]
-        nodes = np.take_along_axis(tet.elements.node[element], FACES[corner], axis=1)
-        found, rows = tet.elements.region[element] == self.patches.front[patch], self.patches.front[patch] < 0
-        centroids, out = tet.position[nodes[rows]].mean(axis=1), normals(tet.position, nodes[rows])
-        found[rows] = self.patches.sheet.faces_back(centroids, patch[rows], out)
-        return found
+        patch, nodes = tet.elements.patch[element, corner], tet.elements.node[element[:, None], FACES[corner]]
+        return self.patches.in_front(patch, tet.elements.region[element], tet.position, nodes)
 
     def copy(self) -> "MovableSolid":
         freedom = Freedom(*(array.copy() for array in self.freedom))
@@ -238,8 +212,7 @@ class MovableSolid(Movable):
     def farthest_part(self) -> str:
         tet = self.tetrahedralization
         p = int(np.argmax(distances_from_faces(tet.position, tet.elements, self.patches)))
-        regions = tet.elements.region[np.any(tet.elements.patch == p, axis=1)]
-        if names := names_beside(tet, self.patches.names, p, regions):
+        if names := self.name_of(p):
             return names
         e, k = np.argwhere(tet.elements.patch == p)[0]
         x = tet.position[tet.elements.node[e, FACES[k]]].mean(axis=0)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints, free_rows, padded, ranks
+from kohonen_adapt.geometry.movable import arrays_of, element_order, reordered_state
 from kohonen_adapt.geometry.space.movable_solid import BY_ELEMENT, MovableSolid, metric_of
 from kohonen_adapt.geometry.space.thread_parts import Parts, wait_in
 from kohonen_adapt.kernels.arrays import Pool
@@ -134,40 +135,32 @@ class OpenSolid:
         wait_in(queue, np.flatnonzero(queue.waiting[elements]))
         nodes = np.append(nodes, np.flatnonzero(mesh.pool.anchor < 0))
         elements = np.append(elements, np.flatnonzero(mesh.elements.node[:, 0] < 0))
-        for name, array in self.state.items():
-            array[:] = array[elements if name in BY_ELEMENT else nodes]
-        origins = mesh.origins
-        for array in (origins.fineness, origins.old, origins.start_element, origins.non_manifold, mesh.pool.anchor):
+        for name, array in reordered_state(self.state, nodes, elements, BY_ELEMENT).items():
+            self.state[name][:] = array
+        origins, anchor = mesh.origins, mesh.pool.anchor
+        anchor[:] = np.append(ranks(elements, len(elements)), np.int32(-1))[anchor]
+        for array in (origins.fineness, origins.old, origins.start_element, origins.non_manifold, anchor):
             array[:] = array[nodes]
-        for array, order in (
-            (mesh.elements.node, nodes),
-            (mesh.elements.neighbour, elements),
-            (mesh.pool.anchor, elements),
-        ):
-            array[:] = np.append(ranks(order, len(order)), np.int32(-1))[array]
         for stack, height in zip((mesh.pool.free_nodes, mesh.pool.free_elements), mesh.pool.height, strict=True):
             stack[:height] = free_rows(len(stack) - height, len(stack))[:height]
 
     def along_curve(self) -> tuple[Ints, Ints]:
-        node, nodes_in_use, used = self.mesh.elements.node, self.nodes(), self.elements()
-        nodes_in_use = nodes_in_use[along_curve(self.mesh.position[nodes_in_use])]
-        first = ranks(nodes_in_use, len(self.mesh.position))[node[used]].min(axis=1)
-        return nodes_in_use, used[np.argsort(first, kind="stable")]
+        nodes, used = self.nodes(), self.elements()
+        nodes = nodes[along_curve(self.mesh.position[nodes])]
+        return nodes, used[element_order(self.mesh.elements.node[used], ranks(nodes, len(self.mesh.position)))]
 
     def write_back(self, movable: MovableSolid, renumbered: bool = False) -> Ints:
-        node, rows = self.mesh.elements.node, (self.nodes(), self.elements())
-        nodes_in_use, used = self.along_curve() if renumbered else rows
-        number, place = ranks(nodes_in_use, len(self.mesh.position)), np.append(ranks(used, len(node)), np.int32(-1))
-        state = {name: array[used if name in BY_ELEMENT else nodes_in_use] for name, array in self.state.items()}
-        nodes, across = BY_ELEMENT[:2]
-        state[nodes], state[across] = number[state[nodes]], place[state[across]]
-        movable.set_arrays(state)
-        return nodes_in_use
+        nodes, elements = self.along_curve() if renumbered else (self.nodes(), self.elements())
+        movable.set_arrays(reordered_state(self.state, nodes, elements, BY_ELEMENT))
+        return nodes
 
 
 def records_of(state: dict[str, NDArray[Any]]) -> tuple[Floats, Tetrahedra, Freedom]:
-    freedom = Freedom(state["freedom.number"], state["freedom.place"], state["freedom.pinned"])
-    return state["position"], Tetrahedra(*(state[name] for name in BY_ELEMENT)), freedom
+    return (
+        state["position"],
+        Tetrahedra(**arrays_of("tetrahedra", state)),
+        Freedom(**arrays_of("freedom", state)),
+    )
 
 
 def swap_elements(movable: MovableSolid) -> None:

@@ -31,6 +31,7 @@ __all__ = [
     "Faces",
     "Patches",
     "Seams",
+    "Shapes",
     "Sheet",
     "constrained_faces",
     "edges_of",
@@ -64,7 +65,7 @@ class Edges(NamedTuple):
 
 
 class Seams(NamedTuple):
-    edge: Ints  # (j,)
+    ends: Ints  # (j, 2) nodes
     faces: Ints  # (j, 2)
     turn: Floats  # (j,) angle between the faces in radians, 0 if they are coplanar
     opposite: Mask  # (j,) True if the elements of both faces are on the same side
@@ -73,7 +74,7 @@ class Seams(NamedTuple):
 
 def constrained_faces(mesh: MeshTet, elements: Tetrahedra) -> Faces:
     e, k, regions, label, sides = marked_facets(mesh, elements)
-    return Faces(e, k, np.take_along_axis(elements.node[e], FACES[k], axis=1), label, sides, regions)
+    return Faces(e, k, elements.node[e[:, None], FACES[k]], label, sides, regions)
 
 
 def edges_of(faces: Faces, nnodes: int) -> Edges:
@@ -93,7 +94,21 @@ def seams_of(faces: Faces, edges: Edges, position: Floats) -> Seams:
     normal = normals(position, faces.nodes)
     here, there = normal[one], np.where(opposite[:, None], 1.0, -1.0) * normal[other]
     same_label = faces.label[one, 0] == faces.label[other, np.where(opposite, 0, 1)]
-    return Seams(edge, np.stack([one, other], axis=1), angles_between(here.T, there.T), opposite, same_label)
+    return Seams(
+        edges.ends[edge], np.stack([one, other], axis=1), angles_between(here.T, there.T), opposite, same_label
+    )
+
+
+class Shapes(NamedTuple):
+    """Surfaces or curves, with the values of `Surfaces` in the kernels."""
+
+    shape: NDArray[np.int8]  # (p,)
+    origin: Floats  # (p, 3)
+    axis: Floats  # (p, 3)
+    size: Floats  # (p,)
+
+    def set(self, p: int, row: tuple[int, Sequence[float] | Floats, Sequence[float] | Floats, float]) -> None:
+        self.shape[p], self.origin[p], self.axis[p], self.size[p] = row
 
 
 class Patches(NamedTuple):
@@ -112,6 +127,13 @@ class Patches(NamedTuple):
     def moves(self) -> Mask:
         """Mask (p,) of patches onto which nodes are projected, without recognised planes."""
         return (self.shape != PLANE) | (self.surface_index >= 0)
+
+    def in_front(self, patch: Ints, region: Ints, position: Floats, nodes: Ints) -> Mask:
+        """Return True for elements with faces (f, 3) on patches that lie in front."""
+        found, rows = region == self.front[patch], self.front[patch] < 0
+        centroids, out = position[nodes[rows]].mean(axis=1), normals(position, nodes[rows])
+        found[rows] = self.sheet.faces_back(centroids, patch[rows], out)
+        return found
 
     def project(self, patch: Ints, x: Floats) -> Floats:
         found, shape = x.copy(), self.shape[patch]

@@ -19,7 +19,8 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Surfaces,
     Tetrahedra,
 )
-from kohonen_adapt.mesh.cells import FACES, TETRAHEDRON, normals
+from kohonen_adapt.mesh.cells import FACES, normals
+from kohonen_adapt.mesh.measures import qualities_of
 
 __all__ = ["distances_from_faces", "move_to_targets", "projected_positions", "samples_of", "volume_cut_off"]
 
@@ -36,26 +37,24 @@ def projected_positions(position: Floats, surfaces: Surfaces, freedom: Freedom, 
     on = on[patches.moves[freedom.place[on]]]
     x[on] = patches.project(freedom.place[on], x[on])
     on = np.flatnonzero(freedom.number == ON_RIDGE)
-    ridge = freedom.place[on]
-    meets = surfaces.meets[ridge]
-    bound = np.any((meets >= 0) & np.append(patches.moves, False)[meets], axis=1) | (
-        surfaces.ridge_shape[ridge] != LINE
-    )
-    on, ridge, meets = on[bound], ridge[bound], meets[bound]
-    turns = [(on[meets[:, k] >= 0], meets[meets[:, k] >= 0, k]) for k in range(meets.shape[1])]
-    x[on] = onto_all(turns, patches, x)[on]
-    plain = np.flatnonzero((surfaces.ridge_shape[ridge] == LINE) | (surfaces.ridge_shape[ridge] == CIRCLE))
-    x[on[plain]] = onto_ridges(x[on[plain]], ridge[plain], surfaces)
+    meets, shape = surfaces.meets[freedom.place[on]], surfaces.ridge_shape[freedom.place[on]]
+    bound = np.any(np.append(patches.moves, False)[meets], axis=1) | (shape != LINE)
+    on, meets, shape = on[bound], meets[bound], shape[bound]
+    x[on] = onto_all([(on[each >= 0], each[each >= 0]) for each in meets.T], patches, x)[on]
+    for kind in (LINE, CIRCLE):
+        own = on[shape == kind]
+        x[own] = onto_ridges(x[own], freedom.place[own], surfaces, is_line=kind == LINE)
     return x
 
 
-def onto_ridges(x: Floats, ridge: Ints, surfaces: Surfaces) -> Floats:
+def onto_ridges(x: Floats, ridge: Ints, surfaces: Surfaces, is_line: bool) -> Floats:
     origin, axis = surfaces.ridge_origin[ridge], surfaces.ridge_axis[ridge]
     along = axis * np.sum((x - origin) * axis, axis=1, keepdims=True)
+    if is_line:
+        return origin + along
     out = x - origin - along
     length = np.linalg.norm(out, axis=1, keepdims=True)
-    on_circle = origin + out * (surfaces.ridge_size[ridge, None] / np.where(length > 0.0, length, 1.0))
-    return np.where((surfaces.ridge_shape[ridge] == LINE)[:, None], origin + along, on_circle)
+    return origin + out * (surfaces.ridge_size[ridge, None] / np.where(length > 0.0, length, 1.0))
 
 
 def move_to_targets(position: Floats, elements: Tetrahedra, target: Floats, floor: float) -> Floats:
@@ -95,22 +94,13 @@ def violating(position: Floats, node: Ints, least: Floats) -> Mask:
 
 
 def qualities(position: Floats, node: Ints) -> Floats:
-    corners = position.T[:, node.T]
-    volume = TETRAHEDRON.determinant(corners) / 6.0
-    squares = np.zeros(len(node))
-    for a, b in TETRAHEDRON.edges:
-        squares += np.sum((corners[:, a] - corners[:, b]) ** 2, axis=0)
-    return TETRAHEDRON.regular * np.sign(volume) * np.abs(volume) ** (2.0 / 3.0) / squares
+    return qualities_of(position.T[:, node.T])
 
 
 def distances_from_faces(position: Floats, elements: Tetrahedra, patches: Patches) -> Floats:
-    found = np.zeros(len(patches.shape))
-    used = elements.node[:, 0] >= 0
-    e, k = np.nonzero((elements.patch >= 0) & used[:, None] & np.append(patches.moves, False)[elements.patch])
-    corners = position[np.take_along_axis(elements.node[e], FACES[k], axis=1)]
-    patch = elements.patch[e, k]
-    edges = 0.5 * (corners + np.roll(corners, 1, axis=1))
-    for x in (corners.mean(axis=1), *edges.transpose(1, 0, 2)):
+    nodes, patch = faces_on_surfaces(elements, patches)
+    corners, found = position[nodes], np.zeros(len(patches.shape))
+    for x in (corners.mean(axis=1), *midpoints_of_edges(corners)):
         np.maximum.at(found, patch, np.linalg.norm(patches.project(patch, x) - x, axis=1))
     return found
 
@@ -118,40 +108,41 @@ def distances_from_faces(position: Floats, elements: Tetrahedra, patches: Patche
 def volume_cut_off(position: Floats, elements: Tetrahedra, patches: Patches) -> float:
     # Between the plane faces of elements and their surfaces, without sign. The integral of a quadratic function that
     # vanishes at the corners is a third of the area times the sum of the values at the midpoints of the edges.
+    nodes, patch = faces_on_surfaces(elements, patches)
+    x = midpoints_of_edges(position[nodes])
+    off = np.sum([patches.project(patch, each) - each for each in x], axis=0)
+    return float(np.sum(np.abs(np.sum(off * normals(position, nodes), axis=1))) / 6.0)
+
+
+def faces_on_surfaces(elements: Tetrahedra, patches: Patches) -> tuple[Ints, Ints]:
+    # nodes (f, 3) of the faces on patches that are not plane, and their patches
     used = elements.node[:, :1] >= 0
-    e, k = np.nonzero((elements.patch >= 0) & used & np.append(patches.moves, False)[elements.patch])
-    nodes, patch = np.take_along_axis(elements.node[e], FACES[k], axis=1), elements.patch[e, k]
-    corners, height = position[nodes], np.zeros(len(e))
-    for x in (0.5 * (corners + np.roll(corners, 1, axis=1))).transpose(1, 0, 2):
-        height += np.sum((patches.project(patch, x) - x) * normals(position, nodes), axis=1)
-    return float(np.sum(np.abs(height)) / 6.0)
+    e, k = np.nonzero(used & np.append(patches.moves, False)[elements.patch])
+    return elements.node[e[:, None], FACES[k]], elements.patch[e, k]
+
+
+def midpoints_of_edges(corners: Floats) -> Floats:
+    return 0.5 * (corners + np.roll(corners, 1, axis=1)).transpose(1, 0, 2)
 
 
 def samples_of(faces: Faces, patches: Patches, position: Floats) -> Samples:
     if not np.any(patches.shape == PROJECTED):
         return NO_SAMPLES
-    start, samples = [0], []
-    for p in range(len(patches.shape)):
-        rows = 0
-        if patches.shape[p] == PROJECTED:
-            own = np.flatnonzero(patches.of_face == p)
-            point, face = lattice(position[faces.nodes[own]])
-            found = shapes_at(
-                patches, p, point, position[faces.nodes[own]][face], out_of(faces, patches, own, position)[face]
-            )
-            order = in_tree(found[0])
-            samples.append([array[order] for array in found])
-            rows = len(order)
-        start.append(start[-1] + rows)
-    return Samples(np.array(start, dtype=np.int32), *map(np.concatenate, zip(*samples, strict=True)))
+    start, samples = np.zeros(len(patches.shape) + 1, dtype=np.int32), []
+    for p in np.flatnonzero(patches.shape == PROJECTED).tolist():
+        own = np.flatnonzero(patches.of_face == p)
+        corners, out = position[faces.nodes[own]], out_of(faces, patches, own, position)
+        point, face = lattice(corners)
+        found = shapes_at(patches, p, point, corners[face], out[face])
+        order = in_tree(found[0])
+        samples.append([array[order] for array in found])
+        start[p + 1] = len(order)
+    return Samples(np.cumsum(start, dtype=np.int32), *map(np.concatenate, zip(*samples, strict=True)))
 
 
 def out_of(faces: Faces, patches: Patches, own: Ints, position: Floats) -> Floats:
-    nodes, patch = faces.nodes[own], patches.of_face[own]
-    normal = normals(position, nodes)
-    away = faces.regions[own, 0] == patches.front[patch]
-    sheet = patches.front[patch] < 0
-    away[sheet] = patches.sheet.faces_back(position[nodes[sheet]].mean(axis=1), patch[sheet], normal[sheet])
+    normal = normals(position, faces.nodes[own])
+    away = patches.in_front(patches.of_face[own], faces.regions[own, 0], position, faces.nodes[own])
     return np.where(away[:, None], normal, -normal)
 
 

@@ -15,7 +15,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask, grouped
 from kohonen_adapt.geometry.plane.curves import check_near, curve_of_facets
 from kohonen_adapt.geometry.plane.cutting import CLOSE, TURN
 from kohonen_adapt.geometry.plane.polylines import CORNER
-from kohonen_adapt.geometry.space.patches import Faces, Patches, Seams, Sheet
+from kohonen_adapt.geometry.space.patches import Faces, Patches, Seams, Shapes, Sheet
 from kohonen_adapt.geometry.space.surface_fit import Round, are_coaxial, round_of
 from kohonen_adapt.geometry.space.surfaces import Cone, Cylinder, Plane, Sphere, Surface
 from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, PLANE, PROJECTED, SPHERE
@@ -25,6 +25,7 @@ from kohonen_adapt.mesh.names import connected_components_of, in_order
 __all__ = ["Skin", "patches_of", "rounds_among"]
 
 NOWHERE = (0.0, 0.0, 0.0)
+KINDS = {Plane: PLANE, Sphere: SPHERE, Cylinder: CYLINDER, Cone: CONE}
 SEEDS = (24, 96)  # number of faces around a seed to which a sphere or cylinder is fitted first
 TRIES = 64  # maximum number of seeds in a connected set of faces
 GROWTHS = 20  # maximum number of growth steps; growth ends when no face is added
@@ -32,55 +33,50 @@ GROWTHS = 20  # maximum number of growth steps; growth ends when no face is adde
 
 def patches_of(faces: Faces, seams: Seams, position: Floats, surfaces: Mapping[str, Surface]) -> Patches:
     user_defined = curve_of_facets(faces.sides, len(faces.element), surfaces, "surface")
-    without_corner = np.array([*(isinstance(each, Plane | Sphere | Cylinder | Cone) for each in surfaces.values()), 0])
+    without_corner = np.array([*(isinstance(each, tuple(KINDS)) for each in surfaces.values()), False])
     one, other = user_defined[seams.faces].T
     same_label = seams.same_label & (one == other)
-    smooth = same_label & ((seams.turn < CORNER) | without_corner.astype(bool)[one])
+    smooth = same_label & ((seams.turn < CORNER) | without_corner[one])
     group = connected_components_of(
         len(user_defined), seams.faces[np.where(one >= 0, smooth, same_label & (seams.turn <= TURN))]
     )
     plain = smooth & (one < 0)
-    skin = Skin(position, faces.nodes, seams.faces[plain], seams.turn[plain], group)
+    skin = Skin(position, faces.nodes, seams.faces[plain], seams.ends[plain], seams.turn[plain], group)
     pairs = seams.faces[same_label & (one < 0)]
     rounds = with_steep_faces(skin, pairs, rounds_among(skin, user_defined < 0))
     for number, (part, _) in enumerate(rounds):
         group[part] = len(user_defined) + number
     patch = in_order(group)
     first = np.unique(patch, return_index=True)[1]
-    shape, origin, axis, size = planes_of(faces, patch, first, position)
+    shapes = planes_of(faces, patch, first, position)
     for part, each in rounds:
-        p = patch[part[0]]
-        shape[p], origin[p], axis[p], size[p] = each.shape, each.origin, each.axis, each.size
+        shapes.set(patch[part[0]], (each.shape, each.origin, each.axis, each.size))
     for p in np.flatnonzero(user_defined[first] >= 0).tolist():
         name, surface = list(surfaces.items())[user_defined[first[p]]]
         check_near(position[np.unique(faces.nodes[patch == p])], surface, name)
-        shape[p], origin[p], axis[p], size[p] = row_of(surface)
+        shapes.set(p, row_of(surface))
     front, names, sheet = sides_of(faces, seams, patch, first, position)
-    return Patches(patch, shape, origin, axis, size, user_defined[first], dict(surfaces), front, names, sheet)
+    return Patches(patch, *shapes, user_defined[first], dict(surfaces), front, names, sheet)
 
 
 def row_of(surface: Surface) -> tuple[int, tuple[float, ...], tuple[float, ...], float]:
-    if isinstance(surface, Plane):
-        return PLANE, surface.point, surface.normal, 0.0
-    if isinstance(surface, Sphere):
-        return SPHERE, surface.centre, NOWHERE, surface.radius
-    if isinstance(surface, Cylinder):
-        return CYLINDER, surface.point, surface.axis, surface.radius
-    if isinstance(surface, Cone):
-        return CONE, surface.apex, surface.axis, surface.half_angle
-    return PROJECTED, NOWHERE, NOWHERE, 0.0
+    kind = next((kind for shape, kind in KINDS.items() if isinstance(surface, shape)), PROJECTED)
+    if kind == PROJECTED:
+        return kind, NOWHERE, NOWHERE, 0.0
+    origin, *others = vars(surface).values()
+    axis, size = [*others, 0.0][:2] if kind != SPHERE else (NOWHERE, *others)
+    return kind, origin, axis, size
 
 
-def planes_of(
-    faces: Faces, patch: Ints, first: Ints, position: Floats
-) -> tuple[NDArray[np.int8], Floats, Floats, Floats]:
+def planes_of(faces: Faces, patch: Ints, first: Ints, position: Floats) -> Shapes:
     across = normals(position, faces.nodes)
     largest = np.lexsort((-np.einsum("ij,ij->i", across, across), patch))
     reference = across[largest[np.flatnonzero(np.diff(patch[largest], prepend=-1))]]
     across *= np.sign(np.einsum("ij,ij->i", across, reference[patch]))[:, None]
     total = np.stack([np.bincount(patch, weights=column) for column in across.T], axis=1)
     axis = total / np.linalg.norm(total, axis=1, keepdims=True)
-    return np.full(len(first), PLANE, dtype=np.int8), position[faces.nodes[first, 0]], axis, np.zeros(len(first))
+    shape = np.full(len(first), PLANE, dtype=np.int8)
+    return Shapes(shape, position[faces.nodes[first, 0]], axis, np.zeros(len(first)))
 
 
 def sides_of(
@@ -117,6 +113,8 @@ class Skin:
         Nodes of the faces, shape (f, 3).
     pairs
         Faces on both sides of every seam, shape (j, 2).
+    ends
+        Nodes of every seam, shape (j, 2).
     turn
         Angle between the faces in radians, below 35 degrees, shape (j,).
     plane
@@ -126,6 +124,7 @@ class Skin:
     position: Floats
     nodes: Ints
     pairs: Ints
+    ends: Ints
     turn: Floats
     plane: Ints
 
@@ -142,12 +141,8 @@ class Skin:
         """
         among = np.zeros(len(self.nodes), dtype=bool)
         among[faces] = True
-        seams = self.pairs[among[self.pairs].all(axis=1) & (self.turn > TURN)]
         turning = np.zeros(len(self.position), dtype=bool)
-        for one, other in (seams.T, seams[:, ::-1].T):  # nodes of both faces are on the seam
-            for k in range(3):
-                on = np.any(self.nodes[one, k, None] == self.nodes[other], axis=1)
-                turning[self.nodes[one[on], k]] = True
+        turning[self.ends[among[self.pairs].all(axis=1) & (self.turn > TURN)]] = True
         calm = among & ~turning[self.nodes].all(axis=1)
         proper = np.zeros(self.plane.max() + 1, dtype=bool)
         proper[self.plane[calm]] = True
@@ -176,14 +171,11 @@ def with_steep_faces(skin: Skin, pairs: Ints, rounds: list[tuple[Ints, Round]]) 
         free[part] = False
     for part, each in rounds:
         inside = np.isin(np.arange(len(free)), part)
-        steep = free & near(skin, each) if each.shape == SPHERE else np.zeros_like(free)
-        while steep.any():
+        joins = steep = free & near(skin, each) if each.shape == SPHERE else np.zeros_like(free)
+        while joins.any():
             beside = np.bincount(pairs.ravel(), weights=inside[pairs[:, ::-1]].ravel(), minlength=len(free))
-            joins = steep & (beside >= 2)
-            if not joins.any():
-                break
+            joins = steep & ~inside & (beside >= 2)
             inside |= joins
-            steep &= ~joins
         free &= ~inside
         found.append((np.flatnonzero(inside), each))
     return found

@@ -12,8 +12,8 @@ from scipy.spatial import cKDTree
 from kohonen_adapt.arrays import Floats, Ints, Mask, counted, unique_pairs
 from kohonen_adapt.geometry.circles import sphere_through
 from kohonen_adapt.geometry.plane.cutting import COLLINEAR, TURN, Circle, Part, as_complex, as_rows, cut_polyline
-from kohonen_adapt.geometry.plane.polylines import CORNER, circle_row, joined_ends, trace_polylines, turns_at
-from kohonen_adapt.geometry.space.patches import Edges, Faces, Patches
+from kohonen_adapt.geometry.plane.polylines import CORNER, circles_of, joined_ends, trace_polylines, turns_at
+from kohonen_adapt.geometry.space.patches import Edges, Faces, Patches, Shapes
 from kohonen_adapt.geometry.space.surfaces import unit
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     CIRCLE,
@@ -29,7 +29,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.mesh.names import connected_components_of
 
-__all__ = ["Curves", "Ridges", "freedom_of", "ridges_of"]
+__all__ = ["Ridges", "freedom_of", "ridges_of"]
 
 MOST = 4  # maximum number of patches of a ridge; nodes of edges in which more patches meet are held
 SAME = 1e-8  # maximum difference of equal lines and circles, relative to the size of the mesh
@@ -39,18 +39,11 @@ UNKNOWN = -1  # shape of a curve that is not recognised
 STEPS = np.array([[0.36, 0.48, 0.8], [0.8, -0.36, 0.48]])  # directions parallel to no axis
 
 
-class Curves(NamedTuple):
-    shape: NDArray[np.int8]  # (r,)
-    origin: Floats  # (r, 3)
-    axis: Floats  # (r, 3)
-    size: Floats  # (r,)
-
-
 class Ridges(NamedTuple):
     ends: Ints  # (k, 2) nodes of the edges
     of_edge: Ints  # (k,) ridge of every edge, -1 if more than MOST patches meet or the shape is unknown
     meets: NDArray[np.int32]  # (r, MOST) patches that meet, ascending, padded with -1
-    curves: Curves
+    curves: Shapes  # (r,)
 
 
 def ridges_of(edges: Edges, patches: Patches, position: Floats) -> Ridges:
@@ -62,10 +55,10 @@ def ridges_of(edges: Edges, patches: Patches, position: Floats) -> Ridges:
     edge = np.full(len(pieces.shape), -1)  # an edge of every piece
     edge[of_edge] = np.arange(len(ends))
     known = np.flatnonzero((pieces.shape != UNKNOWN) & (edge >= 0) & (kind[edge] >= 0))
-    own, ridge = Curves._make(array[known] for array in pieces), np.full(len(edge), -1)
+    own, ridge = Shapes._make(array[known] for array in pieces), np.full(len(edge), -1)
     ridge[known] = connected_components_of(len(known), same_pairs(own, kind[edge[known]], position))
     first = np.unique(ridge[known], return_index=True)[1]
-    return Ridges(ends, ridge[of_edge], kinds[kind[edge[known[first]]]], Curves._make(array[first] for array in own))
+    return Ridges(ends, ridge[of_edge], kinds[kind[edge[known[first]]]], Shapes._make(array[first] for array in own))
 
 
 def meeting_patches(edges: Edges, patches: Patches) -> tuple[NDArray[np.int32], Mask, Mask]:
@@ -81,7 +74,7 @@ def meeting_patches(edges: Edges, patches: Patches) -> tuple[NDArray[np.int32], 
     return meets, different > MOST, (edges.faces_around != 2) | (different != 1)
 
 
-def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats) -> tuple[Ints, Curves]:
+def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats) -> tuple[Ints, Shapes]:
     # Edges without a sharp turn between them are lines, or pieces of curves. Returns the piece of every edge.
     joint, end = joined_ends(ends, len(position))
     turn = turns_at(end, position[ends[:, ::-1]] - position[ends])
@@ -98,14 +91,14 @@ def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats)
         piece, curves = pieces_of(x, bool(polylines.closed[r]), meeting[meeting >= 0], patches)
         of_edge[edge] = sum(len(each.shape) for each in found) + piece
         found.append(curves)
-    return of_edge, Curves._make(map(np.concatenate, zip(*found, strict=True)))
+    return of_edge, Shapes._make(map(np.concatenate, zip(*found, strict=True)))
 
 
-def lines(start: Floats, end: Floats) -> Curves:
-    return Curves(np.full(len(start), LINE, dtype=np.int8), start, unit(end - start, end - start), np.zeros(len(start)))
+def lines(start: Floats, end: Floats) -> Shapes:
+    return Shapes(np.full(len(start), LINE, dtype=np.int8), start, unit(end - start, end - start), np.zeros(len(start)))
 
 
-def pieces_of(x: Floats, closed: bool, meeting: Ints, patches: Patches) -> tuple[Ints, Curves]:
+def pieces_of(x: Floats, closed: bool, meeting: Ints, patches: Patches) -> tuple[Ints, Shapes]:
     # A polyline between patches that are not all planes is one piece: a circle, the intersection of two patches, or
     # of unknown shape. Other polylines are cut into straight pieces and arcs if they lie in a plane, else into single
     # edges.
@@ -125,10 +118,9 @@ def pieces_of(x: Floats, closed: bool, meeting: Ints, patches: Patches) -> tuple
         parts = [Part(k, k + 1) for k in range(count)]
     first, last = np.array([part[:2] for part in parts]).T
     x, piece = np.append(x[shift:], x[1 : shift + 1], axis=0), np.repeat(np.arange(len(parts)), last - first)
-    curves, circles = lines(x[first], x[last]), np.array([circle_row(part) for part in parts])
-    is_round = ~np.isnan(circles[:, 2])
-    curves.shape[is_round], curves.axis[is_round], curves.size[is_round] = CIRCLE, axes[2], circles[is_round, 2]
-    curves.origin[is_round] = middle + circles[is_round, :2] @ axes[:2]
+    curves, circles = lines(x[first], x[last]), circles_of(parts)
+    for p in np.flatnonzero(~np.isnan(circles[:, 2])).tolist():
+        curves.set(p, (CIRCLE, middle + circles[p, :2] @ axes[:2], axes[2], circles[p, 2]))
     return np.roll(piece, shift), curves
 
 
@@ -143,7 +135,7 @@ def intersect_at_angle(x: Floats, meeting: Ints, patches: Patches) -> bool:
     return bool(np.all(np.linalg.norm(np.cross(*normal), axis=1) > ACROSS))
 
 
-def same_pairs(curves: Curves, kind: Ints, position: Floats) -> Ints:
+def same_pairs(curves: Shapes, kind: Ints, position: Floats) -> Ints:
     low, size, (shape, origin, axis, radius) = position.min(axis=0), np.ptp(position, axis=0).max(), curves
     at = origin - low
     at = np.where((shape == LINE)[:, None], at - axis * np.einsum("ij,ij->i", at, axis)[:, None], at)
