@@ -1,6 +1,6 @@
 """Potentials of boundaries as numbers, linear expressions or tables."""
 
-import re
+import ast
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any, Literal
@@ -14,15 +14,15 @@ from kohonen_adapt.magnetostatics.equations.conditions import Value
 
 __all__ = ["POTENTIAL", "LinearPotential", "TabulatedPotential"]
 
-TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)|(?P<axis>[xy]\b)|(?P<sign>[-+*/]))")
 LONGEST = 1000  # characters
+SIGNS = {ast.UAdd: 1.0, ast.Add: 1.0, ast.USub: -1.0, ast.Sub: -1.0}
 SHOWN = 20  # characters of an invalid text in a message
 END_TOLERANCE = 1e-9  # tolerance for rounding at the ends of a table, relative to its width
 UNIT_RATIO = 100.0  # ratio of the widths of table and mesh that reveals a different unit
 
 REMEDY = (
-    'Write a sum of x and y (which are r and z around an axis) as "0.3*x - 0.1*y + 2e-3", without brackets; for curves '
-    "give a table over x or y."
+    'Write a sum of x and y (which are r and z around an axis) as "0.3*x - 0.1*y + 2e-3"; for curves give a table over '
+    "x or y."
 )
 
 
@@ -83,74 +83,43 @@ class TabulatedPotential:
         return np.interp(at, places, values)
 
 
-class _Expression:
-    """Parser of linear expressions in x and y.
+def linear_potential(text: str, location: str) -> Value:
+    """Return the function of a text in Python's notation, or a number if it has neither x nor y."""
+    bare = text.strip()
 
-    The grammar is ``sum = product {("+" | "-") product}``, ``product = factor {("*" | "/") factor}``,
-    ``factor = {"+" | "-"} (number | "x" | "y")``. At most one factor of a product has x or y, and none after "/" does.
-    """
+    def refusal(wanted: str, start: int) -> ValueError:
+        came = repr(bare[start:][:SHOWN]) if start < len(bare) else "its end"
+        return ValueError(f"{location} must have {wanted} at character {start + 1}; got {came}. {REMEDY}")
 
-    def __init__(self, text: str, location: str) -> None:
-        self._text, self._location, self._at = text.rstrip(), location, 0
+    def coefficients(node: ast.expr) -> Floats:  # the slopes over x and y and the constant, (3,)
+        match node:
+            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+                return np.array([0.0, 0.0, value], dtype=np.float64)
+            case ast.Name(id="x" | "y" as axis):
+                return np.array([axis == "x", axis == "y", 0.0], dtype=np.float64)
+            case ast.UnaryOp(op=ast.UAdd() | ast.USub() as sign, operand=inner):
+                return SIGNS[type(sign)] * coefficients(inner)
+            case ast.BinOp(op=ast.Add() | ast.Sub() as sign, left=left, right=right):
+                return coefficients(left) + SIGNS[type(sign)] * coefficients(right)
+            case ast.BinOp(op=ast.Mult() | ast.Div() as sign, left=left, right=right):
+                first, second, divides = coefficients(left), coefficients(right), isinstance(sign, ast.Div)
+                if second[:2].any() and (divides or first[:2].any()):
+                    raise refusal("a number, as it must be linear in x and y,", right.col_offset)
+                if divides and second[2] == 0.0:
+                    raise refusal("a number other than 0", right.col_offset)
+                with np.errstate(over="ignore", invalid="ignore"):
+                    return first / second[2] if divides else first * second[2] + first[2] * second * [1.0, 1.0, 0.0]
+        raise refusal("a number, x or y", node.col_offset)
 
-    def function(self) -> Value:
-        x, y, constant = self._sum().tolist()
-        if not all(map(isfinite, (x, y, constant))):
-            raise ValueError(f"{self._location} must have finite numbers; got {self._text!r}.")
-        return LinearPotential(x, y, constant) if x or y else constant
-
-    def _sum(self) -> Floats:
-        # slopes over x and y and the constant, shape (3,)
-        found = self._product()
-        while self._at < len(self._text):
-            sign = self._next_token("sign", "+-", wanted="+, -, * or /")
-            found = found + (self._product() if sign == "+" else -self._product())
-        return found
-
-    def _product(self) -> Floats:
-        found = self._factor()
-        while sign := self._next_token("sign", "*/"):
-            start = self._at
-            other = self._factor()
-            if other[:2].any() and (sign == "/" or found[:2].any()):
-                raise self._refusal(start, "a number, as it must be linear in x and y")
-            if sign == "/" and other[2] == 0.0:
-                raise self._refusal(start, "a number other than 0")
-            if other[:2].any():
-                found, other = other, found
-            with np.errstate(over="ignore", invalid="ignore"):
-                found = found / other[2] if sign == "/" else found * other[2]
-        return found
-
-    def _factor(self) -> Floats:
-        sign = 1.0
-        while mark := self._next_token("sign", "+-"):
-            sign = -sign if mark == "-" else sign
-        if axis := self._next_token("axis"):
-            return sign * np.array([axis == "x", axis == "y", 0.0])
-        return np.array([0.0, 0.0, sign * float(self._next_token("number", wanted="a number, x or y"))])
-
-    def _next_token(self, kind: str, these: str = "", wanted: str = "") -> str:
-        """Return the next token if its kind and text fit, else an empty string.
-
-        Raises
-        ------
-        ValueError
-            If the token does not fit, and `wanted`, a description for the message, is not empty.
-        """
-        found = TOKEN.match(self._text, self._at)
-        if found and found.lastgroup == kind and (not these or found[kind] in these):
-            self._at = found.end()
-            return found[kind]
-        if wanted:
-            raise self._refusal(self._at, wanted)
-        return ""
-
-    def _refusal(self, start: int, wanted: str) -> ValueError:
-        rest = self._text[start:].lstrip()
-        came = repr(rest[:SHOWN]) if rest else "its end"
-        character = len(self._text) - len(rest) + 1
-        return ValueError(f"{self._location} must have {wanted} at character {character}; got {came}. {REMEDY}")
+    try:
+        x, y, constant = coefficients(ast.parse(bare, mode="eval").body).tolist()
+    except SyntaxError as error:
+        raise refusal("an expression", (error.offset or 1) - 1) from None
+    except (OverflowError, RecursionError, MemoryError) as error:
+        raise ValueError(f"{location} must have an expression in x and y; got {bare[:SHOWN]!r}: {error}.") from None
+    if not all(map(isfinite, (x, y, constant))):
+        raise ValueError(f"{location} must have finite numbers; got {text!r}.")
+    return LinearPotential(x, y, constant) if x or y else constant
 
 
 TABLE = kinds_of(TabulatedPotential, {"points": POINTS})
@@ -159,7 +128,7 @@ del TABLE["location"]
 
 def _read(given: Any, location: str) -> Value:
     if isinstance(given, str):
-        return _Expression(given, location).function()
+        return linear_potential(given, location)
     if isinstance(given, dict):
         return call_checked(
             TabulatedPotential, {**read_table(given, TABLE, location, TABLE), "location": location}, location
