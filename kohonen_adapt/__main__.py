@@ -134,7 +134,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     result = run.result()
     terminal.say(result)
     # a resumed run has only the meshes
-    before = passes.before or adapt(mesh, CheckedProblem(case.problem).of_passes, passes=0)
+    before = passes.before or adapt(mesh, CheckedProblem(case.problem).at_grading_order, passes=0)
     bracket = None
     if case.bracket and isinstance(case.problem, MagneticScalarPotential) and result.status is not Status.FAILED:
         bracket = bracket_of(case.problem, result.solution)

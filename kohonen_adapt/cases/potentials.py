@@ -84,7 +84,7 @@ class TabulatedPotential:
 
 
 def linear_potential(text: str, location: str) -> Value:
-    """Return the function of a text in Python's notation, or a number if it has neither x nor y."""
+    # a function, or a number without x and y
     bare = text.strip()
 
     def refusal(wanted: str, start: int) -> ValueError:

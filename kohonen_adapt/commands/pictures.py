@@ -84,7 +84,7 @@ def write_overview(
 def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
     from kohonen_adapt import plotting  # needs matplotlib
 
-    unit, order = _length_unit(after), CheckedProblem(case.problem).of_passes.order
+    unit, order = _length_unit(after), CheckedProblem(case.problem).at_grading_order.order
     plane, axis = _plane_through(after), _is_axisymmetric(case)
     slope = -order / len(after.mesh.p) * (1 if case.goal is None else 2)  # the error of a goal has twice the order
     density = density_from_indicators(before.mesh, before.indicators, order=order)

@@ -119,7 +119,7 @@ def _nodes(case: Case, mesh: Mesh) -> str:
 def _orders(case: Case) -> str:
     problem = CheckedProblem(case.problem)
     last = problem.final_orders(case.follows_tolerance)
-    order = problem.of_passes.order if last else problem.order
+    order = problem.at_grading_order.order if last else problem.order
     if not last:
         return f"order {order}"
     return f"order {order}, then one solve of order {last[-1]}" if len(last) == 1 else f"orders {order} to {last[-1]}"

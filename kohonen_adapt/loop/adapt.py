@@ -218,12 +218,22 @@ def adapt(
     check_mesh(mesh, curved=True, inverted=True, space=True)
     given = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, curves, (), layers, surfaces)
     rules = rules_for(checked, mesh, given, periodic)
-    constant = Growth.of(int(mesh.nvertices), None, stop.passes, False)
     functions = check_outputs(outputs, output_rtol)
     if stop.max_nodes is not None:
-        checked = aimed(checked, functions, stop.of_result)
-    settings = Settings(rules, schedule, seed, polish, constant, functions, anisotropic, stop.of_result)
-    return run(mesh, checked, stop, settings, target_nodes, checkpoint, interim, Steps(progress))
+        checked = aimed(checked, functions, stop.asked)
+    method, grading = method_of(mesh), grading_for(checked, stop, mesh.dim())
+    in_passes = checked.at_grading_order if grading else checked
+    growth = node_counts(in_passes, method, mesh, rules, target_nodes, stop, grading)
+    settings = Settings(rules, schedule, seed, polish, growth, functions, anisotropic, stop.asked)
+    start = with_layers(mesh, rules, grows=growth.target > growth.start)
+    movable = method.open(start, rules, in_passes.is_curved)
+    files = Checkpoint.at(checkpoint, start, checked, settings)
+    expect_kernels(method, in_passes, settings)
+    adaptation = Adaptation(in_passes, method, movable, settings, Steps(progress), in_passes.order)
+    history = History(adaptation, replace(stop, grading=grading), files, interim)
+    if grading is None:
+        return run_loop(adaptation, history)
+    return run_to_order(adaptation, history, checked, stop, grading)
 
 
 def rules_for(problem: CheckedProblem, mesh: Mesh, rules: Rules, periodic: Sequence[Pair] | None) -> Rules:
@@ -233,31 +243,10 @@ def rules_for(problem: CheckedProblem, mesh: Mesh, rules: Rules, periodic: Seque
     return with_pinned(rules.guarded(), problem.nodes_on(mesh))
 
 
-def run(
-    mesh: Mesh,
-    problem: CheckedProblem,
-    stop: StopTest,
-    settings: Settings,
-    target_nodes: int | None,
-    checkpoint: str | PathLike[str] | None,
-    interim: Callable[[AdaptResult], Any] | None,
-    steps: Steps,
-) -> AdaptResult:
-    orders, method = problem.final_orders(stop.max_nodes is not None), method_of(mesh)
-    of_passes = problem.of_passes if orders else problem
-    grading = GradingTolerance(stop, orders, HIGH_ORDERS[mesh.dim()])
-    allowed = grading.aim if orders else stop.tolerance
-    growth = node_counts(of_passes, method, mesh, settings.rules, target_nodes, stop, allowed)
-    settings = replace(settings, growth=growth)
-    mesh = with_layers(mesh, settings.rules, grows=growth.target > growth.start)
-    movable = method.open(mesh, settings.rules, of_passes.is_curved)
-    passes_on_disk = Checkpoint.at(checkpoint, mesh, problem, settings)
-    expect_kernels(method, of_passes, settings)
-    adaptation = Adaptation(of_passes, method, movable, settings, steps, of_passes.order)
-    history = History(adaptation, replace(stop, of_passes=grading) if orders else stop, passes_on_disk, interim)
-    if orders:
-        return run_to_order(adaptation, history, problem, stop, grading, orders)
-    return run_loop(adaptation, history)
+def grading_for(problem: CheckedProblem, stop: StopTest, dim: int) -> GradingTolerance | None:
+    # None if the result has the order of the passes
+    orders = problem.final_orders(stop.max_nodes is not None)
+    return GradingTolerance(stop, orders, HIGH_ORDERS[dim]) if orders else None
 
 
 def stop_test(
@@ -286,12 +275,13 @@ def node_counts(
     rules: Rules,
     target_nodes: int | None,
     stop: StopTest,
-    allowed: Callable[[Pass], float | None],
+    grading: GradingTolerance | None,
 ) -> NodeCounts:
     start, removes = int(mesh.nvertices), rules.topology == "recycle"
-    if stop.max_nodes is not None:
-        return GrowthByTolerance(start, stop.max_nodes, allowed, problem.order, method.dim, removes)
-    return Growth.of(start, target_nodes, stop.passes, method.corrects(problem))
+    if stop.max_nodes is None:
+        return Growth.of(start, target_nodes, stop.passes, method.corrects(problem))
+    allowed = grading.aim if grading else stop.tolerance
+    return GrowthByTolerance(start, stop.max_nodes, allowed, problem.order, method.dim, removes)
 
 
 def check_goal(problem: CheckedProblem, goal_rtol: float | None, outputs: Mapping[str, Output] | None) -> None:

@@ -1,10 +1,13 @@
 """Parts of the adaptive loop for triangles and for tetrahedra."""
 
 import logging
+from collections.abc import Callable
 
+import numpy as np
 from numpy.typing import ArrayLike
 from skfem import Mesh
 
+from kohonen_adapt.arrays import Floats
 from kohonen_adapt.geometry.held_nodes import reasons_in_plane, reasons_in_space
 from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.plane.arcs import possible_arcs
@@ -63,7 +66,8 @@ class PlaneMethod(Method):
     passes_by_density = 3
     transfer_kernels = ("carrying",)
     open = staticmethod(opened_in_plane)
-    relocate = staticmethod(move)
+    schedule_before_polish = BEFORE_POLISH
+    move = staticmethod(move)
     split = staticmethod(split_edges)
     functional = staticmethod(Functional.of_solution)
     carry = staticmethod(transferred)
@@ -80,24 +84,10 @@ class PlaneMethod(Method):
         higher = problem.order > 1 or getattr(problem, "axisymmetric", False)
         return "ground", "polish of higher order" if higher else "polish"
 
-    def move(
-        self,
-        movable: MovableMesh,
-        density: ArrayLike,
-        functional: Functional | None,
-        estimate: float,
-        settings: Settings,
-        number: int,
-        nodes: int,
-        recycles: bool,
-    ) -> Moved[MovableMesh]:
-        longest = None
-        if functional is not None and functional.dual is None:  # the effect of arcs on a goal is unknown
-            longest = longest_on_arcs(functional.ritz, movable, estimate)
-        topology, rng, schedule = settings.rules.topology, settings.rng(number), settings.schedule
-        if schedule is None and topology == "recycle" and functional is not None:
-            schedule = BEFORE_POLISH
-        return move(movable, density, schedule, topology, rng, nodes, recycles, longest)
+    def longest_sides(self, movable: MovableMesh, functional: Functional, estimate: float) -> Floats | None:
+        if functional.dual is not None:  # the effect of arcs on a goal is unknown
+            return None
+        return longest_on_arcs(functional.ritz, movable, estimate)
 
     def value(self, functional: Functional, ritz: Ritz, movable: MovableMesh, mesh: Mesh) -> float:
         curved_part = functional.energy_beyond_chords(movable.triangulation, functional.solution)
@@ -118,7 +108,6 @@ class SpaceMethod(Method):
     passes_by_density = 2
     transfer_kernels = ("space carrying",)
     open = staticmethod(MovableSolid.of)
-    relocate = staticmethod(move_in_space)
     split = staticmethod(split_edges)
     functional = staticmethod(SolidFunctional.of_solution)
     carry = staticmethod(transferred_in_space)
@@ -142,18 +131,17 @@ class SpaceMethod(Method):
     def move(
         self,
         movable: MovableSolid,
-        density: ArrayLike,
-        functional: SolidFunctional | None,
-        estimate: float,
-        settings: Settings,
-        number: int,
+        density: ArrayLike | Callable[[Floats], ArrayLike],
+        schedule: Schedule | None,
+        topology: str,
+        rng: np.random.Generator,
         nodes: int,
-        recycles: bool,
+        recycles: bool = True,
+        longest: Floats | None = None,
     ) -> Moved[MovableSolid]:
         if not recycles:  # the map would shorten the long elements that lower the energy
             return self.split(movable, density, movable.nnodes)
-        topology, rng = settings.rules.topology, settings.rng(number)
-        return move_in_space(movable, density, settings.schedule, topology, rng, nodes)
+        return move_in_space(movable, density, schedule, topology, rng, nodes)
 
     def takes_directions(self, settings: Settings, last: Pass) -> bool:
         # Directions multiply errors at a given number of nodes by .67 to .97 (`python -m benchmarks space-passes`).

@@ -21,7 +21,7 @@ from kohonen_adapt.loop.history import History, run_loop
 from kohonen_adapt.loop.passes import Pass, Status, StepFailed
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.sides import Sides, on_whole_curves
-from kohonen_adapt.loop.step import Adaptation, root_of_squares
+from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.stopping import (
     Ending,
     StopTest,
@@ -32,9 +32,7 @@ from kohonen_adapt.loop.stopping import (
     interrupted_ending,
 )
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE
-from kohonen_adapt.mesh.host import count_unknowns, number_facets
-from kohonen_adapt.mesh.measures import quality
-from kohonen_adapt.problem.evaluation import energy_norm, estimate, goal_error_of, goal_of
+from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.problem.protocol import OF_PASSES, CheckedProblem
 from kohonen_adapt.problem.uncertain import doubts_of
 
@@ -142,11 +140,10 @@ def run_to_order(
     problem: CheckedProblem,
     stop: StopTest,
     grading: GradingTolerance,
-    orders: range,
 ) -> AdaptResult:
-    result = run_loop(adaptation, history)
+    result, orders = run_loop(adaptation, history), grading.orders
     while result.status not in (Status.STOPPED, Status.FAILED) and not (len(orders) > 1 and is_met(result, stop)):
-        if stop.of_result.unreachable_text(result.history):
+        if stop.asked.unreachable_text(result.history):
             return result
         try:
             raised = at_orders(result, problem, adaptation, stop, grading, history.best_curved)
@@ -255,7 +252,7 @@ def ending_at_order(history: tuple[Pass, ...], status: Status, stop: StopTest) -
     record, ending = history[-1], stop(history, history[-1], False, False)
     if ending is not None and ending.status is Status.CONVERGED:
         return ending
-    text = f"Stopped after {count_text(history)}{stop.of_result.missed_text(record)}"
+    text = f"Stopped after {count_text(history)}{stop.asked.missed_text(record)}"
     return Ending(status if stop.tolerance(record) is None else Status.MAX_PASSES, f"{text}. {best_pass_text(record)}")
 
 
@@ -266,38 +263,21 @@ def remark_on_sides(distance: float) -> str:
 
 
 def assessed(result: AdaptResult, problem: CheckedProblem, adaptation: Adaptation, mesh: Mesh, solution: Any) -> Pass:
-    best, last = result.best, result.history[-1]
+    best, last, sides = result.best, result.history[-1], Sides(problem, mesh, solution)
     with adaptation.steps("estimate"):
-        indicators = estimate(problem, mesh, solution)
-        norm = energy_norm(problem, mesh, solution, adaptation.settings.tolerance.rtol)
-        goal = goal_of(problem, solution)
-        error = None if goal is None else goal_error_of(problem, solution)
-        outputs, unknowns = adaptation.outputs(solution), count_unknowns(mesh, problem.order)
-        errors, unimproved = dict[str, float](), ""
-        if goal is not None or adaptation.settings.tolerance.output_rtol is not None:
-            errors, unimproved = adaptation.output_errors(Sides(problem, mesh, solution), outputs, unknowns, best)
-    qualities, total = quality(mesh), root_of_squares(indicators)
+        figures = adaptation.figures(sides, problem.order, has_all_errors=True)
+        has_goal = figures["goal"] is not None
+        outputs = adaptation.figures_of_outputs(sides, figures["unknowns"], best, has_errors=has_goal)
     return replace(
         best,
         **vars(Work()),  # no node moves
+        **figures,
+        **outputs,
         number=last.number + 1,
         mesh=mesh,
-        indicators=indicators,
         nodes=np.append(best.nodes, np.full(mesh.nvertices - best.nodes.size, -1)),
-        order=int(problem.order),
-        unknowns=unknowns,
-        estimate=total,
-        worth=total,
-        energy_norm=norm,
-        min_quality=float(qualities.min()),
-        mean_quality=float(qualities.mean()),
         functional=None,
         comparable=False,
         unpolished="",
-        goal=goal,
-        goal_error=error,
-        outputs=outputs,
-        output_errors=errors,
-        doubts=doubts_of({**errors, "goal": error}),
-        unimproved=unimproved,
+        doubts=doubts_of({**outputs["output_errors"], "goal": figures["goal_error"]}),
     )

@@ -29,11 +29,14 @@ class Method(ABC):
     ----------
     dim
         Dimension of the meshes.
+    schedule_before_polish
+        Schedule of the map in passes that recycle and polish, None for the default.
     passes_by_density
         Number of passes with recycling by density; later passes recycle by energy alone.
     """
 
     dim: ClassVar[int]
+    schedule_before_polish: ClassVar[Schedule | None] = None
     # A density without directions moves a fifth of all nodes in every pass to positions from which the energy removes
     # them again, if long elements have the lowest energy. With directions, too, further passes by density gain nothing
     # (`python -m benchmarks space-passes`).
@@ -55,7 +58,7 @@ class Method(ABC):
     def transfer_kernels(self) -> tuple[str, ...]: ...
 
     @abstractmethod
-    def relocate(
+    def move(
         self,
         movable: Any,
         density: ArrayLike | Callable[[Floats], ArrayLike],
@@ -63,25 +66,17 @@ class Method(ABC):
         topology: str,
         rng: np.random.Generator,
         nodes: int,
+        recycles: bool = True,
+        longest: Floats | None = None,
     ) -> Moved[Any]:
-        """Relocate the nodes to a density, and recycle to `nodes` nodes."""
+        """Relocate to a density or to tensors, with `nodes` nodes.
 
-    @abstractmethod
-    def move(
-        self,
-        movable: Any,
-        density: ArrayLike,
-        functional: Any,
-        estimate: float,
-        settings: Settings,
-        number: int,
-        nodes: int,
-        recycles: bool,
-    ) -> Moved[Any]:
-        """Relocate to a density or to tensors in pass `number`, with `nodes` nodes.
-
-        Nodes are exchanged only if the pass `recycles`.
+        Nodes are exchanged only if the pass `recycles`. Sides on curves are at most as long as `longest`.
         """
+
+    def longest_sides(self, movable: Any, functional: Any, estimate: float) -> Floats | None:
+        # of sides on curves, at each node
+        return None
 
     @abstractmethod
     def split(self, movable: Any, density: ArrayLike, nodes: int) -> Moved[Any]: ...

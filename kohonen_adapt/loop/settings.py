@@ -81,7 +81,7 @@ def fingerprint(mesh: Mesh, given: Problem, settings: Settings) -> dict[str, str
     # The results of the problem and of the outputs are not included, nor the settings that only end the loop.
     problem = CheckedProblem(given)
     sides = {None: "", True: " on curved elements", False: " on straight elements"}[problem.is_curved]
-    order = problem.of_passes.order
+    order = problem.at_grading_order.order
     texts = {
         "mesh": digest(mesh.p, mesh.t, *_set_arrays(mesh.boundaries), *_set_arrays(mesh.subdomains)),
         "problem": f"{problem.name} of order {order} in the {problem.norm} norm{sides}",

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -34,6 +35,7 @@ from kohonen_adapt.problem.evaluation import (
     solve_again,
 )
 from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered
+from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.uncertain import Uncertain, doubts_of, error_of, shifted
 from kohonen_adapt.som.relocation_record import Moved
 
@@ -112,37 +114,27 @@ class Adaptation:
         with self.steps("estimate"):
             movable = self.movable.copy()
             sides = Sides(self.problem, mesh, solution, curved_of(movable))
-            estimated = self.estimated(sides)
+            figures = self.figures(sides, self.order, movable.cut_off())
             share = before.functional.share if before and before.functional else None
             found = self._functional(mesh, solution, share)
             functional = found.functional
         incomparable = self.incomparable(before, functional, mesh)
-        qualities, estimated["worth"] = quality(mesh), float(np.hypot(estimated["worth"], found.oscillation))
-        outputs, unknowns = self.outputs(solution), count_unknowns(mesh, self.order)
-        errors, unimproved = dict[str, float](), ""
-        if self.settings.tolerance.output_rtol is not None:
-            previous = before.record if before else None
-            errors, unimproved = self.output_errors(sides, outputs, unknowns, previous)
+        figures["worth"] = float(np.hypot(figures["worth"], found.oscillation))
+        outputs = self.figures_of_outputs(sides, figures["unknowns"], before.record if before else None)
         record = Pass(
             **vars(moved.work(self.movable, polish_gain) if moved else Work()),
-            **estimated,
+            **figures,
+            **outputs,
             number=self.steps.number,
             mesh=mesh,
             nodes=indices_in_input(before, moved, self.movable.nnodes, self.settings.growth.start),
-            order=int(self.order),
-            unknowns=unknowns,
-            min_quality=float(qualities.min()),
-            mean_quality=float(qualities.mean()),
             functional=found.value,
             comparable=functional is not None and not incomparable,
             incomparable=incomparable,
             share=functional.share if functional else None,
             unpolished=found.unpolished,
             sagitta=self.movable.sagitta(),
-            outputs=outputs,
-            output_errors=errors,
-            doubts=doubts_of({**errors, "goal": estimated["goal_error"]}),
-            unimproved=unimproved,
+            doubts=doubts_of({**outputs["output_errors"], "goal": figures["goal_error"]}),
             seconds=self.steps.seconds,  # last, because outputs add their time
             compile_seconds=self.steps.compile_seconds,
         )
@@ -159,26 +151,40 @@ class Adaptation:
             return FROZEN
         return "" if functional.comparable else counted(self.method.polish_reasons(self.movable, functional))
 
-    def estimated(self, sides: Sides) -> dict[str, Any]:
-        # fields of a `Pass`
+    def figures(self, sides: Sides, order: int, cut_off: float = 0.0, has_all_errors: bool = False) -> dict[str, Any]:
+        # Fields of a `Pass`. `cut_off` is the area or volume between elements and their curved parts.
         problem, mesh, solution, tolerance = sides.problem, sides.mesh, sides.solution, self.settings.tolerance
         indicators = estimate(problem, mesh, solution)
         norm, goal = energy_norm(problem, mesh, solution, tolerance.rtol), goal_of(problem, solution)
-        total, length, size = root_of_squares(indicators), 1.0, area(mesh)
+        total, length, size, qualities = root_of_squares(indicators), 1.0, area(mesh), quality(mesh)
         if problem.norm != "energy":
             length = size ** (1 / mesh.dim())
         if goal is None and total <= (tolerance.of_energy(norm) or 0.0):
             total = sides.error_with_sides(total, self.settings.rules.curves)
+        wants_error = tolerance.goal_rtol is not None or (has_all_errors and goal is not None)
         return {
             "indicators": indicators,
+            "order": int(order),
+            "unknowns": count_unknowns(mesh, order),
+            "min_quality": float(qualities.min()),
+            "mean_quality": float(qualities.mean()),
             "estimate": total,
-            "worth": root_of_squares(length * indicators) * math.sqrt(1.0 + self.movable.cut_off() / float(size.sum())),
+            "worth": root_of_squares(length * indicators) * math.sqrt(1.0 + cut_off / float(size.sum())),
             "energy_norm": norm,
             "calibrated": problem.calibrated,
             "goal": goal,
-            "goal_error": None if tolerance.goal_rtol is None else goal_error(sides),
+            "goal_error": goal_error(sides) if wants_error else None,
             "goal_unit": "" if goal is None else problem.goal_unit,
         }
+
+    def figures_of_outputs(
+        self, sides: Sides, unknowns: int, before: Pass | None, has_errors: bool = False
+    ) -> dict[str, Any]:
+        # fields of a `Pass`
+        outputs, errors, unimproved = self.outputs(sides.solution), dict[str, float](), ""
+        if has_errors or self.settings.tolerance.output_rtol is not None:
+            errors, unimproved = self.output_errors(sides, outputs, unknowns, before)
+        return {"outputs": outputs, "output_errors": errors, "unimproved": unimproved}
 
     def assess_again(self, record: Pass) -> Solved:
         # Raises ValueError if indicators or signs of outputs differ from the stored values, which means another
@@ -193,24 +199,36 @@ class Adaptation:
 
     def relocate(self, solved: Solved, by_energy: bool) -> Moved[Any]:
         with self.steps("relocate"):
-            settings, number, functional = self.settings, self.steps.number, solved.functional
+            functional = solved.functional
             ritz = None if functional is None else functional.ritz
-            wanted = wanted_of(
-                self.problem, solved.record, solved.solution, ritz, self.anisotropic(solved.record, by_energy)
-            )
-            record, density, estimate = wanted.record, wanted.density, root_of_squares(solved.record.indicators)
-            # on a surface that holds its nodes in the polish only a density adds nodes
-            steers = ritz is not None and not ritz.shapes_only and ritz.surface is None
-            exchanges_by_energy = by_energy or (steers and number > self.method.passes_by_density)
-            nodes = settings.growth.nodes(number, functional is not None, record)
-            drift = drift_of_nodes(self.method.dim, self.order) * nodes
-            recycles = not exchanges_by_energy or abs(nodes - self.movable.nnodes) > drift
+            directions = self.anisotropic(solved.record, by_energy)
+            wanted = wanted_of(self.problem, solved.record, solved.solution, ritz, directions)
+            nodes = self.settings.growth.nodes(self.steps.number, functional is not None, wanted.record)
+            recycles = self.recycles_by_density(ritz, by_energy, nodes)
             held = None if functional is None else self.method.held_in_polish(self.movable, functional)
             if by_energy:
-                moved = self.method.split(self.movable, density, nodes if recycles else self.movable.nnodes)
+                moved = self.method.split(self.movable, wanted.density, nodes if recycles else self.movable.nnodes)
             else:
-                moved = self.method.move(self.movable, density, functional, estimate, settings, number, nodes, recycles)
+                moved = self.moved(wanted.density, solved, nodes, recycles)
             return moved if held is None else replace(moved, held_in_polish=int(held.sum()))
+
+    def recycles_by_density(self, ritz: Ritz | None, by_energy: bool, nodes: int) -> bool:
+        # After the first passes, and after a pass that was worse, the energy exchanges nodes at a constant number. On a
+        # surface that holds its nodes in the polish only a density adds nodes.
+        steers = ritz is not None and not ritz.shapes_only and ritz.surface is None
+        exchanges = by_energy or (steers and self.steps.number > self.method.passes_by_density)
+        drift = drift_of_nodes(self.method.dim, self.order) * nodes
+        return not exchanges or abs(nodes - self.movable.nnodes) > drift
+
+    def moved(self, density: ArrayLike, solved: Solved, nodes: int, recycles: bool) -> Moved[Any]:
+        settings, method, functional, longest = self.settings, self.method, solved.functional, None
+        topology, schedule = settings.rules.topology, settings.schedule
+        if functional is not None:
+            longest = method.longest_sides(self.movable, functional, root_of_squares(solved.record.indicators))
+            if schedule is None and topology == "recycle":
+                schedule = method.schedule_before_polish
+        rng = settings.rng(self.steps.number)
+        return method.move(self.movable, density, schedule, topology, rng, nodes, recycles, longest)
 
     def anisotropic(self, last: Pass, by_energy: bool) -> bool | str:
         # Elements whose edges stay cannot turn. After a pass that was worse the energy alone moves nodes.

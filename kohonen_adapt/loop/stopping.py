@@ -67,10 +67,10 @@ class Ending:
 @dataclass(frozen=True)
 class StopTest:
     passes: int
-    of_result: Tolerance
+    asked: Tolerance
     callback: Callable[[Pass], Any] | None
     max_nodes: int | None = None
-    of_passes: Callable[[Pass], float | None] | None = None  # looser tolerance of passes before a higher order
+    grading: Callable[[Pass], float | None] | None = None  # looser tolerance of passes before a higher order
 
     def __post_init__(self) -> None:
         check_count("passes", self.passes)
@@ -86,17 +86,17 @@ class StopTest:
         """
         last, count, result = passes[-1], count_text(passes), best_pass_text(best)
         returned = self.callback(last) if self.callback else None
-        if last.estimate == 0.0 and not self.of_result.missed_values(last):
-            reasons = " and ".join(["all indicators are zero", *self.of_result.errors_text(last)])
+        if last.estimate == 0.0 and not self.asked.missed_values(last):
+            reasons = " and ".join(["all indicators are zero", *self.asked.errors_text(last)])
             return Ending(Status.CONVERGED, f"Converged after {count}: {reasons}.")
         if self._is_met(passes, best):
-            return Ending(Status.CONVERGED, f"Converged after {count}: {self.of_result.reached_text(last)}. {result}")
+            return Ending(Status.CONVERGED, f"Converged after {count}: {self.asked.reached_text(last)}. {result}")
         # Only True stops the loop, because many callbacks return a path or a list by accident.
         if isinstance(returned, bool | np.bool_) and returned:
             return Ending(Status.STOPPED, f"Stopped by the callback after {count}. {result} {CONTINUE}")
         if last.number > 0 and last.moved == 0 and not growing:
             return unmoved_ending(last, best)
-        if unreachable := self.of_result.unreachable_text(passes):
+        if unreachable := self.asked.unreachable_text(passes):
             return Ending(Status.STALLED, f"Stopped after {count}: {unreachable} {result}")
         if self.max_nodes is not None and last.mesh.nvertices >= FULL * self.max_nodes:
             return self._largest(last, count, result)
@@ -108,20 +108,20 @@ class StopTest:
 
     def prefers_last(self, passes: Passes, best: Pass) -> bool:
         # True if the last pass meets tolerances that the best one misses, as of a goal beside a smaller estimate
-        return self.of_passes is None and self._is_met(passes, passes[-1]) and bool(self.of_result.missed(best))
+        return self.grading is None and self._is_met(passes, passes[-1]) and bool(self.asked.missed(best))
 
     def _all_passes(self, last: Pass, count: str, result: str) -> Ending:
         if last.number == 0:
             text = "Stopped after 0 passes: the input was only solved and estimated. Increase `passes` to adapt it."
         else:
-            missed = self.of_result.missed_text(last)
+            missed = self.asked.missed_text(last)
             text = f"Stopped after {count}{missed}. {result} Increase `passes` to continue."
         return Ending(Status.MAX_PASSES, text)
 
     def _largest(self, last: Pass, count: str, result: str) -> Ending:
         tolerance = self.tolerance(last)
         text = f"Stopped at {last.mesh.nvertices} nodes (`max_nodes` {self.max_nodes}) after {count}"
-        text += f"{self.of_result.missed_text(last)}. {result}"
+        text += f"{self.asked.missed_text(last)}. {result}"
         if tolerance:
             text += (
                 f" The tolerance takes an estimate {last.estimate / tolerance:.2g} times smaller: increase `max_nodes`."
@@ -132,13 +132,13 @@ class StopTest:
         tolerance, last = self.tolerance(passes[-1]), passes[-1]
         if last.estimate == 0.0 or (tolerance is not None and last.estimate * underrated(passes, best) > tolerance):
             return False
-        if self.of_passes is None:
-            return tolerance is not None and self.of_result.knows_errors(last)
+        if self.grading is None:
+            return tolerance is not None and self.asked.knows_errors(last)
         # the first pass grades the mesh, and removes nodes
-        return tolerance is not None and (last.number > 0 or last.estimate <= (self.of_result.estimate(last) or 0.0))
+        return tolerance is not None and (last.number > 0 or last.estimate <= (self.asked.estimate(last) or 0.0))
 
     def tolerance(self, last: Pass) -> float | None:
-        return self.of_result.estimate(last) if self.of_passes is None else self.of_passes(last)
+        return self.asked.estimate(last) if self.grading is None else self.grading(last)
 
 
 def with_remarks(ending: Ending, passes: Passes, best: Pass, settings: Settings, norm: str) -> Ending:

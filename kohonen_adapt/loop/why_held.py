@@ -82,7 +82,7 @@ def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | 
 def reasons_at(mesh: Mesh, problem: CheckedProblem | None, rules: Rules, solution: Any = None) -> NDArray[np.str_]:
     orders = range(0) if problem is None else problem.final_orders(False)
     if problem is not None and orders:  # the solution is not of the order of the passes
-        problem, solution = problem.of_passes, None
+        problem, solution = problem.at_grading_order, None
     if problem is not None:
         curves, pairs = curves_of(problem, mesh, rules.curves), rules.periodic or problem.pairs
         rules = replace(rules, curves=curves, periodic=pairs)

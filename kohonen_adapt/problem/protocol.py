@@ -229,7 +229,7 @@ class CheckedProblem:
         return range(order, order + 1) if order > HIGHEST_POLISHED else range(0)
 
     @property
-    def of_passes(self) -> "CheckedProblem":
+    def at_grading_order(self) -> "CheckedProblem":
         return CheckedProblem(self, OF_PASSES) if self.final_orders(has_tolerance=True) else self
 
 

@@ -96,7 +96,9 @@ def move(
     return Moved(before, recycled, errors, why_still(movable, schedule), trainer.refused)
 
 
-def split_edges(movable: MovableMesh | MovableSolid, density: ArrayLike, nodes: int) -> Moved[Any]:
+def split_edges(
+    movable: MovableMesh | MovableSolid, density: ArrayLike | Callable[[Floats], ArrayLike], nodes: int
+) -> Moved[Any]:
     before = movable.copy()
     recycled = unchanged(before.tessellation)
     if nodes > movable.nnodes:

@@ -320,7 +320,7 @@ def wrong(old, new, *said):
             "outer = true",
             'potential.outer must be a finite number, a linear expression as "0.3*x + 2e-3", or a table as {over = ',
         ),
-        wrong("outer = 0.0", 'outer = "2x"', "potential.outer must have +, -, * or / at character 2; got 'x'."),
+        wrong("outer = 0.0", 'outer = "2x"', "potential.outer must have an expression at character 1; got '2x'."),
         wrong("outer = 0.0", "", "potential must fix A on at least one boundary"),
         wrong("outer = 0.0", "outer = 0.0\n[ampere_turns]\ncoil = 1", "ampere_turns has 'coil', which is not among"),
         wrong("passes = 4", "passes = 4.0", "adapt.passes must be an integer up to 2147483647; got 4.0."),

@@ -32,7 +32,7 @@ def test_a_problem_without_attributes_has_the_defaults():
     assert found == [1, None, "energy", False, None, ""]
     assert (problem.pairs, problem.nodes_on(MeshTri()), problem.is_curved, problem.has_goal) == ((), [], None, False)
     assert problem.solve(MeshTri(), MeshTri(), "old") == "solved"
-    assert not problem.final_orders(True) and problem.of_passes is problem
+    assert not problem.final_orders(True) and problem.at_grading_order is problem
 
 
 def test_missing_methods_are_not_offered_and_other_names_are_those_of_the_problem():
@@ -47,7 +47,7 @@ def test_missing_methods_are_not_offered_and_other_names_are_those_of_the_proble
 def test_passes_have_a_lower_order_than_the_result():
     problem = CheckedProblem(OfOrders())
     assert (list(problem.final_orders(True)), problem.final_orders(False)) == ([4, 5, 6, 7, 8], range(0))
-    passes = problem.of_passes
+    passes = problem.at_grading_order
     assert (passes.order, passes.solve(MeshTri()), passes.solve(MeshTri(), MeshTri(), "old")) == (2, 2, ("old", 2))
     assert not passes.takes_order and CheckedProblem(passes).order == 2 and passes.is_curved
     assert CheckedProblem(OfOrders(), 1).is_curved is False
