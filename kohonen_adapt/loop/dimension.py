@@ -31,7 +31,6 @@ from kohonen_adapt.polishing.held_nodes import (
 from kohonen_adapt.polishing.plane_descent import PlaneDescent
 from kohonen_adapt.polishing.polish import Descent
 from kohonen_adapt.polishing.space.descent import SpaceDescent
-from kohonen_adapt.polishing.space.descent_order2 import QuadraticDescent
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.space.transfer_in_space import transferred_in_space
 from kohonen_adapt.polishing.transfer import transferred
@@ -125,8 +124,7 @@ class SpaceMethod(Method):
     def descent(
         self, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, recycled: Recycled
     ) -> Descent:
-        kind = SpaceDescent if trial.affine else QuadraticDescent
-        return kind.of(movable, functional, trial, recycled)
+        return SpaceDescent.of(movable, functional, trial, recycled)
 
     def move(
         self,

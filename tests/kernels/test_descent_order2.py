@@ -25,7 +25,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, fill_star
 from kohonen_adapt.kernels.tetrahedron.polish.descend_order2 import derivatives, descend_nodes_order2, number_star
-from kohonen_adapt.kernels.tetrahedron.polish.swap_order2 import remove_edge
+from kohonen_adapt.kernels.tetrahedron.swap import remove_edge
 from kohonen_adapt.polishing.energy_tables import tabulated
 from kohonen_adapt.polishing.space.curved_sides import CurvedEdges
 
@@ -278,7 +278,8 @@ def test_the_removal_of_an_edge_is_the_best_of_all_triangulations(seed, charge):
             expected = removal_by_hand(at, e, edge, charge)
             if expected is None:
                 continue
-            made, gain = remove_edge(at.mesh, at.quadratic, queue, closed, e, edge, FLOOR**3, charge)
+            rule = np.inf, FLOOR**3, charge
+            made, gain = remove_edge(at.mesh, at.quadratic.trial, at.quadratic, queue, closed, rule, e, edge)
             assert (made > 0) == (expected != 0.0)
             if made:
                 assert gain == pytest.approx(expected, rel=1e-8)

@@ -8,10 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.tetrahedron import swap
+from kohonen_adapt.kernels.tetrahedron import rings
 from kohonen_adapt.kernels.tetrahedron.arrays import RING, Queue
-from kohonen_adapt.kernels.tetrahedron.polish.swap_by_energy import enter_changed, swap_downhill
-from kohonen_adapt.kernels.tetrahedron.swap import enter_worse
+from kohonen_adapt.kernels.tetrahedron.swap import enter_changed, enter_worse, swap_downhill
 
 FLOOR = 0.2
 EVERY = 1.0  # no element is as good as this
@@ -32,7 +31,7 @@ class Swaps:
     def swap(self, limit=1000):
         swaps, lowered = 0, 0.0
         while self.queue.state[1]:
-            more, gain = swap_downhill(self.mesh, self.trial, self.queue, self.seen, self.open, FLOOR**3, limit)
+            more, gain = swap_downhill(self.mesh, self.trial, self.queue, self.seen, self.open, 0.0, FLOOR**3, limit)
             swaps, lowered = swaps + more, lowered + gain
         assert not self.queue.waiting.any()
         return swaps, lowered
@@ -132,7 +131,7 @@ def test_the_triangulation_of_a_ring_has_the_least_functional_of_all_that_may_be
     trial = on_nodes(mesh._replace(pool=mesh.pool._replace(anchor=np.full(len(mesh.position), -1))), count)
     mesh.cavity.ring[0, :count] = np.arange(count)
     mesh.cavity.shell[:] = 0
-    found = -interpreted(swap.triangulate)(mesh, trial, 0, count, count, count + 1, swap.RULED_OUT, floor)
+    found = -interpreted(rings.triangulate)(mesh, trial, 0, count, count, count + 1, rings.RULED_OUT, floor)
     allowed = [made for made in map(elements_of(count), triangulations(0, count - 1)) if may_be(mesh, made, floor)]
     energies = [functional_of(mesh.position, trial, made, np.zeros(len(made), dtype=int))[0] for made in allowed]
     assert found == pytest.approx(min(energies, default=np.inf))

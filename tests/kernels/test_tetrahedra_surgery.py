@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from kohonen_adapt.kernels.arrays import KernelMesh, Metric
 from kohonen_adapt.kernels.heap import Heap
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.tetrahedron import smooth, swap
+from kohonen_adapt.kernels.tetrahedron import rings, smooth
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, INTERSECTION, RING, ROUND_METRIC, Constraints, Queue, Star
 from kohonen_adapt.kernels.tetrahedron.geometry import fill_star, mark_non_manifold
 from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
@@ -150,11 +150,11 @@ def test_the_best_triangulation_of_a_ring_is_that_of_brute_force(count):
     mesh = opened(*jittered((1, 1, 1), 0.0, 0))._replace(position=position)
     mesh.cavity.ring[0, :count] = np.arange(count)
     mesh.cavity.shell[:] = 0  # shell of the region of new elements
-    found = interpreted(swap.triangulate)(mesh, None, 0, count, count, count + 1, 0.0, 0.0)
+    found = interpreted(rings.triangulate)(mesh, None, 0, count, count, count + 1, 0.0, 0.0)
     best = max(worst(position, triangles) for triangles in triangulations(0, count - 1))
-    assert found == pytest.approx(max(best, 0.0) ** 3 if best > 0 else swap.RULED_OUT)
+    assert found == pytest.approx(max(best, 0.0) ** 3 if best > 0 else rings.RULED_OUT)
     if found > 0:
-        new = interpreted(swap.write_triangulation)(mesh, 0, count, count, count + 1, -1, 0)
+        new = interpreted(rings.write_triangulation)(mesh, 0, count, count, count + 1, -1, 0)
         made = mesh.cavity.new[:new]
         assert new == 2 * (count - 2)
         assert qualities(position, made).min() ** 3 == pytest.approx(found)

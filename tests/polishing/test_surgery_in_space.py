@@ -14,22 +14,15 @@ from skfem import MeshTet
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
-from kohonen_adapt.arrays import padded
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, SOURCE_24TH
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.magnetostatics import Froehlich
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.polish import descend_and_recycle
-from kohonen_adapt.polishing.space import descent
-from kohonen_adapt.polishing.space.descent import (
-    SpaceDescent,
-    compute_gains,
-    offers_of,
-    recycle_in_space,
-    swap_in_space,
-)
+from kohonen_adapt.polishing.space import recycling_in_space
+from kohonen_adapt.polishing.space.descent import SpaceDescent
+from kohonen_adapt.polishing.space.recycling_in_space import nodes_of
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 
 FLOOR = 0.2
@@ -62,21 +55,17 @@ class Setting:
             [Froehlich(4.0, 2.1) if number == 0 else None for number in range(count)] if bent else (),
         )
         self.functional = SolidFunctional.of(self.ritz, self.movable, mesh)
-        self.opened = OpenSolid.of(self.movable, np.ones(mesh.nvertices))
-        rows, function = len(self.opened.mesh.position), self.functional.solution
-        self.trial = self.functional.trial(padded(function.values, rows, 0.0), padded(function.fixed, rows, False))
-        self.seen = np.zeros((len(self.opened.mesh.elements.node), 2))
+        self.descent = descent_of(self.movable, self.functional)
+        self.opened, self.trial = self.descent.opened, self.descent.trial
 
     def swap(self):
-        return swap_in_space(self.opened, self.opened.parts(), self.functional, self.trial, self.seen, FLOOR)
+        return self.descent.swap(self.opened.parts())
 
     def recycle(self):
-        return recycle_in_space(self.opened, self.functional, self.trial, FLOOR)
+        return self.descent.recycle()
 
     def offers(self):
-        offers = offers_of(self.opened.mesh, self.functional, self.trial)
-        compute_gains(self.opened.mesh, self.trial, offers, FLOOR**3)
-        return offers
+        return self.descent.weigh(nodes_of(self.opened.mesh)).offers
 
     def value(self):
         """The functional of what there is now, worked out from the mesh that is handed back."""
@@ -143,7 +132,7 @@ def test_the_functional_falls_by_what_is_told_and_all_that_is_to_stay_stays(name
 
 @pytest.mark.parametrize("seed", range(3))
 def test_no_exchange_raises_the_functional_where_none_is_to_be_won_back(seed, monkeypatch):
-    monkeypatch.setattr(descent, "MARGIN", 1.0)
+    monkeypatch.setattr(recycling_in_space, "MARGIN", (1.0, 1.2))
     at = Setting(perturbed(two_regions(4), seed), seed)
     found = [at.recycle() for _ in range(3)]
     assert found[0][0] > 0
@@ -226,7 +215,7 @@ def test_costs_of_collapses_are_those_of_a_slow_twin(name):
     at = Setting(perturbed(MESHES[name](), 2), 2)
     offers, mesh = at.offers(), at.opened.mesh
     node, checked = mesh.elements.node, 0
-    most = offers.gain.max() / descent.MARGIN
+    most = offers.gain.max() / recycling_in_space.MARGIN[0]
     for v in np.flatnonzero((mesh.freedom.number == INSIDE) & (mesh.pool.anchor >= 0)):
         least, star = most, np.flatnonzero((node[:, 0] >= 0) & (node == v).any(axis=1))
         for w in set(node[star].ravel().tolist()) - {v}:

@@ -38,8 +38,6 @@ from kohonen_adapt.kernels.tetrahedron.polish import (
     descend_order2,
     energy_recycle,
     exchange_order2,
-    swap_by_energy,
-    swap_order2,
 )
 
 __all__ = ["SPACE"]
@@ -69,6 +67,10 @@ KERNEL_MESH = record_type(shared.KernelMesh, (R2, TETRAHEDRA, STAR, CONSTRAINTS)
 BARS = record_type(coils.Bars, (R2, I2, R1, R3, I2, R2, R2, R2))
 ARCS = record_type(coils.Arcs, (R2, R3, R1, R2, R1, I1, R1, R2, R2))
 
+# Arguments of loops of both orders.
+SWAPS = QUEUE, R2, B1, float64, float64, int64
+EXCHANGE = QUEUE, OFFERS, I2, R1, L1, L1, float64, float64
+
 # Groups "space ..." are compiled by a warm-up on request only.
 SPACE: dict[str, tuple[Entry, ...]] = {
     "space ground": (
@@ -97,19 +99,19 @@ SPACE: dict[str, tuple[Entry, ...]] = {
     "space polish": (
         Entry(descend.descend_nodes, KERNEL_MESH, TRIAL, I1, float64),
         Entry(applied_field.add_loads, OPEN_TETRAHEDRA, TRIAL, R1),
-        Entry(swap_by_energy.enter_changed, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, float64),
-        Entry(swap_by_energy.swap_downhill, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, B1, float64, int64),
-        Entry(energy_recycle.weigh_splits, OPEN_TETRAHEDRA, TRIAL, OFFERS, float64, int64, int64),
-        Entry(energy_recycle.weigh_collapses, OPEN_TETRAHEDRA, TRIAL, OFFERS, float64, float64, int64, int64),
-        Entry(energy_recycle.exchange, OPEN_TETRAHEDRA, TRIAL, QUEUE, OFFERS, I2, R1, L1, float64, float64),
+        Entry(swap.enter_changed, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, float64),
+        Entry(swap.swap_downhill, OPEN_TETRAHEDRA, TRIAL, *SWAPS),
+        Entry(energy_recycle.weigh_splits, OPEN_TETRAHEDRA, TRIAL, OFFERS, int64, float64, L1),
+        Entry(energy_recycle.weigh_collapses, OPEN_TETRAHEDRA, TRIAL, OFFERS, float64, float64, L1),
+        Entry(energy_recycle.exchange, OPEN_TETRAHEDRA, TRIAL, *EXCHANGE),
     ),
     "space polish of order 2": (
         Entry(descend_order2.descend_nodes_order2, KERNEL_MESH, QUADRATIC, I1, float64),
-        Entry(swap_by_energy.enter_changed, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, float64),
-        Entry(swap_order2.swap_downhill_order2, OPEN_TETRAHEDRA, QUADRATIC, QUEUE, R2, B1, float64, float64, int64),
+        Entry(swap.enter_changed, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, float64),
+        Entry(swap.swap_downhill_order2, OPEN_TETRAHEDRA, QUADRATIC, *SWAPS),
         Entry(exchange_order2.weigh_splits_order2, OPEN_TETRAHEDRA, QUADRATIC, OFFERS, int64, float64, L1),
         Entry(exchange_order2.weigh_collapses_order2, OPEN_TETRAHEDRA, QUADRATIC, OFFERS, float64, float64, L1),
-        Entry(exchange_order2.exchange_order2, OPEN_TETRAHEDRA, QUADRATIC, OFFERS, I2, R1, L1, L1, float64, float64),
+        Entry(exchange_order2.exchange_order2, OPEN_TETRAHEDRA, QUADRATIC, *EXCHANGE),
     ),
     "space carrying": (
         Entry(locate.walk_each, R2, TETRAHEDRA, R2, I1, B1),

@@ -19,7 +19,7 @@ from kohonen_adapt.kernels.tetrahedron.surgery import (
     prepare_split,
     split,
 )
-from kohonen_adapt.kernels.tetrahedron.swap import enter
+from kohonen_adapt.kernels.tetrahedron.waiting import enter_made
 
 
 @inner_kernel
@@ -105,12 +105,6 @@ def collapse_next(mesh, queue, shortest, most, longest, a, b, floor):
             enter_made(mesh, queue, new)
             return v
     return NOWHERE
-
-
-@inner_kernel
-def enter_made(mesh, queue, count):
-    for i in range(count):
-        enter(queue, np.int64(mesh.cavity.made[i]))
 
 
 @inner_kernel

@@ -1,284 +1,54 @@
-"""Swaps of edges and faces while the worst of the touched elements improves.
+"""Swaps of edges and faces by quality, or by the functional.
 
-Quality is that in the metric, and Euclidean quality stays above the floor. Edge removal triangulates the ring of nodes
-around an edge by the dynamic program of Klincsek ("Minimal triangulations of polygonal domains", Ann. Discrete Math. 9,
-1980), here for the largest worst quality (Shewchuk, "Two discrete optimization algorithms for the topological
-improvement of tetrahedral meshes", 2002). An edge on an outer patch has an open ring, an edge on a patch between
-regions two rings. `kernels/tetrahedron/polish/swap_by_energy.py` passes a `trial` to minimise the functional instead.
-With None the quality is maximised, and numba compiles both versions.
+Elements are swapped while the worst of the touched elements improves, or while the functional decreases. Without a
+`trial` the judge is quality in the metric, with Euclidean quality above the floor. With a `trial` the judge
+is the functional, at order 2 with `quadratic`, and no new element is worse than the floor or the worst before. numba
+compiles every version. Edges on patches are swapped by the functional only if the values on the patch do not depend on
+the edge, which requires a plane with free or linear values.
 """
 
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import ELSEWHERE, FREE, PLANE, RING, WAITS, WANTED
-from kohonen_adapt.kernels.tetrahedron.geometry import (
-    EDGES,
-    FLAT,
-    corner_of,
-    cubed_quality_on,
-    element_quality,
-    element_volumes,
-    face_of,
-    fourth_node,
-    has_constrained_face,
-    triangle_vectors,
+from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, corners_of, element_quality, element_volumes
+from kohonen_adapt.kernels.tetrahedron.metric import UNBOUNDED, is_round, quality_above
+from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, element_energy, source_along
+from kohonen_adapt.kernels.tetrahedron.polish.swap_order2 import remove_edge_order2, swap_face_order2
+from kohonen_adapt.kernels.tetrahedron.rings import (
+    RULED_OUT,
+    add_shells,
+    merit_of_rings,
+    replace_shells,
+    shells_around,
+    write_face_swap,
 )
-from kohonen_adapt.kernels.tetrahedron.metric import UNBOUNDED, is_round, quality_above, quality_on_both_sides
-from kohonen_adapt.kernels.tetrahedron.polish.energy import energy_on, source_along, triangle_tilts, value_at
-from kohonen_adapt.kernels.tetrahedron.surfaces import edge_sagitta, exceeds_sagitta
-from kohonen_adapt.kernels.tetrahedron.surgery import EQUAL, NOWHERE, replace
-from kohonen_adapt.kernels.vectors import between
+from kohonen_adapt.kernels.tetrahedron.surgery import replace
+from kohonen_adapt.kernels.tetrahedron.waiting import enter, enter_made, take_first
 
 BETTER = 1.02  # smallest improvement of the cubed quality by a swap, above rounding errors
-RULED_OUT = -np.inf  # merit of a part of a ring without permitted elements
+SIX_VOLUMES, ENERGY = 0, 1  # columns of `seen`
 
 
 @inner_kernel
-def enter(queue, e):
-    if queue.waiting[e] == FREE:
-        rows = queue.element.shape[0]
-        queue.element[(queue.state[0] + queue.state[1]) % rows] = e
-        queue.state[1] += 1
-        queue.waiting[e] = WAITS
+def energy_of(mesh, trial, node, e, region, a, b):
+    load = source_along(trial, region, a, b)
+    return element_energy(mesh.position, trial, region, load, *corners_of(node, e))
 
 
 @inner_kernel
-def take_first(queue):
-    e = np.int64(queue.element[queue.state[0]])
-    queue.state[0] = (queue.state[0] + 1) % queue.element.shape[0]
-    queue.state[1] -= 1
-    queue.waiting[e] = FREE
-    return e
+def energy_seen(mesh, trial, e):
+    node = mesh.elements.node
+    return energy_of(mesh, trial, node, e, mesh.elements.region[e], node[e, 0], node[e, 1])
 
 
 @inner_kernel
-def is_blocked(queue, e):
-    """Return True if an element waits, and request elements of a different part."""
-    if queue.waiting[e] == ELSEWHERE:
-        queue.waiting[e] = WANTED
-    return queue.waiting[e] != FREE
-
-
-@inner_kernel
-def first_of_shell(mesh, e, a, b, first, second):
-    """Return the first element of an open shell around ab, and its two other nodes.
-
-    The shell starts at a constrained face. Element e is (a, b, first, second). Returned is -1 if the shell has too
-    many elements.
-    """
-    elements = mesh.elements
-    for _ in range(RING):
-        k = corner_of(elements.node, e, second)
-        across = np.int64(elements.neighbour[e, k])
-        if elements.patch[e, k] >= 0 or across < 0:
-            return e, first, second
-        e, first, second = across, fourth_node(elements.node, across, a, b, first), first
-    return NOWHERE, first, second
-
-
-@inner_kernel
-def walk_shell(mesh, queue, side, e, a, b, first, second):
-    """List the shell around ab from element e = (a, b, first, second), and its ring.
-
-    Returned are the numbers of nodes and elements, (0, 0) if too many or if an element waits. A closed shell has as
-    many nodes as elements, an open shell one more.
-    """
-    elements, shell, ring = mesh.elements, mesh.cavity.shell, mesh.cavity.ring
-    start, count = e, 0
-    while count < RING - 1 and not is_blocked(queue, e):
-        shell[side, count], ring[side, count] = e, first
-        count += 1
-        k = corner_of(elements.node, e, first)
-        across = np.int64(elements.neighbour[e, k])
-        if elements.patch[e, k] >= 0 or across < 0:
-            ring[side, count] = second
-            return count + 1, count
-        if across == start:
-            return count, count
-        e, first = across, second
-        second = fourth_node(elements.node, across, a, b, second)
-    if (
-        count == RING - 1
-        and not is_blocked(queue, e)
-        and elements.neighbour[e, corner_of(elements.node, e, first)] == start
-    ):
-        shell[side, count], ring[side, count] = e, first
-        return RING, RING
-    return 0, 0
-
-
-@inner_kernel
-def triangulate(mesh, trial, side, count, a, b, least, floor):
-    """Find the best triangulation of a ring of `count` nodes, and return its merit.
-
-    Each triangle of the ring has two elements, with a and with b. Without a trial the merit is the worst cubed
-    quality in the metric, which must exceed `least`. With a trial the merit is minus the functional. No Euclidean
-    quality may be below `floor`. Otherwise the merit is RULED_OUT.
-    """
-    merit, apex = mesh.cavity.merit, mesh.cavity.apex
-    by_quality = trial is None
-    for i in range(count - 1):
-        merit[side, i, i + 1] = 2.0 if by_quality else 0.0
-    for length in range(2, count):
-        for i in range(count - length):
-            k, best = i + length, RULED_OUT
-            for j in range(i + 1, k):
-                value = merit_with(mesh, trial, side, i, j, k, a, b, max(best, least), floor)
-                if value > best:
-                    best, apex[side, i, k] = value, j
-            merit[side, i, k] = best
-    return merit[side, 0, count - 1]
-
-
-@inner_kernel
-def merit_with(mesh, trial, side, i, j, k, a, b, least, floor):
-    position, ring, merit = mesh.position, mesh.cavity.ring, mesh.cavity.merit
-    p, q, r, before, after = ring[side, i], ring[side, j], ring[side, k], merit[side, i, j], merit[side, j, k]
-    value = min(before, after)
-    if value == RULED_OUT or (trial is None and not value > least):
-        return RULED_OUT
-    if trial is None and not is_round(mesh.metric):
-        value = min(value, quality_on_both_sides(position, mesh.metric, p, q, r, a, b, floor))
-        return value if value > least else RULED_OUT
-    vectors = triangle_vectors(position, p, q, r)
-    to_a, to_b = between(position, p, a), between(position, p, b)
-    bound = least if trial is None else floor
-    above = cubed_quality_on(vectors, to_b, 1.0)
-    if not above >= bound:
-        return RULED_OUT
-    worst = min(above, cubed_quality_on(vectors, to_a, -1.0))
-    if not worst >= bound:
-        return RULED_OUT
-    if trial is None:
-        value = min(value, worst)
-        return value if value > least else RULED_OUT
-    region = mesh.elements.region[mesh.cavity.shell[side, 0]]
-    load, tilts = source_along(trial, region, a, b), triangle_tilts(trial, region, vectors, p, q, r)
-    at_a, at_b = value_at(trial, region, a), value_at(trial, region, b)
-    above = energy_on(trial, region, load, vectors, tilts, to_b, at_b, 1.0)
-    return before + after - above - energy_on(trial, region, load, vectors, tilts, to_a, at_a, -1.0)
-
-
-@inner_kernel
-def write_triangulation(mesh, side, count, a, b, patch, new):
-    cavity, ring = mesh.cavity, mesh.cavity.ring
-    region = mesh.elements.region[cavity.shell[side, 0]]
-    cavity.stack[0, 0], cavity.stack[0, 1] = 0, count - 1
-    height = 1
-    while height > 0:
-        height -= 1
-        i, k = np.int64(cavity.stack[height, 0]), np.int64(cavity.stack[height, 1])
-        if k - i < 2:
-            continue
-        j = np.int64(cavity.apex[side, i, k])
-        on_base = patch if i == 0 and k == count - 1 else -1
-        p, q, r = ring[side, i], ring[side, j], ring[side, k]
-        for corners, end, third in (((p, q, r), b, 1), ((p, r, q), a, 2)):
-            for corner in range(3):
-                cavity.new[new, corner], cavity.patch[new, corner] = corners[corner], -1
-            cavity.new[new, 3], cavity.patch[new, 3], cavity.patch[new, third] = end, -1, on_base
-            cavity.region[new] = region
-            new += 1
-        cavity.stack[height, 0], cavity.stack[height, 1] = i, j
-        cavity.stack[height + 1, 0], cavity.stack[height + 1, 1] = j, k
-        height += 2
-    return new
-
-
-@inner_kernel
-def add_shell(mesh, side, count, old):
-    cavity, worst = mesh.cavity, 2.0
+def energy_of_old(mesh, trial, count, a, b):
+    total = magnitude = 0.0
     for i in range(count):
-        cavity.old[old + i] = cavity.shell[side, i]
-    for i in range(old + count):
-        worst = min(worst, element_quality(mesh.position, mesh.elements.node, cavity.old[i]))
-    return old + count, worst
-
-
-@inner_kernel
-def second_shell(mesh, queue, a, b, nodes):
-    """List the shell across the end faces of the first shell of `nodes` nodes.
-
-    Returned are the numbers of nodes and elements, (0, 0) outside, and the patch of both end faces, -1 if the
-    edge must stay.
-    """
-    elements, shell, ring = mesh.elements, mesh.cavity.shell, mesh.cavity.ring
-    begin, end = np.int64(shell[0, 0]), np.int64(shell[0, nodes - 2])
-    k_begin, k_end = corner_of(elements.node, begin, ring[0, 1]), corner_of(elements.node, end, ring[0, nodes - 2])
-    patch = np.int64(elements.patch[begin, k_begin])
-    if nodes < 3 or patch < 0 or patch != elements.patch[end, k_end] or would_exceed_sagitta(mesh, patch, a, b, nodes):
-        return 0, 0, NOWHERE
-    back, across = np.int64(elements.neighbour[begin, k_begin]), np.int64(elements.neighbour[end, k_end])
-    if across < 0:
-        return 0, 0, (patch if back < 0 else NOWHERE)
-    first = np.int64(ring[0, nodes - 1])
-    second = fourth_node(elements.node, across, a, b, first)
-    count, found = walk_shell(mesh, queue, 1, across, a, b, first, second)
-    if count < 3 or count == found or ring[1, count - 1] != ring[0, 0] or shell[1, found - 1] != back:
-        return 0, 0, NOWHERE
-    return count, found, patch
-
-
-@inner_kernel
-def would_exceed_sagitta(mesh, patch, a, b, nodes):
-    p, q = np.int64(mesh.cavity.ring[0, 0]), np.int64(mesh.cavity.ring[0, nodes - 1])
-    return exceeds_sagitta(mesh, patch, p, q) and edge_sagitta(mesh, patch, p, q) > edge_sagitta(mesh, patch, a, b)
-
-
-@inner_kernel
-def shells_around(mesh, queue, e, edge):
-    """List the rings and shells around an edge of e, two of each between regions.
-
-    Returned are the ends of the edge and (nodes, elements, nodes and elements of the second ring, patch or -1).
-    The number of nodes is 0 if the edge must stay or an element waits.
-    """
-    elements = mesh.elements
-    a, b = np.int64(elements.node[e, EDGES[edge, 0]]), np.int64(elements.node[e, EDGES[edge, 1]])
-    first, second = np.int64(elements.node[e, EDGES[edge, 2]]), np.int64(elements.node[e, EDGES[edge, 3]])
-    nodes, found = walk_shell(mesh, queue, 0, e, a, b, first, second)
-    if nodes == found:
-        return a, b, (nodes, found, 0, 0, NOWHERE)
-    e, first, second = first_of_shell(mesh, e, a, b, first, second)
-    if e < 0:
-        return a, b, (0, 0, 0, 0, NOWHERE)
-    nodes, found = walk_shell(mesh, queue, 0, e, a, b, first, second)
-    if nodes < 3:
-        return a, b, (0, 0, 0, 0, NOWHERE)
-    other, found_other, patch = second_shell(mesh, queue, a, b, nodes)
-    return a, b, (nodes if patch >= 0 else 0, found, other, found_other, patch)
-
-
-@inner_kernel
-def replace_shells(mesh, a, b, rings):
-    """Replace the shells by the best triangulations, and return the new count.
-
-    Returned is 0 if the new elements do not fill the same volume at a plane, if a slit would close, or if there
-    are too few free rows.
-    """
-    nodes, found, other, found_other, patch = rings
-    p, q = mesh.cavity.ring[0, 0], mesh.cavity.ring[0, nodes - 1]
-    if patch >= 0 and (has_constrained_face(mesh, a, p, q) or has_constrained_face(mesh, b, p, q)):
-        return 0
-    plane = patch >= 0 and mesh.surfaces.shape[patch] == PLANE
-    old, new = found + found_other, write_triangulation(mesh, 0, nodes, a, b, patch, 0)
-    if plane and not same_volume(mesh, 0, found, 0, new):
-        return 0
-    if other > 0:
-        more = write_triangulation(mesh, 1, other, a, b, patch, new)
-        if plane and not same_volume(mesh, found, old, new, more):
-            return 0
-        new = more
-    return new if replace(mesh, old, new) else 0
-
-
-@inner_kernel
-def add_shells(mesh, rings):
-    _, found, other, found_other, _ = rings
-    old, before = add_shell(mesh, 0, found, 0)
-    if other > 0:
-        old, before = add_shell(mesh, 1, found_other, old)
-    return before
+        e = mesh.cavity.old[i]
+        energy, more = energy_of(mesh, trial, mesh.elements.node, e, mesh.elements.region[e], a, b)
+        total, magnitude = total + energy, magnitude + more
+    return total, magnitude
 
 
 @inner_kernel
@@ -293,81 +63,87 @@ def quality_of_old(mesh, count, euclidean):
 
 
 @inner_kernel
-def remove_edge(mesh, queue, e, edge, below, floor):
+def bounds(mesh, trial, count, worst, below, floor):
+    """Return the quality that new elements must have, and the Euclidean floor.
+
+    Elements `cavity.old` are `count`, with the `worst` Euclidean quality. No quality suffices if no swap is wanted.
+    """
+    floor = max(FLAT, min(floor, worst))
+    if trial is not None:
+        return floor, floor
+    before = quality_of_old(mesh, count, worst)
+    return (np.inf if before >= below else max(FLAT, BETTER * before)), floor
+
+
+@inner_kernel
+def are_good(mesh, trial, count, least, floor):
+    for i in range(count):
+        if trial is None:
+            if not quality_above(mesh.position, mesh.metric, mesh.cavity.new, i, floor) > least:
+                return False
+        elif not element_quality(mesh.position, mesh.cavity.new, i) >= floor:
+            return False
+    return True
+
+
+@inner_kernel
+def remove_edge(mesh, trial, quadratic, queue, open_patch, rule, e, edge):
+    below, floor, charge = rule
     a, b, rings = shells_around(mesh, queue, e, edge)
     if rings[0] < 3:
-        return 0
-    worst = add_shells(mesh, rings)
-    before, floor = quality_of_old(mesh, rings[1] + rings[3], worst), max(FLAT, min(floor, worst))
-    least = max(FLAT, BETTER * before)
-    if before >= below or triangulate(mesh, None, 0, rings[0], a, b, least, floor) == RULED_OUT:
-        return 0
-    if rings[2] > 0 and triangulate(mesh, None, 1, rings[2], a, b, least, floor) == RULED_OUT:
-        return 0
-    return replace_shells(mesh, a, b, rings)
+        return 0, 0.0
+    if trial is not None and rings[4] >= 0 and not open_patch[rings[4]]:
+        return 0, 0.0
+    count, worst = rings[1] + rings[3], add_shells(mesh, rings)
+    least, floor = bounds(mesh, trial, count, worst, below, floor)
+    if quadratic is not None:
+        return remove_edge_order2(mesh, quadratic, a, b, rings, floor, charge)
+    if least == np.inf:
+        return 0, 0.0
+    gain = merit_of_rings(mesh, trial, a, b, rings, least, floor)
+    if gain == RULED_OUT:
+        return 0, 0.0
+    if trial is not None:
+        before, magnitude = energy_of_old(mesh, trial, count, a, b)
+        gain += before
+        if not gain > ROUNDING * magnitude:
+            return 0, 0.0
+    return replace_shells(mesh, a, b, rings), gain
 
 
 @inner_kernel
-def same_volume(mesh, first, last, first_new, last_new):
-    volume = change = 0.0
-    for i in range(first, last):
-        volume += element_volumes(mesh.position, mesh.elements.node, mesh.cavity.old[i])
-    for i in range(first_new, last_new):
-        change += element_volumes(mesh.position, mesh.cavity.new, i)
-    return abs(change - volume) <= EQUAL * volume
-
-
-@inner_kernel
-def write_face_swap(mesh, queue, e, k):
-    """Write the swap of face k of e to `cavity`, two elements by three.
-
-    Returned is the worst quality of the two, or RULED_OUT if the face must stay or the neighbour waits.
-    """
-    elements, cavity, position = mesh.elements, mesh.cavity, mesh.position
-    across = np.int64(elements.neighbour[e, k])
-    if across < 0 or elements.patch[e, k] >= 0 or is_blocked(queue, across):
-        return RULED_OUT
-    (a, b, c), top = face_of(elements.node, e, k), np.int64(elements.node[e, k])
-    bottom = fourth_node(elements.node, across, a, b, c)
-    cavity.old[0], cavity.old[1] = e, across
-    for new, (p, q) in enumerate(((a, b), (b, c), (c, a))):
-        cavity.new[new, 0], cavity.new[new, 1], cavity.new[new, 2], cavity.new[new, 3] = top, bottom, p, q
-        cavity.region[new] = elements.region[e]
-        for j in range(4):
-            cavity.patch[new, j] = -1
-    return min(element_quality(position, elements.node, e), element_quality(position, elements.node, across))
-
-
-@inner_kernel
-def swap_face(mesh, queue, e, k, below, floor):
+def swap_face(mesh, trial, quadratic, queue, rule, e, k):
+    below, floor, charge = rule
     worst = write_face_swap(mesh, queue, e, k)
     if worst == RULED_OUT:
-        return 0
-    before, floor = quality_of_old(mesh, 2, worst), max(FLAT, min(floor, worst))
-    least = max(FLAT, BETTER * before)
-    if before >= below:
-        return 0
-    for new in range(3):
-        if not quality_above(mesh.position, mesh.metric, mesh.cavity.new, new, floor) > least:
-            return 0
-    return 3 if replace(mesh, 2, 3) else 0
+        return 0, 0.0
+    least, floor = bounds(mesh, trial, 2, worst, below, floor)
+    if least == np.inf or not are_good(mesh, trial, 3, least, floor):
+        return 0, 0.0
+    if quadratic is not None:
+        return swap_face_order2(mesh, quadratic, charge)
+    gain = 0.0
+    if trial is not None:
+        a, b = mesh.cavity.new[0, 0], mesh.cavity.new[0, 1]
+        gain, magnitude = energy_of_old(mesh, trial, 2, a, b)
+        for new in range(3):
+            gain -= energy_of(mesh, trial, mesh.cavity.new, new, mesh.cavity.region[new], a, b)[0]
+        if not gain > ROUNDING * magnitude:
+            return 0, 0.0
+    return (3 if replace(mesh, 2, 3) else 0), gain
 
 
 @inner_kernel
-def swap_at(mesh, queue, e, below, floor):
-    made = 0
+def swap_at(mesh, trial, quadratic, queue, open_patch, rule, e):
     for edge in range(6):
-        made = remove_edge(mesh, queue, e, edge, below, floor)
+        made, gain = remove_edge(mesh, trial, quadratic, queue, open_patch, rule, e, edge)
         if made > 0:
-            break
-    if made == 0:
-        for k in range(4):
-            made = swap_face(mesh, queue, e, k, below, floor)
-            if made > 0:
-                break
-    for i in range(made):
-        enter(queue, np.int64(mesh.cavity.made[i]))
-    return made > 0
+            return made, gain
+    for k in range(4):
+        made, gain = swap_face(mesh, trial, quadratic, queue, rule, e, k)
+        if made > 0:
+            return made, gain
+    return 0, 0.0
 
 
 @kernel
@@ -380,6 +156,45 @@ def enter_worse(mesh, queue, below):
 
 
 @kernel
+def enter_changed(mesh, trial, queue, seen, fraction):
+    """Add elements whose volume or functional has changed by a fraction.
+
+    `seen` (m, 2) holds both values of the last search. `fraction` is the fraction.
+    """
+    for e in range(mesh.elements.node.shape[0]):
+        if mesh.elements.node[e, 0] < 0 or queue.waiting[e]:
+            continue
+        volumes = element_volumes(mesh.position, mesh.elements.node, e)
+        energy, magnitude = energy_seen(mesh, trial, e)
+        if (
+            abs(volumes - seen[e, SIX_VOLUMES]) > fraction * volumes
+            or abs(energy - seen[e, ENERGY]) > fraction * magnitude
+        ):
+            enter(queue, e)
+
+
+@inner_kernel
+def search(mesh, trial, quadratic, queue, seen, open_patch, rule, limit):
+    swaps, decrease = 0, 0.0
+    for _ in range(limit):
+        if queue.state[1] == 0:
+            break
+        e = take_first(queue)
+        if mesh.elements.node[e, 0] < 0:
+            continue
+        if trial is not None:
+            seen[e, SIX_VOLUMES] = element_volumes(mesh.position, mesh.elements.node, e)
+            seen[e, ENERGY] = energy_seen(mesh, trial, e)[0]
+        made, gain = swap_at(mesh, trial, quadratic, queue, open_patch, rule, e)
+        if made == 0:
+            continue
+        swaps, decrease = swaps + 1, decrease + gain
+        if trial is None or trial.source.shape[0] == 0:
+            enter_made(mesh, queue, made)
+    return swaps, decrease
+
+
+@kernel
 def swap_waiting(mesh, queue, below, floor, limit):
     """Search up to `limit` waiting elements, swap, and return the number of swaps.
 
@@ -387,11 +202,21 @@ def swap_waiting(mesh, queue, below, floor, limit):
     quality is below `floor` (cubed) and below the worst before. New elements enter the queue. The queue is empty if all
     searches are done. An edge is searched with its last waiting element.
     """
-    swaps = 0
-    for _ in range(limit):
-        if queue.state[1] == 0:
-            break
-        e = take_first(queue)
-        if mesh.elements.node[e, 0] >= 0 and swap_at(mesh, queue, e, below, floor):
-            swaps += 1
-    return swaps
+    return search(mesh, None, None, queue, None, None, (below, floor, 0.0), limit)[0]
+
+
+@kernel
+def swap_downhill(mesh, trial, queue, seen, open_patch, charge, floor, limit):
+    """Search up to `limit` waiting elements, and swap while the functional decreases.
+
+    Returned are the number of swaps and the decrease. `charge` is the decrease that an added unknown requires at order
+    2, `floor` the cube of a quality. `open_patch` (p,) marks the patches whose edges may be swapped. With a varying
+    source new elements wait for the next call, because each swap uses the source around its own edge, and swaps could
+    otherwise cycle.
+    """
+    return search(mesh, trial, None, queue, seen, open_patch, (np.inf, floor, charge), limit)
+
+
+@kernel
+def swap_downhill_order2(mesh, quadratic, queue, seen, open_patch, charge, floor, limit):
+    return search(mesh, quadratic.trial, quadratic, queue, seen, open_patch, (np.inf, floor, charge), limit)

@@ -1,133 +1,58 @@
-"""Descent of a functional of order 1 on tetrahedra, with swaps and recycling."""
+"""Descent of a functional on tetrahedra, with swaps and recycling."""
 
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Self
+from threading import get_ident
+from typing import Self
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Mask, padded, sorted_below
+from kohonen_adapt.arrays import Floats, Ints, Mask, padded
 from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.geometry.space.thread_parts import Parts
-from kohonen_adapt.kernels.arrays import KernelMesh
+from kohonen_adapt.kernels.arrays import KernelMesh, Modes
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     FOLLOWS,
     HELD,
     INSIDE,
     PLANE,
-    Cavity,
     Constraints,
     Freedom,
-    Offers,
     OpenTetrahedra,
+    Quadratic,
     Queue,
+    SolidBlock,
     Trial,
 )
-from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, OPPOSITE
 from kohonen_adapt.kernels.tetrahedron.polish.descend import descend_nodes
-from kohonen_adapt.kernels.tetrahedron.polish.energy_recycle import exchange, weigh_collapses, weigh_splits
-from kohonen_adapt.kernels.tetrahedron.polish.swap_by_energy import enter_changed, swap_downhill
-from kohonen_adapt.kernels.threads import Nodes, even_cuts, shared
+from kohonen_adapt.kernels.tetrahedron.polish.descend_order2 import descend_nodes_order2
+from kohonen_adapt.kernels.tetrahedron.swap import enter_changed, swap_downhill, swap_downhill_order2
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.polish import SETTLED
 from kohonen_adapt.polishing.space.applied_field import renew_field, start_field, with_loads_of_faces
+from kohonen_adapt.polishing.space.curved_sides import CurvedEdges
+from kohonen_adapt.polishing.space.recycling_in_space import (
+    EXCHANGES,
+    MANY,
+    Plan,
+    edges_of_patches,
+    empty_offers,
+    exchanged,
+    nodes_of,
+    on_patches,
+    rows_of_order_2,
+    sample_of,
+    size_of,
+    weighed,
+)
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
-from kohonen_adapt.polishing.space.surface_values import faces_on
-from kohonen_adapt.problem.boundary_terms import applied_field
 
-__all__ = ["SpaceDescent", "offers_of", "on_patches", "recycle_in_space", "swap_in_space", "with_origins"]
+__all__ = ["SpaceDescent"]
 
-LOOKS = 50_000  # elements per compiled call, at most 0.5 s, because Ctrl-C is handled between calls only
-FEW = 1_000  # nodes per thread at least
-PART = 20_000  # nodes per compiled call
-PAIRS = 20_000  # edges per compiled call
+LOOKS = 50_000, 10_000  # elements per compiled call by order, at most 0.5 s: Ctrl-C is handled between calls only
 CHANGED = 0.1  # relative change of volume or energy after which an element is searched again
-
-# Smallest gain of a split, relative to the cost of its collapse. Gains are underestimated and costs overestimated,
-# because both are computed without the sweeps and swaps that follow. With 1, exchanges end after one pass, and the
-# error is 5 % higher.
-MARGIN = 0.2
-
-
-def swap_in_space(
-    opened: OpenSolid, parts: Parts, functional: SolidFunctional, trial: Trial, seen: Floats, floor: float
-) -> float:
-    """Swap while the functional decreases, and return the decrease.
-
-    `seen` (m, 2) holds volume and energy of elements at their last search. Elements that have changed since are
-    searched again. Edges on patches change only if the domain and the Dirichlet values stay the same.
-    """
-    mesh, queue = opened.mesh, opened.queue
-    free = (mesh.surfaces.shape == PLANE) & ~functional.held[: functional.patches]
-    enter_changed(mesh, trial, queue, seen, CHANGED)
-
-    def swap(part: OpenTetrahedra, own: Queue) -> float:
-        return float(swap_downhill(part, trial, own, seen, free, floor**3, LOOKS)[1])
-
-    return parts.work_off(queue, swap)
-
-
-def recycle_in_space(opened: OpenSolid, functional: SolidFunctional, trial: Trial, floor: float) -> tuple[int, float]:
-    """Split edges and collapse nodes in pairs while the gain exceeds the cost.
-
-    Returned are the number of pairs and the decrease of the functional, negative for an increase. New elements
-    enter the queue of swaps.
-    """
-    mesh, offers = opened.mesh, offers_of(opened.mesh, functional, trial)
-    most = compute_gains(mesh, trial, offers, floor**3)
-    gain, node = offers.gain.ravel(), mesh.elements.node
-    edges = sorted_below(-gain, -max(0.0, MARGIN * offers.cost.min(initial=0.0)))
-    ends = node[edges[:, None] // 6, EDGES[edges % 6, :2]]
-    nodes = sorted_below(offers.cost, most)
-    pairs, decrease = 0, 0.0
-    for i in range(0, len(edges), PAIRS):
-        part = ends[i : i + PAIRS], gain[edges[i : i + PAIRS]]
-        more, fall = exchange(mesh, trial, opened.queue, offers, *part, nodes, MARGIN, floor**3)
-        pairs, decrease = pairs + more, decrease + fall
-    return pairs, decrease
-
-
-def offers_of(mesh: OpenTetrahedra, functional: SolidFunctional, trial: Trial) -> Offers:
-    patches, rows = slice(functional.patches), len(mesh.position)
-    removable = (functional.freedom(mesh.freedom, trial.fixed, trial.surface).number != HELD) & (mesh.pool.anchor >= 0)
-    if len(trial.applied):
-        removable &= trial.applied[:, FOLLOWS] == 0.0
-    lone = trial.fixed & ~on_patches(mesh, functional.dirichlet[patches] | functional.driven)
-    is_open = ~(functional.held | functional.dirichlet)[patches]
-    gain, cost = np.zeros((len(mesh.elements.node), 6)), np.full(rows, np.inf)
-    return Offers(gain, cost, is_open, removable, lone, np.zeros(rows, dtype=np.bool_))
-
-
-def on_patches(mesh: OpenTetrahedra, some: Mask) -> Mask:
-    found, (e, k) = np.zeros(len(mesh.position), dtype=np.bool_), faces_on(mesh, some)
-    found[mesh.elements.node[e[:, None], OPPOSITE[k]]] = True
-    return found
-
-
-def compute_gains(mesh: OpenTetrahedra, trial: Trial, offers: Offers, floor: float) -> float:
-    """Compute all gains and costs, and return the largest worthwhile cost.
-
-    Larger costs are not computed. Gains and costs depend on the current mesh alone, and therefore not on the
-    number of threads.
-    """
-    cuts = even_cuts(len(mesh.position), FEW)
-    rows = len(mesh.position), len(mesh.elements.node)
-    own = [mesh, *(mesh._replace(cavity=Cavity.of(*rows)) for _ in cuts[2:])]
-
-    def weigh_edges(thread: int, first: int, last: int) -> None:
-        for v in range(first, last, PART):
-            weigh_splits(own[thread], trial, offers, floor, v, min(v + PART, last))
-
-    shared(weigh_edges, cuts)
-    most = float(offers.gain.max()) / MARGIN
-
-    def weigh_nodes(thread: int, first: int, last: int) -> None:
-        for v in range(first, last, PART):
-            weigh_collapses(own[thread], trial, offers, most, floor, v, min(v + PART, last))
-
-    shared(weigh_nodes, cuts)
-    return most
+SWEEPS_PER_SWAP = 1, 2  # by order
 
 
 def with_origins(opened: OpenSolid, recycled: Recycled) -> OpenSolid:
@@ -138,7 +63,7 @@ def with_origins(opened: OpenSolid, recycled: Recycled) -> OpenSolid:
 
 @dataclass(frozen=True)
 class SpaceDescent:
-    """Descent of a functional on an open mesh of tetrahedra.
+    """Descent of a functional of order 1 or 2 on an open mesh of tetrahedra.
 
     Attributes
     ----------
@@ -158,8 +83,19 @@ class SpaceDescent:
         True if elements may be swapped.
     seen
         Volume and energy of elements at their last search for swaps, (rows, 2).
+    modes
+        Coefficients of the edges of all elements, None at order 1.
+    curves
+        Curved edges.
+    size
+        Number of unknowns of order 2 at the start, up to a constant.
     pairs
         Number of recycled nodes.
+    blocks
+        Scratch of order 2 by thread.
+    price
+        Functional per unknown at which gains of splits and costs of collapses are equal, (1,). nan before gains are
+        known.
     """
 
     movable: MovableSolid
@@ -170,27 +106,53 @@ class SpaceDescent:
     floor: float
     swaps: bool
     seen: Floats
-    pairs: int = field(default=0, kw_only=True)
-
-    sweeps_per_swap: ClassVar[int] = 1
+    modes: Modes | None
+    curves: CurvedEdges
+    size: int
+    pairs: int = 0
+    blocks: dict[int, SolidBlock] = field(default_factory=dict)
+    price: Floats = field(default_factory=lambda: np.full(1, np.nan))
 
     @classmethod
     def of(
         cls, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, recycled: Recycled
     ) -> "SpaceDescent":
-        opened = with_origins(OpenSolid.of(movable, np.ones(movable.nnodes), relief=1.0), recycled)
-        rows = len(opened.mesh.position)
-        surface = padded(trial.surface, rows, 0.0) if len(trial.surface) else trial.surface
-        own = functional.trial(padded(trial.values, rows, 0.0), padded(trial.fixed, rows, False), surface)
-        seen, applied = np.zeros((len(opened.mesh.elements.node), 2)), applied_field(functional.ritz.surface)
+        modes, target = trial.modes, 0 if trial.modes is None else rows_of_order_2(movable.nnodes)
+        opened = with_origins(OpenSolid.of(movable, np.ones(movable.nnodes), target, relief=1.0), recycled)
+        mesh, rows = opened.mesh, len(opened.mesh.position)
+        fixed, surface = padded(trial.fixed, rows, False), trial.surface
+        if modes is not None:
+            modes = Modes(*(padded(array, len(mesh.elements.node), 0) for array in modes))
+        if len(surface):
+            surface = padded(surface, rows, 0.0)
+        if len(surface) and modes is not None:  # loads do no work if the values on their surfaces are given
+            fixed |= on_patches(mesh, functional.driven)
+            modes.dirichlet[:] |= edges_of_patches(mesh, functional.driven)
+        own, applied = functional.trial(padded(trial.values, rows, 0.0), fixed, surface), functional.applied_field
         if len(own.applied) and applied is not None:
-            start_field(opened.mesh, own, applied)
-        return cls(movable, recycled, opened, functional, own, movable.polish_floor, movable.flips, seen)
+            start_field(mesh, own, applied)
+        rules, seen = (movable.polish_floor, movable.flips), np.zeros((len(mesh.elements.node), 2))
+        common = movable, recycled, opened, functional, own, *rules, seen
+        return cls(*common, modes, CurvedEdges.of(movable, rows), size_of(mesh))
 
     def copy(self) -> Self:
         names = ("value", "fixed", "surface", "applied")
         trial = self.trial._replace(**{name: getattr(self.trial, name).copy() for name in names})
-        return replace(self, opened=self.opened.copy(), trial=trial, seen=self.seen.copy())
+        modes = self.modes and Modes(*(array.copy() for array in self.modes))
+        own = replace(self, opened=self.opened.copy(), trial=trial, modes=modes, curves=self.curves.copy())
+        return replace(own, seen=self.seen.copy(), price=self.price.copy(), blocks={})
+
+    @property
+    def order(self) -> int:
+        return 1 if self.modes is None else 2
+
+    def function(self) -> Trial | Quadratic:
+        """Return the arguments of kernels of the order, with scratch of the thread."""
+        if self.modes is None:
+            return self.trial
+        thread = get_ident()
+        block = self.blocks.get(thread) or self.blocks.setdefault(thread, self.curves.block())
+        return Quadratic(self.trial, self.modes, self.functional.dirichlet[: self.functional.patches], block)
 
     def descend(self, sweeps: int, swap_first: bool) -> float:
         freedom = self.functional.freedom(self.opened.mesh.freedom, self.trial.fixed, self.trial.surface)
@@ -198,7 +160,7 @@ class SpaceDescent:
         gain = self.swap(parts) if swap_first else 0.0
         for k in range(sweeps):
             gain += self.sweep(parts, freedom)
-            if (k + 1) % self.sweeps_per_swap == 0 or k + 1 == sweeps:
+            if (k + 1) % SWEEPS_PER_SWAP[self.order - 1] == 0 or k + 1 == sweeps:
                 gain += self.swap(parts)
         self.renew_field()
         return gain
@@ -243,24 +205,72 @@ class SpaceDescent:
 
     def value(self) -> float:
         surface = with_loads_of_faces(self.opened.mesh, self.trial)
-        function = TrialFunction(self.trial.value, self.trial.fixed, None, surface=surface)
-        return self.functional.value_on(self.opened.mesh.position, self.opened.mesh.elements, function)
+        function = TrialFunction(self.trial.value, self.trial.fixed, self.modes, surface=surface)
+        return self.functional.value_on(self.opened.mesh.position, self.opened.mesh.elements, function, self.curves)
 
     def swap(self, parts: Parts) -> float:
+        """Swap while the functional decreases, and return the decrease.
+
+        Elements that have changed since their last search are searched again. Edges on patches change only if the
+        domain and the Dirichlet values stay the same.
+        """
         if not self.swaps:
             return 0.0
         self.sample_source()
-        return swap_in_space(self.opened, parts, self.functional, self.trial, self.seen, self.floor)
+        mesh, queue, charge, free = self.opened.mesh, self.opened.queue, self.charge(), self.free_planes()
+        loop, looks = (swap_downhill, swap_downhill_order2)[self.order - 1], LOOKS[self.order - 1]
+        enter_changed(mesh, self.trial, queue, self.seen, CHANGED)
+
+        def swap(part: OpenTetrahedra, own: Queue) -> float:
+            return float(loop(part, self.function(), own, self.seen, free, charge, self.floor**3, looks)[1])
+
+        return parts.work_off(queue, swap)
+
+    def free_planes(self) -> Mask:
+        return (self.opened.mesh.surfaces.shape == PLANE) & ~self.functional.held[: self.functional.patches]
+
+    def charge(self) -> float:
+        """Return the decrease of the functional that an added unknown requires."""
+        if self.modes is None:
+            return 0.0
+        if np.isnan(self.price[0]):
+            self.weigh(sample_of(nodes_of(self.opened.mesh)))
+        return float(self.price[0])
+
+    def weigh(self, nodes: Ints) -> Plan:
+        mesh, patches = self.opened.mesh, slice(self.functional.patches)
+        freedom = self.functional.freedom(mesh.freedom, self.trial.fixed, self.trial.surface)
+        removable = (freedom.number != HELD) & (mesh.pool.anchor >= 0) & ~self.curves.at_nodes(len(mesh.position))
+        if len(self.trial.applied):
+            removable &= self.trial.applied[:, FOLLOWS] == 0.0
+        lone = self.trial.fixed & ~on_patches(mesh, self.functional.dirichlet[patches] | self.functional.driven)
+        is_open = ~(self.functional.held | self.functional.dirichlet)[patches]
+        offers = empty_offers(mesh, is_open if self.modes is None else self.free_planes(), removable, lone)
+        plan = weighed(mesh, self.function, offers, nodes, self.floor**3)
+        self.price[0] = plan.price
+        return plan
 
     def recycle(self, whole: bool = True) -> tuple[int, float]:
+        """Split edges and collapse nodes while the gain exceeds the cost.
+
+        Returned are the number of splits and the decrease of the functional, negative for an increase. New elements
+        enter the queue of swaps.
+        """
         self.sample_source()
-        return recycle_in_space(self.opened, self.functional, self.trial, self.floor)
+        mesh, total, decrease = self.opened.mesh, 0, 0.0
+        for _ in range(EXCHANGES[self.order - 1] if whole else 1):
+            plan, added = self.weigh(nodes_of(mesh)), size_of(mesh) - self.size
+            splits, fall = exchanged(mesh, self.function(), self.opened.queue, plan, added, self.floor**3)
+            total, decrease = total + splits, decrease + fall
+            if splits <= MANY * len(nodes_of(mesh)):
+                break
+        return total, decrease
 
     def sample_source(self) -> None:
         self.functional.sample_source(self.opened.mesh.position, self.opened.mesh.elements, self.trial)
 
     def renew_field(self) -> None:
-        applied = applied_field(self.functional.ritz.surface)
+        applied = self.functional.applied_field
         if len(self.trial.applied) and applied is not None:
             renew_field(self.opened.mesh, self.trial, applied)
 
@@ -269,11 +279,5 @@ class SpaceDescent:
         self.sample_source()
         constraints = Constraints(freedom, mesh.surfaces, freedom.number == INSIDE)
         arrays = KernelMesh(mesh.position, mesh.elements, star, constraints)
-
-        def task(thread: int, nodes: Nodes) -> float:
-            return self.descend_nodes(thread, arrays, nodes)
-
-        return parts.sweep(star, task)
-
-    def descend_nodes(self, thread: int, mesh: KernelMesh, nodes: Nodes) -> float:
-        return float(descend_nodes(mesh, self.trial, nodes, self.floor**3))
+        loop = (descend_nodes, descend_nodes_order2)[self.order - 1]
+        return parts.sweep(star, lambda _, nodes: float(loop(arrays, self.function(), nodes, self.floor**3)))

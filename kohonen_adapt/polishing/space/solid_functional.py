@@ -42,6 +42,7 @@ from kohonen_adapt.polishing.space.curved_sides import CurvedEdges, CurvedFaces
 from kohonen_adapt.polishing.space.surface_values import dirichlet_on, outer_patches, sides_of, with_loads
 from kohonen_adapt.polishing.stationarity import check_in_space
 from kohonen_adapt.problem.boundary_terms import (
+    AppliedField,
     applied_field,
     corner_values,
     nodal_terms,
@@ -195,6 +196,10 @@ class SolidFunctional:
     @property
     def is_approximate(self) -> bool:
         return self.has_varying_source or bool(self.faces.counted.any() or self.slides.any())
+
+    @property
+    def applied_field(self) -> AppliedField | None:
+        return applied_field(self.ritz.surface)
 
     @property
     def has_varying_source(self) -> bool:

@@ -1,6 +1,6 @@
 """Recycling by energy on tetrahedra, with splits and collapses in pairs.
 
-As in `kernels/triangle/polish/energy_recycle.py`, the gain of a split is the decrease of the functional at the best
+As in `kernels/triangle/polish/exchange.py`, the gain of a split is the decrease of the functional at the best
 value of the new node, and the cost of a collapse is the increase of the functional around the node, with all
 other values fixed. On tetrahedra every pair is evaluated again before the exchange, because almost every
 exchange changes the gains of other pairs.
@@ -33,8 +33,7 @@ from kohonen_adapt.kernels.tetrahedron.polish.energy import (
     value_at,
 )
 from kohonen_adapt.kernels.tetrahedron.polish.slivers import UNMOVED, filled_by_split, sliver, slivers_of
-from kohonen_adapt.kernels.tetrahedron.polish.swap_by_energy import energy_of
-from kohonen_adapt.kernels.tetrahedron.recycle import enter_made, holds_edge
+from kohonen_adapt.kernels.tetrahedron.recycle import holds_edge
 from kohonen_adapt.kernels.tetrahedron.surgery import (
     NOWHERE,
     UNLIMITED,
@@ -43,9 +42,27 @@ from kohonen_adapt.kernels.tetrahedron.surgery import (
     prepare_split,
     split,
 )
+from kohonen_adapt.kernels.tetrahedron.swap import energy_of
+from kohonen_adapt.kernels.tetrahedron.waiting import enter_made
 from kohonen_adapt.kernels.vectors import between, cofactors, combined, dot, midpoint, minus, plus, point
 
 SHRUNK = 0.8  # smallest gain of a split, relative to its first evaluation
+DRIFT, AT = 0, 1  # columns of `state`: unknowns added so far, and position in the list of collapses
+
+
+@inner_kernel
+def offer_is_left(offers, nodes, state, margin, gain):
+    # Return True if a collapse costs less than the largest gain that is left, by the factor `margin`.
+    while state[AT] < len(nodes) and not offers.removable[nodes[state[AT]]]:
+        state[AT] += 1
+    return state[AT] < len(nodes) and margin * offers.cost[nodes[state[AT]]] < gain
+
+
+@inner_kernel
+def set_new(trial, offers, p, a, b, value, given):
+    trial.value[p], trial.fixed[p], offers.is_new[p] = value, given, True
+    for region in range(trial.source.shape[1] if trial.source.shape[0] > 0 else 0):
+        trial.source[p, region] = source_along(trial, region, a, b)
 
 
 @inner_kernel
@@ -199,16 +216,15 @@ def halves_allowed(mesh, count, a, b, floor):
 
 
 @kernel
-def weigh_splits(mesh, trial, offers, floor, first, last):
-    """Compute the gains of splits of edges from nodes `first` to `last`.
+def weigh_splits(mesh, trial, offers, _, floor, nodes):
+    """Compute the gains of splits of edges from nodes.
 
     Each edge belongs to its node of lower number. Its gain is stored at the first element with that edge in the
     list of elements around the node, and is 0 if the split is not allowed.
     """
     node, cavity = mesh.elements.node, mesh.cavity
-    for v in range(first, last):
-        if mesh.pool.anchor[v] < 0:
-            continue
+    for k in range(len(nodes)):
+        v = np.int64(nodes[k])
         count = gather_around(mesh, v, cavity.old)
         for i in range(list_neighbours(mesh, v, count)):
             w = np.int64(cavity.made[i])
@@ -291,8 +307,9 @@ def cheapest_collapse(mesh, trial, v, most, floor):
 
 
 @kernel
-def weigh_collapses(mesh, trial, offers, most, floor, first, last):
-    for v in range(first, last):
+def weigh_collapses(mesh, trial, offers, most, floor, nodes):
+    for k in range(len(nodes)):
+        v = np.int64(nodes[k])
         offers.cost[v] = np.inf
         if offers.removable[v]:
             offers.cost[v] = cheapest_collapse(mesh, trial, v, most, floor)[0]
@@ -322,31 +339,26 @@ def next_collapse(mesh, trial, offers, nodes, a, b, most, floor):
 
 
 @kernel
-def exchange(mesh, trial, queue, offers, ends, gains, nodes, margin, floor):
+def exchange(mesh, trial, queue, offers, ends, gains, nodes, state, margin, floor):
     """Split edges and collapse nodes in pairs while `margin` times the cost is less.
 
-    Edges `ends` (k, 2) are sorted by decreasing `gains`, `nodes` by increasing costs. Rows of removed nodes are
-    used again for new nodes, which are marked `is_new`. Values of new nodes are stored in the trial, new elements
-    enter the queue. Returned are the number of pairs and the decrease of the functional.
+    Edges `ends` (k, 2) are sorted by decreasing `gains`, `nodes` by increasing costs, of which `state` has the position
+    reached. Rows of removed nodes are used again for new nodes, which are marked `is_new`. Values of new nodes are
+    stored in the trial, new elements enter the queue. Returned are the number of pairs and the decrease of the
+    functional.
     """
-    pairs, decrease, at = 0, 0.0, 0
+    pairs, decrease = 0, 0.0
     for i in range(len(ends)):
         a, b = np.int64(ends[i, 0]), np.int64(ends[i, 1])
-        if mesh.pool.height[1] < MOST:
+        if mesh.pool.height[1] < MOST or not offer_is_left(offers, nodes, state, margin, gains[i]):
             break
-        if offers.is_new[a] or offers.is_new[b]:
-            continue
-        count = prepare_split(mesh, a, b, floor)
+        count = 0 if offers.is_new[a] or offers.is_new[b] else prepare_split(mesh, a, b, floor)
         if count == 0:
             continue
         gain, _ = gain_of_split(mesh, trial, mesh.cavity.old, count, a, b)
         if not gain > SHRUNK * gains[i]:
             continue
-        while at < len(nodes) and not offers.removable[nodes[at]]:
-            at += 1
-        if at == len(nodes) or not margin * offers.cost[nodes[at]] < gains[i]:
-            break  # gains are sorted
-        v, w, cost = next_collapse(mesh, trial, offers, nodes[at:], a, b, gain / margin, floor)
+        v, w, cost = next_collapse(mesh, trial, offers, nodes[state[AT] :], a, b, gain / margin, floor)
         if v < 0:
             continue
         offers.removable[v] = False
@@ -357,8 +369,6 @@ def exchange(mesh, trial, queue, offers, ends, gains, nodes, margin, floor):
         gain, value = gain_of_split(mesh, trial, mesh.cavity.old, count, a, b)
         p = split(mesh, a, b, count)
         enter_made(mesh, queue, 2 * count)
-        trial.value[p], trial.fixed[p], offers.is_new[p] = value, False, True
-        for region in range(trial.source.shape[1] if trial.source.shape[0] > 0 else 0):
-            trial.source[p, region] = source_along(trial, region, a, b)
+        set_new(trial, offers, p, a, b, value, False)
         pairs, decrease = pairs + 1, decrease + gain - cost
     return pairs, decrease

@@ -18,14 +18,18 @@ from kohonen_adapt.kernels.tetrahedron.polish.cavity_order2 import (
     store_new,
 )
 from kohonen_adapt.kernels.tetrahedron.polish.descend_order2 import EDGE_OF
-from kohonen_adapt.kernels.tetrahedron.polish.energy import source_along, value_at
+from kohonen_adapt.kernels.tetrahedron.polish.energy import value_at
 from kohonen_adapt.kernels.tetrahedron.polish.energy_recycle import (
+    AT,
+    DRIFT,
     SHRUNK,
     edge_between,
     halves_allowed,
     is_open,
     list_neighbours,
     list_shell,
+    offer_is_left,
+    set_new,
 )
 from kohonen_adapt.kernels.tetrahedron.surgery import (
     NOWHERE,
@@ -37,7 +41,6 @@ from kohonen_adapt.kernels.tetrahedron.surgery import (
 )
 
 SCRATCH_ROWS = 64  # free rows of nodes that remain for `weigh_splits_order2`
-DRIFT, AT = 0, 1  # columns of `state`: unknowns added so far, and position in the list of collapses
 
 
 @inner_kernel
@@ -250,33 +253,28 @@ def merge(mesh, quadratic, v, w, floor):
 def insert(mesh, quadratic, offers, a, b, count, given):
     solve_unknowns(quadratic.block)
     trial, p = quadratic.trial, split(mesh, a, b, count)
-    if not given:
-        trial.value[p] += quadratic.block.correction[0]
-    trial.fixed[p], offers.is_new[p] = given, True
-    for region in range(trial.source.shape[1] if trial.source.shape[0] > 0 else 0):
-        trial.source[p, region] = source_along(trial, region, a, b)
+    value = trial.value[p] if given else trial.value[p] + quadratic.block.correction[0]
+    set_new(trial, offers, p, a, b, value, given)
     store_new(mesh, quadratic, 2 * count)
 
 
 @kernel
-def exchange_order2(mesh, quadratic, offers, ends, gains, nodes, state, margin, floor):
+def exchange_order2(mesh, quadratic, queue, offers, ends, gains, nodes, state, margin, floor):
     """Split edges, and collapse nodes until as many unknowns are removed.
 
     `ends` (k, 2), `gains` and `nodes` are sorted as in `exchange`, by gains and costs per unknown. A split is followed
     by collapses that cost less per unknown by the factor `margin`, and together less than the gain of the split, so the
-    functional never rises. Returned are the numbers of splits and collapses and the decrease.
+    functional never rises. Returned are the number of splits and the decrease.
     """
-    splits, collapses, decrease = 0, 0, 0.0
+    splits, decrease = 0, 0.0
     for i in range(len(ends)):
         a, b = np.int64(ends[i, 0]), np.int64(ends[i, 1])
         if mesh.pool.height[1] < MOST or mesh.pool.height[0] < SCRATCH_ROWS:
             break
         if offers.is_new[a] or offers.is_new[b]:
             continue
-        while state[AT] < len(nodes) and not offers.removable[nodes[state[AT]]]:
-            state[AT] += 1
-        if state[AT] == len(nodes) or not margin * offers.cost[nodes[state[AT]]] < gains[i]:
-            break  # gains are sorted
+        if not offer_is_left(offers, nodes, state, margin, gains[i]):
+            break
         count = prepare_split(mesh, a, b, floor)
         if count == 0:
             continue
@@ -295,8 +293,8 @@ def exchange_order2(mesh, quadratic, offers, ends, gains, nodes, state, margin, 
                 break
             offers.removable[v] = False
             merge(mesh, quadratic, v, w, floor)
-            collapses, decrease, credit = collapses + 1, decrease - cost, credit - cost
+            decrease, credit = decrease - cost, credit - cost
             state[DRIFT] -= unknowns
         if state[DRIFT] > 0 and state[DRIFT] >= before:
             break
-    return splits, collapses, decrease
+    return splits, decrease

@@ -7,8 +7,8 @@ more, because the number of unknowns would increase otherwise.
 
 import numpy as np
 
-from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, element_quality, element_volumes
+from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.tetrahedron.geometry import element_quality
 from kohonen_adapt.kernels.tetrahedron.polish.cavity_order2 import (
     are_new,
     energy_of_old,
@@ -19,18 +19,8 @@ from kohonen_adapt.kernels.tetrahedron.polish.cavity_order2 import (
     store_new,
 )
 from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING
-from kohonen_adapt.kernels.tetrahedron.polish.swap_by_energy import ENERGY, SIX_VOLUMES, energy_seen
+from kohonen_adapt.kernels.tetrahedron.rings import replace_shells, write_triangulation
 from kohonen_adapt.kernels.tetrahedron.surgery import NOWHERE, replace
-from kohonen_adapt.kernels.tetrahedron.swap import (
-    RULED_OUT,
-    add_shells,
-    enter,
-    replace_shells,
-    shells_around,
-    take_first,
-    write_face_swap,
-    write_triangulation,
-)
 
 LONGEST = 5  # nodes of a ring
 NO_EDGE = (NOWHERE, NOWHERE)
@@ -55,27 +45,21 @@ for nodes in range(3, LONGEST + 1):
 
 
 @inner_kernel
-def set_triangulation(mesh, side, nodes, row):
-    for i in range(nodes - 2):
-        first, middle, last = TRIANGLES[nodes, row, i, 0], TRIANGLES[nodes, row, i, 1], TRIANGLES[nodes, row, i, 2]
-        mesh.cavity.apex[side, first, last] = middle
-
-
-@inner_kernel
 def write_rings(mesh, a, b, rings, first, second):
     nodes, _, other, _, patch = rings
-    set_triangulation(mesh, 0, nodes, first)
-    new = write_triangulation(mesh, 0, nodes, a, b, patch, 0)
-    if other > 0:
-        set_triangulation(mesh, 1, other, second)
-        new = write_triangulation(mesh, 1, other, a, b, patch, new)
+    new = 0
+    for side, count, row in ((0, nodes, first), (1, other, second)):
+        for i in range(count - 2):
+            start, middle, last = TRIANGLES[count, row, i, 0], TRIANGLES[count, row, i, 1], TRIANGLES[count, row, i, 2]
+            mesh.cavity.apex[side, start, last] = middle
+        new = write_triangulation(mesh, side, count, a, b, patch, new)
     return new
 
 
 @inner_kernel
-def are_good(mesh, new, least):
-    for i in range(new):
-        if not element_quality(mesh.position, mesh.cavity.new, i) >= least:
+def are_above(mesh, count, floor):
+    for i in range(count):
+        if not element_quality(mesh.position, mesh.cavity.new, i) >= floor:
             return False
     return True
 
@@ -91,19 +75,17 @@ def energy_of_rings(mesh, quadratic, known, new, a, b, rings):
 
 
 @inner_kernel
-def remove_edge(mesh, quadratic, queue, open_patch, e, edge, floor, charge):
-    a, b, rings = shells_around(mesh, queue, e, edge)
-    nodes, found, other, found_other, patch = rings
-    if nodes < 3 or nodes > LONGEST or other > LONGEST or (patch >= 0 and not open_patch[patch]):
+def remove_edge_order2(mesh, quadratic, a, b, rings, floor, charge):
+    nodes, found, other, found_other, _ = rings
+    if nodes > LONGEST or other > LONGEST:
         return 0, 0.0
-    least = max(FLAT, min(floor, add_shells(mesh, rings)))
     known, best = 0, np.inf
     at_first, at_second = NOWHERE, NOWHERE
     now = 0.0
     for first in range(COUNTS[nodes]):
         for second in range(COUNTS[other]):
             new = write_rings(mesh, a, b, rings, first, second)
-            if not are_good(mesh, new, least):
+            if not are_above(mesh, new, floor):
                 continue
             if known == 0:
                 magnitude, now, before = energy_of_old(mesh, quadratic, mesh.cavity.old, found + found_other, a, b)
@@ -125,10 +107,7 @@ def remove_edge(mesh, quadratic, queue, open_patch, e, edge, floor, charge):
 
 
 @inner_kernel
-def swap_face(mesh, quadratic, queue, e, k, floor, charge):
-    worst = write_face_swap(mesh, queue, e, k)
-    if worst == RULED_OUT or not are_good(mesh, 3, max(FLAT, min(floor, worst))):
-        return 0, 0.0
+def swap_face_order2(mesh, quadratic, charge):
     a, b = np.int64(mesh.cavity.new[0, 0]), np.int64(mesh.cavity.new[0, 1])
     magnitude, now, _ = energy_of_old(mesh, quadratic, mesh.cavity.old, 2, a, b)
     known = list_edges(mesh, quadratic, 2)
@@ -141,40 +120,3 @@ def swap_face(mesh, quadratic, queue, e, k, floor, charge):
         return 0, 0.0
     store_new(mesh, quadratic, 3)
     return 3, gain
-
-
-@inner_kernel
-def swap_at(mesh, quadratic, queue, open_patch, e, floor, charge):
-    for edge in range(6):
-        made, gain = remove_edge(mesh, quadratic, queue, open_patch, e, edge, floor, charge)
-        if made > 0:
-            return made, gain
-    for k in range(4):
-        made, gain = swap_face(mesh, quadratic, queue, e, k, floor, charge)
-        if made > 0:
-            return made, gain
-    return 0, 0.0
-
-
-@kernel
-def swap_downhill_order2(mesh, quadratic, queue, seen, open_patch, charge, floor, limit):
-    """Search up to `limit` waiting elements, and swap while the functional decreases.
-
-    Returned are the number of swaps and the decrease. Arguments are as in `swap_downhill`. `charge` is the decrease
-    that an added unknown requires.
-    """
-    swaps, decrease = 0, 0.0
-    for _ in range(limit):
-        if queue.state[1] == 0:
-            break
-        e = take_first(queue)
-        if mesh.elements.node[e, 0] < 0:
-            continue
-        seen[e, SIX_VOLUMES] = element_volumes(mesh.position, mesh.elements.node, e)
-        seen[e, ENERGY] = energy_seen(mesh, quadratic.trial, e)[0]
-        made, gain = swap_at(mesh, quadratic, queue, open_patch, e, floor, charge)
-        for i in range(made if quadratic.trial.source.shape[0] == 0 else 0):
-            enter(queue, np.int64(mesh.cavity.made[i]))
-        if made > 0:
-            swaps, decrease = swaps + 1, decrease + gain
-    return swaps, decrease
