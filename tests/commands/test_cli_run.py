@@ -181,7 +181,11 @@ def test_a_dry_run_solves_and_writes_nothing(case, tmp_path, capsys, monkeypatch
             'passes = "2"',
             "adapt.passes must be an integer up to 2147483647; got '2'. Write it without quotes.",
         ),
-        ("outer = 0.0", "outer = '0 T'", "potential.outer must have an expression at character 3; got 'T'. Write a sum"),
+        (
+            "outer = 0.0",
+            "outer = '0 T'",
+            "potential.outer must have an expression at character 3; got 'T'. Write a sum",
+        ),
         ("passes = 2", "polish = 'no'", "adapt.polish must be true or false; got 'no'. Write it without quotes."),
     ],
 )

@@ -12,7 +12,7 @@ from kohonen_adapt import KohonenMap, Schedule, Stage
 from kohonen_adapt.kernels.tetrahedron.entries import SPACE
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.som.training import parts_for
-from kohonen_adapt.som.training_points import ElementSource, FunctionSource
+from kohonen_adapt.som.training_points import ElementDensity, FunctionDensity
 
 NOTHING = 1e-300  # a learning rate that moves no node
 MESHES = {"box": lambda: box(3), "l": l_shape, "regions": lambda: two_regions(4), "sheet": lambda: cut(4)}
@@ -142,22 +142,22 @@ def test_points_of_a_density_come_in_proportion_and_along_the_curve():
     mesh = Tetrahedralization.of(box(3))
     values = np.random.default_rng(0).uniform(0.0, 3.0, len(mesh.elements.node))
     number = 60_000
-    shown = ElementSource(mesh, values).draw(number, np.random.default_rng(1))
+    shown = ElementDensity(mesh, values).draw(number, np.random.default_rng(1))
     wanted = number * values / values.sum()
     assert np.abs(np.bincount(shown.element, minlength=len(values)) - wanted).max() <= 2
     steps = np.linalg.norm(np.diff(shown.points[::200], axis=0), axis=1)
     assert steps.mean() < 0.3  # 0.66 between random points of a cube
-    drawn = FunctionSource(mesh, lambda x: x[0] ** 2).draw(number, np.random.default_rng(1)).points
+    drawn = FunctionDensity(mesh, lambda x: x[0] ** 2).draw(number, np.random.default_rng(1)).points
     assert drawn[:, 0].mean() == pytest.approx(0.75, abs=0.01)
     assert drawn[:, 1:].mean() == pytest.approx(0.5, abs=0.01)
     with pytest.raises(ValueError, match="zero everywhere"):
-        FunctionSource(mesh, lambda x: 0.0 * x[0])
+        FunctionDensity(mesh, lambda x: 0.0 * x[0])
 
 
 def test_loops_are_compiled_for_the_types_of_the_table():
     KohonenMap(box(2)).train(points_of(box(2), 10, 0), one(1, 0.1))
     mesh = Tetrahedralization.of(box(2))
-    ElementSource(mesh, np.ones(len(mesh.elements.node))).draw(10, np.random.default_rng(0))
+    ElementDensity(mesh, np.ones(len(mesh.elements.node))).draw(10, np.random.default_rng(0))
     for entry in SPACE["space map"]:
         assert entry.loop.signatures == [entry.types], entry.name
 
