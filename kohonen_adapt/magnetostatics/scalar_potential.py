@@ -48,6 +48,7 @@ from kohonen_adapt.problem.ritz import Ritz
 __all__ = ["MagneticScalarPotential"]
 
 ESTIMATORS, ORDERS = ("residual", "recovery", "bracket"), range(1, 7)
+MOST_REST = 2.0  # largest change by all further orders, relative to the change by one order
 HIGHEST_WITH_SURPLUS = 2  # order up to which cubic functions estimate errors
 
 
@@ -239,13 +240,20 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
             return gap_indicators(with_currents_of(vector, field), vector)
         if field.order <= HIGHEST_WITH_SURPLUS:
             return energy_indicators_in_space(self, field, self.estimator)
+        return self._by_orders(field).copy()
+
+    def _by_orders(self, field: SolidField) -> Floats:
+        if "by orders" in field.kept:  # for outputs, too
+            return field.kept["by orders"]
         nodes = np.concatenate([part.ravel() for part in self.singular_edges(field.mesh, field)])
         singular = np.asarray(np.isin(field.mesh.t, nodes).any(axis=0), dtype=np.bool_)
         # Changes of smooth fields fall faster than by a power, which lower orders do not show.
         below = field.order >= FROM_BELOW[3] and bool(singular.any())
         higher = None if below else self._better_solution(field).unknown
         energies, method = partial(self._energy_of, field), roughly(self.method)
-        return indicators_by_orders(field.unknown, field.order, energies, method, below, singular, higher)
+        found = indicators_by_orders(field.unknown, field.order, energies, method, below, singular, higher)
+        field.kept["by orders"] = found
+        return found
 
     def _of_goal(self, field: SolidField, goal: Goal) -> Floats:
         if field.order <= HIGHEST_WITH_SURPLUS:
@@ -296,7 +304,8 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         At order 1 they are those of the quadratic field of the problem that is linearised at the field, on curved edges
         if `curved`. At order 2 the surplus of cubic functions is added, and the doubt of a value is the relative error
         of the energy, times the part of the value that changes with the potential. The integrals of coils over magnets
-        and iron have a finer quadrature.
+        and iron have a finer quadrature. Above order 2 the change by one order more is extended by what further orders
+        add to the energy, which is the doubt, too.
 
         Parameters
         ----------
@@ -310,7 +319,17 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         dict
             Name to value, a float with the attribute ``doubt``, the estimated magnitude of its own error.
         """
-        return better_values(field, outputs, self._better_solution)
+        return better_values(field, outputs, self._better_solution, self._rest)
+
+    def _rest(self, field: SolidField) -> float:
+        # change of the energy by orders above the next one, relative to the change by the next one
+        if field.order <= HIGHEST_WITH_SURPLUS:
+            return 0.0
+        higher, here, above = self._better_solution(field), *(self._energy_of(field, field.order + k) for k in (0, 1))
+        change = above.vector(higher.unknown) - above.vector_of(here, field.unknown)
+        added = float(above.products(higher.unknown, change, change).sum())
+        total = float(np.sum(self._by_orders(field) ** 2))
+        return min(max(total / added - 1.0, 0.0), MOST_REST) if added > 0.0 else 0.0
 
     def _better_solution(self, field: SolidField) -> SolidField:
         if field.order == HIGHEST_WITH_SURPLUS:

@@ -192,23 +192,28 @@ def with_surplus(problem: ArgumentsInSpace, field: SolidField) -> EnrichedField:
 
 
 def better_values(
-    field: SolidField, outputs: Mapping[str, Output], better_solution: Callable[[SolidField], SolidField]
+    field: SolidField,
+    outputs: Mapping[str, Output],
+    better_solution: Callable[[SolidField], SolidField],
+    rest_of: Callable[[SolidField], float],
 ) -> dict[str, Uncertain]:
+    # `rest_of` gives the change by further orders, relative to the change by the better solution.
     # Values are kept, because an output may be the goal. Solutions would take too much memory.
     known: dict[int, tuple[Output, Uncertain]] = field.kept.setdefault("better", {})  # with the output of a number
     missing = [output for output in outputs.values() if id(output) not in known]
     if missing:
-        better = better_solution(field)
+        better, rest = better_solution(field), rest_of(field)
         relative = better.error_of_energy if isinstance(better, EnrichedField) else 0.0
         reduced = replace(field, unknown=(1.0 - SLIGHT) * field.unknown)
         for output in missing:
             # The parts of a change cancel by chance on graded meshes.
             # The fields of coils in free space and remanences have no error, and may be most of a value.
-            doubt = 0.0
+            value, doubt = float(output(better)), 0.0
+            here = float(output(field)) if rest or relative else value
             if relative:
-                value, less = (float(output(each)) for each in (field, reduced))
-                doubt = relative * min(abs(value), abs(value - less) / SLIGHT)
-            known[id(output)] = output, Uncertain(float(output(better)), doubt)
+                doubt = relative * min(abs(here), abs(here - float(output(reduced))) / SLIGHT)
+            further = rest * (value - here)
+            known[id(output)] = output, Uncertain(value + further, max(doubt, abs(further)))
     return {name: known[id(output)][1] for name, output in outputs.items()}
 
 

@@ -477,3 +477,28 @@ def test_where_there_is_no_polish():
     problem = MagneticScalarPotential(materials, RIM, order=2)
     with pytest.raises(ka.NotOffered, match="order 2 are polished beside constant magnets"):
         problem.ritz(mesh, problem.solve(mesh))
+
+
+def facing(gap):
+    """Two blocks across a gap in a box, by one element per side of a block."""
+    low, high = 0.5 * gap, 0.5 + 0.5 * gap
+    parts = {"lower": ((-0.3, -0.3, -high), (0.3, 0.3, -low)), "upper": ((-0.3, -0.3, low), (0.3, 0.3, high))}
+    across = np.array([-1.5, -0.75, -0.3, 0.0, 0.3, 0.75, 1.5])
+    return blocks([across, across, np.array([-1.5, -0.9, -high, -low, low, high, 0.9, 1.5])], parts)
+
+
+@pytest.mark.parametrize("order", [3, 4])
+@pytest.mark.parametrize(
+    ("gap", "lower", "output", "exact"),
+    [  # by order 6 on two layers at the edges; order 5 differs by 2e-4
+        (0.1, Material(1000.0), lambda field: field.energy, 34055.8),
+        (0.2, Material(1.05, remanence=(0.0, 0.0, 1.0)), Force("lower", (0.0, 0.0, 1.0)), 37562.4),
+    ],
+)
+def test_errors_of_outputs_include_orders_above_the_next(gap, lower, output, exact, order):
+    mesh = facing(gap)
+    materials = {"lower": lower, "upper": Material(1.05, remanence=(0.0, 0.0, 1.2)), "air": AIR}
+    problem = MagneticScalarPotential(materials, RIM, order=order)
+    field = problem.solve(mesh)
+    told = problem.improved(mesh, field, {"output": output})["output"] - output(field)
+    assert 0.7 < told / (exact - output(field)) < 1.4
