@@ -27,8 +27,8 @@ __all__ = [
 
 # Factors of the indicators that bring the root of their sum of squares near the error.
 # Order 2: the bare residual is 5.9 - 6.4 times the error for smooth fields on squares and random meshes, 6.0 - 6.1 for
-# a rectangular magnet and 6.0 - 6.2 at corners of iron (test_quadratic.py). The factor 1 / 6.1 is right within 5 %.
-# Order 3: 8.5 - 10.0 for smooth fields, 9.6 for a rectangular magnet, 10.1 for the same, adapted (test_cubic.py). The
+# a rectangular magnet and 6.0 - 6.2 at corners of iron (test_orders.py). The factor 1 / 6.1 is right within 5 %.
+# Order 3: 8.5 - 10.0 for smooth fields, 9.6 for a rectangular magnet, 10.1 for the same, adapted (test_orders.py). The
 # factor 1 / 9.7 is right within 12 %.
 # A round magnet on curved elements: 5.9 - 6.0 at order 2, 10.2 - 10.6 at order 3 (`benchmarks curves`).
 HIGHER_SCALES = {2: 1.0 / 6.1, 3: 1.0 / 9.7}
