@@ -77,7 +77,7 @@ def _connected(mesh: MeshTri, facets: Ints) -> list[Ints]:
     nodes, index = np.unique(mesh.facets[:, facets], return_inverse=True)
     one, other = index.reshape(2, -1)
     label = connected_components_of(nodes.size, np.stack([one, other], axis=1))
-    return [facets[label[one] == k] for k in range(label.max() + 1)]
+    return [facets[label[one] == k] for k in range(label.max(initial=-1) + 1)]
 
 
 def turned_materials(materials: Mapping[str, Material], mesh: MeshTri, turn: Turn) -> dict[str, Material]:

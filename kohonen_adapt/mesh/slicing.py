@@ -155,7 +155,7 @@ def cut_triangles(corners: Floats, plane: CutBy) -> Floats:
     below, above, row = _pieces(height >= 0.0)
     low, high = height[below, row], height[above, row]
     start, end = corners[:, below, row], corners[:, above, row]
-    return np.einsum("ac,cek->eak", _frame(normal)[0], start + low / (low - high) * (end - start))
+    return np.einsum("ac,cek->aek", _frame(normal)[0], start + low / (low - high) * (end - start))
 
 
 def _frame(normal: Floats) -> tuple[Floats, tuple[str, str]]:
