@@ -21,6 +21,7 @@ __all__ = ["TESSELLATIONS", "Locator", "elements_at", "find_elements", "interpol
 
 FEW = 5_000  # minimum number of points per thread
 CHUNK = 500_000  # points per compiled call, so that Ctrl-C takes effect within half a second
+FAR = 1e3  # widths of the mesh, beyond which points outside are moved nearer
 NEAR = 1e-9  # of the size of the mesh or of an element, by which a point inside may lie outside by rounding errors
 
 TESSELLATIONS: dict[int, type[Tessellation[Any, Any]]] = {2: Triangulation, 3: Tetrahedralization}  # by dimension
@@ -46,7 +47,8 @@ class Locator:
         self.kernels.fill_cells(self.position, node, self.grid)
 
     def find(self, points: Floats) -> NDArray[np.int32]:
-        found = np.empty(len(points), dtype=np.int32)
+        found, reach = np.empty(len(points), dtype=np.int32), FAR * self.grid.size * self.grid.shape
+        points = np.clip(points, self.grid.origin - reach, self.grid.origin + reach)  # products must not overflow
         for first in range(0, len(points), CHUNK):
             part = slice(first, first + CHUNK)
             order = np.argsort(self._cells(points[part]), kind="stable")  # for locality in memory

@@ -1,7 +1,5 @@
 """Fields of quadratic elements inside the elements: at points, at corners, and in every integral, against exact ones.
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*removed in 1.2:DeprecationWarning")
-
 Each fails where the mean of an element stands for its field.
 """
 
@@ -14,6 +12,8 @@ from helpers.tensor_meshes import everywhere, sector
 from skfem import Basis, ElementTriP0, MeshTri
 
 from kohonen_adapt.magnetostatics import Magnetostatics, Material, arkkio_torque, lorentz_force, lorentz_torque
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*removed in 1.2:DeprecationWarning")
 
 MU0 = 4e-7 * np.pi
 POINTS = np.random.default_rng(1).uniform(0.05, 2.95, (2, 200))

@@ -9,7 +9,7 @@ from helpers.meshes import generic_square, perturbed, square
 from helpers.solids import box
 from helpers.tetrahedra import fichera, generic_cube, hollow, thrown, turned
 from scipy.interpolate import LinearNDInterpolator
-from skfem import MeshTet
+from skfem import MeshTet, MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.kernels.numba.compilation import interpreted
@@ -154,6 +154,14 @@ def test_points_at_infinity_and_without_a_place_are_outside(mesh):
     assert found[:6].tolist() == [-1] * 6 and found[6] >= 0
     assert np.isnan(ka.interpolate(mesh, np.ones(mesh.nvertices), x.T)).tolist() == [True] * 6 + [False]
     assert ka.interpolate(mesh, np.ones(mesh.nvertices), np.empty((dim, 0))).shape == (0,)
+
+
+@pytest.mark.parametrize("n", [2, 3, 4])
+def test_points_far_away_are_outside(n):
+    """Products of their coordinates overflow."""
+    mesh = MeshTri.init_tensor(*[np.linspace(0.0, 1.0, n + 1)] * 2)
+    x = 10.0 ** np.repeat([10.0, 155.0, 160.0, 300.0], 4) * np.tile([[1, 1, -1, 1], [-1, 1, -1, 0]], 4)
+    assert (ka.find_elements(mesh, x) == -1).all()
 
 
 def test_a_nan_in_the_values_stays_where_it_is():
