@@ -38,7 +38,7 @@ def test_closed_forms_are_met_on_meshes_without_a_pass():
 
 @pytest.mark.slow
 def test_the_error_told_beside_a_coil_includes_the_quadrature_around_the_body():
-    """A magnet under a racetrack coil: 1.1 to 1.7 times the error by the mesh, and half of it without the quadrature."""
+    """A magnet under a racetrack coil: 1.1 to 1.7 times the error, half of it without the quadrature."""
     case = list(closed_forms())[PAIRS + 1]
     result = ka.adapt(case.mesh, case.problem, passes=2)
     value = case.goal(result.solution)
