@@ -48,9 +48,9 @@ def sorted_below(values: Floats, below: float) -> Ints:
 
 
 def grouped(label: Ints) -> list[Ints]:
-    """Return the indices with each label, ascending."""
+    """Return the indices with each label, ascending, none without labels."""
     order = np.argsort(label, kind="stable")
-    return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
+    return [] if not label.size else np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
 def counted(count: Ints) -> Ints:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask, grouped
 from kohonen_adapt.cases.readers import NUMBER, TEXT, list_of, read_table, table_of
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector
 from kohonen_adapt.mesh.host import set_boundaries
@@ -77,7 +77,7 @@ def _connected(mesh: MeshTri, facets: Ints) -> list[Ints]:
     nodes, index = np.unique(mesh.facets[:, facets], return_inverse=True)
     one, other = index.reshape(2, -1)
     label = connected_components_of(nodes.size, np.stack([one, other], axis=1))
-    return [facets[label[one] == k] for k in range(label.max(initial=-1) + 1)]
+    return [facets[rows] for rows in grouped(label[one])]
 
 
 def turned_materials(materials: Mapping[str, Material], mesh: MeshTri, turn: Turn) -> dict[str, Material]:

@@ -34,7 +34,6 @@ from kohonen_adapt.loop.stopping import (
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.problem.protocol import OF_PASSES, CheckedProblem
-from kohonen_adapt.problem.uncertain import doubts_of
 
 __all__ = ["HIGH_ORDERS", "GradingTolerance", "run_to_order"]
 
@@ -267,7 +266,7 @@ def assessed(result: AdaptResult, problem: CheckedProblem, adaptation: Adaptatio
     with adaptation.steps("estimate"):
         figures = adaptation.figures(sides, problem.order, has_all_errors=True)
         has_goal = figures["goal"] is not None
-        outputs = adaptation.figures_of_outputs(sides, figures["unknowns"], best, has_errors=has_goal)
+        outputs = adaptation.figures_of_outputs(sides, figures, best, has_errors=has_goal)
     return replace(
         best,
         **vars(Work()),  # no node moves
@@ -279,5 +278,4 @@ def assessed(result: AdaptResult, problem: CheckedProblem, adaptation: Adaptatio
         functional=None,
         comparable=False,
         unpolished="",
-        doubts=doubts_of({**outputs["output_errors"], "goal": figures["goal_error"]}),
     )

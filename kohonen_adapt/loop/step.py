@@ -120,7 +120,7 @@ class Adaptation:
             functional = found.functional
         incomparable = self.incomparable(before, functional, mesh)
         figures["worth"] = float(np.hypot(figures["worth"], found.oscillation))
-        outputs = self.figures_of_outputs(sides, figures["unknowns"], before.record if before else None)
+        outputs = self.figures_of_outputs(sides, figures, before.record if before else None)
         record = Pass(
             **vars(moved.work(self.movable, polish_gain) if moved else Work()),
             **figures,
@@ -134,7 +134,6 @@ class Adaptation:
             share=functional.share if functional else None,
             unpolished=found.unpolished,
             sagitta=self.movable.sagitta(),
-            doubts=doubts_of({**outputs["output_errors"], "goal": figures["goal_error"]}),
             seconds=self.steps.seconds,  # last, because outputs add their time
             compile_seconds=self.steps.compile_seconds,
         )
@@ -178,13 +177,14 @@ class Adaptation:
         }
 
     def figures_of_outputs(
-        self, sides: Sides, unknowns: int, before: Pass | None, has_errors: bool = False
+        self, sides: Sides, figures: Mapping[str, Any], before: Pass | None, has_errors: bool = False
     ) -> dict[str, Any]:
         # fields of a `Pass`
         outputs, errors, unimproved = self.outputs(sides.solution), dict[str, float](), ""
         if has_errors or self.settings.tolerance.output_rtol is not None:
-            errors, unimproved = self.output_errors(sides, outputs, unknowns, before)
-        return {"outputs": outputs, "output_errors": errors, "unimproved": unimproved}
+            errors, unimproved = self.output_errors(sides, outputs, figures["unknowns"], before)
+        doubts = doubts_of({**errors, "goal": figures["goal_error"]})
+        return {"outputs": outputs, "output_errors": errors, "unimproved": unimproved, "doubts": doubts}
 
     def assess_again(self, record: Pass) -> Solved:
         # Raises ValueError if indicators or signs of outputs differ from the stored values, which means another

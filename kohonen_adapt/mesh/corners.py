@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from skfem import Mesh, MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask, grouped
 from kohonen_adapt.mesh.blended import Blended
 from kohonen_adapt.mesh.cells import determinants
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
@@ -132,10 +132,8 @@ def corner_exponents(mesh: MeshTri, materials: Materials, among: Mask | None = N
 def elements_around(shape: Blended, nodes: Ints) -> dict[int, tuple[Ints, Ints]]:
     # Return the elements at each node and its numbers in them.
     element, k = np.nonzero(np.isin(shape.t.T, nodes))
-    node, order = shape.t[k, element], np.argsort(shape.t[k, element], kind="stable")
-    first = np.searchsorted(node[order], nodes[1:])
-    groups = zip(np.split(element[order], first), np.split(k[order], first), strict=True)
-    return dict(zip(nodes.tolist(), groups, strict=True)) if nodes.size else {}
+    node = shape.t[k, element]
+    return {int(node[rows[0]]): (element[rows], k[rows]) for rows in grouped(node)}
 
 
 def is_singular(shape: Blended, materials: Materials, element: Ints, k: Ints) -> bool:
