@@ -14,7 +14,7 @@ from benchmarks.peers.contest import Call, Run, best_of, fewest_unknowns, quicke
 from benchmarks.problems.solids import CUBE, EDGE, FICHERA, MAGNET, TABLES, Box, Solid
 from benchmarks.problems.solids_by_order import BLOCK, ByOrder
 from benchmarks.table import Cell, markdown
-from kohonen_adapt.geometry.singular_layers import with_layers
+from kohonen_adapt.geometry.singular_layers import with_layers_at
 
 SOLIDS = (FICHERA, EDGE, MAGNET, CUBE)
 ERRORS = (1.0, 0.5, 0.2)  # % of the energy norm
@@ -80,7 +80,7 @@ def _told_rows(solid: Solid, layers: Sequence[int]) -> Iterator[list[Cell]]:
     base = ka.adapt(start, problem, passes=2, target_nodes=NODES[solid.name]).mesh
     edges, corners = problem.singular_edges(base)
     for count in layers if edges.size else (0,):
-        mesh = with_layers(base, np.union1d(edges, corners), count, edges=edges)[0] if count else base
+        mesh = with_layers_at(base, np.union1d(edges, corners), count, edges=edges)[0] if count else base
         solved = [problem.solve(mesh, order) for order in TOLD_ORDERS]
         errors = np.array([problem.error(each) for each in solved])
         estimates = [100.0 * np.linalg.norm(problem.indicators(mesh, each)) for each in solved]

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -22,12 +22,10 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 __all__ = [
     "Movable",
     "Recycled",
-    "Work",
     "arrays_of",
     "element_order",
     "reordered_state",
     "settings_of",
-    "shown",
     "unchanged",
 ]
 
@@ -256,22 +254,3 @@ class Recycled:
 def unchanged(mesh: Triangulation | Tetrahedralization) -> Recycled:
     star = mesh.star
     return Recycled(np.arange(mesh.nnodes, dtype=np.int32), star.element[star.start[:-1]], 0, 0)
-
-
-def shown(title: str, form: str) -> dict[str, str]:
-    return {"title": title, "form": form}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Work:
-    quantization_errors: tuple[float, ...] = field(default=(), repr=False)
-    max_displacement: float = 0.0
-    moved: int = 0
-    unmoved: int = 0
-    refused_by_quality: int = 0
-    refused_by_reach: int = 0
-    held_in_polish: int = 0
-    why_still: str = ""
-    polish_gain: float = field(default=0.0, metadata=shown("gain of polish", "#.2g"))
-    splits: int = field(default=0, metadata=shown("splits", "d"))
-    collapses: int = field(default=0, metadata=shown("collapses", "d"))

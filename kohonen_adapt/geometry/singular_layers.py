@@ -21,7 +21,7 @@ from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["FACTOR", "RESOLVED", "refined_at", "sizes_at", "with_layers"]
+__all__ = ["FACTOR", "RESOLVED", "refined_at", "sizes_at", "with_layers_at"]
 
 FACTOR = 0.15  # ratio of the sizes of successive layers
 RESOLVED = 1e-14  # size of elements that coordinates resolve, relative to the coordinates
@@ -106,7 +106,7 @@ def refined_at(
     return with_edge_layers(mesh, singular, ends, layers, float(factor))
 
 
-def with_layers(
+def with_layers_at(
     mesh: Mesh,
     nodes: Ints,
     layers: int,

@@ -1,37 +1,32 @@
 """Adaptive loop of solving, estimating, relocating and polishing."""
 
-import logging
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from typing import Any
 
 from skfem import Mesh
 
-from kohonen_adapt.checks import is_count, with_nearest_names
+from kohonen_adapt.checks import check_hook, with_nearest_names
 from kohonen_adapt.geometry.plane.curves import Curve
-from kohonen_adapt.geometry.plane.surgery import with_layers
-from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules, check_for, with_pinned
+from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules
 from kohonen_adapt.geometry.space.surfaces import Surface
-from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.loop.checkpoint import Checkpoint
-from kohonen_adapt.loop.dimension import method_of
-from kohonen_adapt.loop.final_order import HIGH_ORDERS, GradingTolerance, run_to_order
-from kohonen_adapt.loop.growth import MAX_NODES, Growth, GrowthByTolerance, NodeCounts
-from kohonen_adapt.loop.history import History, run_loop
-from kohonen_adapt.loop.method import Method
-from kohonen_adapt.loop.passes import Pass, Steps
+from kohonen_adapt.loop.final_order import raise_order
+from kohonen_adapt.loop.outcome import outcome, with_errors, with_worse_outputs
+from kohonen_adapt.loop.passes import Pass, StepFailed, Steps, work_of
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.settings import PASSES, PASSES_TO_TOLERANCE, Settings, Tolerance
+from kohonen_adapt.loop.settings import Settings, Tolerance
+from kohonen_adapt.loop.setup import aimed, check_goal, graded, node_counts, rules_for, stop_test
+from kohonen_adapt.loop.state import UNSOLVED, Solved, State
 from kohonen_adapt.loop.step import Adaptation
-from kohonen_adapt.loop.stopping import StopTest
+from kohonen_adapt.loop.stopping import StopTest, failed_ending, interim_ending, interrupted_ending, stay_ending
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
-from kohonen_adapt.problem.evaluation import Output, check_outputs, curves_of
-from kohonen_adapt.problem.protocol import CheckedProblem, Problem, checked_problem
+from kohonen_adapt.problem.evaluation import Output, check_outputs, solve_again
+from kohonen_adapt.problem.protocol import Problem, checked_problem
 from kohonen_adapt.som.schedule import Schedule
-
-__all__ = ["adapt"]
 
 TOPOLOGY = "recycle"  # smallest errors in the benchmarks
 SYNONYMS = {
@@ -44,8 +39,6 @@ SYNONYMS = {
     "pairs": "periodic",
     "folder": "checkpoint",
 }
-
-logger = logging.getLogger("kohonen_adapt")
 
 
 @with_nearest_names(SYNONYMS)
@@ -212,98 +205,157 @@ def adapt(
     >>> result.mesh.p.shape == mesh.p.shape, list(result.mesh.boundaries), result.status.value
     (True, ['outer'], 'max_passes')
     """
-    stop = stop_test(mesh, passes, Tolerance(rtol, atol, output_rtol, goal_rtol), target_nodes, callback, max_nodes)
+    asked = Tolerance(rtol, atol, output_rtol, goal_rtol)
+    stop = stop_test(mesh, passes, asked, target_nodes, callback, max_nodes)
     checked = checked_problem(problem, rtol)
     check_goal(checked, goal_rtol, outputs)
     check_mesh(mesh, curved=True, inverted=True, space=True)
     given = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, curves, (), layers, surfaces)
     rules = rules_for(checked, mesh, given, periodic)
     functions = check_outputs(outputs, output_rtol)
-    if stop.max_nodes is not None:
-        checked = aimed(checked, functions, stop.asked)
-    method, grading = method_of(mesh), grading_for(checked, stop, mesh.dim())
-    in_passes = checked.at_grading_order if grading else checked
-    growth = node_counts(in_passes, method, mesh, rules, target_nodes, stop, grading)
-    settings = Settings(rules, schedule, seed, polish, growth, functions, anisotropic, stop.asked)
-    start = with_layers(mesh, rules, grows=growth.target > growth.start)
-    movable = method.open(start, rules, in_passes.is_curved)
-    files = Checkpoint.at(checkpoint, start, checked, settings)
-    expect_kernels(method, in_passes, settings)
-    adaptation = Adaptation(in_passes, method, movable, settings, Steps(progress), in_passes.order)
-    history = History(adaptation, replace(stop, grading=grading), files, interim)
-    if grading is None:
-        return run_loop(adaptation, history)
-    return run_to_order(adaptation, history, checked, stop, grading)
+    checked = aimed(checked, functions, stop)
+    stop, in_passes = graded(stop, checked, mesh.dim())
+    growth = node_counts(in_passes, mesh, rules, target_nodes, stop)
+    settings = Settings(rules, schedule, seed, polish, growth, functions, anisotropic, asked)
+    adaptation = Adaptation.of(mesh, in_passes, settings, Steps(progress))
+    files = Checkpoint.at(checkpoint, adaptation.movable.input_mesh, checked, settings)
+    return Loop(adaptation, stop, files, interim).run()
 
 
-def rules_for(problem: CheckedProblem, mesh: Mesh, rules: Rules, periodic: Sequence[Pair] | None) -> Rules:
-    pairs = problem.pairs if periodic is None else periodic
-    rules = replace(rules, curves=curves_of(problem, mesh, rules.curves), periodic=pairs)
-    check_for(rules, mesh.dim())
-    return with_pinned(rules.guarded(), problem.nodes_on(mesh))
+@dataclass
+class Loop:
+    """Passes of one run, from the input to the result.
 
+    The input is solved and estimated. Every step then moves the nodes of the last or the best pass to the density of
+    equal errors, transfers the solution, polishes, and solves and estimates again, until the stop test gives a reason
+    to end. A solve of a higher order on layers at corners is a step like the others, after the passes that grade the
+    mesh for it.
 
-def grading_for(problem: CheckedProblem, stop: StopTest, dim: int) -> GradingTolerance | None:
-    # None if the result has the order of the passes
-    orders = problem.final_orders(stop.max_nodes is not None)
-    return GradingTolerance(stop, orders, HIGH_ORDERS[dim]) if orders else None
+    Attributes
+    ----------
+    adaptation
+        Steps of a pass, with the mesh that they change.
+    stop
+        Test for the end, called once for every pass.
+    checkpoint
+        Files of the passes, or None.
+    interim
+        Function called after every pass with the result so far, or None.
+    state
+        Passes so far, with the solutions of the last and the best one.
+    """
 
+    adaptation: Adaptation
+    stop: StopTest
+    checkpoint: Checkpoint | None
+    interim: Callable[[AdaptResult], Any] | None
+    state: State = field(init=False)
 
-def stop_test(
-    mesh: Mesh,
-    passes: int | None,
-    tolerance: Tolerance,
-    target_nodes: int | None,
-    callback: Callable[[Pass], Any] | None,
-    max_nodes: int | None,
-) -> StopTest:
-    follows = bool(tolerance) and target_nodes is None
-    if follows and not any((tolerance.rtol, tolerance.atol, tolerance.output_rtol, tolerance.goal_rtol)):
-        raise ValueError("a tolerance of 0 is never met; give one above 0, for instance rtol=1e-3, or target_nodes.")
-    if max_nodes is not None and not follows:
-        raise ValueError("max_nodes needs a tolerance (rtol or atol) and no target_nodes, which fixes the number.")
-    if max_nodes is not None and (not is_count(max_nodes) or max_nodes < mesh.nvertices):
-        raise ValueError(f"max_nodes must be at least the nodes of the mesh, {mesh.nvertices}; got {max_nodes!r}.")
-    most_passes = (PASSES_TO_TOLERANCE if follows else PASSES) if passes is None else passes
-    return StopTest(most_passes, tolerance, callback, (max_nodes or MAX_NODES) if follows else None)
+    def __post_init__(self) -> None:
+        check_hook("interim", self.interim, "the result so far")
 
+    def run(self) -> AdaptResult:
+        with self.catching_failures():
+            if not self.resume():
+                self.add(State.first(self.adaptation.assess()))
+            while not self.state.ending or self.stop.wants_order(self.state):
+                self.step()
+        result = self.result()
+        if self.state.raised and self.interim:
+            self.interim(result)
+        return result
 
-def node_counts(
-    problem: CheckedProblem,
-    method: Method,
-    mesh: Mesh,
-    rules: Rules,
-    target_nodes: int | None,
-    stop: StopTest,
-    grading: GradingTolerance | None,
-) -> NodeCounts:
-    start, removes = int(mesh.nvertices), rules.topology == "recycle"
-    if stop.max_nodes is None:
-        return Growth.of(start, target_nodes, stop.passes, method.corrects(problem))
-    allowed = grading.aim if grading else stop.tolerance
-    return GrowthByTolerance(start, stop.max_nodes, allowed, problem.order, method.dim, removes)
+    def step(self) -> None:
+        if self.state.ending:
+            self.solve_best()
+            self.state = with_errors(self.adaptation, self.state)
+            self.state = raise_order(self.adaptation, self.stop, self.state)
+            return
+        start, adaptation = self.start(), self.adaptation
+        moved = adaptation.relocate(start, by_energy=self.state.returns_to_best)
+        moved = adaptation.polish(start, moved)
+        if moved.changed(adaptation.movable) or self.growing:
+            self.add(self.state.with_pass(adaptation.assess(start, moved)))
+        else:
+            self.state = self.state.ended(stay_ending(self.state, work_of(moved, adaptation.movable)))
 
+    def start(self) -> Solved:
+        """Return the pass from which the next pass starts, and restore its mesh."""
+        if not self.state.returns_to_best:
+            return self.state.last
+        best, adaptation = self.state.best, self.adaptation
+        adaptation.movable.restore(best.movable.state())
+        if best.solution is UNSOLVED:
+            with adaptation.steps("solve again", number=best.record.number):
+                solved = adaptation.assess_again(best.record)
+            self.state = self.state.with_solution(best, solved)
+        return self.state.best
 
-def check_goal(problem: CheckedProblem, goal_rtol: float | None, outputs: Mapping[str, Output] | None) -> None:
-    if goal_rtol is not None and not problem.has_goal:
-        raise ValueError(
-            "goal_rtol requires a problem with a goal and its goal_error; use rtol or output_rtol instead."
-        )
-    if "goal" in (outputs or {}) and problem.has_goal:
-        raise ValueError("outputs must not have the name 'goal' beside a goal of the problem; rename the output.")
+    def add(self, state: State) -> None:
+        """Set the state, report and store its last pass, and test for the end."""
+        self.state, steps = state, self.adaptation.steps
+        steps.has_solved = True
+        if self.interim:
+            self.solve_best()
+            self.interim(self.state.result(interim_ending(self.state)))
+        if self.checkpoint:
+            record = state.last.record
+            with steps("checkpoint", f"checkpoint of pass {record.number}", record.number):
+                self.checkpoint.write(record, self.adaptation.movable)
+        self.terminate()
 
+    def terminate(self) -> None:
+        self.adaptation.steps.next_pass(len(self.state.passes))
+        stalled = self.adaptation.method.stalls(self.state.passes)
+        self.state = self.stop(self.state, self.growing, stalled)
 
-def aimed(problem: CheckedProblem, outputs: Mapping[str, Output], tolerance: Tolerance) -> CheckedProblem:
-    names = tolerance.only_outputs(outputs)
-    if len(names) != 1 or not problem.has("aimed_at"):
-        return problem
-    found = CheckedProblem(problem.aimed_at(outputs[names[0]]))
-    if found.given is not problem.given:
-        logger.info("%s is the goal of the passes", names[0])
-    return found
+    @property
+    def growing(self) -> bool:
+        return self.adaptation.settings.growth.grows_after(len(self.state.passes) - 1)
 
+    def resume(self) -> bool:
+        """Read the passes of the checkpoint, and solve again on the last mesh."""
+        records = self.checkpoint.passes(self.adaptation.movable) if self.checkpoint else ()
+        for solved in map(self.adaptation.unsolved, records):
+            self.state = self.state.with_pass(solved) if solved.record.number else State.first(solved)
+            self.terminate()
+            if self.state.ending:
+                return True
+        if not hasattr(self, "state"):
+            return False
+        last, steps = self.state.last, self.adaptation.steps
+        steps.begin(last.record.number, "solve again")
+        self.state = self.state.with_solution(last, self.adaptation.assess_again(last.record))
+        steps.has_solved = True
+        return True
 
-def expect_kernels(method: Method, problem: CheckedProblem, settings: Settings) -> None:
-    expect(*method.moving_kernels(settings.rules.topology, settings.schedule))
-    if settings.polish:
-        expect(*method.polish_kernels(problem), *method.transfer_kernels)
+    def solve_best(self) -> None:
+        state, steps = self.state, self.adaptation.steps
+        best = state.best
+        if best.solution is not UNSOLVED:
+            return
+        self.state = state.with_solution(best, state.last)  # the result if the solver fails
+        with steps("solve again", number=best.record.number):
+            solution = solve_again(self.adaptation.problem, best.record.mesh, best.record.indicators)
+        steps.has_solved = True
+        self.state = state.with_solution(best, replace(best, solution=solution))
+
+    def result(self) -> AdaptResult:
+        with self.catching_failures():
+            self.solve_best()
+        with self.catching_failures():
+            self.state = with_errors(self.adaptation, self.state)
+            self.state = with_worse_outputs(self.adaptation, self.state)
+        return self.state.result(outcome(self.adaptation, self.state))
+
+    @contextmanager
+    def catching_failures(self) -> Iterator[None]:
+        """Convert Ctrl-C and a failed step into an ending after the first solve."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            if not self.adaptation.steps.has_solved:
+                raise
+            self.state = self.state.ended(interrupted_ending(self.state))
+        except StepFailed as failure:
+            self.state = self.state.ended(failed_ending(failure, self.state))

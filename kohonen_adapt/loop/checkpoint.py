@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
+from hashlib import sha256
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
@@ -13,16 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
+from kohonen_adapt.arrays import Ints
 from kohonen_adapt.files import remove_drafts, whole_file
+from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.loop.growth import Growth, GrowthByTolerance
 from kohonen_adapt.loop.passes import Pass
-from kohonen_adapt.loop.settings import DIGEST, Settings, fingerprint
-from kohonen_adapt.problem.protocol import CheckedProblem
-
-__all__ = ["Checkpoint"]
+from kohonen_adapt.loop.settings import ONLY_ENDS, Settings
+from kohonen_adapt.problem.protocol import CheckedProblem, Problem
 
 FORMAT = 3  # version of the file format
+DIGEST = "sha256 "
 
 # Fields that files of earlier releases may lack.
 ADDED: dict[str, Any] = dict.fromkeys(["unmoved", "refused_by_quality", "refused_by_reach", "held_in_polish"], 0)
@@ -182,3 +185,69 @@ def _check_run(folder: Path, before: Mapping[str, str], now: Mapping[str, str]) 
             f"the checkpoint in '{folder}' belongs to another run: {'; '.join(differing)}. Use the mesh, problem and "
             "arguments of that run, or another folder."
         )
+
+
+def fingerprint(mesh: Mesh, given: Problem, settings: Settings) -> dict[str, str]:
+    # The results of the problem and of the outputs are not included, nor the settings that only end the loop.
+    problem = CheckedProblem(given)
+    sides = {None: "", True: " on curved elements", False: " on straight elements"}[problem.is_curved]
+    order = problem.at_grading_order.order
+    texts = {
+        "mesh": digest(mesh.p, mesh.t, *_set_arrays(mesh.boundaries), *_set_arrays(mesh.subdomains)),
+        "problem": f"{problem.name} of order {order} in the {problem.norm} norm{sides}",
+    }
+    for group in (settings.rules, settings):
+        for entry in fields(group):
+            if entry.metadata != ONLY_ENDS and entry.name != "rules":
+                name = entry.metadata.get("argument", entry.name)
+                texts[name] = _text(getattr(group, entry.name), mesh)
+    return texts
+
+
+def _text(value: Any, mesh: Mesh) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, GrowthByTolerance):  # the passes so far serve any tolerance
+        return "none"
+    if isinstance(value, Growth):
+        return f"{value.target} in {value.passes} passes" if value.target > value.start else "none"
+    if isinstance(value, Mapping) and any(hasattr(item, "project") for item in value.values()):
+        return _curve_digest(mesh, value)
+    if isinstance(value, Mapping) and all(callable(item) for item in value.values()):
+        return str(sorted(value))
+    if isinstance(value, Mapping):
+        return str({name: _without_type(item) for name, item in sorted(value.items())})
+    if isinstance(value, list | tuple | range | np.ndarray):
+        return str([_without_type(item) for item in value])
+    return str(_without_type(value))
+
+
+def _without_type(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else tuple(value) if isinstance(value, list) else value
+
+
+def _set_arrays(sets: Mapping[str, Ints] | None) -> list[NDArray[Any]]:
+    arrays: list[NDArray[Any]] = [np.array(sets is None)]
+    for name, rows in (sets or {}).items():
+        arrays += [
+            np.array(name),
+            np.asarray(rows, dtype=np.int64),
+            np.asarray(getattr(rows, "ori", []), dtype=np.int64),
+        ]
+    return arrays
+
+
+def _curve_digest(mesh: Mesh, curves: Mapping[str, Curve]) -> str:
+    arrays: list[NDArray[Any]] = []
+    for name, curve in sorted(curves.items()):
+        ends = mesh.p[:, mesh.facets[:, np.asarray((mesh.boundaries or {})[name])]]
+        arrays += [np.array(name), np.asarray(curve.project(ends.mean(axis=1)), dtype=float)]
+    return digest(*arrays)
+
+
+def digest(*arrays: NDArray[Any]) -> str:
+    hashed = sha256()
+    for array in map(np.ascontiguousarray, arrays):
+        hashed.update(f"{array.dtype.str}{array.shape}".encode())
+        hashed.update(array.tobytes())
+    return f"{DIGEST}{hashed.hexdigest()[:32]}"

@@ -17,8 +17,6 @@ from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.singular_nodes import materials_of
 
-__all__ = ["corner_remark", "corner_sentences", "singular_parts"]
-
 TOLD = 0.35  # exponent below which a corner is named; half the error takes elements 7 times smaller there
 SHOWN = 3  # corners named
 ROUNDING = 1e-16  # size of the least elements, relative to the mesh

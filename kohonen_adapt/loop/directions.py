@@ -16,8 +16,6 @@ from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.som.density import equidistributing
 from kohonen_adapt.som.hessian_metric import hessian_shapes, indicators_of_shapes, metric_of_shapes
 
-__all__ = ["Wanted", "wanted_of"]
-
 
 @dataclass(frozen=True)
 class Wanted:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from skfem import Mesh
 
-from kohonen_adapt.loop.method import Method
+from kohonen_adapt.loop.dimension import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.polishing.energy_tables import VariesInside
 from kohonen_adapt.polishing.functional import Functional
@@ -15,8 +15,6 @@ from kohonen_adapt.problem.evaluation import ritz_of
 from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered
 from kohonen_adapt.problem.ritz import Ritz
-
-__all__ = ["FROZEN", "FunctionalOfPass", "differs_on", "functional_of"]
 
 FROZEN = "the functional is another one in every pass, as with a term frozen at the solution"
 # Change of a functional by the data of the pass before, relative to its change since then, of another functional

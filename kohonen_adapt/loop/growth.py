@@ -12,8 +12,6 @@ from kohonen_adapt.checks import is_count
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 
-__all__ = ["MAX_NODES", "Growth", "GrowthByTolerance", "NodeCounts", "drift_of_nodes", "predicted_nodes"]
-
 MAX_NODES = 200_000  # largest mesh of a run with a tolerance, unless another is given
 AIM = 0.9  # of the tolerance, because the error of adapted meshes is up to 1.15 times the estimate
 # The same at order 3, where corners need more elements than predicted: with 0.9 runs take 1.15 times as long, with as

@@ -7,15 +7,66 @@ from enum import StrEnum, auto
 from time import perf_counter
 from typing import Any
 
+import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import check_hook
-from kohonen_adapt.geometry.movable import Work, shown
 from kohonen_adapt.kernels.numba.clock import seconds_compiling
+from kohonen_adapt.mesh.measures import quality
 from kohonen_adapt.problem.uncertain import corrected
+from kohonen_adapt.som.relocation_record import QUALITY_RULE, Moved
 
-__all__ = ["Pass", "Status", "StepFailed", "Steps", "corrected_value", "text_of"]
+
+def shown(title: str, form: str) -> dict[str, str]:
+    return {"title": title, "form": form}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    quantization_errors: tuple[float, ...] = field(default=(), repr=False)
+    max_displacement: float = 0.0
+    moved: int = 0
+    unmoved: int = 0
+    refused_by_quality: int = 0
+    refused_by_reach: int = 0
+    held_in_polish: int = 0
+    why_still: str = ""
+    polish_gain: float = field(default=0.0, metadata=shown("gain of polish", "#.2g"))
+    splits: int = field(default=0, metadata=shown("splits", "d"))
+    collapses: int = field(default=0, metadata=shown("collapses", "d"))
+
+
+def work_of(record: Moved[Any], now: Any) -> Work:
+    old, position = record.recycled.old, now.tessellation.position
+    survives = old >= 0
+    distance = np.sqrt(np.sum((position[survives] - record.before.tessellation.position[old[survives]]) ** 2, axis=1))
+    moved = int(np.count_nonzero(distance) + np.count_nonzero(~survives))
+    unmoved = np.count_nonzero((distance == 0.0) & ~now.held_nodes[survives])
+    return Work(
+        quantization_errors=record.quantization_errors,
+        max_displacement=float(distance.max()),
+        moved=moved,
+        unmoved=int(unmoved),
+        refused_by_quality=int(record.refused[0]),
+        refused_by_reach=int(record.refused[1]),
+        held_in_polish=record.held_in_polish,
+        why_still="" if moved else with_remedy(record.why_still, now),
+        splits=record.recycled.splits,
+        collapses=record.recycled.collapses,
+        polish_gain=record.polish_gain,
+    )
+
+
+def with_remedy(why: str, movable: Any) -> str:
+    worst = float(quality(movable.input_mesh).min())
+    if why != QUALITY_RULE or worst >= movable.floor:
+        return why
+    return (
+        f"{why}: the worst element has a quality of {worst:.2g}, min_quality is {movable.floor:g}, and nothing below "
+        f"that may get worse. Give min_quality={0.5 * worst:.2g}"
+    )
+
 
 TIMED = ("solve", "estimate", "relocate", "polish")
 
@@ -37,6 +88,13 @@ class Status(StrEnum):
     STOPPED = auto()
     MAX_NODES = auto()
     FAILED = auto()
+
+
+@dataclass(frozen=True)
+class Ending:
+    status: Status
+    message: str
+    error: Exception | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -11,8 +11,6 @@ from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.table import html_table, table_lines
 from kohonen_adapt.problem.uncertain import corrected
 
-__all__ = ["AdaptResult"]
-
 
 @dataclass(frozen=True)
 class OutputValue:

@@ -1,37 +1,18 @@
 """Settings of an adaptation, with its tolerances."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from hashlib import sha256
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
-from skfem import Mesh
 
-from kohonen_adapt.arrays import Ints
 from kohonen_adapt.checks import check_fraction, check_tolerance
 from kohonen_adapt.display import by_error
-from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.loop.growth import Growth, GrowthByTolerance, NodeCounts
+from kohonen_adapt.loop.growth import NodeCounts
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.problem.evaluation import Output
-from kohonen_adapt.problem.protocol import CheckedProblem, Problem
 from kohonen_adapt.som.schedule import Schedule, check_training
 
-__all__ = [
-    "DIGEST",
-    "ONLY_ENDS",
-    "PASSES",
-    "PASSES_TO_TOLERANCE",
-    "Settings",
-    "Tolerance",
-    "fingerprint",
-    "percent",
-]
-
-DIGEST = "sha256 "
 PASSES, PASSES_TO_TOLERANCE = 4, 12
 
 ONLY_ENDS = {"only ends": True}  # metadata of a setting that ends the loop, and changes no pass
@@ -75,72 +56,6 @@ class Settings:
 
     def rng(self, number: int) -> np.random.Generator:
         return np.random.default_rng(int(np.random.SeedSequence((self.seed, number)).generate_state(1)[0]))
-
-
-def fingerprint(mesh: Mesh, given: Problem, settings: Settings) -> dict[str, str]:
-    # The results of the problem and of the outputs are not included, nor the settings that only end the loop.
-    problem = CheckedProblem(given)
-    sides = {None: "", True: " on curved elements", False: " on straight elements"}[problem.is_curved]
-    order = problem.at_grading_order.order
-    texts = {
-        "mesh": digest(mesh.p, mesh.t, *_set_arrays(mesh.boundaries), *_set_arrays(mesh.subdomains)),
-        "problem": f"{problem.name} of order {order} in the {problem.norm} norm{sides}",
-    }
-    for group in (settings.rules, settings):
-        for entry in fields(group):
-            if entry.metadata != ONLY_ENDS and entry.name != "rules":
-                name = entry.metadata.get("argument", entry.name)
-                texts[name] = _text(getattr(group, entry.name), mesh)
-    return texts
-
-
-def _text(value: Any, mesh: Mesh) -> str:
-    if value is None:
-        return "none"
-    if isinstance(value, GrowthByTolerance):  # the passes so far serve any tolerance
-        return "none"
-    if isinstance(value, Growth):
-        return f"{value.target} in {value.passes} passes" if value.target > value.start else "none"
-    if isinstance(value, Mapping) and any(hasattr(item, "project") for item in value.values()):
-        return _curve_digest(mesh, value)
-    if isinstance(value, Mapping) and all(callable(item) for item in value.values()):
-        return str(sorted(value))
-    if isinstance(value, Mapping):
-        return str({name: _without_type(item) for name, item in sorted(value.items())})
-    if isinstance(value, list | tuple | range | np.ndarray):
-        return str([_without_type(item) for item in value])
-    return str(_without_type(value))
-
-
-def _without_type(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else tuple(value) if isinstance(value, list) else value
-
-
-def _set_arrays(sets: Mapping[str, Ints] | None) -> list[NDArray[Any]]:
-    arrays: list[NDArray[Any]] = [np.array(sets is None)]
-    for name, rows in (sets or {}).items():
-        arrays += [
-            np.array(name),
-            np.asarray(rows, dtype=np.int64),
-            np.asarray(getattr(rows, "ori", []), dtype=np.int64),
-        ]
-    return arrays
-
-
-def _curve_digest(mesh: Mesh, curves: Mapping[str, Curve]) -> str:
-    arrays: list[NDArray[Any]] = []
-    for name, curve in sorted(curves.items()):
-        ends = mesh.p[:, mesh.facets[:, np.asarray((mesh.boundaries or {})[name])]]
-        arrays += [np.array(name), np.asarray(curve.project(ends.mean(axis=1)), dtype=float)]
-    return digest(*arrays)
-
-
-def digest(*arrays: NDArray[Any]) -> str:
-    hashed = sha256()
-    for array in map(np.ascontiguousarray, arrays):
-        hashed.update(f"{array.dtype.str}{array.shape}".encode())
-        hashed.update(array.tobytes())
-    return f"{DIGEST}{hashed.hexdigest()[:32]}"
 
 
 @dataclass(frozen=True)

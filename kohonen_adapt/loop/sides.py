@@ -21,8 +21,6 @@ from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.problem.evaluation import functional_of_solution
 from kohonen_adapt.problem.protocol import CheckedProblem
 
-__all__ = ["Sides", "on_whole_curves"]
-
 PARABOLIC = 3  # order whose parabolas cut off more than its elements miss
 NEARLY_EXACT = 0.03  # relative determinant of elements that exact sides would fold
 LEAST_JACOBIANS = 0.003, 0.01, 0.03, 0.05, 0.07, 0.1  # of elements, relative to straight ones, in order of trial

@@ -11,11 +11,12 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import check_count, with_nearest_names
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.curves import Curve
-from kohonen_adapt.geometry.plane.surgery import with_layers
+from kohonen_adapt.geometry.plane.surgery import with_thin_layers
 from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules, check_for, with_pinned
 from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.loop.dimension import method_of
+from kohonen_adapt.loop.passes import work_of
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.motions import Pair
@@ -24,8 +25,6 @@ from kohonen_adapt.problem.evaluation import ritz_of
 from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered, Problem, check_names
 from kohonen_adapt.som.relocate import report_sagitta
 from kohonen_adapt.som.schedule import Schedule, check_training
-
-__all__ = ["polish", "relocate"]
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -123,14 +122,14 @@ def relocate(
     check_kind(mesh, curved=True, space=True)
     method = method_of(mesh)
     check_for(rules, method.dim)
-    layered = with_layers(mesh, rules)
+    layered = with_thin_layers(mesh, rules)
     movable = method.open(layered, rules, None)
     if layered is not mesh and not callable(density) and np.shape(density)[:1] == mesh.t.shape[1:]:
         density = np.asarray(density)[find_elements(mesh, layered.p[:, layered.t].mean(axis=1))]
     expect(*method.moving_kernels(topology, schedule))
     moved = method.move(movable, density, schedule, topology, np.random.default_rng(seed), int(mesh.nvertices))
     report_sagitta(moved.before, movable)
-    work = moved.work(movable)
+    work = work_of(moved, movable)
     if not work.moved and schedule != Schedule(()):  # an empty schedule is used for its flips alone
         logger.warning("relocate moved no node: %s.", work.why_still)
     return movable.mesh()

@@ -10,16 +10,18 @@ from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.geometry.movable import Work
 from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.plane.surgery import with_thin_layers
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.kernels.numba.compilation import expect
+from kohonen_adapt.loop.dimension import Method, method_of
 from kohonen_adapt.loop.directions import wanted_of
 from kohonen_adapt.loop.functional_of_pass import FROZEN, FunctionalOfPass, differs_on, functional_of
 from kohonen_adapt.loop.growth import drift_of_nodes
-from kohonen_adapt.loop.method import Method
-from kohonen_adapt.loop.passes import Pass, Steps, text_of
+from kohonen_adapt.loop.passes import Pass, Steps, Work, text_of, work_of
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.sides import Sides
+from kohonen_adapt.loop.state import UNSOLVED, Solved, curved_of
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.polishing.functional import Functional
@@ -39,39 +41,9 @@ from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.uncertain import Uncertain, doubts_of, error_of, shifted
 from kohonen_adapt.som.relocation_record import Moved
 
-__all__ = ["UNSOLVED", "Adaptation", "Solved", "root_of_squares"]
-
 GROWING_ENTRIES = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
 
 TWICE = 1.8  # factor of the unknowns from which the difference of two passes bounds the error of an output
-
-UNSOLVED = object()  # replaces the solution of a pass of an earlier process
-
-
-@dataclass(frozen=True)
-class Solved:
-    """Pass with the data from which the next pass starts.
-
-    Attributes
-    ----------
-    record
-        The pass.
-    solution
-        Solution returned by the problem, or `UNSOLVED` for a pass of an earlier process.
-    functional
-        Functional for the polish, or None.
-    movable
-        Copy of the movable mesh.
-    """
-
-    record: Pass
-    solution: Any
-    functional: Functional | None
-    movable: MovableMesh | MovableSolid
-
-    @property
-    def curved(self) -> MovableMesh | None:
-        return curved_of(self.movable)
 
 
 @dataclass(frozen=True)
@@ -101,39 +73,71 @@ class Adaptation:
     steps: Steps
     order: int
 
+    @classmethod
+    def of(cls, mesh: Mesh, problem: CheckedProblem, settings: Settings, steps: Steps) -> "Adaptation":
+        """Return the steps from a mesh on, which gets its missing layers."""
+        method, growth = method_of(mesh), settings.growth
+        expect(*method.moving_kernels(settings.rules.topology, settings.schedule))
+        if settings.polish:
+            expect(*method.polish_kernels(problem), *method.transfer_kernels)
+        start = with_thin_layers(mesh, settings.rules, grows=growth.target > growth.start)
+        movable = method.open(start, settings.rules, problem.is_curved)
+        return cls(problem, method, movable, settings, steps, problem.order)
+
     def plan(self, functional: Functional) -> tuple[int, ...]:
         recycles = self.settings.rules.topology == "recycle" and not functional.ritz.shapes_only
         plan = PLAN if recycles else (SWEEPS,)
         return plan[:GROWING_ENTRIES] if self.settings.growth.grows_after(self.steps.number) else plan
 
-    def assess(self, before: Solved | None = None, moved: Moved[Any] | None = None, polish_gain: float = 0.0) -> Solved:
+    def assess(self, before: Solved | None = None, moved: Moved[Any] | None = None) -> Solved:
+        """Solve and estimate on the current mesh."""
         mesh = self.movable.mesh() if before else self.movable.start()
+        work = work_of(moved, self.movable) if moved else Work()
+        nodes = indices_in_input(before, moved, self.movable.nnodes, self.settings.growth.start)
+        return self._assessed(self.problem, mesh, self.movable.copy(), before, work, nodes)
+
+    def assess_at(self, problem: CheckedProblem, mesh: Mesh, before: Solved) -> Solved:
+        """Solve and estimate at a higher order, on a mesh with more nodes."""
+        old = before.record.nodes
+        nodes = np.append(old, np.full(mesh.nvertices - old.size, -1))
+        return self._assessed(problem, mesh, before.movable, before, Work(), nodes)
+
+    def _assessed(
+        self,
+        problem: CheckedProblem,
+        mesh: Mesh,
+        movable: MovableMesh | MovableSolid,
+        before: Solved | None,
+        work: Work,
+        nodes: Ints,
+    ) -> Solved:
+        is_raised = problem is not self.problem
         with self.steps("solve"):
             number_facets(mesh)  # faster than scikit-fem, which numbers them otherwise in the solver
-            solution = self.problem.solve(mesh, *((before.record.mesh, before.solution) if before else ()))
+            solution = problem.solve(mesh, *((before.record.mesh, before.solution) if before else ()))
         with self.steps("estimate"):
-            movable = self.movable.copy()
-            sides = Sides(self.problem, mesh, solution, curved_of(movable))
-            figures = self.figures(sides, self.order, movable.cut_off())
-            share = before.functional.share if before and before.functional else None
-            found = self._functional(mesh, solution, share)
+            sides = Sides(problem, mesh, solution, None if is_raised else curved_of(movable))
+            figures = self.figures(sides, movable.cut_off(), is_raised)
+            found = (
+                FunctionalOfPass() if is_raised else self._functional(mesh, solution, before.share if before else None)
+            )
             functional = found.functional
-        incomparable = self.incomparable(before, functional, mesh)
         figures["worth"] = float(np.hypot(figures["worth"], found.oscillation))
-        outputs = self.figures_of_outputs(sides, figures, before.record if before else None)
+        outputs = self.figures_of_outputs(sides, figures, before.record if before else None, is_raised)
+        incomparable = self.incomparable(before, functional, mesh)
         record = Pass(
-            **vars(moved.work(self.movable, polish_gain) if moved else Work()),
+            **vars(work),
             **figures,
             **outputs,
             number=self.steps.number,
             mesh=mesh,
-            nodes=indices_in_input(before, moved, self.movable.nnodes, self.settings.growth.start),
+            nodes=nodes,
             functional=found.value,
             comparable=functional is not None and not incomparable,
             incomparable=incomparable,
             share=functional.share if functional else None,
             unpolished=found.unpolished,
-            sagitta=self.movable.sagitta(),
+            sagitta=movable.sagitta(),
             seconds=self.steps.seconds,  # last, because outputs add their time
             compile_seconds=self.steps.compile_seconds,
         )
@@ -150,17 +154,19 @@ class Adaptation:
             return FROZEN
         return "" if functional.comparable else counted(self.method.polish_reasons(self.movable, functional))
 
-    def figures(self, sides: Sides, order: int, cut_off: float = 0.0, has_all_errors: bool = False) -> dict[str, Any]:
+    def figures(self, sides: Sides, cut_off: float, is_raised: bool) -> dict[str, Any]:
         # Fields of a `Pass`. `cut_off` is the area or volume between elements and their curved parts.
-        problem, mesh, solution, tolerance = sides.problem, sides.mesh, sides.solution, self.settings.tolerance
-        indicators = estimate(problem, mesh, solution)
-        norm, goal = energy_norm(problem, mesh, solution, tolerance.rtol), goal_of(problem, solution)
-        total, length, size, qualities = root_of_squares(indicators), 1.0, area(mesh), quality(mesh)
-        if problem.norm != "energy":
-            length = size ** (1 / mesh.dim())
+        problem, mesh, tolerance = sides.problem, sides.mesh, self.settings.tolerance
+        order = problem.order if is_raised else self.order
+        indicators = estimate(problem, mesh, sides.solution)
+        norm = energy_norm(problem, mesh, sides.solution, tolerance.rtol)
+        goal = goal_of(problem, sides.solution)
+        total = root_of_squares(indicators)
+        size, qualities = area(mesh), quality(mesh)
+        length = 1.0 if problem.norm == "energy" else size ** (1 / mesh.dim())
         if goal is None and total <= (tolerance.of_energy(norm) or 0.0):
             total = sides.error_with_sides(total, self.settings.rules.curves)
-        wants_error = tolerance.goal_rtol is not None or (has_all_errors and goal is not None)
+        wants_error = tolerance.goal_rtol is not None or (is_raised and goal is not None)
         return {
             "indicators": indicators,
             "order": int(order),
@@ -177,11 +183,11 @@ class Adaptation:
         }
 
     def figures_of_outputs(
-        self, sides: Sides, figures: Mapping[str, Any], before: Pass | None, has_errors: bool = False
+        self, sides: Sides, figures: Mapping[str, Any], before: Pass | None, is_raised: bool
     ) -> dict[str, Any]:
         # fields of a `Pass`
         outputs, errors, unimproved = self.outputs(sides.solution), dict[str, float](), ""
-        if has_errors or self.settings.tolerance.output_rtol is not None:
+        if self.settings.tolerance.output_rtol is not None or (is_raised and figures["goal"] is not None):
             errors, unimproved = self.output_errors(sides, outputs, figures["unknowns"], before)
         doubts = doubts_of({**errors, "goal": figures["goal_error"]})
         return {"outputs": outputs, "output_errors": errors, "unimproved": unimproved, "doubts": doubts}
@@ -198,6 +204,7 @@ class Adaptation:
         return Solved(record, UNSOLVED, None, self.movable.copy())
 
     def relocate(self, solved: Solved, by_energy: bool) -> Moved[Any]:
+        """Move the nodes to the density of equal errors, or only split edges `by_energy`."""
         with self.steps("relocate"):
             functional = solved.functional
             ritz = None if functional is None else functional.ritz
@@ -221,7 +228,8 @@ class Adaptation:
         return not exchanges or abs(nodes - self.movable.nnodes) > drift
 
     def moved(self, density: ArrayLike, solved: Solved, nodes: int, recycles: bool) -> Moved[Any]:
-        settings, method, functional, longest = self.settings, self.method, solved.functional, None
+        settings, method, functional = self.settings, self.method, solved.functional
+        longest = None
         topology, schedule = settings.rules.topology, settings.schedule
         if functional is not None:
             longest = method.longest_sides(self.movable, functional, root_of_squares(solved.record.indicators))
@@ -236,15 +244,16 @@ class Adaptation:
         kept = given == "auto" and not self.method.takes_directions(self.settings, last)
         return False if by_energy or kept else given
 
-    def polish(self, solved: Solved, moved: Moved[Any]) -> tuple[Moved[Any], float]:
+    def polish(self, solved: Solved, moved: Moved[Any]) -> Moved[Any]:
+        """Transfer the solution to the moved mesh, and lower its energy."""
         with self.steps("polish"):
             if solved.functional is None:
-                return moved, 0.0
+                return moved
             functional = solved.functional
             trial = self.method.carry(functional, moved.before, self.movable, moved.recycled.start_element)
             descent = self.method.descent(self.movable, functional, trial, moved.recycled)
             recycled, gain = descend_and_recycle(descent, self.plan(functional))
-            return replace(moved, recycled=recycled), gain
+            return replace(moved, recycled=recycled, polish_gain=gain)
 
     def output_errors(
         self, sides: Sides, outputs: Mapping[str, float], unknowns: int, before: Pass | None
@@ -270,9 +279,12 @@ class Adaptation:
         except Exception as error:  # an unknown error is no reason to lose the result
             return {}, text_of(error)
 
+    def sides(self, solved: Solved) -> Sides:
+        return Sides(self.problem, solved.record.mesh, solved.solution, curved_of(solved.movable))
+
     def goal_error(self, solved: Solved) -> tuple[Uncertain | None, str]:
         try:
-            return goal_error(Sides(self.problem, solved.record.mesh, solved.solution, solved.curved)), ""
+            return goal_error(self.sides(solved)), ""
         except Exception as error:  # an unknown error is no reason to lose the result
             return None, text_of(error)
 
@@ -287,10 +299,6 @@ class Adaptation:
             with self.steps("estimate", f"output {name!r}"):
                 values[name] = output_value(name, function, solution)
         return values
-
-
-def curved_of(movable: MovableMesh | MovableSolid) -> MovableMesh | None:
-    return movable if isinstance(movable, MovableMesh) and movable.curved else None
 
 
 def goal_error(sides: Sides) -> Uncertain:

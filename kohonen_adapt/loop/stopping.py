@@ -1,37 +1,18 @@
 """Stop test of the adaptive loop, and the messages of the result."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from kohonen_adapt.checks import check_count, check_hook, listed
-from kohonen_adapt.geometry.movable import Work
+from kohonen_adapt.loop.grading import GradingTolerance
 from kohonen_adapt.loop.growth import drift_of_nodes
-from kohonen_adapt.loop.passes import Pass, Status, StepFailed, text_of
+from kohonen_adapt.loop.passes import Ending, Pass, Status, StepFailed, Work, text_of
 from kohonen_adapt.loop.settings import Settings, Tolerance, percent
+from kohonen_adapt.loop.state import State, error_measure, underrating
 from kohonen_adapt.loop.table import energy_norm_error
-from kohonen_adapt.loop.underrating import error_measure, underrating
-
-__all__ = [
-    "STALL_GAIN",
-    "STALL_PASSES",
-    "Ending",
-    "StopTest",
-    "beside_goal_remark",
-    "count_text",
-    "failed_ending",
-    "interim_ending",
-    "interrupted_ending",
-    "outputs_remark",
-    "stalled_ending",
-    "stalls_by_estimate",
-    "stalls_by_functional",
-    "unimproved_remark",
-    "unmoved_ending",
-    "with_remarks",
-]
 
 # The random training points scatter the estimate of a pass by about 1 %, so a pass without a decrease is often followed
 # by a pass with one. On the L-shape, example 22 of scikit-fem and a square magnet, with 225 to 3201 nodes, stopping
@@ -58,41 +39,38 @@ Passes = tuple[Pass, ...]
 
 
 @dataclass(frozen=True)
-class Ending:
-    status: Status
-    message: str
-    error: Exception | None = None
-
-
-@dataclass(frozen=True)
 class StopTest:
     passes: int
     asked: Tolerance
     callback: Callable[[Pass], Any] | None
     max_nodes: int | None = None
-    grading: Callable[[Pass], float | None] | None = None  # looser tolerance of passes before a higher order
+    grading: GradingTolerance | None = None  # looser tolerance of passes before a higher order
 
     def __post_init__(self) -> None:
         check_count("passes", self.passes)
         check_hook("callback", self.callback, "the pass")
 
-    def __call__(
-        self, passes: Passes, best: Pass, growing: bool, stalled: bool, owes_pass: bool = False
-    ) -> Ending | None:
-        """Return the ending after the last pass, or None to continue.
+    def __call__(self, state: State, growing: bool, stalled: bool) -> State:
+        """Return the state after the test of its last pass, ended or not.
 
-        While the mesh is `growing`, unmoved nodes or a stall do not end the loop. A loop that `owes_pass` has not tried
+        While the mesh is `growing`, unmoved nodes or a stall do not end the loop. A loop that owes a pass has not tried
         the polish alone after a worse pass: it is not stalled, and has one more pass if the input is the best.
         """
-        last, count, result = passes[-1], count_text(passes), best_pass_text(best)
+        last = state.passes[-1]
+        if self.grading is None and self._is_met(state.passes, last) and self.asked.missed(state.best.record):
+            # the last pass meets tolerances that the best one misses, as of a goal beside a smaller estimate
+            state = replace(state, chosen=state.last)
         returned = self.callback(last) if self.callback else None
-        if last.estimate == 0.0 and not self.asked.missed_values(last):
-            reasons = " and ".join(["all indicators are zero", *self.asked.errors_text(last)])
-            return Ending(Status.CONVERGED, f"Converged after {count}: {reasons}.")
-        if self._is_met(passes, best):
-            return Ending(Status.CONVERGED, f"Converged after {count}: {self.asked.reached_text(last)}. {result}")
         # Only True stops the loop, because many callbacks return a path or a list by accident.
-        if isinstance(returned, bool | np.bool_) and returned:
+        is_stopped = isinstance(returned, bool | np.bool_) and bool(returned)
+        return replace(state, ending=self._ending(state, is_stopped, growing, stalled))
+
+    def _ending(self, state: State, is_stopped: bool, growing: bool, stalled: bool) -> Ending | None:
+        passes, best = state.passes, state.best.record
+        last, count, result = passes[-1], count_text(passes), best_pass_text(best)
+        if converged := self.converged(state):
+            return converged
+        if is_stopped:
             return Ending(Status.STOPPED, f"Stopped by the callback after {count}. {result} {CONTINUE}")
         if last.number > 0 and last.moved == 0 and not growing:
             return unmoved_ending(last, best)
@@ -100,15 +78,44 @@ class StopTest:
             return Ending(Status.STALLED, f"Stopped after {count}: {unreachable} {result}")
         if self.max_nodes is not None and last.mesh.nvertices >= FULL * self.max_nodes:
             return self._largest(last, count, result)
-        if stalled and not growing and not owes_pass:
+        if stalled and not growing and not state.owes_pass:
             return stalled_ending(best)
-        if last.number < self.passes or (owes_pass and best.number == 0):
+        if last.number < self.passes or (state.owes_pass and best.number == 0):
             return None
         return self._all_passes(last, count, result)
 
-    def prefers_last(self, passes: Passes, best: Pass) -> bool:
-        # True if the last pass meets tolerances that the best one misses, as of a goal beside a smaller estimate
-        return self.grading is None and self._is_met(passes, passes[-1]) and bool(self.asked.missed(best))
+    def converged(self, state: State) -> Ending | None:
+        last, result = state.passes[-1], best_pass_text(state.best.record)
+        text = f"Converged after {count_text(state.passes)}"
+        if last.estimate == 0.0 and not self.asked.missed_values(last):
+            reasons = " and ".join(["all indicators are zero", *self.asked.errors_text(last)])
+            return Ending(Status.CONVERGED, f"{text}: {reasons}.")
+        if self._is_met(state.passes, state.best.record):
+            return Ending(Status.CONVERGED, f"{text}: {self.asked.reached_text(last)}. {result}")
+        return None
+
+    def at_order(self, state: State) -> State:
+        """Return the state with the reason for the end after a solve of a higher order."""
+        if self.callback:
+            self.callback(state.passes[-1])
+        whole = replace(self, grading=None)
+        return state.ended(whole.converged(state) or whole._missed(state))
+
+    def _missed(self, state: State) -> Ending:
+        last, before = state.passes[-1], state.ending
+        text = f"Stopped after {count_text(state.passes)}{self.asked.missed_text(last)}. {best_pass_text(last)}"
+        keeps = before is not None and self.asked.estimate(last) is None
+        return Ending(before.status if before and keeps else Status.MAX_PASSES, text)
+
+    def wants_order(self, state: State) -> bool:
+        """Return True if the next step is a solve of a higher order."""
+        ending, best = state.ending, state.best.record
+        if ending is None or self.grading is None or state.raised or ending.status in (Status.STOPPED, Status.FAILED):
+            return False
+        if self.asked.unreachable_text(state.passes):
+            return False
+        allowed = self.asked.estimate(best)
+        return len(self.grading.orders) == 1 or allowed is None or best.estimate > allowed
 
     def _all_passes(self, last: Pass, count: str, result: str) -> Ending:
         if last.number == 0:
@@ -141,16 +148,21 @@ class StopTest:
         return self.asked.estimate(last) if self.grading is None else self.grading(last)
 
 
-def with_remarks(ending: Ending, passes: Passes, best: Pass, settings: Settings, norm: str) -> Ending:
-    remarks = [_choice_remark(passes, best), _resolution_remark(passes, best), _polish_remark(passes, settings, norm)]
-    remarks.append(unimproved_remark(next((step.unimproved for step in passes if step.unimproved), "")))
-    if ending.status in UNINTERRUPTED:
-        first, last = passes[0], passes[-1]
-        drift, nodes = drift_of_nodes(last.mesh.dim(), last.order), last.mesh.nvertices
-        if drift:  # recycling by energy keeps the unknowns, not the nodes
-            nodes = max(nodes, round(first.mesh.nvertices * last.unknowns / first.unknowns))
-        remarks.append(settings.growth.shortfall_message(nodes, drift))
-    return replace(ending, message=" ".join([ending.message, *filter(None, remarks)]))
+def remarks_on_passes(state: State, settings: Settings, norm: str) -> Iterator[str]:
+    passes, best = state.passes, state.best.record
+    yield _choice_remark(passes, best)
+    yield _resolution_remark(passes, best)
+    yield _polish_remark(passes, settings, norm)
+    if state.ending and state.ending.status in UNINTERRUPTED:
+        yield _shortfall_remark(passes, settings)
+
+
+def _shortfall_remark(passes: Passes, settings: Settings) -> str:
+    first, last = passes[0], passes[-1]
+    drift, nodes = drift_of_nodes(last.mesh.dim(), last.order), last.mesh.nvertices
+    if drift:  # recycling by energy keeps the unknowns, not the nodes
+        nodes = max(nodes, round(first.mesh.nvertices * last.unknowns / first.unknowns))
+    return settings.growth.shortfall_message(nodes, drift)
 
 
 def outputs_remark(first: Pass, best: Pass, better: Mapping[str, float]) -> str:
@@ -237,17 +249,26 @@ def unmoved_ending(work: Work, best: Pass) -> Ending:
     return Ending(Status.NOT_MOVED, f"No node moved: {why}. {best_pass_text(best)}")
 
 
-def interim_ending(passes: Passes, best: Pass) -> Ending:
-    return Ending(Status.STOPPED, f"Interim result after {count_text(passes)}. {best_pass_text(best)} {CONTINUE}")
+def stay_ending(state: State, work: Work) -> Ending:
+    best = state.best.record
+    return stalled_ending(best) if state.returns_to_best else unmoved_ending(work, best)
 
 
-def interrupted_ending(passes: Passes, best: Pass) -> Ending:
-    return Ending(Status.STOPPED, f"Stopped by Ctrl-C after {count_text(passes)}. {best_pass_text(best)} {CONTINUE}")
+def interim_ending(state: State) -> Ending:
+    return Ending(Status.STOPPED, f"Interim result {_continued(state)}")
 
 
-def failed_ending(failure: StepFailed, best: Pass) -> Ending:
-    error = failure.__cause__
-    message = f"Failed in pass {failure.number}, {failure.step}: {text_of(error)}. {best_pass_text(best)} See `error`."
+def interrupted_ending(state: State) -> Ending:
+    return Ending(Status.STOPPED, f"Stopped by Ctrl-C {_continued(state)}")
+
+
+def _continued(state: State) -> str:
+    return f"after {count_text(state.passes)}. {best_pass_text(state.best.record)} {CONTINUE}"
+
+
+def failed_ending(failure: StepFailed, state: State) -> Ending:
+    error, best = failure.__cause__, best_pass_text(state.best.record)
+    message = f"Failed in pass {failure.number}, {failure.step}: {text_of(error)}. {best} See `error`."
     return Ending(Status.FAILED, message, error if isinstance(error, Exception) else None)
 
 

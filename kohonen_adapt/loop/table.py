@@ -8,29 +8,7 @@ from math import floor, log10
 from typing import Any
 
 from kohonen_adapt.display import by_error, significant
-from kohonen_adapt.geometry.movable import Work
-from kohonen_adapt.loop.passes import Pass, corrected_value
-
-__all__ = [
-    "DASH",
-    "ERROR_DIGITS",
-    "Columns",
-    "change_of_output",
-    "changes_sign",
-    "energy_error",
-    "energy_norm_error",
-    "estimate_word",
-    "goal_figures",
-    "goal_sentence",
-    "goal_texts",
-    "html_table",
-    "pass_figures",
-    "table_blocks",
-    "table_columns",
-    "table_lines",
-    "with_unit",
-    "word_for_estimate",
-]
+from kohonen_adapt.loop.passes import Pass, Work, corrected_value
 
 WIDTH = 120  # characters; further columns are printed as a second table below
 GAP = "  "

@@ -8,18 +8,13 @@ from numpy.typing import NDArray
 from skfem import Mesh
 
 from kohonen_adapt.geometry.held_nodes import with_pins
-from kohonen_adapt.geometry.plane.surgery import with_layers
+from kohonen_adapt.geometry.plane.surgery import with_thin_layers
 from kohonen_adapt.geometry.rules import Rules, check_for, with_pinned
 from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.functional_of_pass import functional_of
 from kohonen_adapt.mesh.cells import check_kind
 from kohonen_adapt.problem.evaluation import curves_of
 from kohonen_adapt.problem.protocol import CheckedProblem, Problem, check_names
-
-__all__ = [
-    "reasons_at",
-    "why_held",
-]
 
 
 def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | None = None) -> NDArray[np.str_]:
@@ -99,7 +94,7 @@ def reasons_at(mesh: Mesh, problem: CheckedProblem | None, rules: Rules, solutio
 def opened(mesh: Mesh, rules: Rules, problem: CheckedProblem | None) -> Any:
     if problem is not None:
         rules = with_pinned(rules, problem.nodes_on(mesh))
-    layered = with_layers(mesh, rules)  # nodes of missing layers follow the nodes of the input
+    layered = with_thin_layers(mesh, rules)  # nodes of missing layers follow the nodes of the input
     return method_of(mesh).open(layered, rules.guarded(), None if problem is None else problem.is_curved)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.geometry.singular_layers import FACTOR, RESOLVED, sizes_at, with_layers
+from kohonen_adapt.geometry.singular_layers import FACTOR, RESOLVED, sizes_at, with_layers_at
 from kohonen_adapt.magnetostatics.arguments import Arguments, ArgumentsInSpace
 from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.quantities.field import Field
@@ -42,7 +42,7 @@ def layer_counts(mesh: MeshTri, nodes: Ints, exponent: Floats) -> Ints:
 def layered(problem: Arguments, mesh: MeshTri, nodes: Ints, counts: Ints) -> tuple[MeshTri, int]:
     total = 0
     for count in np.unique(counts[counts > 0]):
-        mesh, having = with_layers(mesh, nodes[counts == count], int(count), problem.pairs)
+        mesh, having = with_layers_at(mesh, nodes[counts == count], int(count), problem.pairs)
         total += having.size
     return mesh, total
 

@@ -14,7 +14,7 @@ from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt.geometry.pieces import FoldedLayers
-from kohonen_adapt.geometry.singular_layers import with_layers
+from kohonen_adapt.geometry.singular_layers import with_layers_at
 from kohonen_adapt.mesh.adjacency import connected_arrays
 from kohonen_adapt.mesh.curved import Isoparametric, corners_of, with_midside_offsets
 from kohonen_adapt.mesh.elements.space import Space
@@ -108,7 +108,7 @@ def test_layers_that_invert_straight_elements_are_refused():
     edges = corners_of(mesh).edges.astype(np.int64)
     with pytest.raises(FoldedLayers, match="layers at the nodes would invert elements at a curve"):
         ka.refined_at(mesh, edges=edges)
-    made, nodes = with_layers(mesh, np.arange(mesh.nvertices), 2, edges=edges)
+    made, nodes = with_layers_at(mesh, np.arange(mesh.nvertices), 2, edges=edges)
     assert nodes.size < mesh.nvertices
     check_mesh(made, curved=True, space=True)
 
@@ -156,10 +156,10 @@ def test_other_elements_stay_as_they_are():
 def test_layers_that_coordinates_do_not_resolve_are_left_out():
     mesh = box(2).translated((1e8, 0.0, 0.0))
     edge = mesh.edges[:, :1].astype(np.int64)
-    made, nodes = with_layers(mesh, np.array([5, 7]), 8, edges=edge)
+    made, nodes = with_layers_at(mesh, np.array([5, 7]), 8, edges=edge)
     assert nodes.size == 0
     assert made.nelements == mesh.nelements
-    made, nodes = with_layers(mesh, np.array([5, 7]), 1, edges=edge)
+    made, nodes = with_layers_at(mesh, np.array([5, 7]), 1, edges=edge)
     np.testing.assert_array_equal(made.t, ka.refined_at(mesh, [5, 7], edges=edge, layers=1).t)
 
 

@@ -7,11 +7,11 @@ from helpers.stand_ins import MESH, Script, adapt, script_of
 
 import kohonen_adapt as ka
 from kohonen_adapt.display import by_error
-from kohonen_adapt.geometry.movable import shown
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.loop.checkpoint import Checkpoint
+from kohonen_adapt.loop.checkpoint import Checkpoint, fingerprint
 from kohonen_adapt.loop.growth import Growth
-from kohonen_adapt.loop.settings import ONLY_ENDS, Settings, fingerprint
+from kohonen_adapt.loop.passes import shown
+from kohonen_adapt.loop.settings import ONLY_ENDS, Settings
 from kohonen_adapt.loop.table import pass_figures, table_columns
 
 

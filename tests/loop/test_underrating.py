@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from skfem import MeshTet, MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt.loop.underrating import UNRESOLVED, error_measure, underrating
+from kohonen_adapt.loop.state import UNRESOLVED, error_measure, underrating
 from kohonen_adapt.mesh.measures import area
 
 

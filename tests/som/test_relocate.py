@@ -30,6 +30,7 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt import Rules, Schedule, Stage
 from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.loop.passes import work_of
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.som.relocate import doublings_for, move
 from kohonen_adapt.som.training import Trainer
@@ -308,16 +309,16 @@ def test_the_start_radius_shrinks_as_the_mesh_comes_near_the_density():
 
 def test_an_account_of_what_it_took():
     mesh = square(6)
-    after, done = work_of(mesh, pull(mesh), SHORT)
+    after, done = relocated(mesh, pull(mesh), SHORT)
     way = np.hypot(*(after.p - mesh.p))
     assert len(done.quantization_errors) == 2
     assert done.max_displacement == pytest.approx(way.max(), rel=1e-14)
     assert done.moved == np.count_nonzero(way)
     assert done.why_still == ""
-    _, still = work_of(mesh, pull(mesh), Schedule(()))
+    _, still = relocated(mesh, pull(mesh), Schedule(()))
     assert (still.moved, still.max_displacement, still.quantization_errors) == (0, 0.0, ())
     assert still.why_still == "the schedule has no rounds, no epochs and no sweeps"
-    _, pinned = work_of(mesh, pull(mesh), SHORT, pinned=range(49))
+    _, pinned = relocated(mesh, pull(mesh), SHORT, pinned=range(49))
     assert (pinned.moved, pinned.why_still) == (0, "every node is a corner or pinned")
 
 
@@ -335,11 +336,11 @@ def test_a_mesh_stretched_as_a_whole_names_the_min_quality_that_helps(caplog):
     assert "Give min_quality=0.0087. Best: the input, " in result.message
 
 
-def work_of(mesh, density, schedule, pinned=()):
+def relocated(mesh, density, schedule, pinned=()):
     """The mesh moved, and the figures of that."""
     movable = MovableMesh.of(mesh, Rules(pinned=pinned))
     moved = move(movable, density, schedule, "flip", np.random.default_rng(0))
-    return movable.mesh(), moved.work(movable)
+    return movable.mesh(), work_of(moved, movable)
 
 
 def test_regions_that_hang_together_nowhere_are_relocated_each():
@@ -397,5 +398,5 @@ def test_a_relocation_that_moves_nothing_says_so(caplog):
 
 def test_a_single_triangle_has_nothing_to_move():
     mesh = MeshTri(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([[0], [1], [2]]))
-    _, done = work_of(mesh, np.ones(1), None)
+    _, done = relocated(mesh, np.ones(1), None)
     assert (done.moved, done.why_still) == (0, "every node is a corner or pinned")

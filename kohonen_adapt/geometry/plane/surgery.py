@@ -23,7 +23,7 @@ from kohonen_adapt.kernels.triangle.arrays import SLIDING, Elements, OpenMesh, O
 from kohonen_adapt.kernels.triangle.surgery import find_edge, midpoint, split
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["Surgery", "numbered_along_curve", "with_layers"]
+__all__ = ["Surgery", "numbered_along_curve", "with_thin_layers"]
 
 FEW = 10_000  # number of nodes of a mesh that fits in the cache of a processor in any order
 FAR = 4.0  # median index distance of neighbours above which nodes are renumbered, relative to sqrt(nnodes)
@@ -124,7 +124,7 @@ def outer_edges(elements: Elements) -> Ints:
 MOST = 8  # maximum number of layers that is made; more must be in the input mesh
 
 
-def with_layers(mesh: MeshTri, rules: Rules, grows: bool = False) -> MeshTri:
+def with_thin_layers(mesh: MeshTri, rules: Rules, grows: bool = False) -> MeshTri:
     # Every edge in the middle of a path across with too few edges is halved, until all paths are long enough. New
     # nodes follow the nodes of the input in number.
     if not rules.layers or not (grows or rules.topology == "recycle"):

@@ -1,0 +1,101 @@
+"""Tolerance of the passes at order 2 before a solve of a higher order."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from kohonen_adapt.loop.growth import predicted_nodes
+from kohonen_adapt.loop.passes import Pass
+from kohonen_adapt.loop.settings import Tolerance
+from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE
+from kohonen_adapt.problem.protocol import OF_PASSES
+
+DIRECT = 0.5  # fraction of this error from which a tolerance is met by passes alone
+OF_GOAL = 10.0  # tolerance of passes for goals, as a multiple of the tolerance of the estimate
+SAFE = 0.8  # of the tolerance of passes before a higher order
+
+
+@dataclass(frozen=True)
+class HighOrders:
+    """Gains of high orders on layers, in the plane or in space.
+
+    Attributes
+    ----------
+    graded
+        Relative error at order 2 of a mesh that is graded well enough for higher orders.
+    enough
+        Relative error up to which no pass follows: one order more takes less time than a pass that only adds nodes.
+    gains
+        Error at order 2 over the error of a higher order, on a mesh of the former error with layers.
+    orders_per_layer
+        Order of the elements, over the number of layers.
+    few
+        Nodes at order 2 that take less time than a higher order, relative to the nodes of the last pass.
+    """
+
+    graded: float
+    enough: float
+    gains: Mapping[int, float]
+    orders_per_layer: float
+    few: float = 0.0
+
+    def gain(self, order: int) -> float:
+        return self.gains[min(order, max(self.gains))]
+
+    def layers(self, order: int) -> int:
+        return int(order / self.orders_per_layer)
+
+
+HIGH_ORDERS = {
+    TRIANGLE.dim: HighOrders(0.019, 0.03, {4: 8.0, 5: 17.0, 6: 34.0, 7: 60.0, 8: 100.0}, 2.0),  # C-core, 211 nodes
+    TETRAHEDRON.dim: HighOrders(0.1, 0.15, {4: 9.0, 5: 16.0, 6: 25.0}, 2.5, 6.5),  # Fichera's corner, 120 and 250 nodes
+}
+
+
+@dataclass
+class GradingTolerance:
+    """Tolerance of the passes at order 2, lowered if higher orders do not suffice.
+
+    Attributes
+    ----------
+    tolerance
+        Tolerance of the result.
+    orders
+        Orders for the result.
+    high
+        What these orders bring.
+    relative
+        Tolerance of the passes, relative to the energy norm, or to the tolerance of a goal.
+    """
+
+    tolerance: Tolerance
+    orders: range
+    high: HighOrders
+    relative: float | None = None
+
+    def __call__(self, last: Pass) -> float | None:
+        return self._within(last, self.high.enough)
+
+    def _within(self, last: Pass, enough: float) -> float | None:
+        tolerance = self.tolerance.estimate(last)
+        if tolerance is None:
+            return None
+        if last.energy_norm is None:
+            return max(1.0, OF_GOAL if self.relative is None else self.relative) * tolerance
+        aim, graded = (self.high.graded, enough) if self.relative is None else (self.relative,) * 2
+        if tolerance > DIRECT * aim * last.energy_norm or self._needs_few(last, tolerance):
+            return tolerance
+        return min(graded * last.energy_norm, self.high.gain(self.orders[-1]) * tolerance)
+
+    def _needs_few(self, last: Pass, tolerance: float) -> bool:
+        # True if order 2 meets the tolerance with few nodes, and no higher order is prescribed
+        nodes = predicted_nodes(last, tolerance, OF_PASSES, last.mesh.dim())
+        return len(self.orders) > 1 and nodes < self.high.few * last.mesh.nvertices
+
+    def aim(self, last: Pass) -> float | None:
+        # Return the estimate that passes aim at, to meet the tolerance at once.
+        tolerance = self._within(last, self.high.graded)
+        return tolerance and (tolerance if tolerance == self.tolerance.estimate(last) else SAFE * tolerance)
+
+    def lower(self, last: Pass, factor: float) -> None:
+        unit = last.energy_norm if last.energy_norm is not None else self.tolerance.estimate(last)
+        self.relative = factor * last.estimate / unit if unit else 0.0
