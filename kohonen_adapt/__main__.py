@@ -33,9 +33,9 @@ from kohonen_adapt.display import counted
 from kohonen_adapt.files import remove_drafts, whole_file
 from kohonen_adapt.io import read_groups, read_mesh
 from kohonen_adapt.loop.adapt import adapt
+from kohonen_adapt.loop.figures import energy_norm_error, estimate_word, goal_sentence, values_of
 from kohonen_adapt.loop.passes import Status
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.table import energy_norm_error, estimate_word, goal_sentence
 from kohonen_adapt.magnetostatics.bracketing import bracket_of
 from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
 from kohonen_adapt.mesh.cells import check_kind
@@ -189,11 +189,8 @@ class _Passes:
         share = "" if error is None else f" ({error:.2f} %)"
         order = f" of order {step.order}" if step.order != result.history[0].order else ""
         self.known = f"{step.mesh.nvertices} nodes{order}, {estimate_word([step])} {step.estimate_text}{share}"
-        errors = "".join(
-            f", error of {name} {100.0 * abs(error / step.outputs[name]):.2g} %"
-            for name, error in step.output_errors.items()
-            if step.outputs[name]
-        )
+        relative = {name: value.relative_error for name, value in values_of(step).items() if name in step.outputs}
+        errors = "".join(f", error of {name} {abs(each):.2g} %" for name, each in relative.items() if each is not None)
         compiling = f" and {step.compile_seconds:.0f} s of compiling" if step.compile_seconds >= 1.0 else ""
         self.terminal.say(f"pass {step.number}: {self.known}{errors}, {sum(step.seconds.values()):.2f} s{compiling}")
 

@@ -19,9 +19,9 @@ from kohonen_adapt.display import lattice_points
 from kohonen_adapt.files import remove_drafts, whole_file, whole_files, write_whole
 from kohonen_adapt.io import write_mesh
 from kohonen_adapt.loop.adapt import adapt
+from kohonen_adapt.loop.figures import pass_figures
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.table import pass_figures
 
 __all__ = ["CaseRun", "curve_sentence", "results_of", "write_fields"]
 

@@ -25,9 +25,9 @@ from kohonen_adapt.commands.plan import plan_sentence
 from kohonen_adapt.commands.terminal import Terminal, drawn
 from kohonen_adapt.files import remove_drafts, save_figure, write_whole
 from kohonen_adapt.loop.adapt import adapt
+from kohonen_adapt.loop.figures import with_unit
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.settings import Tolerance
-from kohonen_adapt.loop.table import with_unit
 from kohonen_adapt.precompile import compile_missing
 from kohonen_adapt.sweeps.cases import ASKED, ERROR, SweepResult
 from kohonen_adapt.sweeps.pool import LocalPool

@@ -14,7 +14,6 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import check_hook
 from kohonen_adapt.kernels.numba.clock import seconds_compiling
 from kohonen_adapt.mesh.measures import quality
-from kohonen_adapt.problem.uncertain import corrected
 from kohonen_adapt.som.relocation_record import QUALITY_RULE, Moved
 
 
@@ -225,13 +224,6 @@ class Pass(Work):
     def __repr__(self) -> str:
         nodes, least = self.mesh.nvertices, self.min_quality
         return f"<Pass {self.number}: estimate {self.estimate_text}, {nodes} nodes, min quality {least:.2f}>"
-
-
-def corrected_value(step: Pass, name: str) -> float | None:
-    # of an output, or of the goal under "goal"; None if the error is unknown
-    is_output = name in step.outputs
-    value, error = step.outputs.get(name, step.goal), step.output_errors.get(name) if is_output else step.goal_error
-    return None if value is None or error is None else corrected(value, error, step.doubts.get(name, 0.0))
 
 
 class StepFailed(Exception):

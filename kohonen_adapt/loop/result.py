@@ -7,37 +7,9 @@ from typing import Any
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.loop.figures import OutputValue, values_of
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.table import html_table, table_lines
-from kohonen_adapt.problem.uncertain import corrected
-
-
-@dataclass(frozen=True)
-class OutputValue:
-    """Value of an output or goal with its estimated error.
-
-    Attributes
-    ----------
-    value
-        Value on the best mesh.
-    error
-        Estimated error with its sign, None if unknown. Its magnitude is at least `doubt`.
-    doubt
-        Estimated magnitude of what `error` misses.
-    """
-
-    value: float
-    error: float | None
-    doubt: float = 0.0
-
-    @property
-    def corrected(self) -> float | None:
-        """Sum of value and error, None if the error is unknown.
-
-        If the error is less than twice its doubt, a smaller part of the error is added, down to nothing where both are
-        equal, so that a correction whose sign is uncertain is none.
-        """
-        return None if self.error is None else corrected(self.value, self.error, self.doubt)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,10 +59,7 @@ class AdaptResult:
     @property
     def outputs(self) -> dict[str, OutputValue]:
         """Outputs of the best pass by name, and the goal under "goal"."""
-        best = self.best
-        pairs = {name: (value, best.output_errors.get(name)) for name, value in best.outputs.items()}
-        pairs |= {} if best.goal is None else {"goal": (best.goal, best.goal_error)}
-        return {name: OutputValue(*pair, best.doubts.get(name, 0.0)) for name, pair in pairs.items()}
+        return values_of(self.best)
 
     def __str__(self) -> str:
         marks = ["  <- best" if step is self.best else "" for step in self.history]

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kohonen_adapt.checks import check_fraction, check_tolerance
-from kohonen_adapt.display import by_error
 from kohonen_adapt.geometry.rules import Rules
+from kohonen_adapt.loop.figures import GOAL, values_of
 from kohonen_adapt.loop.growth import NodeCounts
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.problem.evaluation import Output
@@ -150,17 +150,14 @@ class Tolerance:
         return [] if tolerance is None else [_tolerance_text(tolerance, last)]
 
     def errors_text(self, last: Pass) -> list[str]:
-        texts, goal, error = [], last.goal, last.goal_error
-        if self.goal_rtol is not None and goal is not None and error is not None:
-            text = f"{percent(abs(error / goal))} " if goal else f"{abs(error):.3g} "
-            goal_text = f"{by_error(goal, error)} {last.goal_unit}".rstrip()
-            texts.append(f"goal {goal_text}, estimated error {text}(asked {percent(self.goal_rtol)})")
-        for name, tolerance in self._fractions(last.outputs).items():
-            value, error = last.outputs[name], last.output_errors.get(name)
-            text = "error unknown" if error is None else f"estimated error {abs(error):.3g}"
-            if error is not None and value:
-                text = f"estimated error {percent(abs(error / value))}"
-            texts.append(f"{name} {by_error(value, error)}, {text} (asked {percent(tolerance)})")
+        texts, values = list[str](), values_of(last)
+        asked = {} if self.goal_rtol is None or last.goal_error is None else {GOAL: self.goal_rtol}
+        for name, tolerance in {**asked, **self._fractions(last.outputs)}.items():
+            value, relative = values[name], values[name].relative_error
+            text = "error unknown" if value.error is None else f"estimated error {abs(value.error):.3g}"
+            if relative is not None:
+                text = f"estimated error {abs(relative):.4g} %"
+            texts.append(f"{name} {value.texts()[0]}, {text} (asked {percent(tolerance)})")
         return texts
 
     def missed_text(self, last: Pass) -> str:

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from kohonen_adapt.checks import check_count, check_hook, listed
+from kohonen_adapt.loop.figures import energy_norm_error
 from kohonen_adapt.loop.grading import GradingTolerance
 from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.passes import Ending, Pass, Status, StepFailed, Work, text_of
 from kohonen_adapt.loop.settings import Settings, Tolerance, percent
 from kohonen_adapt.loop.state import State, error_measure, underrating
-from kohonen_adapt.loop.table import energy_norm_error
 
 # The random training points scatter the estimate of a pass by about 1 %, so a pass without a decrease is often followed
 # by a pass with one. On the L-shape, example 22 of scikit-fem and a square magnet, with 225 to 3201 nodes, stopping

@@ -8,89 +8,22 @@ from math import floor, log10
 from typing import Any
 
 from kohonen_adapt.display import by_error, significant
-from kohonen_adapt.loop.passes import Pass, Work, corrected_value
+from kohonen_adapt.loop.figures import (
+    ERROR_DIGITS,
+    energy_error,
+    energy_norm_error,
+    goal_figures,
+    values_of,
+    word_for_estimate,
+)
+from kohonen_adapt.loop.passes import Pass, Work
 
 WIDTH = 120  # characters; further columns are printed as a second table below
 GAP = "  "
 DASH = "-"
 SIGN_CHANGE = "sign"
-ERROR_DIGITS = 2
-GOAL_FIELDS = ("goal", "goal_error", "goal_unit")  # replaced by `goal_figures`
 
 Columns = list[tuple[str, list[str]]]
-
-
-def pass_figures(step: Pass) -> dict[str, Any]:
-    figures: dict[str, Any] = {}
-    for name in (entry.name for entry in fields(step) if entry.name not in (*GOAL_FIELDS, "output_errors", "doubts")):
-        value = getattr(step, name)
-        if isinstance(value, dict):
-            singular = name.removesuffix("s") if name == "outputs" else name
-            figures |= {f"{singular} {key}": number for key, number in value.items()}
-        elif value is None or isinstance(value, int | float | str):
-            figures[name] = value
-    return figures | output_error_figures(step) | goal_figures(step)
-
-
-def output_error_figures(step: Pass) -> dict[str, Any]:
-    figures = dict[str, Any]()
-    for name, error in step.output_errors.items():
-        figures |= {f"error of output {name}": error, f"corrected output {name}": corrected_value(step, name)}
-    return figures
-
-
-def goal_figures(step: Pass) -> dict[str, float | None]:
-    # The figures are the value, its error (None if not estimated), the corrected value, and the sum of the errors of
-    # the elements.
-    if step.goal is None:
-        return {}
-    total = corrected_value(step, "goal")
-    figures = {"goal": step.goal, "error": step.goal_error, "goal + error": total, "estimate": step.shown_estimate}
-    return {with_unit(name if name.startswith("goal") else f"goal {name}", step): figures[name] for name in figures}
-
-
-def goal_sentence(step: Pass) -> str:
-    if step.goal is None:
-        return ""
-    texts = goal_texts(step)
-    if len(texts) == 1:
-        return f"The goal is {texts[0]}; its error is not estimated."
-    return "The goal is {}, with an estimated error of {}: the exact value is near {}.".format(*texts)
-
-
-def goal_texts(step: Pass) -> list[str]:
-    # the value, and if known its error and the corrected value
-    value, error, total = list(goal_figures(step).values())[:3]
-    texts = [by_error(each, error) for each in (value, total) if each is not None]
-    texts[1:1] = [] if error is None else [significant(error, ERROR_DIGITS)]
-    return [f"{text} {step.goal_unit}".rstrip() for text in texts]
-
-
-def with_unit(name: str, step: Pass) -> str:
-    return f"{name} ({step.goal_unit})" if step.goal_unit else name
-
-
-def energy_norm_error(step: Pass) -> float | None:
-    return 100.0 * step.estimate / step.energy_norm if step.calibrated and step.energy_norm else None
-
-
-def energy_error(step: Pass) -> float | None:
-    """Return the error of the energy in per cent, None if unknown.
-
-    By Galerkin orthogonality the functional of a linear problem, int c/2 |grad u|^2 - f u, differs from its minimum by
-    half the square of the error in the energy norm. Hence the relative error of the energy is (estimate / norm)^2. For
-    nonlinear materials the estimate is in the norm of the linearised problem, and the relation holds near the solution.
-    """
-    error = energy_norm_error(step)
-    return None if error is None else error**2 / 100.0
-
-
-def word_for_estimate(history: Sequence[Pass]) -> str:
-    return with_unit(estimate_word(history), history[0])
-
-
-def estimate_word(history: Sequence[Pass]) -> str:
-    return "estimate" if all(step.calibrated or step.goal is not None for step in history) else "indicator"
 
 
 def change_of_output(before: float, after: float) -> float | None:
@@ -182,19 +115,14 @@ def _output_columns(history: tuple[Pass, ...]) -> list[Columns]:
 
 
 def _columns_of_output(name: str, history: tuple[Pass, ...]) -> Columns:
-    values, errors = [step.outputs[name] for step in history], [step.output_errors.get(name) for step in history]
-    least, changes = _least(errors), ("Delta %", [DASH, *map(_output_change, values, values[1:])])
+    found = [values_of(step)[name] for step in history]
+    values = [each.value for each in found]
+    least = _least(each.error for each in found)
+    columns = [(name, _by_error(values, least)), ("Delta %", [DASH, *map(_output_change, values, values[1:])])]
     if least is None:
-        return [(name, _by_error(values, None)), changes]
-    pairs = zip(values, errors, strict=True)
-    relative = [None if error is None or not value else 100.0 * error / abs(value) for value, error in pairs]
-    corrected = [corrected_value(step, name) for step in history]
-    return [
-        (name, _by_error(values, least)),
-        changes,
-        ("error %", _significant(relative)),
-        ("corrected", _by_error(corrected, least)),
-    ]
+        return columns
+    relative = _significant(each.relative_error for each in found)
+    return [*columns, ("error %", relative), ("corrected", _by_error((each.corrected for each in found), least))]
 
 
 def _output_change(before: float, after: float) -> str:

@@ -16,8 +16,8 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.files import whole_file
+from kohonen_adapt.loop.figures import error_text
 from kohonen_adapt.loop.passes import Pass
-from kohonen_adapt.loop.table import energy_norm_error, estimate_word
 from kohonen_adapt.mesh.slicing import CutBy, flat
 from kohonen_adapt.plotting.drawing import draw_mesh
 from kohonen_adapt.som.kohonen_map import KohonenMap
@@ -139,9 +139,7 @@ def _epochs(schedule: Schedule) -> Iterator[tuple[str, Schedule]]:
 
 
 def _title(step: Pass) -> str:
-    error = energy_norm_error(step)
-    error_text = f"{estimate_word([step])} {step.estimate_text}" if error is None else f"error {error:.3g} %"
-    return f"pass {step.number}: {step.mesh.nvertices} nodes, {error_text}"
+    return f"pass {step.number}: {step.mesh.nvertices} nodes, {error_text(step)}"
 
 
 def _write(path: Path, frames: Sequence[Frame], view: View, seconds: float) -> None:

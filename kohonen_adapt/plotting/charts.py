@@ -15,8 +15,8 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import as_reals
 from kohonen_adapt.display import in_unit
+from kohonen_adapt.loop.figures import are_in_percent, estimate_word, word_for_estimate
 from kohonen_adapt.loop.passes import Pass
-from kohonen_adapt.loop.table import energy_norm_error, estimate_word, word_for_estimate
 from kohonen_adapt.magnetostatics.materials.bh_table import Table
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Law
 from kohonen_adapt.mesh.measures import quality
@@ -50,7 +50,7 @@ def draw_passes(axes: Axes, history: Sequence[Pass], *, errors: Sequence[float] 
     errors
         The exact error of every pass, in the same norm.
     """
-    percent = _in_percent(history)
+    percent = are_in_percent(history)
     number, norms = [step.number for step in history], _norms(history, percent)
     estimates = np.array([step.shown_estimate for step in history])
     axes.plot(number, estimates / norms, "o-", color=BLUE, label=estimate_word(history))
@@ -97,7 +97,7 @@ def plot_convergence(histories: Mapping[str, Sequence[Pass]], *, slope: float = 
         raise ValueError(f"histories must be one to {len(COLOURS)}, each with a pass; got {len(histories)}.")
     axes = axes_of(ax)
     passes = [step for history in histories.values() for step in history]
-    percent = _in_percent(passes)
+    percent = are_in_percent(passes)
     drawn = [_points(history, percent) for history in histories.values()]
     for word, (nodes, errors), colour, marker in zip(histories, drawn, COLOURS, MARKERS, strict=False):
         axes.plot(nodes, errors, marker, linestyle="-", color=colour, label=word, zorder=3)
@@ -127,12 +127,8 @@ def _points(history: Sequence[Pass], percent: bool) -> tuple[Floats, Floats]:
     return nodes, np.where(errors > 0.0, errors, np.nan)
 
 
-def _in_percent(history: Sequence[Pass]) -> bool:
-    return all(energy_norm_error(step) is not None for step in history)
-
-
 def _label(history: Sequence[Pass]) -> str:
-    if _in_percent(history):
+    if are_in_percent(history):
         return ERROR
     calibrated = all(step.calibrated for step in history)
     return "energy-norm error" if calibrated else word_for_estimate(history)

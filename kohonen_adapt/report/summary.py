@@ -4,20 +4,20 @@ import platform
 import re
 from importlib.metadata import PackageNotFoundError, version
 
-from kohonen_adapt.display import by_error, counted, significant
+from kohonen_adapt.display import by_error, counted
 from kohonen_adapt.kernels.threads import number_of_threads
-from kohonen_adapt.loop.passes import Pass, Status, corrected_value
-from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.table import (
-    ERROR_DIGITS,
-    change_of_output,
-    changes_sign,
+from kohonen_adapt.loop.figures import (
+    GOAL,
+    are_in_percent,
     energy_error,
     energy_norm_error,
     estimate_word,
     goal_sentence,
-    goal_texts,
+    values_of,
 )
+from kohonen_adapt.loop.passes import Pass, Status
+from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.loop.table import change_of_output, changes_sign
 from kohonen_adapt.magnetostatics.hypercircle import Bracket
 from kohonen_adapt.version import __version__
 
@@ -41,16 +41,16 @@ BARE = re.compile(r"""(?<![\w.:/\\)\]])(?:~|[A-Za-z]:)?(?:[\\/][^\\/\s"'<>|,;]+)
 
 def key_figures(result: AdaptResult) -> list[tuple[str, str]]:
     first, last = result.history[0], result.best
-    word = "energy-norm error" if _in_percent(first, last) else estimate_word(result.history)
-    energy = [("energy error after", f"{energy_error(last):.2g}\u00a0%")] if _in_percent(first, last) else []
+    word = "energy-norm error" if are_in_percent((first, last)) else estimate_word(result.history)
+    energy = [("energy error after", f"{energy_error(last):.2g}\u00a0%")] if are_in_percent((first, last)) else []
     return [
-        *_of_goal(last),
+        *([] if last.goal is None else _figures_of(GOAL, last)),
         (f"{word} before", _error(first, last)),
         (f"{word} after", _error(last, first)),
         *energy,
         ("nodes", _from_to(*(step.mesh.nvertices for step in (first, last)))),
         ("worst quality", f"{last.min_quality:.2f}"),
-        *(figure for name in last.outputs for figure in _figures_of_output(name, last)),
+        *(figure for name in last.outputs for figure in _figures_of(name, last)),
         ("ending", ENDINGS[result.status]),
     ]
 
@@ -63,20 +63,11 @@ def bracket_sentences(bracket: Bracket | None) -> list[str]:
     return [] if bracket is None else [f"Bounds by both potentials on the last mesh: {bracket.summary}."]
 
 
-def _of_goal(step: Pass) -> list[tuple[str, str]]:
-    texts = [] if step.goal is None else goal_texts(step)
-    return list(zip(("goal", "error of the goal", "goal + error"), texts, strict=False))
-
-
-def _figures_of_output(name: str, step: Pass) -> list[tuple[str, str]]:
-    value, error, total = step.outputs[name], step.output_errors.get(name), corrected_value(step, name)
-    if error is None or total is None:
-        return [(name, by_error(value, None))]
-    return [
-        (name, by_error(value, error)),
-        (f"error of {name}", significant(error, ERROR_DIGITS)),
-        (f"corrected {name}", by_error(total, error)),
-    ]
+def _figures_of(name: str, step: Pass) -> list[tuple[str, str]]:
+    titles = (name, f"error of {name}", f"corrected {name}")
+    if name == GOAL:
+        titles = ("goal", "error of the goal", "goal + error")
+    return list(zip(titles, values_of(step)[name].texts(), strict=False))
 
 
 def sentences(result: AdaptResult) -> list[str]:
@@ -85,19 +76,15 @@ def sentences(result: AdaptResult) -> list[str]:
     text = [
         f"{counted(relocations, 'relocation')} {'was' if relocations == 1 else 'were'} made. {result.message}",
         f"The error estimate went from {_error(first, last)} to {_error(last, first)}"
-        f"{' of the energy norm' if _in_percent(first, last) else ''}{_share(first, last)}, with "
+        f"{' of the energy norm' if are_in_percent((first, last)) else ''}{_share(first, last)}, with "
         f"{_from_to(*(step.mesh.nvertices for step in (first, last)))} nodes.",
         *filter(None, [goal_sentence(last)]),
     ]
     return text + [_of_output(name, first, last) for name in last.outputs]
 
 
-def _in_percent(*steps: Pass) -> bool:
-    return all(energy_norm_error(step) is not None for step in steps)
-
-
 def _error(step: Pass, other: Pass) -> str:
-    return f"{energy_norm_error(step):.3g}\u00a0%" if _in_percent(step, other) else step.estimate_text
+    return f"{energy_norm_error(step):.3g}\u00a0%" if are_in_percent((step, other)) else step.estimate_text
 
 
 def _share(first: Pass, last: Pass) -> str:
@@ -125,12 +112,12 @@ def _of_output(name: str, first: Pass, last: Pass) -> str:
 
 
 def _error_of_output(name: str, step: Pass) -> str:
-    value, error, total = step.outputs[name], step.output_errors.get(name), corrected_value(step, name)
-    if error is None or total is None:
+    found = values_of(step)[name]
+    if found.error is None:
         return ""
-    percent = f" ({100.0 * abs(error / value):.2g}\u00a0%)" if value else ""
-    near, text = by_error(total, error), significant(error, ERROR_DIGITS)
-    return f" Its estimated error is {text}{percent}: the exact value is near {near}."
+    percent = "" if found.relative_error is None else f" ({abs(found.relative_error):.2g}\u00a0%)"
+    _, error, near = found.texts()
+    return f" Its estimated error is {error}{percent}: the exact value is near {near}."
 
 
 def versions() -> dict[str, str]:

@@ -9,10 +9,11 @@ import kohonen_adapt as ka
 from kohonen_adapt.display import by_error
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.loop.checkpoint import Checkpoint, fingerprint
+from kohonen_adapt.loop.figures import pass_figures
 from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.passes import shown
 from kohonen_adapt.loop.settings import ONLY_ENDS, Settings
-from kohonen_adapt.loop.table import pass_figures, table_columns
+from kohonen_adapt.loop.table import table_columns
 
 
 def plain(result):

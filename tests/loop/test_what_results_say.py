@@ -7,7 +7,8 @@ from skfem import Basis, BilinearForm, ElementTriP1, LinearForm, MeshTri, conden
 from skfem.helpers import dot, grad
 
 import kohonen_adapt as ka
-from kohonen_adapt.loop.table import energy_error, pass_figures, table_columns
+from kohonen_adapt.loop.figures import energy_error, pass_figures
+from kohonen_adapt.loop.table import table_columns
 
 
 class Pull(Script):

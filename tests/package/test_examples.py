@@ -15,7 +15,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.cases import fitting_mesh, read_case
-from kohonen_adapt.loop.table import energy_norm_error
+from kohonen_adapt.loop.figures import energy_norm_error
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.measures import area
 

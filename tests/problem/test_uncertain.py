@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kohonen_adapt.loop.result import OutputValue
+from kohonen_adapt.loop.figures import OutputValue
 from kohonen_adapt.problem.uncertain import Uncertain, corrected, doubts_of, error_of, shifted
 
 NUMBERS, PARTS = st.floats(-1e3, 1e3), st.floats(-1.0, 1.0)
