@@ -16,6 +16,7 @@ from kohonen_adapt.mesh.elements.assembly import Subspaces, symmetric_factors
 __all__ = ["IN_SPACE", "Solver"]
 
 TOLERANCE = 1e-10  # residual of conjugate gradients, relative to the right-hand side
+MOST_WITH_STARS = 1000  # iterations; 50 are usual, 200 with three layers at edges of iron
 ENTRIES = 15  # per row of a matrix of order 1 in space
 
 
@@ -55,7 +56,7 @@ class Solver:
             return None
         csr, coarse = as_csr(matrix), self.preconditioner((prolongation.T @ matrix @ prolongation).tocsc())
         corrected = added_corrections(csr, stars, lambda residual: prolongation @ coarse(prolongation.T @ residual))
-        return self._iterated(csr, right, corrected)
+        return self._iterated(csr, right, corrected, MOST_WITH_STARS)
 
     def preconditioner(self, matrix: csc_array) -> Callable[[Floats], Floats]:
         """Return the inverse of a matrix, or a cycle of multigrid if large."""
@@ -64,9 +65,11 @@ class Solver:
             return lambda residual: np.asarray(cycle @ residual)
         return factorised(matrix).solve
 
-    def _iterated(self, matrix: csr_matrix, right: Floats, preconditioner: Callable[[Floats], Floats]) -> Floats | None:
+    def _iterated(
+        self, matrix: csr_matrix, right: Floats, preconditioner: Callable[[Floats], Floats], most: int
+    ) -> Floats | None:
         cycle = LinearOperator(matrix.shape, matvec=preconditioner, dtype=np.float64)
-        solution, _ = cg(matrix, right, rtol=self.rtol, maxiter=self.most_iterations, M=cycle)
+        solution, _ = cg(matrix, right, rtol=self.rtol, maxiter=most, M=cycle)
         return solution if self._is_solved(matrix, right, solution) else None
 
     def _is_solved(self, matrix: csr_matrix, right: Floats, solution: Floats) -> bool:
@@ -86,7 +89,7 @@ class Solver:
             return None
         csr = as_csr(matrix)
         if prolongation is not None:
-            return self._iterated(csr, right, two_level_cycle(csr, prolongation))
+            return self._iterated(csr, right, two_level_cycle(csr, prolongation), self.most_iterations)
         solution = aggregated(csr).solve(right, tol=self.rtol, maxiter=self.most_iterations, accel="cg")
         return solution if self._is_solved(csr, right, solution) else None
 
