@@ -48,9 +48,9 @@ def named_sets(sets: Mapping[str, ArrayLike] | None) -> dict[str, Ints]:
 def named(sets: Mapping[str, Ints] | None, name: str, kind: str) -> Ints:
     if sets is None or name not in sets:
         available = named_sets(sets)
-        raise ValueError(
-            f"{kind} {name!r} is not in the mesh; it has {listed(available)}.{nearest_name(name, available)}"
-        )
+        plural = {"boundary": "boundaries"}.get(kind, f"{kind}s")
+        remedy = nearest_name(name, available) if available else f" Name {plural} by mesh.with_{plural}."
+        raise ValueError(f"{kind} {name!r} is not in the mesh; it has {listed(available)}.{remedy}")
     return sets[name]
 
 

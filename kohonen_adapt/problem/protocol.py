@@ -268,6 +268,8 @@ def check_names(problem: CheckedProblem) -> None:
 
 
 def checked_problem(given: Problem, rtol: float | None) -> CheckedProblem:
+    if isinstance(given, type):
+        raise ValueError(f"problem must be an object, {given.__name__}(...); got the class {given.__name__}.")
     problem = CheckedProblem(given)
     missing = [name for name in ("solve", "indicators") if not problem.has(name)]
     if missing:

@@ -92,6 +92,10 @@ def test_a_problem_without_indicators():
     )
 
 
+def test_a_class_of_problems():
+    refused("problem must be an object, Constant(...); got the class Constant.", problem=Constant)
+
+
 def test_rtol_without_an_energy_norm():
     problem = refused(
         "rtol requires the energy norm of the problem, but Constant has no method energy_norm(mesh, solution). "
