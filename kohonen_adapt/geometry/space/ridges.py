@@ -18,6 +18,7 @@ from kohonen_adapt.geometry.space.surfaces import unit
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     CIRCLE,
     CONE,
+    CYLINDER,
     HELD,
     INSIDE,
     INTERSECTION,
@@ -25,6 +26,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     ON_PATCH,
     ON_RIDGE,
     PLANE,
+    SPHERE,
     Freedom,
 )
 from kohonen_adapt.mesh.names import connected_components_of
@@ -78,7 +80,8 @@ def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats)
     # Edges without a sharp turn between them are lines, or pieces of curves. Returns the piece of every edge.
     joint, end = joined_ends(ends, len(position))
     turn = turns_at(end, position[ends[:, ::-1]] - position[ends])
-    smooth = (turn < CORNER) & (kind[end[:, 0] // 2] == kind[end[:, 1] // 2])
+    one, other = kind[end // 2].T
+    smooth = (one == other) & ((turn < CORNER) | np.append(meet_smoothly(kinds, patches), False)[one])
     polylines = trace_polylines(ends, joint, end // 2, smooth)
     of_edge, is_edge = np.empty(len(ends), dtype=np.int64), polylines.facet >= 0
     of_edge[polylines.facet[is_edge]] = np.repeat(np.arange(len(polylines.closed)), np.diff(polylines.start))[is_edge]
@@ -92,6 +95,17 @@ def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats)
         of_edge[edge] = sum(len(each.shape) for each in found) + piece
         found.append(curves)
     return of_edge, Shapes._make(map(np.concatenate, zip(*found, strict=True)))
+
+
+def meet_smoothly(kinds: Ints, patches: Patches) -> Mask:
+    """Return the mask (k,) of meeting patches `kinds` (k, MOST) that meet in a curve without corners.
+
+    A plane cuts a cylinder in an ellipse, and cuts a sphere in a circle, as another sphere does. On coarse meshes such
+    a curve may turn at a node by any angle.
+    """
+    shape = np.where(kinds >= 0, patches.shape[kinds], -1)
+    planes, cylinders, spheres = (np.sum(shape == each, axis=1) for each in (PLANE, CYLINDER, SPHERE))
+    return np.asarray(((planes > 0) & (cylinders + spheres > 0)) | (spheres > 1))
 
 
 def lines(start: Floats, end: Floats) -> Shapes:
