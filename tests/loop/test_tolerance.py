@@ -10,6 +10,7 @@ from helpers.solids import box
 from helpers.stand_ins import MESH, Script, adapt
 from hypothesis import given
 from hypothesis import strategies as st
+from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.display import by_error
@@ -201,3 +202,23 @@ def test_the_pass_that_meets_the_tolerance_is_the_result():
     assert result.status is ka.Status.CONVERGED and result.best is result.history[2]
     assert abs(result.outputs["goal"].error) <= 0.2
     assert "Best: pass 2" in result.message
+
+
+class Changing:
+    """Indicators that have nothing to do with one another from pass to pass."""
+
+    def __init__(self, seed):
+        self.random = np.random.default_rng(seed)
+
+    def solve(self, mesh):
+        return None
+
+    def indicators(self, mesh, solution):
+        size = self.random.uniform(1.8, 3.6)
+        return size * self.random.uniform(0.0, 1.0, mesh.nelements) ** 4 / np.sqrt(mesh.nelements)
+
+
+@pytest.mark.parametrize("seed", [31, 106, 158, 165, *range(6)])
+def test_the_result_of_a_converged_run_meets_its_tolerance(seed):
+    result = ka.adapt(MeshTri().refined(3), Changing(seed), atol=0.9, passes=3)
+    assert result.status is not ka.Status.CONVERGED or result.estimate <= 0.9

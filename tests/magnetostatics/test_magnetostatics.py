@@ -411,7 +411,9 @@ def test_an_element_with_two_materials_is_named():
 
 def test_a_mesh_without_names_is_told_so():
     mesh = MeshTri().refined(1)
-    with pytest.raises(ValueError, match=r"'air' is not in the mesh; it has none\. Name subdomains by mesh\.with_subdomains\."):
+    with pytest.raises(
+        ValueError, match=r"'air' is not in the mesh; it has none\. Name subdomains by mesh\.with_subdomains\."
+    ):
         Magnetostatics({"air": AIR}, potential={"outer": 0.0}).solve(mesh)
     with pytest.raises(ValueError, match=r"boundary 'outer' is not in the mesh; it has none\."):
         Magnetostatics({"air": AIR}, potential={"outer": 0.0}).solve(mesh.with_subdomains({"air": everywhere}))
