@@ -77,12 +77,12 @@ class GradingTolerance:
 
     def _within(self, last: Pass, enough: float) -> float | None:
         tolerance = self.tolerance.estimate(last)
-        if tolerance is None:
-            return None
+        if tolerance is None or self._needs_few(last, tolerance):
+            return tolerance
         if last.energy_norm is None:
             return max(1.0, OF_GOAL if self.relative is None else self.relative) * tolerance
         aim, graded = (self.high.graded, enough) if self.relative is None else (self.relative,) * 2
-        if tolerance > DIRECT * aim * last.energy_norm or self._needs_few(last, tolerance):
+        if tolerance > DIRECT * aim * last.energy_norm:
             return tolerance
         return min(graded * last.energy_norm, self.high.gain(self.orders[-1]) * tolerance)
 

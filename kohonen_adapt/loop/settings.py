@@ -19,6 +19,7 @@ ONLY_ENDS = {"only ends": True}  # metadata of a setting that ends the loop, and
 
 CHANCE = 0.05  # least error of a goal, relative to the sum of the magnitudes of its parts: less is chance
 GRADED = 3  # passes after which the errors of a goal are less than its value, unless that is zero
+UNCERTAIN = 1.0 / 3.0  # error of a goal relative to its value, above which the value may be zero
 VANISHING = 0.1  # error of an output relative to its value, below which the value is known not to be zero
 # With more unknowns the relative error of other values falls to less than this part within three passes.
 KEPT = 1.0 / 3.0
@@ -89,8 +90,9 @@ class Tolerance:
         last, graded = passes[-1], passes[-GRADED:]
         if last.number < GRADED:
             return ""
-        if self.goal_rtol is not None and last.goal is not None and abs(last.goal) < last.estimate**2:
-            return ZERO_GOAL
+        if self.goal_rtol is not None and last.goal is not None and last.goal_error is not None:
+            if abs(last.goal) < min(last.estimate**2, abs(last.goal_error) / UNCERTAIN):
+                return ZERO_GOAL
         names = [repr(name) for name in self._fractions(last.outputs) if _vanishes(name, graded)]
         return ZERO_OUTPUTS.format(" and ".join(names)) if names else ""
 

@@ -81,6 +81,13 @@ def test_the_default_order_follows_the_tolerance():
     assert tight.mesh.nvertices < 0.25 * 7969  # nodes that order 2 takes
 
 
+def test_the_default_order_of_a_goal_follows_its_tolerance():
+    goal = Force("magnet", (0.0, 0.0, 1.0))
+    default = MagneticScalarPotential(MATERIALS, {"outer": 0.0}, goal=goal)
+    result = ka.adapt(blocks([AXIS] * 3, PARTS), default, goal_rtol=0.05)
+    assert result.status is ka.Status.CONVERGED and result.best.order == 2
+
+
 class Notched:
     """-lap u = 1 in a cube without an octant, u = 0 around."""
 
