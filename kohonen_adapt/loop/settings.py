@@ -90,9 +90,8 @@ class Tolerance:
         last, graded = passes[-1], passes[-GRADED:]
         if last.number < GRADED:
             return ""
-        if self.goal_rtol is not None and last.goal is not None and last.goal_error is not None:
-            if abs(last.goal) < min(last.estimate**2, abs(last.goal_error) / UNCERTAIN):
-                return ZERO_GOAL
+        if self.goal_rtol is not None and _is_zero_goal(last):
+            return ZERO_GOAL
         names = [repr(name) for name in self._fractions(last.outputs) if _vanishes(name, graded)]
         return ZERO_OUTPUTS.format(" and ".join(names)) if names else ""
 
@@ -166,6 +165,12 @@ class Tolerance:
         missed = [f"the tolerance {text} (estimate {last.estimate_text})" for text in self._of_estimate(last)]
         missed += [f"the tolerance of {text}" for text in self.errors_text(last)]
         return f" without reaching {' and '.join(missed)}" if missed else ""
+
+
+def _is_zero_goal(last: Pass) -> bool:
+    if last.goal is None or last.goal_error is None:
+        return False
+    return bool(abs(last.goal) < min(last.estimate**2, abs(last.goal_error) / UNCERTAIN))
 
 
 def _vanishes(name: str, passes: Sequence[Pass]) -> bool:

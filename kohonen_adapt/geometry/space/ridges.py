@@ -98,10 +98,10 @@ def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats)
 
 
 def meet_smoothly(kinds: Ints, patches: Patches) -> Mask:
-    """Return the mask (k,) of meeting patches `kinds` (k, MOST) that meet in a curve without corners.
+    """Return a mask (k,) of patches `kinds` (k, MOST) that meet smoothly.
 
-    A plane cuts a cylinder in an ellipse, and cuts a sphere in a circle, as another sphere does. On coarse meshes such
-    a curve may turn at a node by any angle.
+    Planes and cylinders meet in ellipses, and spheres meet planes and spheres in circles. On coarse meshes such a curve
+    may turn at a node by any angle.
     """
     shape = np.where(kinds >= 0, patches.shape[kinds], -1)
     planes, cylinders, spheres = (np.sum(shape == each, axis=1) for each in (PLANE, CYLINDER, SPHERE))
