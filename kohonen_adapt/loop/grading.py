@@ -88,8 +88,9 @@ class GradingTolerance:
 
     def _needs_few(self, last: Pass, tolerance: float) -> bool:
         # True if order 2 meets the tolerance with few nodes, and no higher order is prescribed
-        nodes = predicted_nodes(last, tolerance, OF_PASSES, last.mesh.dim())
-        return len(self.orders) > 1 and nodes < self.high.few * last.mesh.nvertices
+        if len(self.orders) == 1 or self.high.few == 0.0:
+            return False
+        return predicted_nodes(last, tolerance, OF_PASSES, last.mesh.dim()) < self.high.few * last.mesh.nvertices
 
     def aim(self, last: Pass) -> float | None:
         # Return the estimate that passes aim at, to meet the tolerance at once.
