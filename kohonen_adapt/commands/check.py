@@ -18,6 +18,7 @@ from kohonen_adapt.geometry.plane.layers import bands_of, check_layer_count, par
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules, floor_of
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.geometry.space.prisms import possible_cylinders
 from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.io import Groups, check_names_written
 from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, HELD, INSIDE, ON_PATCH, ON_RIDGE, PLANE, SPHERE
@@ -30,7 +31,6 @@ from kohonen_adapt.mesh.triangulation import Triangulation
 __all__ = [
     "angles_described",
     "described",
-    "doubtful_patches",
     "facets_described",
     "faults",
     "held_described",
@@ -85,6 +85,11 @@ def _counted_shape(sizes: Floats, what: str) -> str:
         return ""
     radii = list(dict.fromkeys(f"{size:.4g}" for size in np.sort(sizes))) if what in ("sphere", "cylinder") else []
     return counted(len(sizes), what) + (f" (radius {', '.join(radii)} m)" if radii else "")
+
+
+def hints_of_surfaces(movable: MovableSolid) -> Iterator[str]:
+    yield from doubtful_patches(movable)
+    yield from (each.advice() for each in possible_cylinders(movable))
 
 
 def doubtful_patches(movable: MovableSolid) -> Iterator[str]:
@@ -175,7 +180,7 @@ def moving(mesh: Mesh, surfaces: Mapping[str, Surface] | None = None) -> tuple[l
     rules = Rules(surfaces=surfaces or None)
     if cell_of(mesh) is TETRAHEDRON:
         solid = MovableSolid.of(mesh, rules)
-        return surfaces_described(solid), doubtful_patches(solid)
+        return surfaces_described(solid), hints_of_surfaces(solid)
     movable = MovableMesh.of(mesh, rules)
     return outlines_described(movable), hints(movable)
 

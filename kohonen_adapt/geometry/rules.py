@@ -89,7 +89,8 @@ class Rules:
         replaced by paraboloids there while nodes move; at the end every node is projected. Without a surface, faces
         with turns of less than 35 degrees are recognised as a cylinder (ten nodes within 1e-3 of its radius, at six
         angles around its axis; or fewer, at four angles, if another cylinder has the same axis) or as a sphere, even
-        where these continue smoothly into planes or each other. All other faces are planes.
+        where these continue smoothly into planes or each other. Plane strips with turns up to 41 degrees, all of whose
+        nodes have one distance from the axis of such a cylinder, are a cylinder, too. All other faces are planes.
 
     Raises
     ------

@@ -1,10 +1,12 @@
-"""Rims of coarse cylinders, which turn by more than a corner of a polygon."""
+"""Coarse cylinders, which turn by more than a corner of a polygon."""
 
 import numpy as np
+import pytest
 from scipy.spatial import Delaunay
 from skfem import MeshTet
 
 import kohonen_adapt as ka
+from kohonen_adapt.__main__ import main
 
 SIDES = 10  # of the rims, which turn by 36 degrees
 
@@ -36,3 +38,43 @@ def test_new_nodes_of_a_rim_are_on_its_circle():
     rim = side[np.abs(mesh.p[2, side] - 0.5) > 0.5 - 1e-9]
     assert rim.size > 2 * SIDES
     assert np.allclose(np.hypot(*mesh.p[:2, side]), 1.0, rtol=0.0, atol=1e-9)
+
+
+def flange(strips, shaft):
+    # a prism of radius 2 around a shaft of radius 1, both of height 1
+    ring = lambda radius, count: radius * np.exp(2j * np.pi * np.arange(count) / count)  # noqa: E731
+    z = np.concatenate([[0.0], ring(1.0, shaft), ring(2.0, strips)])
+    flat = np.sort(Delaunay(np.stack([z.real, z.imag], axis=1)).simplices, axis=1).T
+    p = np.hstack([[z.real, z.imag, np.full(len(z), height)] for height in (0.0, 0.5, 1.0)])
+    a, b, c = np.hstack([flat, flat + len(z)])
+    d, e, f = (node + len(z) for node in (a, b, c))
+    mesh = MeshTet(p, np.hstack([[a, b, c, f], [a, b, f, e], [a, f, e, d]]))  # equal diagonals, as nodes are sorted
+    outside = mesh.facets[:, mesh.boundary_facets()]
+    rim = mesh.boundary_facets()[np.ptp(mesh.p[2, outside], axis=0) > 1e-9]
+    inside = np.all(np.hypot(*mesh.p[:2])[mesh.t] < 1.0 + 1e-9, axis=0)
+    parts = {"shaft": np.flatnonzero(inside), "flange": np.flatnonzero(~inside)}
+    return mesh.with_subdomains(parts).with_boundaries({"rim": rim})
+
+
+def distances_of_rim(mesh):
+    return np.hypot(*mesh.p[:2, np.unique(mesh.facets[:, mesh.boundaries["rim"]])])
+
+
+@pytest.mark.parametrize(
+    ("strips", "shaft", "is_round"), [(10, 16, True), (9, 16, True), (8, 16, False), (10, 4, False)]
+)
+def test_coaxial_prisms_of_nine_strips_are_cylinders_and_check_names_the_others(
+    strips, shaft, is_round, tmp_path, capsys
+):
+    mesh = flange(strips, shaft)
+    adapted = ka.adapt(mesh, Uniform(), passes=2, target_nodes=500).mesh
+    assert (distances_of_rim(adapted).min() > 2.0 - 1e-9) == is_round
+    file = tmp_path / "flange.msh"
+    ka.write_mesh(str(file), mesh)
+    main(["check", str(file)])
+    said = capsys.readouterr().out
+    assert (f"boundary 'rim' has {strips} plane strips" in said) != is_round
+    if not is_round:
+        advised = said[said.index("surfaces={") + 9 : said.index("}, in a case") + 1]
+        adapted = ka.adapt(mesh, Uniform(), passes=2, target_nodes=500, surfaces=eval(advised)).mesh
+        assert distances_of_rim(adapted).min() > 2.0 - 1e-9

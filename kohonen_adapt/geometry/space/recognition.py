@@ -28,6 +28,7 @@ NOWHERE = (0.0, 0.0, 0.0)
 KINDS = {Plane: PLANE, Sphere: SPHERE, Cylinder: CYLINDER, Cone: CONE}
 SEEDS = (24, 96)  # number of faces around a seed to which a sphere or cylinder is fitted first
 TRIES = 64  # maximum number of seeds in a connected set of faces
+STEEPEST = np.radians(41.0)  # maximum turn between strips of a coarse cylinder: nine turn by 40 degrees
 GROWTHS = 20  # maximum number of growth steps; growth ends when no face is added
 
 
@@ -40,10 +41,11 @@ def patches_of(faces: Faces, seams: Seams, position: Floats, surfaces: Mapping[s
     group = connected_components_of(
         len(user_defined), seams.faces[np.where(one >= 0, smooth, same_label & (seams.turn <= TURN))]
     )
-    plain = smooth & (one < 0)
-    skin = Skin(position, faces.nodes, seams.faces[plain], seams.ends[plain], seams.turn[plain], group)
-    pairs = seams.faces[same_label & (one < 0)]
-    rounds = with_steep_faces(skin, pairs, rounds_among(skin, user_defined < 0))
+    plain = same_label & (one < 0)
+    skin = Skin.of(position, faces.nodes, seams, plain & smooth, group)
+    steep = Skin.of(position, faces.nodes, seams, plain & (seams.turn < STEEPEST), group)
+    rounds = with_steep_faces(skin, seams.faces[plain], rounds_among(skin, user_defined < 0))
+    rounds = with_coaxial_prisms(steep, rounds, user_defined < 0)
     for number, (part, _) in enumerate(rounds):
         group[part] = len(user_defined) + number
     patch = in_order(group)
@@ -116,7 +118,7 @@ class Skin:
     ends
         Nodes of every seam, shape (j, 2).
     turn
-        Angle between the faces in radians, below 35 degrees, shape (j,).
+        Angle between the faces in radians, shape (j,).
     plane
         Index of the plane part to which each face belongs, shape (f,).
     """
@@ -127,6 +129,10 @@ class Skin:
     ends: Ints
     turn: Floats
     plane: Ints
+
+    @classmethod
+    def of(cls, position: Floats, nodes: Ints, seams: Seams, smooth: Mask, plane: Ints) -> "Skin":
+        return cls(position, nodes, seams.faces[smooth], seams.ends[smooth], seams.turn[smooth], plane)
 
     def sets(self, faces: Mask) -> list[Ints]:
         label = connected_components_of(len(self.nodes), self.pairs[faces[self.pairs].all(axis=1)])
@@ -179,6 +185,15 @@ def with_steep_faces(skin: Skin, pairs: Ints, rounds: list[tuple[Ints, Round]]) 
         free &= ~inside
         found.append((np.flatnonzero(inside), each))
     return found
+
+
+def with_coaxial_prisms(steep: Skin, rounds: list[tuple[Ints, Round]], faces: Mask) -> list[tuple[Ints, Round]]:
+    # Cylinders of nine or ten strips turn by a corner or more, and are prisms unless another cylinder has their axis.
+    free = faces.copy()
+    for part, _ in rounds:
+        free[part] = False
+    found = [each for part in steep.sets(free) for each in rounds_of_set(steep, part)] if rounds else []
+    return rounds + [(part, each) for part, each in found if any(are_coaxial(each, other) for _, other in rounds)]
 
 
 def rounds_of_set(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
