@@ -9,11 +9,10 @@ import numpy as np
 from skfem import Mesh
 
 import kohonen_adapt as ka
-from benchmarks.peers import space_remeshing, wheels
+from benchmarks.peers import wheels
 from benchmarks.peers.mmg_remesh import mmg_remesh
-from benchmarks.peers.mmg_space import mmg_in_space
-from benchmarks.peers.remeshing import equidistributing, gradient_metric, remeshed_meshes
-from benchmarks.problems.cases import Case, cases
+from benchmarks.peers.remeshing import curvature_metric, equidistributing, gradient_metric, remeshed_meshes
+from benchmarks.problems.cases import CASES
 from benchmarks.problems.helmholtz import square_mesh
 from benchmarks.problems.layers import (
     BoundaryLayer,
@@ -29,7 +28,7 @@ from benchmarks.table import Cell, markdown
 SQUARES = 32  # 1089 nodes
 STEEPNESS = (30.0, 60.0, 120.0)
 FRONT, EPS = 100.0, 1e-4
-LOOPS = 9  # of Mmg in the plane
+LOOPS = {2: 9, 3: 5}  # of Mmg, by dimension
 NODES = {"L": 3201, "M": 1681, "C": 2983, "F": 3201, "H": 441}  # of the start meshes
 SOLIDS: tuple[tuple[Solid, int], ...] = ((EDGE, 6), (FICHERA, 5), (CUBE, 10))  # cells per unit
 TOLERANCES = (("closed layer, K = 60", 0.05), ("wave front", 0.05))
@@ -72,7 +71,7 @@ def layers(quick: bool) -> Iterator[Row]:
     """All layers, with and without a functional."""
     for name, problem in layer_problems().items():
         if not quick or "60" in name:
-            yield in_plane(name, square_mesh(SQUARES), problem, lambda m, u, p=problem: 100 * p.error(m, u), 0.5)
+            yield row_of(name, square_mesh(SQUARES), problem, lambda m, u, p=problem: 100 * p.error(m, u), 0.5)
 
 
 def layer_problems() -> dict[str, Any]:
@@ -89,33 +88,29 @@ def layer_problems() -> dict[str, Any]:
 def planes() -> Iterator[Row]:
     """The problems of the comparison with peers."""
     for letter, nodes in NODES.items():
-        for case in cases(letter):
+        for case in CASES[letter]:
             if case.start().nvertices == nodes:
-                yield in_plane(case.name, case.start(), case.problem, partial(first_figure, case), case.rate)
+                yield row_of(case.name, case.start(), case.problem, case.error, case.rate)
 
 
 def solids() -> Iterator[Row]:
     """Tetrahedra."""
     for solid, cells in SOLIDS:
-        loop = partial(space_remeshing.adapted, solid, metric_of=space_remeshing.curvatures, remesh=mmg_in_space)
-        yield Row(solid.name, solid.mesh(cells), solid, solid.error, 1 / 3, loop)
+        yield row_of(solid.name, solid.mesh(cells), solid, solid.error, 1 / 3)
 
 
-def in_plane(name: str, start: Mesh, problem: Any, error: Measure, rate: float) -> Row:
-    """A row with the loop of Mmg by a metric for gradients."""
+def row_of(name: str, start: Mesh, problem: Any, error: Measure, rate: float) -> Row:
+    """A row with the loop of Mmg."""
     return Row(name, start, problem, error, rate, partial(remeshed, problem))
 
 
 def remeshed(problem: Any, start: Mesh) -> Mesh:
-    """The last mesh of the loop of Mmg, round at interfaces, across which its Hessian averages."""
-    metric = equidistributing if start.subdomains else gradient_metric
-    *_, (mesh, _) = remeshed_meshes(problem, start, [start.nvertices] * LOOPS, metric, mmg_remesh, trials=1)
+    """The last mesh of the loop of Mmg, in the plane round at interfaces, across which its Hessian averages."""
+    dim = start.dim()
+    metric = curvature_metric if dim == 3 else equidistributing if start.subdomains else gradient_metric
+    trials = 1 if dim == 2 else None
+    *_, (mesh, _) = remeshed_meshes(problem, start, [start.nvertices] * LOOPS[dim], metric, mmg_remesh, trials)
     return mesh
-
-
-def first_figure(case: Case, mesh: Mesh, solution: Any) -> float:
-    """The error of a case."""
-    return next(iter(case.figures(mesh, solution).values()))
 
 
 def compared(row: Row, seeds: Sequence[int]) -> list[Cell]:

@@ -1,16 +1,12 @@
-"""Both potentials in space: bounds of an inductance, fluxes in thin plates, times and steps of solutions.
+"""Bound an inductance by both potentials in space.
 
-A square frame of iron with a coil around one limb, half of it, and the thin plates of a saturated circuit. The field of
-the coils without iron is T0, constant in blocks: along the bore, and falling in two steps across the winding. Stated as
-a coercivity it is exact in every element. On meshes without the surfaces of the winding the frame has a `Coil`.
+Half a square frame of iron with a coil around one limb. The field of the coil without iron is T0, constant in blocks:
+along the bore, and falling in two steps across the winding. Stated as a coercivity it is exact in every element. On
+meshes without the surfaces of the winding the frame has a `Coil`.
 """
 
-import logging
-import resource
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -18,13 +14,11 @@ import numpy as np
 from skfem import MeshTet
 
 import kohonen_adapt as ka
-from benchmarks.table import Cell, aligned
+from benchmarks.table import Cell, markdown
 from kohonen_adapt.magnetostatics import (
     Bracket,
     Coil,
-    Froehlich,
     MagneticScalarPotential,
-    MagneticVectorPotential,
     Material,
     bracket,
 )
@@ -33,51 +27,39 @@ AMPERE_TURNS = 1000.0
 HALF = 0.025  # half the length of the coils along z, in m
 T0 = AMPERE_TURNS / (2.0 * HALF)
 STEPS = {"bore": 1.0, "ring 1": 0.75, "ring 2": 0.25}  # fractions of T0
-STEEL = Froehlich(permeability=2000.0, saturation=2.0)
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]
-WIDTHS = {3_500: 0.01, 15_000: 0.005}
+NODES = (3_500, 15_000)
 MESHES = 50
-LEAST_TIME = 2.0  # s of repeated solutions, the quickest of which counts
-FLOORS: tuple[Any, ...] = ("auto", 0.02)  # elements as thin as the plates are below the first
-TARGET_OF_FLUX, TARGET_OF_TIME, TARGET_OF_EFFECTIVITY = 0.025, 1.5, 1.5
 
 
-def report(quick: bool) -> str:
-    parts, meshes = list[str](), list[MeshTet]()
+def report(seeds: Sequence[int], quick: bool) -> str:
+    """Bounds for each source, with the width of the bracket and its ratio to the error of the scalar potential."""
+    rows, remarks = list[list[Cell]](), list[str]()
     for name, problem in PROBLEMS.items():
         start = frame(0.02, wound=name == "T0")
         driven = replace(problem, estimator="bracket")
-        found = {nodes: adapted(start, driven, nodes) for nodes in list(WIDTHS)[: 1 if quick else None]}
+        found = [adapted(start, driven, nodes) for nodes in NODES[: 1 if quick else None]]
         reference = adapted(start, problem, 8_000 if quick else 30_000)
-        parts.append(bounds(name, found, reference, 5 if quick else MESHES))
-        meshes = [each.scalar.mesh for each in found.values()]
-    return "\n\n".join([*parts, fluxes(quick), solutions(meshes)])
+        exact = float(np.mean(inductance(reference)))
+        rows += [bounds(name, each, exact if each is not reference else None) for each in (*found, reference)]
+        count = 5 if quick else MESHES
+        coarse = [inductance(bracketed(problem, jittered(seed, name))) for seed in range(count)]
+        held = sum(low <= exact <= high for low, high in coarse)
+        remarks.append(f"{name}: the bracket holds the middle of the finest on {held} of {count} coarse meshes.")
+    header = ["source", "nodes", "lower, uH", "upper, uH", "width %", "by currents %", "bound / error"]
+    return "\n\n".join([markdown(header, rows), *remarks])
 
 
-def bounds(name: str, found: Mapping[int, Bracket], reference: Bracket, count: int) -> str:
-    """Inductance for one turn of the whole frame, in uH."""
-    rows, exact = list[list[Cell]](), float(np.mean(inductance(reference)))
-    for each, target in ((reference, None), *((each, WIDTHS[nodes]) for nodes, each in found.items())):
-        low, high = inductance(each)
-        change = 4e6 * abs(each.source_error) / AMPERE_TURNS**2 / high
-        effectivity = None if target is None else float(np.sqrt((high - low) / (high - exact)))
-        rows.append([each.scalar.mesh.nvertices, low, high, 2.0 * (high - low) / (high + low), target, change])
-        rows[-1] += [effectivity, TARGET_OF_EFFECTIVITY]
-    held = 0
-    for seed in range(count):
-        low, high = inductance(bracketed(PROBLEMS[name], jittered(seed, name)))
-        held += low <= exact <= high
-    titles = [f"inductance by {name} in uH: nodes", "lower", "upper", "width", "target", "by currents"]
-    table = aligned([*titles, "bound / error of the scalar potential", "target"], rows)
-    return f"{table}\nThe bracket holds the middle of the first on {held} of {count} coarse meshes."
+def bounds(name: str, found: Bracket, exact: float | None) -> list[Cell]:
+    """Inductance for one turn of the whole frame, and the bound over the error of the scalar potential."""
+    low, high = inductance(found)
+    width, change = 200.0 * (high - low) / (high + low), 4e8 * abs(found.source_error) / AMPERE_TURNS**2 / high
+    effectivity = None if exact is None else float(np.sqrt((high - low) / (high - exact)))
+    return [name, found.scalar.mesh.nvertices, low, high, width, change, effectivity]
 
 
 def bracketed(problem: MagneticScalarPotential, mesh: MeshTet) -> Bracket:
     return bracket(mesh, problem.materials, problem.potential, symmetry=problem.symmetry, coils=problem.coils)
-
-
-def refined(mesh: MeshTet) -> MeshTet:
-    return with_sides(mesh.refined())
 
 
 def frame_materials(permeability: float = 1000.0) -> dict[str, Material]:
@@ -171,146 +153,3 @@ def inductance(found: Bracket) -> tuple[float, float]:
         found.scalar.volume @ coefficients.law_coenergy(np.linalg.norm(coefficients.coercivity, axis=0)[None])[0]
     )
     return tuple(4e6 * (bound + rest) / AMPERE_TURNS**2 for bound in (found.lower, found.upper))  # type: ignore[return-value]
-
-
-def fluxes(quick: bool) -> str:
-    """Error of the fluxes through sections of thin plates, relative to the largest, against a fine mesh."""
-    problem, coarse = vector_problem(), plates(3.2 if quick else 2.1)
-    scalar = MagneticScalarPotential(problem.materials, problem.potential, order=1)
-    fine = problem.solve(plates(1.6 if quick else 1.0))
-    fields = {"scalar potential": scalar.solve(coarse), "edge elements": problem.solve(coarse)}
-    for floor in () if quick else FLOORS:
-        mesh = ka.adapt(plates(8.0), scalar, target_nodes=10_000, passes=4, min_quality=floor).mesh
-        fields[f"adapted, min_quality={floor}"] = problem.solve(mesh)
-    largest = max(abs(fine.flux(name)) for name in SECTIONS)
-    rows: list[list[Cell]] = []
-    for kind, field in fields.items():
-        off = [abs(field.flux(name) - fine.flux(name)) / largest for name in SECTIONS]
-        target = None if kind == "scalar potential" else TARGET_OF_FLUX
-        rows.append([kind, field.mesh.nvertices, float(np.mean(off)), float(np.max(off)), target])
-    return aligned(["fluxes of 10 sections", "nodes", "mean error", "largest", "target"], rows)
-
-
-SECTIONS = {  # axis, position in mm
-    **{f"limb {z}": (2, z) for z in (-40, -20, 0, 20, 40)},
-    **{f"far {z}": (2, z) for z in (-40, -20, 20, 40)},
-    "top": (0, 50),
-}
-
-
-def plates(factor: float) -> MeshTet:
-    """Plates 3.2 mm thick in a square, with a gap of 4 mm in the far limb, and the coil around the near one."""
-    thick = 3.2
-    limb, far = box(0, thick, -20, 20, -60, 60), box(90, 90 + thick, -20, 20, -60, 60)
-    joined = [box(0, 90 + thick, -20, 20, 60, 60 + thick), box(0, 90 + thick, -20, 20, -60 - thick, -60)]
-    gap, coil = box(0, 200, -50, 50, -2, 2), {"bore": (6, 26), "ring 1": (12, 32), "ring 2": (18, 38)}
-    sides = [0.0, thick, 50.0, 90.0, 90.0 + thick]
-    marks = (
-        [-18, -12, -6, *sides[:2], 6 + thick, 12 + thick, 18 + thick, *sides[2:]],
-        [-38, -32, -26, -20, 20, 26, 32, 38],
-        [-60 - thick, -60, -40, -25, -20, -2, 0, 2, 20, 25, 40, 60, 60 + thick],
-    )
-    axes = [graded(1e-3 * np.array(each, dtype=float), 4e-3 * factor, 0.2, 4, 0.0, False) for each in marks]
-    axes = [refined_in_plates(axis, k, thick * 1e-3, 2 if factor < 2.0 else 1) for k, axis in enumerate(axes)]
-    mesh = MeshTet.init_tensor(*axes)
-    middle = mesh.p[:, mesh.t].mean(axis=1)
-    names = np.full(mesh.nelements, "air", dtype=object)
-    for name, (x, y) in reversed(coil.items()):
-        names[is_in(middle, box(-x, x + thick, -y, y, -25, 25))] = name
-    iron = np.any([is_in(middle, each) for each in (limb, far, *joined)], axis=0)
-    iron &= ~(is_in(middle, gap) & (middle[0] > 0.05))
-    names[iron & (names == "bore")] = "iron in coil"
-    names[iron & (names == "air")] = "iron"
-    return with_sections(named(mesh, names))
-
-
-def refined_in_plates(axis: np.ndarray, k: int, thick: float, cells: int) -> np.ndarray:
-    """Planes inside every plate across the axis, so that it has as many cells."""
-    starts = ((0.0, 0.09), (), (-0.06 - thick, 0.06))[k]
-    return np.unique(np.concatenate([axis, *(start + thick * np.arange(1, cells) / cells for start in starts)]))
-
-
-def with_sections(mesh: MeshTet) -> MeshTet:
-    iron = np.concatenate([mesh.subdomains[name] for name in ("iron", "iron in coil")])
-    of_iron = np.unique(mesh.t2f[:, iron])
-    middle = mesh.p[:, mesh.facets[:, of_iron]]
-    found = dict(mesh.boundaries)
-    for name, (axis, position) in SECTIONS.items():
-        on = np.all(np.abs(middle[axis] - 1e-3 * position) < 1e-9, axis=0)
-        side = middle[0].mean(axis=0) > 0.05
-        wanted = side if name.startswith("far") else ~side if name.startswith("limb") else middle[2].mean(axis=0) > 0.0
-        found[name] = of_iron[on & wanted]
-    return mesh.with_boundaries(found)
-
-
-def vector_problem() -> MagneticVectorPotential:
-    iron = Material(bh=STEEL)
-    materials = frame_materials() | {"iron": iron, "iron in coil": replace(iron, coercivity=(0.0, 0.0, T0))}
-    return MagneticVectorPotential(materials, {"outer": 0.0})
-
-
-class Auxiliary(MagneticVectorPotential):
-    solver = replace(MagneticVectorPotential.solver, large=0)
-
-
-class Sweeps(MagneticVectorPotential):
-    solver = replace(MagneticVectorPotential.solver, large=10**9)
-
-
-def solutions(meshes: Sequence[MeshTet]) -> str:
-    """Processor time of one solution relative to that of the scalar potential, and steps of conjugate gradients."""
-    steel = Material(bh=STEEL)
-    saturated = replace(PROBLEMS["coil"], materials={"iron": steel, "air": Material()})
-    rows: list[list[Cell]] = []
-    for name, problem in {"linear": PROBLEMS["coil"], "saturated": saturated}.items():
-        for mesh in meshes:
-            scalar = seconds(partial(problem.solve, mesh))
-            row: list[Cell] = [name, mesh.nvertices, mesh.edges.shape[1], scalar]
-            for kind in (Sweeps, Auxiliary):
-                vector = kind(problem.materials, *OUTSIDE, coils=problem.coils)
-                steps, spent = steps_of(partial(vector.solve, mesh))
-                row += [steps, spent / scalar]
-            rows.append([*row, TARGET_OF_TIME])
-    titles = ["iron", "nodes", "edges", "scalar s", "steps, sweeps", "time ratio", "steps, auxiliary", "time ratio"]
-    return aligned([*titles, "target"], rows)
-
-
-def million(quick: bool) -> str:
-    """One solution on a million edges, beside one on ten thousand; `quick` is without it."""
-    problem, start = PROBLEMS["coil"], frame(0.02, wound=False)
-    meshes = [start if quick else refined(ka.adapt(start, problem, target_nodes=19_400, passes=4).mesh)]
-    rows: list[list[Cell]] = []
-    for mesh in (start, *meshes):
-        scalar = seconds(partial(problem.solve, mesh), 1)
-        steps, spent = steps_of(partial(problem.vector_potential.solve, mesh), 1)
-        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2.0**20
-        rows.append([mesh.nvertices, mesh.edges.shape[1], steps, spent, spent / scalar, memory])
-    return aligned(["one solution: nodes", "edges", "steps", "seconds", "time ratio", "peak memory in GiB"], rows)
-
-
-def seconds(solve: Callable[[], Any], repeats: int = 2) -> float:
-    spent = list[float]()
-    while len(spent) < repeats or sum(spent) < LEAST_TIME:
-        start = time.process_time()
-        solve()
-        spent.append(time.process_time() - start)
-    return min(spent)
-
-
-def steps_of(solve: Callable[[], Any], repeats: int = 2) -> tuple[int, float]:
-    logger, found = logging.getLogger("kohonen_adapt"), list[int]()
-
-    class Steps(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            if record.msg.startswith("Conjugate gradients") and isinstance(record.args, tuple):
-                found.append(int(record.args[0]))  # type: ignore[call-overload]
-
-    handler, level = Steps(logging.DEBUG), logger.level
-    logger.addHandler(handler)
-    logger.setLevel(logging.DEBUG)
-    try:
-        spent = seconds(solve, repeats)
-    finally:
-        logger.removeHandler(handler)
-        logger.setLevel(level)
-    return max(found), spent

@@ -10,12 +10,12 @@ import numpy as np
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from benchmarks.checks import force
+from benchmarks.problems import magnet_over_iron
 from benchmarks.problems.c_core import EXAMPLES, c_core_mesh
 from benchmarks.problems.l_shape import LShape, l_shaped_mesh
 from benchmarks.problems.poisson_l import PoissonL
 from benchmarks.problems.square_magnet import magnet_mesh
-from benchmarks.table import Cell, aligned
+from benchmarks.table import Cell, markdown
 from kohonen_adapt import estimators
 from kohonen_adapt.magnetostatics import Froehlich, Magnetostatics, Material
 from kohonen_adapt.problem.uncertain import corrected, error_of
@@ -25,7 +25,7 @@ SCALE = 1 / 3.6  # of the bare residual; see `kohonen_adapt.magnetostatics.estim
 PASSES = 4
 POINTS, ORDERS, REFERENCE = 24, (1, 2, 3, "auto"), 1e-4
 WITHIN = (0.5, 5.0)  # told over true
-SHIFTS = (0, 5, 10, 15, 20)  # of the magnet over iron, in steps of `benchmarks force`
+SHIFTS = (0, 5, 10, 15, 20)  # steps of the magnet over iron
 Outputs = Mapping[Any, Callable[[Any], float]]
 AIR, IRON, STEEL = Material(), Material(1000.0), Material(bh=Froehlich(2000.0, 0.8))
 
@@ -59,9 +59,9 @@ def report(seeds: Sequence[int], quick: bool) -> str:
     """Estimate over error on the first mesh and on the mesh adapted by that estimate, then told over true of values."""
     rows = [_row(case, list(seeds)[: 1 if quick else None]) for case in cases()]
     header = [f"{name}, {when}" for name in NAMES for when in ("before", "after")]
-    table = aligned(["effectivity (of the residual / 3.6)", "N", "error %", "after", *header], rows)
+    table = markdown(["effectivity (of the residual / 3.6)", "N", "error %", "after", *header], rows)
     columns = ["order", "values", "median told / true", "least", "greatest", "outside 0.5 to 5", "corrected is worse"]
-    return f"{table}\n\n{aligned(['values, told over true', *columns], list(_rows_of_values(quick)))}"
+    return f"{table}\n\n{markdown(['values, told over true', *columns], list(_rows_of_values(quick)))}"
 
 
 def _rows_of_values(quick: bool) -> Iterator[list[Cell]]:
@@ -70,11 +70,11 @@ def _rows_of_values(quick: bool) -> Iterator[list[Cell]]:
         exact = reference(mesh, problem, outputs)
         for order in ORDERS[1:2] if quick else ORDERS:
             yield [f"B at points, {name}", order, *summary(told(mesh, problem, order, outputs, exact))]
-    forces = {axis: lambda field, axis=axis: float(force.force(field)[axis]) for axis in (0, 1)}
+    forces = {axis: lambda field, axis=axis: float(field.force("magnet")[axis]) for axis in (0, 1)}
     for order in ORDERS[1:2] if quick else ORDERS[:3]:
         found = []
         for shift in SHIFTS:
-            mesh, problem = force.gmsh_mesh(force.STEP * shift, 1.6), replace(force.PROBLEM, order="auto")
+            mesh, problem = over_iron(shift)
             found.append(told(mesh, problem, order, forces, reference(mesh, problem, forces)))
         yield ["forces, magnet over iron", order, *summary(np.concatenate(found, axis=1))]
 
@@ -89,8 +89,12 @@ def models() -> list[tuple[str, MeshTri, Magnetostatics]]:
         ("C", core, Magnetostatics({"iron": IRON, "magnet": magnet, "air": AIR}, outer)),
         ("C, saturated", core, Magnetostatics({"iron": STEEL, "magnet": magnet, "air": AIR}, outer)),
         ("plunger", ka.read_mesh(EXAMPLES / "actuator_1.msh", scale=1e-3), around),
-        ("magnet over iron", force.gmsh_mesh(0.3, 1.6), replace(force.PROBLEM, order="auto")),
+        ("magnet over iron", *over_iron(6)),
     ]
+
+
+def over_iron(shift: int) -> tuple[MeshTri, Magnetostatics]:
+    return magnet_over_iron.gmsh_mesh(shift, 1.6e-3), replace(magnet_over_iron.PROBLEM, order="auto")
 
 
 def b_at_points(mesh: MeshTri) -> dict[int, Callable[[Any], float]]:

@@ -15,7 +15,7 @@ from benchmarks.problems.slotless_motor import SlotlessMotor
 from benchmarks.problems.stokes_cavity import StokesCavity
 from benchmarks.problems.thick_coil import ThickCoil
 from benchmarks.problems.undulator import Undulator
-from benchmarks.table import Cell, aligned
+from benchmarks.table import Cell, markdown
 from kohonen_adapt.magnetostatics import Goal
 
 Values = Mapping[str, np.ndarray]  # of every quantity, one or more
@@ -82,7 +82,7 @@ def report(seeds: Sequence[int], quick: bool) -> str:
     """Every quantity of every model; quick: of the first setting of each."""
     rows = [row for model in MODELS for row in rows_of(model, seeds, model.settings[: 1 if quick else None])]
     judged = [[*row, *before] for row, before in zip(rows, LAST_RELEASE, strict=True)]
-    return "\n".join([aligned(["published model", "", *NUMBERS], judged), REMARKS])
+    return "\n".join([markdown(["published model", "", *NUMBERS], judged), REMARKS])
 
 
 def rows_of(model: Model, seeds: Sequence[int], settings: Sequence[Any]) -> list[list[Cell]]:

@@ -9,26 +9,28 @@ import numpy as np
 from skfem import MeshTri, adaptive_theta
 
 import kohonen_adapt as ka
+from benchmarks.checks import effectivity
 from benchmarks.checks.goal_orders import Case
 from benchmarks.checks.goal_orders import cases as goal_cases
 from benchmarks.peers.bisection import Bisection, mark_bulk
-from benchmarks.peers.orders_to_error import models
+from benchmarks.problems.c_core import c_core_mesh
 from benchmarks.problems.l_shape import LShape, l_shaped_mesh
 from benchmarks.problems.orders import OfOrder
 from benchmarks.problems.orders import problem as of_order
 from benchmarks.problems.poisson_l import PoissonL
-from benchmarks.table import Cell, aligned
+from benchmarks.table import markdown
 from kohonen_adapt.magnetostatics import Field, Magnetostatics
 
 State = TypeVar("State")
 
+MODELS = ("M, mu_r = 1", "M, mu_r = 1000", "C", "motor", "C, saturated")
 TOLERANCES = (1e-2, 3e-3, 1e-3, 3e-4)
 GOAL_TOLERANCES = (1e-2, 1e-3, 1e-4)
 OWN_ORDERS = {2: (1e-2, 3e-3, 1e-3), 3: (1e-3, 3e-4)}  # tolerances for one order alone and for refinement
 THETA = 0.25  # of the squared estimate, in the marking of bisection
 THETAS = (0.25, 0.5)  # of the largest indicator, in the marking of scikit-fem's refinement; the quicker counts
 LAYERS, HIGHEST = 4, 8  # of the reference, on the mesh of each result
-COUNTED = ("auto", "adapt")  # runs whose errors are summed up
+HEADER = ("", "rtol", "auto, or the only order", "the order of the others", "bisected", "refined")
 OWN_TOLERANCES = {1: 1e-2, 2: 1e-3}  # of own problems, by order
 OWN_START = 4  # squares per unit of the coarse mesh
 SCALES = {("L", 1): 1.0 / 3.4, ("F", 1): 1.0 / 7.7, ("L", 2): 1.0 / 6.3, ("F", 2): 1.0 / 6.3}  # error over residual
@@ -60,59 +62,73 @@ class Own:
 
 
 def report(seeds: Sequence[int], quick: bool) -> str:
-    """Error over tolerance, estimated and true, of the energy norm and of goals, and time beside refinement."""
+    """Time beside refinement, and error over tolerance, estimated and true, of the energy norm and of goals."""
     ka.warmup()
-    tolerances, chosen = (TOLERANCES[:1], models()[:1]) if quick else (TOLERANCES, models())
-    header = ["by tolerance", "rtol", "run", "s", "unknowns", "order", "estimate / tol", "error / tol"]
-    rows = [row for model in chosen for row in _rows(model.name, model.start(), model.problem, tolerances)]
-    own = [Own(letter, order) for letter in "LF"[: 1 if quick else None] for order in OWN_TOLERANCES]
-    rows += [row for problem in own for row in _own_rows(problem)]
-    goals = [row for case in goal_cases(1) for row in _goal_rows(case, GOAL_TOLERANCES[: 1 if quick else None])]
-    ratios = np.array([float(row[-1]) for row in [*rows, *goals] if row[2] in COUNTED and row[-1] is not None])
+    some = slice(1 if quick else None)
+    rows = [
+        row for name, start, problem in models(MODELS[some]) for row in _rows(name, start, problem, TOLERANCES[some])
+    ]
+    rows += [_own_row(Own(letter, order)) for letter in "LF"[some] for order in OWN_TOLERANCES]
+    rows += [row for case in goal_cases(1) for row in _goal_rows(case, GOAL_TOLERANCES[some])]
+    ratios = np.array([float(row[2].rpartition(" ")[2]) for row in rows if row[2]])
     summary = (
         f"error / tolerance of {ratios.size} runs: median {np.median(ratios):.2f}, 95 % at most "
         f"{np.quantile(ratios, 0.95):.2f}, largest {ratios.max():.2f}"
     )
-    return "\n\n".join([aligned(header, rows), aligned(header, goals), summary])
+    return "\n\n".join([markdown(HEADER, rows), summary])
 
 
-def _rows(name: str, start: MeshTri, problem: Magnetostatics, tolerances: Sequence[float]) -> Iterator[list[Cell]]:
+def models(names: Sequence[str]) -> Iterator[tuple[str, MeshTri, Magnetostatics]]:
+    """As in `effectivity`, from the coarsest mesh there is of each."""
+    known = {case.name: case for case in effectivity.cases()}
+    for name in names:
+        start = c_core_mesh("c_core_coarse.msh") if name.startswith("C") else known[name].start()
+        yield name, start, known[name].problem("residual")
+
+
+def _rows(name: str, start: MeshTri, problem: Magnetostatics, tolerances: Sequence[float]) -> Iterator[list[str]]:
     second = replace(problem, order=2)
+
+    def cell(run: Callable[..., Run], order: int | str, rtol: float) -> str:
+        found = run(start, replace(problem, order=order), rtol)
+        return _cell(found, rtol, true_error(found, second))
+
     for rtol in tolerances:
-        runs = [("auto", adapted, replace(problem, order="auto"))]
+        auto = cell(adapted, "auto", rtol)
         for order in (order for order, chosen in OWN_ORDERS.items() if rtol in chosen):
             if order == 3 and problem.pairs:
                 continue  # bisection leaves sides of pairs with different nodes
-            stated = replace(problem, order=order)
-            runs += [(f"order {order}", adapted, stated), (f"bisected, {order}", bisected, stated)]
-            if not problem.pairs:  # scikit-fem does not keep names of boundaries
-                runs += [(f"refined, {order}", refined, stated)]
-        for label, run, stated in runs:
-            found = run(start, stated, rtol)
-            yield _row(name, rtol, label, found, true_error(found, second))
+            others = [cell(run, order, rtol) for run in (adapted, bisected)]
+            # scikit-fem does not keep names of boundaries
+            yield [name, f"{rtol:g}", auto, *others, "" if problem.pairs else cell(refined, order, rtol)]
+            auto = ""
+        if auto:
+            yield [name, f"{rtol:g}", auto, "", "", ""]
 
 
-def _own_rows(problem: Own) -> Iterator[list[Cell]]:
-    rtol = OWN_TOLERANCES[problem.order]
-    for label, run in (("adapt", adapted), ("bisected", bisected), ("refined", refined)):
+def _own_row(problem: Own) -> list[str]:
+    rtol, cells = OWN_TOLERANCES[problem.order], []
+    for run in (adapted, bisected, refined):
         found = run(l_shaped_mesh(OWN_START), problem, rtol)
         error = problem.problem.error(found.mesh, found.field) / problem.energy_norm(found.mesh, found.field)
-        yield _row(problem.name, rtol, label, found, error)
+        cells.append(_cell(found, rtol, error))
+    return [problem.name, f"{rtol:g}", cells[0], "", *cells[1:]]
 
 
-def _row(name: str, rtol: float, label: str, found: Run, error: float) -> list[Cell]:
-    return [name, rtol, label, found.seconds, found.unknowns, found.order, found.estimate / rtol, error / rtol]
+def _cell(found: Run, rtol: float, error: float) -> str:
+    ratios = f"{found.estimate / rtol:.2f}, {error / rtol:.2f}"
+    return f"{found.seconds:.3g} s, {found.unknowns}, p {found.order}, {ratios}"
 
 
-def _goal_rows(case: Case, tolerances: Sequence[float]) -> Iterator[list[Cell]]:
+def _goal_rows(case: Case, tolerances: Sequence[float]) -> Iterator[list[str]]:
     problem = replace(case.problem, order="auto")
     for rtol in tolerances:
         began = time.process_time()
         result = ka.adapt(case.mesh, problem, goal_rtol=rtol)
         seconds, best = time.process_time() - began, result.best
-        estimated = abs(best.goal_error / best.goal) / rtol
-        error = abs(best.goal / case.exact - 1.0) / rtol
-        yield [case.name, rtol, "auto", seconds, best.unknowns, best.order, estimated, error]
+        told = abs(best.goal_error / best.goal)
+        found = Run(seconds, best.unknowns, best.order, result.solution, result.mesh, told)
+        yield [case.name, f"{rtol:g}", _cell(found, rtol, abs(best.goal / case.exact - 1.0)), "", "", ""]
 
 
 def adapted(start: MeshTri, problem: Magnetostatics | Own, rtol: float) -> Run:

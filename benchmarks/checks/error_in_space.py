@@ -10,7 +10,7 @@ from skfem import MeshTet
 import kohonen_adapt as ka
 from benchmarks.problems.quadratic_solids import Quadratic
 from benchmarks.problems.solids import CUBE, EDGE, FICHERA, MAGNET, Solid
-from benchmarks.table import Cell, aligned
+from benchmarks.table import Cell, markdown
 
 SOLIDS = (EDGE, FICHERA, CUBE, MAGNET)
 TOLERANCES = {1: (0.1,), 2: (0.02, 0.005)}  # of the energy norm, by order
@@ -56,7 +56,7 @@ def report(seeds: Sequence[int], quick: bool) -> str:
             rows += list(_rows(Stated(solid, order), TOLERANCES[order][: 1 if quick else None]))
     header = ["to an error in space", "order", "rtol", "refined, s", "unknowns", "error / tol"]
     header += ["adapt, s", "unknowns", "error / tol", "time ratio", "target", "of the unknowns"]
-    return aligned(header, rows)
+    return markdown(header, rows)
 
 
 def _rows(problem: Stated, tolerances: Sequence[float]) -> Iterator[list[Cell]]:

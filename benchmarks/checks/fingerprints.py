@@ -20,7 +20,7 @@ from benchmarks.problems.c_core import CCore, c_core_mesh
 from benchmarks.problems.l_shape import LShape, l_shaped_mesh
 from benchmarks.problems.solids import BUMP, EDGE, FICHERA
 from benchmarks.problems.square_magnet import SquareMagnet, magnet_mesh
-from benchmarks.table import Cell, aligned
+from benchmarks.table import Cell, markdown
 from kohonen_adapt.magnetostatics import Froehlich, Magnetostatics, Material
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -40,7 +40,7 @@ MOTOR = {
 def report(seeds: Sequence[int], quick: bool) -> str:
     """The runs with their hashes, each of the mesh and of every number of every pass; the quick ones alone if asked."""
     rows = [[name, fingerprint(run())] for name, run in RUNS.items() if not (quick and name in SLOW)]
-    return aligned(["run", "hash"], rows)
+    return markdown(["run", "hash"], rows)
 
 
 def closeness(file: Path, quick: bool) -> str:
@@ -61,7 +61,7 @@ def closeness(file: Path, quick: bool) -> str:
         known = np.array(before[name])
         size = np.maximum(np.abs(known), 1e-6 * np.max(np.abs(known), initial=0.0))  # what is zero but for rounding
         rows.append([name, len(now), float(np.max(np.abs(np.array(now) - known) / size, initial=0.0))])
-    text = aligned(["run", "numbers", "largest relative change"], rows)
+    text = markdown(["run", "numbers", "largest relative change"], rows)
     if max(row[2] for row in rows) > 1e-9:
         raise ValueError(f"numbers of input meshes changed:\n{text}")
     return text

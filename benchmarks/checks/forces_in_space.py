@@ -10,7 +10,7 @@ from skfem import MeshTet
 import kohonen_adapt as ka
 from benchmarks.problems.closed_forces import ClosedForm, closed_forms
 from benchmarks.problems.magnets_in_space import blocks, graded
-from benchmarks.table import Cell, aligned
+from benchmarks.table import Cell, markdown
 from kohonen_adapt.magnetostatics import Force, Froehlich, MagneticScalarPotential, Material
 from kohonen_adapt.problem.uncertain import corrected, error_of
 
@@ -81,11 +81,11 @@ def report(seeds: Sequence[int], quick: bool) -> str:
         forces += _force_rows(device, tolerances, fine.best.outputs["force"])
         estimates += _estimate_rows(device, fine)
     header = ["force in space", "order", "output_rtol", "nodes", "true error / tol", "told / tol", "told / true"]
-    tables = [aligned([*header, "seconds", "of order 1's"], forces)]
+    tables = [markdown([*header, "seconds", "of order 1's"], forces)]
     header = ["energy norm, order 2", "passes", "nodes", "error %", "estimate over error"]
-    tables.append(aligned(header, estimates))
+    tables.append(markdown(header, estimates))
     header = ["closed forms, order 2", "passes", "forces", "median error %", "median told / true", "least", "greatest"]
-    return "\n\n".join([*tables, aligned([*header, "corrected / true"], list(_closed_rows(quick)))])
+    return "\n\n".join([*tables, markdown([*header, "corrected / true"], list(_closed_rows(quick)))])
 
 
 def _force_rows(device: Device, tolerances: Sequence[float], exact: float) -> Iterator[list[Cell]]:

@@ -9,7 +9,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from benchmarks.problems import spot, undulator
-from benchmarks.table import Cell, aligned
+from benchmarks.table import Cell, markdown
 from kohonen_adapt.magnetostatics import Magnetostatics
 
 PASSES = 4
@@ -32,7 +32,7 @@ def report(seeds: Sequence[int], quick: bool) -> str:
     header += ["goal_error / error", "s"]
     pairs = [(1, 2), (2, 1)] if quick else [(1, 2), (1, 4), (2, 1), (2, 2), (3, 1)]
     rows = [_row(case, order, seeds) for order, fineness in pairs for case in cases(fineness)]
-    return aligned(header, sorted(rows, key=lambda row: str(row[0])))
+    return markdown(header, sorted(rows, key=lambda row: str(row[0])))
 
 
 def cases(fineness: int) -> list[Case]:

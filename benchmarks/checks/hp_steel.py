@@ -16,7 +16,6 @@ from benchmarks.table import Cell, markdown
 from kohonen_adapt.magnetostatics import Field, Magnetostatics
 
 TARGETS = {0.1: (10_500, 0.15), 0.03: (21_000, 0.2)}  # % of the energy norm: unknowns, and time over refinement's
-NEWTON = 4  # steps from one order to the next, at most
 ORDERS, PASSES, NODES = range(4, 9), (1, 2), (211, 300, 600)
 FINE, FINE_LAYERS, FINE_ORDER = 1000, 5, 8  # nodes, layers and order of the solution that errors are told by
 SHARES = (0.5,)  # of the squared indicators that refinement marks; 0.25 takes 1.7 times as long
@@ -51,12 +50,12 @@ class Warm:
 
 
 def report(quick: bool) -> str:
-    """Times and unknowns to errors, and steps of Newton's method from order to order."""
+    """Times and unknowns to errors."""
     model = c_core(STEEL)
     exact = Exact(model, *((300, 3, 6) if quick else (FINE, FINE_LAYERS, FINE_ORDER)))
     errors = [0.3] if quick else list(TARGETS)
     orders, nodes = ((4, 5), (211,)) if quick else (ORDERS, NODES)
-    return "\n\n".join([to_errors(model, exact, errors, orders, nodes), newton_steps(model, orders)])
+    return to_errors(model, exact, errors, orders, nodes)
 
 
 def to_errors(
@@ -111,15 +110,3 @@ def _adapted(model: CornerModel, exact: Exact, order: int, passes: int, nodes: i
     seconds = time.process_time() - begin
     settings = f"{passes} passes, {nodes} nodes, p {order}"
     return Run(settings, result.best.unknowns, exact.error(result.solution), seconds)
-
-
-def newton_steps(model: CornerModel, orders: Sequence[int]) -> str:
-    """Print the steps from zero, and from the solution of the order before on the same mesh."""
-    mesh = ka.adapt(model.start(), model.problem(2), passes=1).mesh
-    mesh, rows = model.with_layers(mesh, 2), list[list[Cell]]()
-    before = model.problem(orders[0]).solve(mesh)
-    for order in orders[1:]:
-        problem = model.problem(order)
-        cold, before = problem.solve(mesh), problem.solve_from(mesh, mesh, before)
-        rows.append([f"p {order - 1} to {order}", len(cold.newton), len(before.newton), NEWTON])
-    return markdown(["steps of Newton's method", "from zero", "from the order before", "target"], rows)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 import kohonen_adapt as ka
-from benchmarks.problems.cases import Case, cases
+from benchmarks.problems.cases import CASES, Case
 from benchmarks.table import Cell, markdown
 
 NODES = {"C": (899, 2983), "M": (1681,), "L": (3201,), "F": (3201,), "H": (441,)}  # of the start meshes
@@ -44,7 +44,7 @@ def report(seeds: Sequence[int], quick: bool) -> str:
 
 def _chosen(nodes: dict[str, tuple[int, ...]]) -> Iterator[Case]:
     for letter, counts in nodes.items():
-        for case in cases(letter):
+        for case in CASES[letter]:
             if case.start().nvertices in counts and (letter != "M" or MAGNET in case.name):
                 yield case
 
@@ -56,7 +56,7 @@ def _cell(case: Case, name: str, keywords: dict[str, Any], seeds: Sequence[int])
 
 
 def error(case: Case, passes: int, keywords: dict[str, Any], seeds: Sequence[int]) -> float:
-    """The first figure of the case after so many passes, median over the seeds."""
+    """Of the case after so many passes, median over the seeds."""
     mesh = case.start()
     results = [ka.adapt(mesh, case.problem, passes=passes, seed=seed, **keywords) for seed in seeds]
-    return float(np.median([next(iter(case.figures(each.mesh, each.solution).values())) for each in results]))
+    return float(np.median([case.error(each.mesh, each.solution) for each in results]))

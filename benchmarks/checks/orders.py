@@ -12,7 +12,7 @@ from benchmarks.problems.c_core import c_core_mesh
 from benchmarks.problems.l_shape import l_shaped_mesh
 from benchmarks.problems.orders import problem
 from benchmarks.problems.square_magnet import magnet_mesh
-from benchmarks.table import aligned
+from benchmarks.table import markdown
 
 PASSES = 4
 WORST = 1.03  # of the target: no seed may be further off
@@ -55,7 +55,7 @@ def report(seeds: Sequence[int], quick: bool) -> str:
     ka.warmup()
     header = ["orders", "unknowns", "uniform", "map only", "two passes", "four", "worst", "target", "", "us of a sweep"]
     rows = ROWS[:1] if quick else ROWS
-    return aligned(header, [_row(row, seeds) for row in rows])
+    return markdown(header, [_row(row, seeds) for row in rows])
 
 
 def _row(row: Row, seeds: Sequence[int]) -> list[str | int | float]:

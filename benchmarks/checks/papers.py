@@ -10,7 +10,7 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from benchmarks.problems.manufactured import Manufactured
 from benchmarks.problems.published import COSINES, bump, cosines, gaussians
-from benchmarks.table import Cell, aligned
+from benchmarks.table import Cell, markdown
 
 COUNT = 96
 SQUARES = (14, 20, 30)
@@ -107,7 +107,7 @@ def _gaussians(numbers: Sequence[int]) -> str:
         figures = [f"{np.mean(gains):.1f}", f"{np.std(gains):.1f}", f"{min(gains):.1f}", str(worse), f"{ms:.0f}"]
         rows.append([mover.name, *figures, "" if target is None else f"{target:.0f}", verdict])
     header = [f"{len(problems)} x Gaussians (ICML 2025)", "ER %", "sd", "least", "worse", "ms", "target", ""]
-    return aligned(header, rows)
+    return markdown(header, rows)
 
 
 def _movement() -> str:
@@ -118,7 +118,7 @@ def _movement() -> str:
         start = time.process_time()
         moved = mover.moved(mesh, problem)
         rows.append([mover.name, f"{_error(problem, moved):.5f}", f"{time.process_time() - start:.2f}"])
-    return aligned(["movement's monge_ampere_helmholtz", "L2 error", "s"], rows)
+    return markdown(["movement's monge_ampere_helmholtz", "L2 error", "s"], rows)
 
 
 def _cosines(squares: Sequence[int]) -> str:
@@ -126,7 +126,7 @@ def _cosines(squares: Sequence[int]) -> str:
     header = [f"ER %, UGM2N's problems {SECOND_HAND}", "N", *published, *(str(k + 1) for k in range(len(MOVERS))), ""]
     rows = [row for name in COSINES for row in _cosine_rows(name, squares if name == ONE_AXIS else SQUARES[1:2])]
     legend = ", ".join(f"{k}: {mover.name}" for k, mover in enumerate(MOVERS, 1))
-    return f"{aligned(header, rows)}\n{legend}"
+    return f"{markdown(header, rows)}\n{legend}"
 
 
 def _cosine_rows(name: str, squares: Sequence[int]) -> Iterator[list[Cell]]:

@@ -8,7 +8,7 @@ from skfem import Mesh
 
 import kohonen_adapt as ka
 from benchmarks.problems.c_core import c_core_mesh
-from benchmarks.table import aligned
+from benchmarks.table import markdown
 from kohonen_adapt.magnetostatics import Field, Magnetostatics, Material
 
 QUICK = 2  # times refined: 13 769 nodes, with --quick these alone
@@ -46,7 +46,7 @@ def report(seeds: Sequence[int], quick: bool) -> str:
             least = min((_seconds(mesh, problem, seed) for seed in list(seeds)[:3]), key=_ratio)
             micros, ratio = [1e6 * least[step] / mesh.nvertices for step in STEPS], _ratio(least)
             rows.append([order, exchanged, mesh.nvertices, *micros, ratio, target, _verdict(ratio, target)])
-    return aligned(["passes: order", "exchanged", "nodes", *STEPS, "ratio", "target", ""], rows)
+    return markdown(["passes: order", "exchanged", "nodes", *STEPS, "ratio", "target", ""], rows)
 
 
 def _seconds(mesh: Mesh, problem: Magnetostatics, seed: int) -> dict[str, float]:

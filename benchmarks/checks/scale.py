@@ -12,7 +12,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from benchmarks.problems.l_shape import l_shaped_mesh
-from benchmarks.table import Cell, aligned
+from benchmarks.table import Cell, markdown
 
 SQUARES = (64, 182, 577)  # per unit: 12 545, 99 008 and about a million nodes; the last takes a minute
 GROWTH = 2.0  # time per node at a million nodes over that of the smallest mesh
@@ -39,7 +39,7 @@ def report(seeds: Sequence[int], quick: bool) -> str:
             relative = micros / least.setdefault(kind, micros)
             rows.append([threads, nodes, kind, micros[0], relative[0], GROWTH, _verdict(relative[0] <= GROWTH)])
             rows[-1] += [micros[1], relative[1], memory, MEMORY, _verdict(memory <= MEMORY)]
-    return aligned(header, rows)
+    return markdown(header, rows)
 
 
 def _verdict(met: bool) -> str:

@@ -9,10 +9,10 @@ import numpy as np
 from skfem import MeshTet
 
 import kohonen_adapt as ka
-from benchmarks.peers.mmg_space import mmg_in_space
-from benchmarks.peers.space_remeshing import adapted, sizes
+from benchmarks.peers.mmg_remesh import mmg_remesh
+from benchmarks.peers.remeshing import equidistributing, remeshed_meshes, volumes
 from benchmarks.problems.solids import BUMP, EDGE, FICHERA, MAGNET, Solid, middles
-from benchmarks.table import aligned
+from benchmarks.table import markdown
 
 Cells = int | tuple[int, int, int]
 CASES: tuple[tuple[Solid, Cells], ...] = (
@@ -20,6 +20,7 @@ CASES: tuple[tuple[Solid, Cells], ...] = (
 )  # cells per unit  # fmt: skip
 QUICK = 4
 PASSES = 4
+LOOPS = 5  # of Mmg
 SPREAD, MICROSECONDS = 0.35, 150.0  # targets, with "recycle"
 SIDES = (20, 55, 100)  # cells along the cube: 9261, 175 616 and 1 030 301 nodes
 
@@ -40,7 +41,7 @@ def report(seeds: Sequence[int], quick: bool) -> str:
         "mean",
         "us/node",
     ]
-    errors = aligned(header, [compared(*case) for case in cases])
+    errors = markdown(header, [compared(*case) for case in cases])
     header = [
         f"space: {numba.config.NUMBA_NUM_THREADS} threads",
         "N",
@@ -51,7 +52,7 @@ def report(seeds: Sequence[int], quick: bool) -> str:
         "limit",
     ]
     rows = [shared_out(side, topology) for side in SIDES[: 1 if quick else None] for topology in ("recycle", "flip")]
-    return f"{errors}\n\n{aligned(header, [*rows, shared_out(SIDES[0], 'fixed')])}"
+    return f"{errors}\n\n{markdown(header, [*rows, shared_out(SIDES[0], 'fixed')])}"
 
 
 def compared(problem: Solid, cells: Cells) -> list[str | float | int | None]:
@@ -74,9 +75,8 @@ def compared(problem: Solid, cells: Cells) -> list[str | float | int | None]:
 
 def brought(problem: Solid, start: MeshTet) -> float:
     """The error of Mmg's mesh, brought to the number of nodes of the start by N^(-1/3)."""
-    mesh = adapted(problem, start, sizes, mmg_in_space)
-    error = problem.error(mesh, problem.solve(mesh))
-    return error * float((mesh.nvertices / start.nvertices) ** (1 / 3))
+    *_, (mesh, u) = remeshed_meshes(problem, start, [start.nvertices] * LOOPS, equidistributing, mmg_remesh)
+    return problem.error(mesh, u) * float((mesh.nvertices / start.nvertices) ** (1 / 3))
 
 
 def shell(x: np.ndarray) -> np.ndarray:
@@ -96,7 +96,5 @@ def shared_out(side: int, topology: str) -> list[str | float | int | None]:
 
 def spread(mesh: MeshTet) -> float:
     """Coefficient of variation of the mass of elements, from the density at their nodes."""
-    a, b, c, d = mesh.p[:, mesh.t].transpose(1, 0, 2)
-    volume = np.abs(np.einsum("ij,ij->j", b - a, np.cross(c - a, d - a, axis=0)))
-    mass = volume * shell(mesh.p)[mesh.t].mean(axis=0)
+    mass = volumes(mesh) * shell(mesh.p)[mesh.t].mean(axis=0)
     return float(mass.std() / mass.mean())

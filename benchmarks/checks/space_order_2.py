@@ -11,22 +11,25 @@ from scipy.sparse.linalg import cg
 from skfem import MeshTet
 
 import kohonen_adapt as ka
-from benchmarks.checks.magnets import CUBOIDS, MARKS, PLACES
 from benchmarks.problems.magnets_in_space import blocks, graded
-from benchmarks.table import Cell, aligned
+from benchmarks.table import Cell, markdown
+from kohonen_adapt.magnetostatics import MagneticScalarPotential, Material
 
 FAR = 0.06  # in m
 REFERENCE = 12_000  # nodes
 TOLERANCE = 1e-10  # residual, relative to the right-hand side, as in the solver
-QUADRATIC = replace(CUBOIDS, order=2)
+PLACES = {"a": ((-0.010, -0.010, -0.005), (0.010, 0.010, 0.005)), "b": ((-0.006, -0.010, 0.010), (0.014, 0.010, 0.020))}
+MARKS = ([-0.010, -0.006, 0.010, 0.014], [-0.010, 0.010], [-0.005, 0.005, 0.010, 0.020])
+POLES = {"a": Material(remanence=(0.0, 0.0, 1.2)), "b": Material(remanence=(0.0, 0.5, 1.0)), "air": Material()}
+QUADRATIC = MagneticScalarPotential(POLES, {"outer": 0.0}, order=2)
 
 
 def report(seeds: Sequence[int], quick: bool) -> str:
     """Conjugate gradients on graded grids; then error and seconds of adapted meshes, start and compilation left out."""
     solvers = [row for step in ((0.004,) if quick else (0.004, 0.0015)) for row in solved(step)]
-    tables = [aligned(["preconditioner", "unknowns", "seconds"], solvers)]
+    tables = [markdown(["preconditioner", "unknowns", "seconds"], solvers)]
     header = ["adapted", "nodes", "unknowns", "error %", "estimate %", "seconds"]
-    return "\n\n".join([*tables, aligned(header, adapted(quick))])
+    return "\n\n".join([*tables, markdown(header, adapted(quick))])
 
 
 def cuboids(step: float) -> MeshTet:
@@ -59,7 +62,7 @@ def adapted(quick: bool) -> list[list[Cell]]:
     reference, norm = _reference(mesh)
     for order, polish in ((1, True), (2, False), (2, True)):
         name = f"order {order}, {'polished' if polish else 'graded'}"
-        problem = replace(CUBOIDS, order=order)
+        problem = replace(QUADRATIC, order=order)
         ka.adapt(mesh, problem, passes=1, polish=polish)  # compiles
         for nodes in sizes[order]:
             start = time.process_time()

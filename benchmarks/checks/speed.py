@@ -13,7 +13,7 @@ import numpy as np
 import kohonen_adapt as ka
 from benchmarks.checks.reference_round import seconds_per_round
 from benchmarks.problems.l_shape import LShape, l_shaped_mesh
-from benchmarks.table import aligned
+from benchmarks.table import markdown
 
 PASSES = 4
 SQUARES = (64, 182)  # per unit: N = 12 545 and 99 008
@@ -62,7 +62,7 @@ def _relocations(start, seeds: Sequence[int]) -> str:
         rows.append([name, *(1e6 / nodes * float(value) for value in (*passes, passes.mean()))])
         rows[-1] += [ratios[0], target, _verdict(ratios[0] <= target), ratios[1], 2 * target]
         rows[-1] += [_verdict(ratios[1] <= 2 * target)]
-    return aligned(header, rows) + f"\n  round: {1e6 * reference / nodes:.1f} us per node"
+    return markdown(header, rows) + f"\n  round: {1e6 * reference / nodes:.1f} us per node"
 
 
 def _passes(mesh, seed: int) -> list[float]:
@@ -89,7 +89,7 @@ def _default(start, seeds: Sequence[int]) -> str:
     rows = [
         [step, 1e6 / nodes * float(np.median(spent[step])), float(np.median(spent[step])) / reference] for step in steps
     ]
-    return aligned([f"a pass by default (recycle), N = {nodes}", "us per node", "rounds"], rows)
+    return markdown([f"a pass by default (recycle), N = {nodes}", "us per node", "rounds"], rows)
 
 
 def _learning(mesh) -> str:
@@ -123,7 +123,7 @@ def _profile(mesh) -> str:
         name = str(Path(file).relative_to(PACKAGE)) if Path(file).is_relative_to(PACKAGE) else "other packages"
         spent[name] = spent.get(name, 0.0) + 1e6 / mesh.p.shape[1] * seconds
     most = sorted(spent.items(), key=lambda item: -item[1])[:SHOWN]
-    return aligned(["where the first relocation goes", "us per node"], [*most, ("whole", sum(spent.values()))])
+    return markdown(["where the first relocation goes", "us per node"], [*most, ("whole", sum(spent.values()))])
 
 
 def _verdict(met: bool) -> str:

@@ -10,7 +10,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from benchmarks.peers.ngsolve_field import NgsolveField
-from benchmarks.table import Cell, aligned
+from benchmarks.table import Cell, markdown
 from kohonen_adapt.cases import Case, fitting_mesh, read_case
 from kohonen_adapt.checks import is_number, listed, nearest_name
 from kohonen_adapt.magnetostatics import (
@@ -133,7 +133,7 @@ def against_values(rows: list[Row], given: Mapping[str, float], source: str) -> 
     """Return the table of given values, by the first word of the labels."""
     header = ["output", "this package", "estimated error %", source, "difference %"]
     wanted = [(row, given[name]) for row in rows if (name := row.label.partition(" (")[0]) in given]
-    return aligned(header, [[*own_cells(row), digits(value), difference(row.value, value)] for row, value in wanted])
+    return markdown(header, [[*own_cells(row), digits(value), difference(row.value, value)] for row, value in wanted])
 
 
 def against_ngsolve(case: Case, result: ka.AdaptResult, rows: list[Row], fine: int) -> str:
@@ -148,7 +148,7 @@ def against_ngsolve(case: Case, result: ka.AdaptResult, rows: list[Row], fine: i
         for row, coarse, value in zip(rows, before, now, strict=True)
     ]
     header = ["output", "this package", "estimated error %", f"NGSolve, order {order}", "difference %"]
-    return aligned([*header, f"change from order {order - 1} %"], cells)
+    return markdown([*header, f"change from order {order - 1} %"], cells)
 
 
 def ngsolve_values(case: Case, mesh: MeshTri, order: int) -> list[float | None]:

@@ -1,13 +1,11 @@
-"""Remesh a CAD model by Gmsh, with sizes given on the mesh before as a background field."""
+"""Remesh a CAD model of any dimension by Gmsh, with sizes given on the mesh before as a background field."""
 
-import tempfile
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
-from skfem import MeshTri
+from skfem import Mesh
 
-import kohonen_adapt as ka
+from benchmarks.problems.drawing import read, session
 from benchmarks.problems.geometry import Gmsh
 
 FRONTAL_DELAUNAY = 6
@@ -22,37 +20,22 @@ OPTIONS = {
     "Mesh.MeshSizeMin": 0,
     "Mesh.MeshSizeMax": 1e22,
 }
+LISTS = {2: "ST", 3: "SS"}  # of scalars on triangles and tetrahedra
 
 
-def gmsh_remesh(geometry: Callable[[Gmsh], float], mesh: MeshTri, metric: np.ndarray) -> MeshTri:
+def gmsh_remesh(geometry: Callable[[Gmsh], float], mesh: Mesh, metric: np.ndarray) -> Mesh:
     """A new mesh of the model; `metric`: 1 / h^2 (nnodes,) of the wanted edge lengths h on the mesh before."""
-    import gmsh
-
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    dim = mesh.dim()
+    with session() as gmsh:
         unit = geometry(gmsh)
         for name, value in OPTIONS.items():
             gmsh.option.setNumber(name, value)
-        _set_sizes(gmsh, mesh.p / unit, mesh.t, metric**-0.5 / unit)
-        gmsh.model.mesh.generate(2)
-        return _meshed(gmsh, unit)
-    finally:
-        gmsh.finalize()
-
-
-def _set_sizes(gmsh: Gmsh, p: np.ndarray, t: np.ndarray, sizes: np.ndarray) -> None:
-    """Linear on every triangle, in units of the model."""
-    view = gmsh.view.add("sizes")
-    rows = np.concatenate((p[0][t], p[1][t], np.zeros(t.shape), sizes[t]))
-    gmsh.view.addListData(view, "ST", t.shape[1], rows.T.ravel())
-    field = gmsh.model.mesh.field.add("PostView")
-    gmsh.model.mesh.field.setNumber(field, "ViewTag", view)
-    gmsh.model.mesh.field.setAsBackgroundMesh(field)
-
-
-def _meshed(gmsh: Gmsh, unit: float) -> MeshTri:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "remeshed.msh")
-        gmsh.write(str(path))
-        return ka.read_mesh(path, scale=unit)
+        view, x = gmsh.view.add("sizes"), np.zeros((3, mesh.nvertices))
+        x[:dim] = mesh.p / unit
+        rows = np.concatenate((*x[:, mesh.t], (metric**-0.5 / unit)[mesh.t]))
+        gmsh.view.addListData(view, LISTS[dim], mesh.nelements, rows.T.ravel())
+        field = gmsh.model.mesh.field.add("PostView")
+        gmsh.model.mesh.field.setNumber(field, "ViewTag", view)
+        gmsh.model.mesh.field.setAsBackgroundMesh(field)
+        gmsh.model.mesh.generate(dim)
+        return read(gmsh, unit)

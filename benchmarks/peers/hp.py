@@ -8,7 +8,7 @@ from functools import partial
 from itertools import product, takewhile
 
 import kohonen_adapt as ka
-from benchmarks.checks import hp_curves, hp_lines, hp_steel
+from benchmarks.checks import hp_lines, hp_steel
 from benchmarks.peers import ngsolve_hp, wheels
 from benchmarks.peers.contest import Call, Run, best_of, fewest_unknowns, quickest
 from benchmarks.peers.ngsolve_mesh import netgen_mesh
@@ -55,11 +55,10 @@ def parts(quick: bool, loops: bool) -> Iterator[str]:
     else:
         yield against_hp(models, grid, ERRORS[: 2 if quick else 4])
         yield on_same_meshes(models)
-        if loops:
-            yield against_loops(models)
     yield hp_steel.report(quick)
     yield hp_lines.report(quick)
-    yield hp_curves.report(quick)
+    if loops and not missing:
+        yield against_loops(models)
 
 
 def against_hp(models: Sequence[CornerModel], grid: Grid, errors: Sequence[float]) -> str:

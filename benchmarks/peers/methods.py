@@ -1,24 +1,27 @@
-"""Run the other methods of adaptation, each as a loop that yields every mesh with its error and the seconds so far."""
+"""Run methods of adaptation in the plane, each as a loop that yields every mesh with its error and seconds so far."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from skfem import MeshTri
+from skfem import MeshTri, adaptive_theta
 
 import kohonen_adapt as ka
-from benchmarks.peers import compare, remeshing, wheels
+from benchmarks.peers import remeshing, wheels
 from benchmarks.peers.bisection import bisected_meshes
 from benchmarks.peers.gmsh_remesh import gmsh_remesh
 from benchmarks.peers.mmg_remesh import mmg_remesh
 from benchmarks.problems.cases import Case
 
+Solved = tuple[MeshTri, Any]
+THETA = 0.5  # of the largest indicator: what scikit-fem's refinement marks
+
 
 @dataclass(frozen=True)
 class Found:
-    """A mesh, the first figure of its case, and the seconds that it took with every solve and estimate on the way."""
+    """A mesh, its error, and the seconds that it took with every solve and estimate on the way."""
 
     mesh: MeshTri
     error: float
@@ -39,8 +42,12 @@ class Refiner:
     """A method that starts coarse and adds nodes, without end; `numbering`: what becomes of the numbers of nodes."""
 
     name: str
-    loop: Callable[[Case], Iterator[Found]]
+    meshes: Callable[[Case], Iterator[Solved]]
     numbering: str = "kept, new ones added"
+
+    def loop(self, case: Case) -> Iterator[Found]:
+        """From the coarse mesh."""
+        return measured(case, self.meshes(case))
 
 
 @dataclass(frozen=True)
@@ -59,20 +66,40 @@ class Remesher:
         """Why it cannot run, empty if it can."""
         return wheels.missing(self.wheel)
 
-    def loop(
-        self, case: Case, start: MeshTri, counts: Sequence[int], trials: int = remeshing.TRIALS
-    ) -> Iterator[Found]:
+    def loop(self, case: Case, start: MeshTri, counts: Sequence[int], trials: int | None = None) -> Iterator[Found]:
         """From a start mesh through meshes of these numbers of nodes."""
         remesh = self.remesh_of(case)
         return measured(case, remeshing.remeshed_meshes(case.problem, start, counts, self.metric_of, remesh, trials))
 
 
-def measured(case: Case, meshes: Iterable[tuple[MeshTri, Any]]) -> Iterator[Found]:
+@dataclass(frozen=True)
+class Ours:
+    """A way to call `adapt`."""
+
+    name: str
+    passes: int
+    options: dict[str, Any] = field(default_factory=dict)
+    numbering: str = "kept"
+
+    def run(self, case: Case, seed: int = 0) -> Found:
+        """From the start mesh."""
+        return adapted(case, case.start(), passes=self.passes, seed=seed, **self.options)
+
+
+def adapted(case: Case, start: MeshTri, **options: Any) -> Found:
+    """What `adapt` makes of a mesh."""
+    begin = time.perf_counter()
+    result = ka.adapt(start, case.problem, **options)
+    seconds = time.perf_counter() - begin
+    return Found(result.mesh, case.error(result.mesh, result.solution), seconds)
+
+
+def measured(case: Case, meshes: Iterable[Solved]) -> Iterator[Found]:
     """Time a loop; what its meshes are worth is found out off the clock."""
     seconds, start = 0.0, time.perf_counter()
     for mesh, solution in meshes:
         seconds += time.perf_counter() - start
-        yield Found(mesh, first_figure(case, mesh, solution), seconds)
+        yield Found(mesh, case.error(mesh, solution), seconds)
         start = time.perf_counter()
 
 
@@ -82,39 +109,37 @@ def polished(case: Case, found: Found) -> Found:
     mesh = ka.polish(found.mesh, case.problem)
     solution = case.problem.solve(mesh)
     seconds = found.seconds + time.perf_counter() - start
-    return Found(mesh, first_figure(case, mesh, solution), seconds)
+    return Found(mesh, case.error(mesh, solution), seconds)
 
 
-def first_figure(case: Case, mesh: MeshTri, solution: Any) -> float:
-    """The error."""
-    return next(iter(case.figures(mesh, solution).values()))
-
-
-def _uniform(case: Case) -> Iterator[Found]:
-    return measured(case, _halved_meshes(case.problem, case.coarse()))
-
-
-def _halved_meshes(problem: Any, mesh: MeshTri) -> Iterator[tuple[MeshTri, Any]]:
+def halved(case: Case) -> Iterator[Solved]:
+    """Every element cut in four, again and again."""
+    mesh = case.coarse()
     while True:
-        yield mesh, problem.solve(mesh)
+        yield mesh, case.problem.solve(mesh)
         mesh = mesh.refined()
 
 
-def _refined(case: Case) -> Iterator[Found]:
-    for outcome in compare.refined_meshes(case):
-        yield Found(outcome.mesh, next(iter(outcome.figures.values())), sum(outcome.seconds.values()))
+def refined(case: Case) -> Iterator[Solved]:
+    """scikit-fem's adaptive loop."""
+    mesh = case.coarse()
+    while True:
+        solution = case.problem.solve(mesh)
+        indicators = case.problem.indicators(mesh, solution)
+        yield mesh, solution
+        mesh = mesh.refined(adaptive_theta(indicators**2 if case.squared else indicators, theta=THETA))
 
 
-def _bisected(case: Case) -> Iterator[Found]:
-    return measured(case, bisected_meshes(case.problem, case.coarse()))
-
-
-UNIFORM = Refiner("uniform", _uniform)
-REFINED = Refiner("refined by scikit-fem", _refined)
-BISECTED = Refiner("bisected", _bisected)
+UNIFORM = Refiner("uniform", halved)
+REFINED = Refiner("refined by scikit-fem", refined)
+BISECTED = Refiner("bisected", lambda case: bisected_meshes(case.problem, case.coarse()))
 REFINERS = (UNIFORM, REFINED, BISECTED)
 GMSH = Remesher("Gmsh", "gmsh", lambda case: partial(gmsh_remesh, case.geometry))
 POLISHED_GMSH = "Gmsh, then our polish"
 MMG = Remesher("Mmg", "mmgpy", lambda case: mmg_remesh)
 ANISOTROPIC = Remesher("Mmg, anisotropic", "mmgpy", lambda case: mmg_remesh, remeshing.curvature_metric, letters="LH")
 REMESHERS = (GMSH, MMG, ANISOTROPIC)
+FLIP = Ours("map only, flip", 4, {"topology": "flip", "polish": False})
+POLISHED = Ours("map + polish, flip", 4, {"topology": "flip"})
+DEFAULT = Ours("default (recycle)", 3, numbering="in `nodes`")
+OURS = (FLIP, POLISHED, DEFAULT)

@@ -11,7 +11,7 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from benchmarks.peers.ngsolve_field import NgsolveField
-from benchmarks.table import aligned
+from benchmarks.table import markdown
 from kohonen_adapt.magnetostatics import Froehlich, Magnetostatics, Material
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -106,4 +106,4 @@ def report(seeds: Sequence[int], quick: bool) -> str:
         return f"oracle: NGSolve cannot be imported ({error}); install the extra 'bench'."
     chosen = devices()[:1] if quick else devices()
     rows = [row for device in chosen for row in compared(device, seeds[0])]
-    return aligned(["oracle", "P1, adapted", "NGSolve, P3", "difference %", "expected %"], rows)
+    return markdown(["oracle", "P1, adapted", "NGSolve, P3", "difference %", "expected %"], rows)

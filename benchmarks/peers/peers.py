@@ -8,16 +8,15 @@ import numpy as np
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from benchmarks.peers import compare, methods
-from benchmarks.peers.methods import Found
-from benchmarks.problems import p1
-from benchmarks.problems.cases import Case, cases
-from benchmarks.problems.variants import DEFAULT, FLIP, POLISHED, Variant
+from benchmarks.peers import methods
+from benchmarks.peers.lost_names import lost_names
+from benchmarks.peers.methods import DEFAULT, GMSH, OURS, POLISHED, POLISHED_GMSH, REFINERS, REMESHERS, Found
+from benchmarks.problems.cases import CASES, Case
+from benchmarks.table import Cell, markdown
 
-LETTERS = "LHMCF"
-NODES = (400, 4000)  # of the cases that are compared
-OURS = (FLIP, POLISHED, DEFAULT)
+NODES = {False: (400, 4000), True: (400, 900)}  # of the cases that are compared, by `quick`
 LOOPS = 5  # of a remesher
+NUMBERING = {method.name: method.numbering for method in (*REFINERS, *REMESHERS, *OURS)} | {POLISHED_GMSH: "lost"}
 
 
 @dataclass(frozen=True)
@@ -33,22 +32,27 @@ class Result:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A case in a word, its first figure, which is compared, and the results of all methods by name."""
+    """The results of all methods on a case by their names."""
 
-    letter: str
     label: str
     figure: str
     results: dict[str, Result]
 
 
+def report(seeds: Sequence[int], quick: bool) -> str:
+    """Run every method on every case; the tables, and which wheels are not there."""
+    missing = sorted({remesher.missing for remesher in REMESHERS} - {""})
+    return "\n\n".join([tables(list(comparisons(seeds, quick))), *missing])
+
+
 def comparisons(seeds: Sequence[int], quick: bool) -> Iterator[Comparison]:
     """Every method on every case."""
     ka.warmup()
-    for letter in LETTERS:
-        for case in cases(letter, quick):
+    for letter, cases in CASES.items():
+        for case in cases:
             named = replace(case, start=_named(case.start), coarse=_named(case.coarse))
-            if NODES[0] < named.start().p.shape[1] < NODES[1]:
-                yield _comparison(letter, named, seeds)
+            if NODES[quick][0] < named.start().p.shape[1] < NODES[quick][1]:
+                yield comparison(letter, named, seeds)
 
 
 def with_outside_named(mesh: MeshTri) -> MeshTri:
@@ -56,44 +60,28 @@ def with_outside_named(mesh: MeshTri) -> MeshTri:
     return mesh.with_boundaries({"outer": mesh.boundary_facets()} | (mesh.boundaries or {}))
 
 
-def lost_names(before: MeshTri, after: MeshTri) -> list[str]:
-    """Names that are not there afterwards or have another area or length."""
-    sizes, found = _sizes(before), _sizes(after)
-    return sorted(name for name, size in sizes.items() if not np.isclose(size, found.get(name, np.nan), rtol=1e-9))
-
-
-def _sizes(mesh: MeshTri) -> dict[str, float]:
-    """Area of every subdomain and length of every boundary."""
-    areas, _ = p1.shape_gradients(mesh)
-    lengths = np.hypot(*np.diff(mesh.p[:, mesh.facets], axis=1)[:, 0])
-    return {name: areas[elements].sum() for name, elements in (mesh.subdomains or {}).items()} | {
-        name: lengths[np.asarray(facets)].sum() for name, facets in (mesh.boundaries or {}).items()
-    }
-
-
 def _named(make: Callable[[], MeshTri]) -> Callable[[], MeshTri]:
     return lambda: with_outside_named(make())
 
 
-def _comparison(letter: str, case: Case, seeds: Sequence[int]) -> Comparison:
+def comparison(letter: str, case: Case, seeds: Sequence[int]) -> Comparison:
+    """Every method on one case."""
     start = case.start()
-    nodes, solution = start.p.shape[1], case.problem.solve(start)
-    figure = next(iter(case.figures(start, solution)))
-    runs = {methods.UNIFORM.name: [next(methods.measured(case, [(start, solution)]))]}
-    for refiner in (methods.REFINED, methods.BISECTED):
+    nodes, has_functional = start.p.shape[1], hasattr(case.problem, "ritz")
+    runs = {"uniform": [next(methods.measured(case, [(start, case.problem.solve(start))]))]}
+    for refiner in REFINERS[1:]:
         runs[refiner.name] = [_nearest(islice(refiner.loop(case), 1, None), nodes)]
-    for remesher in methods.REMESHERS:
+    for remesher in REMESHERS:
         if letter in remesher.letters and not remesher.missing:
             *_, last = remesher.loop(case, start, [nodes] * LOOPS)
             runs[remesher.name] = [last]
-    if methods.GMSH.name in runs and hasattr(case.problem, "ritz"):
-        runs[methods.POLISHED_GMSH] = [methods.polished(case, *runs[methods.GMSH.name])]
-    for variant in OURS:
-        if variant in case.variants:
-            runs[variant.name] = [_adapted(case, variant, seed) for seed in seeds]
-    return Comparison(
-        letter, f"{case.name}, N = {nodes}", figure, {name: _result(case, start, found) for name, found in runs.items()}
-    )
+    if GMSH.name in runs and has_functional:
+        runs[POLISHED_GMSH] = [methods.polished(case, *runs[GMSH.name])]
+    for way in OURS:
+        if has_functional or way is not POLISHED:
+            runs[way.name] = [way.run(case, seed) for seed in seeds]
+    results = {name: _result(case, start, found) for name, found in runs.items()}
+    return Comparison(f"{case.name}, N = {nodes}", case.figure, results)
 
 
 def _nearest(loop: Iterable[Found], nodes: int) -> Found:
@@ -106,11 +94,6 @@ def _nearest(loop: Iterable[Found], nodes: int) -> Found:
     return min(seen, key=lambda found: abs(np.log(found.nodes / nodes)))
 
 
-def _adapted(case: Case, variant: Variant, seed: int) -> Found:
-    outcome = compare.adapted(case, variant, seed)
-    return Found(outcome.mesh, next(iter(outcome.figures.values())), sum(outcome.seconds.values()))
-
-
 def _result(case: Case, start: MeshTri, runs: list[Found]) -> Result:
     """Medians over the runs, but the worst quality of all of them."""
     qualities = [ka.quality(run.mesh) for run in runs]
@@ -121,3 +104,53 @@ def _result(case: Case, start: MeshTri, runs: list[Found]) -> Result:
         mean=float(np.median([values.mean() for values in qualities])),
         lost=sorted({name for run in runs for name in lost_names(start, run.mesh)}),
     )
+
+
+def tables(rows: list[Comparison]) -> str:
+    """All tables, and what a peer does better."""
+    columns = list(dict.fromkeys(name for row in rows for name in row.results))
+    seconds = [[row.label, *_cells(row, columns, lambda result: f"{result.seconds:.2f}")] for row in rows]
+    parts = [
+        "Errors at equal N, in bold the best:",
+        markdown(["", *columns], [_errors(row, columns) for row in rows]),
+        _better(rows, columns),
+        "Seconds, with every solve and estimate on the way:",
+        markdown(["", *columns], seconds),
+        "Worst quality, median of the mean qualities, names lost, and whether a node keeps its number:",
+        markdown(["", "min q", "mean q", "names", "numbers"], [_properties(name, rows) for name in columns]),
+    ]
+    return "\n\n".join(parts)
+
+
+def _cells(row: Comparison, columns: list[str], cell: Callable[[Result], Cell]) -> Iterator[Cell]:
+    return (cell(row.results[name]) if name in row.results else None for name in columns)
+
+
+def _errors(row: Comparison, columns: list[str]) -> list[Cell]:
+    best = min(result.error for result in row.results.values())
+    cells = _cells(row, columns, lambda result: f"**{best:#.4g}**" if result.error == best else result.error)
+    return [f"{row.label} ({row.figure})", *cells]
+
+
+def _better(rows: list[Comparison], columns: list[str]) -> str:
+    """Where a peer has the smaller error than the default of this package, and how many times."""
+    lines = []
+    for name in columns:
+        ratios = {
+            row.label: row.results[DEFAULT.name].error / row.results[name].error for row in rows if name in row.results
+        }
+        better = [f"{label} ({ratio:.3f})" for label, ratio in ratios.items() if ratio > 1]
+        lines.append(f"* {name} has the smaller error on {'; '.join(better)}." if better else f"* {name}: nowhere.")
+    return "\n".join([f"Where others do better than {DEFAULT.name}, and how many times:", "", *lines])
+
+
+def _properties(name: str, rows: list[Comparison]) -> list[Cell]:
+    results = [row.results[name] for row in rows if name in row.results]
+    lost = sorted({lost for result in results for lost in result.lost})
+    return [
+        name,
+        f"{min(result.worst for result in results):.2f}",
+        f"{np.median([result.mean for result in results]):.2f}",
+        f"{', '.join(lost)} lost" if lost else "kept",
+        NUMBERING[name],
+    ]

@@ -1,48 +1,52 @@
-"""Run the loop of a remesher: solve, estimate, turn that into a metric of the wanted number of nodes, remesh."""
+"""Run the loop of a remesher: solve, estimate, turn that into a metric of the wanted number of nodes, remesh.
+
+On triangles and tetrahedra alike, in d dimensions. A metric is 1 / h^2 of the wanted edge lengths h (nnodes,), or the
+upper entries of tensors M (d (d + 1) / 2, nnodes) in which wanted edges e have e . M e = 1.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
+from math import factorial
 from typing import Any
 
 import numpy as np
-from skfem import MeshTri
+from skfem import Mesh
 
 import kohonen_adapt as ka
-from benchmarks.problems import p1
 
 Array = np.ndarray
-Remesh = Callable[[MeshTri, Array], MeshTri]
-"""Mesh and metric at its nodes to a new mesh. A metric is 1 / h^2 of the wanted edge lengths h (nnodes,), or the
-entries xx, xy, yy of tensors M (3, nnodes) in which wanted edges e have e . M e = 1."""
-MetricOf = Callable[[Any, MeshTri, Any], Array]
+Remesh = Callable[[Mesh, Array], Mesh]
+MetricOf = Callable[[Any, Mesh, Any], Array]
 """Problem, mesh and solution to a metric up to a factor."""
 
 TOLERANCE = 1.02  # of the last number of nodes
-TRIALS = 8
+TRIALS = {2: (1, 8), 3: (2, 6)}  # of every loop and of the last: remeshers take sizes and no number of nodes
+NODES = {2: 2.0 / np.sqrt(3.0), 3: 1.1**3}  # of a unit of volume with edges of about one
 FLAT = 1e-5  # of the largest eigenvalue; a larger share has larger errors on all layers of `problems/layers.py`
 
 
 def remeshed_meshes(
     problem: Any,
-    start: MeshTri,
+    start: Mesh,
     counts: Sequence[int],
     metric_of: MetricOf,
     remesh: Remesh,
-    trials: int = TRIALS,
-) -> Iterator[tuple[MeshTri, Any]]:
+    trials: int | None = None,
+) -> Iterator[tuple[Mesh, Any]]:
     """Every mesh of the loop with its solution, the start first; `counts` are the wanted numbers of nodes after it.
 
     Each remeshing corrects the metric by what the one before gave; the last is repeated until N is within 2 %, with
     at most this number of trials.
     """
-    mesh, correction = start, 1.0
+    mesh, correction, power = start, 1.0, 2.0 / start.dim()
+    others, last = TRIALS[start.dim()]
     for number, count in enumerate(counts, start=1):
         solution = problem.solve(mesh)
         yield mesh, solution
         metric = metric_of(problem, mesh, solution)
-        metric *= count / expected_nodes(mesh, metric)
-        for _ in range(trials if number == len(counts) else 1):
-            found = remesh(mesh, correction * metric)
-            ratio = found.p.shape[1] / count
+        metric *= (count / expected_nodes(mesh, metric)) ** power
+        for _ in range((trials or last) if number == len(counts) else others):
+            found = remesh(mesh, correction**power * metric)
+            ratio = found.nvertices / count
             correction /= ratio
             if max(ratio, 1 / ratio) <= TOLERANCE:
                 break
@@ -50,14 +54,15 @@ def remeshed_meshes(
     yield mesh, problem.solve(mesh)
 
 
-def equidistributing(problem: Any, mesh: MeshTri, solution: Any) -> Array:
+def equidistributing(problem: Any, mesh: Mesh, solution: Any) -> Array:
     """1 / h^2 (nnodes,) from the same indicators and the same rule as the map's density."""
     norm, order = getattr(problem, "norm", "energy"), getattr(problem, "order", 1)
-    return at_nodes(mesh, ka.density_from_indicators(mesh, problem.indicators(mesh, solution), order=order, norm=norm))
+    density = ka.density_from_indicators(mesh, problem.indicators(mesh, solution), order=order, norm=norm)
+    return at_nodes(mesh, density) ** (2.0 / mesh.dim())
 
 
-def curvature_metric(problem: Any, mesh: MeshTri, solution: Array) -> Array:
-    """Tensors (3, nnodes) from the recovered Hessian H of the solution: |H|, times det|H|^(-1/6) for the L2 norm.
+def curvature_metric(problem: Any, mesh: Mesh, solution: Array) -> Array:
+    """|H| of the recovered Hessian H of the solution, in the plane times det|H|^(-1/6) for the L2 norm.
 
     Loseille and Alauzet, *Continuous mesh framework*, SIAM J. Numer. Anal. 49 (2011), for p = infinity and 2.
     """
@@ -69,8 +74,8 @@ def curvature_metric(problem: Any, mesh: MeshTri, solution: Array) -> Array:
     return _tensors(size, vectors)
 
 
-def gradient_metric(problem: Any, mesh: MeshTri, solution: Array) -> Array:
-    """Tensors (3, nnodes) for the gradient of linear interpolants: |H| ||H||^(1/2) det|H|^(-1/4), or those for L2.
+def gradient_metric(problem: Any, mesh: Mesh, solution: Array) -> Array:
+    """Tensors for the gradient of linear interpolants: |H| ||H||^(1/2) det|H|^(-1/4), or those for L2.
 
     Huang, *Metric tensors for anisotropic mesh generation*, J. Comput. Phys. 204 (2005).
     """
@@ -85,28 +90,49 @@ def gradient_metric(problem: Any, mesh: MeshTri, solution: Array) -> Array:
 
 
 def _tensors(eigenvalues: Array, vectors: Array) -> Array:
-    tensors = np.einsum("nik,nk,njk->nij", vectors, eigenvalues, vectors)
-    return np.stack((tensors[:, 0, 0], tensors[:, 0, 1], tensors[:, 1, 1]))
+    tensors = np.einsum("nik,nk,njk->ijn", vectors, eigenvalues, vectors)
+    return tensors[np.triu_indices(len(tensors))]
 
 
-def recovered_hessian(mesh: MeshTri, solution: Array) -> Array:
-    """Symmetric (nnodes, 2, 2): gradient of the averaged gradient, averaged again."""
-    averaged = [at_nodes(mesh, component) for component in p1.gradient(mesh, solution)]
-    second = [[at_nodes(mesh, component) for component in p1.gradient(mesh, values)] for values in averaged]
-    hessian = np.moveaxis(np.array(second), -1, 0)
-    return (hessian + hessian.transpose(0, 2, 1)) / 2
+def recovered_hessian(mesh: Mesh, solution: Array) -> Array:
+    """Symmetric (nnodes, d, d): gradient of the averaged gradient, averaged again."""
+    averaged = [at_nodes(mesh, component) for component in gradient(mesh, solution)]
+    second = np.array([[at_nodes(mesh, component) for component in gradient(mesh, values)] for values in averaged])
+    return (second + second.transpose(1, 0, 2)).transpose(2, 0, 1) / 2
 
 
-def at_nodes(mesh: MeshTri, values: Array) -> Array:
-    """Means (nnodes,) of values per element over the stars, weighted by area."""
-    areas, _ = p1.shape_gradients(mesh)
-    count = mesh.p.shape[1]
-    weighted, weights = (np.bincount(mesh.t.ravel(), np.tile(v, 3), count) for v in (areas * values, areas))
+def edges(mesh: Mesh) -> Array:
+    """Of every element from its first corner, (nelements, d, d), a row each."""
+    corners = mesh.p[:, mesh.t]
+    return (corners[:, 1:] - corners[:, :1]).transpose(2, 1, 0)
+
+
+def volumes(mesh: Mesh) -> Array:
+    """Of all elements."""
+    return np.abs(np.linalg.det(edges(mesh))) / factorial(mesh.dim())
+
+
+def gradient(mesh: Mesh, values: Array) -> Array:
+    """Of the P1 function with these values at nodes, (d, nelements)."""
+    rises = values[mesh.t[1:]] - values[mesh.t[0]]
+    return np.linalg.solve(edges(mesh), rises.T[:, :, None])[:, :, 0].T
+
+
+def at_nodes(mesh: Mesh, values: Array) -> Array:
+    """Means (nnodes,) of values per element over the stars, weighted by volume."""
+    size, corners = volumes(mesh), len(mesh.t)
+    weighted, weights = (np.bincount(mesh.t.ravel(), np.tile(v, corners)) for v in (size * values, size))
     return weighted / weights
 
 
-def expected_nodes(mesh: MeshTri, metric: Array) -> float:
-    """Half the number of triangles of the metric's unit edges that cover the mesh."""
-    root = metric if metric.ndim == 1 else np.sqrt(metric[0] * metric[2] - metric[1] ** 2)
-    areas, _ = p1.shape_gradients(mesh)
-    return float(areas @ root[mesh.t].mean(axis=0)) * 2 / np.sqrt(3)
+def expected_nodes(mesh: Mesh, metric: Array) -> float:
+    """How many nodes a metric asks for, about."""
+    dim = mesh.dim()
+    if metric.ndim == 1:
+        density = metric ** (dim / 2.0)
+    else:
+        tensors = np.empty((metric.shape[1], dim, dim))
+        row, column = np.triu_indices(dim)
+        tensors[:, row, column] = tensors[:, column, row] = metric.T
+        density = np.sqrt(np.linalg.det(tensors))
+    return float(NODES[dim] * volumes(mesh) @ density[mesh.t].mean(axis=0))

@@ -1,37 +1,37 @@
 """Count nodes and seconds from a coarse start to a given true error, method by method."""
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import inf
+from itertools import product
 
 import numpy as np
 
 import kohonen_adapt as ka
-from benchmarks.peers import methods, orders_to_error
-from benchmarks.peers.fewest_nodes import fewest
+from benchmarks.peers import methods
 from benchmarks.peers.methods import Found, Remesher
 from benchmarks.problems import orders
-from benchmarks.problems.cases import Case, cases
+from benchmarks.problems.cases import CASES, Case
 from benchmarks.table import Cell, markdown
 
 GOALS = {"L": 0.013, "M, mu_r = 1": 3.0, "M, mu_r = 1000": 3.0}  # L: |u - u_h|_1, M: per cent
+UNITS = {"L": "", "M": " %"}
 EASIER = 2.0  # times the goal, with --quick
 ORDERS = (1, 2)  # of the elements that every method is given
 GROWTH = 4  # of the number of nodes from one mesh of a remesher to the next
 EXTRA = (0, 1)  # loops of a remesher at the last number of nodes; the quicker counts
 PASSES = (1, 2, 3, 4, 5, 6)  # of this package; the quickest counts
+MARGIN = 1.02  # a mesh may be better than wanted by this factor before fewer nodes are tried
+TRIALS = 6
 CAPTION = (
-    "Time from a coarse start to an error. The number of nodes was searched for off the clock; of a remesher with or "
-    f"without one more loop, and of {PASSES[0]} to {PASSES[-1]} passes of this package, the quickest:"
+    "Nodes and seconds from a coarse start to an error. The number of nodes was searched for off the clock; of a "
+    f"remesher with or without one more loop, and of {PASSES[0]} to {PASSES[-1]} passes of this package, the quickest:"
 )
 
 
 @dataclass(frozen=True)
 class Reached:
-    """What a run came to, or its repetitions in the median, and how often it solved."""
+    """What a run came to, or its repetitions in the median."""
 
-    solves: int
     nodes: int
     error: float
     seconds: float
@@ -44,21 +44,21 @@ Run = Callable[[int, int], Reached]
 def report(seeds: Sequence[int], quick: bool) -> str:
     """For every method, and every order, the run with the fewest nodes that reach the error, found off the clock."""
     ka.warmup()
-    header = ["", "order", "error", "reached by", "solves", "N", "seconds"]
-    chosen = {case.name: case for letter in "LM" for case in cases(letter)}
-    rows = [
-        row
-        for name, goal in GOALS.items()
-        for order in ORDERS
-        for row in _rows(chosen[name], order, goal * (EASIER if quick else 1), seeds)
-    ]
+    chosen = {case.name: case for letter in "LM" for case in CASES[letter]}
+    found = dict[str, dict[str, Reached]]()
+    for order, (name, goal) in product(ORDERS, GOALS.items()):
+        case, wanted = chosen[name], goal * (EASIER if quick else 1)
+        reached = _all(case if order == 1 else _of_order(case, order), wanted, seeds)
+        found[f"order {order}, {name}: {wanted:g}{UNITS[name[0]]}"] = dict(reached)
+    names = list(dict.fromkeys(name for reached in found.values() for name in reached))
+    rows = [[label, *(_cell(reached.get(name)) for name in names)] for label, reached in found.items()]
     missing = sorted({remesher.missing for remesher in methods.REMESHERS} - {""})
-    return "\n\n".join([CAPTION, markdown(header, rows), *missing, orders_to_error.report(seeds, quick)])
+    return "\n\n".join([CAPTION, markdown(["to an error of", *names], rows), *missing])
 
 
 def until(loop: Iterator[Found], goal: float) -> Reached:
     """The first mesh that is good enough."""
-    return next(_reached(n, found) for n, found in enumerate(loop, start=1) if found.error <= goal)
+    return next(_reached(found) for found in loop if found.error <= goal)
 
 
 def adapting(case: Case, passes: int) -> Run:
@@ -66,11 +66,7 @@ def adapting(case: Case, passes: int) -> Run:
     start = case.coarse()
 
     def run(nodes: int, seed: int) -> Reached:
-        begin = time.perf_counter()
-        result = ka.adapt(start, case.problem, passes=passes, target_nodes=nodes, seed=seed)
-        seconds = time.perf_counter() - begin
-        error = methods.first_figure(case, result.mesh, result.solution)
-        return _reached(len(result.history), Found(result.mesh, error, seconds))
+        return _reached(methods.adapted(case, start, passes=passes, target_nodes=nodes, seed=seed))
 
     return run
 
@@ -81,16 +77,14 @@ def growing(start: int, end: int) -> list[int]:
     return [round(start * (end / start) ** (step / steps)) for step in range(1, steps + 1)]
 
 
-def _rows(case: Case, order: int, goal: float, seeds: Sequence[int]) -> Iterator[list[Cell]]:
-    for name, reached in _all(case if order == 1 else _of_order(case, order), goal, seeds):
-        text = f"{reached.seconds:.3f}"
-        yield [case.name, order, f"{reached.error:.4g} of {goal:g}", name, reached.solves, reached.nodes, text]
+def _cell(reached: Reached | None) -> Cell:
+    return reached and f"{reached.nodes}, {reached.seconds:.3f} s"
 
 
 def _of_order(case: Case, order: int) -> Case:
     """The same problem by elements of another order."""
     problem = orders.problem(case.name[0], order, case.name.endswith("1000"))
-    return replace(case, problem=problem, figures=lambda mesh, solution: {"error": problem.error(mesh, solution)})
+    return replace(case, problem=problem, scale=1.0)
 
 
 def _all(case: Case, goal: float, seeds: Sequence[int]) -> Iterator[tuple[str, Reached]]:
@@ -116,8 +110,19 @@ def _quickest(
 def with_fewest_nodes(
     run: Run, goal: float, guess: int, seeds: Sequence[int], least: int, order: int
 ) -> Reached | None:
-    """The medians over seeds of the runs with the fewest nodes that come to the error, by elements of that order."""
-    return fewest(lambda nodes: _medians([run(nodes, seed) for seed in seeds]), goal, guess, least, inf, order)
+    """The medians over seeds of the runs with the fewest nodes, `least` or more, that come to the error, if any do.
+
+    The next number of nodes is found from the error being N^(-order / 2).
+    """
+    nodes, best = max(guess, least), None
+    for _ in range(TRIALS):
+        reached = _medians([run(nodes, seed) for seed in seeds])
+        if reached.error <= goal and (best is None or reached.nodes < best.nodes):
+            best = reached
+        if reached.error <= goal and (nodes == least or reached.error >= goal / MARGIN):
+            break
+        nodes = max(least, round(nodes * (reached.error / goal * MARGIN**0.5) ** (2.0 / order)))
+    return best
 
 
 def _remeshing(remesher: Remesher, case: Case, extra: int) -> Run:
@@ -125,20 +130,16 @@ def _remeshing(remesher: Remesher, case: Case, extra: int) -> Run:
 
     def run(nodes: int, seed: int) -> Reached:
         counts = growing(start.p.shape[1], nodes)
-        *before, last = remesher.loop(case, start, [*counts, *counts[-1:] * extra], trials=1)
-        return _reached(len(before) + 1, last)
+        *_, last = remesher.loop(case, start, [*counts, *counts[-1:] * extra], trials=1)
+        return _reached(last)
 
     return run
 
 
-def _reached(solves: int, found: Found) -> Reached:
-    return Reached(solves, found.nodes, found.error, found.seconds)
+def _reached(found: Found) -> Reached:
+    return Reached(found.nodes, found.error, found.seconds)
 
 
 def _medians(runs: Sequence[Reached]) -> Reached:
-    return Reached(
-        solves=int(np.median([run.solves for run in runs])),
-        nodes=int(np.median([run.nodes for run in runs])),
-        error=float(np.median([run.error for run in runs])),
-        seconds=float(np.median([run.seconds for run in runs])),
-    )
+    nodes, error, seconds = np.median([(run.nodes, run.error, run.seconds) for run in runs], axis=0)
+    return Reached(int(nodes), float(error), float(seconds))

@@ -13,7 +13,7 @@ EXAMPLES = HERE.parents[1] / "examples"
 SCALE = 1e-3  # drawn in millimetres
 PERMEABILITY = {"iron": 1000.0, "magnet": 1.05, "air": 1.0}
 REMANENCE = 1.2  # along y, T
-# a(u, u) in T^2 m^2 with nu relative, the limit that `python -m benchmarks.problems.c_core_reference` ends with
+# a(u, u) in T^2 m^2 with nu relative: P2 on meshes bisected to 600 000 unknowns, extrapolated
 REFERENCE_ENERGY = 3.54281383556e-4
 
 

@@ -1,8 +1,12 @@
 """Draw the domains of the problems for Gmsh, with the names that their meshes have."""
 
+from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from benchmarks.problems.c_core import EXAMPLES, SCALE
+from benchmarks.problems.solids import Box, Solid
 
 Gmsh = Any  # the module, which is an optional extra
 
@@ -36,14 +40,40 @@ def c_core(gmsh: Gmsh) -> float:
     return SCALE
 
 
-def _named(gmsh: Gmsh, regions: dict[str, list[tuple[int, int]]]) -> float:
-    """Close a model; its outer boundary is "outer", and "rest" what has no name: Gmsh saves only what has one."""
+def solid(gmsh: Gmsh, problem: Solid) -> float:
+    """The body of a problem in space."""
+    body = [(3, _box(gmsh, problem.body))]
+    if problem.notch is not None:
+        body, _ = gmsh.model.occ.cut(body, [(3, _box(gmsh, problem.notch))])
+    parts: list[list[tuple[int, int]]] = [[]]
+    if problem.parts:
+        _, parts = gmsh.model.occ.fragment(body, [(3, _box(gmsh, box)) for box in problem.parts.values()])
     gmsh.model.occ.synchronize()
-    for name, surfaces in regions.items():
-        gmsh.model.addPhysicalGroup(2, [tag for _, tag in surfaces], name=name)
-    surfaces = gmsh.model.getEntities(2)
-    rest = set(surfaces).difference(*regions.values())
-    gmsh.model.addPhysicalGroup(2, [tag for _, tag in sorted(rest)], name="rest")
-    outside = gmsh.model.getBoundary(surfaces, combined=True, oriented=False)
-    gmsh.model.addPhysicalGroup(1, [tag for _, tag in outside], name="outer")
+
+    def given(tag: int) -> bool:
+        return bool(problem.given(np.array(gmsh.model.occ.getCenterOfMass(2, tag))[:, None]).all())
+
+    return _named(gmsh, dict(zip(problem.parts, parts[len(body) :], strict=False)), "given", given)
+
+
+def _box(gmsh: Gmsh, box: Box) -> int:
+    return int(gmsh.model.occ.addBox(*box.low, *np.subtract(box.high, box.low).tolist()))
+
+
+def _named(
+    gmsh: Gmsh,
+    regions: dict[str, list[tuple[int, int]]],
+    sides: str = "outer",
+    has: Callable[[int], bool] = lambda tag: True,
+) -> float:
+    """Close a model; its outer sides have a name, and "rest" is what has none: Gmsh saves only what has one."""
+    gmsh.model.occ.synchronize()
+    dim = gmsh.model.getDimension()
+    for name, parts in regions.items():
+        gmsh.model.addPhysicalGroup(dim, [tag for _, tag in parts], name=name)
+    bodies = gmsh.model.getEntities(dim)
+    rest = set(bodies).difference(*regions.values())
+    gmsh.model.addPhysicalGroup(dim, [tag for _, tag in sorted(rest)], name="rest")
+    outside = gmsh.model.getBoundary(bodies, combined=True, oriented=False)
+    gmsh.model.addPhysicalGroup(dim - 1, [tag for _, tag in outside if has(tag)], name=sides)
     return 1.0

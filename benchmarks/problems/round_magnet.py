@@ -1,9 +1,7 @@
-"""Model a round magnet in a round hole of iron, concentric or not: exact field, meshes, errors in the true domain.
+"""Model a round magnet in a round hole of iron: exact field, meshes, errors in the true domain.
 
-The magnet, of radius R about (d, 0) and magnetised along y, is in a disk of air of radius 1 with A = 0 around it. With
-permeability 1 its potential is that in free space, ``A = -(x - d) / 2`` inside and ``-R^2 / 2 Re 1 / (z - d)`` outside
-with z = x + i y, and what its image adds, ``R^2 / 2 Re z / (1 - d z)``: on |z| = 1 both are one another's negative.
-Concentric, permeabilities of all sizes have a x inside and (b + c / r^2) x outside.
+The magnet, of radius R and magnetised along y, is in a disk of air of radius 1 with A = 0 around it. The potential is
+a x inside and (b + c / r^2) x outside.
 """
 
 from dataclasses import dataclass
@@ -17,46 +15,34 @@ from kohonen_adapt.magnetostatics import Field, Magnetostatics, Material
 ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}
 VACUUM_PERMEABILITY = 4e-7 * np.pi
 POINTS = 8  # degree of the rule that errors are integrated by
+RADIUS = 0.4
+CIRCLES = {"rim": RADIUS, "outer": 1.0}
+CURVES = {name: ka.Arc((0.0, 0.0), radius) for name, radius in CIRCLES.items()}  # coarse meshes have too few facets
 
 
 @dataclass(frozen=True)
 class RoundMagnet:
-    """A magnet; `shift` is where the disk is moved to by ``z -> (z + shift) / (1 + shift z)``, which keeps circles."""
-
-    shift: float = 0.0
     permeability: float = 1.0
-
-    @property
-    def place(self) -> tuple[float, float]:
-        """Centre d and radius R: of a magnet of 2/5 of the air's radius, moved."""
-        a, r = self.shift, 0.4
-        return a * (1 - r**2) / (1 - (a * r) ** 2), r * (1 - a**2) / (1 - (a * r) ** 2)
 
     def mesh(self, rings: int, curved: bool) -> MeshTri:
         """Nodes on rings, two fifths of them in the magnet; curved sides on both circles on request."""
         plain, ring = disk(rings)
         z = np.exp(0.1j) * (plain.p[0] + 1j * plain.p[1])
-        z = (z + self.shift) / (1 + self.shift * z)
-        magnet, ends = round(0.4 * rings), ring[plain.facets]
-        inside = ring[plain.t].max(axis=0) <= magnet
+        inside = ring[plain.t].max(axis=0) <= round(RADIUS * rings)
         names = {"magnet": np.flatnonzero(inside), "air": np.flatnonzero(~inside)}
         mesh = MeshTri(np.stack((z.real, z.imag)), plain.t).with_subdomains(names)
-        circles = {name: np.flatnonzero(np.all(ends == k, axis=0)) for name, k in (("rim", magnet), ("outer", rings))}
+        circles = {
+            name: np.flatnonzero(np.all(ring[plain.facets] == round(radius * rings), axis=0))
+            for name, radius in CIRCLES.items()
+        }
         mesh = mesh.with_boundaries(circles)
         if not curved:
             return mesh
         bent = MeshTri2.from_mesh(mesh)
-        for name, arc in self.curves.items():
-            middles, centre = mesh.p.shape[1] + circles[name], np.reshape(arc.centre, (2, 1))
-            way = bent.doflocs[:, middles] - centre
-            bent.doflocs[:, middles] = centre + arc.radius * way / np.hypot(*way)
+        for name, radius in CIRCLES.items():
+            middles = mesh.p.shape[1] + circles[name]
+            bent.doflocs[:, middles] *= radius / np.hypot(*bent.doflocs[:, middles])
         return bent.with_subdomains(names).with_boundaries(circles)
-
-    @property
-    def curves(self) -> dict[str, ka.Arc]:
-        """The circles, of which coarse meshes have too few facets to tell."""
-        centre, radius = self.place
-        return {"rim": ka.Arc((centre, 0.0), radius), "outer": ka.Arc((0.0, 0.0), 1.0)}
 
     def problem(self, order: int, curved: bool = True) -> Magnetostatics:
         """What is to be solved."""
@@ -65,22 +51,16 @@ class RoundMagnet:
 
     def gradient(self, x: np.ndarray, inside: np.ndarray) -> np.ndarray:
         """Of the exact potential, (2, ...), with the magnet's where it is `inside`."""
-        (d, radius), z = self.place, x[0] + 1j * x[1]
-        far = np.where(inside, d + radius, z)  # of the magnet's own field outside
-        if self.shift == 0.0:
-            nu = 1 / self.permeability
-            rows = [[radius, -radius, -1 / radius], [0.0, 1.0, 1.0], [nu, -1.0, 1 / radius**2]]
-            a, b, c = np.linalg.solve(rows, [0.0, 0.0, -1.0])
-            slope = np.where(inside, a, b - c / far**2)
-        else:
-            slope = np.where(inside, -0.5, 0.5 * radius**2 / (far - d) ** 2) + 0.5 * radius**2 / (1 - d * z) ** 2
+        far = np.where(inside, RADIUS, x[0] + 1j * x[1])  # of the magnet's own field outside
+        nu = 1 / self.permeability
+        rows = [[RADIUS, -RADIUS, -1 / RADIUS], [0.0, 1.0, 1.0], [nu, -1.0, 1 / RADIUS**2]]
+        a, b, c = np.linalg.solve(rows, [0.0, 0.0, -1.0])
+        slope = np.where(inside, a, b - c / far**2)
         return np.stack((slope.real, -slope.imag))
 
     def norm(self) -> float:
         """``a(A, A) = -int_magnet nu dA/dx`` of the exact potential, nu relative: dA/dx is harmonic in the magnet."""
-        d, radius = self.place
-        slope = self.gradient(np.array([[d], [0.0]]), np.array([True]))
-        return float(-np.pi * radius**2 * slope[0, 0])
+        return float(-np.pi * RADIUS**2 * self.gradient(np.zeros((2, 1)), np.array([True]))[0, 0])
 
     def error(self, field: Field, order: int) -> float:
         """Of a solution, in % of the energy norm, in the true domain, of which chords leave out slivers."""
@@ -106,23 +86,23 @@ class RoundMagnet:
         """
         one, other = mesh.f2t
         magnet = np.isin(np.arange(mesh.t.shape[1]), mesh.subdomains["magnet"])
-        (centre, radius), around = self.place, np.flatnonzero((other >= 0) & (magnet[one] != magnet[other]))
+        around = np.flatnonzero((other >= 0) & (magnet[one] != magnet[other]))
         sides = [InteriorFacetBasis(mesh, ELEMENTS[order](), facets=around, side=k, intorder=0) for k in (0, 1)]
         found = [np.asarray(side.interpolate(values).grad)[:, :, 0] for side in sides]
         outside = np.where(magnet[one[around]], found[1], found[0])
-        at, size = slivers(mesh, around, centre, radius)
+        at, size = slivers(mesh, around, RADIUS)
         beside = [np.sum((self.gradient(at, np.array(within)) - outside) ** 2, axis=0) for within in (True, False)]
         added = float(np.sum(size * (beside[0] / self.permeability - beside[1])))
-        at, size = slivers(mesh, mesh.boundary_facets(), 0.0, 1.0)
+        at, size = slivers(mesh, mesh.boundary_facets(), 1.0)
         return added + float(np.sum(size * np.sum(self.gradient(at, np.array(False)) ** 2, axis=0)))
 
 
-def slivers(mesh: MeshTri, facets: np.ndarray, centre: float, radius: float) -> tuple[np.ndarray, np.ndarray]:
+def slivers(mesh: MeshTri, facets: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
     """The middles of arcs, (2, f), and the areas between them and their chords, (f,)."""
     start, end = mesh.p[:, mesh.facets[:, facets]].swapaxes(0, 1)
-    way = 0.5 * (start + end) - [[centre], [0.0]]
+    way = 0.5 * (start + end)
     angle = 2 * np.arcsin(np.hypot(*(end - start)) / (2 * radius))
-    return [[centre], [0.0]] + radius * way / np.hypot(*way), 0.5 * radius**2 * (angle - np.sin(angle))
+    return radius * way / np.hypot(*way), 0.5 * radius**2 * (angle - np.sin(angle))
 
 
 def disk(rings: int) -> tuple[MeshTri, np.ndarray]:

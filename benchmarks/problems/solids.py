@@ -211,7 +211,7 @@ FICHERA = Solid(
     "F",
     Box((-1, -1, -1), (1, 1, 1)),
     one,
-    -0.1989845,  # to 5e-7: order 7 on graded hexahedra, extrapolated (python -m benchmarks references), and fine P2
+    -0.1989845,  # to 5e-7: order 7 on graded hexahedra of NGSolve, extrapolated, and fine P2
     notch=Box((0, 0, 0), (1, 1, 1)),
 )
 MAGNET = Solid(

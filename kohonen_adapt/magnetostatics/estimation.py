@@ -42,7 +42,7 @@ __all__ = [
 #     rectangle in free space, squares / Gmsh, 400 to 9 500 nodes     3.57 - 3.77 / 3.24 - 3.64
 #     benchmark M, permeability 1 / 1000, squares, 441 to 25 921      3.58 - 3.78 / 3.56 - 3.59
 #     the same after one to three relocations                         3.51 - 3.66
-#     balls in space (benchmarks magnets)                             3.5 - 3.8
+#     balls in space                                                  3.5 - 3.8
 RESIDUAL_SCALE = 1.0 / 3.6
 # The same around an axis, for a coil with and without an iron core, on squares and on adapted meshes (`benchmarks
 # axis`): order 1 3.4 - 4.8, order 2 4.3 - 8.9, order 3 6.6 - 13.9, the largest where the polish stretches elements.

@@ -204,7 +204,7 @@ class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
 
 
 def chosen_order(order: int, estimator: str) -> int:
-    # Least time to an error: python -m benchmarks goal-orders, in space forces-in-space and coils --tight
+    # Least time to an error: python -m benchmarks goal-orders, in space forces-in-space
     automatic = isinstance(order, AutoOrder) or str(order) == "auto"
     return AutoOrder(2 if estimator == "residual" else 1) if automatic else order
 

@@ -79,10 +79,9 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         and forces on it refer to the position in the mesh. ``("rim", "kelvin", ka.Reflection(point, normal))`` joins a
         disc to a Kelvin disc, a disc of air of the same size that stands for the exterior.
     order
-        Order of the elements: 1 to 8, or "auto",
-        the default. With an estimator other than "residual", "auto" is 1. Otherwise "auto" is 2, which takes a fifth to
-        a third of the time of order 1 to an error of 1 % (`python -m benchmarks time`), and up to 8 in `adapt` with a
-        tolerance. From order 4 on, `adapt` moves nodes at order 2, refines geometrically at corners
+        Order of the elements: 1 to 8, or "auto", the default. With an estimator other than "residual", "auto" is 1.
+        Otherwise "auto" is 2, which takes less time than order 1 (`python -m benchmarks time`), and up to 8 in `adapt`
+        with a tolerance. From order 4 on, `adapt` moves nodes at order 2, refines geometrically at corners
         (`kohonen_adapt.refined_at`) and solves with the order. Errors below 0.3 % take less time with high orders,
         unless B-H laws have kinks, or sources jump inside regions.
     curved

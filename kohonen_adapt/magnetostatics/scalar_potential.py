@@ -86,8 +86,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         also "recovery" or "bracket": the difference to `MagneticVectorPotential`, a guaranteed bound (see `bracket`).
     goal
         Quantity to adapt the mesh for in place of the energy: `Force`, `Torque`, `FluxLinkage`, `StoredEnergy`,
-        `FluxDensityAt`, or a user-defined `Goal`. There is no `energy_norm` then. At order 1 the error of a force is
-        0.5 to 1.1 times that of a mesh of as many nodes adapted for the energy (`benchmarks magnets`).
+        `FluxDensityAt`, or a user-defined `Goal`. There is no `energy_norm` then.
     order
         From 1 to 6 (at order 2 B is linear in every element, with the unknowns of `skfem.ElementTetP2`) or "auto", the
         default: 2, but 1 with another estimator, and with a tolerance the order that takes the least time. From order 4
@@ -96,9 +95,8 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         times the error (`benchmarks hp --three-d`).
     curved
         At order 2 `kohonen_adapt.adapt` puts the nodes inside edges onto curved surfaces and solves on a `MeshTet2`. An
-        edge that would fold an element stays straight. On straight edges the error of H falls by the power 1.3 of the
-        element size around a ball, on curved edges by 2 (`benchmarks ball`). At order 1 errors of outputs and goals
-        are those to curved edges.
+        edge that would fold an element stays straight. At order 1 errors of outputs and goals are those to curved
+        edges.
     coils
         Name to `Coil`. Windings lie in air, and need no elements of their own. Planes of symmetry cut whole coils. The
         fields of coils and `applied_field` are added.

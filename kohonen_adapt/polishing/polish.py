@@ -13,7 +13,7 @@ __all__ = ["PLAN", "SETTLED", "SWEEPS", "Descent", "descend_and_recycle"]
 PLAN = (2, 2, 2, 2)
 SETTLED = 0.01  # fraction of the nodes at order 1 and on tetrahedra, below which a recycling is the last of its pass
 
-# Medians of five seeds after four passes of map and polish (`python -m benchmarks sweeps`), by number of sweeps:
+# Medians of five seeds after four passes of map and polish, by number of sweeps:
 #                                    0       4       8      12      16      32
 #     L: E sqrt(N), N = 3201     0.794   0.735   0.730   0.728   0.728   0.726
 #     M: error %, N = 1681       7.059   6.480   6.434   6.423   6.417   6.419

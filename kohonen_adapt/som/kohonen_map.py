@@ -163,7 +163,7 @@ class KohonenMap:
         plane rho, scaled so that learning rate times weight is at most 1, and train with ``Stage(0, ...)``: weights and
         points together act as ``p = rho^((d + 2) / d)``. Use fresh points in every epoch (a callable), about 20 per
         neuron, and a rate that falls to 0.01. Nodes travel slowly without neighbours, so begin near the density
-        (`relocate`) or allow hundreds of epochs. ``python -m benchmarks magnification`` measures the densities.
+        (`relocate`) or allow hundreds of epochs.
 
         Examples
         --------

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.checks import hp_curves, hp_lines, hp_steel
+from benchmarks.checks import hp_lines, hp_steel
 from benchmarks.peers import hp, ngsolve_hp
 from benchmarks.peers.contest import Run, best_of, quickest
 from benchmarks.problems.corner_models import STEEL, c_core, l_model, magnet_over_iron
@@ -54,13 +54,3 @@ def test_steel():
     exact = hp_steel.Exact(model, 211, 2, 5)
     (row,) = cells(hp_steel.to_errors(model, exact, [4.0], [4], [211], repeats=1))
     assert float(row[8]) > 0.0
-    (row,) = cells(hp_steel.newton_steps(model, [4, 5]))
-    assert int(row[2]) < int(row[1])
-
-
-def test_curves():
-    (row,) = cells(hp_curves.disk([(6, 0, 91)]))
-    assert float(row[4]) == pytest.approx(float(row[5]), rel=0.1) and float(row[4]) < 1e-4
-    undulator = next(device for device in hp_curves.devices() if device.name.startswith("undulator"))
-    row, _ = cells(hp_curves.goals([undulator], [0]))
-    assert abs(float(row[6])) < 1e-3 and float(row[5]) == pytest.approx(float(row[6]), rel=0.1)

@@ -3,10 +3,8 @@
 import pytest
 
 from benchmarks.checks.space import compared
-from benchmarks.peers.peers_in_space import described, dihedral_angles, lost_names, methods, refined, timed
-from benchmarks.peers.peers_order_2 import described as described_at_order_2
-from benchmarks.peers.peers_order_2 import methods as methods_of_order_2
-from benchmarks.problems.quadratic_solids import Quadratic
+from benchmarks.peers.lost_names import lost_names
+from benchmarks.peers.peers_in_space import COUNTED, ERROR, LOST, SECONDS, Contest, greatest_angle
 from benchmarks.problems.solids import BUMP, CUBE, EDGE, MAGNET
 
 
@@ -23,15 +21,17 @@ def test_recycling_is_better_than_mmg_at_equal_nodes(problem, cells, nodes, unif
     assert row[4] < 0.95 * mmg
 
 
-def test_peers_on_tetrahedra_are_described():
-    """Refinement loses the boundary, nothing of ours is lost, and a uniform mesh is what it is."""
-    start = CUBE.mesh(6)
-    assert dihedral_angles(start) == pytest.approx((45.0, 90.0))
-    ours = [timed(method, CUBE, start, 0) for name, method in methods().items() if name.startswith("this package")]
-    row, other = described(CUBE, start, ours), described(CUBE, start, [refined(CUBE, start.nvertices)])
-    assert row.lost == "none" and row.nodes == start.nvertices and other.lost == "given"
-    assert row.error < other.error and 0.0 < row.least < row.greatest < 180.0
-    assert 0 < row.jacobi < 100 and row.seconds > 0.0
+@pytest.mark.parametrize(("solid", "order", "cells"), [(CUBE, 1, 6), (EDGE, 2, 3)])
+def test_peers_on_tetrahedra_are_described(solid, order, cells):
+    """Refinement loses the boundary, nothing of ours is lost, and a polish is best."""
+    contest = Contest(solid, order, cells, 0.5, 700 if order == 2 else None)
+    assert greatest_angle(contest.start()) == pytest.approx(90.0)
+    chosen = ("this package, floor 0.2", "this package, graded", "refined by scikit-fem")
+    rows = [contest.described(contest.methods()[name], [0]) for name in chosen]
+    assert [row[LOST] for row in rows] == [0, 0, 1]
+    assert rows[0][ERROR] < rows[1][ERROR] < 1.5 * rows[2][ERROR]
+    assert all(row[SECONDS] > 0.0 and 0.0 < row["least quality"] <= 1.0 for row in rows)
+    assert order == 2 or 0 < rows[0][COUNTED[0]] < 100
 
 
 def test_lost_names_are_those_of_another_size():
@@ -39,12 +39,3 @@ def test_lost_names_are_those_of_another_size():
     less = mesh.subdomains["iron"][1:]
     assert lost_names(mesh, mesh) == []
     assert lost_names(mesh, mesh.with_subdomains({"iron": less})) == ["iron"]
-
-
-def test_peers_of_order_2_come_near_the_unknowns_and_a_polish_is_best():
-    problem, start = Quadratic(EDGE), EDGE.mesh(3)
-    methods = methods_of_order_2(problem, start, 700)
-    chosen = ("refined by scikit-fem", "this package, graded", "this package, floor 0.2")
-    rows = [described_at_order_2(problem, methods[name], 0, 700) for name in chosen]
-    assert all(350 < row[0] < 1400 for row in rows) and all(0.0 < row[2] <= 1.0 for row in rows)
-    assert rows[2][1] < rows[1][1] < rows[0][1] * 1.5

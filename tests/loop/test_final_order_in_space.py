@@ -128,4 +128,4 @@ def test_an_own_problem_has_layers_at_the_edges_of_its_functional():
     near = np.linalg.norm(result.mesh.p[:, result.mesh.edges[0]] - result.mesh.p[:, result.mesh.edges[1]], axis=0).min()
     assert near < 0.2 * 0.5
     energy = 0.5 * np.sum(space.weights * np.sum(space.gradient_at_points(u) ** 2, axis=0))
-    assert 0.1984 < energy < 0.19899  # .1989845: python -m benchmarks references
+    assert 0.1984 < energy < 0.19899  # .1989845 of problem F

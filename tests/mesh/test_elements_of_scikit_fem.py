@@ -104,4 +104,4 @@ def test_an_own_problem_is_solved_at_order_4():
     result = ka.adapt(mesh, Notched(), passes=2, target_nodes=90)
     order, _, u, load = result.solution
     assert order == result.best.order == 4 and "layer" in result.message
-    assert 0.1988 < 0.5 * u @ load < 0.1989845  # python -m benchmarks references
+    assert 0.1988 < 0.5 * u @ load < 0.1989845  # of problem F

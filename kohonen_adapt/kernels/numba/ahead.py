@@ -28,8 +28,7 @@ logger = logging.getLogger("kohonen_adapt")
 progress = logging.getLogger("kohonen_adapt.compiling")
 
 KERNELS = "kohonen_adapt.kernels."
-# Work per loop beside the instructions of its bytecode and of the loops inside, found by timing every entry. Announced
-# and measured times: `python -m benchmarks warmup`.
+# Work per loop beside the instructions of its bytecode and of the loops inside, found by timing every entry.
 INSTRUCTIONS = 200
 
 # Program of the second process. A package without `__init__` makes the import of the kernels fast, from the folder of

@@ -39,7 +39,7 @@ class EdgeSolver(Solver):
     45, 2007), and the number of steps hardly grows with the mesh.
     """
 
-    # At 98 000 edges sweeps take 0.5 to 1 times the time of the auxiliary space (`benchmarks coils --bracket`), but
+    # At 98 000 edges sweeps take 0.5 to 1 times the time of the auxiliary space, but
     # their steps rise with the mesh.
     large: int = 500_000
     most_iterations: int = 10_000

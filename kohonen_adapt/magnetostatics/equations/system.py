@@ -34,7 +34,7 @@ class Solver:
         Largest residual of conjugate gradients, relative to the right-hand side.
     """
 
-    # Direct against multigrid on square grids (`benchmarks large`): 101 761 unknowns 0.4 - 0.9 s against 1.1 - 3.1 s,
+    # Direct against multigrid on square grids: 101 761 unknowns 0.4 - 0.9 s against 1.1 - 3.1 s,
     # 408 321 unknowns 3.9 - 10.1 s against 3.7 - 5.1 s, 808 201 unknowns 28 s against 7 s.
     large: int = 300_000
     most_iterations: int = 200
@@ -126,7 +126,7 @@ def two_level_cycle(matrix: csr_matrix, prolongation: csr_array) -> Callable[[Fl
     return cycle
 
 
-# Factors fill more in space. Direct against multigrid on boxes of magnets (`benchmarks magnets`): 8379 nodes 0.25 s
+# Factors fill more in space. Direct against multigrid on boxes of magnets: 8379 nodes 0.25 s
 # against 0.18 s, 43 956 nodes 17 s against 3.9 s.
 IN_SPACE = Solver(large=8_000)
 

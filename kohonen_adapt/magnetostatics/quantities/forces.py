@@ -142,7 +142,7 @@ class Shell:
         return np.hstack((at.x, x)), np.hstack((forces, -on_currents))
 
     # Three weights: one layer of elements around the body / the solution of Laplace's equation / this weight.
-    # Magnet over iron, meshes of Gmsh, 3623 nodes (`benchmarks force`; F_x = 106.0 N/m):
+    # Magnet over iron, meshes of Gmsh, 3623 nodes (F_x = 106.0 N/m):
     #     mean of F_x in N/m               114.0 / 108.7 / 107.2        scatter  2.4 / 0.32 / 0.10
     #     the same meshes adapted          106.0 / 106.0 / 106.0        scatter  0.031 / 0.012 / 0.014
     # Two magnets on a regular grid, 5265 nodes: error of the force 1.2 / 3.1 / 1.1 %, rate of convergence - / 1.5 / 2.

@@ -76,7 +76,7 @@ class Reduced:
 
 def symmetric_factors(matrix: csc_array, order: str = "MMD_AT_PLUS_A") -> SuperLU:
     # Pivots on the diagonal halve the time of the defaults. Relaxed supernodes and panels of several columns never save
-    # time, and relaxed supernodes multiply the time on some meshes (`benchmarks round`).
+    # time, and relaxed supernodes multiply the time on some meshes.
     return splu(
         matrix,
         permc_spec=order,

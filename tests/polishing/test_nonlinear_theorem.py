@@ -1,21 +1,23 @@
 """Nonlinear material: refinement never raises the functional, which is integrated well enough to say so."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from helpers.examples import examples
+from helpers.random_steel import by_degree, fall_of, random_steel
 from hypothesis import given
 from hypothesis import strategies as st
 
 import kohonen_adapt as ka
-from benchmarks.problems.c_core import c_core_mesh
-from benchmarks.problems.steel import by_degree, fall_of, random_steel
 from kohonen_adapt.magnetostatics import Froehlich, Magnetostatics, Material
 from kohonen_adapt.problem.functional_value import functional_value
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 EXACT = -139.436893  # of the saturated C-core, by orders 6 and 7
 
 
+@pytest.mark.slow
 @examples(40, deadline=None)
 @given(st.integers(0, 10**6))
 def test_refinement_never_raises_the_functional_and_quadrature_is_a_hundredth_of_its_fall(seed):
@@ -42,10 +44,11 @@ def saturated_core(order):
     return Magnetostatics(parts | {"air": Material()}, {"outer": 0.0}, order=order)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 3])
 def test_the_polish_of_a_saturated_core_does_not_go_where_the_quadrature_flatters(order):
     problem = saturated_core(order)
-    result = ka.adapt(c_core_mesh("c_core_coarse.msh"), problem, passes=2, target_nodes=400)
+    result = ka.adapt(ka.read_mesh(EXAMPLES / "c_core.msh", scale=1e-3), problem, passes=2)
     for one in result.history[1:]:
         told, fine = one.functional, by_degree(one.mesh, problem.ritz(one.mesh, problem.solve(one.mesh)))
         assert told > EXACT
