@@ -1,5 +1,7 @@
 """Scalar problems of orders 1 to 3 in the plane, assembled by scikit-fem: a load, a corner, a square magnet."""
 
+from dataclasses import replace
+
 import numpy as np
 from skfem import (
     Basis,
@@ -18,7 +20,9 @@ from skfem import (
 from skfem.helpers import dot, grad
 
 import kohonen_adapt as ka
+from helpers.meshes import perturbed
 
+KAPPA = {"left": 3.0, "bottom": 0.0}
 ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}
 MAGNET_ENERGY = {False: 0.0908370426, True: 0.1134912582}  # without and with iron: P2 on bisected meshes, extrapolated
 LOAD_ENERGY = 0.2140758027  # on the L-shape, likewise
@@ -155,3 +159,59 @@ class Gaussians(Scalar):
     def source(self, x, region=None):
         pairs = zip(self.centres, self.widths, strict=True)
         return sum(np.exp(-((x[0] - c[0]) ** 2 + (x[1] - c[1]) ** 2) / s**2) for c, s in pairs)
+
+
+def pushed_at(x):
+    return 1.0 + x[0] * x[1] - x[1] ** 2
+
+
+class Cooled:
+    """-div grad u = 1 with a Robin condition on the left, a Neumann one below, u = 0 at the top; straight by skfem."""
+
+    def __init__(self, order):
+        self.order = order
+
+    def forms(self, mesh):
+        basis = Basis(mesh, ELEMENTS[self.order](), intorder=6)
+        matrix = BilinearForm(lambda u, v, w: dot(grad(u), grad(v))).assemble(basis)
+        load = LinearForm(lambda v, w: 1.0 * v).assemble(basis)
+        for name, kappa in KAPPA.items():
+            facets = FacetBasis(mesh, ELEMENTS[self.order](), facets=mesh.boundaries[name], intorder=6)
+            matrix = matrix + kappa * BilinearForm(lambda u, v, w: u * v).assemble(facets)
+            values = facets.interpolate(pushed_at(basis.doflocs))
+            load = load + LinearForm(lambda v, w: w["values"] * v).assemble(facets, values=values)
+        return basis, matrix, load
+
+    def solve(self, mesh):
+        basis, matrix, load = self.forms(mesh)
+        inner = basis.complement_dofs(basis.get_dofs("top"))
+        values = np.zeros(basis.N)
+        values[inner] = solve(matrix[inner][:, inner], load[inner])
+        return values
+
+    def indicators(self, mesh, values):
+        nodal = values[: mesh.p.shape[1]]
+        return ka.estimators.residual(mesh, nodal, np.ones(mesh.t.shape[1]))
+
+    def ritz(self, mesh, values):
+        basis, *_ = self.forms(mesh)
+        fixed = np.isin(np.arange(basis.N), basis.get_dofs("top").flatten())
+        robin = {name: (kappa, pushed_at) for name, kappa in KAPPA.items()}
+        return ka.Ritz(values, fixed, 1.0, 1.0, order=self.order, robin=robin)
+
+
+class Aimed(Cooled):
+    """The same for minus three times the integral of u, by its dual problem, whose conditions have no load."""
+
+    def ritz(self, mesh, values):
+        basis, matrix, _ = self.forms(mesh)
+        ritz, weight = super().ritz(mesh, values), LinearForm(lambda v, w: 1.0 * v)
+        inner, dual = ~ritz.fixed, np.zeros(basis.N)
+        dual[inner] = solve(matrix[inner][:, inner], -3.0 * weight.assemble(basis)[inner])
+        robin = {name: (kappa, 0.0) for name, kappa in KAPPA.items()}
+        other = ka.Ritz(dual, ritz.fixed, 1.0, -3.0, order=self.order, robin=robin)
+        return replace(ritz, dual=other, share=0.5)
+
+
+def slab():
+    return perturbed(MeshTri().refined(3), 1).with_defaults()

@@ -5,7 +5,7 @@ import pytest
 from helpers.boxes import jittered, opened, qualities
 from helpers.examples import examples
 from helpers.functions_in_space import plain
-from helpers.slow_solids import functional, slow_descent, star_parts
+from helpers.slow_solids import functional
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -26,8 +26,6 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.kernels.tetrahedron.geometry import fill_star
 from kohonen_adapt.kernels.tetrahedron.polish.descend import (
-    LEAST_CURVATURE,
-    OVERSTEP,
     derivatives,
     descend_nodes,
 )
@@ -171,13 +169,6 @@ def test_derivatives_equal_differences(laws, surface):
         np.testing.assert_allclose(hessian, by, atol=near_second * np.abs(hessian).max())
 
 
-def test_derivatives_equal_the_twin():
-    at = Setting(3)
-    for v in inside(at):
-        for own, other in zip(own_derivatives(at, v), star_parts(*at.arrays, v), strict=True):
-            np.testing.assert_allclose(own, other, atol=1e-12 * np.abs(other).max())
-
-
 @pytest.mark.parametrize("surface", [False, True])
 def test_a_star_is_told_for_every_place_and_value(surface):
     at = Setting(1, laws=(Brauer(), None), surface=surface)
@@ -189,17 +180,6 @@ def test_a_star_is_told_for_every_place_and_value(surface):
     ahead, behind = (parabola(at.neurons, at.trial, v, tuple(at.mesh.position[v]), s * h, 0.0)[0] for s in (1, -1))
     assert (ahead - behind) / (2 * h) == pytest.approx(own[1][1], rel=1e-6)
     assert own[1][3] == derivatives(at.neurons, at.trial, v)[0][2]
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_a_sweep_is_that_of_the_twin(seed):
-    at = Setting(seed, cells=(4, 2, 2))
-    n, (position, node, data, values) = at.nodes, at.arrays
-    rules = *at.axes(), FLOOR, OVERSTEP, LEAST_CURVATURE
-    position, values, fall = slow_descent(position[:n], node, data, values[:n], *rules)
-    assert at.sweep() == pytest.approx(fall, rel=1e-9)
-    np.testing.assert_allclose(at.mesh.position[:n], position, atol=1e-8)
-    np.testing.assert_allclose(at.trial.value[:n], values, atol=1e-7)
 
 
 @given(

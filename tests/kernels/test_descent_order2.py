@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 from helpers.boxes import jittered, opened, qualities
 from helpers.diffusion_solids import Rising
-from helpers.examples import examples
 from helpers.functions_in_space import plain
 from helpers.quadratic_solids import PAIRS, functional
-from hypothesis import given
-from hypothesis import strategies as st
 
 from kohonen_adapt.kernels.arrays import KernelMesh, Modes
 from kohonen_adapt.kernels.functionals import Laws
@@ -174,24 +171,6 @@ def test_the_block_of_a_node_beside_curved_edges_equals_differences(laws):
         second[i] = (ends[0][1:] - ends[1][1:]) / (2.0 * step)
     np.testing.assert_allclose(directions @ gradient, by, atol=1e-5 * np.abs(gradient).max())
     np.testing.assert_allclose(directions @ hessian, second, atol=1e-4 * np.abs(hessian).max())
-
-
-@given(st.integers(0, 10_000), st.sampled_from([0.0, 1.0, 30.0]), st.sampled_from(LAWS))
-@examples(15)
-def test_a_sweep_returns_the_fall_of_the_functional(seed, load, laws):
-    at = Setting(seed, load=load, laws=laws)
-    before, start, worst = at.value(), at.mesh.position.copy(), qualities(at.mesh.position, at.node).min()
-    fall = at.sweep() + at.sweep()
-    assert fall >= 0.0 and before - at.value() == pytest.approx(fall, rel=1e-10 if laws is None else 1e-6)
-    assert qualities(at.mesh.position, at.node).min() >= min(FLOOR, worst) - 1e-12
-    held, trial = at.mesh.freedom.number == HELD, at.quadratic.trial
-    np.testing.assert_array_equal(at.mesh.position[held], start[held])
-    np.testing.assert_allclose(trial.value[trial.fixed], (at.mesh.position @ SLOPE)[trial.fixed], atol=1e-12)
-    assert np.all(at.mesh.position[trial.fixed, 0] == 0.0)
-    given_edges = at.quadratic.modes.dirichlet[: len(at.node)]
-    assert np.all(at.modes[given_edges] == 0.0)
-    spread = [np.ptp(at.modes[at.edge == edge]) for edge in range(at.edge.max() + 1)]
-    assert max(spread) == 0.0  # an edge has one coefficient in all of its elements
 
 
 def test_sweeps_end_at_the_solution_if_all_nodes_are_held():

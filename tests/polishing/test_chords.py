@@ -187,9 +187,3 @@ def test_values_given_around_a_hole_hold_its_nodes():
     radius = np.hypot(*ring.p)
     assert moving[np.isclose(radius, 1.0)].all() and not moving[np.isclose(radius, 0.3)].any()
     assert not functional.comparable
-
-
-def test_any_number_of_threads_gives_the_same_bits_and_twice_the_same():
-    mesh = disk(16, 4, off=0.05)
-    one, other = (ka.adapt(mesh, FIELD, passes=1).mesh for _ in range(2))
-    np.testing.assert_array_equal(one.p, other.p)

@@ -4,29 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.alternatives import functional, size_of_functional, slow_descent, star_derivatives
 from helpers.examples import examples
-from helpers.meshes import areas_of, generic_square, inset, junction, perturbed, square
+from helpers.meshes import perturbed, square
 from helpers.steel import STEEL
 from hypothesis import given
 from hypothesis import strategies as st
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt import Rules
-from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.functionals import Laws, energy_density
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING, WITH, WITHOUT
 from kohonen_adapt.kernels.triangle.flip import flip_edge
 from kohonen_adapt.kernels.triangle.polish import affine
-from kohonen_adapt.kernels.triangle.polish.descend import LEAST_CURVATURE, OVERSTEP
 from kohonen_adapt.kernels.triangle.polish.flips import gain_of_flip
 from kohonen_adapt.kernels.triangle.polish.linear import around, derivatives
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table, radial
-from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.energy_tables import tabulated
-from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value
 
 derivatives, flip_edge, gain_of_flip, around, energy_density = (
@@ -180,204 +173,6 @@ def test_what_is_no_law_is_refused(laws, message):
 # --- stars -----------------------------------------------------------------------------------------------------
 
 
-class Setting:
-    """A mesh with saturated laws in some regions, and the arrays of the kernels; unit coefficients elsewhere."""
-
-    def __init__(self, mesh, seed, law, fixed=None, values=None, load=1.0):
-        rng = np.random.default_rng(seed)
-        movable = MovableMesh.of(mesh, Rules())
-        self.tri, self.outline = movable.triangulation, movable.outline
-        n, region = self.tri.nnodes, self.tri.elements.region
-        count = region.max() + 1
-        laws = [law if number == 0 or rng.random() < 0.4 else None for number in range(count)]
-        self.ritz = ka.Ritz(
-            rng.normal(size=n) / 3.0 if values is None else values,
-            np.isin(np.arange(n), mesh.boundary_nodes()) if fixed is None else fixed,
-            1e3 * 10.0 ** rng.uniform(-1.0, 1.0, count),
-            1e3 * load * rng.normal(size=count),
-            1e3 * load * rng.normal(size=(2, count)),
-            region,
-            laws,
-        )
-        self.data = np.column_stack([self.ritz.coefficient, self.ritz.source, self.ritz.flux.T])[region]
-        self.laws = np.array(laws, dtype=object)[region]
-        self.values, self.fixed = self.ritz.values.copy(), self.ritz.fixed.copy()
-        self.functional = Functional.of(self.ritz, movable)
-        self.constraints = self.outline.constraints._replace(kind=self.functional.kinds(self.outline, self.fixed))
-        mesh = movable.kernel_mesh()._replace(constraints=self.constraints)
-        loops = self.functional.loops(movable, TrialFunction(self.values, self.fixed, None), mesh)
-        self.descents = loops.scratch(0)
-        self.trial = self.descents.primal.trial
-
-    @property
-    def arrays(self):
-        return self.tri.position, self.tri.elements.node, self.data, self.values
-
-    def exact(self):
-        return functional(*self.arrays, self.laws)
-
-    def size(self):
-        return size_of_functional(*self.arrays, self.laws)
-
-    def sweep(self):
-        order = np.arange(self.tri.nnodes)
-        return affine.descend_nodes(self.descents, order, FLOOR)
-
-    def flips(self):
-        every = np.ones(len(self.tri.elements.node), dtype=np.bool_)
-        decrease, count = affine.descend_flips(self.descents, FLOOR, every, 0, len(every), False)
-        self.tri.refill_star()
-        return decrease, count
-
-
-MESHES = {
-    "generic": lambda: generic_square(6),
-    "regions": lambda: perturbed(inset(8), 1),
-    "junction": lambda: perturbed(junction(6), 2),
-}
-each_mesh = pytest.mark.parametrize("build", MESHES.values(), ids=MESHES)
-
-
-@each_law
-def test_the_functional_equals_the_sum_over_the_elements(law):
-    mesh = MESHES["regions"]()
-    at = Setting(mesh, 0, law)
-    assert functional_value(mesh, at.ritz) == pytest.approx(at.exact(), rel=1e-12)
-
-
-@each_mesh
-@pytest.mark.parametrize("law", [*LAWS.values(), Straight(2e3), Cubic(2e3)], ids=[*LAWS, "straight", "cubic"])
-def test_derivatives_equal_the_chain_rule(build, law):
-    at = Setting(build(), 1, law)
-    for v in np.flatnonzero(at.outline.constraints.kind == FREE):
-        _, _, (bx, by), bw, (xx, xy, yy), (xw, yw), ww = derivatives(at.tri.position, at.tri.star, at.trial, v)
-        gradient, hessian = star_derivatives(*at.arrays, v, at.laws)
-        np.testing.assert_allclose([bx, by, bw], gradient, atol=1e-6 * np.abs(gradient).max())
-        # the curvature along the gradient is that of a step of the table, which may be a bend
-        near = 1e-9 if isinstance(law, Straight) else 0.2
-        near *= np.abs(hessian).max()
-        np.testing.assert_allclose([[xx, xy, xw], [xy, yy, yw], [xw, yw, ww]], hessian, atol=near)
-
-
-def test_the_chain_rule_equals_differences():
-    at = Setting(generic_square(4), 2, LAWS["Brauer"])
-    position, node, data, values = at.arrays
-    v = np.flatnonzero(at.outline.constraints.kind == FREE)[0]
-
-    def moved(z):
-        p, u = position.copy(), values.copy()
-        p[v] += z[:2]
-        u[v] += z[2]
-        return p, node, data, u
-
-    gradient, hessian = star_derivatives(*at.arrays, v, at.laws)
-    for k in range(3):
-        h = 1e-6 * np.eye(3)[k]
-        difference = functional(*moved(h), at.laws) - functional(*moved(-h), at.laws)
-        assert difference / 2e-6 == pytest.approx(gradient[k], rel=1e-5, abs=1e-6 * np.abs(gradient).max())
-        change = star_derivatives(*moved(h), v, at.laws)[0] - star_derivatives(*moved(-h), v, at.laws)[0]
-        np.testing.assert_allclose(change / 2e-6, hessian[k], rtol=1e-4, atol=1e-6 * np.abs(hessian).max())
-
-
-@each_mesh
-@each_law
-def test_a_star_knows_what_a_move_and_a_value_do_to_the_whole(build, law):
-    at, rng = Setting(build(), 3, law), np.random.default_rng(3)
-    constraints = at.outline.constraints
-    for v in np.flatnonzero(constraints.kind != HELD):
-        way = 1e-3 * rng.normal(size=2)
-        if constraints.kind[v] == SLIDING:
-            way = 1e-3 * constraints.chains.direction[constraints.own_chain[v]]
-        before = at.exact()
-        star, w = (at.tri.position, at.tri.star, at.trial, v), 0.1 * rng.normal()
-        now = around(*star[:3], WITH, v, at.tri.position[v], 0.0)[1]
-        assert now == pytest.approx(derivatives(*star)[1], rel=1e-10, abs=1e-12 * abs(before))
-        there = *star[:3], WITH, v, at.tri.position[v] + way
-        _, c, r, k = around(*there, w)
-        low, high = (around(*there, w + d)[1] for d in (-1e-5, 1e-5))
-        assert (high - low) / 2e-5 == pytest.approx(r, rel=1e-3, abs=1e-5 * k)
-        at.tri.position[v] += way
-        at.values[v] += w
-        assert at.exact() - before == pytest.approx(c - now, rel=1e-9, abs=TABLE * abs(before))
-        at.tri.position[v] -= way
-        at.values[v] -= w
-
-
-@each_mesh
-@pytest.mark.parametrize("load", [0.0, 1.0, 30.0])
-@pytest.mark.parametrize("law", [Straight(2e3), Cubic(500.0)], ids=["straight", "cubic"])
-def test_a_sweep_equals_its_slow_twin(build, load, law):
-    mesh = build()
-    x, y = mesh.p
-    fixed, smooth = (x == 0) | (x == 1), x + y - 3 * x * y + 0.2 * np.sin(9 * x * y)
-    at = Setting(mesh, 4, law, values=np.where(fixed, np.where(x == 0, y, 1 - 2 * y), smooth), fixed=fixed, load=load)
-    constraints, chain = at.constraints, at.constraints.own_chain
-    axes, rates = [None] * at.tri.nnodes, [None] * at.tri.nnodes
-    for v in range(at.tri.nnodes):
-        if constraints.kind[v] == FREE:
-            axes[v] = np.eye(2)
-        elif constraints.kind[v] == SLIDING:
-            axes[v] = constraints.chains.direction[chain[v]][:, None]
-            rates[v] = at.functional.on_chain[chain[v], 1] if at.fixed[v] else None
-        elif not at.fixed[v]:
-            axes[v] = np.zeros((2, 0))
-    twin = slow_descent(*at.arrays, axes, rates, FLOOR, OVERSTEP, LEAST_CURVATURE, at.laws)
-    assert at.sweep() == pytest.approx(twin[2], rel=1e-7)
-    assert twin[2] > 0
-    np.testing.assert_allclose(at.tri.position, twin[0], atol=1e-8)
-    np.testing.assert_allclose(at.values, twin[1], atol=1e-8)
-
-
-@given(
-    seed=st.integers(0, 10**6),
-    load=st.floats(0, 100),
-    name=st.sampled_from(sorted(MESHES)),
-    law=st.sampled_from(sorted(LAWS)),
-)
-@examples(40)
-def test_every_sweep_and_every_flip_lowers_the_functional_by_what_it_says_or_more(seed, load, name, law):
-    at = Setting(MESHES[name](), seed, LAWS[law], load=load)
-    for _ in range(2):
-        before, size = at.exact(), at.size()
-        gain = at.sweep()
-        after = at.exact()
-        rounding = TABLE * (size + at.size())
-        assert gain >= 0.0
-        assert after <= before - gain + rounding
-        decrease, flips = at.flips()
-        assert at.exact() == pytest.approx(after - decrease, abs=rounding)
-        assert (decrease > 0.0) == (flips > 0)
-
-
-@each_law
-def test_a_uniform_field_moves_nothing(law):
-    mesh = perturbed(generic_square(6), 1)
-    at = Setting(mesh, 0, law, values=1.5 * mesh.p[0] - mesh.p[1], load=0.0)
-    before = at.tri.position.copy()
-    assert at.sweep() == 0.0 and at.flips() == (0.0, 0)
-    np.testing.assert_array_equal(at.tri.position, before)
-
-
-@each_law
-def test_a_flip_gains_what_the_functional_loses(law):
-    at = Setting(perturbed(inset(8), 5), 5, law)
-    elements, gained = at.tri.elements, 0
-    for e, k in zip(*np.nonzero((elements.neighbour >= 0) & (elements.chain < 0)), strict=True):
-        with np.errstate(divide="ignore"):  # a flip may leave no area
-            gain = gain_of_flip(at.descents, WITHOUT, e, k, elements.neighbour[e, k])
-        saved = [array.copy() for array in elements]
-        before = at.exact()
-        flip_edge(elements, e, k)
-        if areas_of(at.tri).min() > 0:
-            assert max(0.0, before - at.exact()) == pytest.approx(gain, rel=1e-7, abs=TABLE * abs(before))
-            gained += gain > 0
-        else:
-            assert gain == 0.0
-        for array, old in zip(elements, saved, strict=True):
-            array[:] = old
-    assert gained > 5
-
-
 # --- magnetostatics --------------------------------------------------------------------------------------------
 
 
@@ -489,6 +284,7 @@ def c_core(n):
     return mesh.with_boundaries({"outer": lambda x: (x[0] == 1) | (x[1] == 1) | (x[0] == 0)})
 
 
+@pytest.mark.slow
 def test_the_polish_lowers_the_error_of_a_saturated_core_more_than_the_map_alone():
     problem, mesh = problem_of(Material(bh=STEEL), 2e7), c_core(24)
     with_polish, without = (ka.adapt(mesh, problem, passes=3, polish=polish) for polish in (True, False))

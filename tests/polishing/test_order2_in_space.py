@@ -12,7 +12,6 @@ import kohonen_adapt as ka
 from kohonen_adapt import NotOffered, Ritz, Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.magnetostatics import MagneticScalarPotential, Material
-from kohonen_adapt.polishing.polish import descend_and_recycle
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.problem.functional_value import functional_value
 
@@ -58,23 +57,6 @@ def test_a_solution_is_stationary_and_others_are_refused(tens):
                 SolidFunctional.of_solution(problem.ritz(mesh, wrong), movable, mesh)
 
 
-@pytest.mark.parametrize("tens", range(3))
-def test_after_the_next_solve_the_functional_has_fallen_as_much(tens):
-    for seed in range(10 * tens, 10 * tens + 10):
-        mesh, problem = cube(seed=seed), QuadraticDiffusion.random(seed)
-        ritz = problem.ritz(mesh, problem.solve(mesh))
-        movable = MovableSolid.of(mesh, Rules())
-        functional = SolidFunctional.of(ritz, movable, mesh)
-        before = functional_value(mesh, ritz)
-        gain = descend_and_recycle(descent_of(movable, functional), (3,))[1]
-        near = 1e-11 * (np.abs(ritz.values).max() * np.abs(before) + 1.0)
-        after = movable.mesh()
-        assert functional.comparable and gain >= 0.0
-        assert least(after, problem) <= before - gain + near
-        assert np.abs(volumes(after)).sum() == pytest.approx(1.0, rel=1e-12)
-        assert ka.quality(after).min() >= min(FLOOR, ka.quality(mesh).min()) - 1e-12
-
-
 def corner_problem(source=1.0):
     mesh = fichera(3).with_subdomains({"low": lambda x: x[2] < 0.0})
     problem = QuadraticDiffusion([1.0, 1.0], [source] * 2, np.zeros((3, 2)), {"rim": lambda x: 0.0 * x[0]})
@@ -103,17 +85,6 @@ def test_nodes_with_linear_given_values_slide_and_others_stay():
         problem = QuadraticDiffusion([1.0, 5.0], [3.0, -2.0], np.zeros((3, 2)), {"side0": value})
         moved.append(np.any(ka.polish(mesh, problem, topology="fixed").p != mesh.p, axis=0))
     assert moved[0][on].sum() >= 9 and not moved[1][on].any() and moved[1].any()
-
-
-def test_a_source_that_varies_lowers_the_functional():
-    mesh, problem = corner_problem()
-
-    class Varying(QuadraticDiffusion):
-        def ritz(self, mesh, solution):
-            return Ritz(solution, self.ends(mesh)[1], 1.0, source=lambda x, number: np.ones(x.shape[1]), order=2)
-
-    varying = Varying(problem.coefficient, problem.source, problem.flux, problem.given)
-    assert least(ka.polish(mesh, varying, sweeps=2), problem) < least(mesh, problem)
 
 
 def test_what_order_2_refuses_on_tetrahedra():
@@ -148,30 +119,6 @@ def test_adapt_polishes_order_2_and_keeps_the_number_of_unknowns():
     errors = [np.sqrt(2.0 * (step.functional - exact)) for step in (first, last)]
     assert errors[1] < 0.5 * errors[0]
     assert "further splits" not in result.message
-
-
-@pytest.mark.parametrize("four", range(4))
-def test_with_laws_the_functional_falls_as_much_as_told(four):
-    """Sweeps and swaps exactly, exchanges up to the error of the points; and the next solve ends no higher."""
-    for seed in range(4 * four, 4 * four + 4):
-        mesh, problem = cube(seed=seed), NonlinearQuadratic.random(seed)
-        ritz = problem.ritz(mesh, problem.solve(mesh))
-        movable = MovableSolid.of(mesh, Rules())
-        functional = SolidFunctional.of_solution(ritz, movable, mesh)
-        descent = descent_of(movable, functional)
-        before = start = functional_value(mesh, ritz)
-        assert descent.value() == pytest.approx(before, rel=1e-12)
-        for sweeps in (2, 0, 2):
-            fall = descent.descend(sweeps, True) if sweeps else descent.recycle()[1]
-            after = descent.value()
-            assert fall >= 0.0
-            assert before - after == pytest.approx(fall, rel=1e-5 if sweeps else 0.05, abs=1e-8 * abs(start))
-            before = after
-        assert start - before > 0.0
-        descent.opened.write_back(movable)
-        polished = movable.mesh()
-        assert least(polished, problem) <= before + 1e-8 * abs(before)
-        assert ka.quality(polished).min() >= min(FLOOR, ka.quality(mesh).min()) - 1e-12
 
 
 def test_wrong_solutions_with_laws_are_refused():

@@ -9,7 +9,6 @@ from helpers.random_solids import flat_solids
 from helpers.solids import box, volumes
 from hypothesis import given
 from hypothesis import strategies as st
-from numba import config
 from skfem import MeshTet
 
 import kohonen_adapt as ka
@@ -19,7 +18,6 @@ from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.polish import descend_and_recycle
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
-from kohonen_adapt.problem.functional_value import functional_value
 
 FLOOR = 0.2
 
@@ -99,41 +97,10 @@ def test_the_price_of_a_sample_is_near_the_price_of_all_nodes():
     assert of_sample != descent.charge() and of_sample == pytest.approx(descent.charge(), rel=0.2)
 
 
-@pytest.mark.parametrize("seed", range(10))
-def test_a_round_keeps_the_body_and_lowers_the_functional_of_the_next_solution(seed):
-    mesh, problem, solid, functional, _ = start(seed)
-    before = functional_value(mesh, functional.ritz)
-    recycled, gain = descend_and_recycle(descent_of(solid, functional), (2, 2))
-    after, old = solid.mesh(), recycled.old
-    ritz = problem.ritz(after, problem.solve(after))
-    near = 1e-11 * (np.abs(ritz.values).max() * abs(before) + 1.0)
-    assert functional.comparable and functional_value(after, ritz) <= before - gain + near
-    assert len(old) == after.nvertices and len(np.unique(old[old >= 0])) == np.count_nonzero(old >= 0)
-    assert abs(count_unknowns(after, 2) - count_unknowns(mesh, 2)) < 0.03 * count_unknowns(mesh, 2)
-    assert ka.quality(after).min() >= min(FLOOR, ka.quality(mesh).min()) - 1e-12
-    for name in ("left", "right"):
-        own = [np.abs(volumes(each))[each.subdomains[name]].sum() for each in (mesh, after)]
-        assert own[1] == pytest.approx(own[0], rel=1e-11)
-    assert areas(after) == pytest.approx(areas(mesh), rel=1e-11)
-
-
 def areas(mesh):
     corners = mesh.p[:, mesh.facets]
     size = np.linalg.norm(np.cross(*(corners[:, k] - corners[:, 0] for k in (1, 2)), axis=0), axis=0) / 2.0
     return {name: size[np.asarray(rows)].sum() for name, rows in mesh.boundaries.items()}
-
-
-def test_the_number_of_threads_changes_nothing(monkeypatch):
-    meshes = []
-    for threads in (1, 3):
-        monkeypatch.setattr(config, "NUMBA_NUM_THREADS", threads)
-        mesh, problem = graded(1, (12, 12, 12))
-        solid = MovableSolid.of(mesh, Rules())
-        functional = SolidFunctional.of(problem.ritz(mesh, np.zeros(count_unknowns(mesh, 2))), solid, mesh)
-        descend_and_recycle(descent_of(solid, functional), (2, 2))
-        meshes.append(solid.mesh())
-    np.testing.assert_array_equal(meshes[0].p, meshes[1].p)
-    np.testing.assert_array_equal(meshes[0].t, meshes[1].t)
 
 
 @examples(100)

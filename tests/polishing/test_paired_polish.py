@@ -4,19 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.descents import descend
-from helpers.devices import STEEL, machine
+from helpers.devices import machine
 from helpers.meshes import apart, disk, perturbed, ring, square
 from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
-from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.triangle.arrays import HELD, SLIDING
-from kohonen_adapt.magnetostatics import Magnetostatics, Material
+from kohonen_adapt.magnetostatics import Magnetostatics
 from kohonen_adapt.mesh.host import count_unknowns
-from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import Freedom, descend_pairs, set_partners
 from kohonen_adapt.problem.functional_value import functional_value
@@ -179,31 +176,6 @@ def test_a_flux_that_varies_is_carried_along(world):
     for _ in range(3):
         before, gain = setting.value(), setting.step()
         assert 0.0 <= gain <= (before - setting.value()) * (1.0 + 1e-9) + 1e-12
-
-
-@each_order
-@pytest.mark.parametrize(("iron", "times"), [(Material(500.0), 2), (STEEL, 1)], ids=["linear", "saturating"])
-def test_sweeps_and_recycling_take_off_what_they_say(order, iron, times):
-    mesh, given = machine()
-    materials = given.materials | dict.fromkeys(("hub", "tooth"), iron)
-    problem = replace(given, materials=materials, order=order)
-    movable = MovableMesh.of(mesh, Rules("recycle", periodic=problem.pairs).guarded())
-    functional = Functional.of(problem.ritz(mesh, problem.solve(mesh)), movable, mesh)
-    trial, recycled = functional.solution.copy(), unchanged(movable.triangulation)
-    before = functional.value(movable.triangulation, trial)
-    for _ in range(times):
-        gain = descend(movable, functional, trial, 2)
-        after = functional.value(movable.triangulation, trial)
-        assert 0.0 < gain <= (before - after) * (1.0 + 1e-9)
-        trial, recycled, decrease, _ = recycle_by_energy(movable, functional, trial, recycled)
-        before = functional.value(movable.triangulation, trial)
-        assert after - before == pytest.approx(decrease, rel=1e-6)
-        now = movable.mesh()
-        solved = functional_value(now, problem.ritz(now, problem.solve(now)))
-        assert solved <= before + 1e-12 * abs(before)  # the certificate: the solution lies lower still
-    assert off(movable) < 1e-15
-    slides = movable.constraints.kind == SLIDING
-    assert not np.any(trial.fixed[(movable.constraints.periodic.partner >= 0) & slides])
 
 
 def test_values_on_sides_that_are_no_pairs_of_the_mesh_are_given():

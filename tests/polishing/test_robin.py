@@ -7,81 +7,20 @@ import pytest
 from helpers.descents import descend
 from helpers.devices import shielded
 from helpers.meshes import disk as hexagonal_disk
-from helpers.meshes import perturbed
+from helpers.scalar_problems import Cooled, slab
 from helpers.tensor_meshes import disk
-from skfem import Basis, BilinearForm, ElementTriP1, ElementTriP2, ElementTriP3, FacetBasis, LinearForm, MeshTri, solve
-from skfem.helpers import dot, grad
+from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
-from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.curved import with_midside_offsets
-from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value
 
-ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}
-KAPPA, NEAR = {"left": 3.0, "bottom": 0.0}, 1e-9
-TABLE = 1e-9  # of a functional: what tables of laws leave out
+NEAR = 1e-9
 each_order = pytest.mark.parametrize("order", (1, 2, 3))
-
-
-def pushed_at(x):
-    return 1.0 + x[0] * x[1] - x[1] ** 2
-
-
-class Cooled:
-    """-div grad u = 1 with a Robin condition on the left, a Neumann one below, u = 0 at the top; straight by skfem."""
-
-    def __init__(self, order):
-        self.order = order
-
-    def forms(self, mesh):
-        basis = Basis(mesh, ELEMENTS[self.order](), intorder=6)
-        matrix = BilinearForm(lambda u, v, w: dot(grad(u), grad(v))).assemble(basis)
-        load = LinearForm(lambda v, w: 1.0 * v).assemble(basis)
-        for name, kappa in KAPPA.items():
-            facets = FacetBasis(mesh, ELEMENTS[self.order](), facets=mesh.boundaries[name], intorder=6)
-            matrix = matrix + kappa * BilinearForm(lambda u, v, w: u * v).assemble(facets)
-            values = facets.interpolate(pushed_at(basis.doflocs))
-            load = load + LinearForm(lambda v, w: w["values"] * v).assemble(facets, values=values)
-        return basis, matrix, load
-
-    def solve(self, mesh):
-        basis, matrix, load = self.forms(mesh)
-        inner = basis.complement_dofs(basis.get_dofs("top"))
-        values = np.zeros(basis.N)
-        values[inner] = solve(matrix[inner][:, inner], load[inner])
-        return values
-
-    def indicators(self, mesh, values):
-        nodal = values[: mesh.p.shape[1]]
-        return ka.estimators.residual(mesh, nodal, np.ones(mesh.t.shape[1]))
-
-    def ritz(self, mesh, values):
-        basis, *_ = self.forms(mesh)
-        fixed = np.isin(np.arange(basis.N), basis.get_dofs("top").flatten())
-        robin = {name: (kappa, pushed_at) for name, kappa in KAPPA.items()}
-        return ka.Ritz(values, fixed, 1.0, 1.0, order=self.order, robin=robin)
-
-
-class Aimed(Cooled):
-    """The same for minus three times the integral of u, by its dual problem, whose conditions have no load."""
-
-    def ritz(self, mesh, values):
-        basis, matrix, _ = self.forms(mesh)
-        ritz, weight = super().ritz(mesh, values), LinearForm(lambda v, w: 1.0 * v)
-        inner, dual = ~ritz.fixed, np.zeros(basis.N)
-        dual[inner] = solve(matrix[inner][:, inner], -3.0 * weight.assemble(basis)[inner])
-        robin = {name: (kappa, 0.0) for name, kappa in KAPPA.items()}
-        other = ka.Ritz(dual, ritz.fixed, 1.0, -3.0, order=self.order, robin=robin)
-        return replace(ritz, dual=other, share=0.5)
-
-
-def slab():
-    return perturbed(MeshTri().refined(3), 1).with_defaults()
 
 
 class Setting:
@@ -108,34 +47,6 @@ def test_the_functional_is_that_of_scikit_fem(order):
     assert functional_value(mesh, problem.ritz(mesh, values)) == pytest.approx(
         0.5 * values @ (matrix @ values) - load @ values, rel=1e-12
     )
-
-
-@pytest.mark.parametrize(
-    ("device", "order"),
-    [("slab", 1), ("slab", 2), ("slab", 3), ("aimed", 1), ("aimed", 2), ("aimed", 3), ("steel", 1), ("steel", 2)],
-)
-def test_sweeps_and_recycling_take_off_what_they_say(device, order):
-    if device != "steel":
-        setting = Setting(slab(), Aimed(order) if device == "aimed" else Cooled(order))
-    else:
-        mesh, steel = shielded()
-        given = {"ampere_turns": steel.ampere_turns, "open_boundary": "outer", "order": order}
-        setting = Setting(mesh, Magnetostatics(steel.materials, **given))
-    tri = setting.movable.triangulation
-    rim, recycled = tri.position[setting.functional.boundary.nodes(tri)], unchanged(tri)
-    before = setting.value()
-    assert before == pytest.approx(setting.solved(), rel=1e-9)
-    for _ in range(2):
-        gain = descend(setting.movable, setting.functional, setting.trial, 2)
-        after = setting.value()
-        assert 0.0 < gain <= (before - after) * (1.0 + 1e-9)
-        now = setting.movable, setting.functional, setting.trial, recycled
-        setting.trial, recycled, decrease, _ = recycle_by_energy(*now)
-        before = setting.value()
-        assert after - before == pytest.approx(decrease, rel=1e-6, abs=TABLE * abs(before))
-        assert setting.solved() <= before + NEAR * abs(before)  # the certificate: the solution lies lower still
-    now = setting.movable.triangulation
-    np.testing.assert_array_equal(now.position[setting.functional.boundary.nodes(now)], rim)
 
 
 @each_order

@@ -4,18 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.descents import descend
-from helpers.meshes import areas_of
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 
 from kohonen_adapt import Ritz, Rules
-from kohonen_adapt.geometry.movable import unchanged
-from kohonen_adapt.geometry.plane.midsides import MIN_JACOBIAN, jacobian_coefficients
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, FREE, POSITION, SLIDING, UNKNOWNS, VALUE
+from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, FREE, POSITION, UNKNOWNS, VALUE
 from kohonen_adapt.kernels.triangle.polish import patch, rows
-from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value
 
@@ -59,7 +54,6 @@ CASES = {
     "curved around an axis, P2": (half_disk, 2, True, None),
 }
 each_case = pytest.mark.parametrize("case", CASES.values(), ids=CASES)
-CURVED = {name: case for name, case in CASES.items() if name.startswith("curved, ") and case[3] is None}
 
 
 class Setting:
@@ -164,39 +158,3 @@ def test_few_points_integrate_the_block_of_a_uniform_field(name):
         found.append((scratch.block.rest[:count].copy(), np.tril(scratch.block.stiffness[:count, :count])))
     for few, all_points in zip(*found, strict=True):
         np.testing.assert_allclose(few, all_points, rtol=1e-12, atol=1e-12 * np.abs(all_points).max())
-
-
-@each_case
-def test_sweeps_and_recycling_take_off_what_they_say(case):
-    check_what_is_taken_off(case, Setting(case))
-
-
-@pytest.mark.parametrize("case", CURVED.values(), ids=CURVED)
-def test_so_they_do_with_a_dual(case):
-    at = Setting(case, dual=True)
-    check_what_is_taken_off(case, at)
-    assert at.trial.dual.modes.bubble.shape == at.trial.modes.bubble.shape
-
-
-def check_what_is_taken_off(case, at):
-    movable, recycled, table = at.movable, unchanged(at.movable.triangulation), 1e-8 if case[3] else 1e-12
-    on_curves = (movable.constraints.kind == SLIDING) & ~movable.outline.straight[movable.constraints.own_chain]
-    start, before = movable.triangulation.position[on_curves].copy(), at.value()
-    assert at.functional.comparable == (case[1] < 3 or not movable.curved)  # cubic functions see what is left out
-    for _ in range(3):
-        gain = descend(movable, at.functional, at.trial, 2)
-        after = at.value()
-        assert 0.0 < gain <= before - after + table * abs(before)
-        at.trial, recycled, decrease, _ = recycle_by_energy(movable, at.functional, at.trial, recycled)
-        before = at.value()
-        assert after - before == pytest.approx(decrease, rel=1e-7, abs=table * abs(before))
-        assert at.torn() <= 1e-14
-    assert recycled.splits == recycled.collapses > 0
-    assert {*map(tuple, start)} <= {
-        *map(tuple, movable.triangulation.position)
-    }  # where they would flatter, they do not go
-    if movable.curved:
-        triangulation = movable.triangulation
-        corners = triangulation.position[triangulation.elements.node]
-        least = jacobian_coefficients(corners, movable.midside_offsets()).min(axis=1)
-        assert np.all(least >= MIN_JACOBIAN * 2.0 * areas_of(triangulation))

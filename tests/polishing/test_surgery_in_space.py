@@ -2,26 +2,21 @@
 
 import numpy as np
 import pytest
-from helpers.boxes import qualities
 from helpers.boxes import volumes as volumes_of
 from helpers.descents import descent_of
 from helpers.examples import examples
 from helpers.solids import box, cut, l_shape, two_regions, volumes
 from hypothesis import given
 from hypothesis import strategies as st
-from numba import config
 from skfem import MeshTet
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, SOURCE_24TH
+from kohonen_adapt.kernels.tetrahedron.arrays import SOURCE_24TH
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.magnetostatics import Froehlich
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
-from kohonen_adapt.polishing.polish import descend_and_recycle
-from kohonen_adapt.polishing.space import recycling_in_space
-from kohonen_adapt.polishing.space.descent import SpaceDescent
 from kohonen_adapt.polishing.space.recycling_in_space import nodes_of
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 
@@ -130,33 +125,6 @@ def test_the_functional_falls_by_what_is_told_and_all_that_is_to_stay_stays(name
     assert all(tuple(place) in places for place in mesh.p.T[held])
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_no_exchange_raises_the_functional_where_none_is_to_be_won_back(seed, monkeypatch):
-    monkeypatch.setattr(recycling_in_space, "MARGIN", (1.0, 1.2))
-    at = Setting(perturbed(two_regions(4), seed), seed)
-    found = [at.recycle() for _ in range(3)]
-    assert found[0][0] > 0
-    assert all(decrease > 0.0 if pairs else decrease == 0.0 for pairs, decrease in found)
-
-
-def test_exchanges_that_sweeps_do_not_win_back_are_undone(monkeypatch):
-    at, exchange = Setting(perturbed(box(4), 1), 1), SpaceDescent.recycle
-    swapped, undone, pairs = at.movable.copy(), at.movable.copy(), []
-    told = at.swap()
-    at.opened.write_back(swapped)
-
-    def dear(descent, whole):
-        pairs.append(exchange(descent, whole)[0])
-        return pairs[-1], -1e3
-
-    monkeypatch.setattr(SpaceDescent, "recycle", dear)
-    recycled, gain = descend_and_recycle(descent_of(undone, at.functional), (0, 0))
-    assert pairs[0] > 0 and len(pairs) == 1
-    assert recycled.splits == recycled.collapses == 0 and gain == told > 0.0
-    for one, other in zip(undone.state().values(), swapped.state().values(), strict=True):
-        assert np.array_equal(one, other)
-
-
 def test_recycling_goes_on_where_rows_of_nodes_are_used_again():
     """A bump in a corner of a fine mesh: a fifth of the nodes goes there, and what is told is what happens."""
     mesh = box(7)
@@ -169,27 +137,6 @@ def test_recycling_goes_on_where_rows_of_nodes_are_used_again():
     assert before - at.value() == pytest.approx(told, rel=1e-10)
     found, values, _ = at.handed_back()
     assert found.nvertices == mesh.nvertices == len(values) and found.is_valid()
-
-
-@pytest.mark.parametrize("name", sorted(MESHES))
-def test_gains_of_splits_are_those_of_a_slow_twin(name):
-    """The least of a parabola through three values of the new node, on halves made anew."""
-    at = Setting(perturbed(MESHES[name](), 1), 1)
-    gains, mesh, checked = at.offers().gain, at.opened.mesh, 0
-    node = mesh.elements.node
-    for e, k in zip(*np.nonzero(gains > 0.02 * gains.max()), strict=True):
-        a, b = node[e, EDGES[k, :2]]
-        shell = np.flatnonzero((node[:, 0] >= 0) & (node == a).any(axis=1) & (node == b).any(axis=1))
-        p = len(mesh.position) - 1  # a row to spare
-        mesh.position[p] = 0.5 * (mesh.position[a] + mesh.position[b])
-        halves = np.array([np.where(node[i] == end, p, node[i]) for i in shell for end in (a, b)])
-        assert qualities(mesh.position, halves).min() >= min(FLOOR, qualities(mesh.position, node[shell]).min())
-        low, middle, high = (
-            slow(at, halves, np.repeat(shell, 2), p, 0.5 * at.trial.value[[a, b]].sum() + w) for w in (-1, 0, 1)
-        )
-        assert gains[e, k] == pytest.approx(0.125 * (high - low) ** 2 / (high + low - 2 * middle), rel=1e-6)
-        checked += 1
-    assert checked > 5
 
 
 def slow(at, made, set_origins, p=None, value=0.0):
@@ -207,27 +154,6 @@ def slow(at, made, set_origins, p=None, value=0.0):
     )
     density -= np.sum(ritz.flux[:, region].T * gradient, axis=1)
     return float(volumes_of(mesh.position, made) @ density)
-
-
-@pytest.mark.parametrize("name", sorted(MESHES))
-def test_costs_of_collapses_are_those_of_a_slow_twin(name):
-    """Of nodes inside the least over all neighbours that leave good elements which fill the same space."""
-    at = Setting(perturbed(MESHES[name](), 2), 2)
-    offers, mesh = at.offers(), at.opened.mesh
-    node, checked = mesh.elements.node, 0
-    most = offers.gain.max() / recycling_in_space.MARGIN[0]
-    for v in np.flatnonzero((mesh.freedom.number == INSIDE) & (mesh.pool.anchor >= 0)):
-        least, star = most, np.flatnonzero((node[:, 0] >= 0) & (node == v).any(axis=1))
-        for w in set(node[star].ravel().tolist()) - {v}:
-            left = star[~(node[star] == w).any(axis=1)]
-            made = np.where(node[left] == v, w, node[left])
-            worst = qualities(mesh.position, made).min()
-            full = volumes_of(mesh.position, made).sum() == pytest.approx(volumes_of(mesh.position, node[star]).sum())
-            if worst >= min(FLOOR, qualities(mesh.position, node[star]).min()) and full:
-                least = min(least, slow(at, made, left) - slow(at, node[star], star))
-        assert offers.cost[v] == pytest.approx(least if least < most else np.inf, rel=1e-6)
-        checked += least < most
-    assert checked > 3
 
 
 @pytest.mark.parametrize("curved", [False, True], ids=["linear", "not linear"])
@@ -264,18 +190,6 @@ def test_nothing_is_split_between_nodes_given_inside():
     at.recycle()
     _, _, fixed = at.handed_back()
     assert fixed.sum() == line.sum()
-
-
-def test_the_number_of_threads_changes_nothing(monkeypatch):
-    found = []
-    for threads in (1, 2):
-        monkeypatch.setattr(config, "NUMBA_NUM_THREADS", threads)
-        at = Setting(box(13))
-        told = at.swap(), *at.recycle(), at.swap()
-        mesh, values, _ = at.handed_back()
-        found.append((told, mesh.p, mesh.t, values))
-    assert found[0][0] == found[1][0]
-    assert all(np.array_equal(one, other) for one, other in zip(found[0][1:], found[1][1:], strict=True))
 
 
 def test_a_source_by_node_and_one_by_region_of_the_same_value_exchange_nodes_alike():
