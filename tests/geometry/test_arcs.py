@@ -222,15 +222,6 @@ def test_nodes_of_what_is_no_circle_stay_bit_for_bit(kind, topology):
     assert np.any(result.p != mesh.p)
 
 
-@pytest.mark.parametrize("kind", NOT_ROUND)
-def test_recycling_keeps_every_node_of_what_is_no_circle(kind):
-    mesh = NOT_ROUND[kind]()
-    bent = (outline_of(mesh).constraints.kind == HELD) & np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes())
-    x, y = mesh.p[:, np.flatnonzero(bent)[3]]
-    result = ka.relocate(mesh, peak(mesh, x, y, 300, 0.3), topology="recycle")
-    assert {tuple(node) for node in mesh.p[:, bent].T} <= {tuple(node) for node in result.p.T}
-
-
 # --- what stays, however often nodes move ---
 
 
@@ -378,50 +369,11 @@ def test_a_ring_inside_a_region_keeps_its_side():
         assert np.all(np.hypot(*inside) < 0.55)
 
 
-@pytest.mark.parametrize("kind", CASES)
-def test_adapting_keeps_arcs_too(kind):
-    case = CASES[kind]()
-
-    class Follow:
-        def solve(self, mesh):
-            return None
-
-        def indicators(self, mesh, solution):
-            return np.sqrt(peak(mesh, *mesh.p[:, mesh.facets[:, 0]].mean(axis=1)) * np.abs(areas(mesh)))
-
-    result = ka.adapt(case.mesh, Follow(), passes=3, topology="recycle")
-    case.check(result.mesh)
-
-
 def areas(mesh):
     return np.array([area_of(mesh, [e]) for e in range(mesh.t.shape[1])])
 
 
 # --- symmetries ---
-
-
-@TOPOLOGIES
-@pytest.mark.parametrize("kind", CASES)
-@pytest.mark.parametrize("exponent", [-20, -1, 20])
-def test_scaled_by_a_power_of_two_gives_the_scaled_mesh_exactly(exponent, kind, topology):
-    mesh = CASES[kind]().mesh
-    density = wanderer(mesh, 3)
-    plain = ka.relocate(mesh, density, topology=topology)
-    scaled = ka.relocate(mesh.scaled(2.0**exponent), density, topology=topology)
-    np.testing.assert_array_equal(scaled.p, plain.p * 2.0**exponent)
-    np.testing.assert_array_equal(scaled.t, plain.t)
-
-
-@TOPOLOGIES
-@pytest.mark.parametrize("kind", CASES)
-@pytest.mark.parametrize("way", [(3.0, -7.0), (0.1, 1 / 3)])
-def test_translated_gives_the_translated_mesh(way, kind, topology):
-    mesh = CASES[kind]().mesh
-    density = wanderer(mesh, 4)
-    plain = ka.relocate(mesh, density, topology=topology)
-    moved = ka.relocate(mesh.translated(way), density, topology=topology)
-    assert np.abs(moved.p - np.array(way)[:, None] - plain.p).max() < 1e-9
-    np.testing.assert_array_equal(moved.t, plain.t)
 
 
 @pytest.mark.parametrize("kind", CASES)
@@ -534,19 +486,6 @@ def test_an_ellipse_loses_its_sagittas_only(topology):
         assert span.sum() == pytest.approx(2 * np.pi, rel=1e-12)
         exact += sign * 0.25 * a**2 * np.sum(np.sin(span))
     assert area_of(mesh) == pytest.approx(exact, rel=1e-12)
-
-
-@TOPOLOGIES
-@pytest.mark.parametrize("exponent", [-20, 20])
-def test_a_curve_scaled_by_a_power_of_two_gives_the_scaled_mesh_exactly(exponent, topology):
-    mesh, factor = ellipse_mesh(), 2.0**exponent
-    density = wanderer(mesh, 5)
-    results = []
-    for scale in (1.0, factor):
-        curves = {"inner": Ellipse(scale, 0.5 * scale), "outer": Ellipse(2 * scale, scale)}
-        results.append(ka.relocate(mesh.scaled(scale), density, topology=topology, curves=curves))
-    np.testing.assert_array_equal(results[1].p, results[0].p * factor)
-    np.testing.assert_array_equal(results[1].t, results[0].t)
 
 
 @pytest.mark.filterwarnings("error")

@@ -1,6 +1,5 @@
 """Hostile input: random arrangements of polygons and circles, disjoint, nested, touching and overlapping, from Gmsh."""
 
-from functools import cache
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
@@ -11,16 +10,12 @@ from helpers.mesh_files import gmsh, gmsh_session, needs_gmsh
 from helpers.meshes import areas_of
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from scipy.spatial import KDTree
-from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.triangle.arrays import ROUND, SLIDING
 from kohonen_adapt.kernels.triangle.chains import look_up
-from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.som.training_points import density_of
 
 pytestmark = needs_gmsh
 
@@ -205,49 +200,3 @@ def test_the_circles_of_an_arrangement_are_recognised(kind):
     found = Truth(meshed(ARRANGEMENTS[kind], np.random.default_rng(1))).circles
     drawn = {(*shape.centre, shape.radius) for shape in ARRANGEMENTS[kind] if not shape.vertices}
     assert {tuple(row) for row in np.round(found, 6).tolist()} == drawn
-
-
-def turned(mesh, density, seed):
-    angle = 0.3 + seed
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return MeshTri(turn @ mesh.p, mesh.t, mesh.boundaries, mesh.subdomains), density
-
-
-def mirrored(mesh, density, seed):
-    return MeshTri(mesh.p[::-1], mesh.t, mesh.boundaries, mesh.subdomains), density
-
-
-def renumbered(mesh, density, seed):
-    rng = np.random.default_rng(seed)
-    nodes, elements = rng.permutation(mesh.p.shape[1]), rng.permutation(mesh.t.shape[1])
-    new = MeshTri(mesh.p[:, nodes], np.argsort(nodes)[mesh.t[:, elements]])
-    place = np.argsort(elements)
-    return new.with_subdomains({name: np.sort(place[rows]) for name, rows in mesh.subdomains.items()}), density[
-        elements
-    ]
-
-
-def worth(mesh, points):
-    """Mean quality, and mean distance of points to their nearest nodes."""
-    return ka.quality(mesh).mean(), KDTree(mesh.p.T).query(points)[0].mean()
-
-
-@pytest.mark.parametrize("change", [turned, mirrored, renumbered])
-@pytest.mark.parametrize("kind", ARRANGEMENTS)
-def test_turned_mirrored_or_renumbered_it_is_of_the_same_worth(kind, change):
-    for topology in TOPOLOGIES:
-        np.testing.assert_allclose(typical_worth(kind, topology, change), typical_worth(kind, topology), rtol=0.05)
-
-
-@cache
-def typical_worth(kind, topology, change=lambda mesh, density, seed: (mesh, density)):
-    """The median over seeds, of an arrangement as it is or changed."""
-    mesh = meshed(ARRANGEMENTS[kind], np.random.default_rng(1))
-    mesh, found = MeshTri(mesh.p, mesh.t, None, mesh.subdomains), []
-    at = mesh.p[:, mesh.t].mean(axis=1)
-    density = 1 + 1e4 * np.exp(-((at[0] - 1.2) ** 2 + (at[1] - 2) ** 2) / 0.3)
-    for seed in range(5):
-        own, wanted = change(mesh, density, seed)
-        points = density_of(Triangulation.of(own), wanted).draw(4000, np.random.default_rng(seed)).points
-        found.append(worth(ka.relocate(own, wanted, topology=topology, seed=seed), points))
-    return np.median(found, axis=0)

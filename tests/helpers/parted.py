@@ -9,6 +9,7 @@ from skfem.models.poisson import laplace, unit_load
 
 import kohonen_adapt as ka
 from helpers.meshes import BOTH, cell, inset, l_shape, peak, ring
+from helpers.quadratic_solids import QuadraticDiffusion
 from helpers.scalar_problems import loaded
 from helpers.solids import box
 
@@ -84,12 +85,33 @@ def refused():
     return result
 
 
+def of_order_2_in_space():
+    mesh = box(12)
+    mesh = mesh.with_boundaries({"side0": mesh.boundary_facets()})
+    problem = QuadraticDiffusion([1.0], [1.0], np.zeros((3, 1)), {"side0": lambda x: 0.0 * x[0]})
+    return ka.polish(mesh, problem, sweeps=2)
+
+
+def trained_in_space():
+    som = ka.KohonenMap(box(16), topology="flip")
+    schedule = ka.Schedule((ka.Stage(1, 2, 0.3, points_per_neuron=0.5),))
+    som.train(lambda number, rng: (rng.random((3, number)) ** 2, None), schedule)
+    return som
+
+
+def relocated_in_space():
+    return ka.relocate(box(13), lambda x: 1 / (0.1 + x[0] ** 2 + x[1] ** 2), topology="recycle")
+
+
 RESULTS = (
     relocated,
     on_curves,
     paired,
     polished,
     polished_in_space,
+    of_order_2_in_space,
+    trained_in_space,
+    relocated_in_space,
     recycled_by_energy,
     of_order_2,
     of_order_3,

@@ -7,7 +7,6 @@ import pytest
 from helpers.diffusion_solids import Diffusion
 from helpers.poisson_solids import FICHERA, Minimised, Poisson, cube, fichera
 from helpers.solids import ball, box, two_regions, volumes
-from numba import config
 from numpy.testing import assert_array_equal
 
 import kohonen_adapt as ka
@@ -148,16 +147,6 @@ def test_growing():
     result = ka.adapt(fichera(2), problem, passes=3, target_nodes=300)
     assert [step.mesh.nvertices for step in result.history] == [117, 187, 300, 300]
     assert problem.error(result.best) < 0.41 * problem.error(adapted().history[0])  # of 316 nodes
-
-
-def test_the_number_of_threads_changes_nothing(monkeypatch):
-    found = []
-    for threads in (1, 3):
-        monkeypatch.setattr(config, "NUMBA_NUM_THREADS", threads)
-        found.append(ka.adapt(box(12), Minimised(), passes=1).history[1])
-    assert_array_equal(found[0].mesh.p, found[1].mesh.p)
-    assert_array_equal(found[0].mesh.t, found[1].mesh.t)
-    assert found[0].polish_gain == found[1].polish_gain
 
 
 def test_ctrl_c_in_the_polish_gives_back_what_there_is():

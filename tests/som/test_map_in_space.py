@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from helpers.solids import box, cut, l_shape, two_regions, volumes
-from numba import config
 from scipy.spatial import cKDTree
 from skfem import MeshTet
 
@@ -11,7 +10,6 @@ import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Schedule, Stage
 from kohonen_adapt.kernels.tetrahedron.entries import SPACE
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
-from kohonen_adapt.som.training import parts_for
 from kohonen_adapt.som.training_points import ElementDensity, FunctionDensity
 
 NOTHING = 1e-300  # a learning rate that moves no node
@@ -160,19 +158,3 @@ def test_loops_are_compiled_for_the_types_of_the_table():
     ElementDensity(mesh, np.ones(len(mesh.elements.node))).draw(10, np.random.default_rng(0))
     for entry in SPACE["space map"]:
         assert entry.loop.signatures == [entry.types], entry.name
-
-
-@pytest.mark.parametrize("topology", ["fixed", "flip"])
-def test_the_number_of_threads_has_no_say(monkeypatch, topology):
-    assert parts_for(17**3, 3, 3) > 1
-
-    def trained(threads):
-        monkeypatch.setattr(config, "NUMBA_NUM_THREADS", threads)
-        som = KohonenMap(box(16), topology=topology)
-        schedule = Schedule((Stage(1, 2, 0.3, points_per_neuron=0.5),))
-        return som.train(lambda number, rng: (rng.random((3, number)) ** 2, None), schedule), som.mesh
-
-    (errors, alone), (again, pair) = trained(1), trained(2)
-    assert errors == again
-    np.testing.assert_array_equal(alone.p, pair.p)
-    np.testing.assert_array_equal(alone.t, pair.t)

@@ -1,8 +1,10 @@
-"""What holds for every result, on random meshes with random names, densities and options."""
+"""What holds for every result of every mover, on random meshes with random names, densities and options."""
 
 import numpy as np
+import pytest
 from helpers.examples import examples
 from helpers.meshes import area_of, areas_of, length_of, square, without_flat_elements
+from helpers.scalar_problems import Scalar
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse import coo_array
@@ -104,15 +106,31 @@ def facets_at_random(coarse, mesh, rng):
     return OrientedBoundary(rows, np.where(mesh.f2t[1, rows] >= 0, rng.integers(0, 2, len(rows)), 0))
 
 
-@examples(180)
+def polished(mesh, density, options):
+    more = {name: options[name] for name in ("min_quality", "pinned", "seed")}
+    return ka.polish(mesh, Scalar(source=1.0), topology=options["topology"].replace("recycle", "flip"), **more)
+
+
+def adapted(mesh, density, options):
+    history = ka.adapt(mesh, Scalar(source=1.0), passes=1, **options).history
+    return history[-1].mesh
+
+
+MOVERS = {"relocate": lambda mesh, density, options: ka.relocate(mesh, density, **options)}
+MOVERS |= {"polish": polished, "adapt": adapted}
+
+
+@pytest.mark.parametrize("mover", MOVERS)
+@examples(80)
 @given(cases())
-def test_area_outline_names_orientation_and_quality_are_kept(case):
+def test_area_outline_names_orientation_and_quality_are_kept(mover, case):
     mesh, density, options = case
     before = ka.quality(mesh).min()
-    given_arrays = mesh.p.tobytes(), mesh.t.tobytes(), density.tobytes()
-    result = ka.relocate(mesh, density, **options)
+    given_arrays = copied(mesh, density)
+    result = MOVERS[mover](mesh, density, options)
 
-    assert (mesh.p.tobytes(), mesh.t.tobytes(), density.tobytes()) == given_arrays
+    assert copied(mesh, density) == given_arrays
+    assert not np.shares_memory(result.p, mesh.p) and not np.shares_memory(result.t, mesh.t)
     assert result.p.shape == mesh.p.shape
     assert ka.quality(result).min() >= min(options["min_quality"], before) * (1 - 1e-9)
     old, new = Triangulation.of(mesh), Triangulation.of(result)
@@ -132,6 +150,23 @@ def test_area_outline_names_orientation_and_quality_are_kept(case):
         assert set(map(tuple, mesh.p[:, pinned].T.tolist())) <= set(map(tuple, result.p.T.tolist()))
     else:
         assert np.array_equal(result.p[:, pinned], mesh.p[:, pinned])
+
+
+def copied(mesh, density):
+    """The bytes of all arrays that are given."""
+    rows = [*(mesh.subdomains or {}).values(), *map(np.asarray, (mesh.boundaries or {}).values())]
+    return [array.tobytes() for array in (mesh.p, mesh.t, density, *rows)]
+
+
+@pytest.mark.parametrize("mover", ["relocate", "polish"])
+@examples(30)
+@given(cases(), st.sampled_from([-20, -3, 20]))
+def test_a_mesh_scaled_by_a_power_of_two_gives_the_scaled_mesh_exactly_and_a_seed_the_same_bits(mover, case, k):
+    mesh, density, options = case
+    plain, again, scaled = (MOVERS[mover](m, density, options) for m in (mesh, mesh, mesh.scaled(2.0**k)))
+    assert (plain.p.tobytes(), plain.t.tobytes()) == (again.p.tobytes(), again.t.tobytes())
+    np.testing.assert_array_equal(scaled.p, plain.p * 2.0**k)
+    np.testing.assert_array_equal(scaled.t, plain.t)
 
 
 @examples(90)

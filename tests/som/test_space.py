@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.solids import ball, boundary_facts, box, named, two_regions, volumes
+from helpers.solids import ball, box, named, two_regions, volumes
 from helpers.tetrahedra import crack
-from numba import config
 from skfem import MeshTet
 
 import kohonen_adapt as ka
@@ -47,17 +46,6 @@ def test_relocating_again_and_again_keeps_mass_shared_out():
     assert max(spreads) < 0.36
 
 
-def test_oriented_boundaries_keep_their_side():
-    mesh = two_regions(4)
-    found = ka.relocate(mesh, shell, topology="recycle")
-    _, sides = boundary_facts(found)["wall"], found.boundaries["wall"]
-    inner = found.f2t[sides.ori, np.asarray(sides)]
-    before = mesh.f2t[mesh.boundaries["wall"].ori, np.asarray(mesh.boundaries["wall"])]
-    low = [np.isin(of.subdomains["low"], rows).any() for of, rows in ((mesh, before), (found, inner))]
-    assert low[0] == low[1]
-    assert len(np.unique(np.isin(inner, found.subdomains["low"]))) == 1
-
-
 def test_slits_stay_open():
     mesh = crack(8)
     x, y, _ = mesh.p[:, mesh.t].mean(axis=1)
@@ -76,15 +64,6 @@ def test_facets_that_adaptive_refinement_forgets_are_kept():
         found = ka.relocate(mesh, shell, topology=topology)
         assert np.all(found.p[0, found.facets[:, found.boundaries["left"]]] == 0.0)
         assert area(found, found.boundaries["left"]) == pytest.approx(1.0, rel=1e-12)
-
-
-@pytest.mark.parametrize("topology", TOPOLOGIES)
-def test_the_number_of_threads_changes_nothing(topology, monkeypatch):
-    found = []
-    for threads in (1, 3):
-        monkeypatch.setattr(config, "NUMBA_NUM_THREADS", threads)
-        found.append(ka.relocate(box(13), shell, topology=topology))
-    assert np.array_equal(found[0].p, found[1].p) and np.array_equal(found[0].t, found[1].t)
 
 
 @pytest.mark.parametrize("topology", TOPOLOGIES)
@@ -138,23 +117,6 @@ def bar():
     facets = mesh.boundary_facets()
     ends = np.ptp(mesh.p[2][mesh.facets[:, facets]], axis=0) == 0.0
     return named(MeshTet(round_, mesh.t), {"side": facets[~ends], "ends": facets[ends]})
-
-
-def test_pinned_nodes_stay():
-    mesh = two_regions(4)
-    for topology in TOPOLOGIES:
-        found = ka.relocate(mesh, shell, topology=topology, pinned=["wall", 0])
-        kept = {tuple(x) for x in found.p.T}
-        assert {
-            tuple(x) for x in mesh.p[:, mesh.facets[:, np.asarray(mesh.boundaries["wall"])]].reshape(3, -1).T
-        } <= kept
-
-
-def test_the_input_is_not_modified():
-    mesh = two_regions(4)
-    before = mesh.p.copy(), mesh.t.copy()
-    ka.relocate(mesh, shell, topology="recycle")
-    assert np.array_equal(mesh.p, before[0]) and np.array_equal(mesh.t, before[1])
 
 
 def test_without_sweeps_bad_elements_are_swapped_away():
