@@ -178,6 +178,7 @@ def test_a_sweep_stops_at_once_at_a_parameter_that_the_drawing_lacks(case, tmp_p
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 @needs_gmsh
 def test_a_run_is_resumed_on_the_same_mesh_only(case, tmp_path, capsys):
     assert cli.main(["run", str(case), "--dry-run"]) == 0

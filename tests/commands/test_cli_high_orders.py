@@ -112,6 +112,7 @@ def test_an_order_that_follows_the_tolerance(tmp_path, capsys):
     assert cells.data.shape[1] == (int(rows[-1]["order"]) + 1) * (int(rows[-1]["order"]) + 2) // 2
 
 
+@pytest.mark.slow
 def test_a_resumed_run_shows_the_input_at_the_order_of_the_passes(finished, capsys):
     (mesh_before,) = {row["nodes"] for row in history_of(finished.parent / "out")[:1]}
     assert cli.main(["run", str(finished), "--resume", str(finished.parent / "out")]) == 0
@@ -144,6 +145,7 @@ def test_wrong_orders_are_named(order, message, tmp_path, capsys):
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_around_an_axis_the_report_has_the_flux_function_inside_elements(tmp_path):
     axis = CASE.replace("order = 5", "order = 4\naxisymmetric = true").replace("passes = 2", "passes = 0")
     mesh = inset(8)

@@ -78,6 +78,7 @@ def folder(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_run_adapts_as_python_does(folder, capsys):
     """For a goal, of which it says what is missing."""
     goal = 'goal = {quantity = "force", body = "magnet", direction = [0.0, 0.0, 2.0]}'

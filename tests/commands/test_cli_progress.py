@@ -123,6 +123,7 @@ def shown_by(*arguments, stdout=None):
 STEPS = ["relocate", "polish", "solve", "estimate"]
 
 
+@pytest.mark.slow
 def test_demo_shows_every_step(tmp_path):
     steps = [f"pass 1 of 12: {step}" for step in STEPS]
     steps += [f"pass 2 of 12: {step}" for step in STEPS if step != "polish"]

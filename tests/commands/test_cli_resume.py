@@ -145,6 +145,7 @@ def test_a_loop_that_hears_of_nothing_ends_at_once(case, tmp_path, begin):
     assert_same_results(out, tmp_path / "straight")
 
 
+@pytest.mark.slow
 def test_drawing_that_hears_of_nothing_ends_at_once(case, tmp_path, begin):
     """Everything else is written by then, and it says so."""
     out = tmp_path / "out"
@@ -233,7 +234,8 @@ def killed_at(call, after, case, *arguments):
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
 
 
-@pytest.mark.parametrize("after", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["before", "after"])
+@pytest.mark.slow
+@pytest.mark.parametrize("after", [False, True], ids=["before", "after"])
 def test_killed_while_a_file_gets_its_name(after, case, tmp_path):
     """Every other file before it has its name, and those between after that."""
     case.write_text(CASE.replace("passes = 2", "passes = 1"))

@@ -90,6 +90,7 @@ def test_run_writes_mesh_fields_table_and_pictures(finished):
     assert str(out.parents[1]) not in report and str(EXAMPLES) not in report
 
 
+@pytest.mark.slow
 def test_quadratic_elements_are_written_and_drawn_with_the_field_inside_them(case, tmp_path):
     case.write_text(CASE.replace("passes = 2", "passes = 0"))
     out = tmp_path / "out"
@@ -300,6 +301,7 @@ def test_the_report_says_what_was_asked_for(case, tmp_path, monkeypatch):
     assert "<h3>Seed</h3>\n<pre>7</pre>" in report
 
 
+@pytest.mark.slow
 def test_around_an_axis_the_contours_are_flux_lines(case, tmp_path):
     """The flux function r A comes before A, whose contours are no flux lines."""
     mesh = ka.read_mesh(EXAMPLES / "actuator_1.msh", scale=1e-3)

@@ -91,6 +91,7 @@ def test_a_case_with_an_error_ends_no_sweep(case, tmp_path, capsys):
     assert (tmp_path / "out" / "sweep.png").exists()
 
 
+@pytest.mark.slow
 def test_without_matplotlib_there_is_the_table(case, tmp_path, monkeypatch, capsys):
     without_matplotlib(monkeypatch)
     assert cli.main(["sweep", str(case), "--over=scale=1e-3:2e-3:2", "--out", str(tmp_path / "out")]) == 0
@@ -177,6 +178,7 @@ def test_a_case_without_outputs(case, tmp_path, capsys):
     assert "sweep expected [outputs]" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_what_has_not_ended_is_not_thrown_away(case, tmp_path, capsys):
     out = tmp_path / "out"
     over = ["--over", "materials.core.permeability=10:1000:2"]

@@ -2,9 +2,11 @@
 
 from hypothesis import settings
 
-USUAL = 100  # examples of a test that names no number, in hypothesis's own profile and in that of every day
+USUAL = 100  # examples of a test that names no number, in hypothesis's own profile
+FEW = 12  # examples of a test that no profile makes fewer
 
 
 def examples(number, **options):
-    """Settings for that many examples, in a profile that wants more of every test as many times more."""
-    return settings(max_examples=number * settings.default.max_examples // USUAL, **options)
+    """Settings for that many examples, times those that the profile has of every test in hundredths."""
+    scaled = number * settings.default.max_examples // USUAL
+    return settings(max_examples=max(min(number, FEW), scaled), **options)

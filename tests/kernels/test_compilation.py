@@ -61,6 +61,7 @@ def files_of(cache, loop):
     return list(cache.glob(f"kernels-*/*/{loop}*.nbc"))
 
 
+@pytest.mark.slow
 def test_an_edited_kernel_is_seen_in_its_caller(kernels):
     assert run(kernels, "(1.0, 1)") == ([2.0, 2.0], 0, 2)
     for path in kernels.glob("*.py"):
@@ -143,6 +144,7 @@ print(len(before), sorted(compiled() - before))
 """
 
 
+@pytest.mark.slow
 def test_after_the_warm_up_a_first_run_compiles_nothing():
     examples = Path(__file__).parents[2] / "examples"
     done = subprocess.run([sys.executable, "-c", FIRST_RUN], cwd=examples, capture_output=True, text=True, check=True)

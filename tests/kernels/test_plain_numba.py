@@ -50,6 +50,7 @@ def run(folder, before="", **environment):
     return done
 
 
+@pytest.mark.slow
 def test_the_switch_compiles_with_plain_numba_and_a_cache_of_its_own(folder):
     assert run(folder, KOHONEN_ADAPT_PLAIN_NUMBA="0").stdout.split() == ["False", "5.0", "0"]
     for hits in ("0", "1"):
@@ -65,6 +66,7 @@ def test_an_unknown_numba_falls_back_with_one_warning(folder):
     assert "differs from the versions known to kohonen_adapt (AttributeError: " in line
 
 
+@pytest.mark.slow
 def test_an_unknown_cache_is_left_out_with_one_warning(folder):
     without = "import numba.core.caching as caching; del caching.IndexDataCacheFile._data_name"
     for _ in range(2):

@@ -43,6 +43,7 @@ def test_names_and_volumes_are_kept(adapted):
     assert set(mesh.boundaries) == set(blocks([AXIS] * 3, PARTS).boundaries)
 
 
+@pytest.mark.slow
 def test_the_error_is_that_of_a_tenth_of_the_elements(problem, adapted):
     """The co-energy falls below that of order 2 on a mesh of the regular elements, eight times as many."""
     fine = blocks([np.linspace(-1.0, 1.0, 9)] * 3, PARTS)
@@ -59,6 +60,7 @@ def better(problem, adapted):
     return replace(problem, order=6).solve(adapted.mesh)
 
 
+@pytest.mark.slow
 def test_the_estimate_is_the_error_beside_singular_edges(problem, adapted, better):
     values = [
         replace(problem, order=int(field.order)).functional_on(adapted.mesh)[0].value(field.unknown)[0]
@@ -67,12 +69,14 @@ def test_the_estimate_is_the_error_beside_singular_edges(problem, adapted, bette
     assert 0.85 < adapted.estimate / np.sqrt(2.0 * (values[0] - values[1])) < 1.3  # some of the error is above order 6
 
 
+@pytest.mark.slow
 def test_the_error_of_a_force_is_told(problem, adapted, better):
     goal = Force("magnet", (0.0, 0.0, 1.0))
     error = goal(better) - goal(adapted.solution)
     assert 0.3 < replace(problem, goal=goal).goal_error(adapted.solution) / error < 1.5
 
 
+@pytest.mark.slow
 def test_the_default_order_follows_the_tolerance():
     default, start = MagneticScalarPotential(MATERIALS, {"outer": 0.0}), blocks([AXIS] * 3, PARTS)
     loose, tight = (ka.adapt(start, default, rtol=rtol) for rtol in (0.1, 0.01))

@@ -115,6 +115,7 @@ def errors_of_torque(degrees, seed):
     return before, now, result.message
 
 
+@pytest.mark.slow
 def test_a_torque_that_is_worse_than_the_inputs_is_told():
     """On meshes for the energy it is .3 to 5 times as far off as on the input, by seed and processor."""
     runs = [errors_of_torque(degrees, seed) for degrees in (65.0, 90.0) for seed in range(4)]

@@ -241,6 +241,7 @@ def test_goals_and_their_derivatives(goal, order, fields):
     assert not source.any()
 
 
+@pytest.mark.slow
 def test_goal_errors_of_order_2(fields):
     """The estimates of both orders lead to one value."""
     for goal in (GOALS[0], GOALS[1], GOALS[-1]):

@@ -258,6 +258,7 @@ def test_the_goal_is_nearer_at_the_same_number_of_nodes(case, goal, exact):
     assert wanted < energy / 3
 
 
+@pytest.mark.slow
 def test_order_2_is_nearer_for_the_goal_than_for_the_energy_and_than_order_1_with_as_many_unknowns():
     """Two magnets, 357 nodes: 5 to 7 times, and 1.2 to 3 times the 1353 of order 1, whose errors change their sign."""
     energy, by_order_2 = errors(two_magnets(1)[0], replace(two_magnets(1)[1], order=2), PULL, PULL_EXACT, 3)

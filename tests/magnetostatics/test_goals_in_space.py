@@ -198,6 +198,7 @@ def test_a_goal_of_ones_own():
     np.testing.assert_allclose(square.indicators(mesh, field), wanted, rtol=1e-6, atol=1e-9 * wanted.max())
 
 
+@pytest.mark.slow
 def test_estimates_are_calibrated_without_a_goal():
     """The error of an adapted mesh is known from the functionals of finer meshes, by extrapolation."""
     problem = magnets()[1]
@@ -217,6 +218,7 @@ def test_estimates_are_calibrated_without_a_goal():
 # --- adapted meshes ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_force_converges_on_meshes_adapted_for_it_and_what_is_missing_is_told():
     """To less than on those for the energy; and with what is told there is less than half of the error."""
     problem, nodes, errors = (
@@ -237,6 +239,7 @@ def test_a_force_converges_on_meshes_adapted_for_it_and_what_is_missing_is_told(
     assert errors[1] < 0.8 * abs(WHOLE - problem.goal(energy))
 
 
+@pytest.mark.slow
 def test_b_between_the_magnets_is_right_to_a_hundredth_and_its_error_is_told():
     goal = FluxDensityAt((0.001, 0.0, 0.0075), tuple(BETWEEN))
     problem = MagneticScalarPotential(POLES, {"outer": 0.0}, order=1, goal=goal)

@@ -33,6 +33,7 @@ def test_every_pass_is_a_frame_and_the_last_stays(tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["passes.gif"]
 
 
+@pytest.mark.slow
 def test_of_many_passes_sixty_are_shown(tmp_path):
     plotting.animate_passes(tmp_path / "passes.gif", passes(61, MeshTri().scaled((1.0, 0.1))), seconds=1.0)
     assert sum(durations(tmp_path / "passes.gif")) == 60_000 + 2000
