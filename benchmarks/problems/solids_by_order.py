@@ -13,7 +13,7 @@ from benchmarks.problems.solids import TABLES, Box, Solid
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
-from kohonen_adapt.magnetostatics.error_by_orders import indicators_by_orders
+from kohonen_adapt.magnetostatics.error_by_orders import indicators_beside_edges
 from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.singular_edges import singular_edges
 from kohonen_adapt.problem.energy import Densities, Energy
@@ -67,10 +67,7 @@ class ByOrder:
         u, order = solution.u, solution.energy.space.order
         if order <= 2:
             return SCALE * Quadratic(self.solid).indicators(mesh, u)
-        nodes = np.concatenate([part.ravel() for part in self.singular_edges(mesh)])
-        singular = np.isin(mesh.t, nodes).any(axis=0)
-        energies = partial(self.energy, mesh)
-        return indicators_by_orders(u, order, energies, METHOD, order > 3 and bool(singular.any()), singular)
+        return indicators_beside_edges(u, order, mesh, partial(self.energy, mesh), METHOD, self.singular_edges(mesh))
 
     def singular_edges(self, mesh: MeshTet, solution: object = None) -> tuple[np.ndarray, np.ndarray]:
         """The edges and corners at which the solution is singular."""

@@ -1,16 +1,24 @@
 """Error indicators from solutions of neighbouring orders."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from scipy.special import zeta
+from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.problem.energy import Energy
 
-__all__ = ["FROM_BELOW", "goal_indicators_by_orders", "indicators_by_orders", "step_to"]
+__all__ = [
+    "FROM_BELOW",
+    "change_by_further_orders",
+    "goal_indicators_by_orders",
+    "indicators_beside_edges",
+    "indicators_by_orders",
+    "step_to",
+]
 
 # Estimate over error of orders 4 to 7 with layers on the C-core and on a magnet over iron: from the orders around p
 # 0.85 to 1.04, from lower orders 0.98 to 1.17 for orders 6 to 8. A geometric series (Aitken) gives 0.77 to 0.95 there.
@@ -18,6 +26,7 @@ __all__ = ["FROM_BELOW", "goal_indicators_by_orders", "indicators_by_orders", "s
 # and 1.3 times the error of order 6 on a disk. In space, with a power of elements at singular edges, 0.8 to 1.3 times
 # the error of orders 4 to 6 on 0 to 3 layers (`python -m benchmarks hp --three-d`), and in a third of the time.
 FROM_BELOW = {2: 6, 3: 4}  # by dimension
+MOST_FURTHER = 2.0  # largest change by all further orders, relative to the change by one order
 LEAST_POWER = 2.0  # of the fall of the squared changes with the order, 4 l + 1 at a corner with exponent l
 
 Energies = Callable[[int], Energy]  # the functional of a solved problem by order, on the mesh of the solution
@@ -49,7 +58,7 @@ def indicators_by_orders(
     corners, have a power of their own, because their changes fall more slowly than those of others. `higher` are the
     values at order p + 1 if known.
     """
-    here = energies(order)
+    here, method = energies(order), method.roughly
     if from_below:
         return _from_below(here, u, order, energies, method, singular)
     below, above = energies(order - 1), energies(order + 1)
@@ -59,6 +68,27 @@ def indicators_by_orders(
     change = above.vector(start + step) - above.vector_of(here, u)
     now = above.products(start, change, change)
     return np.asarray(np.sqrt(now * sums_over_changes(before, now, order, singular)))
+
+
+def indicators_beside_edges(
+    u: Floats,
+    order: int,
+    mesh: MeshTet,
+    energies: Energies,
+    method: Newton,
+    parts: Sequence[Ints],
+    higher: Callable[[], Floats] | None = None,
+) -> Floats:
+    """Return `indicators_by_orders` in space, from lower orders if that is accurate.
+
+    `parts` are the nodes of singular edges and corners.
+    """
+    nodes = np.concatenate([part.ravel() for part in parts])
+    singular = np.asarray(np.isin(mesh.t, nodes).any(axis=0), dtype=np.bool_)
+    # Changes of smooth fields fall faster than by a power, which lower orders do not show.
+    from_below = order >= FROM_BELOW[3] and bool(singular.any())
+    values = higher() if higher and not from_below else None
+    return indicators_by_orders(u, order, energies, method, from_below, singular, values)
 
 
 def _from_below(
@@ -102,8 +132,23 @@ def goal_indicators_by_orders(field: Any, higher: Any, dual: Callable[[Any], Flo
     Their squares are the magnitudes of the energy products of what one order more, the field `higher`, adds to the
     field and to the dual.
     """
-    here, above = energies(field.order), energies(higher.order)
-    change = above.vector(higher.unknown) - above.vector_of(here, field.unknown)
+    here, above, change = _change_to(field, higher, energies)
     added = dual(higher) - above.space.interpolated(here.space, dual(field))
     products = above.products(higher.unknown, change, above.sign * above.space.gradient(added))
     return np.asarray(np.sqrt(np.abs(products)))
+
+
+def change_by_further_orders(field: Any, higher: Any, energies: Energies, indicators: Floats) -> float:
+    """Return the change of the energy by orders above that of `higher`, relative to the change to `higher`.
+
+    `indicators` are those of all changes from the order of `field` on.
+    """
+    _, above, change = _change_to(field, higher, energies)
+    added = float(above.products(higher.unknown, change, change).sum())
+    return min(max(float(np.sum(indicators**2)) / added - 1.0, 0.0), MOST_FURTHER) if added > 0.0 else 0.0
+
+
+def _change_to(field: Any, higher: Any, energies: Energies) -> tuple[Energy, Energy, Floats]:
+    # the functionals of both orders, and the change of the vector
+    here, above = energies(field.order), energies(higher.order)
+    return here, above, above.vector(higher.unknown) - above.vector_of(here, field.unknown)

@@ -14,13 +14,12 @@ from kohonen_adapt.geometry.space.movable_solid import with_round_edges
 from kohonen_adapt.magnetostatics.arguments import ArgumentsInSpace, solved
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, drive_on
 from kohonen_adapt.magnetostatics.equations.energy import coenergy
-from kohonen_adapt.magnetostatics.error_by_orders import FROM_BELOW, goal_indicators_by_orders, indicators_by_orders
-from kohonen_adapt.magnetostatics.field_problem import (
-    FieldProblem,
-    check_elements,
-    chosen_order,
-    store,
+from kohonen_adapt.magnetostatics.error_by_orders import (
+    change_by_further_orders,
+    goal_indicators_by_orders,
+    indicators_beside_edges,
 )
+from kohonen_adapt.magnetostatics.field_problem import FieldProblem, check_elements, chosen_order, store
 from kohonen_adapt.magnetostatics.functional import functional_in_space
 from kohonen_adapt.magnetostatics.hypercircle import gap_indicators, with_currents_of
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
@@ -33,7 +32,6 @@ from kohonen_adapt.magnetostatics.solid_estimation import (
     energy_indicators_in_space,
     goal_indicators_in_space,
     linearised_at,
-    roughly,
     with_surplus,
 )
 from kohonen_adapt.magnetostatics.strong_corners import materials_in_space
@@ -48,7 +46,6 @@ from kohonen_adapt.problem.ritz import Ritz
 __all__ = ["MagneticScalarPotential"]
 
 ESTIMATORS, ORDERS = ("residual", "recovery", "bracket"), range(1, 7)
-MOST_REST = 2.0  # largest change by all further orders, relative to the change by one order
 HIGHEST_WITH_SURPLUS = 2  # order up to which cubic functions estimate errors
 
 
@@ -241,17 +238,13 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         return self._by_orders(field).copy()
 
     def _by_orders(self, field: SolidField) -> Floats:
-        if "by orders" in field.kept:  # for outputs, too
-            return field.kept["by orders"]
-        nodes = np.concatenate([part.ravel() for part in self.singular_edges(field.mesh, field)])
-        singular = np.asarray(np.isin(field.mesh.t, nodes).any(axis=0), dtype=np.bool_)
-        # Changes of smooth fields fall faster than by a power, which lower orders do not show.
-        below = field.order >= FROM_BELOW[3] and bool(singular.any())
-        higher = None if below else self._better_solution(field).unknown
-        energies, method = partial(self._energy_of, field), roughly(self.method)
-        found = indicators_by_orders(field.unknown, field.order, energies, method, below, singular, higher)
-        field.kept["by orders"] = found
-        return found
+        if "by orders" not in field.kept:  # for outputs, too
+            given = field.order, field.mesh, partial(self._energy_of, field), self.method
+            parts = self.singular_edges(field.mesh, field)
+            field.kept["by orders"] = indicators_beside_edges(
+                field.unknown, *given, parts, lambda: self._better_solution(field).unknown
+            )
+        return field.kept["by orders"]
 
     def _of_goal(self, field: SolidField, goal: Goal) -> Floats:
         if field.order <= HIGHEST_WITH_SURPLUS:
@@ -320,19 +313,15 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         return better_values(field, outputs, self._better_solution, self._rest)
 
     def _rest(self, field: SolidField) -> float:
-        # change of the energy by orders above the next one, relative to the change by the next one
         if field.order <= HIGHEST_WITH_SURPLUS:
             return 0.0
-        higher, here, above = self._better_solution(field), *(self._energy_of(field, field.order + k) for k in (0, 1))
-        change = above.vector(higher.unknown) - above.vector_of(here, field.unknown)
-        added = float(above.products(higher.unknown, change, change).sum())
-        total = float(np.sum(self._by_orders(field) ** 2))
-        return min(max(total / added - 1.0, 0.0), MOST_REST) if added > 0.0 else 0.0
+        higher, energies = self._better_solution(field), partial(self._energy_of, field)
+        return change_by_further_orders(field, higher, energies, self._by_orders(field))
 
     def _better_solution(self, field: SolidField) -> SolidField:
         if field.order == HIGHEST_WITH_SURPLUS:
             return with_surplus(self, field)
-        if field.order > HIGHEST_WITH_SURPLUS and "higher" in field.kept:  # for indicators, goals and outputs
+        if "higher" in field.kept:  # for indicators, goals and outputs
             return field.kept["higher"]
         cut_off = self.curved and field.order == 1  # faces cut off a part of round bodies
         mesh = with_round_edges(field.mesh) if cut_off else field.mesh

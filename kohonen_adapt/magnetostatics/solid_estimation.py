@@ -40,7 +40,6 @@ __all__ = [
     "energy_indicators_in_space",
     "goal_indicators_in_space",
     "linearised_at",
-    "roughly",
     "tangential_jumps",
     "with_surplus",
 ]
@@ -49,7 +48,6 @@ __all__ = [
 AT_EDGES = 1.5
 TURNED = 1.0  # least measure of a turn at an edge: twice the square of the sine, of 45 degrees
 PARALLEL = 0.99  # least cosine of the angle between potential and dual for a polish by the energy
-ROUGH = 1e-6  # residual of conjugate gradients in solutions that serve differences only
 FINE = 5  # degree of a quadrature in elements near coils
 SLIGHT = 1e-4  # relative change of a potential
 
@@ -231,11 +229,7 @@ def at_edges(mesh: MeshTet, material: Ints) -> Mask:
 def linearised_at(field: SolidField, energy: Energy, higher: SolidField, newton: Newton) -> SolidField:
     # The potential in nonlinear material is total, so that H on straight edges does not change.
     start = energy.conditions.admissible(energy.space.interpolated(field.elements, field.unknown))
-    return replace(higher, unknown=start + roughly(newton).full_step(energy, start, energy.gradient(start)))
-
-
-def roughly(newton: Newton) -> Newton:
-    return replace(newton, solver=replace(newton.solver, rtol=ROUGH))
+    return replace(higher, unknown=start + newton.roughly.full_step(energy, start, energy.gradient(start)))
 
 
 def _dual(problem: ArgumentsInSpace, field: SolidField, load: Floats) -> Floats:

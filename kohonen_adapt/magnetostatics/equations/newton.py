@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from kohonen_adapt.problem.energy import TINY, Energy
 __all__ = ["TOLERANCE", "Newton", "NewtonStep", "NotConverged", "refuse_unconverged"]
 
 TOLERANCE = 1e-8  # of the relative residual and of the relative change by all further steps
+ROUGH = 1e-6  # residual of conjugate gradients in solutions that serve differences only
 DESCENT = 1e-4  # fraction of the descent predicted by the slope that a step must reach (Armijo)
 LEAST_DAMPING = 2.0**-40  # least damping
 PATIENCE = 4  # steps without a new least functional
@@ -86,6 +87,11 @@ def refuse_unconverged(field: Any) -> None:
 class Newton:
     most_steps: int = 60
     solver: Solver = field(default_factory=Solver)
+
+    @property
+    def roughly(self) -> Self:
+        """The same method for solutions that serve differences only."""
+        return replace(self, solver=replace(self.solver, rtol=ROUGH))
 
     def full_step(self, energy: Energy, u: Floats, gradient: Floats) -> Floats:
         step, conditions = np.zeros_like(u), energy.conditions
