@@ -16,6 +16,7 @@ from kohonen_adapt.loop.sides import on_whole_curves
 from kohonen_adapt.loop.state import Solved, State, curved_of
 from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.stopping import StopTest
+from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.problem.protocol import CheckedProblem
 
 logger = logging.getLogger("kohonen_adapt")
@@ -28,7 +29,7 @@ def raise_order(adaptation: Adaptation, stop: StopTest, state: State) -> State:
     """Solve at the order that meets the tolerance, with layers at corners.
 
     If no order suffices and passes are left, the state is returned without its ending, and the passes get a lower
-    tolerance.
+    tolerance. The state is also returned before an order that takes more unknowns for a goal than order 2.
     """
     grading, best = stop.grading, state.best.record
     if grading is None or state.ending is None:
@@ -36,15 +37,18 @@ def raise_order(adaptation: Adaptation, stop: StopTest, state: State) -> State:
     tolerance, orders, high = stop.asked.estimate(best), grading.orders, grading.high
     wanted = best.estimate / tolerance if tolerance else np.inf
     order = next((order for order in orders if high.gain(order) > wanted), orders[-1])
+    more = state.passes[-1].number < stop.passes and state.ending.status is Status.CONVERGED
     while True:
-        raised = stop.at_order(at_order(adaptation, state, order, high.layers(order)))
+        mesh, *remarks = layered(adaptation, state, high.layers(order))
+        if more and grading.prefers_nodes(best, count_unknowns(mesh, order)):
+            return state.reopened()
+        raised = stop.at_order(at_order(adaptation, state, order, mesh, *remarks))
         last, is_met = raised.passes[-1], raised.ending is not None and raised.ending.status is Status.CONVERGED
         is_smooth = best.estimate >= SMOOTH * last.estimate
         if is_met or order >= orders[-1] or not tolerance or not is_smooth:
             break
         order = min(orders[-1], order + (1 if last.estimate < FINER**-2 * tolerance else 2))
     allowed = stop.asked.estimate(last)
-    more = state.passes[-1].number < stop.passes and state.ending.status is Status.CONVERGED
     if is_met or allowed is None or not (more and last.estimate):
         return raised
     missing = allowed / last.estimate
@@ -54,21 +58,24 @@ def raise_order(adaptation: Adaptation, stop: StopTest, state: State) -> State:
     return state.reopened()
 
 
-def at_order(adaptation: Adaptation, state: State, order: int, layers: int) -> State:
-    steps, best, problem = adaptation.steps, state.best, adaptation.problem
-    steps.next_pass(len(state.passes))
-    with steps("relocate"):
-        mesh, places, remark = layered(adaptation, best, layers)
-        if problem.has("on_curves"):
+def at_order(adaptation: Adaptation, state: State, order: int, mesh: Mesh, on_layers: str, remark: str) -> State:
+    problem = adaptation.problem
+    if problem.has("on_curves"):
+        with adaptation.steps("relocate"):
             problem = CheckedProblem(problem.on_curves(adaptation.settings.rules.curves or {}))
-    solved = adaptation.assess_at(CheckedProblem(problem, order), mesh, best)
-    on_layers = f" on {layers} layer{'s' * (layers > 1)} at {places}" if places else ""
-    raised = f"Solved with order {order}{on_layers}, {solved.record.unknowns} unknowns.{remark}"
-    return state.with_order(solved, raised)
+    solved = adaptation.assess_at(CheckedProblem(problem, order), mesh, state.best)
+    return state.with_order(solved, f"Solved with order {order}{on_layers}, {solved.record.unknowns} unknowns.{remark}")
 
 
-def layered(adaptation: Adaptation, best: Solved, layers: int) -> tuple[Mesh, str, str]:
-    # Returned are the mesh with layers, the corners or edges that have them, and a remark.
+def layered(adaptation: Adaptation, state: State, layers: int) -> tuple[Mesh, str, str]:
+    # Returned are the mesh with layers at the corners or edges that have them, their place, and a remark.
+    adaptation.steps.next_pass(len(state.passes))
+    with adaptation.steps("relocate"):
+        mesh, places, remark = with_layers(adaptation, state.best, layers)
+    return mesh, f" on {layers} layer{'s' * (layers > 1)} at {places}" * bool(places), remark
+
+
+def with_layers(adaptation: Adaptation, best: Solved, layers: int) -> tuple[Mesh, str, str]:
     rules, whole, curved = adaptation.settings.rules, best.record.mesh, curved_of(best.movable)
     remark = ""
     corners, edges = singular_parts(adaptation.problem, whole, best.solution)

@@ -29,7 +29,8 @@ class HighOrders:
     orders_per_layer
         Order of the elements, over the number of layers.
     few
-        Nodes at order 2 that take less time than a higher order, relative to the nodes of the last pass.
+        Nodes at order 2 that take less time than a higher order, relative to the nodes of the last pass, before a mesh
+        with layers is known.
     """
 
     graded: float
@@ -65,12 +66,15 @@ class GradingTolerance:
         What these orders bring.
     relative
         Tolerance of the passes, relative to the energy norm, or to the tolerance of a goal.
+    most
+        Nodes at order 2 with the unknowns of the last mesh with layers, None before the first and without a goal.
     """
 
     tolerance: Tolerance
     orders: range
     high: HighOrders
     relative: float | None = None
+    most: float | None = None
 
     def __call__(self, last: Pass) -> float | None:
         return self._within(last, self.high.enough)
@@ -90,7 +94,19 @@ class GradingTolerance:
         # True if order 2 meets the tolerance with few nodes, and no higher order is prescribed
         if len(self.orders) == 1 or self.high.few == 0.0:
             return False
-        return predicted_nodes(last, tolerance, OF_PASSES, last.mesh.dim()) < self.high.few * last.mesh.nvertices
+        most = self.high.few * last.mesh.nvertices if self.most is None else self.most
+        return predicted_nodes(last, tolerance, OF_PASSES, last.mesh.dim()) < most
+
+    def prefers_nodes(self, best: Pass, unknowns: int) -> bool:
+        """Return True if order 2 takes fewer unknowns for a goal than a mesh with layers.
+
+        Solutions of the next order and of duals take six times as long as the solution of a high order.
+        """
+        tolerance = self.tolerance.estimate(best)
+        if best.goal is None or tolerance is None:
+            return False
+        self.most = unknowns * best.mesh.nvertices / best.unknowns
+        return self._needs_few(best, tolerance)
 
     def aim(self, last: Pass) -> float | None:
         # Return the estimate that passes aim at, to meet the tolerance at once.

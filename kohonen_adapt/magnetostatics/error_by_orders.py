@@ -139,9 +139,9 @@ def goal_indicators_by_orders(field: Any, higher: Any, dual: Callable[[Any], Flo
 
 
 def change_by_further_orders(field: Any, higher: Any, energies: Energies, indicators: Floats) -> float:
-    """Return the change of the energy by orders above that of `higher`, relative to the change to `higher`.
+    """Return the change of the energy by further orders, over the change to `higher`.
 
-    `indicators` are those of all changes from the order of `field` on.
+    `indicators` include all changes from the order of `field` on.
     """
     _, above, change = _change_to(field, higher, energies)
     added = float(above.products(higher.unknown, change, change).sum())

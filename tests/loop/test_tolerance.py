@@ -16,6 +16,7 @@ import kohonen_adapt as ka
 from kohonen_adapt.display import by_error
 from kohonen_adapt.loop.growth import predicted_nodes
 from kohonen_adapt.magnetostatics import FluxDensityAt, Force, MagneticScalarPotential, Magnetostatics, Material
+from kohonen_adapt.problem.protocol import AutoOrder
 
 
 def magnet(**more):
@@ -202,6 +203,22 @@ def test_the_pass_that_meets_the_tolerance_is_the_result():
     assert result.status is ka.Status.CONVERGED and result.best is result.history[2]
     assert abs(result.outputs["goal"].error) <= 0.2
     assert "Best: pass 2" in result.message
+
+
+class Raising(Aimed):
+    """The same, of an order that follows the tolerance."""
+
+    order, orders = AutoOrder(2), (1, 8)
+
+    def solve(self, mesh, order=2):
+        assert order == 2
+        return super().solve(mesh)
+
+
+def test_no_higher_order_follows_a_pass_that_meets_the_tolerance():
+    result = adapt(MESH, Raising([1.0, 1.1]), goal_rtol=0.45, max_nodes=26)
+    assert result.status is ka.Status.CONVERGED and result.best is result.history[1]
+    assert result.best.order == 2 and abs(result.outputs["goal"].error) <= 0.45
 
 
 class Changing:
