@@ -10,7 +10,7 @@ from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
-from kohonen_adapt import KohonenMap, Rules, Schedule
+from kohonen_adapt import KohonenMap, Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.triangle.arrays import HELD, ROUND, SLIDING
 
@@ -359,31 +359,11 @@ def test_after_any_number_of_calls_nodes_are_on_their_circles_and_only_sagittas_
     assert gone > 0.05
 
 
-def test_a_ring_inside_a_region_keeps_its_side():
-    mesh = a_machine().mesh
-    for number in range(5):
-        mesh = ka.relocate(mesh, wanderer(mesh, number), topology="recycle", seed=number)
-        rows = mesh.boundaries["arkkio"]
-        assert isinstance(rows, OrientedBoundary)
-        inside = mesh.p[:, mesh.t[:, mesh.f2t[rows.ori, np.asarray(rows)]]].mean(axis=1)
-        assert np.all(np.hypot(*inside) < 0.55)
-
-
 def areas(mesh):
     return np.array([area_of(mesh, [e]) for e in range(mesh.t.shape[1])])
 
 
 # --- symmetries ---
-
-
-@pytest.mark.parametrize("kind", CASES)
-def test_no_epochs_and_no_sweeps_move_no_node(kind):
-    mesh = with_noise(CASES[kind]().mesh, 1e-5)
-    density = np.ones(mesh.t.shape[1])
-    same = ka.relocate(mesh, density, topology="fixed", schedule=Schedule(()))
-    assert (same.p.tobytes(), same.t.tobytes()) == (mesh.p.tobytes(), mesh.t.tobytes())
-    flipped = ka.relocate(mesh, density, topology="flip", schedule=Schedule(()))
-    assert flipped.p.tobytes() == mesh.p.tobytes()
 
 
 # --- given curves ---

@@ -214,20 +214,6 @@ def test_settling_leaves_no_element_worse_than_the_floor_or_than_it_was():
     assert np.all(ka.quality(after) >= np.minimum(0.2, ka.quality(before)))
 
 
-@pytest.mark.parametrize("topology", ["flip", "recycle"])
-def test_relocated_nodes_are_on_their_surfaces_and_names_where_they_were(topology, caplog):
-    mesh = extruded(disk(5, 1.0), 6, 2.0).with_boundaries({"side": lambda x: (x[2] > 0.0) & (x[2] < 2.0)})
-    with caplog.at_level("INFO", "kohonen_adapt"):
-        after = ka.relocate(mesh, lambda x: 1.0 / (0.1 + x[2]) ** 3, topology=topology)
-    assert after.p.shape == mesh.p.shape and np.any(after.p != mesh.p)
-    on_side = np.unique(after.facets[:, after.boundaries["side"]])
-    np.testing.assert_allclose(np.hypot(*after.p[:2, on_side]), 1.0, rtol=1e-12)
-    ends = np.unique(after.facets[:, np.setdiff1d(after.boundary_facets(), after.boundaries["side"])])
-    assert np.all(np.isin(after.p[2, ends], [0.0, 2.0]))
-    assert found(MovableSolid.of(after, Rules())) == {"planes": 2, "cylinders": 1, "circles": 2}
-    assert " (name: boundary 'side'), before 0.00548, in units of the mesh" in caplog.text
-
-
 @dataclass
 class Ellipsoid:
     """x^2 / 4 + y^2 + z^2 = 1, by steps along its gradient: a surface of a user's own."""

@@ -129,22 +129,6 @@ def test_a_copy_and_its_original_leave_each_other_alone(build, options):
 
 
 @each_case
-def test_the_mesh_that_is_taken_apart_is_not_changed(build, options):
-    mesh, untouched = build(), build()
-    for array in (mesh.p, mesh.t):
-        array.flags.writeable = False
-    movable = MovableMesh.of(mesh, Rules("recycle", **options))
-    assert movable.input_mesh is mesh
-    work_on(movable)
-    assert_same_mesh(mesh, untouched)
-    result = movable.mesh()
-    assert not np.shares_memory(result.p, mesh.p) and not np.shares_memory(result.t, mesh.t)
-    place = result.p.copy()
-    result.p[:] = 0.0
-    np.testing.assert_array_equal(movable.mesh().p, place)
-
-
-@each_case
 def test_put_together_again_a_mesh_is_what_it_was(build, options):
     mesh = build()
     assert_same_mesh(MovableMesh.of(mesh, Rules(**options)).mesh(), mesh)

@@ -75,12 +75,15 @@ class Scalar:
 
     def solved(self, mesh, order):
         basis = self.basis(mesh, order)
-        gx, gy = (self._constant(basis, each) for each in self.tables()[1])
+        gx, gy = self.pulls(basis)
         right = pull.assemble(basis, gx=gx, gy=gy) + LinearForm(lambda v, w: self.source(w.x) * v).assemble(basis)
         fixed = np.flatnonzero(self.fixed(basis))
         start = np.zeros(basis.N)
         start[fixed] = self.given(basis.doflocs[:, fixed])
         return solve(*condense(self.matrix(basis), right, x=start, D=fixed))
+
+    def pulls(self, basis):
+        return (self._constant(basis, each) for each in self.tables()[1])
 
     def _constant(self, basis, table):
         return basis.with_element(ElementTriP0()).interpolate(table[self.region(basis.mesh)])
@@ -159,6 +162,32 @@ class Gaussians(Scalar):
     def source(self, x, region=None):
         pairs = zip(self.centres, self.widths, strict=True)
         return sum(np.exp(-((x[0] - c[0]) ** 2 + (x[1] - c[1]) ** 2) / s**2) for c, s in pairs)
+
+
+class Varying(Scalar):
+    """-lap u = f with a quadratic f, u = 0 all round."""
+
+    def __init__(self, order=1):
+        super().__init__(order, source=self.source)
+
+    def source(self, x, region=None):
+        return 3.0 * x[0] * x[1] - x[1] ** 2
+
+
+class Turning(Scalar):
+    """-lap u = 1 - div g with a quadratic g, u = 0 all round."""
+
+    def flux(self, x, region=None):
+        return np.stack([1.0 + x[0] * x[1], x[1] ** 2 - 2.0 * x[0]])
+
+    def pulls(self, basis):
+        return self.flux(np.asarray(basis.global_coordinates()))
+
+    def basis(self, mesh, order):
+        return Basis(mesh, ELEMENTS[order](), intorder=4)
+
+    def ritz(self, mesh, solution):
+        return replace(super().ritz(mesh, solution), flux=self.flux)
 
 
 def pushed_at(x):

@@ -2,12 +2,9 @@
 
 import numpy as np
 import pytest
-from helpers.boxes import jittered, opened, qualities
-from helpers.examples import examples
+from helpers.boxes import jittered, opened
 from helpers.functions_in_space import plain
 from helpers.slow_solids import functional
-from hypothesis import given
-from hypothesis import strategies as st
 
 from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.functionals import Laws
@@ -180,30 +177,6 @@ def test_a_star_is_told_for_every_place_and_value(surface):
     ahead, behind = (parabola(at.neurons, at.trial, v, tuple(at.mesh.position[v]), s * h, 0.0)[0] for s in (1, -1))
     assert (ahead - behind) / (2 * h) == pytest.approx(own[1][1], rel=1e-6)
     assert own[1][3] == derivatives(at.neurons, at.trial, v)[0][2]
-
-
-@given(
-    st.integers(0, 10_000),
-    st.booleans(),
-    st.sampled_from([(None, None), (Brauer(), None), (Brauer(), Brauer())]),
-    st.sampled_from([0.0, 1.0, 30.0]),
-    st.booleans(),
-)
-@examples(20)
-def test_what_a_sweep_tells_is_what_the_functional_fell(seed, given_values, laws, load, surface):
-    at = Setting(seed, laws=laws, given=given_values, load=load, surface=surface)
-    before, size, start = at.value(), at.size(), at.mesh.position.copy()
-    worst = qualities(start, at.node).min()
-    fall = at.sweep() + at.sweep()
-    near = 1e-12 if laws == (None, None) else 1e-8  # tables leave out as much
-    assert fall >= 0.0
-    assert before - at.value() == pytest.approx(fall, abs=near * size)
-    assert qualities(at.mesh.position, at.node).min() >= min(FLOOR, worst) - 1e-12
-    held = at.mesh.freedom.number[: at.nodes] == HELD
-    np.testing.assert_array_equal(at.mesh.position[: at.nodes][held], start[: at.nodes][held])
-    fixed = at.trial.fixed
-    np.testing.assert_allclose(at.trial.value[fixed], (at.mesh.position @ at.slope)[fixed], atol=1e-12)
-    assert np.all(at.mesh.position[fixed, 0] == 0.0)
 
 
 def test_a_source_by_node_and_one_by_region_of_the_same_value_move_nodes_alike():

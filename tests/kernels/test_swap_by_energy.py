@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from helpers.boxes import check, jittered, opened, qualities
 from helpers.functions_in_space import functional, functional_of, on_nodes
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron import rings
@@ -37,43 +35,10 @@ class Swaps:
         return swaps, lowered
 
 
-def half_named(middle):
-    return abs(middle[2] - 0.5) < 1e-9 and middle[0] < 0.5
-
-
 def world(cells, amount, seed, two, named=None, **function):
     position, node = jittered(cells, amount, seed)
     mesh = opened(position, node, position[node].mean(axis=1)[:, 0] > 0.5 if two else None, named)
     return mesh, on_nodes(mesh, seed, **function)
-
-
-def worst(mesh):
-    return qualities(mesh.position, mesh.elements.node[mesh.elements.node[:, 0] >= 0]).min()
-
-
-@settings(max_examples=12)
-@given(
-    st.sampled_from([(2, 2, 2), (2, 3, 4), (4, 2, 2), (4, 4, 2)]),
-    st.sampled_from([0.0, 0.3, 0.7]),
-    st.integers(0, 1000),
-    st.booleans(),
-    st.booleans(),
-    st.booleans(),
-)
-def test_the_functional_falls_by_what_swaps_say_and_nothing_is_spoilt(cells, amount, seed, two, bent, named):
-    mesh, trial = world(cells, amount, seed, two, half_named if named and cells[2] % 2 == 0 else None, bent=bent)
-    count, by_region, by_patch = check(mesh)
-    values, position, before = trial.value.copy(), mesh.position.copy(), functional(mesh, trial)
-    floor, told = min(FLOOR, worst(mesh)), Swaps(mesh, trial).enter_all().swap()
-    after = functional(mesh, trial)
-    assert told[0] > 0 and told[1] > 0.0
-    assert before[0] - after[0] == pytest.approx(told[1], rel=1e-9, abs=(1e-9 if bent else 1e-12) * before[1])
-    now, regions, patches = check(mesh, floor)
-    assert now == count
-    assert regions == pytest.approx(by_region, rel=1e-12)
-    assert patches == pytest.approx(by_patch, rel=1e-12)
-    assert np.array_equal(trial.value, values) and np.array_equal(mesh.position, position)
-    assert Swaps(mesh, trial).enter_all().swap() == (0, 0.0)
 
 
 def test_edges_between_regions_are_swapped_where_that_lowers_the_sum_of_both():

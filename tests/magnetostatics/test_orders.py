@@ -159,15 +159,6 @@ def test_saturated_iron_is_polished():
     assert result.estimate < 0.2 * result.history[0].estimate
 
 
-def test_a_warm_start_saves_steps():
-    coarse, fine = wire_mesh(10), wire_mesh(20)
-    old = tube(order=2).solve(coarse)
-    cold, warm = tube(order=2).solve(fine), tube(order=2).solve_from(fine, coarse, old)
-    assert len(warm.newton) < len(cold.newton)
-    np.testing.assert_allclose(warm.potential, cold.potential, atol=1e-9 * cold.potential.max())
-    assert len(tube(order=2).solve_from(coarse, coarse, old).newton) == 1
-
-
 def test_an_open_boundary():
     mesh = disk(16, 0.04).with_boundaries({"outer": lambda x: np.hypot(*x) > 0.039})
     inside = np.hypot(*mesh.p[:, mesh.t].mean(axis=1)) < 0.01

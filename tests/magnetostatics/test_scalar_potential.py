@@ -15,8 +15,6 @@ from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Magnetostatics, Material, Table, radial
-from kohonen_adapt.magnetostatics.equations.newton import Newton
-from kohonen_adapt.magnetostatics.equations.system import Solver
 from kohonen_adapt.problem.functional_value import functional_value
 
 MAGNETISATION = 1e6
@@ -274,16 +272,6 @@ def test_magnets_that_turn(balls):
     np.testing.assert_allclose(one.indicators(balls[0], fields[0]), other.indicators(balls[0], fields[1]), rtol=1e-6)
     with pytest.raises(ValueError, match=r"remanence of 'ball' must have shape \(3, n\)"):
         of_order_1({"ball": Material(remanence=radial(1.0)), "air": AIR}).solve(balls[0])
-
-
-def test_multigrid_gives_the_same(balls):
-    class Large(MagneticScalarPotential):
-        method = Newton(solver=Solver(large=10))
-
-    pytest.importorskip("pyamg")
-    arguments = {"ball": Material(1e4), "air": AIR}, {"outer": lambda x: x[2]}
-    one, other = (kind(*arguments).solve(balls[1]) for kind in (MagneticScalarPotential, Large))
-    np.testing.assert_allclose(other.potential, one.potential, atol=1e-8)
 
 
 PLACES = {"a": ((-0.010, -0.010, -0.005), (0.010, 0.010, 0.005)), "b": ((-0.006, -0.010, 0.010), (0.014, 0.010, 0.020))}

@@ -1,7 +1,6 @@
 """The polish for a goal: the sum of two functionals falls, and with it the product of the errors of both solutions."""
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -14,8 +13,6 @@ import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.estimators import residual
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.kernels.triangle.arrays import FREE, SLIDING
-from kohonen_adapt.kernels.triangle.polish import higher
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend_and_recycle
@@ -71,79 +68,6 @@ def test_a_dual_that_is_the_solution_itself_and_one_that_is_nothing_change_no_bi
     for dual in (one, nothing):
         for found, wanted in zip(polished(mesh, replace(one, dual=dual)), expected, strict=True):
             np.testing.assert_array_equal(found, wanted)
-
-
-def slope(at, change, step=1e-6):
-    """The derivative of the functional by what a change makes so much of."""
-    values = []
-    for way in (step, -step):
-        change(way)
-        values.append(at.value())
-        change(-way)
-    return (values[0] - values[1]) / (2.0 * step)
-
-
-@pytest.mark.parametrize("order", (2, 3))
-def test_a_node_comes_to_rest_where_the_sum_is_least(order):
-    """Over its place and what changes with it in both functions, by differences of the functional of the whole mesh."""
-    ritz, (x, y) = (
-        two_functionals(MESHES["inset"](), 4, 2.0, order=order),
-        Basis(MESHES["inset"](), ELEMENTS[order]()).doflocs,
-    )
-    waves = np.sin(3.0 * x + y), np.cos(4.0 * y - 2.0 * x)
-    one, other = (np.where(ritz.fixed, each.values, wave) for each, wave in zip((ritz, ritz.dual), waves, strict=True))
-    at = Setting(MESHES["inset"](), replace(ritz, values=one, dual=replace(ritz.dual, values=other)))
-    tri, constraints, trial = at.movable.triangulation, at.movable.constraints, at.trial
-    scratch = at.functional.loops(at.movable, trial, at.movable.kernel_mesh()).scratch(0)
-    sliding, chain = constraints.kind == SLIDING, constraints.own_chain
-    alone = Alone(at)
-    groups = constraints.kind == FREE, sliding & trial.fixed, sliding & ~trial.fixed
-    for v in (np.flatnonzero(group)[2] for group in groups):
-        for _ in range(100):
-            before = at.value()
-            gain = higher.descend_nodes(scratch, np.array([v], dtype=np.int32), 0.0)
-            assert 0.0 <= gain <= before - at.value() + 1e-12 * abs(before)
-        rate = at.functional.on_chain[chain[v], 1] if trial.fixed[v] else 0.0
-        for way in constraints.chains.direction[chain[v]][None] if sliding[v] else np.eye(2):
-
-            def move(step, v=v, way=way, rate=rate):
-                tri.position[v] += step * way
-                trial.values[v] += step * rate
-
-            assert abs(slope(at, move)) < 1e-3 * abs(slope(alone, move))
-        for array, place in unknowns_around(tri, trial, v):
-
-            def change(step, array=array, place=place):
-                for one, sign in place:
-                    array[one] += sign * step
-
-            assert abs(slope(at, change)) < 1e-6 * abs(alone.value())
-
-
-class Alone(NamedTuple):
-    """A setting without the dual of its function."""
-
-    at: Setting
-
-    def value(self):
-        return self.at.functional.value(self.at.movable.triangulation, self.at.trial._replace(dual=None))
-
-
-def unknowns_around(tri, trial, v):
-    """The array of every unknown that changes with a node, and where in it it stands, with which signs."""
-    for function in (trial, trial.dual):
-        if not trial.fixed[v]:
-            yield function.values, [(v, 1.0)]
-        for e in tri.star.element[tri.star.start[v] : tri.star.start[v + 1]]:
-            if function.modes.side.shape[2] == 2:
-                yield function.modes.bubble, [(e, 1.0)]
-            for k in np.flatnonzero((tri.elements.node[e] != v) & ~function.modes.dirichlet[e]):
-                other = tri.elements.neighbour[e, k]
-                for d in range(function.modes.side.shape[2]):
-                    twin = (
-                        [((other, np.argmax(tri.elements.neighbour[other] == e), d), (-1.0) ** d)] if other >= 0 else []
-                    )
-                    yield function.modes.side, [((e, k, d), 1.0), *twin]
 
 
 # --- a goal ----------------------------------------------------------------------------------------------------

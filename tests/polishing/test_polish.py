@@ -10,8 +10,7 @@ from helpers.meshes import area_of, generic_square, inset, junction, l_shape, pe
 from helpers.scalar_problems import loaded, magnet, magnet_mesh
 from hypothesis import given
 from hypothesis import strategies as st
-from skfem import Basis, ElementTriP1, MeshQuad, MeshTri, condense, solve
-from skfem.models.poisson import laplace
+from skfem import MeshQuad
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
@@ -257,42 +256,6 @@ def test_pairs_stay_matched_to_the_bit(build, topology):
         np.testing.assert_array_equal(heights(result, name), heights(mesh, name))
     assert np.abs(result.p - mesh.p).max() > 1e-2  # elsewhere nodes move
     ka.polish(result, problem, periodic=PAIR)  # and the sides are taken for a pair again
-
-
-class Given:
-    """Random values at every third node of the boundary, and what -lap u = 0 has between them."""
-
-    def __init__(self, seed):
-        self.seed = seed
-
-    def fixed(self, mesh):
-        return np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes()[::3])
-
-    def solve(self, mesh):
-        values = np.random.default_rng(self.seed).normal(size=mesh.nvertices)
-        matrix = laplace.assemble(Basis(mesh, ElementTriP1()))
-        return solve(*condense(matrix, x=values, D=np.flatnonzero(self.fixed(mesh))))
-
-    def ritz(self, mesh, solution):
-        return ka.Ritz(solution, self.fixed(mesh), 1.0)
-
-
-def test_layers_are_kept_that_flips_would_lose():
-    mesh = MeshTri.init_tensor(np.linspace(0, 2, 17), np.linspace(0, 0.25, 3))
-    mesh = mesh.with_subdomains({"gap": np.arange(mesh.nelements)})
-
-    def is_crossed(layers, seed):
-        """Whether an edge goes from the floor to the ceiling."""
-        result = ka.polish(mesh, Given(seed), min_quality=0.05, layers=layers)
-        (low, high), ends = np.sort(result.p[1, result.facets], axis=0), result.p[0, result.facets]
-        inside = np.all((ends > 0.0) & (ends < 2.0), axis=0)
-        return np.any((low == 0.0) & (high == 0.25) & inside)
-
-    seeds = range(5)
-    assert any(is_crossed(None, seed) for seed in seeds)
-    assert not any(is_crossed({"gap": 2}, seed) for seed in seeds)
-    with pytest.raises(ValueError, match=r"^subdomain 'gap' has 2 layers of elements .*; layers asks for 3"):
-        ka.polish(mesh, Given(0), layers={"gap": 3})
 
 
 class Level:

@@ -5,24 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.exact_fields import halbach_field
-from helpers.meshes import generic_square, inset, perturbed
+from helpers.meshes import generic_square
 from helpers.tensor_meshes import disk
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
-from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.triangle.arrays import FREE, WITHOUT
 from kohonen_adapt.kernels.triangle.flip import flip_edge
-from kohonen_adapt.kernels.triangle.polish import affine
 from kohonen_adapt.kernels.triangle.polish.flips import gain_of_flip
 from kohonen_adapt.kernels.triangle.polish.linear import around, derivatives
 from kohonen_adapt.magnetostatics import Froehlich, Magnetostatics, Material, halbach, radial
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.mesh.measures import area, inner_points
-from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value
 
@@ -72,65 +68,6 @@ class Setting:
         found = self.value()
         self.tri.position[v], self.values[v] = position, value
         return found
-
-
-MESHES = [lambda: generic_square(5), lambda: perturbed(inset(8), 1)]
-each_mesh = pytest.mark.parametrize("build", MESHES)
-
-
-@each_mesh
-def test_derivatives_are_those_of_the_functional(build):
-    at = Setting(build())
-    for v in np.flatnonzero(at.movable.constraints.kind == FREE)[:10]:
-        _, total, (bx, by), bw, (xx, xy, yy), (xw, yw), ww = derivatives(at.tri.position, at.tri.star, at.trial, v)
-        h = 1e-5 * np.eye(3)
-        slope = [(at.at(v, step) - at.at(v, -step)) / 2e-5 for step in h]
-        np.testing.assert_allclose([bx, by, bw], slope, atol=1e-5 * np.abs(slope).max())
-        for (i, j), given in {(0, 1): xy, (0, 2): xw, (1, 2): yw, (2, 2): ww}.items():
-            ends = [(s, t, at.at(v, s * h[i] + t * h[j])) for s in (-1, 1) for t in (-1, 1)]
-            assert given == pytest.approx(sum(s * t * end for s, t, end in ends) / 4e-10, abs=0.03 * max(xx, yy))
-        moved = 0.004 * np.random.default_rng(v).normal(size=2)
-        c = around(at.tri.position, at.tri.star, at.trial, WITHOUT, v, at.tri.position[v] + moved, 0.0)[1]
-        assert c - total == pytest.approx(at.at(v, [*moved, 0.0]) - at.value(), rel=1e-6, abs=1e-9)
-
-
-@each_mesh
-def test_a_flip_gains_what_the_functional_loses(build):
-    at = Setting(build())
-    elements, gains = at.tri.elements, []
-    for e in range(len(elements.node)):
-        for k in range(3):
-            other = int(elements.neighbour[e, k])
-            if other < 0 or elements.chain[e, k] >= 0:
-                continue
-            with np.errstate(divide="ignore"):  # a flip may leave no area
-                gain = gain_of_flip(at.descents, WITHOUT, e, k, other)
-            if gain > 0.0:
-                before = at.value()
-                flip_edge(elements, e, k)
-                assert before - at.value() == pytest.approx(gain, rel=1e-9)
-                gains.append(gain)
-                at.ask_again()
-    assert len(gains) > 2
-
-
-@each_mesh
-def test_recycling_takes_off_what_it_says(build):
-    at = Setting(build())
-    fixed, before = at.trial.fixed, at.value()
-    trial = TrialFunction(at.values, fixed, None)
-    left, recycled, decrease, _ = recycle_by_energy(at.movable, at.functional, trial, unchanged(at.tri))
-    assert recycled.splits > 0
-    assert before - at.functional.value(at.tri, left) == pytest.approx(decrease, rel=1e-9)
-
-
-def test_sweeps_lower_the_functional_by_their_gain():
-    at = Setting(perturbed(inset(8), 1))
-    nodes = np.arange(at.tri.nnodes, dtype=np.int32)
-    for _ in range(3):
-        before = at.value()
-        gain = affine.descend_nodes(at.descents, nodes, 0.3)
-        assert 0.0 < gain < (before - at.value()) * (1.0 + 1e-9)
 
 
 def ring(k, outside="air"):

@@ -42,19 +42,6 @@ def test_elements_are_regular_in_a_constant_metric(ratio, angle):
     assert np.median(qualities) > 0.8
 
 
-@pytest.mark.parametrize("topology", ["recycle", "flip"])
-def test_names_and_areas_stay(topology):
-    mesh = ka.relocate(MESH, everywhere(MESH, turned(6.0, 0.3)), topology=topology)
-    for name in HALVES:
-        corners = mesh.p[:, mesh.t[:, mesh.subdomains[name]]]
-        side = corners[:, 1:] - corners[:, :1]
-        area = 0.5 * np.abs(side[0, 0] * side[1, 1] - side[0, 1] * side[1, 0]).sum()
-        assert area == pytest.approx(0.5, rel=1e-12)
-    assert np.all(mesh.p[1, mesh.facets[:, mesh.boundaries["floor"]]] == 0.0)
-    assert ka.quality(mesh).min() >= 0.02
-    assert mesh.nvertices == MESH.nvertices
-
-
 @pytest.mark.parametrize("schedule", [None, ka.Schedule((ka.Stage(2, 2, 0.3),), sweeps=3)])
 @pytest.mark.parametrize("topology", ["recycle", "flip", "fixed"])
 def test_round_tensors_give_the_bits_of_their_density(topology, schedule):

@@ -53,18 +53,6 @@ def test_round_tensors_give_the_mesh_of_the_density(topology, schedule):
     np.testing.assert_array_equal(plain.t, by_tensors.t)
 
 
-@pytest.mark.parametrize("schedule", [None, ka.Schedule(STAGES, sweeps=2)], ids=["sweeps", "map"])
-def test_names_and_volumes_are_kept(schedule):
-    mesh = two_regions(6)
-    found = ka.relocate(mesh, everywhere(mesh, SLAB), topology="recycle", schedule=schedule)
-    assert found.is_valid() and sorted(found.boundaries) == sorted(mesh.boundaries)
-    for name, rows in mesh.subdomains.items():
-        before, after = np.abs(volumes(mesh))[rows].sum(), np.abs(volumes(found))[found.subdomains[name]].sum()
-        assert after == pytest.approx(before, rel=1e-12)
-    heights = np.ptp(found.p[2][found.t], axis=0).mean(), np.ptp(found.p[0][found.t], axis=0).mean()
-    assert 4.0 * heights[0] < heights[1]
-
-
 def test_a_rotation_of_mesh_and_metric_changes_little():
     mesh, turn = thrown(box(7), 1, reach=0.3), Rotation.from_euler("xyz", [0.3, 0.5, 0.7]).as_matrix()
     turned, tensor = type(mesh)(turn @ mesh.p, mesh.t), turn @ SLAB @ turn.T

@@ -111,13 +111,18 @@ def polished(mesh, density, options):
     return ka.polish(mesh, Scalar(source=1.0), topology=options["topology"].replace("recycle", "flip"), **more)
 
 
+def in_metric(mesh, density, options):
+    stretch = np.array([[2.0, 0.5], [0.5, 0.7]])
+    return ka.relocate(mesh, density[:, None, None] * stretch, **options)
+
+
 def adapted(mesh, density, options):
     history = ka.adapt(mesh, Scalar(source=1.0), passes=1, **options).history
     return history[-1].mesh
 
 
 MOVERS = {"relocate": lambda mesh, density, options: ka.relocate(mesh, density, **options)}
-MOVERS |= {"polish": polished, "adapt": adapted}
+MOVERS |= {"metric": in_metric, "polish": polished, "adapt": adapted}
 
 
 @pytest.mark.parametrize("mover", MOVERS)

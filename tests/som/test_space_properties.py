@@ -1,7 +1,9 @@
 """What holds for every relocation of tetrahedra, on random bodies with random names, surfaces and options."""
 
 import numpy as np
+import pytest
 from helpers.examples import examples
+from helpers.parted import Load
 from helpers.random_solids import flat_solids, round_solids
 from helpers.solids import volumes
 from hypothesis import given
@@ -11,11 +13,29 @@ import kohonen_adapt as ka
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 
 
-@examples(40)
+def in_metric(mesh, density, options):
+    return ka.relocate(mesh, density[:, None, None] * np.diag([4.0, 1.0, 0.5]), **options)
+
+
+def polished(mesh, density, options):
+    more = {name: options[name] for name in ("min_quality", "pinned", "seed")}
+    return ka.polish(mesh, Load(), topology=options["topology"].replace("recycle", "flip"), **more)
+
+
+def adapted(mesh, density, options):
+    return ka.adapt(mesh, Load(), passes=1, **options).history[-1].mesh
+
+
+MOVERS = {"relocate": lambda mesh, density, options: ka.relocate(mesh, density, **options)}
+MOVERS |= {"metric": in_metric, "polish": polished, "adapt": adapted}
+
+
+@pytest.mark.parametrize("mover", MOVERS)
+@examples(30)
 @given(flat_solids())
-def test_volume_outline_names_orientation_and_quality_are_kept(case):
+def test_volume_outline_names_orientation_and_quality_are_kept(mover, case):
     mesh, density, options = case
-    result = relocated(mesh, density, options)
+    result = moved(mover, mesh, density, options)
     size = rounding(mesh) * np.ptp(mesh.p, axis=1).max() ** 2
     old, new = Tetrahedralization.of(mesh), Tetrahedralization.of(result)
     by_region = [np.sort(np.bincount(tet.elements.region[tet.used], tet.volumes())) for tet in (old, new)]
@@ -34,7 +54,7 @@ def test_volume_outline_names_orientation_and_quality_are_kept(case):
 @given(round_solids())
 def test_faces_stay_on_round_surfaces(case):
     mesh, surface, density, options = case
-    result = relocated(mesh, density, options)
+    result = moved("relocate", mesh, density, options)
     rows = result.boundaries["side"]
     x = result.p[:, np.unique(result.facets[:, rows])]
     assert np.abs(surface.project(x) - x).max() < 1e-12
@@ -45,10 +65,10 @@ def test_faces_stay_on_round_surfaces(case):
     assert abs(volume_of(result) - volume_of(mesh)) < 0.2 * volume_of(mesh)
 
 
-def relocated(mesh, density, options):
+def moved(mover, mesh, density, options):
     """The mesh with its nodes moved; and what holds on surfaces of any shape."""
     given_arrays = mesh.p.tobytes(), mesh.t.tobytes(), density.tobytes()
-    result = ka.relocate(mesh, density, **options)
+    result = MOVERS[mover](mesh, density, options)
     assert (mesh.p.tobytes(), mesh.t.tobytes(), density.tobytes()) == given_arrays
     assert result.p.shape == mesh.p.shape
     floor = 0.2 if options["min_quality"] == "auto" else options["min_quality"]

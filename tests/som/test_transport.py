@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from helpers.alternatives import signed_quality
-from helpers.curved_meshes import annulus
 from helpers.examples import examples
 from helpers.meshes import (
     area_of,
@@ -29,7 +28,7 @@ from kohonen_adapt import KohonenMap, Rules, Schedule
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.ordering import along_curve
-from kohonen_adapt.kernels.triangle.arrays import FREE, HELD
+from kohonen_adapt.kernels.triangle.arrays import FREE
 from kohonen_adapt.kernels.triangle.geometry import element_quality
 from kohonen_adapt.kernels.triangle.transport import (
     find_directions,
@@ -214,29 +213,6 @@ def edges_from(node, starts, n):
         reached[node[reached[node].any(axis=1)]] = True
         number += 1
     return distance
-
-
-@pytest.mark.parametrize("topology", ["fixed", "flip"])
-@pytest.mark.parametrize("kind", BUILDS)
-def test_areas_outlines_and_quality_are_kept(kind, topology):
-    mesh = BUILDS[kind]()
-    density = peak(mesh, 0.4, 0.6, 300) + peak(mesh, 0.0, 0.2, 100)
-    after = ka.relocate(mesh, density, topology=topology, schedule=ROUNDS)
-    assert ka.quality(after).min() >= min(FLOOR, ka.quality(mesh).min()) - 1e-12
-    assert area_of(after) == pytest.approx(area_of(mesh), rel=1e-13)
-    for name, elements in (mesh.subdomains or {}).items():
-        assert area_of(after, after.subdomains[name]) == pytest.approx(area_of(mesh, elements), rel=1e-12)
-    corners = MovableMesh.of(mesh, Rules()).constraints.kind == HELD
-    assert np.array_equal(after.p[:, corners], mesh.p[:, corners])
-
-
-def test_nodes_on_arcs_stay_on_them():
-    mesh = annulus(24)
-    after = ka.relocate(mesh, peak(mesh, *mesh.p[:, 0], 50), schedule=ROUNDS)
-    rim = mesh.boundary_nodes()
-    before, radius = np.hypot(*mesh.p[:, rim]), np.hypot(*after.p[:, rim])
-    np.testing.assert_allclose(radius, before, rtol=1e-12)
-    assert np.abs(after.p[:, rim] - mesh.p[:, rim]).max() > 1e-3
 
 
 def test_one_round_evens_out_more_than_half_of_what_is_wanted():
