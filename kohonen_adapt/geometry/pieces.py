@@ -20,12 +20,14 @@ class FoldedLayers(ValueError):
 
     Attributes
     ----------
+    elements
+        Elements of the mesh without layers whose parts would be inverted.
     nodes
-        Corners of these elements in the mesh without layers.
+        Their corners.
     """
 
-    def __init__(self, nodes: Ints) -> None:
-        self.nodes = nodes
+    def __init__(self, elements: Ints, nodes: Ints) -> None:
+        self.elements, self.nodes = elements, nodes
         super().__init__(
             "layers at the nodes would invert elements at a curve, because its facets turn too far. Refine the mesh "
             "along the curve first, or leave out the nodes at its ends."
@@ -79,7 +81,8 @@ def curved_mesh(made: Mesh, offset: Floats, pieces: Pieces, shape: Isoparametric
     curved = with_midside_offsets(made, offset)
     inverted = inverted_elements(curved)
     if inverted.size:
-        raise FoldedLayers(np.unique(shape.t[:, pieces.parent[inverted]]))
+        folded = np.unique(pieces.parent[inverted])
+        raise FoldedLayers(folded, np.unique(shape.t[:, folded]))
     return curved
 
 

@@ -44,7 +44,8 @@ def refined_at(
     A layer divides every element at a node v into the part next to v, smaller by `factor`, and two elements behind it,
     three in space. An element at an edge is divided into six for each layer. On meshes with such layers the error of
     high orders falls exponentially although the field is singular at the nodes (B. Guo and I. Babuska, Comput. Mech. 1,
-    1986). The side of an element between two of the nodes is halved first, in space unless it is one of `edges`.
+    1986). The side of an element between two of the nodes is halved first, in space unless it is one of `edges`. In the
+    plane curved sides are halved, too, where layers would invert elements otherwise.
 
     Parameters
     ----------

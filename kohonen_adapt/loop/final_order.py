@@ -9,6 +9,7 @@ import logging
 import numpy as np
 from skfem import Mesh
 
+from kohonen_adapt.display import counted
 from kohonen_adapt.geometry.singular_layers import with_layers_at
 from kohonen_adapt.loop.corners import singular_parts
 from kohonen_adapt.loop.passes import Status
@@ -80,14 +81,18 @@ def with_layers(adaptation: Adaptation, best: Solved, layers: int) -> tuple[Mesh
     remark = ""
     corners, edges = singular_parts(adaptation.problem, whole, best.solution)
     if edges is not None:
-        mesh, nodes = with_layers_at(whole, np.union1d(corners, edges), layers, edges=edges)
+        wanted = np.union1d(corners, edges)
+        mesh, nodes = with_layers_at(whole, wanted, layers, edges=edges)
         places = f"singular edges with {nodes.size} nodes"
     else:
         if curved is not None:
             whole = on_whole_curves(whole, curved)
             remark = remark_on_sides(curved.flattened(whole))
-        mesh, nodes = with_layers_at(whole, corners, layers, rules.periodic, rules.curves)
+        wanted = corners
+        mesh, nodes = with_layers_at(whole, wanted, layers, rules.periodic, rules.curves)
         places = f"{nodes.size} corner{'s' * (nodes.size > 1)}"
+    if none := int(wanted.size - nodes.size):
+        remark += f" No layers at {counted(none, 'singular node')}, where they would invert elements or be too small."
     return mesh, places * bool(nodes.size), remark
 
 

@@ -108,7 +108,7 @@ def keys_of(rows: Ints, count: int) -> Ints:
 
     The integers have the lexicographic order of the columns.
     """
-    key = rows[0].astype(np.int64)
+    key, count = rows[0].astype(np.int64), int(count)
     for row in rows[1:]:
         if int(key.max(initial=0)) >= np.iinfo(np.int64).max // count - 1:
             key = np.unique(key, return_inverse=True)[1].reshape(key.shape)

@@ -6,16 +6,17 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.geometry.pieces import Pieces, curved_mesh, mesh_of, sides_in_parent
+from kohonen_adapt.geometry.pieces import FoldedLayers, Pieces, curved_mesh, mesh_of, sides_in_parent
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.plane.pairs import image_nodes
 from kohonen_adapt.mesh.blended import Blended
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
-from kohonen_adapt.mesh.host import facets_opposite
+from kohonen_adapt.mesh.host import ascending, facets_opposite, keys_of
 from kohonen_adapt.mesh.motions import Pair
 
 __all__ = ["with_corner_layers"]
 
+HALVINGS = 3  # maximum number of times that curved sides of elements with inverted parts are halved
 
 Corner = tuple[Ints, Floats]  # (r,) nodes and (r, 3) barycentric coordinates in the parents
 
@@ -27,14 +28,46 @@ def with_corner_layers(
     factor: float,
     periodic: Sequence[Pair],
     curves: Mapping[str, Curve] | None,
+    halvings: int = HALVINGS,
 ) -> MeshTri:
     shape = Blended(mesh, {name: curve.project for name, curve in (curves or {}).items()})
     singular = with_images(singular, shape.corners, periodic)
     pieces = separated(Pieces.of(shape.t), singular)
     for _ in range(layers):
         pieces = with_layer(pieces, singular, factor)
+    try:
+        return made_of(pieces, mesh, shape)
+    except FoldedLayers as error:
+        if not halvings:
+            raise
+        folded = error.elements
+    # Curved sides bend by more than the layers are thick; their halves bend by a quarter.
+    marked = np.zeros(shape.corners.facets.shape[1], dtype=np.bool_)
+    marked[shape.corners.t2f[:, folded]] = True
+    marked = with_image_sides(marked & shape.side_offset.any(axis=0), shape.corners, periodic)
+    finer = with_halved_sides(mesh, shape, marked)
+    more = np.append(singular, np.zeros(finer.nvertices - singular.size, dtype=np.bool_))
+    return with_corner_layers(finer, more, layers, factor, periodic, curves, halvings - 1)
+
+
+def made_of(pieces: Pieces, mesh: MeshTri, shape: Blended) -> MeshTri:
     made = mesh_of(pieces, mesh, shape)
     return with_curved_sides(made, pieces, shape) if shape.curved.any() else made
+
+
+def with_halved_sides(mesh: MeshTri, shape: Blended, marked: Mask) -> MeshTri:
+    whole = Pieces.of(shape.t)
+    return made_of(halved(whole, marked[facets_opposite(shape.corners, whole.node)]), mesh, shape)
+
+
+def with_image_sides(marked: Mask, mesh: MeshTri, periodic: Sequence[Pair]) -> Mask:
+    facets, count = mesh.facets, mesh.nvertices
+    for nodes, images in image_nodes(mesh, periodic) if periodic else ():
+        image = np.arange(count)
+        image[nodes], image[images] = images, nodes
+        moved = ascending(*image[facets[:, marked]])
+        marked = marked | np.isin(keys_of(facets, count), keys_of(moved, count))
+    return marked
 
 
 def with_images(singular: Mask, mesh: MeshTri, periodic: Sequence[Pair]) -> Mask:
@@ -52,18 +85,30 @@ def is_singular(node: Ints, singular: Mask) -> Mask:
 
 
 def separated(pieces: Pieces, singular: Mask) -> Pieces:
-    node, share, at = pieces.node, pieces.share, is_singular(pieces.node, singular)
-    both, halves = at[:, AFTER] & at[:, BEFORE], 0.5 * (share[:, AFTER] + share[:, BEFORE])
+    at = is_singular(pieces.node, singular)
+    return halved(pieces, at[:, AFTER] & at[:, BEFORE])
+
+
+def halved(pieces: Pieces, marked: Mask) -> Pieces:
+    # with halves of the sides opposite to marked corners (m, 3)
+    node, share, count = pieces.node, pieces.share, marked.sum(axis=1)
+    halves = 0.5 * (share[:, AFTER] + share[:, BEFORE])
     middle = np.full(node.shape, -1)
-    middle[both] = new_nodes(node[:, AFTER][both], node[:, BEFORE][both], node)
-    one, three = np.flatnonzero(both.sum(axis=1) == 1), np.flatnonzero(both.all(axis=1))
-    k = np.argmax(both[one], axis=1)
-    opposite, after, before = ((node[one, (k + i) % 3], share[one, (k + i) % 3]) for i in range(3))
-    half = middle[one, k], halves[one, k]
-    corner = [(node[three, i], share[three, i]) for i in range(3)]
-    inner = [(middle[three, i], halves[three, i]) for i in range(3)]
+    middle[marked] = new_nodes(node[:, AFTER][marked], node[:, BEFORE][marked], node)
+
+    def corners(rows: Ints, first: Ints) -> tuple[list[Corner], list[Corner]]:
+        # corners of the rows, from `first` on, and the middles of the sides opposite to these
+        turned = [(first + i) % 3 for i in range(3)]
+        return [(node[rows, k], share[rows, k]) for k in turned], [(middle[rows, k], halves[rows, k]) for k in turned]
+
+    one, two, three = (np.flatnonzero(count == k) for k in (1, 2, 3))
+    (top, after, before), (half, _, _) = corners(one, np.argmax(marked[one], axis=1))
+    single = [[top, after, half], [top, half, before]]
+    (apex, left, right), (_, to_right, to_left) = corners(two, np.argmin(marked[two], axis=1))
+    double = [[apex, to_left, to_right], [to_left, left, right], [to_left, right, to_right]]
+    corner, inner = corners(three, np.zeros_like(three))
     quarters = [[corner[i], inner[BEFORE[i]], inner[AFTER[i]]] for i in range(3)]
-    return divided(pieces, (one, [[opposite, after, half], [opposite, half, before]]), (three, [*quarters, inner]))
+    return divided(pieces, (one, single), (two, double), (three, [*quarters, inner]))
 
 
 def with_layer(pieces: Pieces, singular: Mask, factor: float) -> Pieces:
