@@ -8,7 +8,6 @@ from benchmarks import written
 from benchmarks.checks import (
     anisotropy,
     axis,
-    bracket,
     corners,
     curves,
     effectivity,
@@ -19,15 +18,11 @@ from benchmarks.checks import (
     forces_in_space,
     goal_orders,
     map_ablation,
-    orders,
     papers,
-    passes,
     scale,
-    space,
-    space_order_2,
     speed,
 )
-from benchmarks.peers import case_oracle, hp, hp_in_space, ngsolve_oracle, peers, peers_in_space, time_to_error
+from benchmarks.peers import case_oracle, hp, hp_in_space, peers, peers_in_space, time_to_error, wheels
 
 CHECKS = {
     "time": time_to_error,
@@ -38,19 +33,13 @@ CHECKS = {
     "anisotropy": anisotropy,
     "scale": scale,
     "map": map_ablation,
-    "space": space,
-    "space-order-2": space_order_2,
-    "orders": orders,
     "axis": axis,
     "curves": curves,
-    "passes": passes,
     "papers": papers,
     "goal-orders": goal_orders,
     "corners": corners,
     "effectivity": effectivity,
-    "bracket": bracket,
     "engineer": engineer,
-    "oracle": ngsolve_oracle,
 }
 
 
@@ -64,7 +53,7 @@ def peers_report(options: argparse.Namespace) -> Iterable[str]:
 
 def hp_report(options: argparse.Namespace) -> Iterable[str]:
     """Yield one table after another."""
-    return hp_in_space.parts(options.quick) if options.three_d else hp.parts(options.quick, options.loops)
+    return hp_in_space.parts(options.quick) if options.three_d else hp.parts(options.quick)
 
 
 def fingerprints_report(options: argparse.Namespace) -> Iterable[str]:
@@ -75,6 +64,7 @@ def fingerprints_report(options: argparse.Namespace) -> Iterable[str]:
         yield fingerprints.report(options.seeds, options.quick)
 
 
+WHEELS = ("gmsh", "mmgpy", "ngsolve")
 REPORTS: dict[str, Callable[[argparse.Namespace], Iterable[str]]] = {
     "peers": peers_report,
     "hp": hp_report,
@@ -85,13 +75,12 @@ REPORTS: dict[str, Callable[[argparse.Namespace], Iterable[str]]] = {
 def main() -> None:
     """Print the comparisons and checks that are asked for, or cases beside a reference solution."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("what", nargs="+", metavar="NAME", help=f"any of {' '.join(REPORTS)}")
+    parser.add_argument("what", nargs="+", metavar="NAME", help=f"any of {' '.join(REPORTS)}, or oracle and cases")
     parser.add_argument("--seeds", type=int, default=5, help="medians over seeds 0 to SEEDS - 1 (default 5)")
     parser.add_argument("--quick", action="store_true", help="small meshes only")
     parser.add_argument("--write", action="store_true", help="fill the tables of README.md and of the pages, too")
     parser.add_argument("--three-d", action="store_true", help="peers, hp: on tetrahedra")
     parser.add_argument("--order", type=int, choices=(1, 2), default=1, help="peers --three-d: order of the elements")
-    parser.add_argument("--loops", action="store_true", help="hp: NGSolve's adaptive loop, too (slow)")
     parser.add_argument("--fine", type=int, default=0, metavar="N", help="oracle CASE.toml: halve the elements N times")
     parser.add_argument("--values", type=Path, metavar="FILE", help="oracle CASE.toml: of another program, by output")
     parser.add_argument("--close", type=Path, metavar="FILE", help="fingerprints: numbers, written or compared")
@@ -104,11 +93,11 @@ def main() -> None:
         parser.error("--write fills tables of whole runs; leave out --quick")
     files = [name for name in options.what if name.endswith(".toml")]
     names = [name for name in options.what if name not in files]
-    if files and names != ["oracle"]:
+    if (files or "oracle" in names) and not (files and names == ["oracle"]):
         parser.error(
-            f"cases are for the oracle: python -m benchmarks oracle CASE.toml; got {' '.join(names) or 'none'}"
+            f"the oracle alone takes cases: python -m benchmarks oracle CASE.toml; got {' '.join(options.what)}"
         )
-    if unknown := [name for name in names if name not in REPORTS]:
+    if unknown := [name for name in names if not files and name not in REPORTS]:
         parser.error(f"{unknown[0]} is not one of {' '.join(REPORTS)}")
     options.seeds = range(options.seeds)
     try:
@@ -122,6 +111,8 @@ def main() -> None:
 
 def show(name: str, options: argparse.Namespace) -> None:
     """Print a report part by part, and fill the tables that are its."""
+    if options.write and (missing := [line for wheel in WHEELS if (line := wheels.missing(wheel))]):
+        raise ValueError(f"--write needs all wheels of the extra 'bench': {missing[0]}")
     parts = []
     for part in REPORTS[name](options):
         parts.append(part)

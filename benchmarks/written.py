@@ -14,7 +14,7 @@ PAGES = [
     *sorted((ROOT / "kohonen_adapt" / "docs").glob("*.md")),
 ]
 TABLE = re.compile(r"(?:^\|.*\n?)+", re.MULTILINE)
-PLACE = re.compile(r"^(?P<mark><!-- table: (?P<command>.+), (?P<number>\d+) -->\n\n)(?:\|.*\n)+", re.MULTILINE)
+PLACE = re.compile(r"^(?P<mark><!-- table: (?P<command>.+), (?P<number>\d+) -->\n)(?:\|.*\n)+", re.MULTILINE)
 
 
 def fill(command: str, printed: str, pages: list[Path] = PAGES) -> list[Path]:

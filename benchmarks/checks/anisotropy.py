@@ -31,8 +31,6 @@ FRONT, EPS = 100.0, 1e-4
 LOOPS = {2: 9, 3: 5}  # of Mmg, by dimension
 NODES = {"L": 3201, "M": 1681, "C": 2983, "F": 3201, "H": 441}  # of the start meshes
 SOLIDS: tuple[tuple[Solid, int], ...] = ((EDGE, 6), (FICHERA, 5), (CUBE, 10))  # cells per unit
-TOLERANCES = (("closed layer, K = 60", 0.05), ("wave front", 0.05))
-COARSE = 8  # squares of the start to a tolerance
 WAYS = {"density": False, "metric": "auto"}  # `anisotropic` of adapt
 Measure = Callable[[Mesh, Any], float]
 Loop = Callable[[Mesh], Mesh]
@@ -57,14 +55,25 @@ class Found(NamedTuple):
 
 
 def report(seeds: Sequence[int], quick: bool) -> str:
-    """Tables in Markdown: errors and seconds at equal nodes, and unknowns to a tolerance; medians over the seeds."""
+    """Errors and seconds at equal nodes; medians over the seeds."""
     ka.warmup()
     rows = list(layers(quick)) if quick else [*layers(quick), *planes(), *solids()]
-    header = ["", "N", "uniform", *WAYS, "Mmg", "metric / density", "metric / Mmg", "s", "s", "s", "time / Mmg"]
-    parts = [markdown(header, [compared(row, seeds) for row in rows])]
-    if not quick:
-        parts.append(markdown(["to a tolerance", "", *WAYS, "ratio"], [reached(*each, seeds) for each in TOLERANCES]))
-    return "\n\n".join([*parts, *filter(None, [wheels.missing("mmgpy")])])
+    header = [
+        "",
+        "N",
+        "uniform",
+        *WAYS,
+        "Mmg",
+        "metric / density",
+        "metric / Mmg",
+        "density, s",
+        "metric, s",
+        "Mmg, s",
+        "time / Mmg",
+    ]
+    return "\n\n".join(
+        filter(None, [markdown(header, [compared(row, seeds) for row in rows]), wheels.missing("mmgpy")])
+    )
 
 
 def layers(quick: bool) -> Iterator[Row]:
@@ -143,17 +152,3 @@ def medians(row: Row, way: Callable[[int], Mesh], seeds: Sequence[int]) -> Found
         error = row.error(mesh, row.problem.solve(mesh)) * (mesh.nvertices / row.start.nvertices) ** row.rate
         runs.append((error, seconds))
     return Found(*map(float, np.median(runs, axis=0)))
-
-
-def reached(name: str, tolerance: float, seeds: Sequence[int]) -> list[Cell]:
-    """Unknowns to a relative tolerance."""
-    problem, start = layer_problems()[name], square_mesh(COARSE)
-    counts = [
-        int(
-            np.median(
-                [adapted(start, problem, {"rtol": tolerance, "anisotropic": way}, seed).nvertices for seed in seeds]
-            )
-        )
-        for way in WAYS.values()
-    ]
-    return [name, f"{100 * tolerance:g} %", *counts, counts[1] / counts[0]]

@@ -53,36 +53,13 @@ MODELS: tuple[Model, ...] = (
     ElasticL(),
     StokesCavity(),
 )
-NUMBERS = (
-    "nodes",
-    "published",
-    "as meshed",
-    "adapted",
-    "by goal=",
-    "error %",
-    "adapted",
-    "by goal=",
-    "0.4.0",
-    "by goal=",
-)
-LAST_RELEASE = (  # errors in % of the adapted meshes of 0.4.0, of every row; pairs named to `adapt`, as it wanted them
-    *((0.31, 0.085), (13.0, 8.1), (6.6, 4.1), (2.2, 0.55)),  # undulator
-    *((0.38, None), (17.0, None), (12.0, None), (0.023, None)),  # of order 2, which had no goals
-    *((0.51, 0.68), (None, None), (0.071, 0.015)),  # motor, of order 2, and torque
-    *((0.49, 0.42), (33.0, 38.0), (11.0, 14.0), *[(None, None)] * 3),  # coil, and of order 2
-    *((0.56, None), (0.063, None), (0.24, None), (0.082, None)),
-)
-REMARKS = """\
-errors are medians over the seeds, values are of the first; of more values than one the largest is shown, and the error
-is the largest difference, in % of the largest value
-by goal=: adapted for the force, torque or flux linkage itself, in place of the energy"""
+NUMBERS = ("nodes", "published", "as meshed", "adapted", "by goal=", "error %", "adapted", "by goal=")
 
 
 def report(seeds: Sequence[int], quick: bool) -> str:
     """Every quantity of every model; quick: of the first setting of each."""
     rows = [row for model in MODELS for row in rows_of(model, seeds, model.settings[: 1 if quick else None])]
-    judged = [[*row, *before] for row, before in zip(rows, LAST_RELEASE, strict=True)]
-    return "\n".join([markdown(["published model", "", *NUMBERS], judged), REMARKS])
+    return markdown(["published model", "", *NUMBERS], rows)
 
 
 def rows_of(model: Model, seeds: Sequence[int], settings: Sequence[Any]) -> list[list[Cell]]:

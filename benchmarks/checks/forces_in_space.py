@@ -18,6 +18,7 @@ TOLERANCES = (0.03, 0.01, 0.003)
 STEP, FAR, LAYERS = 0.01, 0.06, 4  # of the coarse meshes, m
 REFERENCE = 8000  # nodes at order 2
 MOST = 40_000  # nodes
+PASSES = (0, 1, 3)
 
 Block = tuple[tuple[float, float, float], tuple[float, float, float]]  # opposite corners, m
 POLE: Block = ((-0.01, -0.01, 0.0), (0.01, 0.01, 0.01))
@@ -79,10 +80,10 @@ def report(seeds: Sequence[int], quick: bool) -> str:
         problem, outputs = device.problem(2), {"force": device.force}
         fine = ka.adapt(device.mesh(), problem, passes=2, target_nodes=REFERENCE, outputs=outputs)
         forces += _force_rows(device, tolerances, fine.best.outputs["force"])
-        estimates += _estimate_rows(device, fine)
-    header = ["force in space", "order", "output_rtol", "nodes", "true error / tol", "told / tol", "told / true"]
-    tables = [markdown([*header, "seconds", "of order 1's"], forces)]
-    header = ["energy norm, order 2", "passes", "nodes", "error %", "estimate over error"]
+        estimates.append([device.name, *_estimate_cells(device, fine)])
+    header = ["force: nodes, true and told error / tol, s", "output_rtol", "order 1", "order 2", "time ratio"]
+    tables = [markdown(header, forces)]
+    header = ["energy norm, order 2: error %, estimate / error", *(f"{passes} passes" for passes in PASSES)]
     tables.append(markdown(header, estimates))
     header = ["closed forms, order 2", "passes", "forces", "median error %", "median told / true", "least", "greatest"]
     return "\n\n".join([*tables, markdown([*header, "corrected / true"], list(_closed_rows(quick)))])
@@ -91,26 +92,26 @@ def report(seeds: Sequence[int], quick: bool) -> str:
 def _force_rows(device: Device, tolerances: Sequence[float], exact: float) -> Iterator[list[Cell]]:
     mesh, outputs = device.mesh(), {"force": device.force}
     for tolerance in tolerances:
-        first = np.nan
+        cells, times = list[str](), list[float]()
         for order in (1, 2):
             began = time.process_time()
             result = ka.adapt(mesh, device.problem(order), outputs=outputs, output_rtol=tolerance, max_nodes=MOST)
-            seconds = time.process_time() - began
-            first = seconds if order == 1 else first
+            times.append(time.process_time() - began)
             force = result.outputs["force"]
             true, told = abs(exact / force.value - 1.0), abs((force.error or np.nan) / force.value)
-            row: list[Cell] = [device.name, order, tolerance, result.mesh.nvertices, true / tolerance]
-            yield [*row, told / tolerance, told / true, seconds, seconds / first if order > 1 else None]
+            ratios = f"{true / tolerance:.2g}, {told / tolerance:.2g}"
+            cells.append(f"{result.mesh.nvertices}, {ratios}, {times[-1]:.2g}")
+        yield [device.name, f"{tolerance:g}", *cells, f"{times[1] / times[0]:.2f}"]
 
 
-def _estimate_rows(device: Device, fine: ka.AdaptResult) -> Iterator[list[Cell]]:
+def _estimate_cells(device: Device, fine: ka.AdaptResult) -> Iterator[str]:
     # The squared error is twice the distance of the co-energies, and the estimate of the finer mesh is added.
     problem = device.problem(2)
-    for passes in (0, 1, 3):
+    for passes in PASSES:
         result = ka.adapt(device.mesh(), problem, passes=passes)
         squared = 2.0 * abs(result.solution.coenergy - fine.solution.coenergy) + fine.estimate**2
         error = 100.0 * np.sqrt(squared) / problem.energy_norm(result.mesh, result.solution)
-        yield [device.name, passes, result.mesh.nvertices, error, result.estimate / np.sqrt(squared)]
+        yield f"{error:.3g}, {result.estimate / np.sqrt(squared):.2f}"
 
 
 def _closed_rows(quick: bool) -> Iterator[list[Cell]]:

@@ -127,7 +127,7 @@ def refined(case: Case) -> Iterator[Solved]:
         solution = case.problem.solve(mesh)
         indicators = case.problem.indicators(mesh, solution)
         yield mesh, solution
-        mesh = mesh.refined(adaptive_theta(indicators**2 if case.squared else indicators, theta=THETA))
+        mesh = case.renamed(mesh.refined(adaptive_theta(indicators**2 if case.squared else indicators, theta=THETA)))
 
 
 UNIFORM = Refiner("uniform", halved)

@@ -1,15 +1,12 @@
-"""Solve the linear models with NGSolve: hp refinement at marked corners, its adaptive loop, and solves on a mesh."""
+"""Solve the linear models with NGSolve by hp refinement at marked corners."""
 
 import time
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from benchmarks.peers.contest import Run
 from benchmarks.problems.corner_models import CornerModel
-
-MARKED = 0.25  # share of the largest indicator from which elements are refined
 
 
 class Discrete:
@@ -53,16 +50,6 @@ class Discrete:
         """a(A, A) of the solution, in T^2 m^2 with nu relative."""
         return float(self.ng.InnerProduct(self.load.vec, self.potential.vec))
 
-    def indicators(self) -> np.ndarray:
-        """Squared recovery indicators: the field against its projection onto H(div)."""
-        ng = self.ng
-        smooth = ng.GridFunction(ng.HDiv(self.mesh, order=max(self.order - 1, 1)))
-        field = self.reluctivity * ng.grad(self.potential) - self.flux
-        smooth.Set(field)
-        off = field - smooth
-        density = off * off / self.reluctivity
-        return np.asarray(ng.Integrate(density, self.mesh, ng.VOL, element_wise=True).NumPy())
-
 
 def drawn_mesh(model: CornerModel, size: float) -> Any:
     """Return Netgen's mesh of a model with edges up to `size` half boxes, its corners marked for hp refinement."""
@@ -102,22 +89,4 @@ def hp(model: CornerModel, size: float, levels: int, order: int, factor: float =
     discrete.solve()
     seconds = time.process_time() - begin
     settings = f"size {size:g}, {levels} levels by {factor:g}, p {order}"
-    return Run(settings, discrete.space.ndof, _error(model, discrete), seconds)
-
-
-def loop(model: CornerModel, size: float, order: int) -> Iterator[Run]:
-    """Solve, estimate and refine without end."""
-    mesh = drawn_mesh(model, size)
-    begin = time.process_time()
-    discrete = Discrete(model, mesh, order)
-    while True:
-        discrete.solve()
-        seconds = time.process_time() - begin
-        yield Run(f"{mesh.ne} elements, p {order}", discrete.space.ndof, _error(model, discrete), seconds)
-        indicators = discrete.indicators()
-        mesh.ngmesh.Elements2D().NumPy()["refine"] = indicators > MARKED * indicators.max()
-        mesh.Refine()
-
-
-def _error(model: CornerModel, discrete: Discrete) -> float:
-    return model.error_of(discrete.squared_norm)
+    return Run(settings, discrete.space.ndof, model.error_of(discrete.squared_norm), seconds)

@@ -1,7 +1,7 @@
 """Compare this package on tetrahedra with refinement and remeshers at equal numbers of unknowns, at orders 1 and 2."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
@@ -19,9 +19,8 @@ from benchmarks.peers.mmg_remesh import mmg_remesh
 from benchmarks.problems.geometry import solid as drawn
 from benchmarks.problems.quadratic_solids import Quadratic
 from benchmarks.problems.solids import CUBE, EDGE, FICHERA, MAGNET, Solid, jacobi
-from benchmarks.table import Cell, markdown
+from benchmarks.table import markdown
 
-MMG = "Mmg3d"  # whose error and time are the units
 BULK = 0.5  # of the squared estimate: what refinement marks, after Doerfler
 FLOORS = (0.2, 0.1)
 LOOPS = 5  # of a remesher
@@ -30,21 +29,16 @@ Solved = tuple[MeshTet, np.ndarray]
 Method = Callable[[int], Solved]  # by seed
 ERROR, SECONDS, LOST = "error at equal unknowns", "processor seconds", "names lost"
 COUNTED = ("steps of CG, Jacobi", "steps of CG, SA", "steps of CG, evolution")  # at order 1
-TO_LIMIT = ("to the limit", "floor", "passes", "error", "limit", "CPU s", "Mmg3d's", "ratio")
 Figures = dict[str, float]
 
 
 @dataclass(frozen=True)
 class Contest:
-    """A problem from so many cells per unit. Errors are scaled to so many unknowns, or to those of the start.
-
-    Time is counted to the limit of the error, at order 1 a fraction of Mmg3d's.
-    """
+    """A problem from so many cells per unit. Errors are scaled to so many unknowns, or to those of the start."""
 
     solid: Solid
     order: int
     cells: int
-    limit: float
     scaled_to: int | None = None
 
     @property
@@ -77,7 +71,7 @@ class Contest:
             "refined by scikit-fem": lambda seed: self.refined(),
         }
         if not wheels.missing("mmgpy"):
-            found[MMG] = lambda seed: self.remeshed(remeshing.equidistributing, mmg_remesh)
+            found["Mmg3d"] = lambda seed: self.remeshed(remeshing.equidistributing, mmg_remesh)
         if not wheels.missing("mmgpy") and self.order == 1:
             found["Mmg3d, anisotropic"] = lambda seed: self.remeshed(remeshing.curvature_metric, mmg_remesh)
         if not wheels.missing("gmsh") and self.order == 1:
@@ -134,22 +128,16 @@ class Contest:
 
 
 CONTESTS = (
-    *(Contest(EDGE, 1, 6, 0.46), Contest(FICHERA, 1, 5, 0.49), Contest(MAGNET, 1, 4, 0.66), Contest(CUBE, 1, 10, 0.49)),
-    *(
-        Contest(EDGE, 1, 10, 0.44),
-        Contest(FICHERA, 1, 8, 0.47),
-        Contest(MAGNET, 1, 8, 0.66),
-        Contest(CUBE, 1, 16, 0.48),
-    ),
-    *(Contest(EDGE, 2, 8, 0.003, 13_949), Contest(CUBE, 2, 12, 0.0011, 14_929)),
-    *(Contest(FICHERA, 2, 6, 0.0114, 13_565), Contest(MAGNET, 2, 4, 0.0053, 9_997)),
-    *(Contest(EDGE, 2, 10, 0.00205, 26_447), Contest(CUBE, 2, 15, 0.0007, 28_447)),
+    *(Contest(solid, 1, cells) for solid, cells in ((EDGE, 6), (FICHERA, 5), (MAGNET, 4), (CUBE, 10))),
+    *(Contest(solid, 1, cells) for solid, cells in ((EDGE, 10), (FICHERA, 8), (MAGNET, 8), (CUBE, 16))),
+    *(Contest(EDGE, 2, 8, 13_949), Contest(CUBE, 2, 12, 14_929), Contest(FICHERA, 2, 6, 13_565)),
+    *(Contest(MAGNET, 2, 4, 9_997), Contest(EDGE, 2, 10, 26_447), Contest(CUBE, 2, 15, 28_447)),
 )
 QUICK = {1: 4, 2: 2}
 
 
 def report(order: int, seeds: Sequence[int], quick: bool) -> str:
-    """A table for every figure of the meshes at equal unknowns, and the time to the limits."""
+    """A table for every figure of the meshes at equal unknowns."""
     missing = [line for wheel in ("mmgpy", "gmsh", "pyamg") if (line := wheels.missing(wheel))]
     contests = [contest for contest in CONTESTS if contest.order == order][: QUICK[order] if quick else None]
     ka.adapt(EDGE.mesh(2), contests[0].problem, passes=2)  # compiles all that is needed
@@ -163,8 +151,7 @@ def report(order: int, seeds: Sequence[int], quick: bool) -> str:
         )
         for figure in figures
     ]
-    rows = [row for contest, methods in found.items() for row in to_limit(contest, methods.get(MMG), seeds)]
-    return "\n\n".join([*tables, markdown(TO_LIMIT, rows), *missing])
+    return "\n\n".join([*tables, *missing])
 
 
 def compared(contest: Contest, seeds: Sequence[int]) -> dict[str, Figures]:
@@ -173,21 +160,6 @@ def compared(contest: Contest, seeds: Sequence[int]) -> dict[str, Figures]:
         name: contest.described(method, seeds if name.startswith("this") else seeds[:1])
         for name, method in contest.methods().items()
     }
-
-
-def to_limit(contest: Contest, mmg: Figures | None, seeds: Sequence[int]) -> Iterator[list[Cell]]:
-    """The fewest passes of this package that come to the limit, and their processor time over Mmg3d's."""
-    if mmg is None and contest.order == 1:
-        return
-    limit = contest.limit * (mmg[ERROR] if mmg and contest.order == 1 else 1.0)
-    for floor in FLOORS:
-        for passes in range(1, contest.passes + 1):
-            row = contest.described(partial(contest.adapted, passes, min_quality=floor), seeds)
-            if row[ERROR] <= limit:
-                break
-        own = row[SECONDS]
-        times = [own, mmg and mmg[SECONDS], mmg and own / mmg[SECONDS]]
-        yield [contest.name, str(floor), passes, row[ERROR], limit, *times]
 
 
 def greatest_angle(mesh: MeshTet) -> float:

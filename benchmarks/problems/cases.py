@@ -34,6 +34,7 @@ class Case:
     squared: bool = True
     rate: float = 0.5
     scale: float = 1.0
+    renamed: Callable[[MeshTri], MeshTri] = lambda mesh: mesh  # after a refinement that loses names
 
     def error(self, mesh: MeshTri, solution: Any) -> float:
         """Of a solution."""

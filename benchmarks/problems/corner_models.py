@@ -1,13 +1,12 @@
 """Model linear problems whose only singularities are at corners of polygons, with their exact energies."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from benchmarks.problems import l_shape
 from benchmarks.problems.c_core import c_core_mesh
 from kohonen_adapt.magnetostatics import Field, Froehlich, Magnetostatics, Material
 
@@ -29,11 +28,10 @@ class CornerModel:
     polygons: Sequence[tuple[str, Polygon]]
     box: float
     norm: float
-    potential: Mapping[str, float | Callable[[np.ndarray], np.ndarray]] = field(default_factory=lambda: {"outer": 0.0})
 
     def problem(self, order: int) -> Magnetostatics:
         """Return the problem at an order."""
-        return Magnetostatics(self.materials, self.potential, order=order)
+        return Magnetostatics(self.materials, {"outer": 0.0}, order=order)
 
     @property
     def corners(self) -> np.ndarray:
@@ -52,28 +50,6 @@ class CornerModel:
         """Return the mesh refined at the corners."""
         away = np.hypot(*(mesh.p[:, :, None] - self.corners[:, None]))
         return ka.refined_at(mesh, away.argmin(axis=0), layers=layers, factor=factor)
-
-
-class LModel(CornerModel):
-    """The Laplace equation at a re-entrant corner, with given values that are interpolated."""
-
-    def error(self, solution: Field) -> float:
-        """Return the error by Green's formula: (grad u, grad u_h) is an integral over the boundary.
-
-        Sides of the corner, where the gradient has no bound, have u_h = 0.
-        """
-        mesh, (at, weights) = solution.mesh, np.polynomial.legendre.leggauss(16)
-        facets = mesh.boundaries["arms"]
-        element, ends = mesh.f2t[0, facets], mesh.p[:, mesh.facets[:, facets]]
-        x = ends[:, 0, :, None] + (0.5 + 0.5 * at) * (ends[:, 1] - ends[:, 0])[:, :, None]
-        along = ends[:, 1] - ends[:, 0]
-        normal = np.stack([along[1], -along[0]])
-        normal *= np.sign(np.sum(normal * (ends.mean(axis=1) - mesh.p[:, mesh.t[:, element]].mean(axis=1)), axis=0))
-        slope = np.sum(l_shape.exact_gradient(x) * normal[:, :, None], axis=0)
-        values = solution.potential_at(x.reshape(2, -1)).reshape(slope.shape)
-        both = float(np.sum(0.5 * weights * slope * values))
-        found = solution.squared_norm * VACUUM_PERMEABILITY
-        return 100.0 * float(np.sqrt(abs(self.norm - 2.0 * both + found) / self.norm))
 
 
 def c_core(iron: Material = IRON) -> CornerModel:
@@ -97,13 +73,6 @@ def magnet_over_iron() -> CornerModel:
     return CornerModel("M over iron", magnet_start, materials, polygons, 1.0, M_NORM)
 
 
-def l_model() -> CornerModel:
-    """The L-shape."""
-    potential = {"corner": 0.0, "arms": l_shape.exact}
-    corner = [("air", [(0.0, 0.0)])]
-    return LModel("L", l_start, {"air": AIR}, corner, 1.0, l_shape.NORM_SQUARED, potential)
-
-
 def rectangle(left: float, low: float, right: float, high: float) -> Polygon:
     """Return its corners."""
     return [(left, low), (right, low), (right, high), (left, high)]
@@ -118,13 +87,3 @@ def magnet_start() -> MeshTri:
     parts = {"magnet": magnet, "iron": iron, "air": ~(magnet | iron)}
     mesh = mesh.with_subdomains({name: np.flatnonzero(own) for name, own in parts.items()})
     return mesh.with_boundaries({"outer": lambda x: np.ones(x.shape[1], dtype=bool)})
-
-
-def l_start() -> MeshTri:
-    """Return 21 nodes; boundaries at the corner and on the other ends."""
-    mesh = l_shape.l_shaped_mesh(2).with_subdomains({"air": lambda x: x[0] < 2.0})
-
-    def at_corner(x: np.ndarray) -> np.ndarray:
-        return (np.abs(x).min(axis=0) < 1e-9) & (x[0] > -1e-9) & (x[1] < 1e-9)
-
-    return mesh.with_boundaries({"corner": at_corner, "arms": lambda x: ~at_corner(x)})

@@ -27,13 +27,6 @@ def exact(x: np.ndarray) -> np.ndarray:
     return np.hypot(x[0], x[1]) ** (2 / 3) * np.sin(2 / 3 * theta)
 
 
-def exact_gradient(x: np.ndarray) -> np.ndarray:
-    """grad u at points x (2, ...), anywhere but in the corner."""
-    turn = np.exp(-0.75j * np.pi)  # the branch cut comes to lie outside, as above
-    slope = 2 / 3 * turn * (turn * (x[0] + 1j * x[1])) ** (-1 / 3)
-    return np.stack((slope.real, -slope.imag))
-
-
 class LShape:
     """Laplace's equation on the L-shape with exact Dirichlet data, for `adapt`."""
 

@@ -11,6 +11,7 @@ from skfem import Basis, BilinearForm, ElementTetP1, LinearForm, MeshTet, conden
 from skfem.helpers import dot, grad
 
 import kohonen_adapt as ka
+from benchmarks.problems.poisson_l import NORM_SQUARED
 
 WIDTH = 0.12  # of the bump, in a cube of side 1
 DIRECT, CLOSE = 20_000, 1e-10  # unknowns that are solved for directly; more by conjugate gradients to this residual
@@ -167,10 +168,6 @@ class Solid:
         nu, flux = (table[..., self.regions(mesh)] for table in TABLES)
         return ka.estimators.residual(mesh, u, nu, source=self.sources(middles(mesh)), flux=flux)
 
-    def density(self, mesh: MeshTet, u: np.ndarray) -> np.ndarray:
-        """Nodes per volume that the residual of a solution asks for."""
-        return ka.density_from_indicators(mesh, self.indicators(mesh, u))
-
     def ritz(self, mesh: MeshTet, u: np.ndarray) -> ka.Ritz:
         """The functional that the solution minimises."""
         if callable(self.source):
@@ -204,7 +201,7 @@ EDGE = Solid(
     "E",
     Box((-1, -1, 0), (1, 1, 1)),
     outside_l,
-    -0.5 * 0.2140758036140825,  # the L-shape's in the plane
+    -0.5 * NORM_SQUARED,  # the L-shape's in the plane
     notch=Box((0, -1, 0), (1, 0, 1)),
 )
 FICHERA = Solid(

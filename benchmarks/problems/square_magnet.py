@@ -6,7 +6,9 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from benchmarks.problems import p1
 from benchmarks.problems.helmholtz import square_mesh
+from kohonen_adapt.magnetostatics import Field, Magnetostatics, Material
 
+VACUUM_PERMEABILITY = 4e-7 * np.pi
 IRON_PERMEABILITY = 1000.0
 # a(u, u) without and with iron, by P2 elements on bisected meshes with up to 140 000 unknowns, extrapolated as N^-2
 REFERENCE_ENERGY = {False: 0.0908370426, True: 0.1134912582}
@@ -19,6 +21,26 @@ def magnet_mesh(n: int, iron: bool) -> MeshTri:
     if iron:
         subdomains["iron"] = lambda x: (abs(x[0]) < 0.5) & (abs(x[1] + 0.4) < 0.2)
     return square_mesh(n, -1.0, 1.0).with_subdomains(subdomains)
+
+
+def named(mesh: MeshTri) -> MeshTri:
+    """The mesh with the names of `MagnetOfOrder`: those of `magnet_mesh`, the rest, and the outer boundary."""
+    rest = np.setdiff1d(np.arange(mesh.nelements), np.concatenate([*mesh.subdomains.values()]))
+    return mesh.with_subdomains({"rest": rest}).with_boundaries({"outer": mesh.boundary_facets()})
+
+
+class MagnetOfOrder(Magnetostatics):
+    """Problem M by `Magnetostatics`."""
+
+    @classmethod
+    def of(cls, order: int, iron: bool) -> "MagnetOfOrder":
+        parts = {"magnet": Material(remanence=(0.0, 1.0)), "rest": Material()}
+        return cls(parts | ({"iron": Material(IRON_PERMEABILITY)} if iron else {}), {"outer": 0.0}, order=order)
+
+    def error(self, mesh: MeshTri, field: Field) -> float:
+        """As of `SquareMagnet`."""
+        found = VACUUM_PERMEABILITY * field.squared_norm
+        return float(np.sqrt(1 - found / REFERENCE_ENERGY["iron" in self.materials]))
 
 
 class SquareMagnet:

@@ -10,13 +10,11 @@ from benchmarks.written import PAGES, PLACE, fill
 PAGE = """Text.
 
 <!-- table: time, 2 -->
-
 | a | b |
 |---|---|
 | 1 | 2 |
 
 <!-- table: error, 1 -->
-
 | kept |
 |---|
 """

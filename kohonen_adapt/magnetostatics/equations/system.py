@@ -110,8 +110,7 @@ def aggregated(matrix: csr_matrix) -> Any:
 
 
 def two_level_cycle(matrix: csr_matrix, prolongation: csr_array) -> Callable[[Floats], Floats]:
-    # A symmetric V-cycle. Aggregation of all unknowns of order 2 takes three to five times the time
-    # (`benchmarks space-order-2`).
+    # A symmetric V-cycle. Aggregation of all unknowns of order 2 takes three to five times the time.
     from pyamg.relaxation.relaxation import gauss_seidel
 
     coarse = aggregated(as_csr((prolongation.T @ matrix @ prolongation).tocsc())).aspreconditioner()
