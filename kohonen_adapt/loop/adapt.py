@@ -316,12 +316,14 @@ class Loop:
     def resume(self) -> bool:
         """Read the passes of the checkpoint, and solve again on the last mesh."""
         records = self.checkpoint.passes(self.adaptation.movable) if self.checkpoint else ()
+        begun = False
         for solved in map(self.adaptation.unsolved, records):
+            begun = True
             self.state = self.state.with_pass(solved) if solved.record.number else State.first(solved)
             self.terminate()
             if self.state.ending:
                 return True
-        if not hasattr(self, "state"):
+        if not begun:
             return False
         last, steps = self.state.last, self.adaptation.steps
         steps.begin(last.record.number, "solve again")

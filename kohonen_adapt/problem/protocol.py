@@ -150,6 +150,12 @@ class Problem(Protocol):
 class AutoOrder(int):
     """Order that follows the tolerance of `adapt`, or else its value."""
 
+    def __repr__(self) -> str:
+        return "'auto'"
+
+    def __str__(self) -> str:
+        return int.__repr__(self)
+
 
 class CheckedProblem:
     """Problem with the defaults of optional attributes, also at one of its orders.
