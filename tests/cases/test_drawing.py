@@ -156,6 +156,7 @@ def test_without_gmsh_its_package_is_named(case, monkeypatch):
         fitting_mesh(read_case(case))
 
 
+@pytest.mark.slow
 @needs_gmsh
 def test_a_sweep_goes_over_a_parameter(case, tmp_path, capsys):
     """The energy of a uniform field, which every mesh has exactly, is proportional to the gap."""

@@ -191,6 +191,7 @@ def test_a_rotor_turns_out_of_a_sector_with_sides_only(folder):
         fitting_mesh(of_sector(folder, 10.0, antiperiodic=[]))
 
 
+@pytest.mark.slow
 def test_a_sweep_turns_the_rotor(folder):
     command = ["sweep", str(folder / "case.toml"), "--over", "turn.rotor=0:90:4", "--quiet", "-o", str(folder / "out")]
     assert cli.main(command) == 0

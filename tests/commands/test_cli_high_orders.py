@@ -96,6 +96,7 @@ def test_passes_serve_any_higher_order(finished, tmp_path, monkeypatch):
     assert history_of(out)[-1]["estimate"] == history_of(finished.parent / "out")[-1]["estimate"]
 
 
+@pytest.mark.slow
 def test_an_order_that_follows_the_tolerance(tmp_path, capsys):
     case, out = (
         written(tmp_path, CASE.replace("order = 5\n", "").replace("passes = 2", "rtol = 1e-3")),

@@ -222,7 +222,7 @@ def test_effectivity_with_a_source():
     assert 1.0 < np.linalg.norm(data.estimate()) / data.error(levels=3) < 1.06
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 def test_effectivity_on_random_meshes(seed):
     """Iron beside air with a source, slivers on both sides, the natural condition on one side and values on three."""
     half = generic_square(10, seed)

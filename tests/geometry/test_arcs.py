@@ -351,10 +351,10 @@ def test_after_any_number_of_calls_nodes_are_on_their_circles_and_only_sagittas_
     case = CASES[kind]()
     case.check(case.mesh)
     mesh, gone = case.mesh, 0.0
-    for number in range(20):
+    for number in range(8):
         moved = ka.relocate(mesh, wanderer(mesh, number), topology=topology, seed=number)
         gone, mesh = max(gone, np.abs(moved.p - mesh.p).max()), moved
-        if number in (0, 4, 19):
+        if number in (0, 7):
             case.check(mesh)
     assert gone > 0.05
 

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.meshes import kept
 from helpers.random_solids import bar, flat_solids
 from helpers.solids import box, two_regions
 from helpers.tetrahedra import fichera, lone, middles, turned
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse.linalg import spsolve
 from skfem import MeshTet, MeshTet2
@@ -53,7 +54,7 @@ def check_kept(mesh, finer):
             np.testing.assert_allclose(*[each.sum(axis=1) for each in ways], atol=1e-12 * sizes[0])
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(flat_solids(), st.data(), st.integers(1, 3), st.floats(0.05, 0.9), st.integers(0, 2**32 - 1))
 def test_volumes_names_and_sides_stay(body, data, layers, factor, seed):
     mesh, rng = body[0], np.random.default_rng(seed)
@@ -67,7 +68,7 @@ def test_volumes_names_and_sides_stay(body, data, layers, factor, seed):
     np.testing.assert_array_equal(mesh.t, before[1])
 
 
-@settings(max_examples=15)
+@examples(15)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3))
 def test_elements_may_start_at_any_corner(seed, layers):
     mesh = turned(fichera(1), seed)
@@ -86,7 +87,7 @@ def bowed(size):
     return with_midside_offsets(mesh, np.random.default_rng(0).uniform(-size, size, (3, along.size)) * along)
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3), st.floats(0.1, 0.6))
 def test_curved_edges_are_those_of_the_mesh(seed, layers, factor):
     mesh, rng = bowed(0.02), np.random.default_rng(seed)

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.meshes import disk, square
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from skfem import MeshTri, MeshTri2
 
@@ -61,7 +62,7 @@ def belt(angles, inner, outer, twist):
 gaps = st.lists(st.floats(0.05, 1.0), min_size=4, max_size=9)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(gaps, st.floats(0.2, 0.99), st.floats(1.001, 3.0), st.floats(0.0, 0.9))
 def test_hostile_arcs_between_thin_triangles_fold_nothing_over(gaps, inner, outer, twist):
     angles = 2.0 * np.pi * np.cumsum(gaps) / np.sum(gaps)
@@ -100,7 +101,7 @@ def to_circle(mesh):
     return middle / np.hypot(*middle) - middle
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(st.lists(st.floats(0.05, 1.0), min_size=3, max_size=9), st.integers(0, 8))
 def test_elements_with_two_and_three_sides_on_an_arc_are_not_folded_over(gaps, first):
     """A fan from one corner of a polygon: its outermost triangles have two sides on the circle, one alone three."""

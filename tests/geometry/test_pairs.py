@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import BOTH, SIDES, apart, cell, circle, disk, ring, shells, slit, square
+from helpers.meshes import BOTH, SIDES, apart, cell, circle, disk, peak_at, ring, shells, slit, square
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
@@ -33,11 +33,6 @@ def mismatch(mesh, one, other, motion):
     off, partner = KDTree(mesh.p[:, others].T).query(motion(mesh.p[:, nodes]).T)
     assert len(nodes) == len(others) == len(np.unique(partner))
     return off.max()
-
-
-def peak_at(x, y):
-    """A density with a steep peak."""
-    return lambda points: 1.0 / (0.03 + np.hypot(points[0] - x, points[1] - y)) ** 2
 
 
 @pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])

@@ -282,3 +282,11 @@ def check_freedom(mesh, node, rows):
         if number == ON_RIDGE:
             meets = mesh.surfaces.meets[place]
             assert patches[v] >= set(meets[meets >= 0].tolist()) and ridges[v] == 2
+
+
+def triangulations(i, k):
+    """All of the polygon of nodes i to k, as lists of triangles."""
+    if k - i < 2:
+        return [[]]
+    parts = [(one, other, j) for j in range(i + 1, k) for one in triangulations(i, j) for other in triangulations(j, k)]
+    return [[*one, *other, (i, j, k)] for one, other, j in parts]

@@ -259,3 +259,8 @@ def peak(mesh, x, y, contrast=1e3, width=0.1):
     """A density per element with one peak, `contrast` times as high as the rest."""
     at = centres(mesh)
     return 1.0 + contrast * np.exp(-((at[0] - x) ** 2 + (at[1] - y) ** 2) / width**2)
+
+
+def peak_at(x, y):
+    """A density with a steep peak."""
+    return lambda points: 1.0 / (0.03 + np.hypot(points[0] - x, points[1] - y)) ** 2

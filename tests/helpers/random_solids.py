@@ -113,10 +113,12 @@ def cut(mesh, rng):
     for corner in mesh.facets[:, whole]:
         for across, ends in zip(mesh.f2t[:, whole], (rows, columns), strict=True):
             ends.append(np.argmax(mesh.t[:, across] == corner, axis=0) * mesh.t.shape[1] + across)
-    links = coo_array((np.ones(3 * len(whole)), (np.concatenate(rows), np.concatenate(columns))), 2 * (mesh.t.size,))
+    links = coo_array(
+        (np.ones(mesh.facets[:, whole].size), (np.concatenate(rows), np.concatenate(columns))), 2 * (mesh.t.size,)
+    )
     node = connected_components(links, directed=False)[1]
     first = np.unique(node, return_index=True)[1]
-    return MeshTet(mesh.p[:, mesh.t.ravel()[first]], node.reshape(4, -1))
+    return type(mesh)(mesh.p[:, mesh.t.ravel()[first]], node.reshape(len(mesh.t), -1))
 
 
 def named_at_random(coarse, rng):

@@ -106,6 +106,7 @@ print(*[int(loop(0)) for loop in found], sum(sum(loop.stats.cache_hits.values())
 """
 
 
+@pytest.mark.slow
 def test_damaged_files_of_the_cache_are_missing_ones(kernels):
     """Every damage to the index of one loop and to the code of another."""
     (kernels / "loops.py").write_text(MANY)
@@ -140,6 +141,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (64, resource.getrlimit(resource.RLIMI
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="limits of POSIX")
 def test_a_full_disk_while_compiling_is_said_once_and_ends_nothing(kernels):
     done = run(kernels, before=FULL, PYTHONDONTWRITEBYTECODE="1")
@@ -199,6 +201,7 @@ print(scaled(1.0), len(heard), signal.getsignal(signal.SIGINT).__name__)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_a_handler_of_somebody_else_hears_of_a_ctrl_c_inside_a_compilation(kernels):
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(kernels.parent / "cache")}

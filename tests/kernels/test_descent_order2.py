@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.boxes import jittered, opened, qualities
+from helpers.boxes import jittered, opened, qualities, triangulations
 from helpers.diffusion_solids import Rising
 from helpers.functions_in_space import plain
 from helpers.quadratic_solids import PAIRS, functional
@@ -185,14 +185,6 @@ def test_sweeps_end_at_the_solution_if_all_nodes_are_held():
         derivatives(at.arrays, at.quadratic, v, POSITION)
         block, first = at.quadratic.block, int(at.quadratic.trial.fixed[v])
         assert np.abs(block.rest[first : block.unknowns[0]]).max(initial=0.0) < 1e-5 * size
-
-
-def triangulations(i, k):
-    """All of the polygon of nodes i to k, as lists of triangles."""
-    if k - i < 2:
-        return [[]]
-    parts = [(one, other, j) for j in range(i + 1, k) for one in triangulations(i, j) for other in triangulations(j, k)]
-    return [[*one, *other, (i, j, k)] for one, other, j in parts]
 
 
 def least(at, elements, constants, free):

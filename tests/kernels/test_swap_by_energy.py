@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.boxes import check, jittered, opened, qualities
+from helpers.boxes import check, jittered, opened, qualities, triangulations
 from helpers.functions_in_space import functional, functional_of, on_nodes
 
 from kohonen_adapt.kernels.numba.compilation import interpreted
@@ -109,11 +109,3 @@ def elements_of(count):
 
 def may_be(mesh, made, floor):
     return qualities(mesh.position, made).min() >= np.cbrt(floor)
-
-
-def triangulations(i, k):
-    """All of the polygon of nodes i to k, as lists of triangles."""
-    if k - i < 2:
-        return [[]]
-    pairs = [(one, other, j) for j in range(i + 1, k) for one in triangulations(i, j) for other in triangulations(j, k)]
-    return [[*one, *other, (i, j, k)] for one, other, j in pairs]

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from helpers.boxes import ball, check, drum, jittered, opened, qualities, random_shapes, volumes
+from helpers.boxes import ball, check, drum, jittered, opened, qualities, random_shapes, triangulations, volumes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -160,14 +160,6 @@ def test_the_best_triangulation_of_a_ring_is_that_of_brute_force(count):
         assert qualities(position, made).min() ** 3 == pytest.approx(found)
         around = [(count, count + 1, a, b) for a, b in pairwise([*range(count), 0])]
         assert volumes(position, made).sum() == pytest.approx(volumes(position, np.array(around)).sum())
-
-
-def triangulations(i, k):
-    """All of the polygon of nodes i to k, as lists of triangles."""
-    if k - i < 2:
-        return [[]]
-    pairs = [(one, other, j) for j in range(i + 1, k) for one in triangulations(i, j) for other in triangulations(j, k)]
-    return [[*one, *other, (i, j, k)] for one, other, j in pairs]
 
 
 def worst(position, triangles):

@@ -60,7 +60,7 @@ def squares(n):
 )
 def test_the_error_in_l2_is_lower_than_without_a_polish(wave, topology, most, of_plain):
     of_input, of_unpolished = [], []
-    for seed in range(5):
+    for seed in range(2):
         result = ka.adapt(squares(14), wave, topology=topology, seed=seed)
         plain = ka.adapt(squares(14), wave, topology=topology, polish=False, seed=seed)
         error = wave.error(result.best)

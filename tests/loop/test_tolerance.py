@@ -235,7 +235,7 @@ class Changing:
         return size * self.random.uniform(0.0, 1.0, mesh.nelements) ** 4 / np.sqrt(mesh.nelements)
 
 
-@pytest.mark.parametrize("seed", [31, 106, 158, 165, *range(6)])
+@pytest.mark.parametrize("seed", [31, 106, 158, 165, 0])
 def test_the_result_of_a_converged_run_meets_its_tolerance(seed):
     result = ka.adapt(MeshTri().refined(3), Changing(seed), atol=0.9, passes=3)
     assert result.status is not ka.Status.CONVERGED or result.estimate <= 0.9

@@ -98,7 +98,7 @@ def test_permeable_ball_in_a_uniform_field(balls, bh):
     assert rate(errors) > 1.5 and errors[1] < 0.12
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 def test_newton_about_flux_densities(balls, seed):
     """Whatever the law is, the minimum is that of the damped method, in fewer steps in saturation."""
     rng = np.random.default_rng(seed)

@@ -21,7 +21,7 @@ AIR = Material()
 AXIS = np.linspace(-1.0, 1.0, 5)
 PARTS = {"magnet": ((-0.5, -0.5, -0.5), (0.5, 0.5, 0.0)), "iron": ((-0.5, -0.5, 0.5), (0.5, 0.5, 1.0))}
 RIM = {"outer": 0.0}
-HIGH = (2, 3, 5)
+HIGH = (2, 3, pytest.param(5, marks=pytest.mark.slow))
 
 
 def bent(strength=0.06):

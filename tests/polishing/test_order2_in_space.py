@@ -41,9 +41,8 @@ def test_the_value_is_that_of_scikit_fem():
     assert functional_value(mesh, varying) == pytest.approx(2.0 / 3.0 - 1.0 / 7.0, rel=1e-12)
 
 
-@pytest.mark.parametrize("tens", range(1))
-def test_a_solution_is_stationary_and_others_are_refused(tens):
-    for seed in range(10 * tens, 10 * tens + 3):
+def test_a_solution_is_stationary_and_others_are_refused():
+    for seed in range(3):
         mesh, problem = cube(seed=seed), QuadraticDiffusion.random(seed)
         solution, movable = problem.solve(mesh), MovableSolid.of(mesh, Rules())
         SolidFunctional.of_solution(problem.ritz(mesh, solution), movable, mesh)

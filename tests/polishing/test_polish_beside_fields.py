@@ -36,7 +36,7 @@ def solved(mesh, problem):
 
 
 @both_orders
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("recycles", [False, True], ids=["sweeps", "exchanges"])
 def test_after_the_next_solve_the_functional_has_not_risen(seed, recycles, order):
     mesh, problem = block_mesh(seed), replace(random_problem(seed), order=order)

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from helpers.examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from skfem import MeshTri
 
@@ -62,7 +63,7 @@ def test_a_function_may_return_tensors():
     assert ka.quality(in_metric(mesh, turned(5.0, 0.7))).mean() > 0.8
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(st.integers(0, 2**32 - 1))
 def test_the_winner_is_the_nearest_node_in_the_metric_of_the_point(seed):
     rng = np.random.default_rng(seed)

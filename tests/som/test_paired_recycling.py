@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.devices import machine
-from helpers.meshes import square
+from helpers.meshes import peak_at, square
 from scipy.spatial import KDTree
 from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
@@ -58,11 +58,6 @@ def mismatch(mesh, one, other, motion):
     far, partner = KDTree(mesh.p[:, others].T).query(motion(mesh.p[:, nodes]).T)
     assert len(nodes) == len(others) == len(np.unique(partner))
     return far.max()
-
-
-def peak_at(x, y):
-    """A density with a steep peak."""
-    return lambda points: 1.0 / (0.03 + np.hypot(points[0] - x, points[1] - y)) ** 2
 
 
 @pytest.mark.parametrize("world", MOTIONS)

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from helpers.examples import examples
 from helpers.meshes import area_of, areas_of, length_of, square, without_flat_elements
+from helpers.random_solids import cut
 from helpers.scalar_problems import Scalar
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay
 from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
@@ -71,19 +70,6 @@ def scattered(rng):
     worth = (ka.quality(mesh) > 1e-3) & (rng.random(mesh.t.shape[1]) < rng.uniform(0.5, 1.2))
     worth[np.argmax(ka.quality(mesh))] = True
     return mesh.remove_elements(np.flatnonzero(~worth))
-
-
-def cut(mesh, rng):
-    """The mesh cut open along some of its facets: the nodes there are one per bank, as on slits."""
-    whole = np.flatnonzero((mesh.f2t[1] >= 0) & (rng.random(mesh.facets.shape[1]) > rng.uniform(0, 0.3)))
-    rows, columns = [], []
-    for side in mesh.facets[:, whole]:
-        for across, ends in zip(mesh.f2t[:, whole], (rows, columns), strict=True):
-            ends.append(np.argmax(mesh.t[:, across] == side, axis=0) * mesh.t.shape[1] + across)
-    links = coo_array((np.ones(2 * len(whole)), (np.concatenate(rows), np.concatenate(columns))), 2 * (mesh.t.size,))
-    node = connected_components(links, directed=False)[1]
-    first = np.unique(node, return_index=True)[1]
-    return MeshTri(mesh.p[:, mesh.t.ravel()[first]], node.reshape(3, -1))
 
 
 def named_at_random(coarse, rng):
