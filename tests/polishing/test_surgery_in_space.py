@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.boxes import qualities
 from helpers.boxes import volumes as volumes_of
 from helpers.descents import descent_of
 from helpers.examples import examples
@@ -13,10 +14,11 @@ from skfem import MeshTet
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.kernels.tetrahedron.arrays import SOURCE_24TH
+from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, SOURCE_24TH
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.magnetostatics import Froehlich
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
+from kohonen_adapt.polishing.space import recycling_in_space
 from kohonen_adapt.polishing.space.recycling_in_space import nodes_of
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 
@@ -154,6 +156,48 @@ def slow(at, made, set_origins, p=None, value=0.0):
     )
     density -= np.sum(ritz.flux[:, region].T * gradient, axis=1)
     return float(volumes_of(mesh.position, made) @ density)
+
+
+@pytest.mark.parametrize("name", sorted(MESHES))
+def test_gains_of_splits_are_those_of_a_slow_twin(name):
+    """The least of a parabola through three values of the new node, on halves made anew."""
+    at = Setting(perturbed(MESHES[name](), 1), 1)
+    gains, mesh, checked = at.offers().gain, at.opened.mesh, 0
+    node = mesh.elements.node
+    for e, k in zip(*np.nonzero(gains > 0.02 * gains.max()), strict=True):
+        a, b = node[e, EDGES[k, :2]]
+        shell = np.flatnonzero((node[:, 0] >= 0) & (node == a).any(axis=1) & (node == b).any(axis=1))
+        p = len(mesh.position) - 1  # a row to spare
+        mesh.position[p] = 0.5 * (mesh.position[a] + mesh.position[b])
+        halves = np.array([np.where(node[i] == end, p, node[i]) for i in shell for end in (a, b)])
+        assert qualities(mesh.position, halves).min() >= min(FLOOR, qualities(mesh.position, node[shell]).min())
+        low, middle, high = (
+            slow(at, halves, np.repeat(shell, 2), p, 0.5 * at.trial.value[[a, b]].sum() + w) for w in (-1, 0, 1)
+        )
+        assert gains[e, k] == pytest.approx(0.125 * (high - low) ** 2 / (high + low - 2 * middle), rel=1e-6)
+        checked += 1
+    assert checked > 5
+
+
+@pytest.mark.parametrize("name", sorted(MESHES))
+def test_costs_of_collapses_are_those_of_a_slow_twin(name):
+    """Of nodes inside the least over all neighbours that leave good elements which fill the same space."""
+    at = Setting(perturbed(MESHES[name](), 2), 2)
+    offers, mesh = at.offers(), at.opened.mesh
+    node, checked = mesh.elements.node, 0
+    most = offers.gain.max() / recycling_in_space.MARGIN[0]
+    for v in np.flatnonzero((mesh.freedom.number == INSIDE) & (mesh.pool.anchor >= 0)):
+        least, star = most, np.flatnonzero((node[:, 0] >= 0) & (node == v).any(axis=1))
+        for w in set(node[star].ravel().tolist()) - {v}:
+            left = star[~(node[star] == w).any(axis=1)]
+            made = np.where(node[left] == v, w, node[left])
+            worst = qualities(mesh.position, made).min()
+            full = volumes_of(mesh.position, made).sum() == pytest.approx(volumes_of(mesh.position, node[star]).sum())
+            if worst >= min(FLOOR, qualities(mesh.position, node[star]).min()) and full:
+                least = min(least, slow(at, made, left) - slow(at, node[star], star))
+        assert offers.cost[v] == pytest.approx(least if least < most else np.inf, rel=1e-6)
+        checked += least < most
+    assert checked > 3
 
 
 @pytest.mark.parametrize("curved", [False, True], ids=["linear", "not linear"])
