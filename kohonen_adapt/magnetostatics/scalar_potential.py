@@ -189,7 +189,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         # interpolation error of the small H in iron is a B deep in saturation.
         if self.order == 1:
             return None
-        linear, _ = replace(self, order=1, goal=None)._functional(corners_of(mesh), drive)
+        linear, _ = self._functional(corners_of(mesh), drive, 1)
         values = self.method.descend_coenergy(linear)[0]
         return energy.conditions.admissible(energy.space.interpolated(linear.space, values))
 
@@ -218,11 +218,15 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         """
         return self._functional(mesh)
 
-    def _functional(self, mesh: MeshTet, known: Drive | None = None) -> tuple[Energy, SolidField]:
-        material, planes = self.given_on(mesh, self.order)
+    def _functional(
+        self, mesh: MeshTet, known: Drive | None = None, order: int | None = None
+    ) -> tuple[Energy, SolidField]:
+        # Differences of orders need one order more than problems have.
+        order = self.order if order is None else order
+        material, planes = self.given_on(mesh, order)
         parallel = [plane.facets for plane in planes.values() if plane.kind == "parallel"]
         closed = np.concatenate([np.zeros(0, dtype=np.int64), *parallel])
-        drive = drive_on(mesh, material, self.free_field, closed, self.order, known)
+        drive = drive_on(mesh, material, self.free_field, closed, order, known)
         conditions = self.conditions(drive, planes)
         far = ends_far(drive, conditions, planes.values())
         field = SolidField(mesh, conditions.values, material, drive, planes, far=far)
@@ -251,17 +255,14 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
             return goal_indicators_in_space(self, field, goal)
 
         def dual(each: SolidField) -> Floats:
-            return dual_in_space(self._at_order(each.order), each, goal)[0]
+            return dual_in_space(self, each, goal)[0]
 
         return goal_indicators_by_orders(field, self._better_solution(field), dual, partial(self._energy_of, field))
 
     def _energy_of(self, field: SolidField, order: int) -> Energy:
         if order == field.order:  # without the field of coils and the checks of the mesh again
             return coenergy(field.drive, field.coefficients, self.conditions_of(field))
-        return self._at_order(order)._functional(field.mesh, field.drive)[0]
-
-    def _at_order(self, order: int) -> Self:
-        return replace(self, order=order, goal=None, estimator="residual")
+        return self._functional(field.mesh, field.drive, order)[0]
 
     def aimed_at(self, output: object) -> Self:
         """Return the problem for an output, with a goal where that is quicker.
@@ -325,7 +326,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
             return field.kept["higher"]
         cut_off = self.curved and field.order == 1  # faces cut off a part of round bodies
         mesh = with_round_edges(field.mesh) if cut_off else field.mesh
-        found = linearised_at(field, *self._at_order(field.order + 1)._functional(mesh, field.drive), self.method)
+        found = linearised_at(field, *self._functional(mesh, field.drive, field.order + 1), self.method)
         if field.order > HIGHEST_WITH_SURPLUS:
             field.kept["higher"] = found
         return found

@@ -453,7 +453,7 @@ def test_orders_above_2_are_not_polished():
         problem.ritz(mesh, problem.solve(mesh))
 
 
-@pytest.mark.parametrize("order", [3, 4])
+@pytest.mark.parametrize("order", [3, 4, 6])
 def test_errors_of_smooth_fields_at_higher_orders_are_told(order):
     problem = MagneticScalarPotential({"body": AIR, "air": AIR}, {"outer": harmonic_wave}, order=order)
     field = problem.solve(cube(4))
