@@ -97,7 +97,7 @@ def _from_below(
     squares = list[Floats]()
     for lower in (order - 1, order - 2):
         below = energies(lower)
-        solution = method.linear(below) if below.is_quadratic else np.add(*step_to(below, here, u, method))
+        solution = np.add(*step_to(below, here, u, method))
         squares.append(_squared_change(here, u, below, solution))
         here, u = below, solution
     now, before = squares

@@ -26,6 +26,7 @@ from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
 from kohonen_adapt.magnetostatics.quantities.goals import Goal, check_goal, check_goal_on
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.solid_estimation import (
+    HIGHEST_WITH_SURPLUS,
     are_parallel,
     better_values,
     dual_in_space,
@@ -46,7 +47,6 @@ from kohonen_adapt.problem.ritz import Ritz
 __all__ = ["MagneticScalarPotential"]
 
 ESTIMATORS, ORDERS = ("residual", "recovery", "bracket"), range(1, 7)
-HIGHEST_WITH_SURPLUS = 2  # order up to which cubic functions estimate errors
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,6 +33,7 @@ from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.uncertain import Uncertain
 
 __all__ = [
+    "HIGHEST_WITH_SURPLUS",
     "are_parallel",
     "at_edges",
     "better_values",
@@ -44,6 +45,7 @@ __all__ = [
     "with_surplus",
 ]
 
+HIGHEST_WITH_SURPLUS = 2  # order up to which cubic functions estimate errors
 # At edges of materials cubic functions are two thirds of the error (benchmarks forces-in-space).
 AT_EDGES = 1.5
 TURNED = 1.0  # least measure of a turn at an edge: twice the square of the sine, of 45 degrees
@@ -235,7 +237,9 @@ def linearised_at(field: SolidField, energy: Energy, higher: SolidField, newton:
 def _dual(problem: ArgumentsInSpace, field: SolidField, load: Floats) -> Floats:
     energy, elements = coenergy(field.drive, field.coefficients, problem.conditions_of(field)), field.elements
     terms = elements.assemble_vector(elements.against_gradients(load))
-    return problem.method.full_step(energy, field.unknown, -terms[energy.conditions.free])
+    # Above order 2 only differences of duals are taken.
+    method = problem.method if field.order <= HIGHEST_WITH_SURPLUS else problem.method.roughly
+    return method.full_step(energy, field.unknown, -terms[energy.conditions.free])
 
 
 def tangential_jumps(field: SolidField) -> Floats:
