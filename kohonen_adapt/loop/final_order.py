@@ -37,18 +37,21 @@ def raise_order(adaptation: Adaptation, stop: StopTest, state: State) -> State:
         raise RuntimeError("the passes have not ended, or no order follows.")
     tolerance, orders, high = stop.asked.estimate(best), grading.orders, grading.high
     wanted = best.estimate / tolerance if tolerance else np.inf
-    order = next((order for order in orders if high.gain(order) > wanted), orders[-1])
+    order = high.least_order(orders, wanted)
+    mesh, on_layers, remark = layered(adaptation, state, high.layers(order))
+    if not on_layers:
+        order = high.least_order(orders, wanted, high.smooth)
     more = state.passes[-1].number < stop.passes and state.ending.status is Status.CONVERGED
     while True:
-        mesh, *remarks = layered(adaptation, state, high.layers(order))
         if more and grading.prefers_nodes(best, count_unknowns(mesh, order)):
             return state.reopened()
-        raised = stop.at_order(at_order(adaptation, state, order, mesh, *remarks))
+        raised = stop.at_order(at_order(adaptation, state, order, mesh, on_layers, remark))
         last, is_met = raised.passes[-1], raised.ending is not None and raised.ending.status is Status.CONVERGED
         is_smooth = best.estimate >= SMOOTH * last.estimate
         if is_met or order >= orders[-1] or not tolerance or not is_smooth:
             break
         order = min(orders[-1], order + (1 if last.estimate < FINER**-2 * tolerance else 2))
+        mesh, on_layers, remark = layered(adaptation, state, high.layers(order))
     allowed = stop.asked.estimate(last)
     if is_met or allowed is None or not (more and last.estimate):
         return raised
