@@ -16,21 +16,22 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     OFFSET,
     ON_PATCH,
     ON_RIDGE,
+    POSITION,
     SOURCE_24TH,
+    VALUE,
     Constraints,
     Star,
     Trial,
 )
 from kohonen_adapt.kernels.tetrahedron.geometry import fill_star
 from kohonen_adapt.kernels.tetrahedron.polish.descend import (
-    derivatives,
     descend_nodes,
 )
 from kohonen_adapt.kernels.tetrahedron.polish.energy import element_energy
-from kohonen_adapt.kernels.tetrahedron.polish.star_values import parabola
+from kohonen_adapt.kernels.tetrahedron.polish.star import derivatives
 from kohonen_adapt.polishing.energy_tables import tabulated
 
-derivatives, parabola = (interpreted(loop) for loop in (derivatives, parabola))
+derivatives = interpreted(derivatives)
 
 FLOOR = 0.2
 
@@ -132,7 +133,8 @@ def star_value(at, v, d, laws=None):
 
 def own_derivatives(at, v):
     """Gradient (4,) and Hessian (4, 4) of the kernel."""
-    _, slope, by_w, (xx, xy, xz, yy, yz, zz), mixed, ww = derivatives(at.neurons, at.trial, v)
+    at_place = tuple(at.mesh.position[v]), 0.0, 0.0, POSITION
+    _, slope, by_w, (xx, xy, xz, yy, yz, zz), mixed, ww = derivatives(at.neurons, at.trial, v, *at_place)
     hessian = np.zeros((4, 4))
     hessian[:3, :3] = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
     hessian[:3, 3] = hessian[3, :3] = mixed
@@ -171,12 +173,16 @@ def test_a_star_is_told_for_every_place_and_value(surface):
     at = Setting(1, laws=(Brauer(), None), surface=surface)
     v, d = inside(at)[1], np.array([0.01, -0.02, 0.015, 0.3])
     moved, still = star_value(at, v, d), star_value(at, v, np.zeros(4))
-    own = [parabola(at.neurons, at.trial, v, tuple(at.mesh.position[v] + f * d[:3]), f * d[3], 0.0) for f in (1.0, 0.0)]
-    assert own[0][0] - own[1][0] == pytest.approx(moved - still, rel=1e-8)
+
+    def told(d):
+        return derivatives(at.neurons, at.trial, v, tuple(at.mesh.position[v] + d[:3]), d[3], 0.0, VALUE)
+
+    own = told(d), told(np.zeros(4))
+    assert own[0][0][1] - own[1][0][1] == pytest.approx(moved - still, rel=1e-8)
     h = 1e-5
-    ahead, behind = (parabola(at.neurons, at.trial, v, tuple(at.mesh.position[v]), s * h, 0.0)[0] for s in (1, -1))
-    assert (ahead - behind) / (2 * h) == pytest.approx(own[1][1], rel=1e-6)
-    assert own[1][3] == derivatives(at.neurons, at.trial, v)[0][2]
+    ahead, behind = (told(np.array([0.0, 0.0, 0.0, s * h]))[0][1] for s in (1, -1))
+    assert (ahead - behind) / (2 * h) == pytest.approx(own[1][2], rel=1e-6)
+    assert own[1][0][2] == derivatives(at.neurons, at.trial, v, tuple(at.mesh.position[v]), 0.0, 0.0, POSITION)[0][2]
 
 
 def test_a_source_by_node_and_one_by_region_of_the_same_value_move_nodes_alike():

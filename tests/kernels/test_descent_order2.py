@@ -21,12 +21,14 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Trial,
 )
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, fill_star
-from kohonen_adapt.kernels.tetrahedron.polish.descend_order2 import derivatives, descend_nodes_order2, number_star
+from kohonen_adapt.kernels.tetrahedron.polish.descend import descend_nodes_order2
+from kohonen_adapt.kernels.tetrahedron.polish.star import derivatives_order2, number_star
 from kohonen_adapt.kernels.tetrahedron.swap import remove_edge
 from kohonen_adapt.polishing.energy_tables import tabulated
 from kohonen_adapt.polishing.space.curved_sides import CurvedEdges
 
-number_star, derivatives, remove_edge = (interpreted(loop) for loop in (number_star, derivatives, remove_edge))
+number_star, remove_edge = interpreted(number_star), interpreted(remove_edge)
+derivatives = interpreted(derivatives_order2)
 
 FLOOR = 0.2
 STRAIGHT = CurvedEdges(

@@ -15,7 +15,7 @@ from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, Constraints
 from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import slivers_at
-from kohonen_adapt.kernels.tetrahedron.polish.descend_order2 import number_star
+from kohonen_adapt.kernels.tetrahedron.polish.star import number_star
 from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Material
 from kohonen_adapt.mesh.curved import offsets_of_sides
 from kohonen_adapt.mesh.measures import area

@@ -246,38 +246,26 @@ class SolidBlock(NamedTuple):
         cls, point: np.ndarray, weight: np.ndarray, curves: tuple[np.ndarray, ...], rule: tuple[np.ndarray, np.ndarray]
     ) -> "SolidBlock":
         rows, edges = 2 * MOST, UNKNOWNS
-        slope, field = np.empty((2, 4, 3))
-        return cls(
-            np.zeros(1, dtype=np.int64),
-            np.empty((rows, 10)),
-            np.empty((rows, 10), dtype=np.int32),
-            np.empty((rows, 6), dtype=np.bool_),
-            np.empty((edges, 2), dtype=np.int32),
-            np.empty(edges),
-            np.empty(edges, dtype=np.int32),
-            np.empty(edges, dtype=np.bool_),
-            slope,
-            field,
-            np.empty((4, 4)),
-            np.empty((edges, edges)),
-            np.empty(edges),
-            np.empty((edges, 3)),
-            np.empty(edges),
-            point,
-            weight,
-            np.empty((4, 3)),
-            np.empty((4, 4, 6)),
-            np.empty((4, 3, 3)),
-            np.empty((4, 3)),
-            curves[0],
-            curves[1],
-            curves[2],
-            curves[3],
-            rule[0],
-            rule[1],
-            np.empty((6, 3)),
-            np.empty((4, 3)),
-            np.empty((10, 3)),
+        small = [np.empty(shape) for shape in ((4, 3), (4, 3), (4, 4), (edges, edges), edges, (edges, 3), edges)]
+        moments = [np.empty(shape) for shape in ((4, 3), (4, 4, 6), (4, 3, 3), (4, 3))]
+        return cls._make(
+            [
+                np.zeros(1, dtype=np.int64),
+                np.empty((rows, 10)),
+                np.empty((rows, 10), dtype=np.int32),
+                np.empty((rows, 6), dtype=np.bool_),
+                np.empty((edges, 2), dtype=np.int32),
+                np.empty(edges),
+                np.empty(edges, dtype=np.int32),
+                np.empty(edges, dtype=np.bool_),
+                *small,
+                point,
+                weight,
+                *moments,
+                *curves,
+                *rule,
+                *(np.empty((count, 3)) for count in (6, 4, 10)),
+            ]
         )
 
 

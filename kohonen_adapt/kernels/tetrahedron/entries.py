@@ -35,9 +35,7 @@ from kohonen_adapt.kernels.tetrahedron import (
 from kohonen_adapt.kernels.tetrahedron.polish import (
     applied_field,
     descend,
-    descend_order2,
-    energy_recycle,
-    exchange_order2,
+    exchange,
 )
 
 __all__ = ["SPACE"]
@@ -101,17 +99,17 @@ SPACE: dict[str, tuple[Entry, ...]] = {
         Entry(applied_field.add_loads, OPEN_TETRAHEDRA, TRIAL, R1),
         Entry(swap.enter_changed, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, float64),
         Entry(swap.swap_downhill, OPEN_TETRAHEDRA, TRIAL, *SWAPS),
-        Entry(energy_recycle.weigh_splits, OPEN_TETRAHEDRA, TRIAL, OFFERS, int64, float64, L1),
-        Entry(energy_recycle.weigh_collapses, OPEN_TETRAHEDRA, TRIAL, OFFERS, float64, float64, L1),
-        Entry(energy_recycle.exchange, OPEN_TETRAHEDRA, TRIAL, *EXCHANGE),
+        Entry(exchange.weigh_splits, OPEN_TETRAHEDRA, TRIAL, OFFERS, int64, float64, L1),
+        Entry(exchange.weigh_collapses, OPEN_TETRAHEDRA, TRIAL, OFFERS, float64, float64, L1),
+        Entry(exchange.exchange, OPEN_TETRAHEDRA, TRIAL, *EXCHANGE),
     ),
     "space polish of order 2": (
-        Entry(descend_order2.descend_nodes_order2, KERNEL_MESH, QUADRATIC, I1, float64),
+        Entry(descend.descend_nodes_order2, KERNEL_MESH, QUADRATIC, I1, float64),
         Entry(swap.enter_changed, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, float64),
         Entry(swap.swap_downhill_order2, OPEN_TETRAHEDRA, QUADRATIC, *SWAPS),
-        Entry(exchange_order2.weigh_splits_order2, OPEN_TETRAHEDRA, QUADRATIC, OFFERS, int64, float64, L1),
-        Entry(exchange_order2.weigh_collapses_order2, OPEN_TETRAHEDRA, QUADRATIC, OFFERS, float64, float64, L1),
-        Entry(exchange_order2.exchange_order2, OPEN_TETRAHEDRA, QUADRATIC, *EXCHANGE),
+        Entry(exchange.weigh_splits_order2, OPEN_TETRAHEDRA, QUADRATIC, OFFERS, int64, float64, L1),
+        Entry(exchange.weigh_collapses_order2, OPEN_TETRAHEDRA, QUADRATIC, OFFERS, float64, float64, L1),
+        Entry(exchange.exchange_order2, OPEN_TETRAHEDRA, QUADRATIC, *EXCHANGE),
     ),
     "space carrying": (
         Entry(locate.walk_each, R2, TETRAHEDRA, R2, I1, B1),

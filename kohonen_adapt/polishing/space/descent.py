@@ -25,8 +25,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     SolidBlock,
     Trial,
 )
-from kohonen_adapt.kernels.tetrahedron.polish.descend import descend_nodes
-from kohonen_adapt.kernels.tetrahedron.polish.descend_order2 import descend_nodes_order2
+from kohonen_adapt.kernels.tetrahedron.polish.descend import descend_nodes, descend_nodes_order2
 from kohonen_adapt.kernels.tetrahedron.swap import enter_changed, swap_downhill, swap_downhill_order2
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.polish import SETTLED

@@ -8,11 +8,13 @@ import numpy as np
 from kohonen_adapt.arrays import Ints, Mask, sorted_below
 from kohonen_adapt.kernels.tetrahedron.arrays import Cavity, Offers, OpenTetrahedra, Quadratic, Queue, Trial
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, OPPOSITE
-from kohonen_adapt.kernels.tetrahedron.polish.energy_recycle import exchange, weigh_collapses, weigh_splits
-from kohonen_adapt.kernels.tetrahedron.polish.exchange_order2 import (
+from kohonen_adapt.kernels.tetrahedron.polish.exchange import (
     SCRATCH_ROWS,
+    exchange,
     exchange_order2,
+    weigh_collapses,
     weigh_collapses_order2,
+    weigh_splits,
     weigh_splits_order2,
 )
 from kohonen_adapt.kernels.threads import even_cuts, shared

@@ -90,9 +90,14 @@ def starts_outside(reduced: Mask, old: Tetrahedralization, new: Tetrahedralizati
 
 def nearest_in(old: Tetrahedralization, points: Floats, region: Ints) -> Ints:
     # elements whose centroids are nearest to points, in the region of every point
+    return nearest_labelled(old, points, old.elements.region, region)
+
+
+def nearest_labelled(old: Tetrahedralization, points: Floats, labels: Ints, label: Ints) -> Ints:
+    # as `nearest_in`, with any labels of the elements
     found = np.empty(len(points), dtype=np.int64)
-    for number in np.unique(region):
-        rows, own = np.flatnonzero(region == number), np.flatnonzero(old.elements.region == number)
+    for number in np.unique(label):
+        rows, own = np.flatnonzero(label == number), np.flatnonzero(labels == number)
         centroids = old.position[old.elements.node[own]].mean(axis=1)
         found[rows] = own[cKDTree(centroids).query(points[rows])[1]]
     return found
@@ -168,10 +173,7 @@ def located(old: Tetrahedralization, points: Floats, start_element: Ints) -> tup
     found = walk_to_elements(old, points, start_element, across_regions=False)
     part = parts_of_regions(old.elements.neighbour, old.elements.region)[old.elements.region]
     astray = np.flatnonzero(part[found] != part[start_element])
-    for number in np.unique(part[start_element[astray]]):
-        rows, own = astray[part[start_element[astray]] == number], np.flatnonzero(part == number)
-        centroids = old.position[old.elements.node[own]].mean(axis=1)
-        found[rows] = own[cKDTree(centroids).query(points[rows])[1]]
+    found[astray] = nearest_labelled(old, points[astray], part, part[start_element[astray]])
     weights = np.empty((len(points), 4))
     barycentric(old.position, old.elements.node, points, found, weights)
     weights = np.maximum(weights, 0.0)

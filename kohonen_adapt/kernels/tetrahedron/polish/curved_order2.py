@@ -15,12 +15,10 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, corner_of, corners_around
-from kohonen_adapt.kernels.tetrahedron.polish.energy import shift_of, sixth_flux, source_around
-from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import density_at, set_functions, set_offsets, slopes_at
+from kohonen_adapt.kernels.tetrahedron.polish.energy import density_at, less_shift, sixth_flux, source_around
+from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import set_functions, set_offsets, slopes_at
 from kohonen_adapt.kernels.tetrahedron.surfaces import onto_patch, onto_ridge, signed_distance
 from kohonen_adapt.kernels.vectors import ZERO, dot, midpoint, minus, plus_times, point, put, times
-
-SHORT = 1e-4  # step of central differences, relative to an edge
 
 # Radon's rule of degree 5 on a triangle. v is 0 at corners and midpoints.
 NEAR, FAR = (6.0 - math.sqrt(15.0)) / 21.0, (6.0 + math.sqrt(15.0)) / 21.0
@@ -82,7 +80,6 @@ def sliver_of(mesh, quadratic, v, row, j, p):
     total = 0.0
     region, position = mesh.elements.region[element], mesh.position
     load, flux = source_around(trial, region, v), times(6.0, sixth_flux(trial, region))
-    shift = times(1.0 if trial.laws.number[region] >= 0 else 0.0, shift_of(trial, region))
     set_offsets(block, corners)
     for q in range(FACE_WEIGHTS.shape[0]):
         at = (
@@ -95,7 +92,7 @@ def sliver_of(mesh, quadratic, v, row, j, p):
         value, field = set_functions(block, row - mesh.star.start[v], at)
         distance, outwards = signed_distance(mesh.constraints.surfaces, p, point_of(position, block, corners, at))
         deviation, normal = times(-distance, outwards), times(-half, point(block.slope, k))
-        g = minus(field, shift)
+        g = less_shift(trial, region, field)
         density, rate, _ = density_at(trial, region, g)
         density -= dot(flux, field) + 24.0 * load * value
         across = dot(minus(times(2.0 * rate, g), flux), normal)

@@ -1,18 +1,8 @@
-"""Descent of the Ritz functional of a P1 function by moves of nodes.
+"""Descent of the Ritz functional by moves of nodes, for P1 and P2 functions.
 
-The energy of an element (v, a, b, c) in `energy.py`, with A, B, C the vectors from v to the remaining nodes
-and al, be, ga their values minus the value of v, depends on D = A . (B x C) and n = al BxC + be CxA + ga AxB.
-By the position x and the value w of v
-
-    dn/dx_k = e_k x T,   dn/dw = -S,   dD/dx = -S,   S = BxC + CxA + AxB,   T = al (B - C) + be (C - A) + ga
-    (A - B),
-
-with S and T independent of x and w. Since D and n are affine, |n|^2 / D is jointly convex. With the gradient
-g = n / D of u, the Hessian of c |n|^2 / (12 D) is c / (6 D) r_i . r_j, r = dn - g dD. Only the source can
-make a Hessian indefinite. Nonlinear material, D W(|g|^2) / 6, has W' / (3 D) instead of c / (6 D), and the
-additional term 2 W'' / (3 D) (g . r_i)(g . r_j). With a shift s the law and both factors g . r have g - s in place
-of g, but r has g. See Thoutireddy and Ortiz, Int. J. Numer. Meth. Engng 61
-(2004).
+A node moves to where the minimum over its value, and at order 2 over the coefficients of its edges, is lower. Dirichlet
+values follow their linear function. With a law, or beside curved faces, the minimum is that of one step of Newton's
+method, by the functional itself.
 """
 
 import math
@@ -20,30 +10,36 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import HALVINGS
-from kohonen_adapt.kernels.functionals import energy_density
+from kohonen_adapt.kernels.functionals import substitute
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, OFFSET, ON_PATCH, TWELFTH_COEFFICIENT
-from kohonen_adapt.kernels.tetrahedron.geometry import allowed, cubed_of, others, sum_of_squares
+from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, HELD, INSIDE, OFFSET, ON_PATCH, POSITION, VALUE
+from kohonen_adapt.kernels.tetrahedron.geometry import allowed, corner_of, star_quality
 from kohonen_adapt.kernels.tetrahedron.polish.applied_field import follows_field, rise_at
-from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING, shift_of, sixth_flux, source_around, value_at
-from kohonen_adapt.kernels.tetrahedron.polish.slivers import has_slivers, sliver_gradient, slivers_around
-from kohonen_adapt.kernels.tetrahedron.polish.star_values import best_value, improve_value, least_near, with_slivers
+from kohonen_adapt.kernels.tetrahedron.polish.cavity_order2 import add_correction
+from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import has_curves, slivers_at
+from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING
+from kohonen_adapt.kernels.tetrahedron.polish.slivers import has_slivers
+from kohonen_adapt.kernels.tetrahedron.polish.star import (
+    EDGES_FROM,
+    STEP,
+    derivatives_order2,
+    gradient_by_differences,
+    has_law,
+    number_star,
+    place,
+    star_of,
+)
 from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance, slid, tangent_of_ridge, within_reach
 from kohonen_adapt.kernels.vectors import (
     ZERO,
     ZEROS,
     between,
-    cofactors,
     combined,
     divided,
     dot,
-    from_to,
-    gram,
     minus,
     norm,
     plus,
-    plus_cross,
-    plus_dot,
     plus_products,
     plus_square,
     plus_times,
@@ -56,7 +52,7 @@ from kohonen_adapt.kernels.vectors import (
 
 OVERSTEP = 1.6  # over-relaxation of Newton's step, because neighbours move afterwards
 LEAST_CURVATURE = 0.3  # smallest eigenvalue used, relative to the largest; limits the step
-STEP = 1e-4  # of differences, relative to an edge
+TRIES = 4  # halvings of a Newton step of a value in nonlinear material
 TURNS = 24  # Jacobi rotations, three per cycle of axes
 DIAGONAL = 1e-20  # sum of squared off-diagonal entries at convergence, relative to the squared norm
 
@@ -67,152 +63,198 @@ def descend_nodes(mesh, trial, order, floor):
 
     The value of a node is eliminated, or follows the Dirichlet function. `floor` is the cube of a quality.
     """
-    number, fall = mesh.constraints.freedom.number, 0.0
+    fall = 0.0
     for node in order:
-        v = np.int64(node)
-        if number[v] != HELD:
-            fall += move_node(mesh, trial, v, floor)
-        elif not trial.fixed[v]:
-            fall += improve_value(mesh, trial, v, has_slivers(mesh, trial, v))
+        fall += move_node(mesh, trial, None, np.int64(node), floor)
+    return fall
+
+
+@kernel
+def descend_nodes_order2(mesh, quadratic, order, floor):
+    fall = 0.0
+    for node in order:
+        fall += move_node(mesh, quadratic.trial, quadratic, np.int64(node), floor)
     return fall
 
 
 @inner_kernel
-def derivatives(mesh, trial, v):
-    """Return the functional of the star of v, gradient and Hessian in (x, y, z, w).
+def move_node(mesh, trial, quadratic, v, floor):
+    """Move a node, and return the decrease of the functional.
 
-    The unknown w is the change of the value of v. Returned are (sum of magnitudes, value, worst cubed quality,
-    True if nonlinear), the gradient by (x, y, z), by w, the Hessian by (xx, xy, xz, yy, yz, zz), by (xw, yw, zw),
-    and by ww. Values are relative to the value of v, which shifts the load by a constant, because moves do not
-    change the volume of the star in any region.
+    The value of the node changes, and at order 2 the coefficients of the edges.
     """
-    position, star, data = mesh.position, mesh.star, trial.data
-    magnitude = total = by_w = ww = 0.0
-    at = point(position, v)
-    gradient, hessian, mixed = ZERO, ZEROS, ZERO
-    worst, nonlinear = 2.0, False
-    for row in range(star.start[v], star.start[v + 1]):
-        i, j, k = others(star, row)
-        region = mesh.elements.region[star.element[row]]
-        a, b, c = from_to(at, position, i), from_to(at, position, j), from_to(at, position, k)
-        own, law = value_at(trial, region, v), trial.laws.number[region]
-        alpha, beta = value_at(trial, region, i) - own, value_at(trial, region, j) - own
-        gamma = value_at(trial, region, k) - own
-        p, q, r = cofactors(a, b, c)
-        six = dot(a, p)
-        worst = min(worst, cubed_of(six, sum_of_squares(a, b, c)))
-        s, n = plus(plus(p, q), r), combined(alpha, p, beta, q, gamma, r)
-        t = combined(alpha, minus(b, c), beta, minus(c, a), gamma, minus(a, b))
-        inverse = 1.0 / six
-        g = times(inverse, n)
-        # r by x, y, z; r by w is -S
-        x = g[0] * s[0], g[1] * s[0] - t[2], g[2] * s[0] + t[1]
-        y = g[0] * s[1] + t[2], g[1] * s[1], g[2] * s[1] - t[0]
-        z = g[0] * s[2] - t[1], g[1] * s[2] + t[0], g[2] * s[2]
-        if law >= 0:
-            g = minus(g, shift_of(trial, region))
-        square, along = dot(g, g), (dot(g, x), dot(g, y), dot(g, z))
-        g_w = -dot(g, s)
-        if law >= 0:
-            nonlinear = True
-            density, rate, curve = energy_density(trial.laws, law, square)
-            energy, per_volume = six * density / 6.0, density / 6.0
-            weight = rate * inverse / 3.0
-            curve *= 2.0 * inverse / 3.0
-            hessian = plus_square(hessian, curve, along)
-            mixed = plus_times(mixed, g_w, times(curve, along))
-            ww += curve * g_w * g_w
-        else:
-            weight, per_volume = 2.0 * data[region, TWELFTH_COEFFICIENT] * inverse, data[region, TWELFTH_COEFFICIENT]
-            per_volume *= square
-            energy = per_volume * six
-        load, flux = source_around(trial, region, v), sixth_flux(trial, region)
-        around = alpha + beta + gamma
-        pull, push = load * six * around, dot(flux, n)
-        magnitude += energy + abs(pull) + abs(push)
-        total += energy - pull - push
-        volume = weight * six
-        lost = load * around - per_volume  # dD/dx = -S
-        gradient = plus(gradient, plus_cross(weighted(volume, along, lost, s), flux, t))
-        by_w += plus_dot(volume * g_w - load * six, flux, s)
-        hessian = plus_times(hessian, weight, gram(x, y, z))
-        mixed = plus(mixed, weighted(load, s, -weight, (dot(x, s), dot(y, s), dot(z, s))))
-        ww += weight * dot(s, s)
-    return (magnitude, total, worst, nonlinear), gradient, by_w, hessian, mixed, ww
-
-
-@inner_kernel
-def move_node(mesh, trial, v, floor):
-    if follows_field(trial, v):
-        return slide_in_field(mesh, trial, v, floor)
-    position, freedom = mesh.position, mesh.constraints.freedom
+    freedom, x = mesh.constraints.freedom, point(mesh.position, v)
+    held, follows = freedom.number[v] == HELD, follows_field(trial, v)
     given = trial.fixed[v]
-    (magnitude, total, before, nonlinear), gradient, by_w, hessian, mixed, ww = derivatives(mesh, trial, v)
-    x, curved = point(position, v), has_slivers(mesh, trial, v)
-    if curved:
-        more = slivers_around(mesh, trial, v, x, 0.0)
-        total, by_w, ww = plus((total, by_w, ww), more)
-        gradient = plus(gradient, sliver_gradient(mesh, trial, v))
-        magnitude += abs(more[0])
-        nonlinear = True  # the material across a face may be nonlinear
-    unmoved, now = 0.0, total
-    if given:
-        rate = point(trial.rate, rates_row(mesh.constraints, v))
+    if quadratic is None:
+        curved = has_slivers(mesh, trial, v)
+        held = held or (curved and follows)
+        if given and held:
+            return 0.0
     else:
-        rate = divided(mixed, -ww)
-        unmoved, now = -by_w / ww, total - 0.5 * by_w * by_w / ww
-    gradient, hessian = follow_value(gradient, by_w, hessian, mixed, ww, rate)
-    if freedom.number[v] != INSIDE:
-        gradient, hessian = tangential(mesh, v, gradient, hessian)
-    step = newton_step(gradient, hessian)
-    if -dot(step, gradient) > ROUNDING * magnitude:
-        if nonlinear and not given:
-            now, unmoved, _ = best_value(mesh, trial, v, x, unmoved, nonlinear, curved)
-            now = min(now, total)
-        for _ in range(HALVINGS + 1):
-            y = slid(position, mesh.constraints, v, step)
-            w = dot(rate, minus(y, x))
-            if given:
-                least, _, _, worst = with_slivers(mesh, trial, v, y, w, curved)
-            else:
-                least, w, worst = best_value(mesh, trial, v, y, unmoved + w, nonlinear, curved)
-            if (
-                allowed(worst, before, floor)
-                and now - least > ROUNDING * magnitude
-                and turn_allowed(mesh, v, curved, y)
-            ):
-                put(position, v, y)
-                trial.value[v] += w
-                return total - least
-            step = times(0.5, step)
-    if given:
+        curved = not held and has_curves(quadratic.block, v)
+        if not number_star(mesh, quadratic, v):
+            return 0.0
+    level = BLOCK if held or follows else POSITION
+    sizes, gradient, by_w, hessian, mixed, ww = star_of(mesh, trial, quadratic, v, x, 0.0, level, curved)
+    magnitude, total, least, before, nonlinear = sizes
+    if not least < np.inf:  # of elements that fold
         return 0.0
+    start = 0.0 if given else -by_w / ww
+    gain = total - least + 0.5 * start * start * ww
+    if quadratic is not None:
+        take_correction(quadratic.block, start)
+        start = 0.0
     if nonlinear:
-        return improve_value(mesh, trial, v, curved)
-    trial.value[v] += unmoved
-    return total - now
+        start, gain = settled(mesh, trial, quadratic, v, start, total, curved)
+    further, w = 0.0, start
+    if not held:
+        rate = point(trial.rate, rates_row(mesh.constraints, v)) if given else divided(mixed, -ww)
+        if follows:
+            rate, (gradient, hessian) = ZERO, differences(mesh, trial, v, start)
+        else:
+            gradient, hessian = follow_value(gradient, by_w, hessian, mixed, ww, rate)
+        if freedom.number[v] != INSIDE:
+            gradient, hessian = tangential(mesh, v, gradient, hessian)
+        now = total - gain
+        if quadratic is not None:
+            before = star_quality(mesh.position, mesh.star, v, x, -np.inf)
+            rate = rate if given else ZERO
+            if curved:
+                now, gradient = now + slivers_at(mesh, quadratic, v), gradient_by_differences(mesh, trial, quadratic, v)
+        step = newton_step(gradient, hessian)
+        if follows or -dot(step, gradient) > ROUNDING * magnitude:
+            kind = given, nonlinear, curved
+            now, limits = (now, ROUNDING * magnitude), (before, floor)
+            further, w = search(mesh, trial, quadratic, v, step, rate, start, now, limits, kind)
+    store(mesh, trial, quadratic, v, w, further > 0.0 or not nonlinear)
+    return gain + further
 
 
 @inner_kernel
-def slide_in_field(mesh, trial, v, floor):
-    if has_slivers(mesh, trial, v):
-        return improve_value(mesh, trial, v, True)
+def settled(mesh, trial, quadratic, v, w, total, curved):
+    """Return a change of the value of v in place, and the decrease from `total`.
+
+    Both are 0 if the functional does not decrease. At order 1 the value changes by up to w, and one more step of
+    Newton's method. At order 2 the correction of the unknowns is applied, and values in the block remain
+    relative to the former value of v, so that their source term is comparable.
+    """
+    if quadratic is not None:
+        gain = total - corrected(mesh, quadratic, v)
+        if not gain > 0.0:
+            return 0.0, 0.0
+        add_correction(quadratic.block, mesh.star.start[v + 1] - mesh.star.start[v], 0, 1.0)
+        change_star(mesh, quadratic, v)
+        return 0.0, gain
     x = point(mesh.position, v)
-    total, _, _, before = with_slivers(mesh, trial, v, x, 0.0, False)
-    now, unmoved, _ = best_value(mesh, trial, v, x, 0.0, True, False)
-    gradient, hessian = differences(mesh, trial, v, unmoved)
-    gradient, hessian = tangential(mesh, v, gradient, hessian)
-    step = newton_step(gradient, hessian)
+    for _ in range(0 if trial.fixed[v] else TRIES):
+        sizes, _, by_w, _, _, ww = star_of(mesh, trial, quadratic, v, x, w, BLOCK, curved)
+        gain = total - sizes[1]
+        if gain >= 0.0:
+            further = w - by_w / ww
+            more = total - star_of(mesh, trial, quadratic, v, x, further, BLOCK, curved)[0][1]
+            return (further, more) if more > gain else (w, gain)
+        w *= 0.5
+    return 0.0, 0.0
+
+
+@inner_kernel
+def search(mesh, trial, quadratic, v, step, rate, start, now, limits, kind):
+    """Return the decrease by a move, 0 if v stays, and the change of its value.
+
+    `now` is the functional before the move and its rounding error, `limits` the worst quality before and the floor.
+    After a move at order 2 `correction` belongs to the new position.
+    """
+    x = point(mesh.position, v)
+    own = 0.0 if quadratic is None else quadratic.block.local[0, 0]
     for _ in range(HALVINGS + 1):
         y = slid(mesh.position, mesh.constraints, v, step)
-        least, w, worst = best_value(mesh, trial, v, y, unmoved, True, False)
-        if allowed(worst, before, floor) and now - least > ROUNDING * abs(total):
-            trial.surface[v, OFFSET] -= rise_at(mesh, trial, v, y)
-            put(mesh.position, v, y)
-            trial.value[v] += w
-            return total - least
+        if turn_allowed(mesh, v, kind[2], y):
+            least, w, change = least_at(mesh, trial, quadratic, v, y, start + dot(rate, minus(y, x)), limits, kind)
+            if now[0] - least > now[1]:
+                if quadratic is None and follows_field(trial, v):
+                    trial.surface[v, OFFSET] -= rise_at(mesh, trial, v, y)
+                put(mesh.position, v, y)
+                if quadratic is not None:
+                    take_correction(quadratic.block, change)
+                return now[0] - least, w
+            if quadratic is not None:
+                place(mesh, quadratic.block, v, x, own, kind[2])
         step = times(0.5, step)
-    return improve_value(mesh, trial, v, False)
+    return 0.0, start
+
+
+@inner_kernel
+def least_at(mesh, trial, quadratic, v, y, w, limits, kind):
+    """Return the least functional with v at y, and changes of values.
+
+    The changes are those of the value of v, and at order 2 of the first unknown. The functional is inf if an element
+    would be too bad. For nonlinear material of order 1 the candidates are w and one Newton step from w. At order 2 the
+    node stays at y.
+    """
+    given, nonlinear, curved = kind
+    if quadratic is not None:
+        worst = star_quality(mesh.position, mesh.star, v, y, min(limits[1], limits[0]))
+        if not allowed(worst, *limits):
+            return np.inf, w, 0.0
+        place(mesh, quadratic.block, v, y, quadratic.block.local[0, 0] + w, curved)
+    sizes, _, by_w, _, _, ww = star_of(mesh, trial, quadratic, v, y, w, BLOCK, curved)
+    least, change = sizes[2], 0.0 if given else -by_w / ww
+    least -= 0.5 * change * change * ww
+    if quadratic is None:
+        if not allowed(sizes[3], *limits):
+            return np.inf, w, 0.0
+        if nonlinear and not given:
+            least = star_of(mesh, trial, quadratic, v, y, w + change, VALUE, curved)[0][1]
+            if not least < sizes[1]:
+                return sizes[1], w, 0.0
+        return least, w + change, 0.0
+    if nonlinear and least < np.inf and has_law(mesh, trial, v):
+        take_correction(quadratic.block, change)
+        least = corrected(mesh, quadratic, v)
+    if curved:
+        least += slivers_at(mesh, quadratic, v)
+    return least, w, change
+
+
+@inner_kernel
+def take_correction(block, w):
+    """Compute the change of the unknowns to the minimum, w for the first."""
+    count = block.unknowns[0]
+    for i in range(1, count):
+        block.correction[i] = -block.rest[i]
+    block.correction[0] = w * block.stiffness[0, 0]
+    substitute(block.stiffness, block.correction, 0, count)
+
+
+@inner_kernel
+def corrected(mesh, quadratic, v):
+    # Return the functional of the star after the correction of the unknowns, which are not changed.
+    block, count = quadratic.block, mesh.star.start[v + 1] - mesh.star.start[v]
+    add_correction(block, count, 0, 1.0)
+    total = derivatives_order2(mesh, quadratic, v, VALUE)[1]
+    add_correction(block, count, 0, -1.0)
+    return total
+
+
+@inner_kernel
+def store(mesh, trial, quadratic, v, w, changed):
+    trial.value[v] += w
+    if quadratic is not None and changed:
+        change_star(mesh, quadratic, v)
+
+
+@inner_kernel
+def change_star(mesh, quadratic, v):
+    star, block, modes = mesh.star, quadratic.block, quadratic.modes
+    begin = star.start[v]
+    quadratic.trial.value[v] += block.correction[0]
+    for row in range(begin, star.start[v + 1]):
+        e = np.int64(star.element[row])
+        k = corner_of(mesh.elements.node, e, v)
+        for i in range(3):
+            if block.dof[row - begin, 4 + i] >= 0:
+                modes.side[e, EDGES_FROM[k, i], 0] += block.correction[block.dof[row - begin, 4 + i]]
 
 
 @inner_kernel
@@ -230,6 +272,13 @@ def differences(mesh, trial, v, w):
     yz = least_near(mesh, trial, v, plus(plus(x, j), k), w) - far - above + now
     xx, yy, zz = right - 2.0 * now + left, far - 2.0 * now + near, above - 2.0 * now + below
     return times(0.5 / h, (right - left, far - near, above - below)), times(1.0 / (h * h), (xx, xy, xz, yy, yz, zz))
+
+
+@inner_kernel
+def least_near(mesh, trial, v, x, w):
+    # by one Newton step of the value from w
+    sizes, _, by_w, _, _, ww = star_of(mesh, trial, None, v, x, w, BLOCK, False)
+    return sizes[1] - 0.5 * by_w * by_w / ww
 
 
 @inner_kernel

@@ -28,7 +28,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     SOURCE_24TH,
     TWELFTH_COEFFICIENT,
 )
-from kohonen_adapt.kernels.vectors import between, cofactors, combined, cross, dot, plus_times, times, weighted
+from kohonen_adapt.kernels.vectors import between, cofactors, combined, cross, dot, minus, plus_times, times, weighted
 
 ROUNDING = 1e-13  # smallest gain, relative to the sum of magnitudes
 
@@ -62,6 +62,11 @@ def sixth_flux(trial, region):
 @inner_kernel
 def shift_of(trial, region):
     return trial.data[region, SHIFT_X], trial.data[region, SHIFT_Y], trial.data[region, SHIFT_Z]
+
+
+@inner_kernel
+def less_shift(trial, region, slope):
+    return slope if trial.laws.number[region] < 0 else minus(slope, shift_of(trial, region))
 
 
 @inner_kernel
@@ -119,3 +124,13 @@ def energy_on(trial, region, load, vectors, tilts, w, value, side):
     six = side * dot(w, across)
     push = dot(sixth_flux(trial, region), n)
     return stored_in(trial, region, six, times(side, n)) - load * six * (values + value) - side * push
+
+
+@inner_kernel
+def density_at(trial, region, g):
+    # Return the energy density at a gradient less the shift, and its derivatives by the square.
+    law = trial.laws.number[region]
+    if law >= 0:
+        return energy_density(trial.laws, law, dot(g, g))
+    half = 6.0 * trial.data[region, TWELFTH_COEFFICIENT]
+    return half * dot(g, g), half, 0.0

@@ -11,19 +11,15 @@ The integrals of L_a h, L_a L_b M and L_a (M g_0) grad u^T serve all functions, 
 cheap. Corners are in the order of their nodes, so that the functional of an element does not depend on its rotation.
 """
 
-from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import POSITION, VALUE
+from kohonen_adapt.kernels.tetrahedron.arrays import POSITION
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
-from kohonen_adapt.kernels.tetrahedron.polish.energy import shift_of, sixth_flux
 from kohonen_adapt.kernels.vectors import (
     ZERO,
-    ZEROS,
     add_to,
     combined,
     dot,
     matrix,
-    minus,
     plus_square,
     plus_times,
     point,
@@ -45,48 +41,6 @@ def clear_moments(block):
     block.force[:] = 0.0
     block.curvature[:] = 0.0
     block.turn[:] = 0.0
-
-
-@inner_kernel
-def add_by_law(trial, block, i, region, load, six, corners, wanted):
-    # Add the derivatives of an element with a law to the block, and return the results of `add_element`.
-    # `block.slope` and `block.field` are the gradients of the barycentric coordinates, and grad u at the corners.
-    t, u = block.field, block.local
-    law = trial.laws.number[region]
-    a, b, c, d = corners
-    at_a, at_b, at_c, at_d = rank(a, b, c, d), rank(b, a, c, d), rank(c, a, b, d), rank(d, a, b, c)
-    shift, flux, x = shift_of(trial, region), times(6.0, sixth_flux(trial, region)), point(block.slope, 0)
-    energy = push = 0.0
-    by_place, by_both = ZERO, ZEROS
-    if wanted > VALUE:
-        clear_moments(block)
-    for q in range(block.weight.shape[0]):
-        at = block.point[q, at_a], block.point[q, at_b], block.point[q, at_c], block.point[q, at_d]
-        field = combined(at[0], point(t, 0), at[1], point(t, 1), at[2], point(t, 2))
-        field = plus_times(field, at[3], point(t, 3))
-        r, w = minus(field, shift), six / 6.0 * block.weight[q]
-        density, rate, curve = energy_density(trial.laws, law, dot(r, r))
-        along = dot(flux, field)
-        energy += w * density
-        push += w * along
-        if wanted == VALUE:
-            continue
-        h, m = force_and_curvature(w, rate, curve, r, flux)
-        add_moments(block, at, h, m)
-        if wanted < POSITION:
-            continue
-        turned = product(m, x)
-        by_place = plus_times(plus_times(by_place, w * (density - along), x), -dot(h, x), field)
-        by_both = plus_square(by_both, dot(turned, x), field)
-        add_turn(block, at, turned, field)
-    pull = load * six
-    pulled = u[i, 0] + u[i, 1] + u[i, 2] + u[i, 3]
-    pulled = pull * (pulled + OF_EDGE * (u[i, 4] + u[i, 5] + u[i, 6] + u[i, 7] + u[i, 8] + u[i, 9]))
-    if wanted > VALUE:
-        add_moments_to_unknowns(block, i, pull, wanted)
-    if wanted == POSITION:
-        by_place = plus_times(by_place, -pulled, x)
-    return energy + abs(pulled) + abs(push), energy - pulled - push, by_place, by_both
 
 
 @inner_kernel

@@ -8,15 +8,12 @@ descent lowers the functional plus S + |S|, an upper bound for both domains. Wit
 would be at places without a jump of the field, and results on the mesh would suffer from the missing volume.
 """
 
-from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import TWELFTH_COEFFICIENT
 from kohonen_adapt.kernels.tetrahedron.geometry import OPPOSITE, corners_of, face_of
-from kohonen_adapt.kernels.tetrahedron.polish.energy import shift_of, sixth_flux, value_at
+from kohonen_adapt.kernels.tetrahedron.polish.energy import density_at, less_shift, sixth_flux, value_at
 from kohonen_adapt.kernels.tetrahedron.surfaces import onto_patch, signed_distance
 from kohonen_adapt.kernels.vectors import (
     ZERO,
-    between,
     cofactors,
     combined,
     cross,
@@ -30,7 +27,6 @@ from kohonen_adapt.kernels.vectors import (
     times,
 )
 
-SHORT = 1e-4  # step of central differences, relative to an edge
 UNMOVED = (-1, ZERO, 0.0)  # `moved` without a node: (node, position, change of value)
 
 
@@ -62,13 +58,9 @@ def density(trial, region, slope, hat):
 
     `hat` is the gradient of the shape function of the node.
     """
-    law, flux = trial.laws.number[region], times(6.0, sixth_flux(trial, region))
-    g = minus(slope, shift_of(trial, region)) if law >= 0 else slope
-    square, along = dot(g, g), dot(g, hat)
-    rate, curve = 6.0 * trial.data[region, TWELFTH_COEFFICIENT], 0.0
-    held = rate * square
-    if law >= 0:
-        held, rate, curve = energy_density(trial.laws, law, square)
+    g, flux = less_shift(trial, region, slope), times(6.0, sixth_flux(trial, region))
+    held, rate, curve = density_at(trial, region, g)
+    along = dot(g, hat)
     first = 2.0 * rate * along - dot(flux, hat)
     second = 2.0 * rate * dot(hat, hat) + 4.0 * curve * along * along
     return held - dot(flux, slope), first, second
@@ -156,26 +148,6 @@ def slivers_around(mesh, trial, v, x, w):
 
 
 @inner_kernel
-def sliver_gradient(mesh, trial, v):
-    h = SHORT * norm(between(mesh.position, v, mesh.star.link[mesh.star.start[v], 0]))
-    return (
-        sliver_slope(mesh, trial, v, (h, 0.0, 0.0), h),
-        sliver_slope(mesh, trial, v, (0.0, h, 0.0), h),
-        sliver_slope(mesh, trial, v, (0.0, 0.0, h), h),
-    )
-
-
-@inner_kernel
-def sliver_slope(mesh, trial, v, step, h):
-    x = point(mesh.position, v)
-    ahead, behind = (
-        slivers_around(mesh, trial, v, plus(x, step), 0.0),
-        slivers_around(mesh, trial, v, minus(x, step), 0.0),
-    )
-    return 0.5 * (ahead[0] - behind[0]) / h
-
-
-@inner_kernel
 def energy_error(position, elements, trial, e, k):
     """Return the energy error per volume of a sliver with the wrong gradient.
 
@@ -191,10 +163,7 @@ def energy_error(position, elements, trial, e, k):
         slope = point(trial.rate, p)
     else:
         return 0.0
-    rate, law = 6.0 * trial.data[own, TWELFTH_COEFFICIENT], trial.laws.number[own]
-    if law >= 0:
-        g = minus(there, shift_of(trial, own))
-        rate = energy_density(trial.laws, law, dot(g, g))[1]
+    rate = density_at(trial, own, less_shift(trial, own, there))[1]
     change = minus(slope, there)
     return rate * dot(change, change)
 
