@@ -118,6 +118,16 @@ def squared_distance(position, v, x):
 
 
 @inner_kernel
+def mapped(factor, x):
+    """Return the product of an upper triangular matrix and a vector."""
+    if len(x) == 2:
+        a, b, c = factor
+        return a * x[0] + b * x[1], c * x[1]
+    a, b, c, d, e, f = factor
+    return a * x[0] + b * x[1] + c * x[2], d * x[1] + e * x[2], f * x[2]
+
+
+@inner_kernel
 def plus_dot(s, a, b):
     """Return s + a . b, summed from the left."""
     partial = s + a[0] * b[0] + a[1] * b[1]

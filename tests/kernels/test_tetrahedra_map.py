@@ -10,7 +10,9 @@ from kohonen_adapt import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels import ordering
 from kohonen_adapt.kernels.arrays import KernelMesh, Lesson, SearchScratch
+from kohonen_adapt.kernels.draw import draw_points
 from kohonen_adapt.kernels.numba.compilation import interpreted
+from kohonen_adapt.kernels.search import squared_distance_to_side
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     CYLINDER,
     HELD,
@@ -24,9 +26,9 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.kernels.tetrahedron.geometry import fill_star, mark_interior
 from kohonen_adapt.kernels.tetrahedron.guard import mark_valid
-from kohonen_adapt.kernels.tetrahedron.locate import find_winners, squared_distance_to_face
+from kohonen_adapt.kernels.tetrahedron.locate import find_winners
 from kohonen_adapt.kernels.tetrahedron.metric import ROUND
-from kohonen_adapt.kernels.tetrahedron.train import draw_points, learn
+from kohonen_adapt.kernels.tetrahedron.train import learn
 from kohonen_adapt.mesh.shapes import round_shapes
 
 
@@ -155,7 +157,7 @@ def test_the_winner_is_the_nearest_node_that_the_flooded_ball_reaches(kind):
 
 
 def test_distances_to_faces_are_those_of_the_slow_twin():
-    rng, distance = np.random.default_rng(0), interpreted(squared_distance_to_face)
+    rng, distance = np.random.default_rng(0), interpreted(squared_distance_to_side)
     node = np.array([[0, 1, 2, 3]])
     for _ in range(60):
         position, x = rng.normal(size=(4, 3)), 2.0 * rng.normal(size=3)

@@ -15,12 +15,14 @@ from kohonen_adapt.kernels.tetrahedron.arrays import Queue
 from kohonen_adapt.kernels.tetrahedron.locate import find_winners
 from kohonen_adapt.kernels.tetrahedron.surgery import prepare_split, split
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
+from kohonen_adapt.kernels.vectors import mapped
 from kohonen_adapt.mesh.shapes import packed, unpacked
 
-both_of_element, cholesky, effective_quality, mapped, squared_length = (
+both_of_element, cholesky, effective_quality, squared_length = (
     interpreted(getattr(metric_kernels, name))
-    for name in ("both_of_element", "cholesky", "effective_quality", "mapped", "squared_length")
+    for name in ("both_of_element", "cholesky", "effective_quality", "squared_length")
 )
+mapped = interpreted(mapped)
 
 
 def same_everywhere(rows, ratio, seed):

@@ -8,7 +8,7 @@ from skfem import Basis, ElementTriP1
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.kernels.triangle.locate import TOLERANCE
+from kohonen_adapt.kernels.search import TOLERANCE
 from kohonen_adapt.mesh.curved import corners_of, midside_offsets, with_midside_offsets
 from kohonen_adapt.mesh.validity import check_mesh
 

@@ -8,69 +8,27 @@ import numpy as np
 
 from kohonen_adapt.kernels.grid import cell_index, cells_between, clear_counts, enter, sum_up_counts
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.search import element_in_region, next_stamp
+from kohonen_adapt.kernels.search import (
+    element_in_region,
+    find_in_cell,
+    flood,
+    nearest_visible,
+    size_at_side,
+    walk,
+)
 from kohonen_adapt.kernels.tetrahedron.arrays import PLANE
-from kohonen_adapt.kernels.tetrahedron.metric import cholesky, mapped
+from kohonen_adapt.kernels.tetrahedron.metric import cholesky
 from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance
 from kohonen_adapt.kernels.vectors import (
     ZERO,
-    between,
-    cross,
     divided,
-    dot,
-    from_to,
     matrix,
-    minus,
     plus,
-    plus_times,
     point,
     squared_distance,
 )
 
-TOLERANCE = 1e-10  # relative to the element size, so that points on faces are inside
-WALK = 128  # maximum number of steps; walks from grid cells in uniform meshes take three or four
-
 STRETCH = 64  # consecutive points that may start at the previous winner
-
-
-@inner_kernel
-def side_of_face(position, node, e, k, x):
-    """Return six times the volume of x and face k of e, negative outside."""
-    a, b, c = node[e, (k + 1) & 3], node[e, (k + 2) & 3], node[e, (k + 3) & 3]
-    side = dot(minus(x, point(position, a)), cross(between(position, a, b), between(position, a, c)))
-    return side if k & 1 else -side  # the orientation of the next three corners alternates
-
-
-@inner_kernel
-def depth_in_element(position, node, e, x):
-    least, total = np.inf, 0.0
-    for k in range(4):
-        side = side_of_face(position, node, e, k, x)
-        least = min(least, side)
-        total += side
-    return least / total
-
-
-@inner_kernel
-def walk(position, elements, e, x):
-    node, region = elements.node, elements.region[e]
-    e = np.int64(e)
-    for _ in range(WALK):
-        onward, most = np.int64(-1), 0.0
-        least, total = np.inf, 0.0
-        for k in range(4):
-            side = side_of_face(position, node, e, k, x)
-            least = min(least, side)
-            total += side
-            across = np.int64(elements.neighbour[e, k])
-            if side < most and across >= 0 and elements.region[across] == region:
-                onward, most = across, side
-        if least / total >= -TOLERANCE:
-            return e, True
-        if onward < 0:
-            return e, False
-        e = onward
-    return e, False
 
 
 @kernel
@@ -118,34 +76,15 @@ def cells_of_element(position, node, e, grid):
     )
 
 
-@inner_kernel
-def best_in_cell(position, node, content, first, last, x):
-    best, deepest = -1, -TOLERANCE
-    for k in range(first, last):
-        depth = depth_in_element(position, node, np.int64(content[k]), x)
-        if depth >= deepest:
-            best, deepest = content[k], depth
-    return best
-
-
 @kernel
 def find(position, elements, points, grid, found):
-    """Find the element of each point, -1 outside the mesh.
-
-    The walk starts at an element of the grid cell. If the walk fails, all elements of the cell are tested.
-    """
-    node, start, content = elements.node, grid.start, grid.content
+    """Find the element of each point, -1 outside the mesh."""
     for t in range(points.shape[0]):
         x = point(points, t)
         found[t] = -1
-        if not (np.isfinite(x[0]) and np.isfinite(x[1]) and np.isfinite(x[2])):
-            continue
-        i, j, k = cell_index(grid, x[0], 0), cell_index(grid, x[1], 1), cell_index(grid, x[2], 2)
-        c = (i * grid.shape[1] + j) * grid.shape[2] + k
-        if start[c] == start[c + 1]:
-            continue
-        e, inside = walk(position, elements, content[start[c]], x)
-        found[t] = e if inside else best_in_cell(position, node, content, start[c], start[c + 1], x)
+        if np.isfinite(x[0]) and np.isfinite(x[1]) and np.isfinite(x[2]):
+            i, j, k = cell_index(grid, x[0], 0), cell_index(grid, x[1], 1), cell_index(grid, x[2], 2)
+            found[t] = find_in_cell(position, elements, grid, (i * grid.shape[1] + j) * grid.shape[2] + k, x)
 
 
 @kernel
@@ -154,7 +93,7 @@ def barycentric(position, node, points, found, out):
         e = np.int64(found[t])
         total = 0.0
         for k in range(4):
-            out[t, k] = np.nan if e < 0 else side_of_face(position, node, e, k, point(points, t))
+            out[t, k] = np.nan if e < 0 else size_at_side(position, node, e, k, point(points, t))
             total += out[t, k]
         for k in range(4):
             out[t, k] /= total
@@ -188,7 +127,7 @@ def behind_surface(position, elements, surfaces, e, x):
         p = np.int64(elements.patch[e, k])
         if p < 0 or surfaces.shape[p] == PLANE:
             continue
-        if side_of_face(position, elements.node, e, k, x) >= 0.0:
+        if size_at_side(position, elements.node, e, k, x) >= 0.0:
             continue
         centroid = ZERO
         for i in range(4):
@@ -214,107 +153,13 @@ def find_element(mesh, v, x, region, scratch):
     e, inside = walk(position, elements, element_in_region(elements, star, nearer_node, region), x)
     if inside or behind_surface(position, elements, mesh.constraints.surfaces, e, x):
         return e
-    stamp, queue = next_stamp(scratch), scratch.queue
-    queue[0], scratch.element_stamp[e] = e, stamp
-    first, last = 0, 1
-    best, deepest = e, -np.inf
-    while first < last and deepest < -TOLERANCE:
-        e = np.int64(queue[first])
-        first += 1
-        depth = depth_in_element(position, elements.node, e, x)
-        if depth > deepest:
-            best, deepest = e, depth
-        for k in range(4):
-            across = elements.neighbour[e, k]
-            if across >= 0 and elements.region[across] == region and scratch.element_stamp[across] != stamp:
-                scratch.element_stamp[across] = stamp
-                queue[last] = across
-                last += 1
-    return best
-
-
-@inner_kernel
-def nearest_reached(position, elements, factor, e, x, scratch):
-    """Return the nearest node visible from x in its region, and the squared distance.
-
-    Distances are measured after the linear map `factor`. Ties are resolved by the lowest index. A node is visible if
-    the ball around x with the node on its boundary connects both within the region. Each element has a reach, the
-    smallest radius of a ball that connects x to the element (the largest distance to a crossed face). Elements are
-    visited by increasing reach, and nodes nearer than the reach are skipped, because a slit or an edge is in between.
-    """
-    stamp = next_stamp(scratch)
-    frontier, reach = scratch.frontier, scratch.reach
-    region = elements.region[e]
-    frontier[0], reach[0] = e, 0.0
-    scratch.element_stamp[e] = stamp
-    count, winner = 1, np.int64(-1)
-    best = np.inf
-    while count > 0:
-        near = 0
-        for i in range(1, count):
-            if reach[i] < reach[near]:
-                near = i
-        if reach[near] > best:
-            break
-        e, entered = frontier[near], reach[near]
-        count -= 1
-        frontier[near], reach[near] = frontier[count], reach[count]
-        for k in range(4):
-            v = np.int64(elements.node[e, k])
-            offset = mapped(factor, from_to(x, position, v))
-            distance = dot(offset, offset)
-            if distance >= entered and (distance < best or (distance == best and v < winner)):
-                winner, best = v, distance
-        for k in range(4):
-            across = elements.neighbour[e, k]
-            if across < 0 or elements.region[across] != region:
-                continue
-            waiting, known = count, scratch.element_stamp[across] == stamp
-            if known:
-                waiting = 0
-                while waiting < count and frontier[waiting] != across:
-                    waiting += 1
-                if waiting == count:
-                    continue
-            distance = max(entered, squared_distance_to_face(position, elements.node, factor, e, k, x))
-            if known:
-                reach[waiting] = min(reach[waiting], distance)
-            elif distance <= best:
-                scratch.element_stamp[across] = stamp
-                frontier[count], reach[count] = across, distance
-                count += 1
-    return winner, best
-
-
-@inner_kernel
-def squared_distance_to_face(position, node, factor, e, k, x):
-    a = mapped(factor, from_to(x, position, node[e, (k + 1) % 4]))
-    b = mapped(factor, from_to(x, position, node[e, (k + 2) % 4]))
-    c = mapped(factor, from_to(x, position, node[e, (k + 3) % 4]))
-    normal = cross(minus(b, a), minus(c, a))
-    square = dot(normal, normal)
-    # the foot of the perpendicular is in the face if on the inner side of every edge
-    beyond_ab, beyond_bc = dot(normal, cross(a, b)) < 0.0, dot(normal, cross(b, c)) < 0.0
-    beyond_ca = dot(normal, cross(c, a)) < 0.0
-    if not (beyond_ab or beyond_bc or beyond_ca) and square > 0.0:
-        side = dot(a, normal)
-        return side * side / square
-    return min(squared_distance_to_edge(a, b), squared_distance_to_edge(b, c), squared_distance_to_edge(c, a))
-
-
-@inner_kernel
-def squared_distance_to_edge(a, b):
-    along = minus(b, a)
-    ahead, length = -dot(a, along), dot(along, along)
-    fraction = min(1.0, max(0.0, ahead / length)) if length > 0.0 else 0.0
-    foot = plus_times(a, fraction, along)
-    return dot(foot, foot)
+    return flood(position, elements, e, x, scratch)
 
 
 @inner_kernel
 def find_winner(mesh, v, x, factor, region, scratch):
     e = find_element(mesh, v, x, region, scratch)
-    winner, squared = nearest_reached(mesh.position, mesh.elements, factor, e, x, scratch)
+    winner, squared = nearest_visible(mesh.position, mesh.elements, e, x, factor, scratch)
     return winner, np.sqrt(squared)
 
 

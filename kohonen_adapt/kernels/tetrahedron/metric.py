@@ -77,13 +77,6 @@ def cholesky(shape):
 
 
 @inner_kernel
-def mapped(factor, edge):
-    a, b, c, d, e, f = factor
-    x, y, z = edge
-    return a * x + b * y + c * z, d * y + e * z, f * z
-
-
-@inner_kernel
 def squares_in_metric(shape, u, v, w):
     # sum of the squared lengths of the six edges, of which u, v, w begin at the same corner
     total = plus(plus(u, v), w)

@@ -20,9 +20,8 @@ from kohonen_adapt.kernels.triangle.metric import (
     effective_quality,
     factor_of_four,
     factor_of_three,
-    mapped,
 )
-from kohonen_adapt.kernels.vectors import cross, dot, from_to, minus, xy
+from kohonen_adapt.kernels.vectors import cross, dot, from_to, mapped, minus, xy
 
 COCIRCULAR = 1e-10  # relative tolerance, so that rounding does not decide between four points on a circle
 

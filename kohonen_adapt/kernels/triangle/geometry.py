@@ -6,7 +6,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.arrays import UNGUARDED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.vectors import cross, dot, from_to, minus, plus_dot, plus_times, put, times, xy
+from kohonen_adapt.kernels.vectors import cross, dot, from_to, minus, plus_dot, put, times, xy
 
 SQRT12 = 2.0 * math.sqrt(3.0)
 FLAT = 1e-12  # minimum quality above rounding, required of every move and flip whatever the floor
@@ -231,10 +231,3 @@ def move_to_targets(position, star, nodes, target, tolerance, floor):
             position, star, v, x, floor
         ):
             put(position, v, x)
-
-
-@inner_kernel
-def squared_distance_to_segment(u, v):
-    # of the point v from the segment from the origin to u
-    offset = plus_times(v, -min(1.0, max(0.0, dot(u, v) / dot(u, u))), u)
-    return dot(offset, offset)

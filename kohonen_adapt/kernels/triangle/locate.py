@@ -8,51 +8,22 @@ import numpy as np
 from kohonen_adapt.kernels.arrays import CROSSINGS
 from kohonen_adapt.kernels.grid import cell_index, cells_between, clear_counts, enter, sum_up_counts
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.search import element_in_region, next_stamp
+from kohonen_adapt.kernels.search import (
+    TOLERANCE,
+    WALK,
+    element_in_region,
+    find_in_cell,
+    flood,
+    nearest_visible,
+    size_at_side,
+    walk,
+)
 from kohonen_adapt.kernels.triangle.arrays import SAGITTA
 from kohonen_adapt.kernels.triangle.chains import distance_to_chain, parameter_of
-from kohonen_adapt.kernels.triangle.geometry import orientation, squared_distance_to_segment
-from kohonen_adapt.kernels.triangle.metric import factor_at, mapped
-from kohonen_adapt.kernels.vectors import cross, dot, from_to, minus, squared_distance, xy
-
-TOLERANCE = 1e-10  # relative to an element: points on an edge or on the boundary count as inside
-WALK = 64  # maximum number of steps; walks from a grid cell take two or three
+from kohonen_adapt.kernels.triangle.metric import factor_at
+from kohonen_adapt.kernels.vectors import cross, dot, from_to, mapped, minus, squared_distance, xy
 
 STRETCH = 256  # consecutive points whose searches may start at the previous winner
-
-
-@inner_kernel
-def side_of_edge(position, node, e, k, x):
-    return orientation(xy(position, node[e, (k + 1) % 3]), xy(position, node[e, (k + 2) % 3]), x)
-
-
-@inner_kernel
-def least_barycentric(position, node, e, x):
-    least, doubled = np.inf, 0.0
-    for k in range(3):
-        side = side_of_edge(position, node, e, k, x)
-        least = min(least, side)
-        doubled += side
-    return least / doubled
-
-
-@inner_kernel
-def walk(position, elements, e, x):
-    node, region = elements.node, elements.region[e]
-    e = np.int64(e)
-    for _ in range(WALK):
-        if least_barycentric(position, node, e, x) >= -TOLERANCE:
-            return e, True
-        onward, most = np.int64(-1), 0.0
-        for k in range(3):
-            side = side_of_edge(position, node, e, k, x)
-            across = np.int64(elements.neighbour[e, k])
-            if side < most and across >= 0 and elements.region[across] == region:
-                onward, most = across, side
-        if onward < 0:
-            return e, False
-        e = onward
-    return e, False
 
 
 @kernel
@@ -88,29 +59,14 @@ def cells_of_element(position, node, e, grid):
     return cells_between(position, node, e, 0, grid), cells_between(position, node, e, 1, grid)
 
 
-@inner_kernel
-def best_in_cell(position, node, content, first, last, x):
-    best, deepest = -1, -TOLERANCE
-    for k in range(first, last):
-        depth = least_barycentric(position, node, np.int64(content[k]), x)
-        if depth >= deepest:
-            best, deepest = content[k], depth
-    return best
-
-
 @kernel
 def find(position, elements, points, grid, found):
-    node, start, content = elements.node, grid.start, grid.content
     for t in range(points.shape[0]):
         x = xy(points, t)
         found[t] = -1
-        if not (np.isfinite(x[0]) and np.isfinite(x[1])):
-            continue
-        c = cell_index(grid, x[0], 0) * grid.shape[1] + cell_index(grid, x[1], 1)
-        if start[c] == start[c + 1]:
-            continue
-        e, inside = walk(position, elements, content[start[c]], x)
-        found[t] = e if inside else best_in_cell(position, node, content, start[c], start[c + 1], x)
+        if np.isfinite(x[0]) and np.isfinite(x[1]):
+            c = cell_index(grid, x[0], 0) * grid.shape[1] + cell_index(grid, x[1], 1)
+            found[t] = find_in_cell(position, elements, grid, c, x)
 
 
 @kernel
@@ -119,7 +75,7 @@ def barycentric(position, node, points, found, out):
         e = np.int64(found[t])
         total = 0.0
         for k in range(3):
-            out[t, k] = np.nan if e < 0 else side_of_edge(position, node, e, k, xy(points, t))
+            out[t, k] = np.nan if e < 0 else size_at_side(position, node, e, k, xy(points, t))
             total += out[t, k]
         for k in range(3):
             out[t, k] /= total
@@ -147,23 +103,7 @@ def containing_element(position, elements, star, constraints, v, x, region, scra
     # A point between a curve and its facets may lie in no element of the region; the element at the facet counts.
     if inside or behind_curve(position, elements, constraints, e, x):
         return e
-    stamp, queue = next_stamp(scratch), scratch.queue
-    queue[0], scratch.element_stamp[e] = e, stamp
-    first, last = 0, 1
-    best, deepest = e, -np.inf
-    while first < last and deepest < -TOLERANCE:
-        e = np.int64(queue[first])
-        first += 1
-        depth = least_barycentric(position, elements.node, e, x)
-        if depth > deepest:
-            best, deepest = e, depth
-        for k in range(3):
-            across = elements.neighbour[e, k]
-            if across >= 0 and elements.region[across] == region and scratch.element_stamp[across] != stamp:
-                scratch.element_stamp[across] = stamp
-                queue[last] = across
-                last += 1
-    return best
+    return flood(position, elements, e, x, scratch)
 
 
 @inner_kernel
@@ -171,65 +111,11 @@ def behind_curve(position, elements, constraints, e, x):
     chains = constraints.chains
     for k in range(3):
         c = np.int64(elements.chain[e, k])
-        if c >= 0 and chains.geometry[c, SAGITTA] > 0.0 and side_of_edge(position, elements.node, e, k, x) < 0.0:
+        if c >= 0 and chains.geometry[c, SAGITTA] > 0.0 and size_at_side(position, elements.node, e, k, x) < 0.0:
             near = parameter_of(position, constraints, c, np.int64(elements.node[e, (k + 1) % 3]))
             if distance_to_chain(chains, c, x, near)[0] <= chains.geometry[c, SAGITTA] * chains.geometry[c, SAGITTA]:
                 return True
     return False
-
-
-@inner_kernel
-def nearest_visible(position, elements, e, x, map_, scratch):
-    """Return the nearest node visible from `x` and its squared distance.
-
-    A node is visible if the disc around `x` through the node connects both within the region of `e`. The reach of an
-    element is the squared distance of the farthest edge on the path to the element. Elements are entered by increasing
-    reach, and a node nearer than the reach of its element lies behind a slit or a corner. Ties go to the lowest index.
-    """
-    stamp = next_stamp(scratch)
-    frontier, reach = scratch.frontier, scratch.reach
-    region = elements.region[e]
-    frontier[0], reach[0] = e, 0.0
-    scratch.element_stamp[e] = stamp
-    count, winner = 1, np.int64(-1)
-    best = np.inf
-    while count > 0:
-        near = 0
-        for i in range(1, count):
-            if reach[i] < reach[near]:
-                near = i
-        if reach[near] > best:
-            break
-        e, entered = frontier[near], reach[near]
-        count -= 1
-        frontier[near], reach[near] = frontier[count], reach[count]
-        for k in range(3):
-            v = np.int64(elements.node[e, k])
-            offset = mapped(map_, minus(x, xy(position, v)))
-            distance = dot(offset, offset)
-            if distance >= entered and (distance < best or (distance == best and v < winner)):
-                winner, best = v, distance
-        for k in range(3):
-            across = elements.neighbour[e, k]
-            if across < 0 or elements.region[across] != region:
-                continue
-            waiting, known = count, scratch.element_stamp[across] == stamp
-            if known:
-                waiting = 0
-                while waiting < count and frontier[waiting] != across:
-                    waiting += 1
-                if waiting == count:
-                    continue
-            start, end = xy(position, elements.node[e, (k + 1) % 3]), xy(position, elements.node[e, (k + 2) % 3])
-            distance = squared_distance_to_segment(mapped(map_, minus(end, start)), mapped(map_, minus(x, start)))
-            distance = max(distance, entered)
-            if known:
-                reach[waiting] = min(reach[waiting], distance)
-            elif distance <= best:
-                scratch.element_stamp[across] = stamp
-                frontier[count], reach[count] = across, distance
-                count += 1
-    return winner, best
 
 
 @inner_kernel

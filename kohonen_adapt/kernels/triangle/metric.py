@@ -8,7 +8,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.triangle.geometry import signed_quality
-from kohonen_adapt.kernels.vectors import divided, midpoint, minus, plus, point, put, times, xy
+from kohonen_adapt.kernels.vectors import divided, mapped, midpoint, minus, plus, point, put, times, xy
 
 
 @inner_kernel
@@ -33,12 +33,6 @@ def factor_of_three(shape, i, j, k):
 def factor_of_four(shape, i, j, k, m):
     total = plus(plus(point(shape, i), point(shape, j)), point(shape, k))
     return factor(times(0.25, plus(total, point(shape, m))))
-
-
-@inner_kernel
-def mapped(map_, x):
-    a, b, c = map_
-    return a * x[0] + b * x[1], c * x[1]
 
 
 @inner_kernel

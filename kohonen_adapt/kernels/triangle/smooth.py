@@ -17,12 +17,13 @@ from kohonen_adapt.kernels.triangle.chains import (
     slide_pair,
 )
 from kohonen_adapt.kernels.triangle.guard import may_move
-from kohonen_adapt.kernels.triangle.metric import factor_of_three, mapped, mapped_back
+from kohonen_adapt.kernels.triangle.metric import factor_of_three, mapped_back
 from kohonen_adapt.kernels.vectors import (
     cross,
     divided,
     dot,
     from_to,
+    mapped,
     minus,
     plus,
     plus_times,
