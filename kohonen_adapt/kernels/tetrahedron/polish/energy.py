@@ -75,18 +75,25 @@ def shifted(trial, region, six, n):
 
 
 @inner_kernel
+def gradient_of(position, trial, region, a, b, c, d):
+    """Return the sum of the values, the three cofactors, D and n of an element."""
+    at_a, at_b = value_at(trial, region, a), value_at(trial, region, b)
+    at_c, at_d = value_at(trial, region, c), value_at(trial, region, d)
+    u, v, w = between(position, a, b), between(position, a, c), between(position, a, d)
+    p, q, r = cofactors(u, v, w)
+    n = combined(at_b - at_a, p, at_c - at_a, q, at_d - at_a, r)
+    return at_a + at_b + at_c + at_d, (p, q, r), dot(u, p), n
+
+
+@inner_kernel
 def element_energy(position, trial, region, load, a, b, c, d):
     """Return the functional of an element, and the sum of magnitudes of its terms.
 
     `load` is a 24th of the source.
     """
-    at_a, at_b = value_at(trial, region, a), value_at(trial, region, b)
-    at_c, at_d = value_at(trial, region, c), value_at(trial, region, d)
-    u, v, w = between(position, a, b), between(position, a, c), between(position, a, d)
-    p, q, r = cofactors(u, v, w)
-    six, n = dot(u, p), combined(at_b - at_a, p, at_c - at_a, q, at_d - at_a, r)
+    values, _, six, n = gradient_of(position, trial, region, a, b, c, d)
     energy = stored_in(trial, region, six, n)
-    pull = load * six * (at_a + at_b + at_c + at_d)
+    pull = load * six * values
     push = dot(sixth_flux(trial, region), n)
     return energy - pull - push, energy + abs(pull) + abs(push)
 

@@ -9,6 +9,7 @@ from kohonen_adapt.kernels.tetrahedron.geometry import OPPOSITE, corner_of, cube
 from kohonen_adapt.kernels.tetrahedron.polish.energy import (
     ROUNDING,
     element_energy,
+    gradient_of,
     shifted,
     sixth_flux,
     source_along,
@@ -17,7 +18,7 @@ from kohonen_adapt.kernels.tetrahedron.polish.energy import (
 )
 from kohonen_adapt.kernels.tetrahedron.polish.slivers import UNMOVED, filled_by_split, sliver, slivers_of
 from kohonen_adapt.kernels.tetrahedron.surgery import NOWHERE
-from kohonen_adapt.kernels.vectors import between, cofactors, combined, dot, minus, plus, point
+from kohonen_adapt.kernels.vectors import dot, minus, plus, point
 
 
 @inner_kernel
@@ -28,11 +29,7 @@ def halves_parabola(position, trial, region, a, b, c, d, w):
     shape functions, the half at a has the gradient G + 2 w S_b / D, and the half at b has G + 2 w S_a / D. Returned
     are (sum of magnitudes, value, first and second derivative by w).
     """
-    at_a, at_b = value_at(trial, region, a), value_at(trial, region, b)
-    at_c, at_d = value_at(trial, region, c), value_at(trial, region, d)
-    x, y, z = between(position, a, b), between(position, a, c), between(position, a, d)
-    p, q, r = cofactors(x, y, z)
-    six, n = dot(x, p), combined(at_b - at_a, p, at_c - at_a, q, at_d - at_a, r)
+    values, (p, q, r), six, n = gradient_of(position, trial, region, a, b, c, d)
     o = plus(plus(p, q), r)  # o = -S_a, p = S_b
     step, m = 2.0 * w, shifted(trial, region, six, n)
     square, on_p, on_o = dot(m, m), dot(m, p), dot(m, o)
@@ -43,7 +40,7 @@ def halves_parabola(position, trial, region, a, b, c, d, w):
     two, by_two, by_ww_two = half_energy(trial, region, six, two, step * o_o - on_o, o_o)
     pull, flux = source_along(trial, region, a, b) * six, sixth_flux(trial, region)
     lift = dot(flux, minus(p, o))
-    push, down = dot(flux, n) + w * lift, pull * (at_a + at_b + at_c + at_d + w)
+    push, down = dot(flux, n) + w * lift, pull * (values + w)
     energy = one + two
     return energy + abs(down) + abs(push), energy - down - push, by_one + by_two - pull - lift, by_ww_one + by_ww_two
 
