@@ -1,23 +1,34 @@
 """Search for the elements that contain points, and interpolation at points."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.grid import Grid
 from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.kernels.threads import even_cuts, shared
-from kohonen_adapt.mesh.adjacency import BoxTree, parts_at
+from kohonen_adapt.mesh.adjacency import BoxTree, parts_at, parts_of_regions
 from kohonen_adapt.mesh.cells import cell_of, check_kind
 from kohonen_adapt.mesh.curved import Isoparametric, check_curved_sides, is_second_order
 from kohonen_adapt.mesh.tessellation import Tessellation
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["TESSELLATIONS", "Locator", "elements_at", "find_elements", "interpolate", "walk_to_elements"]
+__all__ = [
+    "TESSELLATIONS",
+    "Locator",
+    "barycentric_coordinates",
+    "elements_at",
+    "find_elements",
+    "interpolate",
+    "nearest_labelled",
+    "walk_in_parts",
+    "walk_to_elements",
+]
 
 FEW = 5_000  # minimum number of points per thread
 CHUNK = 500_000  # points per compiled call, so that Ctrl-C takes effect within half a second
@@ -103,6 +114,38 @@ def walk_to_elements(tessellation: Tessellation[Any, Any], points: Floats, start
     elif len(lost):
         searched = Locator(tessellation).find(points[lost])
         found[lost] = np.where(searched >= 0, searched, found[lost])
+    return found
+
+
+def walk_in_parts(
+    tessellation: Tessellation[Any, Any],
+    points: Floats,
+    start: Ints,
+    nearest: Callable[[Any, Floats, Mask], Ints],
+) -> Ints:
+    """Return the element at each point as `walk_to_elements`, in the connected part of `start`.
+
+    Parts may overlap, or touch without common nodes. `nearest` returns elements of a mask near points outside.
+    """
+    found, elements = walk_to_elements(tessellation, points, start, across_regions=False), tessellation.elements
+    part = parts_of_regions(elements.neighbour, elements.region)[elements.region]
+    astray = np.flatnonzero(part[found] != part[start])
+    found[astray] = nearest_labelled(tessellation, points[astray], part, part[start[astray]], nearest)
+    return found
+
+
+def nearest_labelled(
+    tessellation: Tessellation[Any, Any],
+    points: Floats,
+    labels: Ints,
+    label: Ints,
+    nearest: Callable[[Any, Floats, Mask], Ints],
+) -> Ints:
+    # of the elements with the label of every point
+    found = np.empty(len(points), dtype=np.int64)
+    for number in np.unique(label):
+        rows = label == number
+        found[rows] = nearest(tessellation, points[rows], labels == number)
     return found
 
 

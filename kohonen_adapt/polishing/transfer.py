@@ -7,8 +7,6 @@ from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING
-from kohonen_adapt.kernels.triangle.locate import barycentric
-from kohonen_adapt.mesh.adjacency import parts_of_regions
 from kohonen_adapt.mesh.curved import AFTER, BEFORE, CurvedElements
 from kohonen_adapt.mesh.elements.polynomials import (
     TrialFunction,
@@ -18,7 +16,7 @@ from kohonen_adapt.mesh.elements.polynomials import (
     set_bubbles,
     set_sides,
 )
-from kohonen_adapt.mesh.locate import walk_to_elements
+from kohonen_adapt.mesh.locate import barycentric_coordinates, walk_in_parts
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.polishing.elements import kinds_of, without_modes
 from kohonen_adapt.polishing.energy_tables import first_of_regions
@@ -71,18 +69,11 @@ class InputSolution:
     def located(self, points: Floats, start_element: Ints) -> tuple[Ints, Floats]:
         """Return the element around each point, (n,), and barycentric coordinates (n, 3).
 
-        Coordinates are not negative. The element is in the connected part of `start_element`, because chords
-        of different parts (rotor and stator) may overlap.
+        Coordinates are not negative.
         """
-        found = walk_to_elements(self.triangulation, points, start_element, across_regions=False)
-        elements = self.triangulation.elements
-        part = parts_of_regions(elements.neighbour, elements.region)[elements.region]
-        astray = np.flatnonzero(part[found] != part[start_element])
-        for number in np.unique(part[start_element[astray]]):
-            rows = astray[part[start_element[astray]] == number]
-            found[rows] = nearest_on_rim(self.triangulation, points[rows], part == number)
-        weights = np.empty((len(points), 3))
-        barycentric(self.triangulation.position, self.triangulation.elements.node, points, found, weights)
+        tri = self.triangulation
+        found = walk_in_parts(tri, points, start_element, nearest_on_rim)
+        weights = barycentric_coordinates(tri.position, tri.elements.node, points, found)
         if self.curved is not None:
             rows = np.flatnonzero(self.curved.curved[found])
             found[rows] = self.curved.walk(found[rows], points[rows].T)

@@ -7,11 +7,9 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, OFFSET, ON_PATCH, ON_RIDGE
-from kohonen_adapt.kernels.tetrahedron.locate import barycentric
-from kohonen_adapt.mesh.adjacency import parts_of_regions
 from kohonen_adapt.mesh.elements.polynomials import FIRST, SECOND, TrialFunction
 from kohonen_adapt.mesh.host import ascending, keys_of
-from kohonen_adapt.mesh.locate import walk_to_elements
+from kohonen_adapt.mesh.locate import barycentric_coordinates, nearest_labelled, walk_in_parts
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional, terms_at_nodes
 from kohonen_adapt.polishing.space.surface_values import EDGES_OF_FACES
@@ -90,17 +88,13 @@ def starts_outside(reduced: Mask, old: Tetrahedralization, new: Tetrahedralizati
 
 def nearest_in(old: Tetrahedralization, points: Floats, region: Ints) -> Ints:
     # elements whose centroids are nearest to points, in the region of every point
-    return nearest_labelled(old, points, old.elements.region, region)
+    return nearest_labelled(old, points, old.elements.region, region, nearest_centroids)
 
 
-def nearest_labelled(old: Tetrahedralization, points: Floats, labels: Ints, label: Ints) -> Ints:
-    # as `nearest_in`, with any labels of the elements
-    found = np.empty(len(points), dtype=np.int64)
-    for number in np.unique(label):
-        rows, own = np.flatnonzero(label == number), np.flatnonzero(labels == number)
-        centroids = old.position[old.elements.node[own]].mean(axis=1)
-        found[rows] = own[cKDTree(centroids).query(points[rows])[1]]
-    return found
+def nearest_centroids(old: Tetrahedralization, points: Floats, inside: Mask) -> Ints:
+    own = np.flatnonzero(inside)
+    centroids = old.position[old.elements.node[own]].mean(axis=1)
+    return own[cKDTree(centroids).query(points)[1]]
 
 
 def carried_modes(
@@ -165,16 +159,7 @@ def averages(weight: Floats, values: Floats, otherwise: Floats) -> Floats:
 
 
 def located(old: Tetrahedralization, points: Floats, start_element: Ints) -> tuple[Ints, Floats]:
-    """Return the element at each point, (n,), and barycentric coordinates (n, 4).
-
-    Coordinates are not negative. The element is in the connected part of `start_element`, because bodies
-    may touch without common nodes.
-    """
-    found = walk_to_elements(old, points, start_element, across_regions=False)
-    part = parts_of_regions(old.elements.neighbour, old.elements.region)[old.elements.region]
-    astray = np.flatnonzero(part[found] != part[start_element])
-    found[astray] = nearest_labelled(old, points[astray], part, part[start_element[astray]])
-    weights = np.empty((len(points), 4))
-    barycentric(old.position, old.elements.node, points, found, weights)
-    weights = np.maximum(weights, 0.0)
+    # the element at each point, (n,), and barycentric coordinates (n, 4), not negative
+    found = walk_in_parts(old, points, start_element, nearest_centroids)
+    weights = np.maximum(barycentric_coordinates(old.position, old.elements.node, points, found), 0.0)
     return found, weights / weights.sum(axis=1, keepdims=True)
