@@ -5,7 +5,7 @@ from types import ModuleType
 from numba.types import boolean, float64, int8, int64
 
 from kohonen_adapt.kernels import arrays as shared
-from kohonen_adapt.kernels import functionals, ordering
+from kohonen_adapt.kernels import draw, functionals, ordering
 from kohonen_adapt.kernels.numba.compilation import record_type
 from kohonen_adapt.kernels.numba.entry import (
     B1,
@@ -96,7 +96,7 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
     "map": (
         Entry(flip.mark_non_delaunay, R2, ELEMENTS, R2, int64, int64, B1),
         Entry(flip.flip_edges, R2, ELEMENTS, METRIC, float64, B1, I1, B1, int64),
-        Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
+        Entry(draw.draw_points, R2, I2, I1, R1, R2, R2, I1),
         Entry(geometry.mark_valid, R2, STAR, float64, int64, int64, B1),
         Entry(locate.find_winners, KERNEL_MESH, R2, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
         Entry(ordering.sort_into_tiles, I1, I1, B1, int64, int64, L1, I1),

@@ -29,7 +29,7 @@ class MapMethod(ABC):
         Kind of element.
     kernel_groups
         Groups of `kernels/entries.py`.
-    draw_points, find_winners, learn, mark_valid, mark_interior
+    find_winners, learn, mark_valid, mark_interior
         Kernels, which take the same arguments for both kinds of element.
     updates
         Updates of nodes per batch, so that Ctrl-C takes effect within half a second.
@@ -37,7 +37,6 @@ class MapMethod(ABC):
 
     cell: ClassVar[Cell]
     kernel_groups: ClassVar[tuple[str, ...]]
-    draw_points: ClassVar[Any]
     find_winners: ClassVar[Any]
     learn: ClassVar[Any]
     mark_valid: ClassVar[Any]
@@ -60,7 +59,6 @@ class MapMethod(ABC):
 class PlaneMap(MapMethod):
     cell = TRIANGLE
     kernel_groups = "ground", "map", "transport", "locating"
-    draw_points = staticmethod(train.draw_points)
     find_winners = staticmethod(locate.find_winners)
     learn = staticmethod(train.learn)
     mark_valid = staticmethod(geometry.mark_valid)
@@ -82,7 +80,6 @@ class PlaneMap(MapMethod):
 class SpaceMap(MapMethod):
     cell = TETRAHEDRON
     kernel_groups = "space ground", "space map", "space moves", "space locating"
-    draw_points = staticmethod(train_in_space.draw_points)
     find_winners = staticmethod(locate_in_space.find_winners)
     learn = staticmethod(train_in_space.learn)
     mark_valid = staticmethod(guard_in_space.mark_valid)

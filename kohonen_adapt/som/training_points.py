@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from kohonen_adapt.arrays import Floats, Ints, ranks
+from kohonen_adapt.kernels.draw import draw_points
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.locate import Locator, barycentric_coordinates, walk_to_elements
 from kohonen_adapt.mesh.shapes import logarithms, mean_shapes, shapes_at_nodes
@@ -158,7 +159,7 @@ class ElementDensity(Density):
         dim = self.method.cell.dim
         points, element = np.empty((number, dim)), np.empty(number, dtype=np.int32)
         arrays = self.position, self.elements.node, self._order, self._cumulated, rng.random((number, dim + 1))
-        self.method.draw_points(*arrays, points, element)
+        draw_points(*arrays, points, element)
         return points, element
 
 

@@ -3,7 +3,7 @@
 from numba.types import boolean, float64, int8, int32, int64
 
 from kohonen_adapt.kernels import arrays as shared
-from kohonen_adapt.kernels import coils, functionals, ordering
+from kohonen_adapt.kernels import coils, draw, functionals, ordering
 from kohonen_adapt.kernels.numba.compilation import record_type
 from kohonen_adapt.kernels.numba.entry import (
     B1,
@@ -89,7 +89,7 @@ SPACE: dict[str, tuple[Entry, ...]] = {
         Entry(recycle.recycle, OPEN_TETRAHEDRA, QUEUE, HEAP, HEAP, int64, float64, float64, int64),
     ),
     "space map": (
-        Entry(train.draw_points, R2, I2, I1, R1, R2, R2, I1),
+        Entry(draw.draw_points, R2, I2, I1, R1, R2, R2, I1),
         Entry(guard.mark_valid, R2, STAR, float64, int64, int64, B1),
         Entry(locate.find_winners, KERNEL_MESH, R2, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
         Entry(train.learn, KERNEL_MESH, LESSON, float64, float64, boolean[::1], SEARCH_SCRATCH),

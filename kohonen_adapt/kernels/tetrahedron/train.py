@@ -10,41 +10,10 @@ import numpy as np
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.search import next_stamp
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE
-from kohonen_adapt.kernels.tetrahedron.geometry import corners_of
 from kohonen_adapt.kernels.tetrahedron.guard import may_move, star_tolerable
 from kohonen_adapt.kernels.tetrahedron.jump import jump
 from kohonen_adapt.kernels.tetrahedron.surfaces import slid, within_reach
 from kohonen_adapt.kernels.vectors import minus, point, put, times
-
-
-@kernel
-def draw_points(position, node, order, cumulated, random, points, element):
-    """Draw one random point per interval of equal mass.
-
-    `cumulated` holds the cumulative masses of elements in `order`. `random` (k, 4) holds uniform numbers, for the
-    position in the interval and in the element. The unit cube is folded into the tetrahedron for a uniform
-    distribution (Rocchini and Cignoni, J. Graph. Tools 5, 2000).
-    """
-    number, at = points.shape[0], 0
-    mass = cumulated[-1] / number
-    for t in range(number):
-        level = (t + random[t, 0]) * mass
-        while at < order.shape[0] - 1 and cumulated[at] < level:
-            at += 1
-        e, u, v, w = order[at], random[t, 1], random[t, 2], random[t, 3]
-        if u + v > 1.0:
-            u, v = 1.0 - u, 1.0 - v
-        if v + w > 1.0:
-            v, w = 1.0 - w, 1.0 - u - v
-        elif u + v + w > 1.0:
-            u, w = 1.0 - v - w, u + v + w - 1.0
-        a, b, c, d = corners_of(node, e)
-        for k in range(3):
-            start = position[a, k]
-            points[t, k] = (
-                start + u * (position[b, k] - start) + v * (position[c, k] - start) + w * (position[d, k] - start)
-            )
-        element[t] = e
 
 
 @kernel

@@ -28,30 +28,6 @@ from kohonen_adapt.kernels.vectors import dot, minus, plus_times, put, xy
 
 
 @kernel
-def draw_points(position, node, order, cumulated, random, points, element):
-    """Draw a random point from each of k intervals of equal mass.
-
-    `cumulated` are the cumulative masses of the elements in `order`. `random`, shape (k, 3), are uniform numbers for
-    the position in the interval and in the element.
-    """
-    number, at = points.shape[0], 0
-    share = cumulated[-1] / number
-    for t in range(number):
-        level = (t + random[t, 0]) * share
-        while at < order.shape[0] - 1 and cumulated[at] < level:
-            at += 1
-        e, u, v = order[at], random[t, 1], random[t, 2]
-        if u + v > 1.0:
-            u, v = 1.0 - u, 1.0 - v
-        a, b, c = node[e, 0], node[e, 1], node[e, 2]
-        for k in range(points.shape[1]):
-            points[t, k] = (
-                position[a, k] + u * (position[b, k] - position[a, k]) + v * (position[c, k] - position[a, k])
-            )
-        element[t] = e
-
-
-@kernel
 def learn(mesh, lesson, rate, floor, is_valid, scratch):
     """Move the winners of training points and their neighbours towards the points.
 
